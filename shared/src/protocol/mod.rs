@@ -1,0 +1,29 @@
+//! Messages, append-only.
+//!
+//! Postcard encodes an enum by the position of its variant and a struct by the order of its fields, so variants are
+//! only ever added at the end, fields never, and nothing is removed or moved within a version. `tests/golden_v*.rs` hold the bytes of every
+//! message, one file per version.
+//!
+//! Units are in the names; integers throughout, so that both sides compute the same numbers to the last bit.
+
+mod fault;
+mod reply;
+mod request;
+
+pub use fault::{Fault, FaultCode};
+pub use reply::{
+    AchievedDrive, BoardKind, ChannelLimits, ChannelStatus, FirmwareVersion, HelloReply, LinkCounters, Refusal, Reply,
+    ResetCause, StatusReply, TelemetryReply,
+};
+pub use request::{ChannelDrive, Request};
+
+/// Oldest protocol version that this code still speaks.
+pub const MIN_VERSION: u8 = 1;
+/// Protocol version that this code speaks by preference.
+pub const CURRENT_VERSION: u8 = 1;
+
+/// Whether a peer's version can be spoken.
+#[must_use]
+pub const fn speaks(version: u8) -> bool {
+    version >= MIN_VERSION && version <= CURRENT_VERSION
+}

@@ -1,0 +1,236 @@
+//! What the device answers.
+
+use super::Fault;
+use crate::MAX_CHANNELS;
+use crate::safety::{Event, State};
+use crate::waveform::DriveError;
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+/// The answer to one request.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Reply {
+    /// To `Hello`.
+    Hello(HelloReply),
+    /// To `Arm`.
+    Armed {
+        /// The dead-man time in force, in ms.
+        deadman_ms: u16,
+    },
+    /// To `Disarm`: everything is off.
+    Disarmed,
+    /// To `SetDrives`: what the timers really do.
+    DrivesSet {
+        /// In the order asked for.
+        achieved: Vec<AchievedDrive, MAX_CHANNELS>,
+    },
+    /// To `Stop`: everything is off.
+    Stopped,
+    /// To `KeepAlive`.
+    Alive {
+        /// The safety state now.
+        state: State,
+    },
+    /// To `Status`.
+    Status(StatusReply),
+    /// To `Faults`.
+    Faults {
+        /// The latched fault.
+        latched: Option<Fault>,
+    },
+    /// To `ClearFaults`.
+    FaultsCleared,
+    /// To `Telemetry`.
+    Telemetry(TelemetryReply),
+    /// The request was not carried out, and nothing changed.
+    Refused(Refusal),
+}
+
+/// Why a request was not carried out.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Refusal {
+    /// The frame's protocol version is not spoken here.
+    Version {
+        /// The version in the frame.
+        got: u8,
+        /// Oldest spoken by the device.
+        device_min: u8,
+        /// Newest spoken by the device.
+        device_current: u8,
+    },
+    /// The frame's kind or body could not be understood.
+    Malformed,
+    /// Not in this state.
+    State {
+        /// The safety state.
+        state: State,
+        /// What was asked for.
+        event: Event,
+    },
+    /// A drive is out of range.
+    Drive {
+        /// The channel asked for.
+        channel: u8,
+        /// What about it, with the limits.
+        error: DriveError,
+    },
+    /// The same channel twice in one command.
+    DuplicateChannel {
+        /// The channel.
+        channel: u8,
+    },
+    /// Another link has armed the board; only it may drive.
+    OtherLink,
+    /// The dead-man time is out of range.
+    Deadman {
+        /// As asked for.
+        requested_ms: u16,
+        /// Least allowed.
+        min_ms: u16,
+        /// Most allowed.
+        max_ms: u16,
+    },
+    /// A fault arose while carrying it out; everything is off.
+    Fault(Fault),
+}
+
+/// Which kind of board answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum BoardKind {
+    /// The simulated device in the host program.
+    Simulated,
+    /// The STM32G474 actuator board (also when it runs in the emulator: it is the same image).
+    Stm32G474,
+}
+
+/// Why the processor last started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ResetCause {
+    /// Power came on, or it dipped below the brown-out level.
+    PowerOn,
+    /// The reset pin.
+    Pin,
+    /// The firmware asked for it.
+    Software,
+    /// A watchdog.
+    Watchdog,
+    /// Low power or option bytes, or not known.
+    Other,
+}
+
+/// Version of the firmware image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FirmwareVersion {
+    /// Semantic version.
+    pub major: u8,
+    /// Semantic version.
+    pub minor: u8,
+    /// Semantic version.
+    pub patch: u8,
+    /// First eight hexadecimal digits of the source's commit, as ASCII; zeros if not known.
+    pub commit: [u8; 8],
+}
+
+/// What one channel can do. The board enforces it; the host plans with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ChannelLimits {
+    /// Lowest frequency in 1/1000 Hz.
+    pub min_frequency_millihertz: u32,
+    /// Highest frequency in 1/1000 Hz.
+    pub max_frequency_millihertz: u32,
+    /// Highest electrode voltage in mV; also the full scale of the rail's set-point.
+    pub max_voltage_millivolts: u32,
+    /// Shortest time in ns for which both electrodes are off between two windows.
+    pub min_guard_ns: u32,
+    /// Clock of the timer before its prescaler, in Hz.
+    pub timer_clock_hz: u32,
+}
+
+/// Who the device is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HelloReply {
+    /// Oldest protocol version spoken.
+    pub protocol_min: u8,
+    /// Newest protocol version spoken.
+    pub protocol_current: u8,
+    /// Kind of board.
+    pub board: BoardKind,
+    /// Unique identifier of the chip.
+    pub board_id: [u8; 12],
+    /// Different after every start, so that the host notices a restart.
+    pub boot_id: u32,
+    /// Why it last started.
+    pub reset_cause: ResetCause,
+    /// The image.
+    pub firmware: FirmwareVersion,
+    /// One per channel.
+    pub channels: Vec<ChannelLimits, MAX_CHANNELS>,
+    /// Dead-man time if `Arm` names none, in ms.
+    pub default_deadman_ms: u16,
+}
+
+/// What the timers really do for one drive, computed from the register values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AchievedDrive {
+    /// 0-based.
+    pub channel: u8,
+    /// In 1e-9 Hz, rounded to the nearest.
+    pub frequency_nanohertz: u64,
+    /// In parts per million of the half period, rounded down.
+    pub pulse_width_ppm: u32,
+    /// In millionths of a turn, rounded to the nearest.
+    pub phase_microturns: u32,
+    /// Both electrodes off between two windows, in ns, rounded down.
+    pub guard_ns: u32,
+    /// Set-point of the rail in mV, rounded down: never above what was asked for.
+    pub voltage_millivolts: u32,
+}
+
+/// One channel as it stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ChannelStatus {
+    /// The drive in force; `None` if the channel is off.
+    pub drive: Option<AchievedDrive>,
+}
+
+/// What the device received on its links since boot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LinkCounters {
+    /// Frames whose CRC was right.
+    pub good_frames: u32,
+    /// Stretches between zeros that were no frame.
+    pub bad_frames: u32,
+    /// Good frames that were refused.
+    pub refused: u32,
+}
+
+/// State, drives and counters.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StatusReply {
+    /// The safety state.
+    pub state: State,
+    /// Time since boot in us.
+    pub uptime_us: u64,
+    /// Differs after every start.
+    pub boot_id: u32,
+    /// The latched fault.
+    pub fault: Option<Fault>,
+    /// One per channel.
+    pub channels: Vec<ChannelStatus, MAX_CHANNELS>,
+    /// What came in.
+    pub link: LinkCounters,
+}
+
+/// What the board measures.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TelemetryReply {
+    /// Time since boot in us.
+    pub uptime_us: u64,
+    /// The safety state.
+    pub state: State,
+    /// Largest acceleration of the surface at the accelerometer in the last 50 ms, in 1/1000 m/s^2, where there is
+    /// one.
+    pub acceleration_peak_mm_per_s2: Option<u32>,
+    /// Set-points of the rails in mV, one per channel.
+    pub rail_millivolts: Vec<u32, MAX_CHANNELS>,
+}
