@@ -10,7 +10,10 @@ fn frame(sequence: u16, request: &Request) -> Vec<u8> {
     out[..length].to_vec()
 }
 
-fn decode_all(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Result<(u8, u8, u16, Vec<u8>), DecodeError>> {
+/// Version, kind, sequence number and body of a frame.
+type Owned = (u8, u8, u16, Vec<u8>);
+
+fn decode_all(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Result<Owned, DecodeError>> {
     let mut found = Vec::new();
     decoder.feed(bytes, |result| {
         found.push(result.map(|frame| (frame.version, frame.kind, frame.sequence, frame.body.to_vec())));
