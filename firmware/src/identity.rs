@@ -1,0 +1,87 @@
+//! Who this board is and why it started.
+
+use embassy_stm32::pac::{RCC, RNG};
+use embassy_stm32::uid;
+use embassy_time::Instant;
+use era_shared::board::BoardInfo;
+use era_shared::protocol::{BoardKind, FaultCode, FirmwareVersion, ResetCause};
+use heapless::Vec;
+
+/// Commit of the source, from the build script.
+const COMMIT: &str = env!("ERA_COMMIT");
+
+/// Reads of the random number generator's status before giving up: a number takes about 50 of its 48 MHz clocks
+/// (RM0440, section 26.3.5), 200 reads of it.
+const RANDOM_ATTEMPTS: usize = 10_000;
+
+/// Why the chip last started; forgets it, so that the next start tells its own cause. To be called once, before the
+/// clocks are set up.
+pub fn take_reset_cause() -> ResetCause {
+    let flags = RCC.csr().read();
+    RCC.csr().modify(|w| w.set_rmvf(true));
+    // A watchdog or software reset also pulls the reset pin low, so the pin's flag says least and is asked last.
+    if flags.borrstf() {
+        ResetCause::PowerOn
+    } else if flags.iwdgrstf() || flags.wwdgrstf() {
+        ResetCause::Watchdog
+    } else if flags.sftrstf() {
+        ResetCause::Software
+    } else if flags.lpwrrstf() || flags.oblrstf() {
+        ResetCause::Other
+    } else if flags.pinrstf() {
+        ResetCause::Pin
+    } else {
+        ResetCause::Other
+    }
+}
+
+/// The facts about this board. The channels are added by the board itself.
+pub fn board_info(reset_cause: ResetCause, fault_before_reset: Option<(FaultCode, u32)>) -> BoardInfo {
+    let mut commit = [b'0'; 8];
+    for (place, byte) in commit.iter_mut().zip(COMMIT.bytes()) {
+        *place = byte;
+    }
+    BoardInfo {
+        board: BoardKind::Stm32G474,
+        board_id: uid::uid(),
+        boot_id: random().unwrap_or_else(boot_id_without_generator),
+        reset_cause,
+        firmware: FirmwareVersion {
+            major: parse(env!("CARGO_PKG_VERSION_MAJOR")),
+            minor: parse(env!("CARGO_PKG_VERSION_MINOR")),
+            patch: parse(env!("CARGO_PKG_VERSION_PATCH")),
+            commit,
+        },
+        channels: Vec::new(),
+        fault_before_reset,
+    }
+}
+
+/// A number from the hardware generator; `None` if it does not deliver.
+fn random() -> Option<u32> {
+    RCC.ahb2enr().modify(|w| w.set_rngen(true));
+    RNG.cr().modify(|w| w.set_rngen(true));
+    let ready = (0..RANDOM_ATTEMPTS).any(|_| RNG.sr().read().drdy());
+    let number = RNG.dr().read();
+    RNG.cr().modify(|w| w.set_rngen(false));
+    RCC.ahb2enr().modify(|w| w.set_rngen(false));
+    // 0 is what the generator gives when it has failed (RM0440, section 26.3.3).
+    (ready && number != 0).then_some(number)
+}
+
+/// The next best: differs from board to board and, a little, from start to start.
+fn boot_id_without_generator() -> u32 {
+    let seed = Instant::now().as_ticks() as u32;
+    uid::uid().iter().fold(seed, |hash, byte| (hash ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
+}
+
+const fn parse(number: &str) -> u8 {
+    let digits = number.as_bytes();
+    let mut value = 0;
+    let mut index = 0;
+    while index < digits.len() {
+        value = value * 10 + (digits[index] - b'0');
+        index += 1;
+    }
+    value
+}

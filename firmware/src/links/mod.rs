@@ -1,0 +1,116 @@
+//! The links to the host. Both carry the same frames as plain bytes, so all that differs is how bytes come in and go
+//! out ([`ByteSource`], [`ByteSink`]); what they mean is known to the device task alone.
+
+pub mod uart;
+pub mod usb;
+
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_sync::pipe::Pipe;
+use embassy_time::{Duration, with_timeout};
+use era_shared::link::MAX_ENCODED;
+use heapless::Vec;
+
+/// Index of the UART in [`LINKS`].
+pub const UART: usize = 0;
+/// Index of USB in [`LINKS`].
+pub const USB: usize = 1;
+
+/// Most bytes that one arrival carries: a full-speed USB packet.
+pub const CHUNK: usize = 64;
+
+/// How long a host may keep an answer from going out before it is thrown away. A host that reads takes it within a few
+/// ms; one that does not has given up on it.
+const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
+
+/// What a link reports to the device.
+pub enum Arrival {
+    /// Bytes, in order.
+    Bytes(Vec<u8, CHUNK>),
+    /// The other end is new: what came before does not belong to what comes now.
+    Reopened,
+}
+
+/// From all links to the device.
+pub static INBOX: Channel<CriticalSectionRawMutex, (usize, Arrival), 4> = Channel::new();
+
+/// From the device to each link.
+pub static LINKS: [Outbox; 2] = [Outbox::new(), Outbox::new()];
+
+/// Answers on their way to one link.
+pub struct Outbox {
+    // Room for two answers of full length.
+    pipe: Pipe<CriticalSectionRawMutex, { 2 * MAX_ENCODED }>,
+}
+
+impl Outbox {
+    const fn new() -> Self {
+        Self { pipe: Pipe::new() }
+    }
+
+    /// Takes an answer, or drops it whole if there is no room: the host then asks again.
+    pub fn send(&self, answer: &[u8]) {
+        // Only the device task writes, so the room cannot shrink after this test.
+        if self.pipe.free_capacity() < answer.len() {
+            defmt::warn!("answer of {} bytes dropped, the host does not read", answer.len());
+            return;
+        }
+        let mut rest = answer;
+        // The pipe is a ring and takes a piece only up to its end, so an answer may need two.
+        while let Ok(count) = self.pipe.try_write(rest) {
+            rest = rest.get(count..).unwrap_or(&[]);
+            if rest.is_empty() {
+                return;
+            }
+        }
+    }
+}
+
+/// Where bytes come from.
+pub trait ByteSource {
+    /// Waits for bytes and returns how many there are; `Err` when the other end has gone.
+    async fn read(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed>;
+    /// Waits until there is another end.
+    async fn open(&mut self);
+}
+
+/// Where bytes go.
+pub trait ByteSink {
+    /// Sends all of `bytes`, so that the host sees them without waiting for more.
+    async fn write(&mut self, bytes: &[u8]) -> Result<(), Closed>;
+}
+
+/// The other end has gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Closed;
+
+/// Carries bytes from a link to the device, for ever.
+pub async fn receive(link: usize, mut source: impl ByteSource) -> ! {
+    let mut buffer = [0_u8; CHUNK];
+    loop {
+        source.open().await;
+        INBOX.send((link, Arrival::Reopened)).await;
+        while let Ok(count) = source.read(&mut buffer).await {
+            let bytes = buffer.iter().take(count).copied().collect();
+            INBOX.send((link, Arrival::Bytes(bytes))).await;
+        }
+    }
+}
+
+/// Carries answers from the device to a link, for ever.
+pub async fn transmit(link: usize, mut sink: impl ByteSink) -> ! {
+    let mut buffer = [0_u8; MAX_ENCODED];
+    let outbox = &LINKS[link];
+    loop {
+        let count = outbox.pipe.read(&mut buffer).await;
+        let Some(bytes) = buffer.get(..count) else { continue };
+        match with_timeout(WRITE_TIMEOUT, sink.write(bytes)).await {
+            Ok(Ok(())) => {}
+            Ok(Err(Closed)) | Err(_) => {
+                // What is left of a broken-off answer would only confuse whoever opens the link next.
+                outbox.pipe.clear();
+                defmt::warn!("link {}: answer not taken", link);
+            }
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! LPUART1, which the ST-LINK on the board shows to the host as a virtual COM port.
+
+use super::{ByteSink, ByteSource, CHUNK, Closed, UART};
+use embassy_stm32::peripherals::{LPUART1, PA2, PA3};
+use embassy_stm32::usart::{
+    BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError,
+};
+use embassy_stm32::{Peri, interrupt};
+use embedded_io_async::{Read, Write};
+use era_shared::link::MAX_ENCODED;
+use static_cell::StaticCell;
+
+/// Bits per second. A frame of 60 bytes takes 0.65 ms, well under the time budget of a touch; the ST-LINK's virtual
+/// port goes higher, common USB adapters do not.
+pub const BAUD: u32 = 921_600;
+
+/// Opens the port.
+///
+/// # Errors
+/// [`ConfigError`] if the clock cannot be divided to [`BAUD`].
+pub fn open(
+    port: Peri<'static, LPUART1>,
+    rx: Peri<'static, PA3>,
+    tx: Peri<'static, PA2>,
+    interrupts: impl interrupt::typelevel::Binding<interrupt::typelevel::LPUART1, BufferedInterruptHandler<LPUART1>>
+    + 'static,
+) -> Result<BufferedUart<'static>, ConfigError> {
+    static TX_BUFFER: StaticCell<[u8; MAX_ENCODED]> = StaticCell::new();
+    static RX_BUFFER: StaticCell<[u8; 2 * MAX_ENCODED]> = StaticCell::new();
+    let mut config = Config::default();
+    config.baudrate = BAUD;
+    // Wakes the reader at every byte: waiting for the line to fall silent would cost a character's time on every frame.
+    config.eager_reads = Some(1);
+    BufferedUart::new(
+        port,
+        rx,
+        tx,
+        TX_BUFFER.init([0; MAX_ENCODED]),
+        RX_BUFFER.init([0; 2 * MAX_ENCODED]),
+        interrupts,
+        config,
+    )
+}
+
+/// Receives for ever.
+#[embassy_executor::task]
+pub async fn receive(rx: BufferedUartRx<'static>) -> ! {
+    super::receive(UART, rx).await
+}
+
+/// Transmits for ever.
+#[embassy_executor::task]
+pub async fn transmit(tx: BufferedUartTx<'static>) -> ! {
+    super::transmit(UART, tx).await
+}
+
+impl ByteSource for BufferedUartRx<'static> {
+    async fn read(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed> {
+        loop {
+            // Line errors are no end of the link; what they spoil fails its CRC.
+            if let Ok(count) = Read::read(self, buffer).await {
+                return Ok(count);
+            }
+        }
+    }
+
+    async fn open(&mut self) {
+        // A UART does not know whether there is another end.
+    }
+}
+
+impl ByteSink for BufferedUartTx<'static> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<(), Closed> {
+        self.write_all(bytes).await.map_err(|_| Closed)
+    }
+}

@@ -1,0 +1,91 @@
+//! USB full speed: the board as a CDC-ACM serial port.
+
+use super::{ByteSink, ByteSource, CHUNK, Closed, USB as USB_LINK};
+use embassy_stm32::peripherals::{PA11, PA12, USB};
+use embassy_stm32::usb::{Driver, InterruptHandler};
+use embassy_stm32::{Peri, interrupt, uid};
+use embassy_usb::class::cdc_acm::{CdcAcmClass, Receiver, Sender, State};
+use embassy_usb::{Builder, Config, UsbDevice};
+use static_cell::StaticCell;
+
+/// USB vendor and product: pid.codes' pair for tests and private use. A product that is sold needs its own.
+const VENDOR: u16 = 0x1209;
+const PRODUCT: u16 = 0x0001;
+/// By this name the host finds the board among its serial ports.
+const PRODUCT_NAME: &str = "ERA haptics board";
+/// What the board itself may draw from the bus in mA; the high-voltage supply has its own.
+const MAX_CURRENT_MA: u16 = 200;
+
+/// The driver of this chip.
+pub type UsbDriver = Driver<'static, USB>;
+
+/// Sets up the port: the device to run, and the two directions of the link.
+pub fn open(
+    port: Peri<'static, USB>,
+    dp: Peri<'static, PA12>,
+    dm: Peri<'static, PA11>,
+    interrupts: impl interrupt::typelevel::Binding<interrupt::typelevel::USB_LP, InterruptHandler<USB>> + 'static,
+) -> (UsbDevice<'static, UsbDriver>, Sender<'static, UsbDriver>, Receiver<'static, UsbDriver>) {
+    static CONFIGURATION: StaticCell<[u8; 128]> = StaticCell::new();
+    static BOS: StaticCell<[u8; 32]> = StaticCell::new();
+    static CONTROL: StaticCell<[u8; 64]> = StaticCell::new();
+    static STATE: StaticCell<State<'static>> = StaticCell::new();
+
+    let mut config = Config::new(VENDOR, PRODUCT);
+    config.manufacturer = Some("ERA haptics");
+    config.product = Some(PRODUCT_NAME);
+    config.serial_number = Some(uid::uid_hex());
+    config.max_power = MAX_CURRENT_MA;
+    let mut builder = Builder::new(
+        Driver::new(port, interrupts, dp, dm),
+        config,
+        CONFIGURATION.init([0; 128]),
+        BOS.init([0; 32]),
+        &mut [],
+        CONTROL.init([0; 64]),
+    );
+    let class = CdcAcmClass::new(&mut builder, STATE.init(State::new()), CHUNK as u16);
+    let (sender, receiver) = class.split();
+    (builder.build(), sender, receiver)
+}
+
+/// Answers the host's USB requests for ever.
+#[embassy_executor::task]
+pub async fn run(mut device: UsbDevice<'static, UsbDriver>) -> ! {
+    device.run().await
+}
+
+/// Receives for ever.
+#[embassy_executor::task]
+pub async fn receive(receiver: Receiver<'static, UsbDriver>) -> ! {
+    super::receive(USB_LINK, receiver).await
+}
+
+/// Transmits for ever.
+#[embassy_executor::task]
+pub async fn transmit(sender: Sender<'static, UsbDriver>) -> ! {
+    super::transmit(USB_LINK, sender).await
+}
+
+impl ByteSource for Receiver<'static, UsbDriver> {
+    async fn read(&mut self, buffer: &mut [u8; CHUNK]) -> Result<usize, Closed> {
+        self.read_packet(buffer).await.map_err(|_| Closed)
+    }
+
+    async fn open(&mut self) {
+        self.wait_connection().await;
+    }
+}
+
+impl ByteSink for Sender<'static, UsbDriver> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<(), Closed> {
+        for packet in bytes.chunks(CHUNK) {
+            self.write_packet(packet).await.map_err(|_| Closed)?;
+        }
+        if bytes.len().is_multiple_of(CHUNK) {
+            // The host hands data on when a packet is short; a full last packet needs an empty one after it.
+            self.write_packet(&[]).await.map_err(|_| Closed)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,55 @@
+//! Firmware of the ERA haptics board (STM32G474RE).
+//!
+//! What the device does is in `era-shared`, which the simulated device runs too; here is only what needs this chip:
+//! [`board`] gives the device its hardware over [`outputs`] and [`pwm`], [`links`] give it bytes, [`device_task`] is the
+//! one owner of both. Outputs are off at boot, off without a living host, and off first thing in [`fatal`].
+#![no_std]
+#![no_main]
+
+mod board;
+mod clocks;
+mod device_task;
+mod executor;
+mod fatal;
+mod heartbeat;
+mod identity;
+mod links;
+mod outputs;
+mod pins;
+mod pwm;
+
+use defmt_rtt as _;
+use embassy_stm32::{bind_interrupts, peripherals, usart, usb};
+
+bind_interrupts!(struct Interrupts {
+    LPUART1 => usart::BufferedInterruptHandler<peripherals::LPUART1>;
+    USB_LP => usb::InterruptHandler<peripherals::USB>;
+});
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    // Before anything else, clocks included.
+    outputs::force_off();
+    let reset_cause = identity::take_reset_cause();
+    let peripherals = embassy_stm32::init(clocks::config());
+    outputs::init_rails();
+    pwm::init();
+
+    let info = identity::board_info(reset_cause, fatal::take_note());
+    defmt::info!("era-firmware {}, commit {=[u8]:a}", env!("CARGO_PKG_VERSION"), info.firmware.commit);
+    let board = board::Stm32Board::new(info);
+
+    // A baud rate that cannot be reached is a mistake in the clock tree, found at the first start on a desk.
+    let uart = defmt::unwrap!(links::uart::open(peripherals.LPUART1, peripherals.PA3, peripherals.PA2, Interrupts));
+    let (uart_tx, uart_rx) = uart.split();
+    let (usb, usb_tx, usb_rx) = links::usb::open(peripherals.USB, peripherals.PA12, peripherals.PA11, Interrupts);
+
+    executor::start_device().spawn(defmt::unwrap!(device_task::run(board)));
+    executor::run_thread(|spawner| {
+        spawner.spawn(defmt::unwrap!(links::uart::receive(uart_rx)));
+        spawner.spawn(defmt::unwrap!(links::uart::transmit(uart_tx)));
+        spawner.spawn(defmt::unwrap!(links::usb::run(usb)));
+        spawner.spawn(defmt::unwrap!(links::usb::receive(usb_rx)));
+        spawner.spawn(defmt::unwrap!(links::usb::transmit(usb_tx)));
+    })
+}
