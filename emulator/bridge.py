@@ -1,0 +1,200 @@
+"""Runs the firmware image on the emulated board and bridges its UART to a pseudo-terminal.
+
+usage: bridge.py --elf PATH [--free]
+
+The first line on stdout is {"pty": "/dev/pts/N", ...}; a host opens that like a serial port. Then every line on stdin
+is a command and every line on stdout its answer: {"id": 1, "op": "timers"} gets {"id": 1, "ok": true, ...} or
+{"id": 1, "ok": false, "error": "..."}. The bridge ends with its stdin.
+
+Virtual time follows the clock on the wall as well as it can; with --free it runs ahead as fast as it can.
+
+op        further keys         answer
+time                           virtual_s, wall_s, cycles (carried out), idle
+timers                         timers: {"TIM1": {"cr1": n, ...}, "TIM8": ...}
+pins                           pins: {"era1_a": {"mode": "timer", "high": null}, ...}
+rails                          rails: codes of the two set-points, 0 to 4095
+read      address              value: a 32-bit word
+write     address, value       (for fault injection)
+symbol    name                 address
+run_for   seconds              virtual_s; at once, also while paused
+pause, resume
+restart                        power off and on; the pseudo-terminal stays
+quit
+"""
+
+import argparse
+import json
+import os
+import selectors
+import sys
+import time
+import tty
+
+from machine import Machine
+
+# How far virtual time may be behind the wall clock before the lost time is given up, and the most that one turn of the
+# loop runs before it looks at its inputs again, both in s.
+LAG_LIMIT_S = 0.05
+TURN_S = 0.005
+
+
+class Bridge:
+    def __init__(self, elf, free):
+        self.elf = elf
+        self.free = free
+        self.machine = Machine(elf)
+        self.paused = False
+        self.running = True
+        self.started = time.monotonic()
+        self.wall_zero = self.started
+        self.master, self.slave = os.openpty()
+        # The slave stays open here, so that hosts can come and go.
+        tty.setraw(self.slave)
+        os.set_blocking(self.master, False)
+        os.set_blocking(0, False)
+        self.commands = b""
+        self.selector = selectors.DefaultSelector()
+        self.selector.register(self.master, selectors.EVENT_READ, self.from_host)
+        self.selector.register(0, selectors.EVENT_READ, self.from_control)
+
+    def anchor(self):
+        """From here on virtual time follows the wall clock."""
+        self.wall_zero = time.monotonic() - self.machine.time_s
+
+    def run(self):
+        # A host that knocks before the firmware listens would have to knock twice.
+        self.machine.boot()
+        self.anchor()
+        say({"pty": os.ttyname(self.slave), "elf": os.path.abspath(self.elf), "boot_virtual_s": self.machine.time_s})
+        while self.running:
+            ahead = self.machine.time_s - (time.monotonic() - self.wall_zero)
+            if ahead < -LAG_LIMIT_S:
+                self.wall_zero -= ahead
+            if self.paused:
+                wait = None
+            else:
+                wait = 0 if self.free else max(ahead, 0)
+            for key, _ in self.selector.select(wait):
+                key.data()
+            if self.running and not self.paused:
+                self.turn()
+
+    def turn(self):
+        """Runs until virtual time has caught up with the wall, but not for long."""
+        end = time.monotonic() + TURN_S
+        while (now := time.monotonic()) < end:
+            until = float("inf") if self.free else now - self.wall_zero
+            if not self.machine.waiting and self.machine.time_s >= until:
+                break
+            self.machine.advance(until)
+        self.to_host()
+
+    def to_host(self):
+        data = self.machine.transmitted()
+        if data:
+            try:
+                os.write(self.master, data)
+            except BlockingIOError:
+                pass  # Nobody reads: a serial line loses what nobody reads.
+
+    def from_host(self):
+        try:
+            self.machine.receive(os.read(self.master, 4096))
+        except (BlockingIOError, OSError):
+            pass
+
+    def from_control(self):
+        data = os.read(0, 65536)
+        if not data:
+            self.running = False
+            return
+        *lines, self.commands = (self.commands + data).split(b"\n")
+        for line in filter(None, map(bytes.strip, lines)):
+            say(self.answer(line))
+
+    def answer(self, line):
+        identity = None
+        try:
+            command = json.loads(line)
+            identity = command.get("id")
+            handler = getattr(self, "op_" + str(command.get("op")), None)
+            if handler is None:
+                raise ValueError(f"unknown op {command.get('op')!r}")
+            return {"id": identity, "ok": True, **handler(command)}
+        except KeyError as missing:
+            return {"id": identity, "ok": False, "error": f"missing key {missing}"}
+        except Exception as error:  # Whatever goes wrong is the answer: the bridge outlives a bad command.
+            return {"id": identity, "ok": False, "error": f"{type(error).__name__}: {error}"}
+
+    def op_time(self, _):
+        return {
+            "virtual_s": self.machine.time_s, "wall_s": time.monotonic() - self.started,
+            "cycles": self.machine.cycles, "idle": self.machine.is_idle(),
+        }
+
+    def op_timers(self, _):
+        return {"timers": self.machine.timers()}
+
+    def op_pins(self, _):
+        return {"pins": self.machine.pins()}
+
+    def op_rails(self, _):
+        return {"rails": self.machine.rails()}
+
+    def op_read(self, command):
+        return {"value": self.machine.sim.read_u32(int(command["address"]))}
+
+    def op_write(self, command):
+        self.machine.sim.write_u32(int(command["address"]), int(command["value"]))
+        return {}
+
+    def op_symbol(self, command):
+        return {"address": self.machine.sim.symbol(command["name"])}
+
+    def op_run_for(self, command):
+        end = self.machine.time_s + float(command["seconds"])
+        while self.machine.time_s < end:
+            self.machine.advance(end)
+        self.to_host()
+        self.anchor()
+        return {"virtual_s": self.machine.time_s}
+
+    def op_pause(self, _):
+        self.paused = True
+        return {"virtual_s": self.machine.time_s}
+
+    def op_resume(self, _):
+        self.paused = False
+        self.anchor()
+        return {"virtual_s": self.machine.time_s}
+
+    def op_restart(self, _):
+        self.machine.close()
+        self.machine = Machine(self.elf)
+        self.machine.boot()
+        self.anchor()
+        return {}
+
+    def op_quit(self, _):
+        self.running = False
+        return {}
+
+
+def say(message):
+    sys.stdout.write(json.dumps(message) + "\n")
+    sys.stdout.flush()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--elf", required=True, help="firmware image")
+    parser.add_argument("--free", action="store_true", help="do not wait for the clock on the wall")
+    arguments = parser.parse_args()
+    try:
+        Bridge(arguments.elf, arguments.free).run()
+    except (KeyboardInterrupt, BrokenPipeError):
+        pass
+
+
+if __name__ == "__main__":
+    main()
