@@ -1,0 +1,73 @@
+//! What can go wrong in a developer command.
+
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// This program is not in a checkout.
+    #[error("{0} is not inside the repository")]
+    NoRepository(PathBuf),
+    /// A program could not be started.
+    #[error("cannot run `{command}`")]
+    Start {
+        /// With its arguments.
+        command: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// A program failed.
+    #[error("`{command}` failed ({status})")]
+    Failed {
+        /// With its arguments.
+        command: String,
+        /// How it ended.
+        status: std::process::ExitStatus,
+    },
+    /// A file could not be used.
+    #[error("{what} {path}")]
+    File {
+        /// What was tried, as in "cannot read".
+        what: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The compiler's standard library sources could not be had.
+    #[error("no sources of the standard library for rustc {compiler}: {reason}")]
+    NoSources {
+        /// Version of the compiler.
+        compiler: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Neither way gave the compilation target.
+    #[error("the target {target} cannot be had: not by rustup, and not by building it: {source}", target = crate::target::TARGET)]
+    NoTarget {
+        /// Why the second way failed.
+        source: Box<Error>,
+    },
+    /// The build ended well but named no image.
+    #[error("cargo built no executable named {0}")]
+    NoImage(&'static str),
+    /// The image is not what it should be.
+    #[error("{path} is not a firmware image: {reason}")]
+    Image {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The emulator bridge ended or said something unexpected.
+    #[error("the emulator bridge: {0}")]
+    Bridge(String),
+    /// The emulated board did not answer.
+    #[error("no answer from the emulated board within {0:?}")]
+    Silent(Duration),
+    /// A message could not be put into a frame.
+    #[error("cannot encode the request: {0:?}")]
+    Encode(era_shared::link::EncodeError),
+}

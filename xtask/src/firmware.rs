@@ -1,0 +1,102 @@
+//! `cargo xtask firmware`: builds the image and says how big it is.
+
+use crate::error::Error;
+use crate::process::shown;
+use crate::target::{TARGET, Way};
+use crate::{elf, root, target};
+use serde::Deserialize;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+/// Name of the executable.
+const IMAGE: &str = "era-firmware";
+
+/// Options of `cargo xtask firmware`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Build core and alloc from Debian's rust-src even if rustup has the target.
+    #[arg(long)]
+    build_std: bool,
+    /// Print only the path of the image, for scripts.
+    #[arg(long)]
+    path_only: bool,
+}
+
+/// Builds and reports.
+///
+/// # Errors
+/// What went wrong in getting the target, building, or reading the image.
+pub fn command(options: &Options) -> Result<(), Error> {
+    let (image, way) = build(options.build_std)?;
+    if options.path_only {
+        println!("{}", image.display());
+        return Ok(());
+    }
+    let usage = elf::usage(&image)?;
+    println!("target  {TARGET} ({})", way.describe());
+    println!(
+        "flash   {:>7} of {:>7} bytes ({:.1} %)",
+        usage.flash,
+        usage.flash_total,
+        percent(usage.flash, usage.flash_total)
+    );
+    println!(
+        "RAM     {:>7} of {:>7} bytes ({:.1} %), the rest is stack",
+        usage.ram,
+        usage.ram_total,
+        percent(usage.ram, usage.ram_total)
+    );
+    println!("image   {}", image.display());
+    Ok(())
+}
+
+/// Builds the image and returns its path, and how the target was had.
+///
+/// # Errors
+/// What went wrong in getting the target or building.
+pub fn build(build_std: bool) -> Result<(PathBuf, Way), Error> {
+    let root = root()?;
+    let way = target::ensure(&root.join("target/rust-src"), build_std)?;
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo
+        // From its own folder, so that its own .cargo/config.toml applies.
+        .current_dir(root.join("firmware"))
+        .args(["build", "--release", "--locked", "--target", TARGET, "--message-format", "json-render-diagnostics"])
+        // Two builds of one image must not depend on where the host's own build goes.
+        .env_remove("CARGO_TARGET_DIR")
+        .stdout(Stdio::piped());
+    if way == Way::BuildStd {
+        cargo.arg("-Zbuild-std=core,alloc").env("RUSTC_BOOTSTRAP", "1");
+    }
+    let mut child = cargo.spawn().map_err(|source| Error::Start { command: shown(&cargo), source })?;
+    let mut image = None;
+    for line in child.stdout.take().map(BufReader::new).into_iter().flat_map(BufRead::lines).map_while(Result::ok) {
+        if let Ok(Message { executable: Some(path), target: Some(target) }) = serde_json::from_str(&line)
+            && target.name == IMAGE
+        {
+            image = Some(path);
+        }
+    }
+    let status = child.wait().map_err(|source| Error::Start { command: shown(&cargo), source })?;
+    if !status.success() {
+        return Err(Error::Failed { command: shown(&cargo), status });
+    }
+    Ok((image.ok_or(Error::NoImage(IMAGE))?, way))
+}
+
+fn percent(part: u32, whole: u32) -> f64 {
+    100.0 * f64::from(part) / f64::from(whole)
+}
+
+/// What is of interest in a line of cargo's output.
+#[derive(Deserialize)]
+struct Message {
+    executable: Option<PathBuf>,
+    target: Option<MessageTarget>,
+}
+
+#[derive(Deserialize)]
+struct MessageTarget {
+    name: String,
+}

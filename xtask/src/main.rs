@@ -1,0 +1,54 @@
+//! Developer commands: `cargo xtask firmware`, `cargo xtask emulate`.
+
+mod elf;
+mod emulate;
+mod error;
+mod firmware;
+mod process;
+mod target;
+
+use clap::{Parser, Subcommand};
+use error::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Developer commands of the ERA haptics system.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Build the firmware image and print its size and its path; gets the compilation target if it is missing.
+    Firmware(firmware::Options),
+    /// Build the firmware, run it on the emulated board and say hello to it.
+    Emulate(emulate::Options),
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Firmware(options) => firmware::command(&options),
+        Command::Emulate(options) => emulate::command(&options),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            let mut cause = std::error::Error::source(&error);
+            while let Some(inner) = cause {
+                eprintln!("  because: {inner}");
+                cause = inner.source();
+            }
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The repository's root.
+fn root() -> Result<PathBuf, Error> {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.parent().map(Path::to_path_buf).ok_or_else(|| Error::NoRepository(here.to_path_buf()))
+}

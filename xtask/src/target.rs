@@ -1,0 +1,178 @@
+//! The compilation target of the firmware: from rustup, or built from the standard library's sources.
+//!
+//! rustup's server is not reachable from everywhere, Debian's mirrors mostly are: Debian packages the sources of the
+//! same compiler. With them cargo builds `core` and `alloc` itself, which stable cargo only does when told to behave
+//! like a nightly one (`RUSTC_BOOTSTRAP`).
+
+use crate::error::Error;
+use crate::process::{output, run};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Cortex-M4 with single-precision floating point.
+pub const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Debian suite whose `rust-src` is that of this project's compiler.
+const SUITE: &str = "trixie-backports";
+/// Used if this machine's own apt configuration names no Debian mirror.
+const MIRROR: &str = "http://deb.debian.org/debian";
+/// Signs Debian's package lists; in the package debian-archive-keyring.
+const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
+
+/// How the target was had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// It is installed as rustup or the distribution put it there.
+    Installed,
+    /// rustup has just added it.
+    Rustup,
+    /// Cargo must build `core` and `alloc` from the sources that are now there.
+    BuildStd,
+}
+
+impl Way {
+    /// For a person.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Way::Installed => "target installed",
+            Way::Rustup => "target added by rustup",
+            Way::BuildStd => "core and alloc built from Debian's rust-src",
+        }
+    }
+}
+
+/// Gets the target. `build_std` skips the first way.
+///
+/// # Errors
+/// [`Error::NoTarget`] if both ways fail.
+pub fn ensure(scratch: &Path, build_std: bool) -> Result<Way, Error> {
+    if !build_std {
+        if is_installed()? {
+            return Ok(Way::Installed);
+        }
+        eprintln!("firmware: adding the target {TARGET} with rustup");
+        match run(Command::new("rustup").args(["target", "add", TARGET])) {
+            Ok(()) if is_installed()? => return Ok(Way::Rustup),
+            Ok(()) => eprintln!("firmware: rustup added it to another toolchain than the one in use"),
+            Err(error) => eprintln!("firmware: {error}"),
+        }
+    }
+    match ensure_sources(scratch) {
+        Ok(()) => Ok(Way::BuildStd),
+        Err(source) if build_std => Err(source),
+        Err(source) => Err(Error::NoTarget { source: Box::new(source) }),
+    }
+}
+
+fn rustc() -> Command {
+    Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()))
+}
+
+fn is_installed() -> Result<bool, Error> {
+    let directory = output(rustc().args(["--print", "target-libdir", "--target", TARGET]))?;
+    Ok(fs::read_dir(directory).is_ok_and(|entries| {
+        entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libcore-"))
+    }))
+}
+
+/// Puts the standard library's sources where cargo looks for them.
+fn ensure_sources(scratch: &Path) -> Result<(), Error> {
+    let verbose = output(rustc().arg("-vV"))?;
+    let compiler = verbose.lines().find_map(|line| line.strip_prefix("release: ")).unwrap_or("unknown").to_owned();
+    let sysroot = PathBuf::from(output(rustc().args(["--print", "sysroot"]))?);
+    let library = sysroot.join("lib/rustlib/src/rust/library");
+    if library.join("core/src/lib.rs").exists() {
+        return Ok(());
+    }
+    eprintln!("firmware: fetching the sources of the standard library from Debian's {SUITE}");
+    let package = download(scratch, &compiler)?;
+    let unpacked = scratch.join("unpacked");
+    run(Command::new("dpkg-deb").arg("-x").args([&package, &unpacked]))?;
+    let sources = unpacked.join(format!("usr/src/rustc-{compiler}/library"));
+    if !sources.exists() {
+        let reason = format!("{} does not hold usr/src/rustc-{compiler}/library", package.display());
+        return Err(Error::NoSources { compiler, reason });
+    }
+    let parent = library.parent().unwrap_or(&library);
+    fs::create_dir_all(parent).map_err(|source| Error::File {
+        what: "cannot make",
+        path: parent.to_path_buf(),
+        source,
+    })?;
+    // Copied under another name and renamed last, so that a copy that was broken off is not taken for a whole one.
+    let partial = parent.join("library.partial");
+    run(Command::new("rm").arg("-rf").arg(&partial))?;
+    run(Command::new("cp").arg("-r").args([&sources, &partial]))?;
+    fs::rename(&partial, &library).map_err(|source| Error::File { what: "cannot rename to", path: library, source })
+}
+
+/// Downloads Debian's `rust-src` with an apt configuration of its own, which needs no rights and leaves the machine's
+/// package lists alone.
+fn download(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
+    let file_error = |what, path: &Path| {
+        let path = path.to_path_buf();
+        move |source| Error::File { what, path, source }
+    };
+    for directory in ["state/lists/partial", "cache/archives/partial", "package"] {
+        let path = scratch.join(directory);
+        fs::create_dir_all(&path).map_err(file_error("cannot make", &path))?;
+    }
+    let sources = scratch.join("sources.list");
+    let line = format!("deb [signed-by={KEYRING}] {} {SUITE} main\n", mirror());
+    fs::write(&sources, line).map_err(file_error("cannot write", &sources))?;
+    if !Path::new(KEYRING).exists() {
+        let reason = format!("{KEYRING} is missing; install the package debian-archive-keyring");
+        return Err(Error::NoSources { compiler: compiler.to_owned(), reason });
+    }
+
+    let apt = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new(program);
+        command
+            .arg("--quiet")
+            .args(["-o", &format!("Dir::Etc::SourceList={}", sources.display())])
+            .args(["-o", "Dir::Etc::SourceParts=-"])
+            .args(["-o", &format!("Dir::State={}", scratch.join("state").display())])
+            .args(["-o", &format!("Dir::Cache={}", scratch.join("cache").display())])
+            // apt otherwise fetches as a user of its own, which may not write here.
+            .args(["-o", "APT::Sandbox::User="])
+            .args(arguments)
+            .current_dir(scratch.join("package"))
+            .stdout(Stdio::null());
+        command
+    };
+    run(&mut apt("apt-get", &["update"]))?;
+    // The suite keeps the packages of several compilers; the newest is not the one wanted.
+    let listed = output(apt("apt-cache", &["madison", "rust-src"]).stdout(Stdio::piped()))?;
+    let versions: Vec<&str> = listed.lines().filter_map(|line| line.split('|').nth(1)).map(str::trim).collect();
+    let Some(version) = versions.iter().find(|version| version.starts_with(&format!("{compiler}+"))) else {
+        let reason = format!("{SUITE} has {}", versions.join(", "));
+        return Err(Error::NoSources { compiler: compiler.to_owned(), reason });
+    };
+    run(&mut apt("apt-get", &["download", &format!("rust-src={version}")]))?;
+    let directory = scratch.join("package");
+    let entries = fs::read_dir(&directory).map_err(file_error("cannot read", &directory))?;
+    entries
+        .flatten()
+        .map(|entry| entry.path())
+        .find(|path| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            name.starts_with(&format!("rust-src_{compiler}")) && name.ends_with(".deb")
+        })
+        .ok_or_else(|| Error::NoSources { compiler: compiler.to_owned(), reason: "apt downloaded nothing".to_owned() })
+}
+
+/// The Debian mirror that this machine uses already.
+fn mirror() -> String {
+    let listed =
+        output(Command::new("apt-get").args(["indextargets", "--format", "$(REPO_URI)", "Created-By: Packages"]));
+    listed
+        .ok()
+        .and_then(|text| {
+            text.lines()
+                .map(|line| line.trim_end_matches('/'))
+                .find(|line| line.ends_with("/debian"))
+                .map(str::to_owned)
+        })
+        .unwrap_or_else(|| MIRROR.to_owned())
+}
