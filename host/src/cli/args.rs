@@ -1,0 +1,261 @@
+//! What the command line takes.
+
+use crate::device::Target;
+use crate::model::Accuracy;
+use crate::scene::Scene;
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+use super::Failure;
+
+/// Localized touch feedback on large surfaces: two to four electrostatic resonant actuators (ERAs) on a flexibly held
+/// panel, each at its own frequency, placed by a finite-element model.
+///
+/// Without a command, `era` serves the example plate with a simulated device on http://127.0.0.1:7878.
+#[derive(Debug, Parser)]
+#[command(
+    name = "era",
+    version,
+    max_term_width = 100,
+    after_help = "\
+Examples:
+  era                                          the daemon and its web page, no hardware needed
+  era touch 960 640 --intensity-g 0.3          make the middle of the screen vibrate
+  era modes --scene my-panel.toml --max-hz 400 what frequencies a panel has
+  era plan --at 480,640 --json                 what would be driven, without driving it
+  era field --at 480,640 --png map.png         where on the surface it would be felt"
+)]
+pub struct Arguments {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// Log more (-v, -vv); the variable ERA_LOG takes a filter as tracing-subscriber understands it
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    pub verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run the daemon: device session, HTTP and WebSocket interface, web page
+    Serve(Serve),
+    /// Ask a running daemon for a touch at screen pixels X Y
+    Touch(Touch),
+    /// Ask a running daemon to switch everything off
+    Stop(Daemon),
+    /// Show what a running daemon and its device are doing
+    State(Daemon),
+    /// List a panel's modes: frequencies and damping ratios
+    Modes(Modes),
+    /// Acceleration at a point per newton at each actuator, over frequency
+    Response(Response),
+    /// The drives for a touch, without driving anything
+    Plan(Plan),
+    /// Peak acceleration over the surface for a touch, as CSV or PNG
+    Field(Field),
+    /// Compare predicted peaks with those that the simulated device measures
+    Verify(Verify),
+    /// Measure the time from a touch request to the last byte of its frame at the device
+    Latency(Latency),
+}
+
+/// The scene and how accurately to model it.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Panel {
+    /// Scene file (see docs/src/scene.md); the example plate if not given
+    #[arg(long, value_name = "FILE")]
+    pub scene: Option<PathBuf>,
+    /// fast (1e-2), balanced (1e-3, the default) or reference (1e-6)
+    #[arg(long, value_name = "NAME", conflicts_with = "tolerance")]
+    pub accuracy: Option<Accuracy>,
+    /// Relative tolerance as a number, 1e-8 to 0.1
+    #[arg(long, value_name = "REL")]
+    pub tolerance: Option<f64>,
+}
+
+impl Panel {
+    /// The scene.
+    pub fn load(&self) -> Result<Scene, Failure> {
+        match &self.scene {
+            Some(path) => Scene::load(path).map_err(Failure::usage),
+            None => Scene::parse("examples/scenes/plate.toml", crate::scene::EXAMPLE_PLATE).map_err(Failure::usage),
+        }
+    }
+
+    /// The accuracy.
+    pub fn accuracy(&self) -> Result<Accuracy, Failure> {
+        match (self.accuracy, self.tolerance) {
+            (_, Some(tolerance)) => Accuracy::tolerance(tolerance).map_err(Failure::usage),
+            (Some(accuracy), None) => Ok(accuracy),
+            (None, None) => Ok(Accuracy::BALANCED),
+        }
+    }
+}
+
+#[derive(Clone, Debug, Default, Args)]
+pub struct Serve {
+    #[command(flatten)]
+    pub panel: Panel,
+    /// sim (the default), emulated, auto, or the path of a serial port
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<Target>,
+    /// Address and port to listen on [default: 127.0.0.1:7878]
+    #[arg(long, value_name = "ADDR:PORT")]
+    pub listen: Option<std::net::SocketAddr>,
+}
+
+/// Where the daemon is.
+#[derive(Clone, Debug, Args)]
+pub struct Daemon {
+    /// The daemon's address
+    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878")]
+    pub url: String,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Touch {
+    /// Screen pixels from the left
+    #[arg(allow_negative_numbers = true)]
+    pub x_px: f64,
+    /// Screen pixels from the top
+    #[arg(allow_negative_numbers = true)]
+    pub y_px: f64,
+    /// Peak acceleration wanted, in g
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    pub intensity_g: Option<f64>,
+    /// How long, in ms
+    #[arg(long, value_name = "T")]
+    pub duration_ms: Option<u32>,
+    #[command(flatten)]
+    pub daemon: Daemon,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Modes {
+    #[command(flatten)]
+    pub panel: Panel,
+    /// Highest frequency in Hz
+    #[arg(long, value_name = "F", default_value_t = 500.0, allow_negative_numbers = true)]
+    pub max_hz: f64,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Response {
+    #[command(flatten)]
+    pub panel: Panel,
+    /// Point on the surface in mm
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    pub at: Point,
+    /// Lowest frequency in Hz
+    #[arg(long, value_name = "F", default_value_t = 40.0, allow_negative_numbers = true)]
+    pub from: f64,
+    /// Highest frequency in Hz
+    #[arg(long, value_name = "F", default_value_t = 400.0, allow_negative_numbers = true)]
+    pub to: f64,
+    /// Step in Hz
+    #[arg(long, value_name = "F", default_value_t = 1.0, allow_negative_numbers = true)]
+    pub step: f64,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Where a point's numbers count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Unit {
+    /// Screen pixels
+    Px,
+    /// Millimetres on the surface
+    Mm,
+}
+
+/// The touch to plan for.
+#[derive(Clone, Debug, Args)]
+pub struct At {
+    /// The touched point
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    pub at: Point,
+    /// Unit of --at
+    #[arg(long, value_enum, default_value_t = Unit::Px)]
+    pub unit: Unit,
+    /// Peak acceleration wanted, in g
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    pub intensity_g: Option<f64>,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Plan {
+    #[command(flatten)]
+    pub panel: Panel,
+    #[command(flatten)]
+    pub at: At,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Field {
+    #[command(flatten)]
+    pub panel: Panel,
+    #[command(flatten)]
+    pub at: At,
+    /// Write a picture
+    #[arg(long, value_name = "FILE")]
+    pub png: Option<PathBuf>,
+    /// Write x_mm,y_mm,peak_g lines; to standard output if neither --png nor --csv is given
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Verify {
+    #[command(flatten)]
+    pub panel: Panel,
+    /// Number of points, spread over the surface
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub points: u32,
+    /// Peak acceleration wanted at each, in g
+    #[arg(long, value_name = "A", default_value_t = crate::planner::DEFAULT_INTENSITY_G, allow_negative_numbers = true)]
+    pub intensity_g: f64,
+    /// Largest relative difference that passes
+    #[arg(long, value_name = "REL", default_value_t = 0.05)]
+    pub limit: f64,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Latency {
+    #[command(flatten)]
+    pub panel: Panel,
+    /// Number of touches
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    pub touches: u32,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A pair of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    pub x: f64,
+    pub y: f64,
+}
+
+fn parse_point(text: &str) -> Result<Point, String> {
+    let number = |part: &str| {
+        part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
+    };
+    let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form X,Y"))?;
+    Ok(Point { x: number(x)?, y: number(y)? })
+}

@@ -1,0 +1,102 @@
+//! Time from `POST /v1/touch` to the last byte of the drive's frame at the simulated device.
+
+use super::args::Latency;
+use super::panel::plan_table;
+use super::serve::open_device;
+use super::{Failure, Outcome, print_json, print_text};
+use crate::daemon::{App, Background};
+use crate::device::Target;
+use crate::verify::spread;
+use serde_json::json;
+use std::time::{Duration, Instant};
+
+/// Touches that are not counted, while caches and connections warm up.
+const WARM_UP: u32 = 20;
+
+pub fn run(options: &Latency) -> Outcome {
+    let scene = options.panel.load()?;
+    let table = plan_table(&options.panel, &scene)?;
+    let device = open_device(&Target::Sim, &table)?;
+    let sim = device.sim().ok_or_else(|| Failure::failed("no simulated device"))?;
+    let app = App::new(table, device).map_err(Failure::failed)?;
+    let daemon = Background::start(app).map_err(Failure::failed)?;
+    let base = format!("http://{}", daemon.address());
+    let agent: ureq::Agent = ureq::Agent::config_builder().timeout_global(Some(Duration::from_secs(10))).build().into();
+    wait_for_device(&agent, &base)?;
+
+    let screen = scene.screen;
+    let points = spread(WARM_UP + options.touches, f64::from(screen.width_px), f64::from(screen.height_px));
+    let mut to_device = Vec::new();
+    let mut to_answer = Vec::new();
+    for (i, (x_px, y_px)) in (0_u32..).zip(points) {
+        let started = Instant::now();
+        agent
+            .post(format!("{base}/v1/touch"))
+            .send_json(json!({"x_px": x_px, "y_px": y_px, "duration_ms": 1000}))
+            .map_err(Failure::failed)?;
+        let answered = started.elapsed();
+        let arrived = sim.drives_received().ok_or_else(|| Failure::failed("the device received no drive"))?;
+        if i >= WARM_UP {
+            to_device.push(arrived.saturating_duration_since(started));
+            to_answer.push(answered);
+        }
+    }
+    let (device, answer) = (Figures::of(to_device), Figures::of(to_answer));
+    if options.json {
+        return print_json(&json!({
+            "touches": options.touches, "to_device_ms": device.json(), "to_answer_ms": answer.json(),
+        }));
+    }
+    print_text(&format!(
+        "{} touches on {}, daemon and simulated device in one process, planning included\n\
+         from POST /v1/touch            median      p99      max\n\
+         to the frame's last byte     {device}\n\
+         to the answer                {answer}",
+        options.touches, scene.name
+    ))
+}
+
+fn wait_for_device(agent: &ureq::Agent, base: &str) -> Outcome {
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while Instant::now() < deadline {
+        let state: serde_json::Value = agent
+            .get(format!("{base}/v1/state"))
+            .call()
+            .map_err(Failure::failed)?
+            .body_mut()
+            .read_json()
+            .map_err(Failure::failed)?;
+        if state["device"]["connected"] == true {
+            return Ok(());
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Err(Failure::failed("the simulated device did not answer within 10 s"))
+}
+
+struct Figures {
+    median_ms: f64,
+    p99_ms: f64,
+    max_ms: f64,
+}
+
+impl Figures {
+    fn of(mut times: Vec<Duration>) -> Self {
+        times.sort_unstable();
+        let at = |percent: usize| {
+            let index = (times.len() * percent / 100).min(times.len().saturating_sub(1));
+            times.get(index).map_or(f64::NAN, |time| time.as_secs_f64() * 1e3)
+        };
+        Self { median_ms: at(50), p99_ms: at(99), max_ms: at(100) }
+    }
+
+    fn json(&self) -> serde_json::Value {
+        json!({"median": self.median_ms, "p99": self.p99_ms, "max": self.max_ms})
+    }
+}
+
+impl std::fmt::Display for Figures {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:6.2} ms {:6.2} ms {:6.2} ms", self.median_ms, self.p99_ms, self.max_ms)
+    }
+}

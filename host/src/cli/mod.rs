@@ -1,0 +1,100 @@
+//! The command line.
+//!
+//! Exit codes: 0 done, 1 it failed, 2 bad use or a bad scene. Results go to standard output, everything else to standard
+//! error.
+
+mod args;
+mod client;
+mod latency;
+mod panel;
+mod progress;
+mod serve;
+mod verify;
+
+use clap::Parser;
+use std::fmt;
+use std::process::ExitCode;
+
+/// Why a command ended early.
+#[derive(Debug)]
+pub enum Failure {
+    /// Bad use, or a bad scene: exit code 2.
+    Usage(String),
+    /// It failed: exit code 1.
+    Failed(String),
+}
+
+impl Failure {
+    fn usage(error: impl fmt::Display) -> Self {
+        Failure::Usage(error.to_string())
+    }
+
+    fn failed(error: impl fmt::Display) -> Self {
+        Failure::Failed(error.to_string())
+    }
+}
+
+type Outcome = Result<(), Failure>;
+
+/// Runs the program with the process's arguments.
+#[must_use]
+pub fn main() -> ExitCode {
+    let arguments = args::Arguments::parse();
+    start_log(arguments.verbose);
+    match run(arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Usage(message)) => {
+            eprintln!("error: {message}");
+            ExitCode::from(2)
+        }
+        Err(Failure::Failed(message)) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: args::Arguments) -> Outcome {
+    use args::Command;
+    match arguments.command {
+        // Without a command the main job runs: daemon, example plate, simulated device, web page.
+        None => serve::run(&args::Serve::default()),
+        Some(Command::Serve(options)) => serve::run(&options),
+        Some(Command::Touch(options)) => client::touch(&options),
+        Some(Command::Stop(options)) => client::stop(&options),
+        Some(Command::State(options)) => client::state(&options),
+        Some(Command::Modes(options)) => panel::modes(&options),
+        Some(Command::Response(options)) => panel::response(&options),
+        Some(Command::Plan(options)) => panel::plan(&options),
+        Some(Command::Field(options)) => panel::field(&options),
+        Some(Command::Verify(options)) => verify::run(&options),
+        Some(Command::Latency(options)) => latency::run(&options),
+    }
+}
+
+/// Logs to standard error: warnings and the daemon's news, or what `-v`, `-vv` or the variable `ERA_LOG` ask for.
+fn start_log(verbose: u8) {
+    let default = match verbose {
+        0 => "warn,era=info",
+        1 => "info,era=debug",
+        _ => "debug,era=trace",
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_env("ERA_LOG")
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(default));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+}
+
+/// Writes a line of JSON to standard output.
+fn print_json(value: &impl serde::Serialize) -> Outcome {
+    let text = serde_json::to_string(value).map_err(Failure::failed)?;
+    print_text(&text)
+}
+
+/// Writes to standard output; a reader that has gone away (`| head`) is no failure.
+fn print_text(text: &str) -> Outcome {
+    use std::io::{ErrorKind, Write};
+    match writeln!(std::io::stdout().lock(), "{text}") {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::failed(error)),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,244 @@
+//! Commands that study a panel: modes, response, plan, field.
+
+use super::args::{At, Field, Modes, Panel, Plan, Response, Unit};
+use super::progress::with_progress;
+use super::{Failure, Outcome, print_json, print_text};
+use crate::model::{ModelError, PanelModel, ReducedModel};
+use crate::planner::{PlanError, PlanTable, TableOptions, Target};
+use crate::scene::{Scene, SurfaceKind};
+use crate::{response, study};
+use serde_json::json;
+use std::fmt::Write;
+use std::time::Instant;
+
+/// Why `error_bound` is null, in words on standard error.
+const NO_BOUND: &str = "error_bound is null: this version computes no bound (the meshes are checked against reference values, see docs/src/accuracy.md)";
+/// Most frequencies in one response.
+const MOST_FREQUENCIES: f64 = 1e6;
+/// Thickness over length above which thin-plate theory is off by more than a percent or two.
+const THIN: f64 = 1.0 / 30.0;
+
+impl From<ModelError> for Failure {
+    fn from(error: ModelError) -> Self {
+        match error {
+            ModelError::TooFine { .. } | ModelError::Frequency { .. } | ModelError::Tolerance { .. } => {
+                Failure::usage(error)
+            }
+            ModelError::Factorisation { .. } | ModelError::NotConverged { .. } => Failure::failed(error),
+        }
+    }
+}
+
+impl From<PlanError> for Failure {
+    fn from(error: PlanError) -> Self {
+        match error {
+            PlanError::NoFrequencies => Failure::failed(error),
+            _ => Failure::usage(error),
+        }
+    }
+}
+
+/// Meshes and factors.
+fn build(panel: &Panel, scene: &Scene, max_hz: f64) -> Result<PanelModel, Failure> {
+    let accuracy = panel.accuracy()?;
+    warn_if_thick(scene);
+    Ok(with_progress("meshing and factoring the panel", || PanelModel::build(scene, accuracy, max_hz))?)
+}
+
+fn warn_if_thick(scene: &Scene) {
+    let surface = &scene.surface;
+    let side = match surface.kind {
+        SurfaceKind::Plate => surface.length_m.min(surface.width_m),
+        SurfaceKind::Bar => surface.length_m,
+    };
+    let slenderness = surface.thickness_m / side;
+    if slenderness > THIN {
+        tracing::warn!(
+            "thickness is 1/{:.0} of the side: thin-plate theory is too stiff by some percent there",
+            1.0 / slenderness
+        );
+    }
+}
+
+pub fn modes(options: &Modes) -> Outcome {
+    let started = Instant::now();
+    let scene = options.panel.load()?;
+    let model = build(&options.panel, &scene, options.max_hz)?;
+    let modes = with_progress("computing modes", || model.modes(options.max_hz))?;
+    let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+    if options.json {
+        let list: Vec<_> = modes
+            .iter()
+            .map(|mode| {
+                json!({"frequency_hz": mode.frequency_hz, "damping_ratio": mode.damping_ratio, "error_bound": null})
+            })
+            .collect();
+        eprintln!("{NO_BOUND}");
+        return print_json(&json!({"dofs": model.dofs(), "elapsed_ms": elapsed_ms, "modes": list}));
+    }
+    let mut text =
+        format!("{}: {} unknowns, {elapsed_ms:.0} ms\n mode   frequency   damping ratio", scene.name, model.dofs());
+    for (i, mode) in modes.iter().enumerate() {
+        let _ = write!(text, "\n{:5} {:8.3} Hz   {:.5}", i + 1, mode.frequency_hz, mode.damping_ratio);
+        if mode.frequency_hz == 0.0 {
+            text.push_str("   (nothing holds this motion)");
+        } else if mode.damping_ratio == 0.0 {
+            text.push_str("   (undamped: unbounded at resonance)");
+        }
+    }
+    print_text(&text)
+}
+
+pub fn response(options: &Response) -> Outcome {
+    let started = Instant::now();
+    let scene = options.panel.load()?;
+    let frequencies_hz = frequencies(options)?;
+    let (x_m, y_m) = surface_point(&scene, options.at.x, options.at.y, Unit::Mm)?;
+    let reduced = reduce(&options.panel, &scene, options.to.max(1.0), &[(x_m, y_m)])?;
+    let shape = reduced.shape_at(x_m, y_m);
+    let curves =
+        with_progress("computing the response", || response::acceleration_curves(&reduced, &shape, &frequencies_hz))
+            .map_err(Failure::failed)?;
+    let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+    if options.json {
+        let actuators: Vec<_> = scene
+            .actuators
+            .iter()
+            .zip(&curves)
+            .map(|(actuator, curve)| {
+                json!({
+                    "id": actuator.id,
+                    "acceleration_re": curve.iter().map(|z| z.re).collect::<Vec<_>>(),
+                    "acceleration_im": curve.iter().map(|z| z.im).collect::<Vec<_>>(),
+                })
+            })
+            .collect();
+        eprintln!("{NO_BOUND}");
+        return print_json(&json!({
+            "dofs": reduced.dofs(), "elapsed_ms": elapsed_ms, "error_bound": null,
+            "frequency_hz": frequencies_hz, "actuators": actuators,
+        }));
+    }
+    let mut text = String::from("frequency_hz");
+    for actuator in &scene.actuators {
+        let _ = write!(text, ",{0}_m_per_s2_per_n,{0}_phase_deg", actuator.id);
+    }
+    for (i, frequency) in frequencies_hz.iter().enumerate() {
+        let _ = write!(text, "\n{frequency}");
+        for curve in &curves {
+            let _ = write!(text, ",{:.6e},{:.2}", curve[i].norm(), curve[i].arg().to_degrees());
+        }
+    }
+    print_text(&text)
+}
+
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "counts up to 1e6"
+)]
+fn frequencies(options: &Response) -> Result<Vec<f64>, Failure> {
+    let (from, to, step) = (options.from, options.to, options.step);
+    if !(from >= 0.0 && from.is_finite()) {
+        return Err(Failure::usage(format!("--from {from} is not in the allowed range 0 Hz and up")));
+    }
+    if !(to >= from && to.is_finite()) {
+        return Err(Failure::usage(format!("--to {to} is not in the allowed range {from} Hz (--from) and up")));
+    }
+    if !(step > 0.0 && step.is_finite()) {
+        return Err(Failure::usage(format!("--step {step} is not in the allowed range above 0 Hz")));
+    }
+    let count = ((to - from) / step + 1e-9).floor();
+    if count >= MOST_FREQUENCIES {
+        return Err(Failure::usage(format!(
+            "--step {step} gives {count} frequencies, at most {MOST_FREQUENCIES} are allowed"
+        )));
+    }
+    Ok((0..=count as usize).map(|i| from + i as f64 * step).collect())
+}
+
+/// A point of the command line on the surface, in m.
+fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
+    match unit {
+        Unit::Px => scene.screen.px_to_surface_m(x, y).map_err(Failure::usage),
+        Unit::Mm => {
+            let within = |name: &str, value: f64, side_m: f64| {
+                let most = side_m * 1e3;
+                if (0.0..=most * (1.0 + 1e-12)).contains(&value) {
+                    return Ok((value / 1e3).min(side_m));
+                }
+                Err(Failure::usage(format!("--at: {name}_mm {value} is not in the allowed range 0 to {most}")))
+            };
+            Ok((within("x", x, scene.surface.length_m)?, within("y", y, scene.surface.width_m)?))
+        }
+    }
+}
+
+fn reduce(panel: &Panel, scene: &Scene, max_hz: f64, points: &[(f64, f64)]) -> Result<ReducedModel, Failure> {
+    let model = build(panel, scene, max_hz)?;
+    Ok(with_progress("computing modes", || model.reduce(max_hz, points))?)
+}
+
+/// The planner's table for a scene.
+pub fn plan_table(panel: &Panel, scene: &Scene) -> Result<PlanTable, Failure> {
+    let options = TableOptions::default();
+    let reduced = reduce(panel, scene, options.to_hz, &[])?;
+    with_progress("computing the response of every actuator", || PlanTable::build(scene, reduced, options))
+        .map_err(Failure::failed)
+}
+
+fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
+    let (x_m, y_m) = surface_point(scene, at.at.x, at.at.y, at.unit)?;
+    Ok(Target { x_m, y_m, intensity_g: at.intensity_g })
+}
+
+pub fn plan(options: &Plan) -> Outcome {
+    let scene = options.panel.load()?;
+    let target = target(&scene, &options.at)?;
+    let table = plan_table(&options.panel, &scene)?;
+    let plan = table.plan(&[target])?;
+    if options.json {
+        eprintln!("{NO_BOUND}");
+        return print_json(&plan);
+    }
+    let mut text = format!("target {:.1} mm, {:.1} mm", plan.target_mm[0], plan.target_mm[1]);
+    for drive in &plan.drives {
+        let _ = write!(
+            text,
+            "\n  {:12} {:7.2} Hz  {:7.1} V  pulse width {:.3}  {:.4} N",
+            drive.actuator, drive.frequency_hz, drive.voltage_v, drive.pulse_width, drive.force_n
+        );
+    }
+    let predicted = plan.predicted;
+    let _ = write!(
+        text,
+        "\npredicted: {:.3} g at the target, {:.3} g on average elsewhere, contrast {:.1} dB",
+        predicted.target_peak_g, predicted.mean_elsewhere_g, predicted.contrast_db
+    );
+    if let Some(limit) = &plan.limited_by {
+        let _ = write!(text, "\nlimited by {limit}");
+    }
+    print_text(&text)
+}
+
+pub fn field(options: &Field) -> Outcome {
+    let scene = options.panel.load()?;
+    let target = target(&scene, &options.at)?;
+    let table = plan_table(&options.panel, &scene)?;
+    let plan = table.plan(&[target])?;
+    let field = study::Field::of(&table, &plan);
+    if let Some(path) = &options.png {
+        study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?;
+    }
+    if let Some(path) = &options.csv {
+        std::fs::write(path, field.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+    }
+    if options.json {
+        return print_json(&json!({"plan": plan, "field": field}));
+    }
+    if options.png.is_none() && options.csv.is_none() {
+        return print_text(field.csv().trim_end());
+    }
+    Ok(())
+}

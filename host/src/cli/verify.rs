@@ -1,0 +1,68 @@
+//! Prediction against simulation, point by point.
+
+use super::args::Verify;
+use super::panel::plan_table;
+use super::progress::with_progress;
+use super::serve::simulated_panel;
+use super::{Failure, Outcome, print_json, print_text};
+use crate::planner::Target;
+use crate::verify::{Comparison, compare, spread};
+use rayon::prelude::*;
+use serde_json::json;
+use std::fmt::Write;
+
+pub fn run(options: &Verify) -> Outcome {
+    let scene = options.panel.load()?;
+    let table = plan_table(&options.panel, &scene)?;
+    let panel = simulated_panel(&table);
+    let points = spread(options.points, scene.surface.length_m, scene.surface.width_m);
+    let results: Vec<Comparison> = with_progress("simulating", || {
+        points
+            .par_iter()
+            .map(|(x_m, y_m)| {
+                let target = Target { x_m: *x_m, y_m: *y_m, intensity_g: Some(options.intensity_g) };
+                compare(&table, &panel, target)
+            })
+            .collect::<Result<_, _>>()
+    })
+    .map_err(Failure::failed)?;
+    let worst = results.iter().map(|c| c.difference.abs().max(c.band_difference.abs())).fold(0.0, f64::max);
+    if options.json {
+        print_json(&json!({"scene": scene.name, "points": results, "largest_difference": worst}))?;
+    } else {
+        print_text(&table_text(&scene.name, &results, worst))?;
+    }
+    if worst <= options.limit {
+        return Ok(());
+    }
+    Err(Failure::Failed(format!(
+        "the largest difference is {:.2} %, more than the {:.2} % allowed",
+        worst * 100.0,
+        options.limit * 100.0
+    )))
+}
+
+fn table_text(name: &str, results: &[Comparison], worst: f64) -> String {
+    let mut text = format!(
+        "{name}: peak acceleration at the target in g, predicted (frequency domain) and simulated (time domain)\n\
+         \x20             drives                     fundamentals (eq. 23)       whole waveform to 1 kHz\n\
+         \x20 x mm   y mm  Hz                       predicted simulated  diff   predicted simulated  diff"
+    );
+    for c in results {
+        let drives = c.drives.iter().map(|drive| format!("{:.0}", drive.frequency_hz)).collect::<Vec<_>>().join(" + ");
+        let _ = write!(
+            text,
+            "\n{:6.1} {:6.1}  {drives:24} {:9.4} {:9.4} {:+5.2} % {:9.4} {:9.4} {:+5.2} %",
+            c.x_mm,
+            c.y_mm,
+            c.predicted_g,
+            c.simulated_g,
+            c.difference * 100.0,
+            c.predicted_band_g,
+            c.simulated_band_g,
+            c.band_difference * 100.0
+        );
+    }
+    let _ = write!(text, "\nlargest difference {:.2} %", worst * 100.0);
+    text
+}

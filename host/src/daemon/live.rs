@@ -1,0 +1,152 @@
+//! The WebSocket: touches in, state, plans and telemetry out.
+
+use super::app::{App, MAX_DURATION_MS, Update};
+use super::problem::Problem;
+use super::view::{self, TouchView};
+use axum::extract::State;
+use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::response::Response;
+use futures_util::{SinkExt, StreamExt};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::{mpsc, watch};
+
+/// Least time for which a tap vibrates, however short the finger was down.
+const TAP: Duration = Duration::from_millis(400);
+/// Longest message in bytes: ten fingers take under 1 kB.
+const MAX_MESSAGE: usize = 16 * 1024;
+/// Messages that may wait for a slow page.
+const OUTBOX: usize = 32;
+
+/// What a page can say.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase", deny_unknown_fields)]
+enum Incoming {
+    /// The fingers that are down now; none when all are lifted.
+    Touch { touches: Vec<TouchView>, intensity_g: Option<f64> },
+    /// Everything off.
+    Stop,
+}
+
+/// The fingers of one page.
+#[derive(Clone, Debug, Default)]
+struct Fingers {
+    touches: Vec<TouchView>,
+    intensity_g: Option<f64>,
+}
+
+/// Takes the upgrade.
+pub async fn upgrade(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
+    upgrade.max_message_size(MAX_MESSAGE).on_upgrade(move |socket| serve(app, socket))
+}
+
+async fn serve(app: Arc<App>, socket: WebSocket) {
+    let (mut sink, mut stream) = socket.split();
+    let (outbox, mut letters) = mpsc::channel::<Value>(OUTBOX);
+    let writer = tokio::spawn(async move {
+        while let Some(letter) = letters.recv().await {
+            if sink.send(Message::Text(letter.to_string().into())).await.is_err() {
+                return;
+            }
+        }
+        let _ = sink.close().await;
+    });
+    // Only the newest set of fingers matters: a device slower than the page skips what came in between.
+    let (fingers, newest) = watch::channel(Fingers::default());
+    let driver = tokio::spawn(drive(Arc::clone(&app), newest, outbox.clone()));
+
+    let (mut device, mut updates, closing) = (app.device(), app.updates(), app.closing());
+    let mut closing = closing.subscribe();
+    let mut first = vec![view::typed("scene", &app.scene), view::typed("state", &view::state(&app))];
+    first.extend(app.active().map(|active| view::plan_message(&active)));
+    for letter in first {
+        if outbox.send(letter).await.is_err() {
+            return;
+        }
+    }
+    loop {
+        let letter = tokio::select! {
+            message = stream.next() => match message {
+                Some(Ok(Message::Text(text))) => take(&app, text.as_str(), &fingers).await,
+                Some(Ok(Message::Close(_)) | Err(_)) | None => break,
+                Some(Ok(_)) => None,
+            },
+            changed = device.changed() => match changed {
+                Ok(()) => Some(view::typed("state", &view::state(&app))),
+                Err(_) => break,
+            },
+            update = updates.recv() => match update {
+                Ok(Update::Plan(active)) => Some(view::plan_message(&active)),
+                Ok(Update::Stopped) => Some(view::typed("state", &view::state(&app))),
+                // A slow page missed some; the next ones are newer anyway.
+                Err(_) => None,
+            },
+            () = closed(&mut closing) => break,
+        };
+        if let Some(letter) = letter
+            && outbox.send(letter).await.is_err()
+        {
+            break;
+        }
+    }
+    // A page that goes away has lifted its fingers: the driver notices when the channel closes.
+    drop(fingers);
+    let _ = driver.await;
+    drop(outbox);
+    let _ = writer.await;
+}
+
+/// Resolves when the daemon shuts down.
+async fn closed(closing: &mut watch::Receiver<bool>) {
+    // An error means that the daemon is gone already.
+    let _ = closing.wait_for(|closing| *closing).await.map(|_| ());
+}
+
+/// Carries out what a page said; the answer, if there is one.
+async fn take(app: &App, text: &str, fingers: &watch::Sender<Fingers>) -> Option<Value> {
+    match serde_json::from_str(text) {
+        Ok(Incoming::Touch { touches, intensity_g }) => {
+            fingers.send_replace(Fingers { touches, intensity_g });
+            None
+        }
+        Ok(Incoming::Stop) => {
+            fingers.send_replace(Fingers::default());
+            app.stop().await.err().map(|error| error_message(&error.into()))
+        }
+        Err(error) => Some(error_message(&Problem::body(format!(
+            "{error}; expected {{\"type\": \"touch\", \"touches\": [...]}} or {{\"type\": \"stop\"}}"
+        )))),
+    }
+}
+
+/// Drives what the fingers ask for until the page goes away.
+async fn drive(app: Arc<App>, mut newest: watch::Receiver<Fingers>, outbox: mpsc::Sender<Value>) {
+    let mut since: Option<Instant> = None;
+    while newest.changed().await.is_ok() {
+        let Fingers { touches, intensity_g } = newest.borrow_and_update().clone();
+        if touches.is_empty() {
+            if let Some(since) = since.take() {
+                app.release(since + TAP);
+            }
+            continue;
+        }
+        let hold = Duration::from_millis(u64::from(MAX_DURATION_MS));
+        match app.touch_all(touches, intensity_g, hold).await {
+            Ok(_) => {
+                since.get_or_insert_with(Instant::now);
+            }
+            Err(problem) => {
+                let _ = outbox.send(error_message(&problem)).await;
+            }
+        }
+    }
+    if let Some(since) = since {
+        app.release(since + TAP);
+    }
+}
+
+fn error_message(problem: &Problem) -> Value {
+    json!({ "type": "error", "problem": problem })
+}

@@ -1,0 +1,63 @@
+//! Counters in the Prometheus text format.
+
+use crate::device::Snapshot;
+use era_shared::safety::State;
+use std::fmt::Write;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What the daemon counts.
+#[derive(Debug, Default)]
+pub struct Metrics {
+    touches: AtomicU64,
+    failures: AtomicU64,
+    plans: AtomicU64,
+    plan_ns: AtomicU64,
+}
+
+impl Metrics {
+    /// Counts a touch.
+    pub fn count_touch(&self, good: bool) {
+        let counter = if good { &self.touches } else { &self.failures };
+        counter.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts a plan and its time.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    pub fn plan_time(&self, elapsed_us: f64) {
+        self.plans.fetch_add(1, Ordering::Relaxed);
+        self.plan_ns.fetch_add((elapsed_us * 1e3) as u64, Ordering::Relaxed);
+    }
+
+    /// All of it as text.
+    #[must_use]
+    pub fn text(&self, device: &Snapshot) -> String {
+        let mut out = String::new();
+        let mut metric = |name: &str, kind: &str, help: &str, value: &dyn std::fmt::Display| {
+            // Writing to a String cannot fail.
+            let _ = writeln!(out, "# HELP {name} {help}\n# TYPE {name} {kind}\n{name} {value}");
+        };
+        let load = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        metric("era_touches_total", "counter", "Touches driven.", &load(&self.touches));
+        metric("era_touch_failures_total", "counter", "Touches answered with an error.", &load(&self.failures));
+        metric("era_plans_total", "counter", "Plans computed.", &load(&self.plans));
+        #[allow(clippy::cast_precision_loss, reason = "a sum of times")]
+        let plan_s = load(&self.plan_ns) as f64 / 1e9;
+        metric("era_plan_seconds_total", "counter", "Time spent planning.", &plan_s);
+        metric("era_device_connected", "gauge", "1 if the device answers.", &u8::from(device.connected));
+        metric("era_device_restarts_total", "counter", "Restarts of the device noticed.", &device.restarts);
+        metric("era_link_frames_sent_total", "counter", "Frames sent to the device.", &device.link.frames_sent);
+        metric("era_link_repeats_total", "counter", "Frames sent again for want of an answer.", &device.link.repeats);
+        metric("era_link_bad_frames_total", "counter", "Broken frames received.", &device.link.bad_frames);
+        if let Some(round_trip) = device.round_trip {
+            let name = "era_link_round_trip_seconds";
+            metric(name, "gauge", "Median of the last round trips.", &round_trip.as_secs_f64());
+        }
+        let _ =
+            writeln!(out, "# HELP era_device_state 1 for the state the device is in.\n# TYPE era_device_state gauge");
+        for state in State::ALL {
+            let here = u8::from(device.connected && device.state() == Some(state));
+            let _ = writeln!(out, "era_device_state{{state=\"{}\"}} {here}", state.name());
+        }
+        out
+    }
+}

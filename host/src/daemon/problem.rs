@@ -1,0 +1,122 @@
+//! Errors as RFC 9457 "problem+json", with the field, its value and the allowed range where there are any.
+
+use crate::device::{LinkError, SessionError};
+use crate::planner::PlanError;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+
+/// One problem.
+#[derive(Clone, Debug, Serialize)]
+pub struct Problem {
+    /// Kind of problem, stable for programs.
+    #[serde(rename = "type")]
+    kind: String,
+    /// The kind in words.
+    title: &'static str,
+    /// HTTP status.
+    status: u16,
+    /// This case in words.
+    detail: String,
+    /// The request's field, if one is wrong.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    field: Option<String>,
+    /// Its value.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    value: Option<serde_json::Value>,
+    /// What is allowed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    allowed: Option<String>,
+}
+
+impl Problem {
+    /// A problem of the kind `kind` (a word or two, made into a URN).
+    #[must_use]
+    pub fn new(status: StatusCode, kind: &str, title: &'static str, detail: impl Into<String>) -> Self {
+        Self {
+            kind: format!("urn:era:problem:{kind}"),
+            title,
+            status: status.as_u16(),
+            detail: detail.into(),
+            field: None,
+            value: None,
+            allowed: None,
+        }
+    }
+
+    /// A number outside its range.
+    #[must_use]
+    pub fn range(field: &str, value: f64, min: impl std::fmt::Display, max: impl std::fmt::Display) -> Self {
+        let allowed = format!("{min} to {max}");
+        let detail = format!("{field} is {value}, but must be in {allowed}");
+        Self {
+            field: Some(field.into()),
+            value: Some(value.into()),
+            allowed: Some(allowed),
+            ..Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A value is out of range", detail)
+        }
+    }
+
+    /// A body that could not be read.
+    #[must_use]
+    pub fn body(detail: String) -> Self {
+        Self::new(StatusCode::BAD_REQUEST, "bad-body", "The request's body cannot be used", detail)
+    }
+
+    /// In words.
+    #[must_use]
+    pub fn detail(&self) -> &str {
+        &self.detail
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let body = serde_json::to_vec(&self).unwrap_or_default();
+        (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response()
+    }
+}
+
+impl From<crate::scene::ScreenError> for Problem {
+    fn from(error: crate::scene::ScreenError) -> Self {
+        Self::range(error.field, error.value, error.min, error.max)
+    }
+}
+
+impl From<PlanError> for Problem {
+    fn from(error: PlanError) -> Self {
+        match error {
+            PlanError::Range { field, value, min, max } => Self::range(field, value, min, max),
+            PlanError::Count { .. } => {
+                Self::new(StatusCode::BAD_REQUEST, "touch-count", "Too many or too few touches", error.to_string())
+            }
+            PlanError::NoActuators | PlanError::NoFrequencies => {
+                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", error.to_string())
+            }
+        }
+    }
+}
+
+impl From<SessionError> for Problem {
+    fn from(error: SessionError) -> Self {
+        let detail = error.to_string();
+        match error {
+            SessionError::Fault { .. } => Self::new(
+                StatusCode::CONFLICT,
+                "device-fault",
+                "The device is in a fault",
+                format!("{detail} (POST /v1/faults/clear clears it)"),
+            ),
+            SessionError::Link(LinkError::Refused(_)) => {
+                Self::new(StatusCode::CONFLICT, "device-refused", "The device refused", detail)
+            }
+            SessionError::Link(_) | SessionError::Disconnected { .. } => {
+                Self::new(StatusCode::BAD_GATEWAY, "device-lost", "The device does not answer", detail)
+            }
+            SessionError::Closed => {
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "closing", "The daemon is shutting down", detail)
+            }
+        }
+    }
+}

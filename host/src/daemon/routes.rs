@@ -1,0 +1,138 @@
+//! The HTTP interface.
+
+use super::app::{App, TouchRequest};
+use super::problem::Problem;
+use super::view::{self, FieldView};
+use super::{assets, live};
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Query, Request, State};
+use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+use serde::Deserialize;
+use std::sync::Arc;
+
+/// Longest request body in bytes; a touch takes under 200.
+const MAX_BODY: usize = 16 * 1024;
+/// The description of this interface.
+const OPENAPI: &str = include_str!("openapi.json");
+
+/// All routes.
+pub fn router(app: Arc<App>) -> Router {
+    let mut router = Router::new()
+        .route("/v1/touch", post(touch))
+        .route("/v1/stop", post(stop))
+        .route("/v1/faults/clear", post(clear_faults))
+        .route("/v1/state", get(state))
+        .route("/v1/scene", get(scene))
+        .route("/v1/field", get(field))
+        .route("/v1/live", get(live::upgrade))
+        .route("/metrics", get(metrics))
+        .route("/openapi.json", get(openapi));
+    for path in assets::paths() {
+        router = router.route(path, get(move || async move { assets::asset(path) }));
+    }
+    router
+        .fallback(not_found)
+        .method_not_allowed_fallback(wrong_method)
+        .layer(DefaultBodyLimit::max(MAX_BODY))
+        .layer(middleware::from_fn(same_origin))
+        .with_state(app)
+}
+
+/// Refuses requests that a page from elsewhere makes a browser send: this daemon moves hardware.
+async fn same_origin(request: Request, next: Next) -> Response {
+    let headers = request.headers();
+    if let Some(origin) = text(headers, header::ORIGIN) {
+        let own = text(headers, header::HOST).unwrap_or_default();
+        if origin.split_once("://").is_none_or(|(_, authority)| authority != own) {
+            let detail = format!("requests from pages of {origin} are not taken; open the page of this daemon itself");
+            return Problem::new(StatusCode::FORBIDDEN, "foreign-origin", "Foreign page", detail).into_response();
+        }
+    }
+    next.run(request).await
+}
+
+fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
+    headers.get(name).and_then(|value| value.to_str().ok())
+}
+
+async fn touch(State(app): State<Arc<App>>, body: Bytes) -> Result<Response, Problem> {
+    let request: TouchRequest = serde_json::from_slice(&body).map_err(|error| {
+        let wanted =
+            r#"expected {"x_px": number, "y_px": number, "intensity_g"?: number, "duration_ms"?: whole number}"#;
+        Problem::body(format!("{error}; {wanted}"))
+    })?;
+    let (active, achieved) = app.touch(request).await?;
+    Ok(Json(view::touched(&active, achieved)).into_response())
+}
+
+async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+    app.stop().await?;
+    Ok(Json(view::state(&app)).into_response())
+}
+
+async fn clear_faults(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+    app.clear_faults().await?;
+    Ok(Json(view::state(&app)).into_response())
+}
+
+async fn state(State(app): State<Arc<App>>) -> Response {
+    Json(view::state(&app)).into_response()
+}
+
+async fn scene(State(app): State<Arc<App>>) -> Response {
+    Json(&app.scene).into_response()
+}
+
+/// The field of the current plan, or of the plan for `x_px`, `y_px` without driving anything.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FieldQuery {
+    x_px: Option<f64>,
+    y_px: Option<f64>,
+    intensity_g: Option<f64>,
+}
+
+async fn field(State(app): State<Arc<App>>, uri: Uri) -> Result<Response, Problem> {
+    let Query(query) = Query::<FieldQuery>::try_from_uri(&uri).map_err(|error| {
+        Problem::new(StatusCode::BAD_REQUEST, "bad-query", "The query cannot be used", error.body_text())
+    })?;
+    let view = match (query.x_px, query.y_px) {
+        (Some(x_px), Some(y_px)) => {
+            let (x_m, y_m) = app.table.scene.screen.px_to_surface_m(x_px, y_px)?;
+            let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
+            tokio::task::block_in_place(|| -> Result<_, Problem> {
+                let plan = app.table.plan(&[target])?;
+                Ok(FieldView::new(&app.table, Some(&plan), 0))
+            })?
+        }
+        (None, None) => app.active().map_or_else(|| FieldView::new(&app.table, None, 0), |active| active.field.clone()),
+        _ => {
+            let detail = "give both x_px and y_px, or neither for the field of the current plan";
+            return Err(Problem::new(StatusCode::BAD_REQUEST, "bad-query", "The query cannot be used", detail));
+        }
+    };
+    Ok(Json(view).into_response())
+}
+
+async fn metrics(State(app): State<Arc<App>>) -> Response {
+    let text = app.metrics.text(&app.device().borrow());
+    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
+}
+
+async fn openapi() -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], OPENAPI).into_response()
+}
+
+async fn not_found(uri: Uri) -> Problem {
+    let detail = format!("there is nothing at {}; see /openapi.json for what there is", uri.path());
+    Problem::new(StatusCode::NOT_FOUND, "not-found", "Not found", detail)
+}
+
+async fn wrong_method(method: Method, uri: Uri) -> Problem {
+    let detail = format!("{} does not take {method}; see /openapi.json", uri.path());
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method-not-allowed", "Wrong method", detail)
+}

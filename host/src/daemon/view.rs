@@ -1,0 +1,238 @@
+//! What goes out as JSON.
+
+use super::app::{Active, App};
+use crate::device::convert::from_wire;
+use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
+use crate::scene::Scene;
+use era_shared::protocol::{AchievedDrive, HelloReply};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+/// One finger.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TouchView {
+    /// The page's number for it.
+    #[serde(default)]
+    pub id: i64,
+    /// In pixels of the scene's screen.
+    pub x_px: f64,
+    /// In pixels of the scene's screen.
+    pub y_px: f64,
+}
+
+/// The scene as a page draws it.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneView(Value);
+
+impl SceneView {
+    /// The view of `scene`.
+    #[must_use]
+    pub fn new(scene: &Scene) -> Self {
+        let (surface, screen) = (&scene.surface, &scene.screen);
+        let mm = |metres: f64| metres * 1e3;
+        let supports: Vec<_> = scene
+            .supports
+            .iter()
+            .map(|s| json!({"x_mm": mm(s.x_m), "y_mm": mm(s.y_m), "stiffness_n_per_m": s.stiffness_n_per_m}))
+            .collect();
+        let edges: Vec<_> = scene.edges.iter().map(|e| json!({"side": e.side, "kind": e.kind.name()})).collect();
+        let masses: Vec<_> = scene
+            .masses
+            .iter()
+            .map(|m| json!({"x_mm": mm(m.x_m), "y_mm": mm(m.y_m), "mass_g": m.mass_kg * 1e3}))
+            .collect();
+        let actuators: Vec<_> = scene
+            .actuators
+            .iter()
+            .map(|a| {
+                json!({
+                    "id": a.id, "x_mm": mm(a.x_m), "y_mm": mm(a.y_m), "mount": a.mount,
+                    "max_voltage_v": a.max_voltage_v,
+                    "electrode_diameter_mm": mm(2.0 * (a.electrode_area_m2 / std::f64::consts::PI).sqrt()),
+                })
+            })
+            .collect();
+        Self(json!({
+            "name": scene.name, "kind": surface.kind,
+            "length_mm": mm(surface.length_m), "width_mm": mm(surface.width_m), "thickness_mm": mm(surface.thickness_m),
+            "screen": {
+                "width_px": screen.width_px, "height_px": screen.height_px,
+                "x_mm": mm(screen.x_m), "y_mm": mm(screen.y_m),
+                "width_mm": mm(screen.width_m), "height_mm": mm(screen.height_m),
+            },
+            "supports": supports, "edges": edges, "masses": masses, "actuators": actuators,
+        }))
+    }
+}
+
+/// A plan as sent to clients.
+#[derive(Clone, Debug, Serialize)]
+#[serde(transparent)]
+pub struct PlanView {
+    plan: Plan,
+}
+
+impl PlanView {
+    /// The view of `plan`.
+    #[must_use]
+    pub const fn new(plan: Plan) -> Self {
+        Self { plan }
+    }
+}
+
+/// Predicted peak acceleration over the surface.
+#[derive(Clone, Debug, Serialize)]
+pub struct FieldView {
+    nx: usize,
+    ny: usize,
+    x_mm: Vec<f64>,
+    y_mm: Vec<f64>,
+    peak_g: Vec<f64>,
+    max_g: f64,
+    plan_id: u64,
+}
+
+impl FieldView {
+    /// The field of `plan` on the table's grid; zeros without one.
+    #[must_use]
+    pub fn new(table: &PlanTable, plan: Option<&Plan>, plan_id: u64) -> Self {
+        let grid = &table.grid;
+        let peak_g: Vec<f64> = match plan {
+            Some(plan) => table.field(plan).into_iter().map(|peak| round(peak / STANDARD_GRAVITY)).collect(),
+            None => vec![0.0; grid.weights.len()],
+        };
+        Self {
+            nx: grid.x_m.len(),
+            ny: grid.y_m.len(),
+            x_mm: grid.x_m.iter().map(|x| round(x * 1e3)).collect(),
+            y_mm: grid.y_m.iter().map(|y| round(y * 1e3)).collect(),
+            max_g: peak_g.iter().copied().fold(0.0, f64::max),
+            peak_g,
+            plan_id,
+        }
+    }
+}
+
+/// Six decimals: a map of 1600 numbers goes over the wire at every touch.
+fn round(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
+}
+
+/// What the device achieves, with the actuators' names.
+#[must_use]
+pub fn achieved(plan: &Plan, achieved: &[AchievedDrive]) -> Value {
+    let list: Vec<_> = achieved
+        .iter()
+        .map(|drive| {
+            let si = from_wire(drive);
+            let actuator = plan.drives.get(usize::from(drive.channel)).map(|drive| drive.actuator.as_str());
+            json!({
+                "actuator": actuator, "channel": drive.channel, "frequency_hz": si.frequency_hz,
+                "voltage_v": si.voltage_v, "pulse_width": si.pulse_width, "phase_rad": si.phase_rad,
+                "guard_us": f64::from(drive.guard_ns) / 1e3,
+            })
+        })
+        .collect();
+    json!({ "acknowledged": true, "achieved": list })
+}
+
+/// The answer to a touch: the plan, and the device's acknowledgement.
+#[must_use]
+pub fn touched(active: &Active, device: Value) -> Value {
+    let mut answer = json!(active.plan);
+    if let Some(map) = answer.as_object_mut() {
+        map.insert("plan_id".into(), active.id.into());
+        map.insert("device".into(), device);
+    }
+    answer
+}
+
+/// The plan and its field, for a page.
+#[must_use]
+pub fn plan_message(active: &Active) -> Value {
+    json!({ "type": "plan", "plan": active.plan, "field": active.field, "touches": active.touches })
+}
+
+/// `content` with its type, for a page.
+#[must_use]
+pub fn typed(kind: &str, content: &impl Serialize) -> Value {
+    let mut message = json!(content);
+    if let Some(map) = message.as_object_mut() {
+        map.insert("type".into(), kind.into());
+    }
+    message
+}
+
+/// Everything there is to know now.
+#[must_use]
+pub fn state(app: &App) -> Value {
+    let receiver = app.device();
+    let device = receiver.borrow();
+    let active = app.active();
+    let status = device.status.as_ref();
+    let fault = status.and_then(|status| status.fault).map(|fault| {
+        json!({
+            "code": fault.code.number(), "name": fault.code.name(), "message": fault.code.advice(),
+            "action": "clear", "detail": fault.detail, "count": fault.count,
+        })
+    });
+    let names = &app.table.scene.actuators;
+    let channels: Vec<_> = status
+        .map(|status| {
+            status
+                .channels
+                .iter()
+                .enumerate()
+                .map(|(i, channel)| {
+                    let si = channel.drive.as_ref().map(from_wire);
+                    json!({
+                        "actuator": names.get(i).map(|actuator| actuator.id.as_str()),
+                        "active": si.is_some(),
+                        "frequency_hz": si.map(|d| d.frequency_hz), "voltage_v": si.map(|d| d.voltage_v),
+                        "pulse_width": si.map(|d| d.pulse_width),
+                    })
+                })
+                .collect()
+        })
+        .unwrap_or_default();
+    let telemetry = device.telemetry.as_ref().map(|telemetry| {
+        json!({
+            "uptime_ms": telemetry.uptime_us / 1000,
+            "acceleration_peak_g": telemetry.acceleration_peak_mm_per_s2
+                .map(|peak| f64::from(peak) / 1e3 / STANDARD_GRAVITY),
+            "channels": channels,
+        })
+    });
+    let hello = device.hello.as_ref();
+    json!({
+        "device": {
+            "kind": device.kind, "port": device.path, "connected": device.connected, "problem": device.problem,
+            "state": status.map(|status| status.state.name()), "fault": fault,
+            "firmware": hello.map(firmware), "protocol": hello.map(|hello| hello.protocol_current),
+            "board_id": hello.map(board_id), "boot_id": hello.map(|hello| hello.boot_id),
+            "reset_cause": hello.map(|hello| format!("{:?}", hello.reset_cause)), "restarts": device.restarts,
+        },
+        "plan": active.as_ref().map(|active| &active.plan),
+        "plan_id": active.as_ref().map(|active| active.id),
+        "touches": active.as_ref().map(|active| active.touches.clone()).unwrap_or_default(),
+        "telemetry": telemetry,
+        "link": {
+            "round_trip_ms_median": device.round_trip.map(|time| time.as_secs_f64() * 1e3),
+            "frames_sent": device.link.frames_sent, "repeats": device.link.repeats,
+            "crc_errors": device.link.bad_frames,
+        },
+        "daemon": { "version": env!("CARGO_PKG_VERSION"), "uptime_s": app.started.elapsed().as_secs_f64() },
+    })
+}
+
+fn firmware(hello: &HelloReply) -> String {
+    let version = hello.firmware;
+    let commit = std::str::from_utf8(&version.commit).ok().filter(|commit| *commit != "00000000");
+    let numbers = format!("{}.{}.{}", version.major, version.minor, version.patch);
+    commit.map_or(numbers.clone(), |commit| format!("{numbers}+{commit}"))
+}
+
+fn board_id(hello: &HelloReply) -> String {
+    hello.board_id.iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,221 @@
+//! One request, one reply, over any byte stream: framing, time-outs, repeats.
+
+use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Refusal, Reply, Request};
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::time::{Duration, Instant};
+
+/// How often a request is sent before its answer is given up. Every request can be repeated without harm
+/// (`era_shared::protocol::Request`), so a frame lost to noise costs one time-out and nothing else.
+const ATTEMPTS: u32 = 3;
+/// Round trips that the median is taken over.
+const ROUND_TRIPS_KEPT: usize = 64;
+
+/// Why there is no answer.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The port failed: most often the cable was pulled.
+    #[error("the device's port failed: {0}. Check the cable and the power of the board")]
+    Io(#[from] std::io::Error),
+    /// Nothing, or nothing readable, came back.
+    #[error(
+        "the device gave no readable answer to {request} within {timeout:?}, {attempts} times. Is it an ERA board, and is another program using its port?"
+    )]
+    Silent {
+        /// The request's name.
+        request: &'static str,
+        /// How long was waited each time.
+        timeout: Duration,
+        /// How often it was sent.
+        attempts: u32,
+    },
+    /// The two sides have no protocol version in common.
+    #[error("this program speaks ERA protocol versions {host_min} to {host_current}, the device {device_min} to {device_current}: update {}", if device_current < host_min { "the board's firmware" } else { "this program" })]
+    Version {
+        /// Oldest spoken here.
+        host_min: u8,
+        /// Newest spoken here.
+        host_current: u8,
+        /// Oldest spoken by the device.
+        device_min: u8,
+        /// Newest spoken by the device.
+        device_current: u8,
+    },
+    /// The device refused.
+    #[error("the device refused: {}", super::convert::refusal_text(.0))]
+    Refused(Refusal),
+    /// The device answered another question than was asked.
+    #[error("the device answered {request} with {reply}: it runs other software than this program knows")]
+    Unexpected {
+        /// The request's name.
+        request: &'static str,
+        /// What came.
+        reply: String,
+    },
+}
+
+/// A byte stream to a device. Reads return what there is, or time out within a few ms.
+pub trait Transport: Read + Write + Send {}
+impl<T: Read + Write + Send + ?Sized> Transport for T {}
+
+/// What the link has done so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LinkStatistics {
+    /// Frames sent, repeats included.
+    pub frames_sent: u64,
+    /// Frames sent again as no answer came.
+    pub repeats: u64,
+    /// Stretches of bytes that were no frame.
+    pub bad_frames: u64,
+}
+
+/// The host's end of the link.
+pub struct Client {
+    transport: Box<dyn Transport>,
+    decoder: Decoder,
+    sequence: u16,
+    timeout: Duration,
+    statistics: LinkStatistics,
+    round_trips: VecDeque<Duration>,
+    last_frame_written: Option<Instant>,
+}
+
+impl Client {
+    /// A client over `transport` that waits `timeout` for each answer.
+    #[must_use]
+    pub fn new(transport: Box<dyn Transport>, timeout: Duration) -> Self {
+        Self {
+            transport,
+            decoder: Decoder::new(),
+            sequence: 0,
+            timeout,
+            statistics: LinkStatistics::default(),
+            round_trips: VecDeque::new(),
+            last_frame_written: None,
+        }
+    }
+
+    /// What the link has done so far.
+    #[must_use]
+    pub const fn statistics(&self) -> LinkStatistics {
+        self.statistics
+    }
+
+    /// Median of the last round trips.
+    #[must_use]
+    pub fn round_trip_median(&self) -> Option<Duration> {
+        let mut sorted: Vec<Duration> = self.round_trips.iter().copied().collect();
+        sorted.sort_unstable();
+        sorted.get(sorted.len() / 2).copied()
+    }
+
+    /// When the last byte of the last frame was handed to the port.
+    #[must_use]
+    pub const fn last_frame_written(&self) -> Option<Instant> {
+        self.last_frame_written
+    }
+
+    /// Sends `request` and waits for its reply; a refusal is an error.
+    ///
+    /// # Errors
+    /// [`LinkError`]; after [`LinkError::Silent`] and [`LinkError::Io`] it is not known whether the request was carried
+    /// out.
+    pub fn request(&mut self, request: &Request) -> Result<Reply, LinkError> {
+        for attempt in 0..ATTEMPTS {
+            self.sequence = self.sequence.wrapping_add(1);
+            if attempt > 0 {
+                self.statistics.repeats += 1;
+                tracing::debug!(request = name(request), attempt, "no answer, sending again");
+                // A zero ends whatever half frame the line may hold, so that the repeat is not spoiled by it.
+                self.transport.write_all(&[0])?;
+            }
+            let sent = Instant::now();
+            self.send(request)?;
+            if let Some(reply) = self.wait(sent + self.timeout)? {
+                self.note_round_trip(sent.elapsed());
+                return match reply {
+                    Reply::Refused(Refusal::Version { device_min, device_current, .. }) => Err(LinkError::Version {
+                        host_min: MIN_VERSION,
+                        host_current: CURRENT_VERSION,
+                        device_min,
+                        device_current,
+                    }),
+                    Reply::Refused(refusal) => Err(LinkError::Refused(refusal)),
+                    reply => Ok(reply),
+                };
+            }
+        }
+        Err(LinkError::Silent { request: name(request), timeout: self.timeout, attempts: ATTEMPTS })
+    }
+
+    fn send(&mut self, request: &Request) -> Result<(), LinkError> {
+        let mut frame = [0; MAX_ENCODED];
+        let length = encode(CURRENT_VERSION, Kind::Request, self.sequence, request, &mut frame)
+            .map_err(|error| std::io::Error::new(ErrorKind::InvalidInput, format!("{error:?}")))?;
+        self.transport.write_all(frame.get(..length).unwrap_or_default())?;
+        self.transport.flush()?;
+        self.last_frame_written = Some(Instant::now());
+        self.statistics.frames_sent += 1;
+        Ok(())
+    }
+
+    /// The reply with the current sequence number, or `None` when the deadline has passed.
+    fn wait(&mut self, deadline: Instant) -> Result<Option<Reply>, LinkError> {
+        let mut buffer = [0_u8; 512];
+        while Instant::now() < deadline {
+            let length = match self.transport.read(&mut buffer) {
+                Ok(0) => return Err(std::io::Error::from(ErrorKind::UnexpectedEof).into()),
+                Ok(length) => length,
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
+                {
+                    continue;
+                }
+                Err(error) => return Err(error.into()),
+            };
+            let mut found = None;
+            let (sequence, mut bad) = (self.sequence, 0);
+            self.decoder.feed(buffer.get(..length).unwrap_or_default(), |result| match result {
+                Ok(frame) if frame.kind == Kind::Reply as u8 && frame.sequence == sequence => {
+                    match postcard::from_bytes(frame.body) {
+                        Ok(reply) => found = Some(reply),
+                        Err(_) => bad += 1,
+                    }
+                }
+                // The answer to an earlier attempt.
+                Ok(_) => {}
+                Err(_) => bad += 1,
+            });
+            self.statistics.bad_frames += bad;
+            if found.is_some() {
+                return Ok(found);
+            }
+        }
+        Ok(None)
+    }
+
+    fn note_round_trip(&mut self, time: Duration) {
+        if self.round_trips.len() == ROUND_TRIPS_KEPT {
+            self.round_trips.pop_front();
+        }
+        self.round_trips.push_back(time);
+    }
+}
+
+/// A request's name, as in logs and messages.
+#[must_use]
+pub const fn name(request: &Request) -> &'static str {
+    match request {
+        Request::Hello { .. } => "hello",
+        Request::Arm { .. } => "arm",
+        Request::Disarm => "disarm",
+        Request::SetDrives { .. } => "set-drives",
+        Request::Stop => "stop",
+        Request::KeepAlive => "keep-alive",
+        Request::Status => "status",
+        Request::Faults => "faults",
+        Request::ClearFaults => "clear-faults",
+        Request::Telemetry => "telemetry",
+    }
+}

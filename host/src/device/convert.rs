@@ -1,0 +1,101 @@
+//! Between the plan's SI units and the wire's integers, and refusals in words.
+
+use era_shared::protocol::{AchievedDrive, ChannelDrive, Refusal};
+use era_shared::waveform::DriveError;
+
+/// One drive in SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SiDrive {
+    /// 0-based.
+    pub channel: u8,
+    /// Fundamental of the force in Hz.
+    pub frequency_hz: f64,
+    /// Electrode voltage in V.
+    pub voltage_v: f64,
+    /// Part of its half period for which an electrode is on.
+    pub pulse_width: f64,
+    /// Phase of the force in rad.
+    pub phase_rad: f64,
+}
+
+/// The nearest drive that the wire can say. The voltage is rounded down, so that a limit met in V is met in mV; values
+/// outside the wire's range saturate there and are then refused by the device with its limits.
+#[must_use]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, which is what is wanted")]
+pub fn to_wire(drive: &SiDrive) -> ChannelDrive {
+    let turns = (drive.phase_rad / std::f64::consts::TAU).rem_euclid(1.0);
+    ChannelDrive {
+        channel: drive.channel,
+        frequency_millihertz: (drive.frequency_hz * 1e3).round() as u32,
+        pulse_width_ppm: (drive.pulse_width * 1e6).round() as u32,
+        phase_microturns: (turns * 1e6).round() as u32 % 1_000_000,
+        voltage_millivolts: (drive.voltage_v * 1e3).floor() as u32,
+    }
+}
+
+/// What a board says it achieved, in SI units.
+#[must_use]
+#[allow(clippy::cast_precision_loss, reason = "nanohertz up to 1e12 are exact in an f64")]
+pub fn from_wire(achieved: &AchievedDrive) -> SiDrive {
+    SiDrive {
+        channel: achieved.channel,
+        frequency_hz: achieved.frequency_nanohertz as f64 / 1e9,
+        voltage_v: f64::from(achieved.voltage_millivolts) / 1e3,
+        pulse_width: f64::from(achieved.pulse_width_ppm) / 1e6,
+        phase_rad: f64::from(achieved.phase_microturns) / 1e6 * std::f64::consts::TAU,
+    }
+}
+
+/// A refusal as a sentence with its values and limits.
+#[must_use]
+pub fn refusal_text(refusal: &Refusal) -> String {
+    match refusal {
+        Refusal::Version { got, device_min, device_current } => {
+            format!("protocol version {got} is not one of the device's {device_min} to {device_current}")
+        }
+        Refusal::Malformed => "it could not understand the request".into(),
+        Refusal::State { state, event } => format!("{} is not allowed in state {}", event.name(), state.name()),
+        Refusal::Drive { channel, error } => format!("channel {channel}: {}", drive_error_text(error)),
+        Refusal::DuplicateChannel { channel } => format!("channel {channel} is named twice"),
+        Refusal::OtherLink => "another host has armed the board; it must disarm first".into(),
+        Refusal::Deadman { requested_ms, min_ms, max_ms } => {
+            format!("deadman_ms {requested_ms} is outside {min_ms} to {max_ms}")
+        }
+        Refusal::Fault(fault) => {
+            format!("fault {} ({}): {}", fault.code.number(), fault.code.name(), fault.code.advice())
+        }
+    }
+}
+
+fn drive_error_text(error: &DriveError) -> String {
+    let si = |milli: u32| f64::from(milli) / 1e3;
+    match *error {
+        DriveError::NoSuchChannel { channels } => format!("the board has {channels} channels, counted from 0"),
+        DriveError::Frequency { requested_millihertz, min_millihertz, max_millihertz } => format!(
+            "frequency {} Hz is outside {} to {} Hz",
+            si(requested_millihertz),
+            si(min_millihertz),
+            si(max_millihertz)
+        ),
+        DriveError::Voltage { requested_millivolts, max_millivolts } => {
+            format!("voltage {} V is above {} V", si(requested_millivolts), si(max_millivolts))
+        }
+        DriveError::PulseTooWide { requested_ppm, widest_ppm, min_guard_ns } => format!(
+            "pulse width {} would leave less than the guard time of {} us; at this frequency at most {}",
+            f64::from(requested_ppm) / 1e6,
+            f64::from(min_guard_ns) / 1e3,
+            f64::from(widest_ppm) / 1e6
+        ),
+        DriveError::PulseTooNarrow { requested_ppm, narrowest_ppm } => format!(
+            "pulse width {} is shorter than the timer's step; at this frequency at least {}",
+            f64::from(requested_ppm) / 1e6,
+            f64::from(narrowest_ppm) / 1e6
+        ),
+        DriveError::Phase { requested_microturns } => {
+            format!("phase {} turns is not below one turn", f64::from(requested_microturns) / 1e6)
+        }
+        DriveError::NotRepresentable { timer_clock_hz } => {
+            format!("no timer setting gives this frequency from a clock of {timer_clock_hz} Hz")
+        }
+    }
+}

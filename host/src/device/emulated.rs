@@ -1,0 +1,206 @@
+//! The firmware image on the emulated board: a child process that bridges its UART to a pseudo-terminal.
+
+use super::target::Timing;
+use era_shared::waveform::TimerRegisters;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+/// Where the source was when this program was built; the emulator and the firmware are built and run from it.
+const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+/// Timers of the board's channels, in order.
+pub const CHANNEL_TIMERS: [&str; 2] = ["TIM1", "TIM8"];
+
+/// Emulated time may run ten times slower than real time on a busy machine, so its host waits longer; the board's
+/// dead-man timer runs in its own time, and a sign of life every 50 ms keeps it content either way.
+const TIMING: Timing = Timing {
+    reply_timeout: Duration::from_secs(5),
+    keep_alive: Duration::from_millis(50),
+    status: Duration::from_millis(250),
+};
+
+/// Why the emulated board did not start or answer.
+#[derive(Debug, thiserror::Error)]
+pub enum EmulatedError {
+    /// Not run from a checkout.
+    #[error("the emulated board needs the project's source: {path} is missing; set ERA_SOURCE to a checkout")]
+    NoSource {
+        /// What was looked for.
+        path: PathBuf,
+    },
+    /// A step failed.
+    #[error("the emulated board did not start: {step}: {reason}")]
+    Start {
+        /// What was tried.
+        step: &'static str,
+        /// What happened.
+        reason: String,
+    },
+    /// The bridge refused or broke off.
+    #[error("the emulator did not carry out {op}: {reason}")]
+    Control {
+        /// What was asked.
+        op: String,
+        /// What happened.
+        reason: String,
+    },
+}
+
+/// A running emulated board; it ends when this is dropped.
+#[derive(Debug)]
+pub struct EmulatedBoard {
+    path: String,
+    child: Child,
+    control: Mutex<Control>,
+}
+
+#[derive(Debug)]
+struct Control {
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+}
+
+impl EmulatedBoard {
+    /// Builds the firmware if need be and starts it in the emulator.
+    ///
+    /// # Errors
+    /// [`EmulatedError`].
+    pub fn start() -> Result<Self, EmulatedError> {
+        let source = source()?;
+        let elf = firmware(&source)?;
+        tracing::info!("starting {} in the emulator", elf.display());
+        let mut child = Command::new("python3")
+            .arg(source.join("emulator/launch.py"))
+            .arg("--elf")
+            .arg(&elf)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(|error| start_error("python3 emulator/launch.py", error))?;
+        let streams = child.stdin.take().zip(child.stdout.take());
+        let (input, output) = streams.ok_or_else(|| start_error("its pipes", "none"))?;
+        let mut control = Control { input, output: BufReader::new(output) };
+        let path = control.line().and_then(|first| match first["pty"].as_str() {
+            Some(path) => Ok(path.to_owned()),
+            None => Err(format!("unexpected first line {first}")),
+        });
+        match path {
+            Ok(path) => Ok(Self { path, child, control: Mutex::new(control) }),
+            Err(reason) => {
+                let _ = child.kill();
+                let _ = child.wait();
+                Err(start_error("the bridge's first line", reason))
+            }
+        }
+    }
+
+    /// Path of the serial port to open.
+    #[must_use]
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// How long to wait for it.
+    #[must_use]
+    pub const fn timing(&self) -> Timing {
+        TIMING
+    }
+
+    /// The registers of the channels' timers, as they are now.
+    ///
+    /// # Errors
+    /// [`EmulatedError::Control`].
+    pub fn timers(&self) -> Result<Vec<TimerRegisters>, EmulatedError> {
+        let answer = self.ask(&json!({"op": "timers"}))?;
+        CHANNEL_TIMERS
+            .iter()
+            .map(|name| {
+                let register = |key: &str| {
+                    let value = answer["timers"][*name][key].as_u64().and_then(|value| u32::try_from(value).ok());
+                    value.ok_or_else(|| EmulatedError::Control {
+                        op: "timers".into(),
+                        reason: format!("no register {key} of {name} in {answer}"),
+                    })
+                };
+                Ok(TimerRegisters {
+                    cr1: register("cr1")?,
+                    ccmr1: register("ccmr1")?,
+                    ccer: register("ccer")?,
+                    psc: register("psc")?,
+                    arr: register("arr")?,
+                    ccr1: register("ccr1")?,
+                    ccr2: register("ccr2")?,
+                    bdtr: register("bdtr")?,
+                })
+            })
+            .collect()
+    }
+
+    /// One command to the bridge (see `emulator/bridge.py`) and its answer.
+    ///
+    /// # Errors
+    /// [`EmulatedError::Control`].
+    pub fn ask(&self, command: &Value) -> Result<Value, EmulatedError> {
+        let op = command["op"].as_str().unwrap_or_default().to_owned();
+        let mut control = self.control.lock().unwrap_or_else(PoisonError::into_inner);
+        let failed = |reason: String| EmulatedError::Control { op: op.clone(), reason };
+        writeln!(control.input, "{command}").and_then(|()| control.input.flush()).map_err(|e| failed(e.to_string()))?;
+        let answer = control.line().map_err(failed)?;
+        if answer["ok"] == true {
+            return Ok(answer);
+        }
+        Err(failed(answer["error"].as_str().unwrap_or("no reason given").to_owned()))
+    }
+}
+
+impl Drop for EmulatedBoard {
+    fn drop(&mut self) {
+        // The bridge ends with its input; killing it makes sure of it.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Control {
+    fn line(&mut self) -> Result<Value, String> {
+        let mut line = String::new();
+        match self.output.read_line(&mut line) {
+            Ok(0) => Err("it ended; its messages on standard error say why".into()),
+            Ok(_) => serde_json::from_str(&line).map_err(|error| format!("{error} in {line:?}")),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+}
+
+fn source() -> Result<PathBuf, EmulatedError> {
+    let root = std::env::var_os("ERA_SOURCE").map_or_else(|| PathBuf::from(BUILT_IN), PathBuf::from);
+    let needed = root.join("emulator/launch.py");
+    if needed.exists() { Ok(root) } else { Err(EmulatedError::NoSource { path: needed }) }
+}
+
+/// The image to run: `ERA_FIRMWARE` if set, else built as for flashing.
+fn firmware(source: &Path) -> Result<PathBuf, EmulatedError> {
+    if let Some(path) = std::env::var_os("ERA_FIRMWARE") {
+        return Ok(path.into());
+    }
+    tracing::info!("building the firmware");
+    let output = Command::new("cargo")
+        .args(["run", "--quiet", "--package", "xtask", "--", "firmware", "--print-path"])
+        .current_dir(source)
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|error| start_error("cargo xtask firmware", error))?;
+    let printed = String::from_utf8_lossy(&output.stdout);
+    let path = printed.lines().last().map(str::trim).filter(|line| !line.is_empty());
+    match path {
+        Some(path) if output.status.success() => Ok(path.into()),
+        _ => Err(start_error("cargo xtask firmware", output.status)),
+    }
+}
+
+fn start_error(step: &'static str, reason: impl ToString) -> EmulatedError {
+    EmulatedError::Start { step, reason: reason.to_string() }
+}

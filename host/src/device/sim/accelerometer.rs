@@ -1,0 +1,124 @@
+//! The simulated accelerometer: a band-limited sensor fixed to the surface.
+
+use num_complex::Complex64;
+use std::collections::VecDeque;
+
+/// Corner of the sensor's low-pass in Hz, as of common MEMS parts; the skin feels nothing above it either. Without a band
+/// limit the peak under square-edged forces would mean nothing: a plate's acceleration under a step of force is an
+/// impulse.
+pub const BANDWIDTH_HZ: f64 = 1000.0;
+/// Time over which the peak is held: longer than a period at 20 Hz, shorter than a person notices.
+const HOLD_S: f64 = 0.05;
+
+/// One second-order section of a Butterworth low-pass (bilinear transform, direct form 2 transposed).
+#[derive(Clone, Copy, Debug)]
+struct Section {
+    b: [f64; 3],
+    a: [f64; 2],
+    state: [f64; 2],
+}
+
+impl Section {
+    /// `q` is 1/(2 cos theta) of the pole pair.
+    fn low_pass(corner_hz: f64, q: f64, step_s: f64) -> Self {
+        let w = (std::f64::consts::PI * corner_hz * step_s).tan();
+        let norm = 1.0 / (1.0 + w / q + w * w);
+        let b0 = w * w * norm;
+        Self { b: [b0, 2.0 * b0, b0], a: [2.0 * (w * w - 1.0) * norm, (1.0 - w / q + w * w) * norm], state: [0.0; 2] }
+    }
+
+    fn step(&mut self, x: f64) -> f64 {
+        let y = self.b[0] * x + self.state[0];
+        self.state[0] = self.b[1] * x - self.a[0] * y + self.state[1];
+        self.state[1] = self.b[2] * x - self.a[1] * y;
+        y
+    }
+}
+
+/// Fourth-order Butterworth low-pass at [`BANDWIDTH_HZ`], a peak hold and, if wanted, a record.
+#[derive(Clone, Debug)]
+pub struct Accelerometer {
+    sections: [Section; 2],
+    held: VecDeque<f64>,
+    hold_length: usize,
+    record: Option<Vec<f64>>,
+}
+
+impl Accelerometer {
+    /// A sensor that is sampled every `step_s`.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive count")]
+    pub fn new(step_s: f64) -> Self {
+        // Pole pairs of a fourth-order Butterworth at 22.5 and 67.5 degrees.
+        let q = |degrees: f64| 0.5 / degrees.to_radians().cos();
+        Self {
+            sections: [
+                Section::low_pass(BANDWIDTH_HZ, q(22.5), step_s),
+                Section::low_pass(BANDWIDTH_HZ, q(67.5), step_s),
+            ],
+            held: VecDeque::new(),
+            hold_length: ((HOLD_S / step_s) as usize).max(1),
+            record: None,
+        }
+    }
+
+    /// Keeps every sample from now on.
+    pub fn start_record(&mut self) {
+        self.record = Some(Vec::new());
+    }
+
+    /// The samples kept, in m/s^2.
+    pub fn take_record(&mut self) -> Vec<f64> {
+        self.record.take().unwrap_or_default()
+    }
+
+    /// Takes the surface's acceleration in m/s^2.
+    pub fn sample(&mut self, acceleration_m_per_s2: f64) {
+        let [first, second] = &mut self.sections;
+        let filtered = second.step(first.step(acceleration_m_per_s2));
+        if self.held.len() == self.hold_length {
+            self.held.pop_front();
+        }
+        self.held.push_back(filtered.abs());
+        if let Some(record) = &mut self.record {
+            record.push(filtered);
+        }
+    }
+
+    /// Largest magnitude in the last 50 ms, in m/s^2.
+    #[must_use]
+    pub fn peak_m_per_s2(&self) -> f64 {
+        self.held.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+/// What the sensor's low-pass makes of a sine at `frequency_hz`: an analogue fourth-order Butterworth.
+#[must_use]
+pub fn low_pass(frequency_hz: f64) -> Complex64 {
+    let s = Complex64::new(0.0, frequency_hz / BANDWIDTH_HZ);
+    [22.5_f64, 67.5].iter().map(|degrees| 1.0 / (s * s + s * 2.0 * degrees.to_radians().cos() + 1.0)).product()
+}
+
+/// The magnitude of [`low_pass`].
+#[must_use]
+pub fn attenuation(frequency_hz: f64) -> f64 {
+    low_pass(frequency_hz).norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digital_and_analogue_low_pass_agree() {
+        let step_s = 25e-6;
+        for frequency_hz in [50.0, 400.0, 1000.0, 1500.0] {
+            let mut sensor = Accelerometer::new(step_s);
+            for i in 0..20_000 {
+                sensor.sample((std::f64::consts::TAU * frequency_hz * f64::from(i) * step_s).sin());
+            }
+            let (found, expected) = (sensor.peak_m_per_s2(), attenuation(frequency_hz));
+            assert!((found - expected).abs() < 0.02 * expected, "{frequency_hz}: {found} {expected}");
+        }
+    }
+}

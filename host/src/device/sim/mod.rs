@@ -1,0 +1,21 @@
+//! The simulated device: the same device logic as the firmware's ([`era_shared::device`]), over a board whose timers
+//! push a panel that is integrated in time, behind a real pseudo-terminal.
+//!
+//! The panel is moved by the electrode windows that the timer registers describe, not by the sine waves that the planner
+//! thinks in, and it is integrated in the time domain, so what its accelerometer shows is a second, independent answer to
+//! the question the planner answered.
+
+mod accelerometer;
+mod board;
+mod panel;
+mod source;
+mod terminal;
+
+pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, attenuation, low_pass};
+pub use board::{Clock, SimBoard};
+pub use panel::{ModalSystem, Panel, STEP_S};
+pub use source::Source;
+pub use terminal::{Knobs, SimControl, SimDevice};
+
+/// Clock of the simulated timers in Hz: as on the STM32G474 board, so that frequencies are quantised alike.
+pub const TIMER_CLOCK_HZ: u32 = 170_000_000;

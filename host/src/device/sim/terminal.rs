@@ -1,0 +1,206 @@
+//! The simulated device behind a pseudo-terminal, with the knobs that tests turn.
+
+use super::board::{Clock, SimBoard};
+use super::panel::Panel;
+use era_shared::device::{Device, Port};
+use era_shared::safety::LinkId;
+use nalgebra::DVector;
+use serialport::{SerialPort, TTYPort};
+use std::io::{ErrorKind, Read, Write};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// How often the device's loop runs when nothing comes in: the firmware's safety tick.
+const TICK: Duration = Duration::from_millis(1);
+
+/// Ways in which the simulated device can misbehave.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Knobs {
+    /// Answers nothing (and hears nothing), but keeps running: a dead line.
+    pub silent: bool,
+    /// Waits this long before each answer.
+    pub reply_delay: Duration,
+    /// Changes one byte of every n-th answer.
+    pub corrupt_every: Option<u32>,
+}
+
+#[derive(Debug, Default)]
+struct Wishes {
+    knobs: Knobs,
+    restart: bool,
+    probe: Option<DVector<f64>>,
+    drives_received: Option<Instant>,
+    quit: bool,
+}
+
+/// Turns the simulated device's knobs, from any thread.
+#[derive(Clone, Debug, Default)]
+pub struct SimControl(Arc<Mutex<Wishes>>);
+
+impl SimControl {
+    /// Sets the knobs.
+    pub fn set_knobs(&self, knobs: Knobs) {
+        self.lock().knobs = knobs;
+    }
+
+    /// Resets the device as its reset pin would: drives end, the session is forgotten, the boot identifier changes.
+    pub fn restart(&self) {
+        self.lock().restart = true;
+    }
+
+    /// Puts the accelerometer where the mode shapes have these values.
+    pub fn set_probe(&self, shape: DVector<f64>) {
+        self.lock().probe = Some(shape);
+    }
+
+    /// When the last byte of the last frame that set drives was received.
+    #[must_use]
+    pub fn drives_received(&self) -> Option<Instant> {
+        self.lock().drives_received
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Wishes> {
+        // Wishes stay whole whatever thread panicked while it held them: every change is one assignment.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A running simulated device; it ends when this is dropped.
+#[derive(Debug)]
+pub struct SimDevice {
+    path: String,
+    control: SimControl,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl SimDevice {
+    /// Starts the device in a thread of its own.
+    ///
+    /// # Errors
+    /// If the system gives no pseudo-terminal.
+    pub fn start(panel: Panel, max_voltages_v: Vec<f64>) -> Result<Self, serialport::Error> {
+        let (mut terminal, mut line) = TTYPort::pair()?;
+        // The host opens the line by its path while this end keeps it open, so that it survives a host that leaves.
+        line.set_exclusive(false)?;
+        terminal.set_timeout(TICK)?;
+        let path = line.name().ok_or_else(|| serialport::Error::new(serialport::ErrorKind::NoDevice, "unnamed pty"))?;
+        let control = SimControl::default();
+        let wishes = control.clone();
+        let thread = std::thread::Builder::new().name("simulated-device".into()).spawn(move || {
+            let _line = line;
+            Loop::new(panel, &max_voltages_v, wishes).run(&mut terminal);
+        })?;
+        Ok(Self { path, control, thread: Some(thread) })
+    }
+
+    /// Path of the serial port to open.
+    #[must_use]
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// The knobs.
+    #[must_use]
+    pub fn control(&self) -> SimControl {
+        self.control.clone()
+    }
+}
+
+impl Drop for SimDevice {
+    fn drop(&mut self) {
+        self.control.lock().quit = true;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Loop {
+    device: Device,
+    board: SimBoard,
+    port: Port,
+    control: SimControl,
+    answers: u32,
+}
+
+impl Loop {
+    fn new(panel: Panel, max_voltages_v: &[f64], control: SimControl) -> Self {
+        let mut board = SimBoard::new(panel, max_voltages_v, Clock::Wall(Instant::now()));
+        let mut device = Device::new();
+        device.start(&mut board);
+        Self { device, board, port: Port::new(LinkId(0)), control, answers: 0 }
+    }
+
+    fn run(mut self, terminal: &mut TTYPort) {
+        let mut buffer = [0_u8; 512];
+        loop {
+            let knobs = {
+                let mut wishes = self.control.lock();
+                if wishes.quit {
+                    return;
+                }
+                if let Some(shape) = wishes.probe.take() {
+                    self.board.panel_mut().set_probe(&shape);
+                }
+                let restart = std::mem::take(&mut wishes.restart);
+                let knobs = wishes.knobs;
+                drop(wishes);
+                if restart {
+                    self.restart();
+                }
+                knobs
+            };
+            let length = match terminal.read(&mut buffer) {
+                Ok(length) => length,
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
+                {
+                    0
+                }
+                Err(error) => {
+                    tracing::error!(%error, "the simulated device lost its terminal");
+                    return;
+                }
+            };
+            let received_at = Instant::now();
+            self.device.poll(&mut self.board);
+            self.board.advance();
+            if length == 0 || knobs.silent {
+                continue;
+            }
+            let mut answers: Vec<Vec<u8>> = Vec::new();
+            let received = buffer.get(..length).unwrap_or_default();
+            self.device.receive(&mut self.board, &mut self.port, received, |answer| answers.push(answer.to_vec()));
+            if self.board.take_applied() {
+                self.control.lock().drives_received = Some(received_at);
+            }
+            for answer in answers {
+                self.answer(terminal, answer, knobs);
+            }
+        }
+    }
+
+    fn answer(&mut self, terminal: &mut TTYPort, mut answer: Vec<u8>, knobs: Knobs) {
+        self.answers = self.answers.wrapping_add(1);
+        if !knobs.reply_delay.is_zero() {
+            std::thread::sleep(knobs.reply_delay);
+        }
+        if knobs.corrupt_every.is_some_and(|every| self.answers.is_multiple_of(every.max(1)))
+            && let Some(byte) = answer.first_mut()
+        {
+            *byte ^= 0x10;
+        }
+        if let Err(error) = terminal.write_all(&answer) {
+            tracing::debug!(%error, "the simulated device could not answer");
+        }
+    }
+
+    /// The same panel under a board that has just started.
+    fn restart(&mut self) {
+        self.board.restart();
+        self.device = Device::new();
+        self.device.start(&mut self.board);
+        self.port.reset();
+    }
+}

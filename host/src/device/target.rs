@@ -1,0 +1,220 @@
+//! Which device to use, and how to open it.
+
+use super::client::{Client, LinkError, Transport};
+use super::emulated::{EmulatedBoard, EmulatedError};
+use super::sim::{Panel, SimControl, SimDevice};
+use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Request};
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+/// Speed of the UART link; USB ignores it.
+const BAUD: u32 = 115_200;
+/// Time a read waits for its first byte.
+const READ_TIMEOUT: Duration = Duration::from_millis(2);
+
+/// A device as the command line names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// The simulated device, in this process.
+    Sim,
+    /// The firmware image in the emulator.
+    Emulated,
+    /// The first serial port that an ERA board answers on.
+    Auto,
+    /// A serial port by its path.
+    Serial(String),
+}
+
+impl FromStr for Target {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "sim" => Ok(Target::Sim),
+            "emulated" => Ok(Target::Emulated),
+            "auto" => Ok(Target::Auto),
+            "" => Err("must be sim, emulated, auto or the path of a serial port".into()),
+            path => Ok(Target::Serial(path.into())),
+        }
+    }
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Target::Sim => "sim",
+            Target::Emulated => "emulated",
+            Target::Auto => "auto",
+            Target::Serial(path) => path,
+        })
+    }
+}
+
+/// Why a device could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum TargetError {
+    /// The port cannot be opened.
+    #[error("cannot open serial port {path}: {source}. Ports here: {available}")]
+    Port {
+        /// As named.
+        path: String,
+        /// Why.
+        source: serialport::Error,
+        /// What there is.
+        available: String,
+    },
+    /// No port answered.
+    #[error("no ERA board answered on any serial port ({tried}). Connect one, or use --device sim")]
+    NoneFound {
+        /// Ports tried.
+        tried: String,
+    },
+    /// No pseudo-terminal for the simulated device.
+    #[error("cannot start the simulated device: {0}")]
+    Sim(serialport::Error),
+    /// The emulator did not start.
+    #[error(transparent)]
+    Emulated(#[from] EmulatedError),
+}
+
+/// How quickly a device answers, and so how long its host waits.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing {
+    /// Longest wait for an answer.
+    pub reply_timeout: Duration,
+    /// Between two signs of life while armed: a fifth of the dead-man time (250 ms) in the device's own time.
+    pub keep_alive: Duration,
+    /// Between two looks at the state.
+    pub status: Duration,
+}
+
+/// Real boards and the simulated one: an answer takes a few ms, of which 115 200 baud costs 20 for the longest frames.
+const REAL_TIME: Timing = Timing {
+    reply_timeout: Duration::from_millis(150),
+    keep_alive: Duration::from_millis(50),
+    status: Duration::from_millis(100),
+};
+
+/// What keeps a device alive while it is used.
+#[derive(Debug)]
+enum Keeper {
+    Sim(SimDevice),
+    Emulated(EmulatedBoard),
+    Nothing,
+}
+
+/// A device that can be talked to.
+#[derive(Debug)]
+pub struct OpenDevice {
+    kind: &'static str,
+    path: String,
+    timing: Timing,
+    keeper: Keeper,
+}
+
+impl OpenDevice {
+    /// Starts or finds the device. `panel` makes the simulated panel with its channels' voltage limits; it is only
+    /// called for [`Target::Sim`].
+    ///
+    /// # Errors
+    /// [`TargetError`].
+    pub fn open(target: &Target, panel: impl FnOnce() -> (Panel, Vec<f64>)) -> Result<Self, TargetError> {
+        match target {
+            Target::Sim => {
+                let (panel, max_voltages_v) = panel();
+                let sim = SimDevice::start(panel, max_voltages_v).map_err(TargetError::Sim)?;
+                let path = sim.path().to_owned();
+                Ok(Self { kind: "sim", path, timing: REAL_TIME, keeper: Keeper::Sim(sim) })
+            }
+            Target::Emulated => {
+                let board = EmulatedBoard::start()?;
+                let (path, timing) = (board.path().to_owned(), board.timing());
+                Ok(Self { kind: "emulated", path, timing, keeper: Keeper::Emulated(board) })
+            }
+            Target::Serial(path) => {
+                let device = Self { kind: "serial", path: path.clone(), timing: REAL_TIME, keeper: Keeper::Nothing };
+                device.transport().map_err(|source| TargetError::Port {
+                    path: path.clone(),
+                    source,
+                    available: ports().join(", "),
+                })?;
+                Ok(device)
+            }
+            Target::Auto => {
+                let tried = ports();
+                tried
+                    .iter()
+                    .map(|path| Self { kind: "serial", path: path.clone(), timing: REAL_TIME, keeper: Keeper::Nothing })
+                    .find(|device| device.answers())
+                    .ok_or_else(|| TargetError::NoneFound {
+                        tried: if tried.is_empty() { "there is none".into() } else { tried.join(", ") },
+                    })
+            }
+        }
+    }
+
+    /// `sim`, `emulated` or `serial`.
+    #[must_use]
+    pub const fn kind(&self) -> &'static str {
+        self.kind
+    }
+
+    /// Path of the serial port.
+    #[must_use]
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// How long to wait for it.
+    #[must_use]
+    pub const fn timing(&self) -> Timing {
+        self.timing
+    }
+
+    /// The simulated device's knobs, where it is one.
+    #[must_use]
+    pub fn sim(&self) -> Option<SimControl> {
+        match &self.keeper {
+            Keeper::Sim(sim) => Some(sim.control()),
+            _ => None,
+        }
+    }
+
+    /// The emulated board, where it is one.
+    #[must_use]
+    pub const fn emulated(&self) -> Option<&EmulatedBoard> {
+        match &self.keeper {
+            Keeper::Emulated(board) => Some(board),
+            _ => None,
+        }
+    }
+
+    /// Opens the port.
+    ///
+    /// # Errors
+    /// As the port does.
+    pub fn transport(&self) -> Result<Box<dyn Transport>, serialport::Error> {
+        let port = serialport::new(&self.path, BAUD).timeout(READ_TIMEOUT).open()?;
+        Ok(Box::new(port))
+    }
+
+    /// Opens the port and puts a client on it.
+    ///
+    /// # Errors
+    /// As the port does.
+    pub fn client(&self) -> Result<Client, serialport::Error> {
+        Ok(Client::new(self.transport()?, self.timing.reply_timeout))
+    }
+
+    fn answers(&self) -> bool {
+        let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
+        self.client().is_ok_and(|mut client| {
+            matches!(client.request(&hello), Ok(_) | Err(LinkError::Version { .. } | LinkError::Refused(_)))
+        })
+    }
+}
+
+fn ports() -> Vec<String> {
+    serialport::available_ports().unwrap_or_default().into_iter().map(|port| port.port_name).collect()
+}

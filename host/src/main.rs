@@ -1,0 +1,7 @@
+//! The program `era`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    era::cli::main()
+}

@@ -1,0 +1,238 @@
+//! Modes by shift-invert block Lanczos.
+//!
+//! The operator (K + s M)^-1 M with s > 0 (a negative shift) is symmetric in the M inner product and exists whatever holds
+//! the panel. Blocks find eigenvalues of a multiplicity up to the block's width for certain; every new vector is
+//! orthogonalised against all others twice.
+
+use super::ModelError;
+use super::rigid::RigidModes;
+use super::sparse::{Factor, Symmetric};
+use nalgebra::{DMatrix, SymmetricEigen};
+
+/// Vectors in a block: symmetric panels have pairs, equal ERAs on them up to four equal modes.
+const BLOCK: usize = 4;
+/// Relative residual of a Ritz pair of the inverted operator at which it counts as converged; the eigenvalue is then right
+/// to about its square.
+const CONVERGED: f64 = 1e-9;
+/// Part of its former length below which a vector counts as lying in the space already found.
+const EXHAUSTED: f64 = 1e-10;
+/// Most vectors.
+const MOST_VECTORS: usize = 900;
+
+/// Modes of K v = lambda M v.
+#[derive(Clone, Debug)]
+pub struct Modes {
+    /// Squared angular frequencies in rad^2/s^2, ascending.
+    pub lambda: Vec<f64>,
+    /// M-orthonormal shapes, one column each.
+    pub vectors: DMatrix<f64>,
+}
+
+/// What the iteration works with.
+#[derive(Clone, Copy, Debug)]
+pub struct Operator<'a> {
+    /// Factors of K + shift M.
+    pub factor: &'a Factor,
+    /// M.
+    pub mass: &'a Symmetric,
+    /// In rad^2/s^2, positive.
+    pub shift: f64,
+}
+
+/// All modes up to `lambda_max`, the rigid ones first.
+///
+/// # Errors
+/// [`ModelError::NotConverged`].
+pub fn modes(operator: Operator<'_>, rigid: &RigidModes, lambda_max: f64) -> Result<Modes, ModelError> {
+    let n = operator.mass.order();
+    let most = n.saturating_sub(rigid.lambda.len()).min(MOST_VECTORS);
+    let mut space = Space::new(operator, rigid, n);
+    let mut block = space.orthonormal(operator.factor.solve(&operator.mass.times(&start_block(n)))).0;
+    let theta_min = 1.0 / (lambda_max + operator.shift);
+    let mut next_check = 4 * BLOCK;
+    loop {
+        let (next, coupling) = space.extend(block);
+        let size = space.vectors.ncols();
+        let ended = next.ncols() == 0 || size >= most;
+        if ended || size >= next_check {
+            next_check = size + (size / 4).max(2 * BLOCK);
+            let eigen = SymmetricEigen::new(space.projected.clone());
+            if ended && next.ncols() == 0 || is_converged(&eigen, &coupling, theta_min) {
+                return Ok(space.result(&eigen, rigid, lambda_max));
+            }
+            if ended {
+                let max_hz = lambda_max.sqrt() / std::f64::consts::TAU;
+                return Err(ModelError::NotConverged { max_hz, vectors: size });
+            }
+        }
+        block = next;
+    }
+}
+
+/// Deterministic pseudo-random vectors (the 64-bit mix of Steele et al., "SplitMix"): the same scene gives the same bits.
+fn start_block(n: usize) -> DMatrix<f64> {
+    let mut state = 0x9E37_79B9_7F4A_7C15_u64;
+    DMatrix::from_fn(n, BLOCK, |_, _| {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        #[allow(clippy::cast_precision_loss, reason = "53 random bits are wanted")]
+        let unit = ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64;
+        unit - 0.5
+    })
+}
+
+/// Whether every Ritz value down to `theta_min` is settled, and there is one below it: nothing is missing in between.
+fn is_converged(eigen: &SymmetricEigen<f64, nalgebra::Dyn>, coupling: &DMatrix<f64>, theta_min: f64) -> bool {
+    let size = eigen.eigenvalues.len();
+    let tail = coupling.ncols();
+    let mut below = false;
+    for i in 0..size {
+        let theta = eigen.eigenvalues[i];
+        if theta < theta_min {
+            below = true;
+            continue;
+        }
+        let last = eigen.eigenvectors.view((size - tail, i), (tail, 1));
+        if (coupling * last).norm() > CONVERGED * theta {
+            return false;
+        }
+    }
+    below
+}
+
+struct Space<'a> {
+    operator: Operator<'a>,
+    rigid: &'a DMatrix<f64>,
+    mass_rigid: DMatrix<f64>,
+    vectors: DMatrix<f64>,
+    mass_vectors: DMatrix<f64>,
+    /// V' M (K + s M)^-1 M V.
+    projected: DMatrix<f64>,
+}
+
+impl<'a> Space<'a> {
+    fn new(operator: Operator<'a>, rigid: &'a RigidModes, n: usize) -> Self {
+        Self {
+            mass_rigid: operator.mass.times(&rigid.vectors),
+            rigid: &rigid.vectors,
+            vectors: DMatrix::zeros(n, 0),
+            mass_vectors: DMatrix::zeros(n, 0),
+            projected: DMatrix::zeros(0, 0),
+            operator,
+        }
+    }
+
+    /// Adds an orthonormal block and returns the next one, with the matrix that couples the two.
+    fn extend(&mut self, block: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+        let (old, width) = (self.vectors.ncols(), block.ncols());
+        let mass_block = self.operator.mass.times(&block);
+        self.vectors = append(std::mem::take(&mut self.vectors), &block);
+        self.mass_vectors = append(std::mem::take(&mut self.mass_vectors), &mass_block);
+        let image = self.operator.factor.solve(&mass_block);
+        let column = self.mass_vectors.tr_mul(&image);
+        let mut projected = std::mem::take(&mut self.projected).resize(old + width, old + width, 0.0);
+        for j in 0..width {
+            for i in 0..old + width {
+                projected[(i, old + j)] = column[(i, j)];
+                projected[(old + j, i)] = column[(i, j)];
+            }
+        }
+        self.projected = projected;
+        self.orthonormal(image)
+    }
+
+    /// The part of `block` that is M-orthogonal to everything so far, made orthonormal, and R with part = Q R.
+    fn orthonormal(&self, block: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+        let width = block.ncols();
+        let lengths: Vec<f64> = (0..width).map(|j| self.length(&block.columns(j, 1).into_owned())).collect();
+        let mut rest = block;
+        for _ in 0..2 {
+            rest -= self.rigid * self.mass_rigid.tr_mul(&rest);
+            rest -= &self.vectors * self.mass_vectors.tr_mul(&rest);
+        }
+        let mut kept = DMatrix::zeros(rest.nrows(), 0);
+        let mut mass_kept = DMatrix::zeros(rest.nrows(), 0);
+        let mut r = DMatrix::zeros(0, width);
+        for (j, length) in lengths.iter().enumerate() {
+            let mut vector = rest.columns(j, 1).into_owned();
+            for _ in 0..2 {
+                // Against its own block, and once more against the rest: what is left may be small.
+                let inner: DMatrix<f64> = mass_kept.tr_mul(&vector);
+                vector -= &kept * &inner;
+                for (i, value) in inner.iter().enumerate() {
+                    r[(i, j)] += value;
+                }
+                vector -= self.rigid * self.mass_rigid.tr_mul(&vector);
+                vector -= &self.vectors * self.mass_vectors.tr_mul(&vector);
+            }
+            let norm = self.length(&vector);
+            if norm <= EXHAUSTED * length || norm == 0.0 {
+                continue;
+            }
+            vector /= norm;
+            let rows = r.nrows();
+            r = r.resize_vertically(rows + 1, 0.0);
+            r[(rows, j)] = norm;
+            mass_kept = append(mass_kept, &self.operator.mass.times(&vector));
+            kept = append(kept, &vector);
+        }
+        (kept, r)
+    }
+
+    fn length(&self, vector: &DMatrix<f64>) -> f64 {
+        vector.dot(&self.operator.mass.times(vector)).max(0.0).sqrt()
+    }
+
+    fn result(&self, eigen: &SymmetricEigen<f64, nalgebra::Dyn>, rigid: &RigidModes, lambda_max: f64) -> Modes {
+        let lambda_of = |i: usize| 1.0 / eigen.eigenvalues[i] - self.operator.shift;
+        let mut found: Vec<usize> = (0..eigen.eigenvalues.len())
+            .filter(|i| eigen.eigenvalues[*i] > 0.0 && lambda_of(*i) <= lambda_max)
+            .collect();
+        found.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        let elastic = &self.vectors * eigen.eigenvectors.select_columns(&found);
+        // The shift loses digits of an eigenvalue far below it; it stays positive, as only rigid modes are zero.
+        let mut lambda = rigid.lambda.clone();
+        lambda.extend(found.iter().map(|i| lambda_of(*i).max(0.0)));
+        Modes { lambda, vectors: append(rigid.vectors.clone(), &elastic) }
+    }
+}
+
+/// `left` with the columns of `right` behind its own.
+fn append(left: DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
+    let old = left.ncols();
+    let mut all = left.resize_horizontally(old + right.ncols(), 0.0);
+    all.columns_mut(old, right.ncols()).copy_from(right);
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sparse::Entries;
+    use super::*;
+
+    /// The thesis' example, equations (29) and (30): m = 18, 2 kg, k = 48, 6 N/m have eigenvalues 2 and 4 and modes
+    /// (1/6, 1/2), (1/6, -1/2) up to sign.
+    #[test]
+    fn thesis_example_with_two_degrees_of_freedom() {
+        let (mut k, mut m) = (Entries::default(), Entries::default());
+        for (row, column, value) in [(0, 0, 54.0), (0, 1, -6.0), (1, 0, -6.0), (1, 1, 6.0)] {
+            k.add(row, column, value);
+        }
+        m.add(0, 0, 18.0);
+        m.add(1, 1, 2.0);
+        let shift = 3.0;
+        let mut shifted = k.clone();
+        shifted.add_all(&m, shift);
+        let (mass, factor) = (m.build(2).unwrap(), shifted.build(2).unwrap().factor().unwrap());
+        let none = RigidModes { lambda: Vec::new(), vectors: DMatrix::zeros(2, 0) };
+        let found = modes(Operator { factor: &factor, mass: &mass, shift }, &none, 100.0).unwrap();
+        assert!((found.lambda[0] - 2.0).abs() < 1e-12 && (found.lambda[1] - 4.0).abs() < 1e-12, "{:?}", found.lambda);
+        for (j, sign) in [(0, 1.0), (1, -1.0)] {
+            let shape = found.vectors.column(j);
+            assert!((shape[0].abs() - 1.0 / 6.0).abs() < 1e-12 && (shape[1].abs() - 0.5).abs() < 1e-12);
+            assert_eq!((shape[0] * shape[1]).signum(), sign);
+        }
+    }
+}

@@ -1,0 +1,291 @@
+//! The scene file's keys and what they may be.
+
+use super::read::{Allowed, Mistake, Report, SceneError, Section};
+use super::{
+    Actuator, Edge, EdgeKind, MAX_ACTUATORS, Mass, Material, Mount, Scene, Screen, Side, Support, Surface,
+    SurfaceDamping, SurfaceKind,
+};
+use toml::de::DeTable;
+
+/// Largest side of a panel in mm; beyond it this is not a touch surface and someone has mixed up units.
+const MAX_SIDE_MM: f64 = 10_000.0;
+/// Largest thickness in mm, for the same reason.
+const MAX_THICKNESS_MM: f64 = 100.0;
+/// Most pixels along a side.
+const MAX_PIXELS: u32 = 100_000;
+
+pub(super) fn scene(source: &str, text: &str) -> Result<Scene, SceneError> {
+    let document = DeTable::parse(text).map_err(|error| {
+        let line =
+            error.span().map_or(0, |span| text.as_bytes().iter().take(span.start).filter(|b| **b == b'\n').count() + 1);
+        let text = format!("not valid TOML: {}", error.message().trim());
+        SceneError { source: source.into(), mistakes: vec![Mistake { line, text }] }
+    })?;
+    let report = Report::new(text);
+    let file = Section::new(&report, document.get_ref(), String::new(), 0..0);
+    let scene = read(&file);
+    file.close();
+    report.finish(source)?;
+    // Every part that is missing has been reported.
+    scene.ok_or_else(|| SceneError {
+        source: source.into(),
+        mistakes: vec![Mistake { line: 0, text: "incomplete".into() }],
+    })
+}
+
+fn read(file: &Section<'_, '_>) -> Option<Scene> {
+    let version = file.number("version", Allowed::Within(1.0, 1.0));
+    if version.is_nan() && file.has("version") {
+        file.report().add(&file.place("version"), "this program reads scene files of version 1");
+    }
+    let name = file.text("name");
+    let surface = file.required_table("surface").map(|section| surface(section));
+    let kind = surface.as_ref().map_or(SurfaceKind::Plate, |surface| surface.kind);
+    let (length_m, width_m) = surface.as_ref().map_or((f64::NAN, f64::NAN), |s| (s.length_m, s.width_m));
+    let size = Size { kind, length_m, width_m };
+    let screen = screen(file.table("screen"), &size);
+    let supports = file.tables("support").into_iter().map(|section| support(section, &size)).collect();
+    let edges = edges(file.tables("edge"), kind);
+    let masses = file.tables("mass").into_iter().map(|section| mass(section, &size)).collect();
+    let actuators = actuators(file.tables("actuator"), &size);
+    Some(Scene { name, surface: surface?, screen, supports, edges, masses, actuators })
+}
+
+/// What positions are checked against; not a number where the size itself is wrong.
+struct Size {
+    kind: SurfaceKind,
+    length_m: f64,
+    width_m: f64,
+}
+
+impl Size {
+    fn x_m(&self, section: &Section<'_, '_>) -> f64 {
+        section.number("x_mm", side_range(self.length_m)) / 1e3
+    }
+
+    /// A bar's attachments lie on its axis, whatever y is given.
+    fn y_m(&self, section: &Section<'_, '_>) -> f64 {
+        match self.kind {
+            SurfaceKind::Plate => section.number("y_mm", side_range(self.width_m)) / 1e3,
+            SurfaceKind::Bar => {
+                section.number_or("y_mm", 0.0, side_range(self.width_m));
+                self.width_m / 2.0
+            }
+        }
+    }
+}
+
+fn side_range(side_m: f64) -> Allowed {
+    if side_m.is_nan() {
+        return Allowed::NotNegative;
+    }
+    // In the units of the file, free of the rounding of the way to metres and back.
+    Allowed::Within(0.0, (side_m * 1e12).round() / 1e9)
+}
+
+fn surface(section: Section<'_, '_>) -> Surface {
+    let kind =
+        section.word("kind", &[("plate", SurfaceKind::Plate), ("bar", SurfaceKind::Bar)]).unwrap_or(SurfaceKind::Plate);
+    let side = |key| section.number(key, Allowed::Within(1.0, MAX_SIDE_MM)) / 1e3;
+    let (length_m, width_m) = (side("length_mm"), side("width_mm"));
+    let thickness_m = section.number("thickness_mm", Allowed::Within(1e-3, MAX_THICKNESS_MM)) / 1e3;
+    let material = section.required_table("material").map(|table| {
+        let poisson = Allowed::Between(-1.0, 0.5);
+        let material = Material {
+            youngs_modulus_pa: table.number("youngs_modulus_pa", Allowed::Positive),
+            poisson_ratio: match kind {
+                SurfaceKind::Plate => table.number("poisson_ratio", poisson),
+                SurfaceKind::Bar => table.number_or("poisson_ratio", 0.0, poisson),
+            },
+            density_kg_m3: table.number("density_kg_m3", Allowed::Positive),
+        };
+        table.close();
+        material
+    });
+    let damping = section.table("damping").map_or(SurfaceDamping::None, damping);
+    section.close();
+    let nothing = Material { youngs_modulus_pa: f64::NAN, poisson_ratio: f64::NAN, density_kg_m3: f64::NAN };
+    Surface { kind, length_m, width_m, thickness_m, material: material.unwrap_or(nothing), damping }
+}
+
+fn damping(section: Section<'_, '_>) -> SurfaceDamping {
+    let has = [
+        section.has("loss_factor"),
+        section.has("modal_ratio"),
+        section.has("rayleigh_alpha") | section.has("rayleigh_beta"),
+    ];
+    let loss_factor = section.number_or("loss_factor", 0.0, Allowed::Within(0.0, 2.0));
+    let modal_ratio = section.number_or("modal_ratio", 0.0, Allowed::Within(0.0, 10.0));
+    let alpha = section.number_or("rayleigh_alpha", 0.0, Allowed::NotNegative);
+    let beta = section.number_or("rayleigh_beta", 0.0, Allowed::NotNegative);
+    // A kind that is there but zero is as good as not there.
+    let chosen = [loss_factor != 0.0, modal_ratio != 0.0, alpha != 0.0 || beta != 0.0];
+    if chosen.iter().filter(|chosen| **chosen).count() > 1 {
+        let kinds = ["loss_factor", "modal_ratio", "rayleigh_alpha/rayleigh_beta"];
+        let given: Vec<_> = kinds.into_iter().zip(has).filter(|(_, has)| *has).map(|(kind, _)| kind).collect();
+        let place = given.last().map_or(0..0, |kind| section.place(kind.split('/').next().unwrap_or(kind)));
+        let text = format!(
+            "{}: {} are given, but at most one kind of damping is allowed",
+            section.path(),
+            given.join(" and ")
+        );
+        section.report().add(&place, text);
+    }
+    section.close();
+    match chosen {
+        [true, ..] => SurfaceDamping::LossFactor(loss_factor),
+        [_, true, _] => SurfaceDamping::ModalRatio(modal_ratio),
+        [.., true] => SurfaceDamping::Rayleigh { alpha, beta },
+        _ => SurfaceDamping::None,
+    }
+}
+
+fn screen(section: Option<Section<'_, '_>>, size: &Size) -> Screen {
+    let whole = Screen {
+        // A pixel per mm where the file has no screen.
+        width_px: pixels(size.length_m),
+        height_px: pixels(size.width_m),
+        x_m: 0.0,
+        y_m: 0.0,
+        width_m: size.length_m,
+        height_m: size.width_m,
+    };
+    let Some(section) = section else { return whole };
+    let mut screen = Screen {
+        width_px: section.count("width_px", MAX_PIXELS),
+        height_px: section.count("height_px", MAX_PIXELS),
+        ..whole
+    };
+    let area = [section.has("x_mm"), section.has("y_mm"), section.has("width_mm"), section.has("height_mm")];
+    if area.contains(&true) {
+        let part = |key, side_m: f64, default_m: f64, allowed| {
+            section.number_or(key, default_m * 1e3, allowed) / 1e3 + 0.0 * side_m
+        };
+        screen.x_m = part("x_mm", size.length_m, 0.0, side_range(size.length_m));
+        screen.y_m = part("y_mm", size.width_m, 0.0, side_range(size.width_m));
+        screen.width_m = part("width_mm", size.length_m, size.length_m - screen.x_m, Allowed::Positive);
+        screen.height_m = part("height_mm", size.width_m, size.width_m - screen.y_m, Allowed::Positive);
+        for (key, end, side) in [
+            ("width_mm", screen.x_m + screen.width_m, size.length_m),
+            ("height_mm", screen.y_m + screen.height_m, size.width_m),
+        ] {
+            if end > side * (1.0 + 1e-9) {
+                let text = format!(
+                    "{} makes the active area end at {} mm, but must keep it within the surface's {} mm",
+                    section.key(key),
+                    end * 1e3,
+                    side * 1e3
+                );
+                section.report().add(&section.place(key), text);
+            }
+        }
+    }
+    section.close();
+    screen
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side of at most 10 m; `as` saturates")]
+fn pixels(side_m: f64) -> u32 {
+    ((side_m * 1e3).round() as u32).max(1)
+}
+
+fn support(section: Section<'_, '_>, size: &Size) -> Support {
+    let support = Support {
+        x_m: size.x_m(&section),
+        y_m: size.y_m(&section),
+        stiffness_n_per_m: section.number("stiffness_n_per_m", Allowed::NotNegative),
+        damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, Allowed::NotNegative),
+        rotational_stiffness_n_m_per_rad: section.number_or(
+            "rotational_stiffness_n_m_per_rad",
+            0.0,
+            Allowed::NotNegative,
+        ),
+    };
+    section.close();
+    support
+}
+
+fn edges(sections: Vec<Section<'_, '_>>, kind: SurfaceKind) -> Vec<Edge> {
+    let sides: &[(&str, Side)] = match kind {
+        SurfaceKind::Plate => {
+            &[("left", Side::Left), ("right", Side::Right), ("top", Side::Top), ("bottom", Side::Bottom)]
+        }
+        SurfaceKind::Bar => &[("left", Side::Left), ("right", Side::Right)],
+    };
+    let mut edges: Vec<Edge> = Vec::new();
+    for section in sections {
+        let side = section.word("side", sides);
+        let word = section.word("kind", &[("pinned", 0), ("clamped", 1), ("elastic", 2)]);
+        let kind = match word {
+            Some(0) => Some(EdgeKind::Pinned),
+            Some(1) => Some(EdgeKind::Clamped),
+            Some(_) => Some(elastic(&section, kind)),
+            None => None,
+        };
+        if let (Some(side), Some(kind)) = (side, kind) {
+            if edges.iter().any(|edge| edge.side == side) {
+                section
+                    .report()
+                    .add(&section.place("side"), format!("{}: this side has an edge already", section.key("side")));
+            }
+            edges.push(Edge { side, kind });
+        }
+        section.close();
+    }
+    edges
+}
+
+/// A plate's edge springs are per metre of edge, a bar's are at its end.
+fn elastic(section: &Section<'_, '_>, kind: SurfaceKind) -> EdgeKind {
+    let (stiffness, rotational) = match kind {
+        SurfaceKind::Plate => ("stiffness_n_per_m2", "rotational_stiffness_n_per_rad"),
+        SurfaceKind::Bar => ("stiffness_n_per_m", "rotational_stiffness_n_m_per_rad"),
+    };
+    EdgeKind::Elastic {
+        stiffness: section.number_or(stiffness, 0.0, Allowed::NotNegative),
+        rotational_stiffness: section.number_or(rotational, 0.0, Allowed::NotNegative),
+    }
+}
+
+fn mass(section: Section<'_, '_>, size: &Size) -> Mass {
+    let mass = Mass {
+        x_m: size.x_m(&section),
+        y_m: size.y_m(&section),
+        mass_kg: section.number("mass_g", Allowed::NotNegative) / 1e3,
+    };
+    section.close();
+    mass
+}
+
+fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {
+    let mut actuators: Vec<Actuator> = Vec::new();
+    for section in sections {
+        let actuator = Actuator {
+            id: section.text("id"),
+            x_m: size.x_m(&section),
+            y_m: size.y_m(&section),
+            mount: section
+                .word("mount", &[("inertial", Mount::Inertial), ("grounded", Mount::Grounded)])
+                .unwrap_or(Mount::Grounded),
+            moving_mass_kg: section.number("moving_mass_g", Allowed::Positive) / 1e3,
+            stiffness_n_per_m: section.number("stiffness_n_per_m", Allowed::NotNegative),
+            damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, Allowed::NotNegative),
+            housing_mass_kg: section.number_or("housing_mass_g", 0.0, Allowed::NotNegative) / 1e3,
+            electrode_area_m2: section.number("electrode_area_mm2", Allowed::Positive) / 1e6,
+            air_gap_m: section.number("air_gap_um", Allowed::Within(1.0, 1e5)) / 1e6,
+            max_voltage_v: section.number("max_voltage_v", Allowed::Within(1.0, 10_000.0)),
+        };
+        if !actuator.id.is_empty() && actuators.iter().any(|other| other.id == actuator.id) {
+            let text = format!("{} is {:?}, but another actuator has that id already", section.key("id"), actuator.id);
+            section.report().add(&section.place("id"), text);
+        }
+        actuators.push(actuator);
+        if actuators.len() == MAX_ACTUATORS + 1 {
+            let text =
+                format!("{}: at most {MAX_ACTUATORS} actuators are allowed (a board's channels)", section.path());
+            section.report().add(&section.place("id"), text);
+        }
+        section.close();
+    }
+    actuators
+}

@@ -1,0 +1,336 @@
+//! Reading TOML tables with places: every value knows its line, every mistake is collected.
+
+use std::cell::RefCell;
+use std::fmt;
+use std::ops::Range;
+use toml::de::{DeTable, DeValue};
+
+/// One mistake in a scene file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mistake {
+    /// Line, counted from 1; 0 if it belongs to no line.
+    pub line: usize,
+    /// What is wrong: key, value and what is allowed.
+    pub text: String,
+}
+
+/// A scene file that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneError {
+    /// The file.
+    pub source: String,
+    /// Every mistake found, by line.
+    pub mistakes: Vec<Mistake>,
+}
+
+impl SceneError {
+    pub(super) fn unreadable(source: &str, error: &std::io::Error) -> Self {
+        let text = format!("cannot read the scene file: {error}");
+        Self { source: source.into(), mistakes: vec![Mistake { line: 0, text }] }
+    }
+}
+
+impl fmt::Display for SceneError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, mistake) in self.mistakes.iter().enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            match mistake.line {
+                0 => write!(f, "{}: {}", self.source, mistake.text)?,
+                line => write!(f, "{}:{line}: {}", self.source, mistake.text)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for SceneError {}
+
+/// Collects mistakes and knows where lines begin.
+pub struct Report<'t> {
+    text: &'t str,
+    mistakes: RefCell<Vec<Mistake>>,
+}
+
+impl<'t> Report<'t> {
+    pub fn new(text: &'t str) -> Self {
+        Self { text, mistakes: RefCell::new(Vec::new()) }
+    }
+
+    pub fn add(&self, at: &Range<usize>, text: impl Into<String>) {
+        let mistake = Mistake { line: self.line(at.start), text: text.into() };
+        self.mistakes.borrow_mut().push(mistake);
+    }
+
+    fn line(&self, offset: usize) -> usize {
+        self.text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count() + 1
+    }
+
+    /// `Err` with all mistakes, by line, if there are any.
+    pub fn finish(self, source: &str) -> Result<(), SceneError> {
+        let mut mistakes = self.mistakes.into_inner();
+        if mistakes.is_empty() {
+            return Ok(());
+        }
+        mistakes.sort_by_key(|mistake| mistake.line);
+        Err(SceneError { source: source.into(), mistakes })
+    }
+}
+
+/// Allowed numbers.
+#[derive(Clone, Copy, Debug)]
+pub enum Allowed {
+    /// Above zero.
+    Positive,
+    /// Zero and above.
+    NotNegative,
+    /// Between the two, both included.
+    Within(f64, f64),
+    /// Between the two, both excluded.
+    Between(f64, f64),
+}
+
+impl Allowed {
+    fn holds(self, value: f64) -> bool {
+        value.is_finite()
+            && match self {
+                Allowed::Positive => value > 0.0,
+                Allowed::NotNegative => value >= 0.0,
+                Allowed::Within(min, max) => (min..=max).contains(&value),
+                Allowed::Between(min, max) => value > min && value < max,
+            }
+    }
+}
+
+impl fmt::Display for Allowed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Allowed::Positive => f.write_str("above 0"),
+            Allowed::NotNegative => f.write_str("0 and above"),
+            Allowed::Within(min, max) => write!(f, "{min} to {max}"),
+            Allowed::Between(min, max) => write!(f, "between {min} and {max}, both excluded"),
+        }
+    }
+}
+
+/// One table under reading. Keys that nobody asked for are mistakes when it is closed.
+pub struct Section<'r, 't> {
+    report: &'r Report<'t>,
+    table: &'r DeTable<'t>,
+    /// As in messages: `surface.material`, `support[2]`; empty for the whole file.
+    path: String,
+    at: Range<usize>,
+    known: RefCell<Vec<&'static str>>,
+}
+
+impl<'r, 't> Section<'r, 't> {
+    pub fn new(report: &'r Report<'t>, table: &'r DeTable<'t>, path: String, at: Range<usize>) -> Self {
+        Self { report, table, path, at, known: RefCell::new(Vec::new()) }
+    }
+
+    pub fn report(&self) -> &'r Report<'t> {
+        self.report
+    }
+
+    pub fn path(&self) -> &str {
+        &self.path
+    }
+
+    pub fn key(&self, key: &str) -> String {
+        if self.path.is_empty() { key.into() } else { format!("{}.{key}", self.path) }
+    }
+
+    /// Where a key's value stands, or the section if it has none.
+    pub fn place(&self, key: &str) -> Range<usize> {
+        self.table.get(key).map_or_else(|| self.at.clone(), toml::Spanned::span)
+    }
+
+    pub fn has(&self, key: &'static str) -> bool {
+        self.known.borrow_mut().push(key);
+        self.table.contains_key(key)
+    }
+
+    fn value(&self, key: &'static str) -> Option<&'r DeValue<'t>> {
+        self.known.borrow_mut().push(key);
+        self.table.get(key).map(toml::Spanned::get_ref)
+    }
+
+    fn missing(&self, key: &'static str, wanted: &str) {
+        self.report.add(&self.at, format!("{} is missing ({wanted})", self.key(key)));
+    }
+
+    fn wrong_type(&self, key: &'static str, value: &DeValue<'_>, wanted: &str) {
+        let text = format!("{} is {}, but must be {wanted}", self.key(key), describe(value));
+        self.report.add(&self.place(key), text);
+    }
+
+    /// A number, required. `NaN` stands in for a wrong one, so that reading goes on.
+    pub fn number(&self, key: &'static str, allowed: Allowed) -> f64 {
+        if self.value(key).is_none() {
+            self.missing(key, &format!("a number {allowed}"));
+            return f64::NAN;
+        }
+        self.number_or(key, f64::NAN, allowed)
+    }
+
+    /// A number with a default.
+    pub fn number_or(&self, key: &'static str, default: f64, allowed: Allowed) -> f64 {
+        let Some(value) = self.value(key) else { return default };
+        let Some(number) = as_number(value) else {
+            self.wrong_type(key, value, &format!("a number {allowed}"));
+            return f64::NAN;
+        };
+        if allowed.holds(number) {
+            return number;
+        }
+        self.report.add(&self.place(key), format!("{} is {number}, but must be {allowed}", self.key(key)));
+        f64::NAN
+    }
+
+    /// A whole number, required.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked first")]
+    pub fn count(&self, key: &'static str, max: u32) -> u32 {
+        let Some(value) = self.value(key) else {
+            self.missing(key, &format!("a whole number 1 to {max}"));
+            return 1;
+        };
+        match as_number(value) {
+            Some(number) if number >= 1.0 && number <= f64::from(max) && number.fract() == 0.0 => number as u32,
+            _ => {
+                self.wrong_type(key, value, &format!("a whole number 1 to {max}"));
+                1
+            }
+        }
+    }
+
+    /// A piece of text, required.
+    pub fn text(&self, key: &'static str) -> String {
+        match self.value(key) {
+            Some(DeValue::String(text)) if !text.trim().is_empty() => text.to_string(),
+            Some(value) => {
+                self.wrong_type(key, value, "a text that is not empty");
+                String::new()
+            }
+            None => {
+                self.missing(key, "a text");
+                String::new()
+            }
+        }
+    }
+
+    /// One of some words, required.
+    pub fn word<T: Copy>(&self, key: &'static str, words: &[(&'static str, T)]) -> Option<T> {
+        let wanted = words.iter().map(|(word, _)| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
+        let Some(value) = self.value(key) else {
+            self.missing(key, &format!("one of {wanted}"));
+            return None;
+        };
+        let found = value.as_str().and_then(|text| words.iter().find(|(word, _)| *word == text));
+        if found.is_none() {
+            self.wrong_type(key, value, &format!("one of {wanted}"));
+        }
+        found.map(|(_, entry)| *entry)
+    }
+
+    /// A table within this one.
+    pub fn table(&self, key: &'static str) -> Option<Section<'r, 't>> {
+        match self.value(key)? {
+            DeValue::Table(table) => Some(Section::new(self.report, table, self.key(key), self.place(key))),
+            value => {
+                self.wrong_type(key, value, "a table");
+                None
+            }
+        }
+    }
+
+    /// A table that must be there.
+    pub fn required_table(&self, key: &'static str) -> Option<Section<'r, 't>> {
+        if !self.table.contains_key(key) {
+            self.missing(key, &format!("a table [{}]", self.key(key)));
+        }
+        self.table(key)
+    }
+
+    /// A list of tables, `[[key]]`; empty if there is none.
+    pub fn tables(&self, key: &'static str) -> Vec<Section<'r, 't>> {
+        let Some(value) = self.value(key) else { return Vec::new() };
+        let DeValue::Array(list) = value else {
+            self.wrong_type(key, value, &format!("a list of tables, [[{key}]]"));
+            return Vec::new();
+        };
+        let mut sections = Vec::new();
+        for (i, entry) in list.iter().enumerate() {
+            match entry.get_ref() {
+                DeValue::Table(table) => {
+                    // People count from one.
+                    let path = format!("{key}[{}]", i + 1);
+                    sections.push(Section::new(self.report, table, path, entry.span()));
+                }
+                _ => self.report.add(&entry.span(), format!("{key}[{}] must be a table, [[{key}]]", i + 1)),
+            }
+        }
+        sections
+    }
+
+    /// Ends the reading: every key that nobody asked for is a mistake.
+    pub fn close(self) {
+        let known = self.known.borrow();
+        for (key, _) in self.table {
+            if known.iter().any(|known| known == key.get_ref()) {
+                continue;
+            }
+            let nearest = known
+                .iter()
+                .map(|known| (distance(known, key.get_ref()), known))
+                .filter(|(distance, known)| *distance <= 2.max(known.len() / 3))
+                .min();
+            let hint = match nearest {
+                Some((_, known)) => format!("did you mean {known}?"),
+                None => format!("known keys here: {}", known.join(", ")),
+            };
+            self.report.add(&key.span(), format!("unknown key {}; {hint}", self.key(key.get_ref())));
+        }
+    }
+}
+
+fn as_number(value: &DeValue<'_>) -> Option<f64> {
+    match value {
+        DeValue::Float(float) => float.as_str().parse().ok(),
+        DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().ok(),
+        DeValue::Integer(integer) =>
+        {
+            #[allow(clippy::cast_precision_loss, reason = "as in any other number")]
+            i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|value| value as f64)
+        }
+        _ => None,
+    }
+}
+
+fn describe(value: &DeValue<'_>) -> String {
+    match value {
+        DeValue::String(text) => format!("{text:?}"),
+        DeValue::Integer(integer) => integer.as_str().into(),
+        DeValue::Float(float) => float.as_str().into(),
+        DeValue::Boolean(flag) => flag.to_string(),
+        DeValue::Datetime(time) => time.to_string(),
+        DeValue::Array(_) => "a list".into(),
+        DeValue::Table(_) => "a table".into(),
+    }
+}
+
+/// Levenshtein distance.
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, left) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, right) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(left != *right);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}

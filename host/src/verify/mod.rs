@@ -1,0 +1,263 @@
+//! Prediction against measurement: the planner works in the frequency domain, the simulated device in time. Both are told
+//! the same plan, the device by the same frames that a board would get, and its accelerometer is read.
+
+use crate::daemon::wire_drives;
+use crate::device::convert::to_wire;
+use crate::device::sim::{Accelerometer, Clock, STEP_S, SimBoard, attenuation};
+use crate::planner::limits::Electrodes;
+use crate::planner::{Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
+use crate::response;
+use era_shared::device::{Device, Port};
+use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
+use era_shared::safety::LinkId;
+use nalgebra::{DMatrix, DVector};
+use num_complex::Complex64;
+use serde::Serialize;
+
+/// Highest harmonic frequency that the prediction counts, in Hz: the accelerometer's low-pass leaves 0.4 % of what lies
+/// above twice its corner.
+const HIGHEST_HZ: f64 = 2000.0;
+/// Time constants of the slowest mode that the panel is given to settle: exp(-9) = 1e-4.
+const SETTLE: f64 = 9.0;
+/// Longest settling time in s, for panels that hardly lose energy.
+const LONGEST_SETTLE_S: f64 = 20.0;
+/// Length of the record in s: several hundred periods, twenty beats at the least spacing of 20 Hz.
+const RECORD_S: f64 = 1.0;
+/// Between two keep-alives, in us.
+const KEEP_ALIVE_US: u64 = 50_000;
+/// Samples of a period when the peak of a waveform is looked for.
+const SAMPLES: u32 = 1440;
+
+/// Why a point could not be verified.
+#[derive(Debug, thiserror::Error)]
+pub enum VerifyError {
+    /// No plan.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// No response at a harmonic.
+    #[error(transparent)]
+    Response(#[from] response::ResponseError),
+    /// The simulated device did not do as told.
+    #[error("the simulated device answered {0}")]
+    Device(String),
+}
+
+/// One point, predicted and measured. "Fundamentals" is equation 23 over the drives' own frequencies, the planner's
+/// `target_peak_g`; "band" is the largest acceleration of the whole waveform, odd harmonics of the square-edged force
+/// included, through the accelerometer's 1 kHz low-pass.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// The point in mm.
+    pub x_mm: f64,
+    /// The point in mm.
+    pub y_mm: f64,
+    /// The drives.
+    pub drives: Vec<crate::planner::Drive>,
+    /// Equation 23, in g.
+    pub predicted_g: f64,
+    /// Sum of the amplitudes at the drives' frequencies in the record, in g.
+    pub simulated_g: f64,
+    /// Relative difference of the two.
+    pub difference: f64,
+    /// Peak of the whole waveform, in g.
+    pub predicted_band_g: f64,
+    /// Largest magnitude in the record, in g.
+    pub simulated_band_g: f64,
+    /// Relative difference of the two.
+    pub band_difference: f64,
+}
+
+/// Runs a plan for `target` on the simulated device, faster than real time, and compares.
+///
+/// # Errors
+/// [`VerifyError`].
+pub fn compare(
+    table: &PlanTable,
+    panel: &crate::device::sim::Panel,
+    target: Target,
+) -> Result<Comparison, VerifyError> {
+    let plan = table.plan(&[target])?;
+    let [x_mm, y_mm] = plan.target_mm;
+    let shape = table.model.shape_at(x_mm / 1e3, y_mm / 1e3);
+    let achieved = wire_drives(&plan);
+    let record = run(table, panel.clone(), &shape, &plan)?;
+    let frequencies: Vec<f64> = achieved.iter().map(|drive| drive.frequency_hz).collect();
+    let simulated_g = amplitudes(&record, &frequencies).iter().sum::<f64>() / STANDARD_GRAVITY;
+    let simulated_band_g = record.iter().fold(0.0_f64, |most, a| most.max(a.abs())) / STANDARD_GRAVITY;
+    let predicted_band_g = band_peak(table, &plan, &shape)? / STANDARD_GRAVITY;
+    let predicted_g = plan.predicted.target_peak_g;
+    let relative = |simulated: f64, predicted: f64| (simulated - predicted) / predicted.max(f64::MIN_POSITIVE);
+    Ok(Comparison {
+        x_mm,
+        y_mm,
+        predicted_g,
+        simulated_g,
+        difference: relative(simulated_g, predicted_g),
+        predicted_band_g,
+        simulated_band_g,
+        band_difference: relative(simulated_band_g, predicted_band_g),
+        drives: plan.drives,
+    })
+}
+
+/// Points spread over the surface by a low-discrepancy sequence (Roberts' R2, the plastic number), none on an edge.
+#[must_use]
+pub fn spread(count: u32, length_m: f64, width_m: f64) -> Vec<(f64, f64)> {
+    const PLASTIC: f64 = 1.324_717_957_244_746;
+    (0..count)
+        .map(|i| {
+            let at = |step: f64| (0.5 + step * f64::from(i + 1)).fract();
+            (length_m * at(1.0 / PLASTIC), width_m * at(1.0 / (PLASTIC * PLASTIC)))
+        })
+        .collect()
+}
+
+/// The accelerometer's record in m/s^2, after the panel has settled.
+fn run(
+    table: &PlanTable,
+    mut panel: crate::device::sim::Panel,
+    shape: &DVector<f64>,
+    plan: &Plan,
+) -> Result<Vec<f64>, VerifyError> {
+    panel.set_probe(shape);
+    let volts: Vec<f64> = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
+    let mut bench = Bench::new(SimBoard::new(panel, &volts, Clock::Manual(0)));
+    bench.ask(&Request::Arm { deadman_ms: None })?;
+    let drives = wire_drives(plan).iter().map(to_wire).collect();
+    bench.ask(&Request::SetDrives { drives })?;
+    bench.run_for(settling_s(table))?;
+    *bench.accelerometer() = {
+        let mut same = bench.accelerometer().clone();
+        same.start_record();
+        same
+    };
+    bench.run_for(RECORD_S)?;
+    let record = bench.accelerometer().take_record();
+    bench.ask(&Request::Stop)?;
+    Ok(record)
+}
+
+/// Time in s after which the slowest damped mode has settled.
+fn settling_s(table: &PlanTable) -> f64 {
+    let system = crate::device::sim::ModalSystem::from_reduced(&table.model);
+    let slowest = (0..table.model.order())
+        .map(|i| 0.5 * system.damping[(i, i)])
+        .filter(|decay| *decay > 0.0)
+        .fold(f64::INFINITY, f64::min);
+    (SETTLE / slowest).clamp(0.1, LONGEST_SETTLE_S)
+}
+
+/// A device and a host in one thread, on a clock that is set by hand.
+struct Bench {
+    device: Device,
+    board: SimBoard,
+    port: Port,
+    sequence: u16,
+    time_us: u64,
+}
+
+impl Bench {
+    fn new(mut board: SimBoard) -> Self {
+        let mut device = Device::new();
+        device.start(&mut board);
+        Self { device, board, port: Port::new(LinkId(0)), sequence: 0, time_us: 0 }
+    }
+
+    fn accelerometer(&mut self) -> &mut Accelerometer {
+        &mut self.board.panel_mut().accelerometer
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times of some seconds")]
+    fn run_for(&mut self, seconds: f64) -> Result<(), VerifyError> {
+        let end_us = self.time_us + (seconds * 1e6) as u64;
+        while self.time_us < end_us {
+            self.time_us = (self.time_us + KEEP_ALIVE_US).min(end_us);
+            self.board.set_time_us(self.time_us);
+            self.device.poll(&mut self.board);
+            self.board.advance();
+            self.ask(&Request::KeepAlive)?;
+        }
+        Ok(())
+    }
+
+    fn ask(&mut self, request: &Request) -> Result<Reply, VerifyError> {
+        let broken = |what: &str| VerifyError::Device(what.into());
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = [0; MAX_ENCODED];
+        let length = encode(CURRENT_VERSION, Kind::Request, self.sequence, request, &mut frame)
+            .map_err(|_| broken("nothing"))?;
+        let mut answers = Vec::new();
+        let sent = frame.get(..length).unwrap_or_default();
+        self.device.receive(&mut self.board, &mut self.port, sent, |bytes| answers.extend_from_slice(bytes));
+        let mut reply = None;
+        Decoder::new().feed(&answers, |frame| {
+            reply = frame.ok().and_then(|frame| postcard::from_bytes::<Reply>(frame.body).ok());
+        });
+        match reply {
+            Some(Reply::Refused(refusal)) => Err(broken(&crate::device::convert::refusal_text(&refusal))),
+            Some(reply) => Ok(reply),
+            None => Err(broken("nothing readable")),
+        }
+    }
+}
+
+/// Amplitudes of sines at the given frequencies in a record: least squares over all of them at once, so that they do not
+/// leak into each other. The low-pass has made each smaller by a known factor, which is taken out again.
+#[allow(clippy::cast_precision_loss, reason = "sample numbers")]
+fn amplitudes(record: &[f64], frequencies_hz: &[f64]) -> Vec<f64> {
+    let columns = 2 * frequencies_hz.len();
+    let mut normal = DMatrix::<f64>::zeros(columns, columns);
+    let mut right = DVector::<f64>::zeros(columns);
+    let mut row = DVector::<f64>::zeros(columns);
+    for (i, value) in record.iter().enumerate() {
+        for (k, frequency_hz) in frequencies_hz.iter().enumerate() {
+            let (sin, cos) = (std::f64::consts::TAU * frequency_hz * i as f64 * STEP_S).sin_cos();
+            row[2 * k] = cos;
+            row[2 * k + 1] = sin;
+        }
+        normal.ger(1.0, &row, &row, 1.0);
+        right.axpy(*value, &row, 1.0);
+    }
+    let fit = normal.cholesky().map_or_else(|| DVector::zeros(columns), |factor| factor.solve(&right));
+    frequencies_hz
+        .iter()
+        .enumerate()
+        .map(|(k, frequency_hz)| fit[2 * k].hypot(fit[2 * k + 1]) / attenuation(*frequency_hz))
+        .collect()
+}
+
+/// Largest magnitude of the whole acceleration in m/s^2. Drives at distinct frequencies drift through all their relative
+/// phases, so their own peaks add; within one drive the harmonics keep their phases and are added as a waveform.
+fn band_peak(table: &PlanTable, plan: &Plan, shape: &DVector<f64>) -> Result<f64, VerifyError> {
+    let mut sum = 0.0;
+    for (actuator, (drive, electrodes)) in plan.drives.iter().zip(&table.electrodes).enumerate() {
+        let mut harmonics: Vec<(u32, Complex64)> = Vec::new();
+        for n in (1..).step_by(2) {
+            let frequency_hz = f64::from(n) * drive.frequency_hz;
+            if frequency_hz > HIGHEST_HZ {
+                break;
+            }
+            let amplitude = signed_harmonic(electrodes, n, drive.pulse_width) * drive.voltage_v * drive.voltage_v;
+            let coordinates = response::modal_coordinates(&table.model, frequency_hz)?;
+            let omega = std::f64::consts::TAU * frequency_hz;
+            let gain = coordinates.get(actuator).map_or(Complex64::ZERO, |q| response::dot(shape, q));
+            harmonics.push((n, gain * -omega * omega * amplitude * crate::device::sim::low_pass(frequency_hz)));
+        }
+        sum += (0..SAMPLES)
+            .map(|sample| {
+                let angle = std::f64::consts::TAU * f64::from(sample) / f64::from(SAMPLES);
+                let value =
+                    |(n, phasor): &(u32, Complex64)| (phasor * Complex64::from_polar(1.0, f64::from(*n) * angle)).re;
+                harmonics.iter().map(value).sum::<f64>().abs()
+            })
+            .fold(0.0, f64::max);
+    }
+    Ok(sum)
+}
+
+/// With its sign: windows centred on the half periods have harmonics of 4/(n pi) sin(n pi w/2).
+fn signed_harmonic(electrodes: &Electrodes, n: u32, pulse_width: f64) -> f64 {
+    let sign = (f64::from(n) * std::f64::consts::FRAC_PI_2 * pulse_width).sin().signum();
+    sign * electrodes.harmonic_per_volt_squared(n, pulse_width)
+}
