@@ -80,15 +80,14 @@ impl SimDevice {
     /// # Errors
     /// If the system gives no pseudo-terminal.
     pub fn start(panel: Panel, max_voltages_v: Vec<f64>) -> Result<Self, serialport::Error> {
-        let (mut terminal, mut line) = TTYPort::pair()?;
-        // The host opens the line by its path while this end keeps it open, so that it survives a host that leaves.
-        line.set_exclusive(false)?;
+        let (mut terminal, line) = TTYPort::pair()?;
         terminal.set_timeout(TICK)?;
         let path = line.name().ok_or_else(|| serialport::Error::new(serialport::ErrorKind::NoDevice, "unnamed pty"))?;
+        // The host opens the line by its path and locks it; this end must not hold it.
+        drop(line);
         let control = SimControl::default();
         let wishes = control.clone();
         let thread = std::thread::Builder::new().name("simulated-device".into()).spawn(move || {
-            let _line = line;
             Loop::new(panel, &max_voltages_v, wishes).run(&mut terminal);
         })?;
         Ok(Self { path, control, thread: Some(thread) })
@@ -158,9 +157,10 @@ impl Loop {
                 {
                     0
                 }
-                Err(error) => {
-                    tracing::error!(%error, "the simulated device lost its terminal");
-                    return;
+                // No host has the line open.
+                Err(_) => {
+                    std::thread::sleep(TICK);
+                    0
                 }
             };
             let received_at = Instant::now();
