@@ -35,7 +35,7 @@ from machine import Machine
 # How far virtual time may be behind the wall clock before the lost time is given up, and the most that one turn of the
 # loop runs before it looks at its inputs again, both in s.
 LAG_LIMIT_S = 0.05
-TURN_S = 0.005
+TURN_S = 0.002
 
 
 class Bridge:
@@ -87,7 +87,7 @@ class Bridge:
             if not self.machine.waiting and self.machine.time_s >= until:
                 break
             self.machine.advance(until)
-        self.to_host()
+            self.to_host()
 
     def to_host(self):
         data = self.machine.transmitted()
@@ -155,7 +155,7 @@ class Bridge:
         end = self.machine.time_s + float(command["seconds"])
         while self.machine.time_s < end:
             self.machine.advance(end)
-        self.to_host()
+            self.to_host()
         self.anchor()
         return {"virtual_s": self.machine.time_s}
 

@@ -25,6 +25,9 @@ CONTROL_BLOCKS = {"TIM1": 0x4001_2C00, "TIM8": 0x4001_3400}
 GPIO = {"A": 0x4800_0000, "C": 0x4800_0800}
 DAC1 = 0x5000_0800
 RNG_DATA = 0x5006_0808
+# RM0440, section 7.4.29: SFTRSTF and, as every reset pulls the pin low, PINRSTF.
+RCC_CSR = 0x4002_1094
+RESET_BY_SOFTWARE = 1 << 28 | 1 << 26
 NVIC_ISPR = 0xE000_E200
 
 # RM0440, section 28.6: offsets of the timer registers that decide what the electrodes do.
@@ -60,8 +63,7 @@ class Machine:
 
     def __init__(self, elf):
         self.sim = Sim(elf, system=BOARD, uart="lpuart1")
-        # A fresh number from the "hardware" generator: 0 would mean that it failed.
-        self.sim.write_u32(RNG_DATA, int.from_bytes(os.urandom(4), "little") | 1)
+        self.stir()
         self.idle_address = self.sim.symbol("ERA_CPU_IDLE")
         self.skipped_s = 0.0
         self.waiting = bytearray()
@@ -75,6 +77,13 @@ class Machine:
             if self.time_s > BOOT_LIMIT_S:
                 raise RuntimeError(f"the firmware is not up after {BOOT_LIMIT_S} s of its own time")
             self.sim.run_for(SLICE)
+        # From here on only the firmware itself can reset the processor; these are the flags that it then finds.
+        self.sim.write_u32(RCC_CSR, RESET_BY_SOFTWARE)
+
+    def stir(self):
+        """Puts a fresh number into the hardware random number generator, from which the firmware takes one at every
+        start. 0 would mean that it failed."""
+        self.sim.write_u32(RNG_DATA, int.from_bytes(os.urandom(4), "little") | 1)
 
     @property
     def time_s(self):
@@ -107,6 +116,7 @@ class Machine:
         self.sim.run_for(SLICE)
         if not self.waiting and self.is_idle():
             self.pass_over_idle_time(until_s)
+            self.stir()
 
     def is_idle(self):
         return self.sim.read_u32(self.idle_address) & 0xFF != 0
