@@ -17,8 +17,9 @@ pub const CHANNEL_LIMITS: ChannelLimits = ChannelLimits {
     // The upper end of what skin feels.
     max_frequency_millihertz: 1_000_000,
     max_voltage_millivolts: outputs::RAIL_FULL_SCALE_MILLIVOLTS,
-    // Never under 50 us: the time the high-voltage switches need to open, with margin. The host's default is longer.
-    min_guard_ns: 50_000,
+    // An electrode must have lost its charge before the other gets any: three time constants of the path that
+    // discharges it, whose resistance and cable make up to 66 us.
+    min_guard_ns: 200_000,
     timer_clock_hz: TIMER_CLOCK_HZ,
 };
 

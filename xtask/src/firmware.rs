@@ -20,7 +20,7 @@ pub struct Options {
     build_std: bool,
     /// Print only the path of the image, for scripts.
     #[arg(long)]
-    path_only: bool,
+    print_path: bool,
 }
 
 /// Builds and reports.
@@ -29,7 +29,7 @@ pub struct Options {
 /// What went wrong in getting the target, building, or reading the image.
 pub fn command(options: &Options) -> Result<(), Error> {
     let (image, way) = build(options.build_std)?;
-    if options.path_only {
+    if options.print_path {
         println!("{}", image.display());
         return Ok(());
     }
