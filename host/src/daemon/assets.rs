@@ -17,6 +17,8 @@ const ASSETS: &[(&str, &str, &str)] = assets! {
     "/" => "index.html", "text/html; charset=utf-8";
     "/style.css" => "style.css", "text/css; charset=utf-8";
     "/app.js" => "app.js", "text/javascript; charset=utf-8";
+    "/link.js" => "link.js", "text/javascript; charset=utf-8";
+    "/panel.js" => "panel.js", "text/javascript; charset=utf-8";
     "/icon.svg" => "icon.svg", "image/svg+xml";
 };
 
