@@ -36,6 +36,9 @@ from machine import Machine
 # loop runs before it looks at its inputs again, both in s.
 LAG_LIMIT_S = 0.05
 TURN_S = 0.002
+# How far idle time may be passed over ahead of the wall clock: beyond one tick of the firmware's device task, so that
+# the bridge can sleep from tick to tick instead of following the wall in small steps.
+LEAD_S = 0.002
 
 
 class Bridge:
@@ -51,7 +54,6 @@ class Bridge:
         # The slave stays open here, so that hosts can come and go.
         tty.setraw(self.slave)
         os.set_blocking(self.master, False)
-        os.set_blocking(0, False)
         self.commands = b""
         self.selector = selectors.DefaultSelector()
         self.selector.register(self.master, selectors.EVENT_READ, self.from_host)
@@ -83,9 +85,12 @@ class Bridge:
         """Runs until virtual time has caught up with the wall, but not for long."""
         end = time.monotonic() + TURN_S
         while (now := time.monotonic()) < end:
-            until = float("inf") if self.free else now - self.wall_zero
-            if not self.machine.waiting and self.machine.time_s >= until:
-                break
+            if self.free:
+                until = float("inf")
+            else:
+                until = now - self.wall_zero + LEAD_S
+                if not self.machine.waiting and self.machine.time_s >= now - self.wall_zero:
+                    break
             self.machine.advance(until)
             self.to_host()
 

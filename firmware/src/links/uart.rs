@@ -1,6 +1,7 @@
 //! LPUART1, which the ST-LINK on the board shows to the host as a virtual COM port.
 
 use super::{ByteSink, ByteSource, CHUNK, Closed, UART};
+use embassy_stm32::gpio::Pull;
 use embassy_stm32::peripherals::{LPUART1, PA2, PA3};
 use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError,
@@ -29,6 +30,8 @@ pub fn open(
     static RX_BUFFER: StaticCell<[u8; 2 * MAX_ENCODED]> = StaticCell::new();
     let mut config = Config::default();
     config.baudrate = BAUD;
+    // With nothing plugged in the line must read as silence.
+    config.rx_pull = Pull::Up;
     // Wakes the reader at every byte: waiting for the line to fall silent would cost a character's time on every frame.
     config.eager_reads = Some(1);
     BufferedUart::new(

@@ -11,7 +11,7 @@ use static_cell::StaticCell;
 /// USB vendor and product: pid.codes' pair for tests and private use. A product that is sold needs its own.
 const VENDOR: u16 = 0x1209;
 const PRODUCT: u16 = 0x0001;
-/// By this name the host finds the board among its serial ports.
+/// What the computer's list of serial ports shows.
 const PRODUCT_NAME: &str = "ERA haptics board";
 /// What the board itself may draw from the bus in mA; the high-voltage supply has its own.
 const MAX_CURRENT_MA: u16 = 200;
