@@ -4,7 +4,7 @@ use super::args::Serve;
 use super::panel::plan_table;
 use super::{Failure, Outcome};
 use crate::daemon::{App, DEFAULT_LISTEN, serve};
-use crate::device::sim::{ModalSystem, Panel};
+use crate::device::sim::Panel;
 use crate::device::{OpenDevice, Target};
 use crate::planner::PlanTable;
 use std::net::SocketAddr;
@@ -43,15 +43,9 @@ pub fn run(options: &Serve) -> Outcome {
 pub fn open_device(target: &Target, table: &PlanTable) -> Result<OpenDevice, Failure> {
     let panel = || {
         let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        (simulated_panel(table), volts)
+        (Panel::of(table), volts)
     };
     OpenDevice::open(target, panel).map_err(Failure::failed)
-}
-
-/// The panel of the simulated device, at rest.
-pub fn simulated_panel(table: &PlanTable) -> Panel {
-    let forces = table.electrodes.iter().map(crate::planner::limits::Electrodes::newtons_per_volt_squared).collect();
-    Panel::new(&ModalSystem::from_reduced(&table.model), forces)
 }
 
 /// Resolves on Ctrl-C or, on Unix, the signal that service managers send.

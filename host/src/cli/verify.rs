@@ -3,7 +3,6 @@
 use super::args::Verify;
 use super::panel::plan_table;
 use super::progress::with_progress;
-use super::serve::simulated_panel;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::planner::Target;
 use crate::verify::{Comparison, compare, spread};
@@ -14,7 +13,7 @@ use std::fmt::Write;
 pub fn run(options: &Verify) -> Outcome {
     let scene = options.panel.load()?;
     let table = plan_table(&options.panel, &scene)?;
-    let panel = simulated_panel(&table);
+    let panel = crate::device::sim::Panel::of(&table);
     let points = spread(options.points, scene.surface.length_m, scene.surface.width_m);
     let results: Vec<Comparison> = with_progress("simulating", || {
         points

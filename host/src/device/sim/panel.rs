@@ -3,6 +3,8 @@
 use super::accelerometer::Accelerometer;
 use super::source::Source;
 use crate::model::ReducedModel;
+use crate::planner::PlanTable;
+use crate::planner::limits::Electrodes;
 use era_shared::MAX_CHANNELS;
 use nalgebra::{DMatrix, DVector};
 
@@ -119,6 +121,13 @@ impl Panel {
             steps: 0,
             largest: 0.0,
         }
+    }
+
+    /// The panel of a planner's table, at rest.
+    #[must_use]
+    pub fn of(table: &PlanTable) -> Self {
+        let forces = table.electrodes.iter().map(Electrodes::newtons_per_volt_squared).collect();
+        Self::new(&ModalSystem::from_reduced(&table.model), forces)
     }
 
     /// Puts the accelerometer where the mode shapes have the values `shape` (one per coordinate of the system).

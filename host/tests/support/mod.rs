@@ -1,0 +1,84 @@
+//! A daemon with a simulated device, for tests.
+#![allow(dead_code, reason = "each test file is its own program and uses a part of this")]
+
+pub mod browser;
+
+use era::daemon::{App, Background};
+use era::device::sim::SimControl;
+use era::device::{OpenDevice, Target};
+use era::model::{Accuracy, PanelModel};
+use era::planner::{PlanTable, TableOptions};
+use era::scene::Scene;
+use serde_json::Value;
+use std::time::{Duration, Instant};
+
+pub struct Daemon {
+    pub url: String,
+    pub sim: SimControl,
+    pub background: Background,
+}
+
+pub fn table(text: &str) -> PlanTable {
+    let scene = Scene::parse("test scene", text).unwrap();
+    let options = TableOptions::default();
+    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
+    PlanTable::build(&scene, model, options).unwrap()
+}
+
+impl Daemon {
+    /// The daemon on a scene, once its device answers.
+    pub fn start(scene: &str) -> Self {
+        let table = table(scene);
+        let panel = || {
+            let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
+            (era::device::sim::Panel::of(&table), volts)
+        };
+        let device = OpenDevice::open(&Target::Sim, panel).unwrap();
+        let sim = device.sim().unwrap();
+        let background = Background::start(App::new(table, device).unwrap()).unwrap();
+        let daemon = Self { url: format!("http://{}", background.address()), sim, background };
+        daemon.wait_for(|state| state["device"]["connected"] == true);
+        daemon
+    }
+
+    pub fn agent() -> ureq::Agent {
+        ureq::Agent::config_builder()
+            .http_status_as_error(false)
+            .timeout_global(Some(Duration::from_secs(30)))
+            .build()
+            .into()
+    }
+
+    /// Status, content type and JSON of a request with any body.
+    pub fn post(&self, path: &str, body: &str) -> (u16, String, Value) {
+        let mut answer = Self::agent().post(format!("{}{path}", self.url)).send(body).unwrap();
+        let kind = answer.headers().get("content-type").map_or("", |value| value.to_str().unwrap()).to_owned();
+        (answer.status().as_u16(), kind, answer.body_mut().read_json().unwrap())
+    }
+
+    pub fn get(&self, path: &str) -> (u16, Value) {
+        let mut answer = Self::agent().get(format!("{}{path}", self.url)).call().unwrap();
+        (answer.status().as_u16(), answer.body_mut().read_json().unwrap())
+    }
+
+    pub fn get_text(&self, path: &str) -> String {
+        Self::agent().get(format!("{}{path}", self.url)).call().unwrap().body_mut().read_to_string().unwrap()
+    }
+
+    pub fn state(&self) -> Value {
+        self.get("/v1/state").1
+    }
+
+    /// Waits until the state is as wanted.
+    pub fn wait_for(&self, wanted: impl Fn(&Value) -> bool) -> Value {
+        let deadline = Instant::now() + Duration::from_secs(30);
+        loop {
+            let state = self.state();
+            if wanted(&state) {
+                return state;
+            }
+            assert!(Instant::now() < deadline, "still not as wanted: {state}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
