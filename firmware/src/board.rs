@@ -11,17 +11,10 @@ use era_shared::waveform::{ChannelProgram, TimerProgram, TimerRegisters};
 use heapless::Vec;
 
 /// What each channel can do.
-pub const CHANNEL_LIMITS: ChannelLimits = ChannelLimits {
-    // 1 Hz: half a period is 85 000 000 clocks, well within what the prescaler and the 16-bit counter can count.
-    min_frequency_millihertz: 1_000,
-    // The upper end of what skin feels.
-    max_frequency_millihertz: 1_000_000,
-    max_voltage_millivolts: outputs::RAIL_FULL_SCALE_MILLIVOLTS,
-    // An electrode must have lost its charge before the other gets any: three time constants of the path that
-    // discharges it, whose resistance and cable make up to 66 us.
-    min_guard_ns: 200_000,
-    timer_clock_hz: TIMER_CLOCK_HZ,
-};
+pub const CHANNEL_LIMITS: ChannelLimits = ChannelLimits::BOARD;
+// What the shared limits say must be what this board's clock tree and rail really are.
+const _: () = assert!(CHANNEL_LIMITS.timer_clock_hz == TIMER_CLOCK_HZ);
+const _: () = assert!(CHANNEL_LIMITS.max_voltage_millivolts == outputs::RAIL_FULL_SCALE_MILLIVOLTS);
 
 /// The STM32G474 actuator board.
 pub struct Stm32Board {

@@ -73,8 +73,11 @@ fn a_phone_with_two_fingers_and_a_real_tap_on_stop() {
     with_page(390, 844, |daemon, browser| {
         let fingers = [browser.point("#panel", 0.25, 0.5), browser.point("#panel", 0.75, 0.5)];
         browser.touch("touchStart", &fingers);
-        browser.wait_for("document.body.dataset.plan !== '' && JSON.parse(document.body.dataset.plan).targets.length === 2");
-        daemon.wait_for(|state| state["device"]["state"] == "running" && state["touches"].as_array().unwrap().len() == 2);
+        browser.wait_for(
+            "document.body.dataset.plan !== '' && JSON.parse(document.body.dataset.plan).targets.length === 2",
+        );
+        daemon
+            .wait_for(|state| state["device"]["state"] == "running" && state["touches"].as_array().unwrap().len() == 2);
         browser.wait_for("document.body.dataset.state === 'running'");
         save(browser, "phone");
         let wide = browser.value("document.documentElement.scrollWidth <= window.innerWidth");

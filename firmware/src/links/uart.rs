@@ -8,17 +8,13 @@ use embassy_stm32::usart::{
 };
 use embassy_stm32::{Peri, interrupt};
 use embedded_io_async::{Read, Write};
-use era_shared::link::MAX_ENCODED;
+use era_shared::link::{MAX_ENCODED, UART_BAUD};
 use static_cell::StaticCell;
-
-/// Bits per second, as the host opens the port: what every adapter can do. A frame of 60 bytes takes 5 ms; USB is the
-/// faster link.
-pub const BAUD: u32 = 115_200;
 
 /// Opens the port.
 ///
 /// # Errors
-/// [`ConfigError`] if the clock cannot be divided to [`BAUD`].
+/// [`ConfigError`] if the clock cannot be divided to [`UART_BAUD`].
 pub fn open(
     port: Peri<'static, LPUART1>,
     rx: Peri<'static, PA3>,
@@ -29,7 +25,7 @@ pub fn open(
     static TX_BUFFER: StaticCell<[u8; MAX_ENCODED]> = StaticCell::new();
     static RX_BUFFER: StaticCell<[u8; 2 * MAX_ENCODED]> = StaticCell::new();
     let mut config = Config::default();
-    config.baudrate = BAUD;
+    config.baudrate = UART_BAUD;
     // With nothing plugged in the line must read as silence.
     config.rx_pull = Pull::Up;
     // Wakes the reader at every byte: waiting for the line to fall silent would cost a character's time on every frame.

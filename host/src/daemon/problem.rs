@@ -6,9 +6,13 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
-/// One problem.
+/// One problem, boxed: it travels through many results.
 #[derive(Clone, Debug, Serialize)]
-pub struct Problem {
+#[serde(transparent)]
+pub struct Problem(Box<Content>);
+
+#[derive(Clone, Debug, Serialize)]
+struct Content {
     /// Kind of problem, stable for programs.
     #[serde(rename = "type")]
     kind: String,
@@ -33,7 +37,7 @@ impl Problem {
     /// A problem of the kind `kind` (a word or two, made into a URN).
     #[must_use]
     pub fn new(status: StatusCode, kind: &str, title: &'static str, detail: impl Into<String>) -> Self {
-        Self {
+        Self(Box::new(Content {
             kind: format!("urn:era:problem:{kind}"),
             title,
             status: status.as_u16(),
@@ -41,7 +45,7 @@ impl Problem {
             field: None,
             value: None,
             allowed: None,
-        }
+        }))
     }
 
     /// A number outside its range.
@@ -49,12 +53,11 @@ impl Problem {
     pub fn range(field: &str, value: f64, min: impl std::fmt::Display, max: impl std::fmt::Display) -> Self {
         let allowed = format!("{min} to {max}");
         let detail = format!("{field} is {value}, but must be in {allowed}");
-        Self {
-            field: Some(field.into()),
-            value: Some(value.into()),
-            allowed: Some(allowed),
-            ..Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A value is out of range", detail)
-        }
+        let mut problem = Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A value is out of range", detail);
+        problem.0.field = Some(field.into());
+        problem.0.value = Some(value.into());
+        problem.0.allowed = Some(allowed);
+        problem
     }
 
     /// A body that could not be read.
@@ -66,13 +69,13 @@ impl Problem {
     /// In words.
     #[must_use]
     pub fn detail(&self) -> &str {
-        &self.detail
+        &self.0.detail
     }
 }
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let status = StatusCode::from_u16(self.0.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let body = serde_json::to_vec(&self).unwrap_or_default();
         (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response()
     }

@@ -3,13 +3,12 @@
 use super::client::{Client, LinkError, Transport};
 use super::emulated::{EmulatedBoard, EmulatedError};
 use super::sim::{Panel, SimControl, SimDevice};
+use era_shared::link::UART_BAUD;
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Request};
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// Speed of the UART link; USB ignores it.
-const BAUD: u32 = 115_200;
 /// Time a read waits for its first byte.
 const READ_TIMEOUT: Duration = Duration::from_millis(2);
 
@@ -195,7 +194,7 @@ impl OpenDevice {
     /// # Errors
     /// As the port does.
     pub fn transport(&self) -> Result<Box<dyn Transport>, serialport::Error> {
-        let port = serialport::new(&self.path, BAUD).timeout(READ_TIMEOUT).open()?;
+        let port = serialport::new(&self.path, UART_BAUD).timeout(READ_TIMEOUT).open()?;
         Ok(Box::new(port))
     }
 

@@ -132,8 +132,8 @@ mod tests {
             let at_limits = [limits[0], limits[1]];
             prop_assume!((0..2).all(|target| reaches(&at_limits, target) > 1.02 * wanted[target]));
             let forces = allocate(&choices, &wanted);
-            for target in 0..2 {
-                prop_assert!(reaches(&forces, target) >= wanted[target] * (1.0 - 1e-6));
+            for (target, wanted) in wanted.iter().enumerate() {
+                prop_assert!(reaches(&forces, target) >= wanted * (1.0 - 1e-6));
             }
             let found = objective(&choices, &forces);
             for i in 0..=60 {

@@ -110,9 +110,12 @@ fn judge<'a>(chosen: &[&'a Candidate], wanted: &[f64], best: &mut Option<Best<'a
     }
 }
 
+/// How good a candidate is, given its gain over what is wanted.
+type Score<'a> = &'a dyn Fn(&Candidate, f64) -> f64;
+
 /// The most promising candidates by efficiency (gain^2 over energy) and by reach (gain times most force).
 fn shortlist<'a>(list: &'a [Candidate], wanted: &[f64]) -> Vec<&'a Candidate> {
-    let score = |by: &dyn Fn(&Candidate, f64) -> f64, candidate: &Candidate| -> f64 {
+    let score = |by: Score<'_>, candidate: &Candidate| -> f64 {
         candidate
             .gain
             .iter()
@@ -123,7 +126,7 @@ fn shortlist<'a>(list: &'a [Candidate], wanted: &[f64]) -> Vec<&'a Candidate> {
     let efficiency = |candidate: &Candidate, gain: f64| gain * gain / candidate.energy;
     let reach = |candidate: &Candidate, gain: f64| gain * candidate.max_force_n;
     let mut kept: Vec<&Candidate> = Vec::new();
-    let halves: [(&dyn Fn(&Candidate, f64) -> f64, usize); 2] = [(&efficiency, SHORTLIST / 2), (&reach, SHORTLIST)];
+    let halves: [(Score<'_>, usize); 2] = [(&efficiency, SHORTLIST / 2), (&reach, SHORTLIST)];
     for (by, until) in halves {
         let mut sorted: Vec<&Candidate> = list.iter().collect();
         sorted.sort_by(|a, b| score(by, b).total_cmp(&score(by, a)));

@@ -22,7 +22,12 @@ pub struct Browser {
 /// The browser's program, if there is one.
 pub fn program() -> Option<&'static str> {
     ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| {
-        Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
+        Command::new(name)
+            .arg("--version")
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .status()
+            .is_ok_and(|s| s.success())
     })
 }
 
@@ -90,7 +95,11 @@ impl Browser {
     pub fn wait_for(&mut self, expression: &str) {
         let deadline = Instant::now() + PATIENCE;
         while self.value(&format!("Boolean({expression})")) != true {
-            assert!(Instant::now() < deadline, "still not: {expression}; page: {}", self.value("document.body.innerText"));
+            assert!(
+                Instant::now() < deadline,
+                "still not: {expression}; page: {}",
+                self.value("document.body.innerText")
+            );
             std::thread::sleep(Duration::from_millis(50));
         }
     }

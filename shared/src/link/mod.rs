@@ -7,5 +7,8 @@
 mod decoder;
 mod frame;
 
+/// Speed of the UART link (the ST-LINK virtual COM port) in baud; USB has no speed to set. Slow enough for every adapter.
+pub const UART_BAUD: u32 = 115_200;
+
 pub use decoder::{DecodeError, Decoder};
 pub use frame::{EncodeError, Frame, Kind, MAX_BODY, MAX_ENCODED, encode};

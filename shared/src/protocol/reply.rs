@@ -146,6 +146,23 @@ pub struct ChannelLimits {
     pub timer_clock_hz: u32,
 }
 
+impl ChannelLimits {
+    /// What a channel of the STM32G474 board can do; the simulated board does the same.
+    pub const BOARD: Self = Self {
+        // Half a period at 1 Hz is 85 000 000 clocks, well within what the prescaler and the 16-bit counter can count.
+        min_frequency_millihertz: 1_000,
+        // The upper end of what skin feels.
+        max_frequency_millihertz: 1_000_000,
+        // The hard cap of the example actuators; 0.36 mm of air, the gap at a third of the travel, still hold it.
+        max_voltage_millivolts: 2_000_000,
+        // An electrode must have lost its charge before the other gets any: three time constants of the path that
+        // discharges it, whose resistance and cable make up to 66 us.
+        min_guard_ns: 200_000,
+        // SYSCLK, undivided, as the timers of APB2 get it.
+        timer_clock_hz: 170_000_000,
+    };
+}
+
 /// Who the device is.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct HelloReply {

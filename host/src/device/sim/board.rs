@@ -1,6 +1,5 @@
 //! The simulated board: timers and rails as numbers, the panel in their place.
 
-use super::TIMER_CLOCK_HZ;
 use super::panel::Panel;
 use super::source::Source;
 use era_shared::board::{Board, BoardInfo, Measurements, Programs};
@@ -38,13 +37,7 @@ impl SimBoard {
     pub fn new(panel: Panel, max_voltages_v: &[f64], clock: Clock) -> Self {
         let channels = max_voltages_v
             .iter()
-            .map(|volts| ChannelLimits {
-                min_frequency_millihertz: 1_000,
-                max_frequency_millihertz: 1_000_000,
-                max_voltage_millivolts: (volts * 1e3) as u32,
-                min_guard_ns: 200_000,
-                timer_clock_hz: TIMER_CLOCK_HZ,
-            })
+            .map(|volts| ChannelLimits { max_voltage_millivolts: (volts * 1e3) as u32, ..ChannelLimits::BOARD })
             .take(era_shared::MAX_CHANNELS)
             .collect();
         Self {

@@ -16,6 +16,3 @@ pub use board::{Clock, SimBoard};
 pub use panel::{ModalSystem, Panel, STEP_S};
 pub use source::Source;
 pub use terminal::{Knobs, SimControl, SimDevice};
-
-/// Clock of the simulated timers in Hz: as on the STM32G474 board, so that frequencies are quantised alike.
-pub const TIMER_CLOCK_HZ: u32 = 170_000_000;

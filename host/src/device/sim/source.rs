@@ -1,6 +1,6 @@
 //! One ERA's electrostatic force as its timer makes it.
 
-use super::TIMER_CLOCK_HZ;
+use era_shared::protocol::ChannelLimits;
 use era_shared::waveform::{ChannelProgram, TimerRegisters, Window, Windows, WindowsError};
 
 /// A running channel: electrode windows, and the force while an electrode is on.
@@ -24,7 +24,7 @@ impl Source {
         let voltage_v = f64::from(program.achieved.voltage_millivolts) / 1e3;
         Ok(Self {
             windows,
-            tick_s: windows.tick_s(TIMER_CLOCK_HZ),
+            tick_s: windows.tick_s(ChannelLimits::BOARD.timer_clock_hz),
             start_ticks: f64::from(program.timer.start_count),
             started_s,
             force_n: newtons_per_volt_squared * voltage_v * voltage_v,
