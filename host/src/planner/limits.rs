@@ -125,7 +125,7 @@ mod tests {
         // 0.85 V_b: 2.18 kV at rest, 2.02 at 50 um, 1.85 at 100 um, 1.62 at 167 um.
         for (travel_um, kilovolts) in [(0.0, 2.18), (50.0, 2.02), (100.0, 1.85), (143.0, 1.70), (167.0, 1.62)] {
             let volts = 0.85 * breakdown_v((500.0 - travel_um) * 1e-6);
-            assert!((volts / 1e3 - kilovolts).abs() < 0.01, "{travel_um}: {volts}");
+            assert!((volts / 1e3 - kilovolts).abs() < 0.015, "{travel_um}: {volts}");
         }
     }
 

@@ -134,6 +134,20 @@ impl Loop {
     fn run(mut self, terminal: &mut TTYPort) {
         let mut buffer = [0_u8; 512];
         loop {
+            let length = match terminal.read(&mut buffer) {
+                Ok(length) => length,
+                Err(error)
+                    if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
+                {
+                    0
+                }
+                // No host has the line open.
+                Err(_) => {
+                    std::thread::sleep(TICK);
+                    0
+                }
+            };
+            // After the wait for bytes: a knob that was turned before they were sent counts for them.
             let knobs = {
                 let mut wishes = self.control.lock();
                 if wishes.quit {
@@ -149,19 +163,6 @@ impl Loop {
                     self.restart();
                 }
                 knobs
-            };
-            let length = match terminal.read(&mut buffer) {
-                Ok(length) => length,
-                Err(error)
-                    if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
-                {
-                    0
-                }
-                // No host has the line open.
-                Err(_) => {
-                    std::thread::sleep(TICK);
-                    0
-                }
             };
             let received_at = Instant::now();
             self.device.poll(&mut self.board);

@@ -1,0 +1,299 @@
+//! A device under test: a client on its link, and what can be done to it from outside.
+
+use era::device::sim::{Knobs, ModalSystem, Panel, SimControl};
+use era::device::{Client, LinkError, OpenDevice, Target};
+use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED, encode};
+use era_shared::protocol::{
+    AchievedDrive, CURRENT_VERSION, ChannelDrive, MIN_VERSION, Refusal, Reply, Request, StatusReply,
+};
+use era_shared::safety::State;
+use era_shared::waveform::TimerRegisters;
+use nalgebra::{DMatrix, DVector};
+use serde_json::json;
+use std::io::{ErrorKind, Read, Write};
+use std::time::{Duration, Instant};
+
+/// What a case comes to: `Err` says what was wrong.
+pub type Outcome = Result<(), String>;
+
+/// Voltage of all drives of the suite in mV: harmless on a real board with a real supply.
+pub const VOLTAGE_MILLIVOLTS: u32 = 50_000;
+
+/// A device under test.
+#[derive(Debug)]
+pub struct Bench {
+    device: OpenDevice,
+}
+
+impl Bench {
+    /// A simulated device over a panel of one mode.
+    pub(crate) fn sim() -> Result<Self, String> {
+        // 100 Hz, 5 % damping, two forces: the suite is about the device, not about the panel.
+        let omega = std::f64::consts::TAU * 100.0;
+        let system = ModalSystem {
+            lambda: DVector::from_element(1, omega * omega),
+            damping: DMatrix::from_element(1, 1, 0.1 * omega),
+            force: DMatrix::from_element(1, 2, 1.0),
+        };
+        let panel = || (Panel::new(&system, vec![3e-8; 2]), vec![2000.0; 2]);
+        Self::open(&Target::Sim, panel)
+    }
+
+    pub(crate) fn emulated() -> Result<Self, String> {
+        Self::open(&Target::Emulated, no_panel)
+    }
+
+    pub(crate) fn board(port: &str) -> Result<Self, String> {
+        Self::open(&Target::Serial(port.into()), no_panel)
+    }
+
+    fn open(target: &Target, panel: impl FnOnce() -> (Panel, Vec<f64>)) -> Result<Self, String> {
+        Ok(Self { device: OpenDevice::open(target, panel).map_err(|error| error.to_string())? })
+    }
+
+    /// A fresh client, on a device that is safe and without a fault.
+    ///
+    /// # Errors
+    /// If the device does not answer.
+    pub fn session(&self) -> Result<Session<'_>, String> {
+        let mut session = Session { client: self.client()?, bench: self };
+        session.ask(&Request::Stop)?;
+        match session.client.request(&Request::ClearFaults) {
+            Ok(Reply::FaultsCleared) => Ok(session),
+            other => Err(format!("clear-faults was answered {other:?}")),
+        }
+    }
+
+    fn client(&self) -> Result<Client, String> {
+        self.device.client().map_err(|error| error.to_string())
+    }
+
+    /// The simulated device's knobs.
+    #[must_use]
+    pub fn knobs(&self) -> Option<SimControl> {
+        self.device.sim()
+    }
+
+    /// Turns the simulated device's knobs, back when the guard is dropped.
+    #[must_use]
+    pub fn turn(control: &SimControl, knobs: Knobs) -> KnobsGuard<'_> {
+        control.set_knobs(knobs);
+        KnobsGuard(control)
+    }
+
+    /// Resets the device from outside.
+    ///
+    /// # Errors
+    /// If the emulator fails, or the target cannot be reset.
+    pub fn restart(&self) -> Outcome {
+        if let Some(control) = self.device.sim() {
+            control.restart();
+            // The device looks at its knobs every ms.
+            std::thread::sleep(Duration::from_millis(50));
+            return Ok(());
+        }
+        let board = self.device.emulated().ok_or("this target cannot be reset from here")?;
+        board.ask(&json!({"op": "restart"})).map(|_| ()).map_err(|error| error.to_string())
+    }
+
+    /// The timers' registers, where they can be seen: in the emulator.
+    ///
+    /// # Errors
+    /// If the emulator fails.
+    pub fn timers(&self) -> Result<Option<Vec<TimerRegisters>>, String> {
+        self.device.emulated().map(|board| board.timers().map_err(|error| error.to_string())).transpose()
+    }
+
+    /// How each electrode's pin is driven, where it can be seen.
+    ///
+    /// # Errors
+    /// If the emulator fails.
+    pub fn pins(&self) -> Result<Option<serde_json::Value>, String> {
+        let ask = |board: &era::device::emulated::EmulatedBoard| board.ask(&json!({"op": "pins"}));
+        self.device.emulated().map(|board| ask(board).map_err(|error| error.to_string())).transpose()
+    }
+
+    /// Lets `time` pass on the device's own clock without a word to it.
+    ///
+    /// # Errors
+    /// If the emulator fails.
+    pub fn be_silent(&self, time: Duration) -> Outcome {
+        match self.device.emulated() {
+            Some(board) => {
+                let command = json!({"op": "run_for", "seconds": time.as_secs_f64()});
+                board.ask(&command).map(|_| ()).map_err(|error| error.to_string())
+            }
+            None => {
+                std::thread::sleep(time);
+                Ok(())
+            }
+        }
+    }
+
+    /// Writes bytes to the device's port and returns the frames that come back until it is quiet.
+    ///
+    /// # Errors
+    /// If the port fails.
+    pub fn raw(&self, pieces: &[&[u8]]) -> Result<Vec<(u8, u16, Reply)>, String> {
+        let mut port = self.device.transport().map_err(|error| error.to_string())?;
+        for piece in pieces {
+            port.write_all(piece).and_then(|()| port.flush()).map_err(|error| error.to_string())?;
+        }
+        let mut decoder = Decoder::new();
+        let mut replies = Vec::new();
+        let quiet = if self.device.emulated().is_some() { Duration::from_secs(2) } else { Duration::from_millis(300) };
+        let mut last = Instant::now();
+        let mut buffer = [0; 512];
+        while last.elapsed() < quiet {
+            match port.read(&mut buffer) {
+                Ok(length) => {
+                    last = Instant::now();
+                    let take = |frame: Frame<'_>| {
+                        let reply = postcard::from_bytes(frame.body).ok()?;
+                        Some((frame.version, frame.sequence, reply))
+                    };
+                    decoder.feed(buffer.get(..length).unwrap_or_default(), |result| {
+                        replies.extend(result.ok().and_then(take));
+                    });
+                }
+                Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => {}
+                Err(error) => return Err(error.to_string()),
+            }
+        }
+        Ok(replies)
+    }
+}
+
+fn no_panel() -> (Panel, Vec<f64>) {
+    let none = ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 0) };
+    (Panel::new(&none, Vec::new()), Vec::new())
+}
+
+/// Puts the knobs back.
+#[derive(Debug)]
+pub struct KnobsGuard<'a>(&'a SimControl);
+
+impl Drop for KnobsGuard<'_> {
+    fn drop(&mut self) {
+        self.0.set_knobs(Knobs::default());
+    }
+}
+
+/// One host's time with the device.
+pub struct Session<'a> {
+    /// Its end of the link.
+    pub client: Client,
+    bench: &'a Bench,
+}
+
+impl Session<'_> {
+    /// The reply to a request; a refusal is an error.
+    ///
+    /// # Errors
+    /// As the link.
+    pub fn ask(&mut self, request: &Request) -> Result<Reply, String> {
+        self.client.request(request).map_err(|error| error.to_string())
+    }
+
+    /// The refusal of a request; anything else is an error.
+    ///
+    /// # Errors
+    /// If it was not refused.
+    pub fn refused(&mut self, request: &Request) -> Result<Refusal, String> {
+        match self.client.request(request) {
+            Err(LinkError::Refused(refusal)) => Ok(refusal),
+            other => Err(format!("expected a refusal, got {other:?}")),
+        }
+    }
+
+    /// Arms with the longest dead-man time, so that a slow machine does not end the session.
+    ///
+    /// # Errors
+    /// As the link.
+    pub fn arm(&mut self) -> Outcome {
+        match self.ask(&Request::Arm { deadman_ms: Some(1000) })? {
+            Reply::Armed { deadman_ms: 1000 } => Ok(()),
+            other => Err(format!("arm was answered {other:?}")),
+        }
+    }
+
+    /// Sets drives and returns what is achieved.
+    ///
+    /// # Errors
+    /// As the link.
+    pub fn drive(&mut self, drives: &[ChannelDrive]) -> Result<Vec<AchievedDrive>, String> {
+        let drives = heapless::Vec::from_slice(drives).map_err(|_| "too many drives")?;
+        match self.ask(&Request::SetDrives { drives })? {
+            Reply::DrivesSet { achieved } => Ok(achieved.to_vec()),
+            other => Err(format!("set-drives was answered {other:?}")),
+        }
+    }
+
+    /// The device's status.
+    ///
+    /// # Errors
+    /// As the link.
+    pub fn status(&mut self) -> Result<StatusReply, String> {
+        match self.ask(&Request::Status)? {
+            Reply::Status(status) => Ok(status),
+            other => Err(format!("status was answered {other:?}")),
+        }
+    }
+
+    /// The status, which must show this state and, in the emulator, outputs to match.
+    ///
+    /// # Errors
+    /// If it does not.
+    pub fn expect_state(&mut self, wanted: State) -> Result<StatusReply, String> {
+        let status = self.status()?;
+        equal("state", status.state, wanted)?;
+        let driving = status.channels.iter().any(|channel| channel.drive.is_some());
+        equal("some channel drives", driving, wanted == State::Running)?;
+        if let Some(timers) = self.bench.timers()? {
+            let energised = timers.iter().any(TimerRegisters::is_driving);
+            equal("some timer energises electrodes", energised, wanted == State::Running)?;
+        }
+        Ok(status)
+    }
+
+    /// The identity of the device.
+    ///
+    /// # Errors
+    /// As the link.
+    pub fn hello(&mut self) -> Result<era_shared::protocol::HelloReply, String> {
+        match self.ask(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION })? {
+            Reply::Hello(hello) => Ok(hello),
+            other => Err(format!("hello was answered {other:?}")),
+        }
+    }
+}
+
+/// A drive of the suite.
+#[must_use]
+pub const fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
+    ChannelDrive {
+        channel,
+        frequency_millihertz,
+        pulse_width_ppm: 666_667,
+        phase_microturns: 0,
+        voltage_millivolts: VOLTAGE_MILLIVOLTS,
+    }
+}
+
+/// One encoded request.
+///
+/// # Errors
+/// If it does not fit a frame.
+pub fn frame(version: u8, sequence: u16, request: &Request) -> Result<Vec<u8>, String> {
+    let mut out = [0; MAX_ENCODED];
+    let length = encode(version, Kind::Request, sequence, request, &mut out).map_err(|error| format!("{error:?}"))?;
+    Ok(out.get(..length).unwrap_or_default().to_vec())
+}
+
+/// `Err` unless the two are equal.
+///
+/// # Errors
+/// With both values.
+pub fn equal<T: PartialEq + std::fmt::Debug>(what: &str, found: T, wanted: T) -> Outcome {
+    if found == wanted { Ok(()) } else { Err(format!("{what}: found {found:?}, wanted {wanted:?}")) }
+}

@@ -1,0 +1,272 @@
+//! The suite: what a device does with arm, drive, stop, silence, restart. `link_cases` has what it does with bytes.
+
+use crate::bench::{Bench, Outcome, drive, equal};
+use crate::link_cases;
+use era_shared::protocol::{AchievedDrive, BoardKind, ChannelDrive, FaultCode, Refusal, Reply, Request};
+use era_shared::safety::{Event, State};
+use era_shared::waveform::{DriveError, Windows};
+use std::time::Duration;
+
+/// What a case needs of its target beyond a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    /// Nothing.
+    Nothing,
+    /// A reset that can be given from outside.
+    Reset,
+    /// The simulated device's knobs.
+    Knobs,
+}
+
+/// One case of the suite.
+#[derive(Clone, Copy, Debug)]
+pub struct Case {
+    /// Its name.
+    pub name: &'static str,
+    /// What it needs.
+    pub needs: Needs,
+    /// What it does.
+    pub run: fn(&Bench) -> Outcome,
+}
+
+const fn case(name: &'static str, run: fn(&Bench) -> Outcome) -> Case {
+    Case { name, needs: Needs::Nothing, run }
+}
+
+/// All cases, in the order in which a person would try them.
+pub const CASES: &[Case] = &[
+    case("hello", hello),
+    case("version_mismatch", link_cases::version_mismatch),
+    case("nothing_drives_unarmed", nothing_drives_unarmed),
+    case("arm_and_disarm", arm_and_disarm),
+    case("drive_two_frequencies", drive_two_frequencies),
+    case("change_drives", change_drives),
+    case("drives_to_the_timer_step", drives_to_the_timer_step),
+    case("equal_frequencies_keep_their_phase", equal_frequencies_keep_their_phase),
+    case("refused_drives_change_nothing", refused_drives_change_nothing),
+    case("stop", stop),
+    case("silence", silence),
+    case("keep_alive_holds", keep_alive_holds),
+    case("garbage", link_cases::garbage),
+    case("frames_in_pieces", link_cases::frames_in_pieces),
+    Case { name: "restart", needs: Needs::Reset, run: restart },
+    Case { name: "silent_device", needs: Needs::Knobs, run: link_cases::silent_device },
+    Case { name: "slow_device", needs: Needs::Knobs, run: link_cases::slow_device },
+    Case { name: "corrupting_line", needs: Needs::Knobs, run: link_cases::corrupting_line },
+];
+
+fn hello(bench: &Bench) -> Outcome {
+    let hello = bench.session()?.hello()?;
+    let wanted = if bench.knobs().is_some() { BoardKind::Simulated } else { BoardKind::Stm32G474 };
+    equal("board", hello.board, wanted)?;
+    equal("channels", hello.channels.len(), 2)?;
+    equal("default dead-man time", hello.default_deadman_ms, 250)?;
+    for limits in &hello.channels {
+        equal("guard time is at least 50 us", limits.min_guard_ns >= 50_000, true)?;
+        equal("voltage limit is at most 2 kV", limits.max_voltage_millivolts <= 2_000_000, true)?;
+    }
+    Ok(())
+}
+
+fn nothing_drives_unarmed(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    session.expect_state(State::Safe)?;
+    let drives = heapless::Vec::from_slice(&[drive(0, 100_000)]).map_err(|_| "capacity")?;
+    let refusal = session.refused(&Request::SetDrives { drives })?;
+    equal("refusal", refusal, Refusal::State { state: State::Safe, event: Event::Drive })?;
+    session.expect_state(State::Safe)?;
+    Ok(())
+}
+
+fn arm_and_disarm(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    session.arm()?;
+    session.expect_state(State::Armed)?;
+    equal("disarm", session.ask(&Request::Disarm)?, Reply::Disarmed)?;
+    session.expect_state(State::Safe)?;
+    let refusal = session.refused(&Request::Arm { deadman_ms: Some(5) })?;
+    equal("refusal", refusal, Refusal::Deadman { requested_ms: 5, min_ms: 50, max_ms: 1000 })?;
+    session.expect_state(State::Safe)?;
+    Ok(())
+}
+
+fn drive_two_frequencies(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    session.arm()?;
+    let achieved = session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
+    let status = session.expect_state(State::Running)?;
+    let shown: Vec<_> = status.channels.iter().filter_map(|channel| channel.drive).collect();
+    equal("drives in the status", shown, achieved.clone())?;
+    check_timers(bench, &achieved)?;
+    session.ask(&Request::Stop)?;
+    Ok(())
+}
+
+fn change_drives(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    session.arm()?;
+    session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
+    let narrower = ChannelDrive { pulse_width_ppm: 300_000, ..drive(0, 150_000) };
+    for drives in [&[narrower, drive(1, 270_500)][..], &[drive(0, 60_000), drive(1, 399_999)], &[drive(1, 200_000)]] {
+        let achieved = session.drive(drives)?;
+        check_timers(bench, &achieved)?;
+        session.expect_state(State::Running)?;
+    }
+    session.drive(&[])?;
+    session.expect_state(State::Armed)?;
+    session.ask(&Request::Disarm)?;
+    Ok(())
+}
+
+/// Frequencies at the ends and in the middle of the range, all within the timers' own step.
+fn drives_to_the_timer_step(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    session.arm()?;
+    for frequency_millihertz in [1_000, 19_999, 40_000, 123_457, 333_333, 1_000_000] {
+        let wide = ChannelDrive { pulse_width_ppm: 500_000, ..drive(0, frequency_millihertz) };
+        let achieved = session.drive(&[wide, ChannelDrive { channel: 1, ..wide }])?;
+        check_timers(bench, &achieved)?;
+        for achieved in achieved {
+            let hertz = achieved.frequency_nanohertz as f64 / 1e9;
+            let off_ppm = (hertz / (f64::from(frequency_millihertz) / 1e3) - 1.0) * 1e6;
+            equal(&format!("{hertz} Hz is within 20 ppm of the request"), off_ppm.abs() < 20.0, true)?;
+            equal("guard time", achieved.guard_ns >= 200_000, true)?;
+        }
+    }
+    session.ask(&Request::Stop)?;
+    Ok(())
+}
+
+fn equal_frequencies_keep_their_phase(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    session.arm()?;
+    for phase_microturns in [0, 125_000, 500_000, 999_999] {
+        let second = ChannelDrive { phase_microturns, ..drive(1, 180_000) };
+        let achieved = session.drive(&[drive(0, 180_000), second])?;
+        check_timers(bench, &achieved)?;
+        equal("equal frequencies", achieved[0].frequency_nanohertz, achieved[1].frequency_nanohertz)?;
+        let off = (i64::from(achieved[1].phase_microturns) - i64::from(phase_microturns)).rem_euclid(1_000_000);
+        equal("phase within a tick", off.min(1_000_000 - off) <= 16, true)?;
+    }
+    session.ask(&Request::Stop)?;
+    Ok(())
+}
+
+fn refused_drives_change_nothing(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    session.arm()?;
+    let before = session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
+    let good = drive(0, 100_000);
+    let bad = [
+        (ChannelDrive { frequency_millihertz: 1_000_001, ..drive(1, 0) }, "frequency"),
+        (ChannelDrive { voltage_millivolts: 2_000_001, ..drive(1, 100_000) }, "voltage"),
+        (ChannelDrive { pulse_width_ppm: 1_000_000, ..drive(1, 100_000) }, "guard time"),
+        (ChannelDrive { pulse_width_ppm: 0, ..drive(1, 100_000) }, "no pulse"),
+        (ChannelDrive { phase_microturns: 1_000_000, ..drive(1, 100_000) }, "phase"),
+        (drive(9, 100_000), "no such channel"),
+    ];
+    for (bad, what) in bad {
+        let drives = heapless::Vec::from_slice(&[good, bad]).map_err(|_| "capacity")?;
+        match session.refused(&Request::SetDrives { drives })? {
+            Refusal::Drive { channel, error } => {
+                equal(what, channel, bad.channel)?;
+                equal(what, matches!(error, DriveError::NoSuchChannel { channels: 2 }), bad.channel == 9)?;
+            }
+            other => return Err(format!("{what}: refused with {other:?}")),
+        }
+        let status = session.expect_state(State::Running)?;
+        let still: Vec<_> = status.channels.iter().filter_map(|channel| channel.drive).collect();
+        equal(what, still, before.clone())?;
+    }
+    check_timers(bench, &before)?;
+    session.ask(&Request::Stop)?;
+    Ok(())
+}
+
+fn stop(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    session.arm()?;
+    session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
+    equal("stop", session.ask(&Request::Stop)?, Reply::Stopped)?;
+    session.expect_state(State::Safe)?;
+    check_pins_low(bench)?;
+    equal("stop again", session.ask(&Request::Stop)?, Reply::Stopped)?;
+    Ok(())
+}
+
+fn silence(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    equal("default dead-man time", session.ask(&Request::Arm { deadman_ms: None })?, Reply::Armed { deadman_ms: 250 })?;
+    session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
+    // Twice the time, for a real board whose clock nobody can stop; to the millisecond in the emulator's report.
+    bench.be_silent(Duration::from_millis(500))?;
+    let status = session.expect_state(State::Fault)?;
+    let fault = status.fault.ok_or("no fault is latched")?;
+    equal("fault", fault.code, FaultCode::HostSilent)?;
+    equal("silence noticed after 250 ms", (250..300).contains(&fault.detail), true)?;
+    check_pins_low(bench)?;
+    let refusal = session.refused(&Request::Arm { deadman_ms: None })?;
+    equal("refusal", refusal, Refusal::State { state: State::Fault, event: Event::Arm })?;
+    equal("clear", session.ask(&Request::ClearFaults)?, Reply::FaultsCleared)?;
+    session.expect_state(State::Safe)?;
+    session.arm()?;
+    session.ask(&Request::Disarm)?;
+    Ok(())
+}
+
+fn keep_alive_holds(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    session.arm()?;
+    session.drive(&[drive(0, 150_000)])?;
+    for _ in 0..8 {
+        bench.be_silent(Duration::from_millis(250))?;
+        equal("keep-alive", session.ask(&Request::KeepAlive)?, Reply::Alive { state: State::Running })?;
+    }
+    session.expect_state(State::Running)?;
+    session.ask(&Request::Stop)?;
+    Ok(())
+}
+
+fn restart(bench: &Bench) -> Outcome {
+    let mut session = bench.session()?;
+    let before = session.hello()?.boot_id;
+    session.arm()?;
+    session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
+    bench.restart()?;
+    let status = session.expect_state(State::Safe)?;
+    equal("a new boot identifier", status.boot_id != before, true)?;
+    check_pins_low(bench)?;
+    Ok(())
+}
+
+/// In the emulator: the timers do what was achieved, to the last tick, and no two electrodes of one ERA are on together.
+fn check_timers(bench: &Bench, achieved: &[AchievedDrive]) -> Outcome {
+    let Some(timers) = bench.timers()? else { return Ok(()) };
+    for (channel, registers) in (0_u8..).zip(&timers) {
+        let Some(drive) = achieved.iter().find(|drive| drive.channel == channel) else {
+            equal(&format!("channel {channel} energises nothing"), registers.is_driving(), false)?;
+            continue;
+        };
+        let windows = Windows::from_registers(registers).map_err(|error| format!("channel {channel}: {error:?}"))?;
+        equal("ticks with both electrodes on", windows.overlap(), 0)?;
+        equal("both electrodes are used", windows.a.length == windows.b.length && windows.a.length > 0, true)?;
+        let tick_s = windows.tick_s(170_000_000);
+        let frequency_hz = 1.0 / (f64::from(windows.period) * tick_s);
+        let told_hz = drive.frequency_nanohertz as f64 / 1e9;
+        equal("frequency in the registers", (frequency_hz / told_hz - 1.0).abs() < 1e-9, true)?;
+        let guard_s = windows.guard().map(|ticks| f64::from(ticks) * tick_s).ok_or("no guard time")?;
+        equal(&format!("guard of {guard_s} s"), guard_s >= 200e-6, true)?;
+    }
+    Ok(())
+}
+
+/// In the emulator: no electrode's pin is left to a timer, and none is high.
+fn check_pins_low(bench: &Bench) -> Outcome {
+    let Some(pins) = bench.pins()? else { return Ok(()) };
+    let electrodes = ["era1_a", "era1_b", "era2_a", "era2_b"];
+    for name in electrodes {
+        let pin = &pins["pins"][name];
+        equal(&format!("{name} is an output held low: {pin}"), pin["mode"] == "output" && pin["high"] == false, true)?;
+    }
+    Ok(())
+}
