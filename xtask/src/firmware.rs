@@ -1,7 +1,7 @@
 //! `cargo xtask firmware`: builds the image and says how big it is.
 
 use crate::error::Error;
-use crate::process::shown;
+use crate::process::{run, shown};
 use crate::target::{TARGET, Way};
 use crate::{elf, root, target};
 use serde::Deserialize;
@@ -13,7 +13,7 @@ use std::process::{Command, Stdio};
 const IMAGE: &str = "era-firmware";
 
 /// Options of `cargo xtask firmware`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub struct Options {
     /// Build core and alloc from Debian's rust-src even if rustup has the target.
     #[arg(long)]
@@ -56,19 +56,8 @@ pub fn command(options: &Options) -> Result<(), Error> {
 /// # Errors
 /// What went wrong in getting the target or building.
 pub fn build(build_std: bool) -> Result<(PathBuf, Way), Error> {
-    let root = root()?;
-    let way = target::ensure(&root.join("target/rust-src"), build_std)?;
-    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo
-        // From its own folder, so that its own .cargo/config.toml applies.
-        .current_dir(root.join("firmware"))
-        .args(["build", "--release", "--locked", "--target", TARGET, "--message-format", "json-render-diagnostics"])
-        // Two builds of one image must not depend on where the host's own build goes.
-        .env_remove("CARGO_TARGET_DIR")
-        .stdout(Stdio::piped());
-    if way == Way::BuildStd {
-        cargo.arg("-Zbuild-std=core,alloc").env("RUSTC_BOOTSTRAP", "1");
-    }
+    let (mut cargo, way) = firmware_cargo("build", build_std)?;
+    cargo.args(["--message-format", "json-render-diagnostics"]).stdout(Stdio::piped());
     let mut child = cargo.spawn().map_err(|source| Error::Start { command: shown(&cargo), source })?;
     let mut image = None;
     for line in child.stdout.take().map(BufReader::new).into_iter().flat_map(BufRead::lines).map_while(Result::ok) {
@@ -83,6 +72,31 @@ pub fn build(build_std: bool) -> Result<(PathBuf, Way), Error> {
         return Err(Error::Failed { command: shown(&cargo), status });
     }
     Ok((image.ok_or(Error::NoImage(IMAGE))?, way))
+}
+
+/// Runs another cargo command over the firmware as it is built for flashing.
+///
+/// # Errors
+/// What went wrong in getting the target or running.
+pub fn cargo(subcommand: &str, arguments: &[&str]) -> Result<(), Error> {
+    let (mut cargo, _) = firmware_cargo(subcommand, false)?;
+    run(cargo.args(arguments))
+}
+
+fn firmware_cargo(subcommand: &str, build_std: bool) -> Result<(Command, Way), Error> {
+    let root = root()?;
+    let way = target::ensure(&root.join("target/rust-src"), build_std)?;
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo
+        // From its own folder, so that its own .cargo/config.toml applies.
+        .current_dir(root.join("firmware"))
+        .args([subcommand, "--release", "--locked", "--target", TARGET])
+        // Two builds of one image must not depend on where the host's own build goes.
+        .env_remove("CARGO_TARGET_DIR");
+    if way == Way::BuildStd {
+        cargo.arg("-Zbuild-std=core,alloc").env("RUSTC_BOOTSTRAP", "1");
+    }
+    Ok((cargo, way))
 }
 
 fn percent(part: u32, whole: u32) -> f64 {

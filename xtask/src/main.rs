@@ -1,5 +1,6 @@
-//! Developer commands: `cargo xtask firmware`, `cargo xtask emulate`.
+//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`.
 
+mod check;
 mod elf;
 mod emulate;
 mod error;
@@ -22,6 +23,10 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Run all tests: host, shared crate, simulated and emulated device, page; set-up included.
+    Test,
+    /// Run everything that CI runs: formatting, lints, documentation, dependencies, then all tests.
+    Ci,
     /// Build the firmware image and print its size and its path; gets the compilation target if it is missing.
     Firmware(firmware::Options),
     /// Build the firmware, run it on the emulated board and say hello to it.
@@ -30,6 +35,8 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::Test => check::test(),
+        Command::Ci => check::ci(),
         Command::Firmware(options) => firmware::command(&options),
         Command::Emulate(options) => emulate::command(&options),
     };

@@ -1,0 +1,79 @@
+//! `cargo xtask test` and `cargo xtask ci`: everything that can be checked, set-up included.
+
+use crate::error::Error;
+use crate::process::run;
+use crate::{firmware, root};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// Makes the firmware and the emulator's environment, then runs every test of the workspace.
+///
+/// # Errors
+/// The first step that failed.
+pub fn test() -> Result<(), Error> {
+    let root = root()?;
+    step("firmware image", || firmware::command(&firmware::Options::default()))?;
+    step("emulator", || {
+        run(Command::new("python3").arg("emulator/launch.py").arg("--setup-only").current_dir(&root))
+    })?;
+    step("tests", || run(cargo(&root).args(["test", "--workspace"])))
+}
+
+/// Formatting, lints, documentation and dependencies of both workspaces, then [`test`].
+///
+/// # Errors
+/// The first step that failed.
+pub fn ci() -> Result<(), Error> {
+    let root = root()?;
+    let firmware = root.join("firmware");
+    step("formatting", || {
+        run(cargo(&root).args(["fmt", "--all", "--check"]))?;
+        run(cargo(&firmware).args(["fmt", "--check"]))
+    })?;
+    // The image first: it makes sure of the compilation target, which the firmware's lints need too.
+    step("firmware image", || firmware::command(&firmware::Options::default()))?;
+    step("lints", || {
+        run(cargo(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
+        firmware::cargo("clippy", &["--", "-D", "warnings"])
+    })?;
+    step("documentation", || {
+        run(cargo(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
+    })?;
+    step("dependencies", || deny(&root))?;
+    test()
+}
+
+/// Licences, bans and sources. Advisories are left to a machine that can fetch their database: `cargo deny check`.
+fn deny(root: &Path) -> Result<(), Error> {
+    let installed = Command::new("cargo")
+        .args(["deny", "--version"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success());
+    if !installed {
+        run(cargo(root).args(["install", "cargo-deny", "--locked", "--quiet"]))?;
+    }
+    for folder in [root.to_path_buf(), root.join("firmware")] {
+        let config = root.join("deny.toml");
+        run(cargo(&folder).args(["deny", "check", "--config"]).arg(config).args(["licenses", "bans", "sources"]))?;
+    }
+    Ok(())
+}
+
+fn cargo(folder: &Path) -> Command {
+    let mut command = Command::new("cargo");
+    command.current_dir(folder);
+    command
+}
+
+/// Runs one step and says how long it took.
+fn step(name: &str, work: impl FnOnce() -> Result<(), Error>) -> Result<(), Error> {
+    println!("== {name}");
+    let started = Instant::now();
+    let result = work();
+    let verdict = if result.is_ok() { "done" } else { "FAILED" };
+    println!("== {name}: {verdict} after {:.0} s", started.elapsed().as_secs_f64());
+    result
+}
