@@ -14,9 +14,7 @@ use std::time::Instant;
 pub fn test() -> Result<(), Error> {
     let root = root()?;
     step("firmware image", || firmware::command(&firmware::Options::default()))?;
-    step("emulator", || {
-        run(Command::new("python3").arg("emulator/launch.py").arg("--setup-only").current_dir(&root))
-    })?;
+    step("emulator", || run(Command::new("python3").arg("emulator/launch.py").arg("--setup-only").current_dir(&root)))?;
     step("tests", || run(cargo(&root).args(["test", "--workspace"])))
 }
 

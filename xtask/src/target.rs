@@ -15,8 +15,6 @@ pub const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Debian suite whose `rust-src` is that of this project's compiler.
 const SUITE: &str = "trixie-backports";
-/// Used if this machine's own apt configuration names no Debian mirror.
-const MIRROR: &str = "http://deb.debian.org/debian";
 /// Signs Debian's package lists; in the package debian-archive-keyring.
 const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
 
@@ -119,7 +117,11 @@ fn download(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
         fs::create_dir_all(&path).map_err(file_error("cannot make", &path))?;
     }
     let sources = scratch.join("sources.list");
-    let line = format!("deb [signed-by={KEYRING}] {} {SUITE} main\n", mirror());
+    let mirror = mirror().ok_or_else(|| Error::NoSources {
+        compiler: compiler.to_owned(),
+        reason: "this machine's apt configuration names no Debian mirror".to_owned(),
+    })?;
+    let line = format!("deb [signed-by={KEYRING}] {mirror} {SUITE} main\n");
     fs::write(&sources, line).map_err(file_error("cannot write", &sources))?;
     if !Path::new(KEYRING).exists() {
         let reason = format!("{KEYRING} is missing; install the package debian-archive-keyring");
@@ -163,16 +165,9 @@ fn download(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
 }
 
 /// The Debian mirror that this machine uses already.
-fn mirror() -> String {
+fn mirror() -> Option<String> {
     let listed =
         output(Command::new("apt-get").args(["indextargets", "--format", "$(REPO_URI)", "Created-By: Packages"]));
-    listed
-        .ok()
-        .and_then(|text| {
-            text.lines()
-                .map(|line| line.trim_end_matches('/'))
-                .find(|line| line.ends_with("/debian"))
-                .map(str::to_owned)
-        })
-        .unwrap_or_else(|| MIRROR.to_owned())
+    let text = listed.ok()?;
+    text.lines().map(|line| line.trim_end_matches('/')).find(|line| line.ends_with("/debian")).map(str::to_owned)
 }

@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test file is its own program and uses a part of this")]
 
 pub mod browser;
+pub mod scenes;
 
 use era::daemon::{App, Background};
 use era::device::sim::SimControl;
