@@ -11,9 +11,10 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 /// Part of the largest below which a direction of the (dimensionless) holding vectors counts as not held. Two supports
 /// 0.1 mm apart on 300 mm give 1e-7.
 const RANK: f64 = 1e-13;
-/// Part of the shift below which a mode is taken as rigid: its stiffness is then 1e-10 of the surface's own, and the surface
-/// bends by that part of its motion.
-const NEARLY_RIGID: f64 = 1e-10;
+/// Part of the shift below which a mode is taken as rigid. Its eigenvalue is then under 1e-7 of the first bending one, and
+/// by about that part the surface's bending lowers it; the iteration, for its part, knows eigenvalues to 1e-11 or so of the
+/// shift, no better than 1e-5 of one this small.
+const NEARLY_RIGID: f64 = 1e-6;
 
 /// Modes found without iteration: rigid ones, and those that springs so soft hold that the surface stays straight.
 #[derive(Clone, Debug)]

@@ -1,0 +1,194 @@
+//! What breaks naive formulations: very stiff, very soft, very heavy, very thin, nothing at all, everything at once.
+
+mod support;
+
+use era::model::{Accuracy, ModelError, PanelModel, ReducedModel};
+use era::response;
+use support::scenes::SceneText;
+
+fn modes(scene: &SceneText, max_hz: f64) -> Vec<f64> {
+    let model = PanelModel::build(&scene.scene(), Accuracy::FAST, max_hz).unwrap();
+    model.modes(max_hz).unwrap().into_iter().map(|mode| mode.frequency_hz).collect()
+}
+
+fn reduced(scene: &SceneText, max_hz: f64) -> ReducedModel {
+    PanelModel::build(&scene.scene(), Accuracy::FAST, max_hz).unwrap().reduce(max_hz, &[]).unwrap()
+}
+
+fn zeros(scene: &SceneText) -> usize {
+    modes(scene, 400.0).iter().filter(|hz| **hz == 0.0).count()
+}
+
+fn close(found: f64, expected: f64, tolerance: f64) {
+    assert!((found / expected - 1.0).abs() < tolerance, "{found} for {expected}");
+}
+
+fn plate() -> SceneText {
+    SceneText::plate(0.3, 0.2, 0.33)
+}
+
+#[test]
+fn rigid_motions_are_counted_by_what_holds_and_are_exactly_zero() {
+    assert_eq!(zeros(&plate()), 3);
+    assert_eq!(zeros(&SceneText::bar(0.25)), 2);
+    assert_eq!(zeros(&plate().edge("left", "pinned")), 1);
+    assert_eq!(zeros(&plate().edge("left", "clamped")), 0);
+    assert_eq!(zeros(&plate().spring(0.5, 0.5, 1e4)), 2);
+    assert_eq!(zeros(&plate().spring(0.0, 0.0, 1e4).spring(1.0, 1.0, 1e4)), 1);
+    assert_eq!(zeros(&plate().spring(0.1, 0.1, 1e4).spring(0.5, 0.5, 1e4).spring(0.9, 0.9, 1e4)), 1, "in one line");
+    assert_eq!(zeros(&plate().corner_springs(1e-9)), 0, "a spring of 1e-9 N/m holds");
+    assert_eq!(zeros(&plate().corner_springs(1e18)), 0);
+    assert_eq!(zeros(&plate().era("inertial", 0.3, 0.5, 0.01, 5e3, 0.0)), 3, "the ERA rides along");
+    assert_eq!(zeros(&plate().era("inertial", 0.3, 0.5, 0.01, 0.0, 0.0)), 4, "a mass on no spring");
+    assert_eq!(zeros(&plate().era("grounded", 0.3, 0.5, 0.01, 5e3, 0.0)), 2);
+    assert_eq!(zeros(&plate().spring(0.5, 0.5, 1e4).spring(0.5, 0.5, 1e4)), 2, "twice at one place is once");
+}
+
+/// A rigid plate on four springs: sqrt(4 k / m), down to a period of weeks. At 1 N/m the plate's own bending begins to show.
+#[test]
+fn soft_springs_are_right_over_eighteen_decades() {
+    let mass = plate().surface_mass();
+    for exponent in [-12, -9, -6, -3, 0] {
+        let k = 10.0_f64.powi(exponent);
+        let bounce = (4.0 * k / mass).sqrt() / std::f64::consts::TAU;
+        close(modes(&plate().corner_springs(k), 1000.0)[0], bounce, if exponent < 0 { 2e-5 } else { 1e-3 });
+    }
+}
+
+/// Stiffer and stiffer springs close in on ideal supports from below and stay there.
+#[test]
+fn stiff_springs_reach_the_ideal_support() {
+    let ideal = modes(&plate().corner_springs(1e12), 400.0);
+    let mut last = 0.0;
+    for exponent in [3, 5, 7, 9, 12, 14, 16, 18] {
+        let first = modes(&plate().corner_springs(10.0_f64.powi(exponent)), 400.0)[0];
+        assert!(first >= last * (1.0 - 1e-9), "1e{exponent}: {first} after {last}");
+        last = first;
+    }
+    close(last, ideal[0], 1e-7);
+    // And their response: the same as without the corner's motion.
+    let at = |k: f64| {
+        let model = reduced(&plate().corner_springs(k).force(0.5, 0.5).damping("loss_factor", 0.01), 400.0);
+        let q = response::modal_coordinates(&model, 170.0).unwrap();
+        response::dot(&model.shape_at(0.15, 0.1), &q[0]).norm()
+    };
+    close(at(1e18), at(1e12), 1e-6);
+}
+
+#[test]
+fn an_attached_mass_of_a_million_plates() {
+    let plate_mass = plate().surface_mass();
+    let scene = plate().mass(0.5, 0.5, 1e6 * plate_mass).corner_springs(1e4);
+    let found = modes(&scene, 400.0);
+    let expected = modes(&plate().spring(0.5, 0.5, 1e15).corner_springs(1e4), 400.0);
+    // The first is the mass on the plate's springs; the others are those of a plate held at its centre.
+    assert!(found[0] > 0.0 && found[0] < 0.2, "{}", found[0]);
+    for hz in expected.iter().filter(|hz| **hz > 20.0) {
+        assert!(found.iter().any(|found| (found / hz - 1.0).abs() < 1e-4), "{hz} of {expected:?} in {found:?}");
+    }
+}
+
+#[test]
+fn pairs_are_found_twice() {
+    let square = SceneText::plate(0.3, 0.3, 0.3);
+    let hz = square.plate_hz(34.80089101);
+    let near = modes(&square, 1.01 * hz).into_iter().filter(|found| (found / hz - 1.0).abs() < 1e-3).count();
+    assert_eq!(near, 2);
+    // Four equal inertial ERAs on a heavy plate: four modes within a hair.
+    let mut heavy = SceneText::plate(0.3, 0.3, 0.3);
+    heavy.density = 1e6;
+    heavy.young = 1e15;
+    for (x, y) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
+        heavy = heavy.era("inertial", x, y, 0.01, 5e3, 0.0);
+    }
+    let found = modes(&heavy, 150.0);
+    assert_eq!(found.iter().filter(|hz| (**hz / 112.54 - 1.0).abs() < 0.01).count(), 4, "{found:?}");
+}
+
+#[test]
+fn attachments_close_together_at_edges_and_corners() {
+    let one = modes(&plate().spring(0.3, 0.4, 2e4), 500.0);
+    // Two springs 0.1 mm apart, and two at the same place, are as good as one of twice the stiffness.
+    let apart = modes(&plate().spring(0.3, 0.4, 1e4).spring(0.3 + 1e-4 / 0.3, 0.4, 1e4), 500.0);
+    let together = modes(&plate().spring(0.3, 0.4, 1e4).spring(0.3, 0.4, 1e4), 500.0);
+    // 0.1 mm apart they also resist tilting, ever so slightly: one motion less is free.
+    let elastic = |all: &[f64]| all.iter().copied().filter(|hz| *hz > 1.0).collect::<Vec<_>>();
+    for ((one, apart), together) in elastic(&one).iter().zip(elastic(&apart)).zip(elastic(&together)) {
+        close(apart, *one, 1e-3);
+        close(together, *one, 1e-6);
+    }
+    let corners = plate()
+        .force(0.0, 0.0)
+        .force(1.0, 1.0)
+        .force(1.0, 0.5)
+        .force(1.0 - 1e-4 / 0.3, 0.5)
+        .corner_springs(2e3)
+        .damping("loss_factor", 0.01);
+    let model = reduced(&corners, 400.0);
+    let q = response::modal_coordinates(&model, 120.0).unwrap();
+    let at_edge = |k: usize| response::dot(&model.shape_at(0.3, 0.1), &q[k]).norm();
+    close(at_edge(3), at_edge(2), 1e-2);
+    assert!(q.iter().all(|q| q.iter().all(|z| z.is_finite())));
+}
+
+/// On a node line an actuator does nothing to that mode, and the response says so instead of dividing by it.
+#[test]
+fn undamped_resonance_is_an_error_only_where_it_is_excited() {
+    let pinned = || SceneText::bar(0.25).edge("left", "pinned").edge("right", "pinned");
+    let second = pinned().bar_hz(std::f64::consts::TAU);
+    let at = |x: f64| {
+        let model = reduced(&pinned().force(x, 0.5), 600.0);
+        // The model's own frequency: the exact one is a little beside it.
+        let hz = model.lambda.iter().map(|l| l.sqrt() / std::f64::consts::TAU);
+        let hz = hz.min_by(|a, b| (a - second).abs().total_cmp(&(b - second).abs())).unwrap();
+        response::modal_coordinates(&model, hz)
+    };
+    let error = at(0.3).unwrap_err();
+    assert!(error.is_unbounded() && error.to_string().contains("loss_factor"), "{error}");
+    let q = at(0.5).unwrap();
+    assert!(q[0].iter().all(|z| z.is_finite() && z.norm() < 1.0));
+}
+
+#[test]
+fn thin_thick_long_and_tiny_panels() {
+    for thickness in [0.05e-3, 50e-3] {
+        let scene = plate().thickness(thickness);
+        let expected = scene.plate_hz(0.09 * plate_two_hz());
+        close(modes(&scene, 2.0 * expected)[3], expected, 2e-3);
+    }
+    let strip = SceneText::plate(2.0, 0.02, 0.33);
+    close(modes(&strip, 60.0)[3], strip.plate_hz(21.120132), 1e-3);
+}
+
+/// omega a^2 sqrt(rho h / D) / a^2 of the first bending mode of the free 3:2 plate, from the 2 mm one at reference.
+fn plate_two_hz() -> f64 {
+    let scene = plate();
+    let model = PanelModel::build(&scene.scene(), Accuracy::BALANCED, 200.0).unwrap();
+    let hz = model.modes(200.0).unwrap()[3].frequency_hz;
+    hz / scene.plate_hz(0.09)
+}
+
+#[test]
+fn extreme_frequencies() {
+    let scene = plate().corner_springs(2e3).force(0.5, 0.5).damping("loss_factor", 0.01);
+    let model = reduced(&scene, 400.0);
+    let shape = model.shape_at(0.1, 0.05);
+    let curve = response::acceleration_curves(&model, &shape, &[0.0, 1e-6, 1e-3, 1.0]).unwrap();
+    assert_eq!(curve[0][0].norm(), 0.0, "a constant force accelerates nothing that is held");
+    // Far below all modes the displacement is static and the acceleration goes with the square of the frequency.
+    close((curve[0][2] / curve[0][1]).norm(), 1e6, 1e-6);
+    // A free panel under a constant force accelerates as a rigid body: 1/m at the centre.
+    let free = reduced(&plate().force(0.5, 0.5), 400.0);
+    let centre = free.shape_at(0.15, 0.1);
+    let curve = response::acceleration_curves(&free, &centre, &[0.0, 1e-6, 1e-2]).unwrap();
+    for value in &curve[0] {
+        close(value.re, 1.0 / plate().surface_mass(), 1e-6);
+    }
+    let too_fine = PanelModel::build(&plate().scene(), Accuracy::BALANCED, 200_000.0).map(|_| ()).unwrap_err();
+    assert!(matches!(too_fine, ModelError::TooFine { .. }), "{too_fine}");
+    assert!(too_fine.to_string().contains("lower frequency"), "{too_fine}");
+    for max_hz in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let error = PanelModel::build(&plate().scene(), Accuracy::BALANCED, max_hz).map(|_| ()).unwrap_err();
+        assert!(matches!(error, ModelError::Frequency { .. }), "{error}");
+    }
+}
