@@ -1,0 +1,218 @@
+//! The daemon's interface: a touch drives, a stop stops, mistakes are told, a lost or faulted device is not hidden.
+
+mod support;
+
+use era::device::sim::Knobs;
+use era::scene::EXAMPLE_PLATE;
+use serde_json::{Value, json};
+use std::time::Duration;
+use support::Daemon;
+use tungstenite::Message;
+
+#[test]
+fn a_touch_drives_both_eras_and_ends_by_itself() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let body = json!({"x_px": 960, "y_px": 640, "intensity_g": 0.3, "duration_ms": 600}).to_string();
+    let (status, _, plan) = daemon.post("/v1/touch", &body);
+    assert_eq!(status, 200, "{plan}");
+    assert_eq!(plan["target_mm"], json!([150.0, 100.0]));
+    assert_eq!(plan["drives"].as_array().unwrap().len(), 2);
+    assert!((plan["predicted"]["target_peak_g"].as_f64().unwrap() - 0.3).abs() < 1e-9);
+    assert_eq!(plan["device"]["acknowledged"], true);
+    for (drive, achieved) in
+        plan["drives"].as_array().unwrap().iter().zip(plan["device"]["achieved"].as_array().unwrap())
+    {
+        let (asked, got) = (drive["frequency_hz"].as_f64().unwrap(), achieved["frequency_hz"].as_f64().unwrap());
+        assert!((got / asked - 1.0).abs() < 20e-6 && achieved["actuator"] == drive["actuator"]);
+        assert!(achieved["voltage_v"].as_f64().unwrap() <= drive["voltage_v"].as_f64().unwrap());
+    }
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    let (_, field) = daemon.get("/v1/field");
+    assert_eq!(
+        field["peak_g"].as_array().unwrap().len(),
+        field["nx"].as_u64().unwrap() as usize * field["ny"].as_u64().unwrap() as usize
+    );
+    assert!(field["max_g"].as_f64().unwrap() > 0.3);
+    daemon.wait_for(|state| state["device"]["state"] == "armed");
+}
+
+#[test]
+fn stop_stops_whatever_runs() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    daemon.post("/v1/touch", r#"{"x_px": 100, "y_px": 100, "duration_ms": 9000}"#);
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    let (status, _, state) = daemon.post("/v1/stop", "");
+    assert_eq!((status, &state["device"]["state"], &state["plan"]), (200, &json!("safe"), &Value::Null));
+}
+
+#[test]
+fn each_bad_request_says_what_is_wrong() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let bad: &[(&str, &[&str])] = &[
+        ("", &["EOF", "expected"]),
+        ("no json", &["expected"]),
+        ("[]", &["expected"]),
+        (r#"{"x_px": 1}"#, &["missing field `y_px`"]),
+        (r#"{"x_px": "1", "y_px": 1}"#, &["string \"1\"", "x_px"]),
+        (r#"{"x_px": 1, "y_px": 1, "z_px": 1}"#, &["unknown field `z_px`", "intensity_g"]),
+        (r#"{"x_px": 1921, "y_px": 1}"#, &["x_px is 1921", "0 to 1920"]),
+        (r#"{"x_px": 1, "y_px": -0.5}"#, &["y_px is -0.5", "0 to 1280"]),
+        (r#"{"x_px": 1, "y_px": 1, "intensity_g": -1}"#, &["intensity_g is -1", "0 to 20"]),
+        (r#"{"x_px": 1, "y_px": 1, "intensity_g": 1e300}"#, &["intensity_g", "0 to 20"]),
+        (r#"{"x_px": 1, "y_px": 1, "duration_ms": 0}"#, &["duration_ms is 0", "50 to 10000"]),
+        (r#"{"x_px": 1, "y_px": 1, "duration_ms": 10001}"#, &["duration_ms is 10001", "50 to 10000"]),
+        (r#"{"x_px": 1, "y_px": 1, "duration_ms": 1.5}"#, &["1.5", "duration_ms"]),
+    ];
+    for (body, wanted) in bad {
+        let (status, kind, problem) = daemon.post("/v1/touch", body);
+        assert_eq!((status, kind.as_str()), (400, "application/problem+json"), "{body}: {problem}");
+        assert_eq!(problem["status"], 400);
+        assert!(problem["type"].as_str().unwrap().starts_with("urn:era:problem:") && problem["title"].is_string());
+        let detail = problem["detail"].as_str().unwrap();
+        for piece in *wanted {
+            assert!(detail.contains(piece), "{body:?} gave {detail:?}, which lacks {piece:?}");
+        }
+    }
+    let (_, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 1921, "y_px": 1}"#);
+    assert_eq!(
+        (&problem["field"], &problem["value"], &problem["allowed"]),
+        (&json!("x_px"), &json!(1921.0), &json!("0 to 1920"))
+    );
+    assert_eq!(daemon.state()["device"]["state"], "safe", "nothing was driven");
+}
+
+#[test]
+fn other_bad_requests() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let (status, problem) = daemon.get("/v1/nothing");
+    assert!(status == 404 && problem["detail"].as_str().unwrap().contains("/v1/nothing"));
+    let (status, problem) = daemon.get("/v1/touch");
+    assert!(status == 405 && problem["detail"].as_str().unwrap().contains("GET"));
+    let (status, problem) = daemon.get("/v1/field?x_px=1");
+    assert!(status == 400 && problem["detail"].as_str().unwrap().contains("y_px"));
+    let (status, problem) = daemon.get("/v1/field?x_px=a&y_px=1");
+    assert!(status == 400, "{problem}");
+    // A page from elsewhere must not move hardware.
+    let mut answer = Daemon::agent()
+        .post(format!("{}/v1/stop", daemon.url))
+        .header("Origin", "http://elsewhere.example")
+        .send_empty()
+        .unwrap();
+    let problem: Value = answer.body_mut().read_json().unwrap();
+    assert!(answer.status() == 403 && problem["detail"].as_str().unwrap().contains("elsewhere.example"));
+}
+
+#[test]
+fn field_of_a_touch_without_driving() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let (status, field) = daemon.get("/v1/field?x_px=480&y_px=640&intensity_g=0.4");
+    assert!(status == 200 && field["max_g"].as_f64().unwrap() >= 0.39);
+    assert_eq!(daemon.state()["device"]["state"], "safe");
+}
+
+#[test]
+fn description_metrics_and_page_are_there() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let (_, description) = daemon.get("/openapi.json");
+    let paths = description["paths"].as_object().unwrap();
+    for path in
+        ["/v1/touch", "/v1/stop", "/v1/state", "/v1/scene", "/v1/field", "/v1/live", "/v1/faults/clear", "/metrics"]
+    {
+        assert!(paths.contains_key(path), "{path} is described");
+    }
+    daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#);
+    daemon.post("/v1/touch", r#"{"x_px": -1, "y_px": 1}"#);
+    let metrics = daemon.get_text("/metrics");
+    for line in [
+        "era_touches_total 1",
+        "era_touch_failures_total 1",
+        "era_device_connected 1",
+        "# TYPE era_plans_total counter",
+    ] {
+        assert!(metrics.lines().any(|found| found == line), "{line} in {metrics}");
+    }
+    for path in ["/", "/app.js", "/panel.js", "/link.js", "/style.css", "/icon.svg"] {
+        let text = daemon.get_text(path);
+        assert!(!text.is_empty() && !text.contains("http://") || path == "/icon.svg" || path == "/panel.js", "{path}");
+    }
+}
+
+#[test]
+fn a_silent_device_is_told_and_found_again() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    daemon.wait_for(|state| state["device"]["connected"] == false);
+    let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#);
+    assert!(status == 502 && problem["detail"].as_str().unwrap().contains("not connected"), "{status} {problem}");
+    daemon.sim.set_knobs(Knobs::default());
+    daemon.wait_for(|state| state["device"]["connected"] == true);
+    assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 200);
+}
+
+/// The line goes dead while the device drives: it switches itself off, says why, and goes on only after a clear.
+#[test]
+fn a_dead_line_ends_in_a_fault_that_must_be_cleared() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    daemon.post("/v1/touch", r#"{"x_px": 900, "y_px": 600, "duration_ms": 10000}"#);
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    std::thread::sleep(Duration::from_millis(600));
+    daemon.sim.set_knobs(Knobs::default());
+    let state = daemon.wait_for(|state| state["device"]["state"] == "fault");
+    assert_eq!(state["device"]["fault"]["name"], "host-silent");
+    let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#);
+    assert!(status == 409 && problem["detail"].as_str().unwrap().contains("/v1/faults/clear"), "{status} {problem}");
+    let (status, _, state) = daemon.post("/v1/faults/clear", "");
+    assert_eq!((status, &state["device"]["state"], &state["device"]["fault"]), (200, &json!("safe"), &Value::Null));
+    assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 200);
+}
+
+#[test]
+fn a_restarted_device_is_noticed() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    daemon.post("/v1/touch", r#"{"x_px": 900, "y_px": 600, "duration_ms": 10000}"#);
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    let before = daemon.state()["device"]["boot_id"].clone();
+    daemon.sim.restart();
+    let state = daemon.wait_for(|state| state["device"]["restarts"] == 1 && state["device"]["boot_id"] != before);
+    assert_eq!(state["device"]["state"], "safe");
+    assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 200);
+}
+
+#[test]
+fn the_live_socket_takes_touches_and_tells_plans() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let (mut socket, _) = tungstenite::connect(format!("{}/v1/live", daemon.url.replace("http", "ws"))).unwrap();
+    let mut wait_for = |kind: &str, send: Option<Value>| -> Value {
+        if let Some(send) = send {
+            socket.send(Message::text(send.to_string())).unwrap();
+        }
+        loop {
+            if let Message::Text(text) = socket.read().unwrap() {
+                let message: Value = serde_json::from_str(&text).unwrap();
+                if message["type"] == kind {
+                    return message;
+                }
+            }
+        }
+    };
+    assert_eq!(wait_for("scene", None)["actuators"].as_array().unwrap().len(), 2);
+    let touches = json!([{"id": 1, "x_px": 400.0, "y_px": 500.0}, {"id": 2, "x_px": 1500.0, "y_px": 700.0}]);
+    let plan = wait_for("plan", Some(json!({"type": "touch", "touches": touches, "intensity_g": 0.2})));
+    let targets = plan["plan"]["targets"].as_array().unwrap().clone();
+    assert!(
+        targets.len() == 2 && targets.iter().all(|target| target["peak_g"].as_f64().unwrap() > 0.199),
+        "{targets:?}"
+    );
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    let problem = wait_for("error", Some(json!({"type": "dance"})));
+    assert!(problem["problem"]["detail"].as_str().unwrap().contains("dance"));
+    let problem = wait_for("error", Some(json!({"type": "touch", "touches": [{"x_px": -4.0, "y_px": 0.0}]})));
+    assert_eq!(problem["problem"]["field"], "x_px");
+    wait_for("state", Some(json!({"type": "touch", "touches": []})));
+    daemon.wait_for(|state| state["device"]["state"] == "armed");
+    // A page that goes away has lifted its fingers.
+    wait_for("plan", Some(json!({"type": "touch", "touches": [{"x_px": 4.0, "y_px": 9.0}]})));
+    drop(socket);
+    daemon.wait_for(|state| state["device"]["state"] == "armed");
+}

@@ -1,0 +1,131 @@
+//! Scene files: the examples are read, and each mistake is told with key, value, range and line.
+
+use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Mount, Scene, SurfaceDamping, SurfaceKind};
+
+#[test]
+fn examples_are_read() {
+    let plate = Scene::parse("plate.toml", EXAMPLE_PLATE).unwrap();
+    assert_eq!((plate.surface.kind, plate.supports.len(), plate.actuators.len()), (SurfaceKind::Plate, 4, 2));
+    assert_eq!(plate.surface.damping, SurfaceDamping::LossFactor(0.01));
+    assert_eq!(plate.screen.px_to_surface_m(960.0, 640.0).unwrap(), (0.15, 0.1));
+    let bar = Scene::parse("bar.toml", EXAMPLE_BAR).unwrap();
+    assert_eq!((bar.surface.kind, bar.actuators[0].mount), (SurfaceKind::Bar, Mount::Grounded));
+    assert_eq!(bar.actuators[0].y_m, 0.01, "on the axis");
+}
+
+#[test]
+fn pixels_and_millimetres_are_each_others_inverse() {
+    let text = EXAMPLE_PLATE
+        .replace("height_px = 1280", "height_px = 1280\nx_mm = 20.0\ny_mm = 10.0\nwidth_mm = 240.0\nheight_mm = 160.0");
+    let screen = Scene::parse("inset", &text).unwrap().screen;
+    let (x, y) = screen.px_to_surface_m(480.0, 320.0).unwrap();
+    assert!((x - 0.08).abs() < 1e-12 && (y - 0.05).abs() < 1e-12);
+    let (u, v) = screen.surface_m_to_px(x, y).unwrap();
+    assert!((u - 480.0).abs() < 1e-9 && (v - 320.0).abs() < 1e-9);
+    assert_eq!(screen.px_to_surface_m(-1.0, 0.0).unwrap_err().field, "x_px");
+    assert_eq!(screen.px_to_surface_m(0.0, 1281.0).unwrap_err().max, 1280.0);
+    assert_eq!(screen.surface_m_to_px(0.01, 0.05).unwrap_err().field, "x_mm");
+}
+
+/// Replaces one piece of the example plate and returns what is said about it.
+fn mistake(from: &str, to: &str) -> String {
+    assert!(EXAMPLE_PLATE.contains(from), "{from:?} is in the example");
+    let text = EXAMPLE_PLATE.replacen(from, to, 1);
+    Scene::parse("panel.toml", &text).unwrap_err().to_string()
+}
+
+/// The line of the first place where the example has `text`.
+fn line_of(text: &str) -> usize {
+    EXAMPLE_PLATE[..EXAMPLE_PLATE.find(text).unwrap()].matches('\n').count() + 1
+}
+
+#[test]
+fn each_mistake_names_key_value_range_and_line() {
+    // What is changed, to what, and what a person must be told.
+    let cases: &[(&str, &str, &[&str])] = &[
+        ("length_mm = 300.0", "length_mm = -300.0", &["surface.length_mm", "-300", "1 to 10000"]),
+        ("length_mm = 300.0", "lenght_mm = 300.0", &["unknown key surface.lenght_mm", "did you mean length_mm?"]),
+        ("thickness_mm = 2.0", "thickness_mm = \"two\"", &["surface.thickness_mm", "\"two\"", "a number"]),
+        (
+            "poisson_ratio = 0.33",
+            "poisson_ratio = 0.5",
+            &["surface.material.poisson_ratio", "0.5", "between -1 and 0.5"],
+        ),
+        ("density_kg_m3 = 2700.0", "density_kg_m3 = 0", &["surface.material.density_kg_m3", "0", "above 0"]),
+        ("loss_factor = 0.01", "loss_factor = nan", &["surface.damping.loss_factor", "NaN", "0 to 2"]),
+        (
+            "loss_factor = 0.01",
+            "loss_factor = 0.01\nmodal_ratio = 0.02",
+            &["loss_factor and modal_ratio", "at most one kind"],
+        ),
+        ("kind = \"plate\"", "kind = \"shell\"", &["surface.kind", "\"shell\"", "\"plate\", \"bar\""]),
+        ("width_px = 1920", "width_px = 1920.5", &["screen.width_px", "1920.5", "whole number 1 to 100000"]),
+        ("x_mm = 75.0", "x_mm = 301.0", &["actuator[1].x_mm", "301", "0 to 300"]),
+        ("id = \"right\"", "id = \"left\"", &["actuator[2].id", "\"left\"", "already"]),
+        (
+            "mount = \"grounded\"",
+            "mount = \"glued\"",
+            &["actuator[1].mount", "\"glued\"", "\"inertial\", \"grounded\""],
+        ),
+        ("moving_mass_g = 10.0", "moving_mass_g = -1", &["actuator[1].moving_mass_g", "-1", "above 0"]),
+        ("max_voltage_v = 2000.0", "max_voltage_v = 1e9", &["actuator[1].max_voltage_v", "1000000000", "1 to 10000"]),
+        (
+            "stiffness_n_per_m = 2000.0",
+            "stiffness_n_per_m = inf",
+            &["support[1].stiffness_n_per_m", "inf", "0 and above"],
+        ),
+        ("version = 1", "version = 2", &["version is 2", "1 to 1"]),
+        ("[[support]]", "[[suport]]", &["unknown key suport", "did you mean support?"]),
+    ];
+    for (from, to, wanted) in cases {
+        let said = mistake(from, to);
+        for piece in *wanted {
+            assert!(said.contains(piece), "{to:?} gave {said:?}, which lacks {piece:?}");
+        }
+        // A second key on a line of its own is one further down.
+        let line = line_of(from) + to.matches('\n').count();
+        assert!(said.contains(&format!("panel.toml:{line}:")), "{to:?} gave {said:?}, not line {line}");
+    }
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    assert!(
+        mistake("youngs_modulus_pa = 69e9", "")
+            .contains("surface.material.youngs_modulus_pa is missing (a number above 0)")
+    );
+    assert!(mistake("id = \"left\"", "").contains("actuator[1].id is missing"));
+    assert!(mistake("version = 1", "").contains("version is missing"));
+    let said = Scene::parse("empty.toml", "").unwrap_err().to_string();
+    assert!(said.contains("surface is missing (a table [surface])"), "{said}");
+}
+
+#[test]
+fn edges_must_fit_the_surface() {
+    let with = |text: &str, edges: &str| Scene::parse("edges.toml", &format!("{text}\n{edges}"));
+    let left = "[[edge]]\nside = \"left\"\nkind = \"pinned\"\n";
+    let twice = with(EXAMPLE_PLATE, &format!("{left}{left}")).unwrap_err().to_string();
+    assert!(twice.contains("edge[2].side") && twice.contains("already"), "{twice}");
+    let top = with(EXAMPLE_BAR, "[[edge]]\nside = \"top\"\nkind = \"pinned\"\n").unwrap_err().to_string();
+    assert!(top.contains("edge[1].side is \"top\"") && top.contains("\"left\", \"right\""), "{top}");
+    let springs = "[[edge]]\nside = \"left\"\nkind = \"elastic\"\nstiffness_n_per_m2 = 1e5\n";
+    assert!(with(EXAMPLE_PLATE, springs).is_ok());
+    let wrong_unit = with(EXAMPLE_BAR, springs).unwrap_err().to_string();
+    assert!(
+        wrong_unit.contains("stiffness_n_per_m2") && wrong_unit.contains("did you mean stiffness_n_per_m?"),
+        "{wrong_unit}"
+    );
+}
+
+#[test]
+fn broken_toml_and_all_mistakes_at_once() {
+    let said = mistake("width_mm = 200.0", "width_mm = = 200.0");
+    assert!(said.contains(&format!("panel.toml:{}: not valid TOML", line_of("width_mm = 200.0"))), "{said}");
+    let text = EXAMPLE_PLATE
+        .replace("thickness_mm = 2.0", "thickness_mm = 0")
+        .replace("air_gap_um = 500.0", "air_gap_um = -5");
+    let error = Scene::parse("panel.toml", &text).unwrap_err();
+    assert_eq!(error.mistakes.len(), 3, "{error}");
+    let missing = Scene::load(std::path::Path::new("no/such/file.toml")).unwrap_err().to_string();
+    assert!(missing.contains("no/such/file.toml") && missing.contains("cannot read"), "{missing}");
+}
