@@ -1,7 +1,7 @@
 // The page of the daemon: draws the panel, sends touches, shows plan, field and device. No framework, nothing from
 // elsewhere. Units as in the daemon's JSON: mm on the surface, px of the scene's screen, g.
 import { PanelView, drawScale } from "./panel.js";
-import { Link } from "./link.js";
+import { Link, request } from "./link.js";
 
 const $ = (id) => document.getElementById(id);
 const view = new PanelView($("panel"), $("heat"), $("overlay"));
@@ -16,7 +16,7 @@ const link = new Link({
     if (fingers.size) sendTouches();
   },
   closed(seconds) {
-    show("connection", `connection lost, trying again in ${seconds} s`);
+    show("connection", `connection lost, trying again in ${Math.ceil(seconds)} s`);
     $("connection").className = "chip bad";
     document.body.dataset.state = "unknown";
     show("state", "unknown");
@@ -130,25 +130,37 @@ function showProblem(problem) {
 
 async function post(path) {
   try {
-    const answer = await fetch(path, { method: "POST" });
-    const body = await answer.json();
-    if (answer.ok) showState(body);
-    else showProblem(body);
-  } catch (error) {
-    showProblem({ title: "No answer from the daemon", detail: String(error) });
+    showState(await request("POST", path));
+  } catch (problem) {
+    showProblem(problem);
   }
 }
 
+let stopping = 0;
+
 // Stop goes both ways, so that it works even if the socket is dead and nobody has noticed yet.
-function stop() {
+async function stop() {
   fingers.clear();
   keyboardTouch = false;
-  link.send({ type: "stop" });
-  post("/v1/stop");
+  const attempt = ++stopping;
+  show("stop-result", "stopping");
+  try {
+    showState(await link.stop());
+    if (attempt === stopping) show("stop-result", "stopped, confirmed by the daemon");
+  } catch (problem) {
+    show("stop-result", "STOP not confirmed");
+    showProblem({
+      ...problem,
+      title: "STOP was not confirmed, switch the supply off",
+      detail: `${problem.detail}. The board switches itself off soon after the daemon falls silent.`,
+    });
+  }
 }
 
 // Touches: the whole set of fingers at every change, moves at most 30 times a second.
 const MOVE_MS = 33;
+// The daemon drives for at most 10 s per message; a finger that rests is told again well before.
+const RENEW_MS = 3000;
 let lastSent = 0;
 let waiting = 0;
 
@@ -168,12 +180,17 @@ function sendSoon() {
   else waiting ||= setTimeout(sendTouches, due);
 }
 
+setInterval(() => {
+  if (fingers.size && performance.now() - lastSent >= RENEW_MS) sendTouches();
+}, 500);
+
 const panel = $("panel");
 panel.addEventListener("pointerdown", (event) => {
   const at = view.toScreen(event);
   if (!at || (event.pointerType === "mouse" && event.button !== 0)) return;
   panel.setPointerCapture(event.pointerId);
   fingers.set(event.pointerId, at);
+  show("stop-result", "");
   sendTouches();
 });
 panel.addEventListener("pointermove", (event) => {
@@ -184,7 +201,7 @@ panel.addEventListener("pointermove", (event) => {
   fingers.set(event.pointerId, at);
   sendSoon();
 });
-for (const end of ["pointerup", "pointercancel"]) {
+for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
   panel.addEventListener(end, (event) => {
     if (fingers.delete(event.pointerId)) sendTouches();
   });
@@ -207,6 +224,7 @@ panel.addEventListener("keydown", (event) => {
   } else if (event.key === "Enter" || event.key === " ") {
     if (!event.repeat && view.cursor) {
       keyboardTouch = true;
+      show("stop-result", "");
       fingers.set(KEYBOARD, view.cursor);
       sendTouches();
     }
@@ -238,7 +256,15 @@ document.addEventListener("visibilitychange", () => {
     sendTouches();
   }
 });
-$("stop").addEventListener("click", stop);
+// On the press, not on its end. The click that follows is skipped; one without a press comes from keyboard or software.
+let pressed = -Infinity;
+$("stop").addEventListener("pointerdown", () => {
+  pressed = performance.now();
+  stop();
+});
+$("stop").addEventListener("click", () => {
+  if (performance.now() - pressed > 1000) stop();
+});
 $("intensity").addEventListener("input", () => {
   show("intensity-value", `${Number($("intensity").value).toFixed(2)} g`);
   if (fingers.size) sendSoon();

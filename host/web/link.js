@@ -1,34 +1,109 @@
-// The WebSocket to the daemon: tries again by itself, waiting longer each time.
+// The way to the daemon: a WebSocket that comes back by itself, and plain HTTP beside it.
 
-const FIRST_WAIT_S = 1;
+const FIRST_WAIT_S = 0.5;
 const LONGEST_WAIT_S = 8;
+// The daemon reports the device about five times a second; a silence of 20 reports deserves a question.
+const SILENCE_MS = 4000;
+const ANSWER_MS = 3000;
+const STOP_TRIES = 3;
+
+// The answer's body; throws a problem in the form of the daemon's problem+json, whatever went wrong.
+export async function request(method, path) {
+  let answer;
+  try {
+    const options = { method, cache: "no-store", keepalive: method === "POST", signal: AbortSignal.timeout(ANSWER_MS) };
+    answer = await fetch(path, options);
+  } catch (error) {
+    const late = error.name === "TimeoutError";
+    const detail = late ? `nothing came back within ${ANSWER_MS / 1000} s` : "the request could not be delivered";
+    throw { title: "No answer from the daemon", detail };
+  }
+  const body = await answer.json().catch(() => null);
+  if (answer.ok && body) return body;
+  throw body?.title ? body : { title: "No usable answer from the daemon", detail: `HTTP status ${answer.status}` };
+}
 
 export class Link {
-  // handlers: open(), closed(seconds), and one per message type: scene, state, plan, error.
+  // handlers: open(), closed(seconds until the next attempt), and one per message type: scene, state, plan, error.
   constructor(handlers) {
     this.handlers = handlers;
     this.wait = FIRST_WAIT_S;
     this.socket = null;
+    this.timer = 0;
+    this.heard = 0;
+    this.asking = false;
   }
 
   start() {
+    this.connect();
+    setInterval(() => this.watch(), 1000);
+    addEventListener("online", () => this.retry());
+    document.addEventListener("visibilitychange", () => {
+      if (!document.hidden) this.retry();
+    });
+  }
+
+  connect() {
+    clearTimeout(this.timer);
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/v1/live`);
     this.socket = socket;
+    this.heard = performance.now();
     socket.addEventListener("open", () => {
-      this.wait = FIRST_WAIT_S;
-      this.handlers.open();
+      if (this.socket === socket) this.handlers.open();
     });
     socket.addEventListener("message", (event) => {
-      const message = JSON.parse(event.data);
-      if (message.type === "error") this.handlers.error(message.problem);
-      else this.handlers[message.type]?.(message);
+      if (this.socket !== socket) return;
+      this.heard = performance.now();
+      // Only a message makes a link good: one that opens and closes at once must keep waiting longer.
+      this.wait = FIRST_WAIT_S;
+      this.deliver(JSON.parse(event.data));
     });
-    socket.addEventListener("close", () => {
-      this.handlers.closed(this.wait);
-      setTimeout(() => this.start(), this.wait * 1000);
-      this.wait = Math.min(2 * this.wait, LONGEST_WAIT_S);
-    });
+    socket.addEventListener("close", () => this.lose(socket));
+  }
+
+  deliver(message) {
+    if (message.type === "error") this.handlers.error(message.problem);
+    else this.handlers[message.type]?.(message);
+  }
+
+  // Gives a socket up, also one whose end would take minutes to be noticed, and sets the next attempt.
+  lose(socket) {
+    if (this.socket !== socket) return;
+    this.socket = null;
+    socket.close();
+    // Jitter: many pages must not come back in the same instant.
+    const wait = this.wait * (0.75 + 0.5 * Math.random());
+    this.handlers.closed(wait);
+    this.timer = setTimeout(() => this.connect(), wait * 1000);
+    this.wait = Math.min(2 * this.wait, LONGEST_WAIT_S);
+  }
+
+  // Does not wait any longer if there is no link.
+  retry() {
+    if (this.socket) return;
+    this.wait = FIRST_WAIT_S;
+    this.connect();
+  }
+
+  // Notices a socket that looks open but is dead (a phone that changed its network), and one that hangs while opening.
+  async watch() {
+    const { socket } = this;
+    if (!socket || this.asking || performance.now() - this.heard < SILENCE_MS) return;
+    if (socket.readyState !== WebSocket.OPEN) {
+      this.lose(socket);
+      return;
+    }
+    this.asking = true;
+    try {
+      const state = await request("GET", "/v1/state");
+      this.heard = performance.now();
+      this.handlers.state(state);
+    } catch {
+      this.lose(socket);
+    } finally {
+      this.asking = false;
+    }
   }
 
   // Whether the message could be sent.
@@ -36,5 +111,17 @@ export class Link {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;
     this.socket.send(JSON.stringify(message));
     return true;
+  }
+
+  // Everything off, both ways at once: either one alone is enough. The state afterwards; throws the last problem.
+  async stop() {
+    this.send({ type: "stop" });
+    for (let left = STOP_TRIES; ; left -= 1) {
+      try {
+        return await request("POST", "/v1/stop");
+      } catch (problem) {
+        if (left <= 1) throw problem;
+      }
+    }
   }
 }
