@@ -1,13 +1,16 @@
 // The page of the daemon: draws the panel, sends touches, shows plan, field and device. No framework, nothing from
 // elsewhere. Units as in the daemon's JSON: mm on the surface, px of the scene's screen, g.
-import { PanelView, drawScale } from "./panel.js";
+import { Heat } from "./heat.js";
 import { Link, request } from "./link.js";
+import { PanelView } from "./panel.js";
+import { $, Readout, announce, fixed, show } from "./readout.js";
 
-const $ = (id) => document.getElementById(id);
-const view = new PanelView($("panel"), $("heat"), $("overlay"));
+const heat = new Heat($("heat"), $("scale"), $("ticks"));
+const view = new PanelView($("panel"), heat, $("overlay"));
+const readout = new Readout(() => post("/v1/faults/clear"));
 const fingers = new Map(); // pointer id -> {x_px, y_px}
-let plan = null;
-let announced = "";
+let shownPlan = null; // its number
+let hover = null; // the pointer's place in mm
 
 const link = new Link({
   open() {
@@ -18,114 +21,47 @@ const link = new Link({
   closed(seconds) {
     show("connection", `connection lost, trying again in ${Math.ceil(seconds)} s`);
     $("connection").className = "chip bad";
-    document.body.dataset.state = "unknown";
-    show("state", "unknown");
+    readout.forgetState();
+    readout.showMode();
   },
   scene(scene) {
     show("scene-name", scene.name);
     document.title = `${scene.name} – ERA haptics`;
     view.setScene(scene);
+    readout.setScene(scene, view.stretch);
   },
   state: showState,
   plan(message) {
-    showPlan(message.plan);
-    view.setTouches(message.touches);
-    showField(message.field);
+    $("error").hidden = true;
+    showPlan(message.plan, message.touches, message.field);
   },
   error: showProblem,
 });
 
-function show(id, text) {
-  if ($(id).textContent !== text) $(id).textContent = text;
-}
-
-const fixed = (value, digits, unit) => (Number.isFinite(value) ? `${value.toFixed(digits)}${unit}` : "–");
-
-function showField(field) {
-  view.setField(field);
-  show("max-g", fixed(field.max_g, 3, " g"));
-}
-
-function showPlan(next) {
-  plan = next;
-  document.body.dataset.plan = plan ? JSON.stringify(plan) : "";
-  const rows = (plan?.drives ?? []).map((drive) => {
-    const cells = [
-      drive.actuator,
-      fixed(drive.frequency_hz, 1, " Hz"),
-      fixed(drive.voltage_v, 0, " V"),
-      fixed(drive.force_n * 1e3, 1, " mN"),
-      "",
-    ];
-    const row = document.createElement("tr");
-    row.dataset.actuator = drive.actuator;
-    row.append(...cells.map((text) => Object.assign(document.createElement("td"), { textContent: text })));
-    return row;
-  });
-  if (rows.length) $("plan-table").tBodies[0].replaceChildren(...rows);
-  const predicted = plan?.predicted ?? {};
-  show("target-g", fixed(predicted.target_peak_g, 3, " g"));
-  show("elsewhere-g", fixed(predicted.mean_elsewhere_g, 3, " g"));
-  show("contrast", fixed(predicted.contrast_db, 1, " dB"));
-  $("limited").hidden = !plan?.limited_by;
-  show("limited", plan?.limited_by ? `limited by ${plan.limited_by}` : "");
-  view.setPlan(plan);
-  if (plan) $("error").hidden = true;
+function showPlan(plan, touches, field) {
+  shownPlan = field?.plan_id ?? null;
+  heat.setField(field);
+  show("max-g", field ? fixed(field.max_g, 3, " g") : "0 g");
+  view.setPlan(plan, touches);
+  readout.showPlan(plan);
+  showUnder();
 }
 
 function showState(state) {
-  const { device, telemetry, link: traffic } = state;
-  const name = device.connected ? (device.state ?? "unknown") : "not connected";
-  document.body.dataset.state = device.connected ? (device.state ?? "unknown") : "unknown";
-  show("state", name);
-  show("kind", device.kind ?? "–");
-  show("port", device.port ?? "–");
-  show("firmware", device.firmware ?? "–");
-  show("protocol", device.protocol === null ? "–" : String(device.protocol));
-  show("round-trip", fixed(traffic.round_trip_ms_median ?? NaN, 1, " ms"));
-  show("bad-frames", String(traffic.crc_errors));
-  show("measured-g", fixed(telemetry?.acceleration_peak_g ?? NaN, 3, " g"));
-  for (const channel of telemetry?.channels ?? []) {
-    const cell = $("plan-table").querySelector(`tr[data-actuator="${CSS.escape(channel.actuator ?? "")}"] td:last-child`);
-    if (cell) {
-      cell.textContent = channel.active ? "on" : "off";
-      cell.className = channel.active ? "on" : "";
-    }
-    view.setActive(channel.actuator, channel.active);
-  }
-  showFault(device);
-  if (!state.plan && plan) {
-    showPlan(null);
-    view.setTouches([]);
-    view.clearField();
-    show("max-g", "0 g");
-  }
-  const words = `device ${name}${device.fault ? `, fault ${device.fault.name}` : ""}`;
-  if (words !== announced) {
-    announced = words;
-    show("announce", words);
-  }
+  readout.showState(state);
+  for (const channel of state.telemetry?.channels ?? []) view.setActive(channel.actuator, channel.active);
+  // Only a stop takes a plan away; one that has ended stays to be read.
+  if (!state.plan && shownPlan !== null) showPlan(null, [], null);
 }
 
-function showFault(device) {
-  const box = $("fault");
-  const text = device.fault
-    ? `Fault ${device.fault.code} (${device.fault.name}). ${device.fault.message}`
-    : device.connected ? "" : `The device does not answer. ${device.problem ?? ""}`;
-  if (box.dataset.text === text) return;
-  box.dataset.text = text;
-  box.hidden = !text;
-  box.replaceChildren(text);
-  if (device.fault) {
-    const clear = Object.assign(document.createElement("button"), { type: "button", textContent: "Clear the fault" });
-    clear.addEventListener("click", () => post("/v1/faults/clear"));
-    box.append(clear);
-  }
+function showUnder() {
+  show("under", hover ? view.describe(hover) : "");
 }
 
 function showProblem(problem) {
+  const allowed = problem.allowed && !problem.detail?.includes(problem.allowed) ? ` (allowed: ${problem.allowed})` : "";
+  show("error-text", `${problem.title}: ${problem.detail ?? ""}${allowed}`);
   $("error").hidden = false;
-  show("error", `${problem.title}: ${problem.detail}`);
 }
 
 async function post(path) {
@@ -148,6 +84,11 @@ async function stop() {
     showState(await link.stop());
     if (attempt === stopping) show("stop-result", "stopped, confirmed by the daemon");
   } catch (problem) {
+    // The socket may have carried it although HTTP did not, and then it also brought the device's state.
+    if (link.open && document.body.dataset.state === "safe") {
+      show("stop-result", "stopped, the device reports it is safe");
+      return;
+    }
     show("stop-result", "STOP not confirmed");
     showProblem({
       ...problem,
@@ -194,7 +135,8 @@ panel.addEventListener("pointerdown", (event) => {
   sendTouches();
 });
 panel.addEventListener("pointermove", (event) => {
-  show("under", view.describe(event));
+  hover = view.toSurface(event);
+  showUnder();
   if (!fingers.has(event.pointerId)) return;
   const at = view.toScreen(event);
   if (!at) return;
@@ -206,7 +148,10 @@ for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
     if (fingers.delete(event.pointerId)) sendTouches();
   });
 }
-panel.addEventListener("pointerleave", () => show("under", "\u00a0"));
+panel.addEventListener("pointerleave", () => {
+  hover = null;
+  showUnder();
+});
 panel.addEventListener("contextmenu", (event) => event.preventDefault());
 
 // Keyboard: the cursor moves by 2 % of the screen, with Shift by 10 %; a touch lasts while the key is held.
@@ -217,6 +162,9 @@ panel.addEventListener("keydown", (event) => {
   const step = STEPS[event.key];
   if (step) {
     view.moveCursor(step[0], step[1], event.shiftKey ? 0.1 : 0.02);
+    hover = view.cursor && view.cursorPlace();
+    showUnder();
+    announce(`cursor at ${$("under").textContent}`);
     if (keyboardTouch) {
       fingers.set(KEYBOARD, view.cursor);
       sendSoon();
@@ -266,9 +214,15 @@ $("stop").addEventListener("click", () => {
   if (performance.now() - pressed > 1000) stop();
 });
 $("intensity").addEventListener("input", () => {
-  show("intensity-value", `${Number($("intensity").value).toFixed(2)} g`);
+  const text = fixed(Number($("intensity").value), 2, " g");
+  show("intensity-value", text);
+  $("intensity").setAttribute("aria-valuetext", text);
   if (fingers.size) sendSoon();
 });
 
-drawScale($("scale"));
+$("scale-top").addEventListener("change", () => heat.setScale(Number($("scale-top").value) || null));
+$("dismiss").addEventListener("click", () => {
+  $("error").hidden = true;
+});
+
 link.start();

@@ -90,7 +90,7 @@ export class Link {
   async watch() {
     const { socket } = this;
     if (!socket || this.asking || performance.now() - this.heard < SILENCE_MS) return;
-    if (socket.readyState !== WebSocket.OPEN) {
+    if (!this.open) {
       this.lose(socket);
       return;
     }
@@ -106,9 +106,13 @@ export class Link {
     }
   }
 
+  get open() {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
   // Whether the message could be sent.
   send(message) {
-    if (this.socket?.readyState !== WebSocket.OPEN) return false;
+    if (!this.open) return false;
     this.socket.send(JSON.stringify(message));
     return true;
   }

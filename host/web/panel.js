@@ -1,25 +1,9 @@
-// The panel to scale: heat map on a canvas, everything else in an SVG over it whose units are mm.
-
-// Viridis (van der Walt and Smith, CC0) at nine equal steps: even to the eye, safe for colour-blind people.
-const VIRIDIS = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
-
-function color(part) {
-  const at = Math.min(Math.max(part, 0), 1) * (VIRIDIS.length - 1);
-  const i = Math.min(Math.floor(at), VIRIDIS.length - 2);
-  return VIRIDIS[i].map((from, k) => Math.round(from + (at - i) * (VIRIDIS[i + 1][k] - from)));
-}
-
-export function drawScale(canvas) {
-  const context = canvas.getContext("2d");
-  for (let x = 0; x < canvas.width; x++) {
-    context.fillStyle = `rgb(${color(x / (canvas.width - 1)).join(" ")})`;
-    context.fillRect(x, 0, 1, 1);
-  }
-}
+// The panel to scale: an SVG over the map whose units are mm, and the ways between page, screen and surface.
 
 // A bar is drawn at least this high, as a part of its length, or a finger could not hit it.
 const LEAST_HEIGHT = 0.16;
-const MAP_WIDTH = 480;
+// Radius around a target within which the contrast counts, in mm (TARGET_RADIUS_M of the planner).
+const TARGET_RADIUS_MM = 10;
 
 function element(name, attributes, text) {
   const node = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -30,7 +14,7 @@ function element(name, attributes, text) {
 
 export class PanelView {
   constructor(panel, heat, overlay) {
-    Object.assign(this, { panel, heat, overlay, scene: null, field: null, touches: [], plan: null, cursor: null });
+    Object.assign(this, { panel, heat, overlay, scene: null, touches: [], plan: null, cursor: null });
     this.active = new Map();
   }
 
@@ -42,19 +26,13 @@ export class PanelView {
     this.panel.style.aspectRatio = `${length_mm} / ${this.height_mm}`;
     this.overlay.setAttribute("viewBox", `0 0 ${length_mm} ${this.height_mm}`);
     this.cursor ??= { x_px: screen.width_px / 2, y_px: screen.height_px / 2 };
-    this.heat.width = MAP_WIDTH;
-    this.heat.height = Math.round((MAP_WIDTH * this.height_mm) / length_mm);
-    this.draw();
-    this.drawField();
-  }
-
-  setPlan(plan) {
-    this.plan = plan;
+    this.panel.style.setProperty("--aspect", length_mm / this.height_mm);
+    this.heat.setSize(length_mm, width_mm, this.height_mm);
     this.draw();
   }
 
-  setTouches(touches) {
-    this.touches = touches;
+  setPlan(plan, touches) {
+    Object.assign(this, { plan, touches });
     this.draw();
   }
 
@@ -64,22 +42,9 @@ export class PanelView {
     this.draw();
   }
 
-  setField(field) {
-    this.field = field;
-    this.heat.dataset.maxG = field.max_g;
-    this.heat.dataset.planId = field.plan_id;
-    this.drawField();
-  }
-
-  clearField() {
-    this.field = null;
-    this.heat.dataset.maxG = 0;
-    this.heat.dataset.planId = 0;
-    this.heat.getContext("2d").clearRect(0, 0, this.heat.width, this.heat.height);
-  }
-
   // Surface mm of a pointer event; y back from the stretched height of a bar.
   toSurface(event) {
+    if (!this.scene) return null;
     const box = this.panel.getBoundingClientRect();
     return {
       x_mm: ((event.clientX - box.left) / box.width) * this.scene.length_mm,
@@ -98,11 +63,18 @@ export class PanelView {
     return { x_px: u * screen.width_px, y_px: v * screen.height_px };
   }
 
-  describe(event) {
+  // A place in mm with the predicted value there, in words.
+  describe({ x_mm, y_mm }) {
     if (!this.scene) return "";
-    const { x_mm, y_mm } = this.toSurface(event);
+    const value = this.heat.value(x_mm, y_mm);
     const place = `${x_mm.toFixed(0)}, ${y_mm.toFixed(0)} mm`;
-    return this.field ? `${place}: ${this.value(x_mm, y_mm).toFixed(3)} g` : place;
+    return value === null ? place : `${place}: ${value.toFixed(3)} g`;
+  }
+
+  // The keyboard's cursor in mm of the surface.
+  cursorPlace() {
+    const [x_mm, y] = this.fromScreen(this.cursor);
+    return { x_mm, y_mm: y / this.stretch };
   }
 
   moveCursor(dx, dy, part) {
@@ -122,40 +94,6 @@ export class PanelView {
     this.draw();
   }
 
-  // Field in g, bilinear between grid points.
-  value(x_mm, y_mm) {
-    const { nx, ny, x_mm: xs, y_mm: ys, peak_g } = this.field;
-    const place = (lines, at) => {
-      if (lines.length < 2) return [0, 0];
-      const p = Math.min(Math.max(((at - lines[0]) / (lines.at(-1) - lines[0])) * (lines.length - 1), 0), lines.length - 1);
-      const cell = Math.min(Math.floor(p), lines.length - 2);
-      return [cell, p - cell];
-    };
-    const [i, u] = place(xs, x_mm);
-    const [j, v] = place(ys, y_mm);
-    const at = (a, b) => peak_g[Math.min(b, ny - 1) * nx + Math.min(a, nx - 1)];
-    return (at(i, j) * (1 - u) + at(i + 1, j) * u) * (1 - v) + (at(i, j + 1) * (1 - u) + at(i + 1, j + 1) * u) * v;
-  }
-
-  drawField() {
-    if (!this.scene || !this.field || !(this.field.max_g > 0)) return;
-    const { width, height } = this.heat;
-    const context = this.heat.getContext("2d");
-    const image = context.createImageData(width, height);
-    for (let py = 0, at = 0; py < height; py++) {
-      const y = ((py + 0.5) / height) * this.scene.width_mm;
-      for (let px = 0; px < width; px++, at += 4) {
-        const x = ((px + 0.5) / width) * this.scene.length_mm;
-        const [r, g, b] = color(this.value(x, y) / this.field.max_g);
-        image.data[at] = r;
-        image.data[at + 1] = g;
-        image.data[at + 2] = b;
-        image.data[at + 3] = 255;
-      }
-    }
-    context.putImageData(image, 0, 0);
-  }
-
   fromScreen({ x_px, y_px }) {
     const { screen } = this.scene;
     return [
@@ -170,6 +108,8 @@ export class PanelView {
     const h = this.height_mm;
     const unit = w / 300; // about 3 px on a wide screen
     const parts = [];
+    const round = unit * 1.2;
+    parts.push(element("rect", { class: "surface", width: w, height: h, rx: round, "stroke-width": unit * 0.5 }));
     if (screen.width_mm < w * 0.999 || screen.height_mm * this.stretch < h * 0.999) {
       parts.push(element("rect", {
         class: "screen", x: screen.x_mm, y: screen.y_mm * this.stretch, width: screen.width_mm,
@@ -191,6 +131,9 @@ export class PanelView {
     for (const actuator of actuators) this.drawActuator(parts, actuator, unit, h);
     for (const touch of this.touches) {
       const [x, y] = this.fromScreen(touch);
+      if (this.stretch === 1) {
+        parts.push(element("circle", { class: "near", cx: x, cy: y, r: TARGET_RADIUS_MM, "stroke-width": unit * 0.6 }));
+      }
       const s = 5 * unit;
       const d = `M${x - s} ${y}H${x + s}M${x} ${y - s}V${y + s}`;
       parts.push(element("path", { class: "target-shade", d, "stroke-width": 2.2 * unit }));
@@ -207,11 +150,24 @@ export class PanelView {
     const [cx, cy] = [actuator.x_mm, actuator.y_mm * this.stretch];
     const r = Math.min(actuator.electrode_diameter_mm / 2, h * 0.42);
     const circle = (name, width) => element("circle", { class: name, cx, cy, r, "stroke-width": width });
-    const ring = circle(`ring ${this.active.get(actuator.id) ? "on" : ""}`, unit);
-    ring.style.transformOrigin = `${cx}px ${cy}px`;
-    parts.push(circle("actuator-shade", 2.2 * unit), circle("actuator", 1.1 * unit), ring);
     const drive = this.plan?.drives.find((candidate) => candidate.actuator === actuator.id);
-    const size = Math.min(7 * unit + 2, h / 6);
+    parts.push(circle("actuator-shade", 2.2 * unit), circle("actuator", 1.1 * unit));
+    if (drive && this.active.get(actuator.id)) {
+      // The stronger the force (it goes with the voltage squared), the further and thicker the rings; 200 times slower
+      // than the vibration, so that 200 Hz is one ring a second.
+      const strength = Math.min((drive.voltage_v / actuator.max_voltage_v) ** 2, 1);
+      const period = 200 / drive.frequency_hz;
+      for (const part of [0, 0.5]) {
+        const ring = circle("ring", unit * (0.6 + 1.4 * strength));
+        ring.style.transformOrigin = `${cx}px ${cy}px`;
+        ring.style.setProperty("--reach", 1.2 + 1.1 * strength);
+        ring.style.animationDuration = `${2 * period}s`;
+        // Against the page's own clock, or every new plan would start the rings again.
+        ring.style.animationDelay = `${-((performance.now() / 1000) % (2 * period)) - part * 2 * period}s`;
+        parts.push(ring);
+      }
+    }
+    const size = Math.min(4.6 * unit + 2, h / 6);
     const text = (dy, content) => element("text", { x: cx, y: cy + dy, "font-size": size }, content);
     parts.push(text(drive ? -size * 0.25 : size * 0.35, actuator.id));
     if (drive) parts.push(text(size, `${drive.frequency_hz.toFixed(0)} Hz`));

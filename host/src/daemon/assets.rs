@@ -17,8 +17,10 @@ const ASSETS: &[(&str, &str, &str)] = assets! {
     "/" => "index.html", "text/html; charset=utf-8";
     "/style.css" => "style.css", "text/css; charset=utf-8";
     "/app.js" => "app.js", "text/javascript; charset=utf-8";
+    "/heat.js" => "heat.js", "text/javascript; charset=utf-8";
     "/link.js" => "link.js", "text/javascript; charset=utf-8";
     "/panel.js" => "panel.js", "text/javascript; charset=utf-8";
+    "/readout.js" => "readout.js", "text/javascript; charset=utf-8";
     "/icon.svg" => "icon.svg", "image/svg+xml";
 };
 

@@ -1,0 +1,225 @@
+// The words and numbers beside the panel: plan, device, faults, measured acceleration.
+
+const HISTORY_MS = 20_000;
+const HISTORY_STEP_MS = 100;
+const ANNOUNCE_MS = 700;
+
+export const $ = (id) => document.getElementById(id);
+
+export function show(id, text) {
+  if ($(id).textContent !== text) $(id).textContent = text;
+}
+
+export const fixed = (value, digits, unit) => (Number.isFinite(value) ? `${value.toFixed(digits)}${unit}` : "–");
+
+const node = (tag, properties, ...children) => {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+};
+
+// A cell with a number and, smaller under it, what goes with it.
+const cell = (text, under, className = "") =>
+  node("td", { className }, text, ...(under ? [node("small", { textContent: under })] : []));
+
+let announcing = 0;
+let announced = "";
+
+// Says something to a screen reader once things have come to rest, so that a moving finger does not flood it.
+export function announce(words) {
+  if (words === announced) return;
+  announced = words;
+  clearTimeout(announcing);
+  announcing = setTimeout(() => show("announce", words), ANNOUNCE_MS);
+}
+
+function duration(seconds) {
+  if (!Number.isFinite(seconds)) return "–";
+  if (seconds < 120) return `${seconds.toFixed(0)} s`;
+  return seconds < 7200 ? `${(seconds / 60).toFixed(0)} min` : `${(seconds / 3600).toFixed(1)} h`;
+}
+
+const STATE_WORDS = {
+  boot: "starting",
+  safe: "safe, all off",
+  armed: "armed, not driving",
+  running: "running",
+  fault: "fault, all off",
+};
+
+export class Readout {
+  constructor(clearFault) {
+    Object.assign(this, { clearFault, scene: null, plan: null, state: "unknown", history: [] });
+  }
+
+  setScene(scene, stretch) {
+    this.scene = scene;
+    const { length_mm, width_mm, thickness_mm, kind } = scene;
+    const size = [length_mm, width_mm, thickness_mm].map((mm) => Number(mm.toPrecision(4))).join(" × ");
+    show("facts", `${kind}, ${size} mm${stretch > 1 ? ", height not to scale" : ""}`);
+    this.showPlan(this.plan);
+  }
+
+  showPlan(plan) {
+    this.plan = plan;
+    document.body.dataset.plan = plan ? JSON.stringify(plan) : "";
+    this.fillDrives();
+    const predicted = plan?.predicted ?? {};
+    const bound = plan && plan.error_bound !== null ? ` ± ${(plan.error_bound * 100).toPrecision(2)} %` : "";
+    show("target-g", fixed(predicted.target_peak_g, 3, " g") + bound);
+    show("elsewhere-g", fixed(predicted.mean_elsewhere_g, 3, " g"));
+    show("contrast", fixed(predicted.contrast_db, 1, " dB"));
+    show("elapsed", plan ? `found in ${fixed(plan.elapsed_us / 1e3, 2, " ms")}` : "");
+    this.showLimit(plan);
+    const several = plan?.targets.length > 1;
+    $("target-table").hidden = !several;
+    if (several) {
+      $("target-table").tBodies[0].replaceChildren(...plan.targets.map((target, i) => node("tr", {},
+        cell(`${i + 1}`), cell(`${target.x_mm.toFixed(0)}, ${target.y_mm.toFixed(0)} mm`),
+        cell(fixed(target.wanted_g, 2, " g")), cell(fixed(target.peak_g, 3, " g")))));
+    }
+    this.showMode();
+    if (plan) announce(this.planInWords(plan));
+  }
+
+  fillDrives() {
+    if (!this.scene) return;
+    const rows = this.scene.actuators.map(({ id, max_voltage_v }) => {
+      const drive = this.plan?.drives.find((candidate) => candidate.actuator === id);
+      const row = node("tr", {});
+      row.dataset.actuator = id;
+      if (drive) {
+        // The force goes with the square of the voltage.
+        const part = (drive.voltage_v / max_voltage_v) ** 2;
+        const degrees = Math.round((drive.phase_rad * 180) / Math.PI);
+        row.append(cell(id, `${degrees}° · ${fixed(drive.pulse_width, 2, "")}`), cell(fixed(drive.frequency_hz, 1, " Hz")),
+          cell(fixed(drive.voltage_v, 0, " V"), `of ${max_voltage_v.toFixed(0)}`),
+          cell(fixed(drive.force_n * 1e3, 1, " mN"), `${(part * 100).toFixed(0)} %`), cell("off"));
+        row.title = "under the name: phase of the force, pulse width; under the force: its part of what the voltage allows";
+        const bar = node("meter", { min: 0, max: 1, value: part });
+        bar.setAttribute("aria-label", `${(part * 100).toFixed(0)} % of the force that the voltage allows`);
+        row.children[3].append(bar);
+      } else {
+        row.append(cell(id), cell("–"), cell("–"), cell("–"), cell("off"));
+      }
+      return row;
+    });
+    if (rows.length === 0) rows.push(node("tr", {}, node("td", { colSpan: 5, textContent: "this scene has no actuators" })));
+    $("plan-table").tBodies[0].replaceChildren(...rows);
+    this.showChannels();
+  }
+
+  showLimit(plan) {
+    const target = plan?.targets[0];
+    $("limited").hidden = !plan?.limited_by;
+    show("limited", plan?.limited_by
+      ? `Limited by ${plan.limited_by}: ${fixed(target?.peak_g, 2, "")} of ${fixed(target?.wanted_g, 2, " g")}.` : "");
+  }
+
+  planInWords(plan) {
+    const [x, y] = plan.target_mm;
+    const drives = plan.drives.map((drive) =>
+      `${drive.actuator} ${drive.frequency_hz.toFixed(0)} hertz ${drive.voltage_v.toFixed(0)} volts`).join(", ");
+    const { target_peak_g, contrast_db } = plan.predicted;
+    return `Touch at ${x.toFixed(0)}, ${y.toFixed(0)} millimetres: ${drives}. Predicted ${target_peak_g.toFixed(2)} g, ` +
+      `contrast ${contrast_db.toFixed(0)} decibels.${plan.limited_by ? ` Limited by ${plan.limited_by}.` : ""}`;
+  }
+
+  // Without a link nothing is known of the device.
+  forgetState() {
+    this.state = "unknown";
+    document.body.dataset.state = "unknown";
+    show("state", "device unknown");
+    show("measured-g", "–");
+  }
+
+  showState(state) {
+    const { device, telemetry, link: traffic, daemon } = state;
+    const before = this.state;
+    this.state = device.connected ? (device.state ?? "unknown") : "unknown";
+    document.body.dataset.state = this.state;
+    const words = device.connected ? (STATE_WORDS[device.state] ?? device.state ?? "device unknown") : "device not connected";
+    show("state", words);
+    this.channels = telemetry?.channels ?? [];
+    this.showChannels();
+    const measured = telemetry?.acceleration_peak_g ?? NaN;
+    show("measured-g", fixed(measured, 3, " g"));
+    this.addToHistory(measured);
+    show("kind", device.kind ?? "–");
+    show("port", device.port ?? "–");
+    show("firmware", device.firmware ?? "–");
+    show("protocol", `${device.protocol ?? "–"}`);
+    show("round-trip", fixed(traffic.round_trip_ms_median ?? NaN, 1, " ms"));
+    show("bad-frames", String(traffic.crc_errors));
+    show("reset-cause", device.reset_cause ?? "–");
+    show("uptime", duration(telemetry ? telemetry.uptime_ms / 1e3 : NaN));
+    show("board-id", device.board_id ?? "–");
+    for (const id of ["board-id", "port", "firmware"]) $(id).title = $(id).textContent;
+    show("daemon", `${daemon.version}, up ${duration(daemon.uptime_s)}`);
+    this.showFault(device);
+    if (before !== this.state) {
+      this.showMode();
+      // A plan that was just announced says more than "running".
+      if (this.state !== "running") announce(`Device ${words}`);
+    }
+  }
+
+  showChannels() {
+    for (const channel of this.channels ?? []) {
+      const row = $("plan-table").querySelector(`tr[data-actuator="${CSS.escape(channel.actuator ?? "")}"]`);
+      if (!row) continue;
+      const text = channel.active ? "on" : "off";
+      const under = channel.active ? `${channel.voltage_v.toFixed(0)} V` : "";
+      const old = row.lastElementChild;
+      if (old.dataset.shown === text + under) continue;
+      const fresh = cell(text, under, channel.active ? "on" : "");
+      fresh.dataset.shown = text + under;
+      old.replaceWith(fresh);
+    }
+  }
+
+  // Whether the map shows what happens now or what happened last.
+  showMode() {
+    const driving = this.state === "running";
+    document.body.dataset.driving = String(driving);
+    const past = this.state === "unknown" ? "last plan, device unknown" : "last plan, device off";
+    show("mode", this.plan ? (driving ? "driving now" : past) : "");
+  }
+
+  showFault(device) {
+    const box = $("fault");
+    const count = device.fault?.count > 1 ? `, ${device.fault.count} times` : "";
+    const lost = `The device does not answer. ${device.problem ?? ""}`;
+    const text = device.fault
+      ? `Fault ${device.fault.code} (${device.fault.name}${count}). ${device.fault.message}`
+      : device.connected ? "" : lost;
+    if (box.dataset.text === text) return;
+    box.dataset.text = text;
+    box.hidden = !text;
+    box.replaceChildren(text);
+    if (device.fault) {
+      const clear = node("button", { type: "button", textContent: "Clear the fault" });
+      clear.addEventListener("click", this.clearFault);
+      box.append(clear);
+    }
+  }
+
+  addToHistory(measured) {
+    const now = performance.now();
+    const { history } = this;
+    if (history.length && now - history.at(-1).now < HISTORY_STEP_MS) return;
+    const predicted = this.state === "running" && this.plan ? this.plan.predicted.target_peak_g : 0;
+    history.push({ now, measured: Number.isFinite(measured) ? measured : 0, predicted });
+    while (now - history[0].now > HISTORY_MS) history.shift();
+    const most = Math.max(...history.map((entry) => Math.max(entry.measured, entry.predicted)));
+    const top = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20].find((value) => value >= most) ?? most;
+    show("history-top", `${Number(top.toPrecision(3))} g`);
+    for (const key of ["measured", "predicted"]) {
+      const points = history.map((entry) => {
+        const x = 200 * (1 - (now - entry.now) / HISTORY_MS);
+        return `${x.toFixed(1)},${(39 - (37 * entry[key]) / top).toFixed(1)}`;
+      });
+      $(`history-${key}`).setAttribute("points", points.join(" "));
+    }
+  }
+}
