@@ -129,3 +129,56 @@ fn broken_toml_and_all_mistakes_at_once() {
     let missing = Scene::load(std::path::Path::new("no/such/file.toml")).unwrap_err().to_string();
     assert!(missing.contains("no/such/file.toml") && missing.contains("cannot read"), "{missing}");
 }
+
+#[test]
+fn active_area_lies_on_the_surface() {
+    let with = |area: &str| mistake("height_px = 1280", &format!("height_px = 1280\n{area}"));
+    let line = line_of("height_px = 1280");
+    let cases: &[(&str, usize, &[&str])] = &[
+        ("x_mm = 10.0\nwidth_mm = 295.0", line + 2, &["screen.width_mm", "305 mm", "within the surface's 300 mm"]),
+        ("height_mm = 200.1", line + 1, &["screen.height_mm", "200.1 mm", "within the surface's 200 mm"]),
+        ("x_mm = 300.0", line + 1, &["screen.x_mm is 300", "below 300"]),
+        ("y_mm = -1.0", line + 1, &["screen.y_mm is -1", "0 to 200"]),
+        ("width_mm = 0.0", line + 1, &["screen.width_mm is 0", "above 0"]),
+    ];
+    for (area, line, wanted) in cases {
+        let said = with(area);
+        assert_eq!(said.lines().count(), 1, "{area:?} gave {said:?}");
+        for piece in wanted.iter().chain([&format!("panel.toml:{line}:").as_str()]) {
+            assert!(said.contains(piece), "{area:?} gave {said:?}, which lacks {piece:?}");
+        }
+    }
+}
+
+/// Whatever the way to metres does to the last digit: what is on the border in the file is on the border.
+#[test]
+fn border_belongs_to_surface_and_screen() {
+    for tenths in 10..3000 {
+        let side = f64::from(tenths) / 10.0;
+        let text = format!(
+            "version = 1\nname = \"border\"\n[surface]\nkind = \"plate\"\nlength_mm = {side}\nwidth_mm = {side}\n\
+             thickness_mm = 1\n[surface.material]\nyoungs_modulus_pa = 69e9\npoisson_ratio = 0.3\n\
+             density_kg_m3 = 2700\n[screen]\nwidth_px = 1920\nheight_px = 7\nx_mm = 0.03\nwidth_mm = {}\n\
+             [[mass]]\nx_mm = {side}\ny_mm = {side}\nmass_g = 1",
+            side - 0.03
+        );
+        let scene = Scene::parse("border.toml", &text).unwrap();
+        assert_eq!((scene.masses[0].x_m, scene.masses[0].y_m), (scene.surface.length_m, scene.surface.width_m));
+        let (x_m, y_m) = scene.screen.px_to_surface_m(1920.0, 7.0).unwrap();
+        assert!(x_m <= scene.surface.length_m && y_m <= scene.surface.width_m, "{side}: {x_m} {y_m}");
+        let (x_px, y_px) = scene.screen.surface_m_to_px(x_m, y_m).unwrap();
+        assert!((x_px - 1920.0).abs() < 1e-9 && (y_px - 7.0).abs() < 1e-9, "{side}: {x_px} {y_px}");
+    }
+}
+
+#[test]
+fn board_has_four_channels() {
+    let (rest, actuator) = EXAMPLE_PLATE.split_at(EXAMPLE_PLATE.rfind("[[actuator]]").unwrap());
+    let with = |ids: &[&str]| {
+        let more: String = ids.iter().map(|id| actuator.replace("\"right\"", &format!("{id:?}"))).collect();
+        Scene::parse("many.toml", &format!("{rest}{more}"))
+    };
+    assert_eq!(with(&["b", "c", "d"]).unwrap().actuators.len(), 4);
+    let said = with(&["b", "c", "d", "e"]).unwrap_err().to_string();
+    assert!(said.contains("actuator[5]") && said.contains("at most 4 actuators"), "{said}");
+}

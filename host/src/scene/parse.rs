@@ -165,10 +165,11 @@ fn screen(section: Option<Section<'_, '_>>, size: &Size) -> Screen {
         screen.y_m = part("y_mm", size.width_m, 0.0, side_range(size.width_m));
         screen.width_m = part("width_mm", size.length_m, size.length_m - screen.x_m, Allowed::Positive);
         screen.height_m = part("height_mm", size.width_m, size.width_m - screen.y_m, Allowed::Positive);
-        for (key, end, side) in [
-            ("width_mm", screen.x_m + screen.width_m, size.length_m),
-            ("height_mm", screen.y_m + screen.height_m, size.width_m),
+        for (key, start_key, start, extent, side) in [
+            ("width_mm", "x_mm", screen.x_m, &mut screen.width_m, size.length_m),
+            ("height_mm", "y_mm", screen.y_m, &mut screen.height_m, size.width_m),
         ] {
+            let end = start + *extent;
             if end > side * (1.0 + 1e-9) {
                 let text = format!(
                     "{} makes the active area end at {} mm, but must keep it within the surface's {} mm",
@@ -177,11 +178,30 @@ fn screen(section: Option<Section<'_, '_>>, size: &Size) -> Screen {
                     side * 1e3
                 );
                 section.report().add(&section.place(key), text);
+            } else if *extent <= 0.0 {
+                let text = format!(
+                    "{} is {}, but must be below {} to leave an active area",
+                    section.key(start_key),
+                    start * 1e3,
+                    side * 1e3
+                );
+                section.report().add(&section.place(start_key), text);
+            } else {
+                *extent = within(start, *extent, side);
             }
         }
     }
     section.close();
     screen
+}
+
+/// `extent`, less what rounding made of it too much: the last pixel is to lie on the surface, not a rounding error
+/// beyond it, where no plan is made. Takes a step or two.
+fn within(start: f64, mut extent: f64, side: f64) -> f64 {
+    while start + extent > side {
+        extent -= start + extent - side;
+    }
+    extent
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side of at most 10 m; `as` saturates")]

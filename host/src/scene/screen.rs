@@ -33,6 +33,9 @@ pub struct ScreenError {
     pub max: f64,
 }
 
+/// What rounding may add to a position, relative to the screen's side.
+const ROUNDING: f64 = 1e-9;
+
 impl Screen {
     /// The point of the surface in m under a pixel position, 0..=width_px and 0..=height_px.
     ///
@@ -58,8 +61,9 @@ impl Screen {
     pub fn surface_m_to_px(&self, x_m: f64, y_m: f64) -> Result<(f64, f64), ScreenError> {
         let part = |field, value: f64, start: f64, length: f64, pixels: u32| {
             let part = (value - start) / length;
-            if (0.0..=1.0).contains(&part) {
-                return Ok(part * f64::from(pixels));
+            // A point on the border may have been rounded beyond it on its way here.
+            if (-ROUNDING..=1.0 + ROUNDING).contains(&part) {
+                return Ok(part.clamp(0.0, 1.0) * f64::from(pixels));
             }
             Err(ScreenError { field, value: value * 1e3, min: start * 1e3, max: (start + length) * 1e3 })
         };
