@@ -6,27 +6,11 @@
 //! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G].
 
 use super::ModelError;
-use super::hermite::{CellMatrices, Matrix4, cell_matrices, values};
-use super::mesh::{Forced, Lines};
+use super::grid::{Grid, SparseVector};
+use super::hermite::{CellMatrices, Matrix4, cell_matrices};
+use super::mesh::Lines;
 use super::sparse::{Entries, Symmetric};
-use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side, SurfaceKind};
-
-/// Non-zero entries of a vector over the free unknowns.
-pub type SparseVector = Vec<(usize, f64)>;
-
-/// The mesh with its numbering of unknowns; fixed unknowns have no number.
-#[derive(Clone, Debug)]
-pub struct Grid {
-    /// Lines across x.
-    pub x: Lines,
-    /// Lines across y; `None` for a bar.
-    pub y: Option<Lines>,
-    /// Number of each unknown: node by node, rows of constant y one after the other; per node w, s w_x and, for a plate,
-    /// s w_y and s s w_xy.
-    numbers: Vec<Option<usize>>,
-    /// Free unknowns of the surface.
-    pub free: usize,
-}
+use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side};
 
 /// A viscous dashpot: force = coefficient times the velocity of vector . u, along the vector.
 #[derive(Clone, Debug)]
@@ -127,145 +111,6 @@ pub fn plate_rigidity(scene: &Scene) -> f64 {
 #[must_use]
 pub fn bar_rigidity(scene: &Scene) -> f64 {
     scene.surface.material.youngs_modulus_pa * scene.surface.width_m * scene.surface.thickness_m.powi(3) / 12.0
-}
-
-impl Grid {
-    fn new(scene: &Scene, cell_m: f64) -> Self {
-        let surface = &scene.surface;
-        let supports = scene.supports.iter().map(|s| (s.x_m, s.y_m, s.damping_n_s_per_m > 0.0));
-        let masses = scene.masses.iter().map(|m| (m.x_m, m.y_m, false));
-        let actuators = scene.actuators.iter().map(|a| (a.x_m, a.y_m, true));
-        let points: Vec<(f64, f64, bool)> = supports.chain(masses).chain(actuators).collect();
-        let forced = |at: fn(&(f64, f64, bool)) -> f64, side: f64| -> Vec<Forced> {
-            // At an edge or corner the deflection under a point force is smooth enough for regular cells.
-            let inside = |at: f64| at > 1e-6 * side && at < (1.0 - 1e-6) * side;
-            points.iter().map(|p| Forced { at: at(p), graded: p.2 && inside(at(p)) }).collect()
-        };
-        // Four cells across the narrow side of a strip still carry its lowest waves in that direction.
-        let cell = |side: f64| cell_m.min(side / 4.0);
-        let x = Lines::new(surface.length_m, cell(surface.length_m), &forced(|p| p.0, surface.length_m));
-        let y = match surface.kind {
-            SurfaceKind::Bar => None,
-            SurfaceKind::Plate => {
-                Some(Lines::new(surface.width_m, cell(surface.width_m), &forced(|p| p.1, surface.width_m)))
-            }
-        };
-        let mut grid = Self { x, y, numbers: Vec::new(), free: 0 };
-        let fixed = grid.fixed(scene);
-        grid.numbers = fixed
-            .into_iter()
-            .map(|fixed| {
-                let number = (!fixed).then_some(grid.free);
-                grid.free += usize::from(!fixed);
-                number
-            })
-            .collect();
-        grid
-    }
-
-    fn rows(&self) -> usize {
-        self.y.as_ref().map_or(1, |y| y.at.len())
-    }
-
-    fn per_node(&self) -> usize {
-        if self.y.is_some() { 4 } else { 2 }
-    }
-
-    /// Which unknowns pinned and clamped edges take away: pinned the deflection and its derivative along the edge, clamped
-    /// also the slope across it and the twist.
-    fn fixed(&self, scene: &Scene) -> Vec<bool> {
-        let (columns, rows, per_node) = (self.x.at.len(), self.rows(), self.per_node());
-        let mut fixed = vec![false; columns * rows * per_node];
-        for edge in &scene.edges {
-            let clamped = match edge.kind {
-                EdgeKind::Pinned => false,
-                EdgeKind::Clamped => true,
-                EdgeKind::Elastic { .. } => continue,
-            };
-            for (i, j) in self.edge_nodes(edge.side) {
-                for unknown in 0..per_node {
-                    // Bit 0: differentiated along x, bit 1: along y.
-                    let across = if matches!(edge.side, Side::Left | Side::Right) { unknown & 1 } else { unknown >> 1 };
-                    if clamped || across == 0 {
-                        fixed[(j * columns + i) * per_node + unknown] = true;
-                    }
-                }
-            }
-        }
-        fixed
-    }
-
-    fn edge_nodes(&self, side: Side) -> Vec<(usize, usize)> {
-        let (columns, rows) = (self.x.at.len(), self.rows());
-        match side {
-            Side::Left => (0..rows).map(|j| (0, j)).collect(),
-            Side::Right => (0..rows).map(|j| (columns - 1, j)).collect(),
-            Side::Top => (0..columns).map(|i| (i, 0)).collect(),
-            Side::Bottom => (0..columns).map(|i| (i, rows - 1)).collect(),
-        }
-    }
-
-    /// The number of an unknown of node (i, j); `None` if it is fixed.
-    #[must_use]
-    pub fn number(&self, i: usize, j: usize, unknown: usize) -> Option<usize> {
-        self.numbers.get((j * self.x.at.len() + i) * self.per_node() + unknown).copied().flatten()
-    }
-
-    /// The deflection at the node that an attachment has been given.
-    #[must_use]
-    pub fn at_node(&self, x_m: f64, y_m: f64) -> SparseVector {
-        let (i, j) = self.node(x_m, y_m);
-        self.number(i, j, 0).map(|number| (number, 1.0)).into_iter().collect()
-    }
-
-    fn node(&self, x_m: f64, y_m: f64) -> (usize, usize) {
-        (self.x.nearest(x_m), self.y.as_ref().map_or(0, |y| y.nearest(y_m)))
-    }
-
-    /// The deflection anywhere on the surface: Hermite interpolation in the cell that holds the point.
-    #[must_use]
-    pub fn deflection_at(&self, x_m: f64, y_m: f64) -> SparseVector {
-        let along = |lines: &Lines, at: f64| {
-            let (cell, place) = lines.locate(at);
-            let width = lines.at[cell + 1] - lines.at[cell];
-            (cell, values(place, width, [lines.scale[cell], lines.scale[cell + 1]]))
-        };
-        let (cell_x, in_x) = along(&self.x, x_m);
-        let (cell_y, in_y) = match &self.y {
-            Some(y) => along(y, y_m),
-            None => (0, [1.0, 0.0, 0.0, 0.0]),
-        };
-        let mut out = Vec::with_capacity(16);
-        for (a, value_x) in in_x.iter().enumerate() {
-            for (b, value_y) in in_y.iter().enumerate() {
-                let value = value_x * value_y;
-                if value != 0.0
-                    && let Some(number) = self.number(cell_x + a / 2, cell_y + b / 2, a % 2 + 2 * (b % 2))
-                {
-                    out.push((number, value));
-                }
-            }
-        }
-        out
-    }
-
-    /// The unknowns' values for the rigid deflection c + cx x + cy y.
-    #[must_use]
-    pub fn linear(&self, c: f64, cx: f64, cy: f64) -> Vec<f64> {
-        let mut out = vec![0.0; self.free];
-        for j in 0..self.rows() {
-            let (y_at, y_scale) = self.y.as_ref().map_or((0.0, 0.0), |y| (y.at[j], y.scale[j]));
-            for (i, (x_at, x_scale)) in self.x.at.iter().zip(&self.x.scale).enumerate() {
-                let values = [c + cx * x_at + cy * y_at, cx * x_scale, cy * y_scale, 0.0];
-                for (unknown, value) in values.iter().enumerate().take(self.per_node()) {
-                    if let Some(number) = self.number(i, j, unknown) {
-                        out[number] = *value;
-                    }
-                }
-            }
-        }
-        out
-    }
 }
 
 fn cells(lines: &Lines) -> Vec<CellMatrices> {

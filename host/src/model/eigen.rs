@@ -5,7 +5,6 @@
 //! orthogonalised against all others twice.
 
 use super::ModelError;
-use super::rigid::RigidModes;
 use super::sparse::{Factor, Symmetric};
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -39,14 +38,14 @@ pub struct Operator<'a> {
     pub shift: f64,
 }
 
-/// All modes up to `lambda_max`, the rigid ones first.
+/// All modes up to `lambda_max`, ascending, those `known` already (M-orthonormal, whatever their size) among them.
 ///
 /// # Errors
 /// [`ModelError::NotConverged`].
-pub fn modes(operator: Operator<'_>, rigid: &RigidModes, lambda_max: f64) -> Result<Modes, ModelError> {
+pub fn modes(operator: Operator<'_>, known: &Modes, lambda_max: f64) -> Result<Modes, ModelError> {
     let n = operator.mass.order();
-    let most = n.saturating_sub(rigid.lambda.len()).min(MOST_VECTORS);
-    let mut space = Space::new(operator, rigid, n);
+    let most = n.saturating_sub(known.lambda.len()).min(MOST_VECTORS);
+    let mut space = Space::new(operator, known, n);
     let mut block = space.orthonormal(operator.factor.solve(&operator.mass.times(&start_block(n)))).0;
     let theta_min = 1.0 / (lambda_max + operator.shift);
     let mut next_check = 4 * BLOCK;
@@ -58,7 +57,7 @@ pub fn modes(operator: Operator<'_>, rigid: &RigidModes, lambda_max: f64) -> Res
             next_check = size + (size / 4).max(2 * BLOCK);
             let eigen = SymmetricEigen::new(space.projected.clone());
             if ended && next.ncols() == 0 || is_converged(&eigen, &coupling, theta_min) {
-                return Ok(space.result(&eigen, rigid, lambda_max));
+                return Ok(space.result(&eigen, known, lambda_max));
             }
             if ended {
                 let max_hz = lambda_max.sqrt() / std::f64::consts::TAU;
@@ -104,8 +103,8 @@ fn is_converged(eigen: &SymmetricEigen<f64, nalgebra::Dyn>, coupling: &DMatrix<f
 
 struct Space<'a> {
     operator: Operator<'a>,
-    rigid: &'a DMatrix<f64>,
-    mass_rigid: DMatrix<f64>,
+    known: &'a DMatrix<f64>,
+    mass_known: DMatrix<f64>,
     vectors: DMatrix<f64>,
     mass_vectors: DMatrix<f64>,
     /// V' M (K + s M)^-1 M V.
@@ -113,10 +112,10 @@ struct Space<'a> {
 }
 
 impl<'a> Space<'a> {
-    fn new(operator: Operator<'a>, rigid: &'a RigidModes, n: usize) -> Self {
+    fn new(operator: Operator<'a>, known: &'a Modes, n: usize) -> Self {
         Self {
-            mass_rigid: operator.mass.times(&rigid.vectors),
-            rigid: &rigid.vectors,
+            mass_known: operator.mass.times(&known.vectors),
+            known: &known.vectors,
             vectors: DMatrix::zeros(n, 0),
             mass_vectors: DMatrix::zeros(n, 0),
             projected: DMatrix::zeros(0, 0),
@@ -149,7 +148,7 @@ impl<'a> Space<'a> {
         let lengths: Vec<f64> = (0..width).map(|j| self.length(&block.columns(j, 1).into_owned())).collect();
         let mut rest = block;
         for _ in 0..2 {
-            rest -= self.rigid * self.mass_rigid.tr_mul(&rest);
+            rest -= self.known * self.mass_known.tr_mul(&rest);
             rest -= &self.vectors * self.mass_vectors.tr_mul(&rest);
         }
         let mut kept = DMatrix::zeros(rest.nrows(), 0);
@@ -164,7 +163,7 @@ impl<'a> Space<'a> {
                 for (i, value) in inner.iter().enumerate() {
                     r[(i, j)] += value;
                 }
-                vector -= self.rigid * self.mass_rigid.tr_mul(&vector);
+                vector -= self.known * self.mass_known.tr_mul(&vector);
                 vector -= &self.vectors * self.mass_vectors.tr_mul(&vector);
             }
             let norm = self.length(&vector);
@@ -185,17 +184,21 @@ impl<'a> Space<'a> {
         vector.dot(&self.operator.mass.times(vector)).max(0.0).sqrt()
     }
 
-    fn result(&self, eigen: &SymmetricEigen<f64, nalgebra::Dyn>, rigid: &RigidModes, lambda_max: f64) -> Modes {
+    fn result(&self, eigen: &SymmetricEigen<f64, nalgebra::Dyn>, known: &Modes, lambda_max: f64) -> Modes {
         let lambda_of = |i: usize| 1.0 / eigen.eigenvalues[i] - self.operator.shift;
-        let mut found: Vec<usize> = (0..eigen.eigenvalues.len())
+        let found: Vec<usize> = (0..eigen.eigenvalues.len())
             .filter(|i| eigen.eigenvalues[*i] > 0.0 && lambda_of(*i) <= lambda_max)
             .collect();
-        found.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
         let elastic = &self.vectors * eigen.eigenvectors.select_columns(&found);
         // The shift loses digits of an eigenvalue far below it; it stays positive, as only rigid modes are zero.
-        let mut lambda = rigid.lambda.clone();
-        lambda.extend(found.iter().map(|i| lambda_of(*i).max(0.0)));
-        Modes { lambda, vectors: append(rigid.vectors.clone(), &elastic) }
+        let found = found.iter().map(|i| lambda_of(*i).max(f64::MIN_POSITIVE));
+        let all: Vec<f64> = known.lambda.iter().copied().chain(found).collect();
+        let mut order: Vec<usize> = (0..all.len()).collect();
+        order.sort_by(|a, b| all[*a].total_cmp(&all[*b]));
+        Modes {
+            lambda: order.iter().map(|i| all[*i]).collect(),
+            vectors: append(known.vectors.clone(), &elastic).select_columns(&order),
+        }
     }
 }
 
@@ -226,7 +229,7 @@ mod tests {
         let mut shifted = k.clone();
         shifted.add_all(&m, shift);
         let (mass, factor) = (m.build(2).unwrap(), shifted.build(2).unwrap().factor().unwrap());
-        let none = RigidModes { lambda: Vec::new(), vectors: DMatrix::zeros(2, 0) };
+        let none = Modes { lambda: Vec::new(), vectors: DMatrix::zeros(2, 0) };
         let found = modes(Operator { factor: &factor, mass: &mass, shift }, &none, 100.0).unwrap();
         assert!((found.lambda[0] - 2.0).abs() < 1e-12 && (found.lambda[1] - 4.0).abs() < 1e-12, "{:?}", found.lambda);
         for (j, sign) in [(0, 1.0), (1, -1.0)] {

@@ -1,10 +1,10 @@
-//! Grid lines: through every attachment, finer around driven points, fine enough for the shortest wave.
+//! Grid lines: through every attachment, finer around driven points and between close ones, fine enough for the shortest
+//! wave.
 
 /// Lines nearer to each other than this part of the side are one line.
-const MERGE: f64 = 1e-6;
-/// Widths of the two cells next to a driven point, in regular cells: a point force bends a plate as r^2 log r, which
-/// regular cells resolve only to second order.
-const GRADED: [f64; 2] = [0.25, 0.5];
+pub const MERGE: f64 = 1e-6;
+/// Cells grow by this factor from one to the next, away from where they must be small.
+const GROWTH: f64 = 2.0;
 
 /// One direction of the mesh.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,18 +20,19 @@ pub struct Lines {
 pub struct Forced {
     /// In m.
     pub at: f64,
-    /// Whether the cells beside it are refined.
-    pub graded: bool,
+    /// Largest width of the cells beside it; infinite where regular cells will do.
+    pub width: f64,
 }
 
 impl Lines {
     /// Lines from 0 to `length` with cells of at most `cell`, one line at every forced position.
     #[must_use]
     pub fn new(length: f64, cell: f64, forced: &[Forced]) -> Self {
-        let mut stops: Vec<Forced> = vec![Forced { at: 0.0, graded: false }, Forced { at: length, graded: false }];
+        let mut stops: Vec<Forced> =
+            vec![Forced { at: 0.0, width: f64::INFINITY }, Forced { at: length, width: f64::INFINITY }];
         for stop in forced {
             match stops.iter_mut().find(|known| (known.at - stop.at).abs() <= MERGE * length) {
-                Some(known) => known.graded |= stop.graded,
+                Some(known) => known.width = known.width.min(stop.width),
                 None => stops.push(*stop),
             }
         }
@@ -78,35 +79,33 @@ impl Lines {
     }
 }
 
-/// Adds the lines after `from` up to and including `to`.
+/// Adds the lines after `from` up to and including `to`: small cells at the ends that need them, growing until they are
+/// regular or meet, and equal ones in between.
 fn fill(at: &mut Vec<f64>, from: Forced, to: Forced, cell: f64) {
-    let graded_width: f64 = GRADED.iter().sum::<f64>() * cell;
-    let room = to.at - from.at;
-    let ends = f64::from(u8::from(from.graded)) + f64::from(u8::from(to.graded));
-    // Where two attachments are near each other their lines refine the mesh by themselves.
-    let grade = room > ends * graded_width + cell;
-    let mut start = from.at;
-    if grade && from.graded {
-        for part in GRADED {
-            start += part * cell;
-            at.push(start);
+    let (mut left, mut right) = (from.at, to.at);
+    let (mut left_width, mut right_width) = (from.width.min(cell), to.width.min(cell));
+    let mut behind = vec![to.at];
+    while left_width.min(right_width) < cell && right - left > left_width + right_width {
+        if left_width <= right_width {
+            left += left_width;
+            at.push(left);
+            left_width = (GROWTH * left_width).min(cell);
+        } else {
+            right -= right_width;
+            behind.push(right);
+            right_width = (GROWTH * right_width).min(cell);
         }
     }
-    let end = if grade && to.graded { to.at - graded_width } else { to.at };
+    let widest = left_width.max(right_width);
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a positive count, bounded by the caller"
     )]
-    let cells = (((end - start) / cell - 1e-9).ceil() as usize).max(1);
-    for i in 1..=cells {
-        #[allow(clippy::cast_precision_loss, reason = "small counts")]
-        at.push(if i == cells { end } else { start + (end - start) * i as f64 / cells as f64 });
-    }
-    if grade && to.graded {
-        at.push(to.at - GRADED[0] * cell);
-        at.push(to.at);
-    }
+    let cells = (((right - left) / widest - 1e-9).ceil() as usize).max(1);
+    #[allow(clippy::cast_precision_loss, reason = "small counts")]
+    at.extend((1..cells).map(|i| left + (right - left) * i as f64 / cells as f64));
+    at.extend(behind.into_iter().rev());
 }
 
 #[cfg(test)]
@@ -116,10 +115,11 @@ mod tests {
     #[test]
     fn every_forced_position_is_a_line_and_cells_are_small_enough() {
         let forced = [
-            Forced { at: 0.1, graded: true },
-            Forced { at: 0.1001, graded: false },
-            Forced { at: 0.1 + 1e-9, graded: false },
-            Forced { at: 0.3, graded: true },
+            Forced { at: 0.1, width: 0.005 },
+            Forced { at: 0.1001, width: f64::INFINITY },
+            Forced { at: 0.1 + 1e-9, width: f64::INFINITY },
+            Forced { at: 0.2, width: 1e-4 },
+            Forced { at: 0.3, width: 0.005 },
         ];
         let lines = Lines::new(0.3, 0.02, &forced);
         assert!(lines.at.windows(2).all(|pair| pair[1] > pair[0] && pair[1] - pair[0] <= 0.02 * (1.0 + 1e-9)));
@@ -128,6 +128,10 @@ mod tests {
         }
         assert_eq!((lines.at[0], lines.at[lines.cells()]), (0.0, 0.3));
         assert!((lines.at[lines.cells()] - lines.at[lines.cells() - 1] - 0.005).abs() < 1e-12, "graded at the end");
+        let fine = lines.nearest(0.2);
+        assert!((lines.at[fine + 1] - lines.at[fine] - 1e-4).abs() < 1e-12);
+        let widths: Vec<f64> = lines.at.windows(2).map(|pair| pair[1] - pair[0]).skip(fine).collect();
+        assert!(widths.windows(2).all(|pair| pair[1] <= pair[0] * 2.0 * (1.0 + 1e-9)), "grows gently: {widths:?}");
     }
 
     #[test]

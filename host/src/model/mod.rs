@@ -2,6 +2,7 @@
 //!
 //! * [`hermite`]: cubic Hermite functions and their one-dimensional matrices,
 //! * [`mesh`]: grid lines through every attachment, fine enough for the shortest wave,
+//! * [`grid`]: the lines' nodes and the numbering of their unknowns,
 //! * [`assembly`]: the panel's sparse matrices: bar elements, or Bogner-Fox-Schmit plate elements (tensor products of the
 //!   bar's functions, conforming), supports, masses, ERAs,
 //! * [`sparse`]: the matrices and their factorisation,
@@ -15,6 +16,7 @@ pub mod accuracy;
 pub mod assembly;
 pub mod eigen;
 mod error;
+pub mod grid;
 pub mod hermite;
 pub mod mesh;
 mod panel;

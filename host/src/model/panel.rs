@@ -36,7 +36,8 @@ pub struct PanelModel {
     assembled: Assembled,
     factor: Factor,
     shift: f64,
-    rigid: RigidModes,
+    /// Modes that the shift is too far from, or that are known in closed form.
+    slow: Modes,
     cell_m: f64,
 }
 
@@ -57,8 +58,8 @@ impl PanelModel {
         let assembled = assemble(scene, cell_m)?;
         let shift = shift(scene);
         let factor = shifted(&assembled, shift)?;
-        let rigid = rigid_modes(scene, &assembled, shift);
-        Ok(Self { scene: scene.clone(), assembled, factor, shift, rigid, cell_m })
+        let slow = slow_modes(scene, &assembled, shift)?;
+        Ok(Self { scene: scene.clone(), assembled, factor, shift, slow, cell_m })
     }
 
     /// Number of unknowns.
@@ -74,10 +75,13 @@ impl PanelModel {
     pub fn modes(&self, max_hz: f64) -> Result<Vec<Mode>, ModelError> {
         let found = self.raw_modes(max_hz)?;
         let damping = self.damping(&found.vectors, max_hz)?;
+        // Slow modes are kept whatever was asked for.
+        let highest = (std::f64::consts::TAU * max_hz).powi(2);
         Ok(found
             .lambda
             .iter()
             .enumerate()
+            .take_while(|(_, lambda)| **lambda <= highest)
             .map(|(i, lambda)| {
                 let omega = lambda.sqrt();
                 let ratio = damping.viscous[(i, i)] / (2.0 * omega) + damping.structural[(i, i)] / (2.0 * lambda);
@@ -114,7 +118,7 @@ impl PanelModel {
     }
 
     fn raw_modes(&self, max_hz: f64) -> Result<Modes, ModelError> {
-        modes(self.operator(), &self.rigid, (std::f64::consts::TAU * max_hz).powi(2))
+        modes(self.operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
     }
 
     /// The damping of the scene, projected onto the columns of `vectors`.
@@ -192,6 +196,18 @@ fn shifted(assembled: &Assembled, shift: f64) -> Result<Factor, ModelError> {
     entries.add_all(&assembled.stiffness.entries(), 1.0);
     entries.add_all(&assembled.mass.entries(), shift);
     entries.build(assembled.unknowns())?.factor()
+}
+
+/// The modes that shift-invert about `shift` does not know well: free ones, nearly free ones, and slow ones, of heavy
+/// masses or on soft springs, by a second factorisation with a shift of their own size.
+fn slow_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> Result<Modes, ModelError> {
+    let RigidModes { known, slow } = rigid_modes(scene, assembled, shift);
+    let Some(slowest) = slow.iter().copied().reduce(f64::min) else { return Ok(known) };
+    // Below a billionth of the usual shift K + s M would be indefinite by rounding.
+    let own = slowest.max(1e-9 * shift);
+    let factor = shifted(assembled, own)?;
+    let fastest = slow.iter().copied().fold(0.0, f64::max);
+    modes(Operator { factor: &factor, mass: &assembled.mass, shift: own }, &known, fastest)
 }
 
 /// Rigidity over mass per area (plate) or length (bar), in m^4/s^2.

@@ -1,19 +1,21 @@
 //! The reduced model: modes, and residual shapes for what the modes left out.
 //!
-//! The basis is all modes up to a multiple of the highest frequency, and for every load b the two shapes
-//! Z1 = (K + s M)^-1 b and Z2 = (K + s M)^-1 M Z1, made orthogonal to the modes. Galerkin projection onto it is exact for
-//! static loads at the shift, and its error elsewhere falls as the square of omega^2 / lambda_next. The projected
-//! K + s M is computed from the loads, never from a product with K, so that springs of 1e18 N/m cancel nothing.
+//! The basis is all modes up to a multiple of the highest frequency, and for every load b two residual shapes: with the
+//! modes taken out of the load, Z1 = (K + s M)^-1 b and Z2 = (K + s M)^-1 M Z1. Galerkin projection onto it is exact for
+//! static loads at the shift, and its error elsewhere falls as the fourth power of (omega^2 + s) / (lambda_next + s). The
+//! projected K + s M is computed from the loads, never from a product with K, so that springs of 1e18 N/m cancel nothing;
+//! and the modes are taken out before a solution, not after it, as of the second shape they are (lambda_next / s)^2.
 
-use super::assembly::{Assembled, Grid, SparseVector};
+use super::assembly::Assembled;
 use super::eigen::{Modes, Operator};
+use super::grid::{Grid, SparseVector};
 use super::panel::{Damping, row_times};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex64;
 use std::sync::Arc;
 
-/// Part of its former length below which a residual shape adds nothing.
-const DEPENDENT: f64 = 1e-7;
+/// Part of its length below which a residual shape adds nothing to those before it. The products know it to 1e-8 or so.
+const DEPENDENT: f64 = 1e-6;
 
 /// A panel in a few dozen mass-normalised coordinates: q'' + C q' + (Lambda + j S) q = B f.
 #[derive(Clone, Debug)]
@@ -94,29 +96,30 @@ pub(super) fn basis(operator: Operator<'_>, modes: &Modes, loads: &[SparseVector
             column[*index] += *value;
         }
     }
-    // F and Y with (K + s M) Y = F.
-    let first = operator.factor.solve(&load);
-    let mass_first = operator.mass.times(&first);
-    let second = operator.factor.solve(&mass_first);
-    let (f, y) = (beside(&load, &mass_first), beside(&first, &second));
-    // What of it the modes do not have already.
     let mass_modes = operator.mass.times(&modes.vectors);
-    let rest = &y - &modes.vectors * mass_modes.tr_mul(&y);
-    let rest = &rest - &modes.vectors * mass_modes.tr_mul(&rest);
-    let known = modes.vectors.tr_mul(&f);
-    let mut weighted = known.clone();
-    for (mut row, lambda) in weighted.row_iter_mut().zip(&modes.lambda) {
-        row /= lambda + operator.shift;
+    // A load without what it does to the modes, and a shape without the modes in it.
+    let load_beside = |load: DMatrix<f64>| &load - &mass_modes * modes.vectors.tr_mul(&load);
+    let shape_beside = |shape: DMatrix<f64>| &shape - &modes.vectors * mass_modes.tr_mul(&shape);
+    let first_load = load_beside(load_beside(load));
+    let first = shape_beside(operator.factor.solve(&first_load));
+    let second_load = load_beside(operator.mass.times(&first));
+    let second = shape_beside(operator.factor.solve(&second_load));
+    // F and Y with (K + s M) Y = F, every column of Y of length one.
+    let (mut f, mut y) = (beside(&first_load, &second_load), beside(&first, &second));
+    let mass_y = operator.mass.times(&y);
+    for j in 0..y.ncols() {
+        let length = y.column(j).dot(&mass_y.column(j)).max(0.0).sqrt();
+        let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
+        f.column_mut(j).scale_mut(scale);
+        y.column_mut(j).scale_mut(scale);
     }
-    let stiffness = y.tr_mul(&f) - known.tr_mul(&weighted);
-
-    let transform = orthonormaliser(&rest, &operator.mass.times(&rest), &y, &operator.mass.times(&y));
-    let reduced = transform.tr_mul(&(&stiffness * &transform));
+    let transform = orthonormaliser(&y.tr_mul(&operator.mass.times(&y)));
+    let reduced = transform.tr_mul(&(y.tr_mul(&f) * &transform));
     let eigen = SymmetricEigen::new(0.5 * (&reduced + reduced.transpose()));
     let mut order: Vec<usize> =
         (0..eigen.eigenvalues.len()).filter(|i| eigen.eigenvalues[*i] > operator.shift).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
-    let shapes = &rest * (transform * eigen.eigenvectors.select_columns(&order));
+    let shapes = &y * (transform * eigen.eigenvectors.select_columns(&order));
     let mut lambda = modes.lambda.clone();
     lambda.extend(order.iter().map(|i| eigen.eigenvalues[*i] - operator.shift));
     (lambda, beside(&modes.vectors, &shapes))
@@ -129,27 +132,20 @@ fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
     all
 }
 
-/// T such that the columns of V T are M-orthonormal, dropping those that depend on others or are rounding: modified
-/// Gram-Schmidt on V with the transformation recorded.
-fn orthonormaliser(
-    v: &DMatrix<f64>,
-    mass_v: &DMatrix<f64>,
-    whole: &DMatrix<f64>,
-    mass_whole: &DMatrix<f64>,
-) -> DMatrix<f64> {
-    let width = v.ncols();
-    let gram = v.tr_mul(mass_v);
+/// T such that the columns of V T are orthonormal, for V with the products `gram` and columns of length one, dropping
+/// those that depend on others: modified Gram-Schmidt with the transformation recorded.
+fn orthonormaliser(gram: &DMatrix<f64>) -> DMatrix<f64> {
+    let width = gram.ncols();
     let mut transform = DMatrix::zeros(width, 0);
     for j in 0..width {
-        let original = whole.column(j).dot(&mass_whole.column(j)).max(0.0).sqrt();
         let mut column = DVector::zeros(width);
-        column[j] = 1.0;
+        column[j] = gram[(j, j)];
         for _ in 0..2 {
-            let inner: DVector<f64> = transform.tr_mul(&(&gram * &column));
+            let inner: DVector<f64> = transform.tr_mul(&(gram * &column));
             column -= &transform * inner;
         }
-        let length = column.dot(&(&gram * &column)).max(0.0).sqrt();
-        if length > DEPENDENT * original && length > 0.0 {
+        let length = column.dot(&(gram * &column)).max(0.0).sqrt();
+        if length > DEPENDENT {
             let at = transform.ncols();
             transform = transform.resize_horizontally(at + 1, 0.0);
             transform.set_column(at, &(column / length));

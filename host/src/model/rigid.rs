@@ -1,28 +1,37 @@
-//! Motions that nothing holds.
+//! Motions that nothing holds, or next to nothing.
 //!
-//! How many there are follows from the rank of what holds the surface, never from small eigenvalues: a spring of
-//! 1e-9 N/m is a support, and rounding is not. The motions themselves are c + cx x + cy y, known in closed form, and are
-//! kept out of the eigenvalue iteration.
+//! How many are free follows from the rank of what holds the surface, never from small eigenvalues: a spring of
+//! 1e-9 N/m is a support, and rounding is not. The motions themselves are c + cx x + cy y, and that of an inertial ERA's
+//! mass by itself; they are known in closed form and are kept out of the eigenvalue iteration.
 
 use super::assembly::Assembled;
+use super::eigen::Modes;
+use super::grid::Grid;
 use crate::scene::{EdgeKind, Mount, Scene, Side, SurfaceKind};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Part of the largest below which a direction of the (dimensionless) holding vectors counts as not held. Two supports
-/// 0.1 mm apart on 300 mm give 1e-7.
+/// 0.1 mm apart on 300 mm give 1e-7; nearer than 1e-6 of the side they share a node.
 const RANK: f64 = 1e-13;
-/// Part of the shift below which a mode is taken as rigid. Its eigenvalue is then under 1e-7 of the first bending one, and
-/// by about that part the surface's bending lowers it; the iteration, for its part, knows eigenvalues to 1e-11 or so of the
-/// shift, no better than 1e-5 of one this small.
-const NEARLY_RIGID: f64 = 1e-6;
+/// Stiffness of what holds a motion, as a part of shift times the surface's mass (some sixteenth of its bending
+/// stiffness), below which the surface stays straight in it. Bending lowers the eigenvalue by about this part.
+const STAYS_STRAIGHT: f64 = 1e-6;
+/// Eigenvalue as a part of the shift below which shift-invert about it loses digits: it knows eigenvalues to 1e-11 or so
+/// of the shift.
+const SLOW: f64 = 1e-4;
+/// Part of the largest stiffness of a stage above which that stage's eigenvalues are believed; the rest is projected
+/// again. Springs of 1e18 and 1e-9 N/m on one panel leave no digit of the soft one in a single eigensolution.
+const STAGE: f64 = 1e-6;
 
-/// Modes found without iteration: rigid ones, and those that springs so soft hold that the surface stays straight.
+/// What is known of a panel's slowest motions before any iteration.
 #[derive(Clone, Debug)]
 pub struct RigidModes {
-    /// Squared angular frequencies, ascending; exactly 0 where nothing holds.
-    pub lambda: Vec<f64>,
-    /// M-orthonormal shapes, one column each.
-    pub vectors: DMatrix<f64>,
+    /// Modes known in closed form: eigenvalue exactly 0 where nothing holds, and those that springs so soft hold that the
+    /// surface stays straight.
+    pub known: Modes,
+    /// Upper bounds of the eigenvalues of further motions that are slow against the shift, because springs are soft or
+    /// masses heavy, but in which the surface bends.
+    pub slow: Vec<f64>,
 }
 
 /// One thing that holds: stiffness times the square of vector . (c, cx L, cy W), hard or soft.
@@ -32,71 +41,108 @@ struct Hold {
     hard: bool,
 }
 
-/// The rigid modes of `assembled`, whose shift is `shift` (> 0).
+/// The slowest motions of `assembled`, whose shift is `shift` (> 0).
 #[must_use]
 pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidModes {
     let dimensions = match scene.surface.kind {
         SurfaceKind::Plate => 3,
         SurfaceKind::Bar => 2,
     };
-    let holds = holds(scene);
+    let holds = holds(scene, &assembled.grid);
     let allowed = null_space(&holds, dimensions);
-    let surface = surface_vectors(scene, assembled, &allowed);
-    let loose: Vec<usize> = assembled
-        .moving_masses
-        .iter()
-        .filter(|(_, actuator)| scene.actuators.get(*actuator).is_some_and(|a| a.stiffness_n_per_m == 0.0))
-        .map(|(unknown, _)| *unknown)
-        .collect();
-    let columns = surface.ncols() + loose.len();
-    let mut all = surface.resize_horizontally(columns, 0.0);
-    for (k, unknown) in loose.iter().enumerate() {
-        // A mass on no spring moves by itself.
-        let column = columns - loose.len() + k;
-        all.row_mut(*unknown).fill(0.0);
-        all[(*unknown, column)] = 1.0;
-    }
+    let moving = &assembled.moving_masses;
+    let columns = allowed.ncols() + moving.len();
+    let nothing = || Modes { lambda: Vec::new(), vectors: DMatrix::zeros(assembled.unknowns(), 0) };
     if columns == 0 {
-        return RigidModes { lambda: Vec::new(), vectors: all };
+        return RigidModes { known: nothing(), slow: Vec::new() };
+    }
+    // The surface with all masses riding on it, then each mass by itself.
+    let mut all = surface_vectors(assembled, &allowed).resize_horizontally(columns, 0.0);
+    for (k, (unknown, _)) in moving.iter().enumerate() {
+        all[(*unknown, allowed.ncols() + k)] = 1.0;
     }
     let Some(to_orthonormal) = orthonormaliser(&all, assembled) else {
-        return RigidModes { lambda: Vec::new(), vectors: DMatrix::zeros(assembled.unknowns(), 0) };
+        return RigidModes { known: nothing(), slow: Vec::new() };
     };
-
-    // Stiffness of the soft holds over the allowed motions.
-    let mut held = DMatrix::zeros(columns, columns);
-    let mut rank_matrix = DMatrix::zeros(columns, columns);
-    for hold in holds.iter().filter(|hold| !hold.hard && hold.stiffness > 0.0) {
+    // What resists these motions: rows of the square root of the stiffness, and the same without their sizes.
+    let on_surface = holds.iter().filter(|hold| !hold.hard && hold.stiffness > 0.0).map(|hold| {
         let full = DVector::from_iterator(dimensions, hold.vector.iter().copied().take(dimensions));
-        let along = (allowed.transpose() * full).resize_vertically(columns, 0.0);
-        held += hold.stiffness * &along * along.transpose();
-        rank_matrix += &along * along.transpose();
+        (allowed.tr_mul(&full).resize_vertically(columns, 0.0), hold.stiffness)
+    });
+    let on_masses = moving.iter().enumerate().filter_map(|(k, (_, actuator))| {
+        let stiffness = scene.actuators.get(*actuator).map_or(0.0, |a| a.stiffness_n_per_m);
+        let mut alone = DVector::zeros(columns);
+        alone[allowed.ncols() + k] = 1.0;
+        (stiffness > 0.0).then_some((alone, stiffness))
+    });
+    let (mut roots, mut directions) = (DMatrix::zeros(0, columns), DMatrix::zeros(columns, columns));
+    for (along, stiffness) in on_surface.chain(on_masses) {
+        let row = roots.nrows();
+        roots = roots.resize_vertically(row + 1, 0.0);
+        roots.set_row(row, &(along.transpose() * stiffness.sqrt()));
+        directions += &along * along.transpose();
     }
-    let free = columns - rank(&rank_matrix);
-    let energy = to_orthonormal.transpose() * held * &to_orthonormal;
-    let eigen = SymmetricEigen::new(0.5 * (&energy + energy.transpose()));
-    let mut order: Vec<usize> = (0..columns).collect();
-    order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
-    let kept: Vec<usize> = order
-        .iter()
-        .enumerate()
-        .filter(|(i, k)| *i < free || eigen.eigenvalues[**k] < NEARLY_RIGID * shift)
-        .map(|(_, k)| *k)
-        .collect();
-    let lambda =
-        kept.iter().enumerate().map(|(i, k)| if i < free { 0.0 } else { eigen.eigenvalues[*k].max(0.0) }).collect();
-    let vectors = all * to_orthonormal * eigen.eigenvectors.select_columns(&kept);
-    RigidModes { lambda, vectors }
+    let free = columns - rank(&directions);
+
+    let straight = STAYS_STRAIGHT * shift * surface_mass(scene);
+    let mut known = nothing();
+    let mut slow = Vec::new();
+    for (lambda, motion) in eigenpairs(&(roots * &to_orthonormal), free) {
+        // The stiffness that the motion meets per square of its size, whatever masses it carries.
+        let motion = &to_orthonormal * motion;
+        if lambda <= straight * motion.norm_squared() {
+            let at = known.lambda.len();
+            known.lambda.push(lambda);
+            known.vectors = known.vectors.resize_horizontally(at + 1, 0.0);
+            known.vectors.set_column(at, &(&all * motion));
+        } else if lambda < SLOW * shift {
+            slow.push(lambda);
+        }
+    }
+    RigidModes { known, slow }
 }
 
-fn holds(scene: &Scene) -> Vec<Hold> {
+/// Eigenvalues and vectors of roots' roots, ascending, of which `free` are known to be zero. Stage by stage from the
+/// stiffest down, each on the space that the stiffer ones leave: every eigenvalue keeps its own digits.
+fn eigenpairs(roots: &DMatrix<f64>, free: usize) -> Vec<(f64, DVector<f64>)> {
+    let mut rest = DMatrix::identity(roots.ncols(), roots.ncols());
+    let mut pairs = Vec::with_capacity(roots.ncols());
+    while rest.ncols() > free {
+        let here = roots * &rest;
+        let eigen = SymmetricEigen::new(here.tr_mul(&here));
+        let mut order: Vec<usize> = (0..rest.ncols()).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        let largest = eigen.eigenvalues[order[0]];
+        let held = rest.ncols() - free;
+        let taken = order.iter().take(held).take_while(|k| eigen.eigenvalues[**k] >= STAGE * largest).count().max(1);
+        for k in order.iter().take(taken) {
+            pairs.push((eigen.eigenvalues[*k].max(0.0), &rest * eigen.eigenvectors.column(*k)));
+        }
+        rest *= eigen.eigenvectors.select_columns(order.iter().skip(taken));
+    }
+    pairs.extend(rest.column_iter().map(|column| (0.0, column.into_owned())));
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    pairs
+}
+
+fn surface_mass(scene: &Scene) -> f64 {
+    let surface = &scene.surface;
+    surface.material.density_kg_m3 * surface.length_m * surface.width_m * surface.thickness_m
+}
+
+fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let at = |x: f64, y: f64| [1.0, x / length, if is_bar { 0.0 } else { y / width }];
+    // Where the matrices have it: attachments that share a node hold nothing against each other.
+    let at_node = |x: f64, y: f64| {
+        let (x, y) = grid.node_position(x, y);
+        at(x, y)
+    };
     let mut holds = Vec::new();
     let mut soft = |vector, stiffness| holds.push(Hold { vector, stiffness, hard: false });
     for support in &scene.supports {
-        soft(at(support.x_m, support.y_m), support.stiffness_n_per_m);
+        soft(at_node(support.x_m, support.y_m), support.stiffness_n_per_m);
         // The slope is cx L / L.
         let turning = support.rotational_stiffness_n_m_per_rad;
         soft([0.0, 1.0, 0.0], turning / (length * length));
@@ -105,7 +151,7 @@ fn holds(scene: &Scene) -> Vec<Hold> {
         }
     }
     for actuator in scene.actuators.iter().filter(|actuator| actuator.mount == Mount::Grounded) {
-        soft(at(actuator.x_m, actuator.y_m), actuator.stiffness_n_per_m);
+        soft(at_node(actuator.x_m, actuator.y_m), actuator.stiffness_n_per_m);
     }
     for edge in &scene.edges {
         let (ends, side_length, turn, lever): ([(f64, f64); 2], f64, [f64; 3], f64) = match edge.side {
@@ -152,18 +198,21 @@ fn rank(gram: &DMatrix<f64>) -> usize {
 }
 
 /// The allowed motions over all unknowns: the surface, and the moving masses that ride on it.
-fn surface_vectors(scene: &Scene, assembled: &Assembled, allowed: &DMatrix<f64>) -> DMatrix<f64> {
-    let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+fn surface_vectors(assembled: &Assembled, allowed: &DMatrix<f64>) -> DMatrix<f64> {
+    let grid = &assembled.grid;
+    let (length, width) = grid.size();
     let mut out = DMatrix::zeros(assembled.unknowns(), allowed.ncols());
     for (motion, mut column) in allowed.column_iter().zip(out.column_iter_mut()) {
         let (c, cx) = (motion[0], motion[1] / length);
         let cy = motion.get(2).copied().unwrap_or(0.0) / width;
-        for (entry, value) in column.iter_mut().zip(assembled.grid.linear(c, cx, cy)) {
+        for (entry, value) in column.iter_mut().zip(grid.linear(c, cx, cy)) {
             *entry = value;
         }
         for (unknown, actuator) in &assembled.moving_masses {
-            if let Some(actuator) = scene.actuators.get(*actuator) {
-                column[*unknown] = c + cx * actuator.x_m + cy * actuator.y_m;
+            if let Some(actuator) = assembled.actuators.get(*actuator) {
+                // Its travel is the surface's deflection there minus its own.
+                let others = actuator.travel.iter().filter(|(index, _)| index != unknown);
+                column[*unknown] = others.map(|(index, value)| column[*index] * value).sum();
             }
         }
     }
