@@ -8,12 +8,14 @@
 //! * [`sparse`]: the matrices and their factorisation,
 //! * [`rigid`]: motions that nothing holds,
 //! * [`eigen`]: the modes, by shift-invert block Lanczos,
+//! * [`damping`]: dampers, loss factor, Rayleigh's and modal damping over a basis,
 //! * [`reduced`]: modes and residual shapes as a small model for response, planning and simulation.
 //!
 //! Data flows down this list; [`PanelModel`] is what the rest of the program uses.
 
 pub mod accuracy;
 pub mod assembly;
+pub mod damping;
 pub mod eigen;
 mod error;
 pub mod grid;

@@ -1,6 +1,7 @@
 //! The panel model that the rest of the program uses.
 
 use super::assembly::{Assembled, Dashpot, assemble, bar_rigidity, plate_rigidity};
+use super::damping::{Damping, same_ratio};
 use super::eigen::{Modes, Operator, modes};
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, rigid_modes};
@@ -74,7 +75,7 @@ impl PanelModel {
     /// [`ModelError`] if the iteration does not settle.
     pub fn modes(&self, max_hz: f64) -> Result<Vec<Mode>, ModelError> {
         let found = self.raw_modes(max_hz)?;
-        let damping = self.damping(&found.vectors, max_hz)?;
+        let damping = self.damping(&found.vectors, MODES_BEYOND * max_hz)?;
         // Slow modes are kept whatever was asked for.
         let highest = (std::f64::consts::TAU * max_hz).powi(2);
         Ok(found
@@ -121,7 +122,7 @@ impl PanelModel {
         modes(self.operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
     }
 
-    /// The damping of the scene, projected onto the columns of `vectors`.
+    /// The damping of the scene, projected onto the columns of `vectors`; `max_hz` is how far modes are worth computing for it.
     fn damping(&self, vectors: &DMatrix<f64>, max_hz: f64) -> Result<Damping, ModelError> {
         let n = vectors.ncols();
         let mut damping = Damping { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n) };
@@ -149,8 +150,7 @@ impl PanelModel {
         surface.tr_mul(&matrix.times(&surface))
     }
 
-    /// The same ratio on every mode of the surface with its supports and masses but without ERAs:
-    /// C = sum over modes of 2 zeta omega (M phi)(M phi)'.
+    /// The same ratio on every mode of the surface with its supports and masses but without ERAs.
     fn modal_damping(&self, ratio: f64, vectors: &DMatrix<f64>, max_hz: f64) -> Result<DMatrix<f64>, ModelError> {
         // The same mesh (its lines follow the attachments, ERAs included) with the ERAs taken off it.
         let mut bare = self.scene.clone();
@@ -164,22 +164,8 @@ impl PanelModel {
         let supported = Self::with_cells(&bare, self.cell_m)?;
         let found = supported.raw_modes(max_hz)?;
         let surface = vectors.rows(0, supported.dofs()).into_owned();
-        let along = supported.assembled.mass.times(&found.vectors).tr_mul(&surface);
-        let mut weighted = along.clone();
-        for (mut row, lambda) in weighted.row_iter_mut().zip(&found.lambda) {
-            row *= 2.0 * ratio * lambda.sqrt();
-        }
-        Ok(along.tr_mul(&weighted))
+        Ok(same_ratio(ratio, &supported.assembled, &found, &surface))
     }
-}
-
-/// Damping matrices over some basis.
-#[derive(Clone, Debug)]
-pub struct Damping {
-    /// Viscous, multiplies velocities.
-    pub viscous: DMatrix<f64>,
-    /// Hysteretic, already times the loss factor: multiplies j times displacements.
-    pub structural: DMatrix<f64>,
 }
 
 /// A sparse row times a matrix.

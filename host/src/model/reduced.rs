@@ -7,9 +7,10 @@
 //! and the modes are taken out before a solution, not after it, as of the second shape they are (lambda_next / s)^2.
 
 use super::assembly::Assembled;
+use super::damping::Damping;
 use super::eigen::{Modes, Operator};
 use super::grid::{Grid, SparseVector};
-use super::panel::{Damping, row_times};
+use super::panel::row_times;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex64;
 use std::sync::Arc;
