@@ -18,7 +18,7 @@ pub fn test() -> Result<(), Error> {
     step("tests", || run(cargo(&root).args(["test", "--workspace"])))
 }
 
-/// Formatting, lints, documentation and dependencies of both workspaces, then [`test`].
+/// Formatting, lints, documentation and dependencies of both workspaces, then [`test()`].
 ///
 /// # Errors
 /// The first step that failed.
