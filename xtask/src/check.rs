@@ -55,7 +55,7 @@ fn deny(root: &Path) -> Result<(), Error> {
     }
     for folder in [root.to_path_buf(), root.join("firmware")] {
         let config = root.join("deny.toml");
-        run(cargo(&folder).args(["deny", "check", "--config"]).arg(config).args(["licenses", "bans", "sources"]))?;
+        run(cargo(&folder).args(["deny", "--config"]).arg(config).args(["check", "licenses", "bans", "sources"]))?;
     }
     Ok(())
 }

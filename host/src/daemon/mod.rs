@@ -1,7 +1,7 @@
 //! The daemon: HTTP and WebSocket in front of one device session.
 //!
-//! [`app`] holds what a touch needs and does it; [`routes`] and [`live`] are the two ways in; [`view`] is what goes out
-//! as JSON; [`problem`] is how errors are told (RFC 9457).
+//! `app` holds what a touch needs and does it; `routes` and `live` are the two ways in; `view` is what goes out
+//! as JSON; `problem` is how errors are told (RFC 9457).
 
 mod app;
 mod assets;
