@@ -248,3 +248,14 @@ fn extreme_frequencies() {
         assert!(matches!(error, ModelError::Frequency { .. }), "{error}");
     }
 }
+
+#[test]
+fn nothing_to_move_and_nothing_that_moves() {
+    // No load at all, and loads on a clamped edge: the modes alone, and no response.
+    assert!(reduced(&plate().corner_springs(2e3), 400.0).order() > 3);
+    let clamped = ["left", "right", "top", "bottom"].iter().fold(plate(), |scene, side| scene.edge(side, "clamped"));
+    let model = reduced(&clamped.force(0.0, 0.0), 400.0);
+    let shape = model.shape_at(0.1, 0.05);
+    let curve = response::acceleration_curves(&model, &shape, &[100.0]).unwrap();
+    assert_eq!(curve[0][0].norm(), 0.0);
+}

@@ -51,7 +51,7 @@ fn each_mistake_names_key_value_range_and_line() {
             "poisson_ratio = 0.5",
             &["surface.material.poisson_ratio", "0.5", "between -1 and 0.5"],
         ),
-        ("density_kg_m3 = 2700.0", "density_kg_m3 = 0", &["surface.material.density_kg_m3", "0", "above 0"]),
+        ("density_kg_m3 = 2700.0", "density_kg_m3 = 0", &["surface.material.density_kg_m3", "0", "0.001 to 1e7"]),
         ("loss_factor = 0.01", "loss_factor = nan", &["surface.damping.loss_factor", "NaN", "0 to 2"]),
         (
             "loss_factor = 0.01",
@@ -67,12 +67,12 @@ fn each_mistake_names_key_value_range_and_line() {
             "mount = \"glued\"",
             &["actuator[1].mount", "\"glued\"", "\"inertial\", \"grounded\""],
         ),
-        ("moving_mass_g = 10.0", "moving_mass_g = -1", &["actuator[1].moving_mass_g", "-1", "above 0"]),
+        ("moving_mass_g = 10.0", "moving_mass_g = -1", &["actuator[1].moving_mass_g", "-1", "to 1e12"]),
         ("max_voltage_v = 2000.0", "max_voltage_v = 1e9", &["actuator[1].max_voltage_v", "1000000000", "1 to 10000"]),
         (
             "stiffness_n_per_m = 2000.0",
             "stiffness_n_per_m = inf",
-            &["support[1].stiffness_n_per_m", "inf", "0 and above"],
+            &["support[1].stiffness_n_per_m", "inf", "0 to 1e20"],
         ),
         ("version = 1", "version = 2", &["version is 2", "1 to 1"]),
         ("[[support]]", "[[suport]]", &["unknown key suport", "did you mean support?"]),
@@ -92,7 +92,7 @@ fn each_mistake_names_key_value_range_and_line() {
 fn what_is_missing_is_named() {
     assert!(
         mistake("youngs_modulus_pa = 69e9", "")
-            .contains("surface.material.youngs_modulus_pa is missing (a number above 0)")
+            .contains("surface.material.youngs_modulus_pa is missing (a number 1 to 1e18)")
     );
     assert!(mistake("id = \"left\"", "").contains("actuator[1].id is missing"));
     assert!(mistake("version = 1", "").contains("version is missing"));

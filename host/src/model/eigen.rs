@@ -46,6 +46,9 @@ pub fn modes(operator: Operator<'_>, known: &Modes, lambda_max: f64) -> Result<M
     let n = operator.mass.order();
     let most = n.saturating_sub(known.lambda.len()).min(MOST_VECTORS);
     let mut space = Space::new(operator, known, n);
+    if most == 0 {
+        return Ok(Modes { lambda: known.lambda.clone(), vectors: known.vectors.clone() });
+    }
     let mut block = space.orthonormal(operator.factor.solve(&operator.mass.times(&start_block(n)))).0;
     let theta_min = 1.0 / (lambda_max + operator.shift);
     let mut next_check = 4 * BLOCK;

@@ -115,6 +115,10 @@ pub(super) fn basis(operator: Operator<'_>, modes: &Modes, loads: &[SparseVector
         y.column_mut(j).scale_mut(scale);
     }
     let transform = orthonormaliser(&y.tr_mul(&operator.mass.times(&y)));
+    if transform.ncols() == 0 {
+        // No load, or only such as push against what cannot move.
+        return (modes.lambda.clone(), modes.vectors.clone());
+    }
     let reduced = transform.tr_mul(&(y.tr_mul(&f) * &transform));
     let eigen = SymmetricEigen::new(0.5 * (&reduced + reduced.transpose()));
     let mut order: Vec<usize> =

@@ -11,6 +11,19 @@ use toml::de::DeTable;
 const MAX_SIDE_MM: f64 = 10_000.0;
 /// Largest thickness in mm, for the same reason.
 const MAX_THICKNESS_MM: f64 = 100.0;
+/// Foam is near 1e4 Pa and diamond at 1.2e12 Pa; the rest stands for "rigid".
+const YOUNGS_MODULUS_PA: Allowed = Allowed::Within(1.0, 1e18);
+/// Aerogel is near 1 kg/m^3, osmium at 2.3e4 kg/m^3; some fold a panel's dead weight into its density.
+const DENSITY_KG_M3: Allowed = Allowed::Within(1e-3, 1e7);
+/// A thousand tonnes, in g: for masses that only stand for "held still".
+const MOST_MASS_G: f64 = 1e12;
+const MASS_G: Allowed = Allowed::Within(0.0, MOST_MASS_G);
+/// All springs, in N/m, N m/rad and per metre: the model is tested up to 1e18.
+const STIFFNESS: Allowed = Allowed::Within(0.0, 1e20);
+/// All dashpots, in N s/m.
+const DAMPING: Allowed = Allowed::Within(0.0, 1e12);
+/// Electrodes up to a square metre.
+const AREA_MM2: Allowed = Allowed::Within(1e-6, 1e6);
 /// Most pixels along a side.
 const MAX_PIXELS: u32 = 100_000;
 
@@ -92,12 +105,12 @@ fn surface(section: Section<'_, '_>) -> Surface {
     let material = section.required_table("material").map(|table| {
         let poisson = Allowed::Between(-1.0, 0.5);
         let material = Material {
-            youngs_modulus_pa: table.number("youngs_modulus_pa", Allowed::Positive),
+            youngs_modulus_pa: table.number("youngs_modulus_pa", YOUNGS_MODULUS_PA),
             poisson_ratio: match kind {
                 SurfaceKind::Plate => table.number("poisson_ratio", poisson),
                 SurfaceKind::Bar => table.number_or("poisson_ratio", 0.0, poisson),
             },
-            density_kg_m3: table.number("density_kg_m3", Allowed::Positive),
+            density_kg_m3: table.number("density_kg_m3", DENSITY_KG_M3),
         };
         table.close();
         material
@@ -116,8 +129,8 @@ fn damping(section: Section<'_, '_>) -> SurfaceDamping {
     ];
     let loss_factor = section.number_or("loss_factor", 0.0, Allowed::Within(0.0, 2.0));
     let modal_ratio = section.number_or("modal_ratio", 0.0, Allowed::Within(0.0, 10.0));
-    let alpha = section.number_or("rayleigh_alpha", 0.0, Allowed::NotNegative);
-    let beta = section.number_or("rayleigh_beta", 0.0, Allowed::NotNegative);
+    let alpha = section.number_or("rayleigh_alpha", 0.0, Allowed::Within(0.0, 1e6));
+    let beta = section.number_or("rayleigh_beta", 0.0, Allowed::Within(0.0, 1.0));
     // A kind that is there but zero is as good as not there.
     let chosen = [loss_factor != 0.0, modal_ratio != 0.0, alpha != 0.0 || beta != 0.0];
     if chosen.iter().filter(|chosen| **chosen).count() > 1 {
@@ -213,13 +226,9 @@ fn support(section: Section<'_, '_>, size: &Size) -> Support {
     let support = Support {
         x_m: size.x_m(&section),
         y_m: size.y_m(&section),
-        stiffness_n_per_m: section.number("stiffness_n_per_m", Allowed::NotNegative),
-        damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, Allowed::NotNegative),
-        rotational_stiffness_n_m_per_rad: section.number_or(
-            "rotational_stiffness_n_m_per_rad",
-            0.0,
-            Allowed::NotNegative,
-        ),
+        stiffness_n_per_m: section.number("stiffness_n_per_m", STIFFNESS),
+        damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, DAMPING),
+        rotational_stiffness_n_m_per_rad: section.number_or("rotational_stiffness_n_m_per_rad", 0.0, STIFFNESS),
     };
     section.close();
     support
@@ -262,17 +271,14 @@ fn elastic(section: &Section<'_, '_>, kind: SurfaceKind) -> EdgeKind {
         SurfaceKind::Bar => ("stiffness_n_per_m", "rotational_stiffness_n_m_per_rad"),
     };
     EdgeKind::Elastic {
-        stiffness: section.number_or(stiffness, 0.0, Allowed::NotNegative),
-        rotational_stiffness: section.number_or(rotational, 0.0, Allowed::NotNegative),
+        stiffness: section.number_or(stiffness, 0.0, STIFFNESS),
+        rotational_stiffness: section.number_or(rotational, 0.0, STIFFNESS),
     }
 }
 
 fn mass(section: Section<'_, '_>, size: &Size) -> Mass {
-    let mass = Mass {
-        x_m: size.x_m(&section),
-        y_m: size.y_m(&section),
-        mass_kg: section.number("mass_g", Allowed::NotNegative) / 1e3,
-    };
+    let mass =
+        Mass { x_m: size.x_m(&section), y_m: size.y_m(&section), mass_kg: section.number("mass_g", MASS_G) / 1e3 };
     section.close();
     mass
 }
@@ -280,18 +286,19 @@ fn mass(section: Section<'_, '_>, size: &Size) -> Mass {
 fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {
     let mut actuators: Vec<Actuator> = Vec::new();
     for section in sections {
+        let mount = section.word("mount", &[("inertial", Mount::Inertial), ("grounded", Mount::Grounded)]);
+        // A grounded ERA without a mass is a spring with a force; an inertial one has nothing to push off from.
+        let moving_mass = if mount == Some(Mount::Inertial) { Allowed::Within(1e-9, MOST_MASS_G) } else { MASS_G };
         let actuator = Actuator {
             id: section.text("id"),
             x_m: size.x_m(&section),
             y_m: size.y_m(&section),
-            mount: section
-                .word("mount", &[("inertial", Mount::Inertial), ("grounded", Mount::Grounded)])
-                .unwrap_or(Mount::Grounded),
-            moving_mass_kg: section.number("moving_mass_g", Allowed::Positive) / 1e3,
-            stiffness_n_per_m: section.number("stiffness_n_per_m", Allowed::NotNegative),
-            damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, Allowed::NotNegative),
-            housing_mass_kg: section.number_or("housing_mass_g", 0.0, Allowed::NotNegative) / 1e3,
-            electrode_area_m2: section.number("electrode_area_mm2", Allowed::Positive) / 1e6,
+            mount: mount.unwrap_or(Mount::Grounded),
+            moving_mass_kg: section.number("moving_mass_g", moving_mass) / 1e3,
+            stiffness_n_per_m: section.number("stiffness_n_per_m", STIFFNESS),
+            damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, DAMPING),
+            housing_mass_kg: section.number_or("housing_mass_g", 0.0, MASS_G) / 1e3,
+            electrode_area_m2: section.number("electrode_area_mm2", AREA_MM2) / 1e6,
             air_gap_m: section.number("air_gap_um", Allowed::Within(1.0, 1e5)) / 1e6,
             max_voltage_v: section.number("max_voltage_v", Allowed::Within(1.0, 10_000.0)),
         };

@@ -108,10 +108,15 @@ impl fmt::Display for Allowed {
         match self {
             Allowed::Positive => f.write_str("above 0"),
             Allowed::NotNegative => f.write_str("0 and above"),
-            Allowed::Within(min, max) => write!(f, "{min} to {max}"),
+            Allowed::Within(min, max) => write!(f, "{} to {}", plain(*min), plain(*max)),
             Allowed::Between(min, max) => write!(f, "between {min} and {max}, both excluded"),
         }
     }
+}
+
+/// A number as people write it: 10000 and 0.001, but 1e20.
+fn plain(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e7).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
 /// One table under reading. Keys that nobody asked for are mistakes when it is closed.
