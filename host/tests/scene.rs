@@ -74,7 +74,7 @@ fn each_mistake_names_key_value_range_and_line() {
             "stiffness_n_per_m = inf",
             &["support[1].stiffness_n_per_m", "inf", "0 to 1e20"],
         ),
-        ("version = 1", "version = 2", &["version is 2", "1 to 1"]),
+        ("version = 1", "version = 2", &["version is 2, but must be 1"]),
         ("[[support]]", "[[suport]]", &["unknown key suport", "did you mean support?"]),
     ];
     for (from, to, wanted) in cases {
@@ -86,6 +86,11 @@ fn each_mistake_names_key_value_range_and_line() {
         let line = line_of(from) + to.matches('\n').count();
         assert!(said.contains(&format!("panel.toml:{line}:")), "{to:?} gave {said:?}, not line {line}");
     }
+}
+
+#[test]
+fn another_version_is_said_once() {
+    assert_eq!(mistake("version = 1", "version = 2").matches("version").count(), 1);
 }
 
 #[test]

@@ -54,8 +54,8 @@ fn warn_if_thick(scene: &Scene) {
     let slenderness = surface.thickness_m / side;
     if slenderness > THIN {
         tracing::warn!(
-            "thickness is 1/{:.0} of the side: thin-plate theory is too stiff by some percent there",
-            1.0 / slenderness
+            "thickness is {:.3} of the side: thin-plate theory is too stiff by some percent there",
+            slenderness
         );
     }
 }

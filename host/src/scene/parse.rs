@@ -7,6 +7,8 @@ use super::{
 };
 use toml::de::DeTable;
 
+/// The version of scene files that is read.
+const VERSION: f64 = 1.0;
 /// Largest side of a panel in mm; beyond it this is not a touch surface and someone has mixed up units.
 const MAX_SIDE_MM: f64 = 10_000.0;
 /// Largest thickness in mm, for the same reason.
@@ -47,10 +49,7 @@ pub(super) fn scene(source: &str, text: &str) -> Result<Scene, SceneError> {
 }
 
 fn read(file: &Section<'_, '_>) -> Option<Scene> {
-    let version = file.number("version", Allowed::Within(1.0, 1.0));
-    if version.is_nan() && file.has("version") {
-        file.report().add(&file.place("version"), "this program reads scene files of version 1");
-    }
+    file.number("version", Allowed::Within(VERSION, VERSION));
     let name = file.text("name");
     let surface = file.required_table("surface").map(|section| surface(section));
     let kind = surface.as_ref().map_or(SurfaceKind::Plate, |surface| surface.kind);

@@ -108,6 +108,7 @@ impl fmt::Display for Allowed {
         match self {
             Allowed::Positive => f.write_str("above 0"),
             Allowed::NotNegative => f.write_str("0 and above"),
+            Allowed::Within(min, max) if min.total_cmp(max).is_eq() => write!(f, "{min}"),
             Allowed::Within(min, max) => write!(f, "{} to {}", plain(*min), plain(*max)),
             Allowed::Between(min, max) => write!(f, "between {min} and {max}, both excluded"),
         }
