@@ -24,8 +24,6 @@ pub const MIN_SPACING_HZ: f64 = 20.0;
 /// Peak asked for when a request names none, in g: about 25 dB above the threshold of feeling at 50..200 Hz, clear but
 /// not harsh.
 pub const DEFAULT_INTENSITY_G: f64 = 0.5;
-/// Most that can be asked for, in g; nothing built of ERAs comes near it.
-pub const MAX_INTENSITY_G: f64 = 20.0;
 /// Radius around a target within which acceleration counts as "at the target" for the contrast, in m.
 pub const TARGET_RADIUS_M: f64 = 0.010;
 /// Part of its half period for which an electrode is on. At 2/3 the force has no third harmonic (sin(3 pi/2 * 2/3) = 0),

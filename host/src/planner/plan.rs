@@ -2,7 +2,7 @@
 
 use super::search::{Candidate, Selection, search};
 use super::table::{Entry, PlanTable, at_point};
-use super::{DEFAULT_INTENSITY_G, MAX_INTENSITY_G, PULSE_WIDTH, STANDARD_GRAVITY, TARGET_RADIUS_M};
+use super::{DEFAULT_INTENSITY_G, PULSE_WIDTH, STANDARD_GRAVITY, TARGET_RADIUS_M};
 use crate::scene::SurfaceKind;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
@@ -11,6 +11,11 @@ use std::time::Instant;
 
 /// Most targets at once: ten fingers.
 pub const MAX_TARGETS: usize = 10;
+/// Times what all actuators together can reach, at which a wish counts: what is beyond is as far beyond reach, and its
+/// shares would be lost in rounding.
+const BEYOND_REACH: f64 = 1e6;
+/// Largest contrast in dB, either way; more is rounding.
+const MOST_CONTRAST_DB: f64 = 200.0;
 /// Rings and points per ring of the quadrature over the disc around a target; equal areas, so that the mean is plain.
 const DISC: (u32, u32) = (4, 12);
 
@@ -21,7 +26,8 @@ pub struct Target {
     pub x_m: f64,
     /// From the top edge in m; of no account on a bar.
     pub y_m: f64,
-    /// Peak acceleration wanted in g; [`DEFAULT_INTENSITY_G`] if `None`.
+    /// Peak acceleration wanted in g, 0 or more; [`DEFAULT_INTENSITY_G`] if `None`. What is beyond reach is delivered as
+    /// far as it goes.
     pub intensity_g: Option<f64>,
 }
 
@@ -38,7 +44,7 @@ pub enum PlanError {
         count: usize,
     },
     /// A number out of range.
-    #[error("{field}: {value} is not in the allowed range {min} to {max}")]
+    #[error("{field}: {value} is not in the allowed range {}", range_text(*min, *max))]
     Range {
         /// The field's name.
         field: &'static str,
@@ -46,12 +52,16 @@ pub enum PlanError {
         value: f64,
         /// Least allowed.
         min: f64,
-        /// Most allowed.
+        /// Most allowed; infinite where every finite number is.
         max: f64,
     },
     /// No frequencies keep their distance, or the response is unbounded everywhere.
     #[error("no combination of frequencies is usable: the response is unbounded at every one (no damping at all?)")]
     NoFrequencies,
+}
+
+fn range_text(min: f64, max: f64) -> String {
+    if max.is_finite() { format!("{min} to {max}") } else { format!("of finite numbers from {min} up") }
 }
 
 /// One actuator's part.
@@ -135,7 +145,11 @@ impl PlanTable {
         let zone = self.zone(targets);
         let candidates: Vec<Vec<Candidate>> =
             (0..self.entries.len()).map(|actuator| self.candidates(actuator, &zone)).collect();
-        let wanted: Vec<f64> = wanted_g.iter().map(|g| g * STANDARD_GRAVITY).collect();
+        let wanted: Vec<f64> = wanted_g
+            .iter()
+            .enumerate()
+            .map(|(target, g)| countable(g * STANDARD_GRAVITY, &candidates, target))
+            .collect();
         let selection = search(&candidates, &wanted).ok_or(PlanError::NoFrequencies)?;
         let drives = self.drives(&selection);
         let peak_g = |target: usize| {
@@ -194,7 +208,7 @@ impl PlanTable {
             return Err(PlanError::Count { count: targets.len() });
         }
         let within = |field, value: f64, min, max, scale: f64| {
-            if (min..=max).contains(&value) {
+            if value.is_finite() && (min..=max).contains(&value) {
                 return Ok(());
             }
             Err(PlanError::Range { field, value: value * scale, min: min * scale, max: max * scale })
@@ -205,7 +219,7 @@ impl PlanTable {
                 within("x_mm", target.x_m, 0.0, self.scene.surface.length_m, 1e3)?;
                 within("y_mm", target.y_m, 0.0, self.scene.surface.width_m, 1e3)?;
                 let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
-                within("intensity_g", intensity_g, 0.0, MAX_INTENSITY_G, 1.0)?;
+                within("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
                 Ok(intensity_g)
             })
             .collect()
@@ -234,11 +248,13 @@ impl PlanTable {
                 SurfaceKind::Plate => std::f64::consts::PI * TARGET_RADIUS_M * TARGET_RADIUS_M,
                 SurfaceKind::Bar => 2.0 * TARGET_RADIUS_M * surface.width_m,
             };
-            let kept: Vec<_> = points.iter().filter(|(x, y)| inside(*x, *y)).collect();
+            let kept: Vec<_> = points.iter().copied().filter(|(x, y)| inside(*x, *y)).collect();
             #[allow(clippy::cast_precision_loss, reason = "at most 48")]
             let share = kept.len() as f64 / points.len() as f64;
             area += whole * share;
-            rows.extend(kept.into_iter().map(|(x, y)| self.model.shape_at(*x, *y).transpose()));
+            // On a surface smaller than the first ring only the target itself is left.
+            let kept = if kept.is_empty() { vec![(x, y)] } else { kept };
+            rows.extend(kept.into_iter().map(|(x, y)| self.model.shape_at(x, y).transpose()));
         }
         Zone {
             targets: targets.iter().map(|target| self.model.shape_at(target.x_m, self.y_m(target))).collect(),
@@ -313,7 +329,7 @@ impl PlanTable {
         Predicted {
             target_peak_g,
             mean_elsewhere_g: if weight > 0.0 { sum / weight / STANDARD_GRAVITY } else { 0.0 },
-            contrast_db: if rest > 0.0 { 10.0 * (near / rest).log10() } else { 0.0 },
+            contrast_db: contrast_db(near, rest),
         }
     }
 
@@ -330,6 +346,22 @@ impl PlanTable {
         let all: Vec<String> = at_limit.collect();
         Some(if all.is_empty() { "node".into() } else { all.join(", ") })
     }
+}
+
+/// A wanted acceleration in m/s^2, at most [`BEYOND_REACH`] times the sum of what the actuators reach at their best.
+fn countable(wanted: f64, candidates: &[Vec<Candidate>], target: usize) -> f64 {
+    let reach = |candidate: &Candidate| candidate.gain.get(target).unwrap_or(&0.0) * candidate.max_force_n;
+    let most: f64 = candidates.iter().map(|list| list.iter().map(reach).fold(0.0, f64::max)).sum();
+    // Where nothing is reached the wish stands, so that it is not met.
+    wanted.min(if most > 0.0 { BEYOND_REACH * most } else { f64::MAX })
+}
+
+/// 10 log10(near / rest); 0 where nothing moves.
+fn contrast_db(near: f64, rest: f64) -> f64 {
+    if near <= 0.0 && rest <= 0.0 {
+        return 0.0;
+    }
+    (10.0 * (near / rest).log10()).clamp(-MOST_CONTRAST_DB, MOST_CONTRAST_DB)
 }
 
 impl Zone {
