@@ -10,7 +10,26 @@ use rayon::prelude::*;
 use serde_json::json;
 use std::fmt::Write;
 
+/// Most points: a day of simulation.
+const MOST_POINTS: u32 = 100_000;
+
 pub fn run(options: &Verify) -> Outcome {
+    if !(1..=MOST_POINTS).contains(&options.points) {
+        return Err(Failure::Usage(format!(
+            "--points {} is not in the allowed range 1 to {MOST_POINTS}",
+            options.points
+        )));
+    }
+    if options.limit.is_nan() || options.limit < 0.0 {
+        return Err(Failure::Usage(format!("--limit {} is not in the allowed range 0 and up", options.limit)));
+    }
+    // Before anything is simulated; a point's own message would name no option.
+    if !options.intensity_g.is_finite() || options.intensity_g < 0.0 {
+        return Err(Failure::Usage(format!(
+            "--intensity-g {} is not in the allowed range: a finite number, 0 and up",
+            options.intensity_g
+        )));
+    }
     let scene = options.panel.load()?;
     let table = plan_table(&options.panel, &scene)?;
     let panel = crate::device::sim::Panel::of(&table);

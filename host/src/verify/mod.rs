@@ -2,9 +2,8 @@
 //! the same plan, the device by the same frames that a board would get, and its accelerometer is read.
 
 use crate::daemon::wire_drives;
-use crate::device::convert::to_wire;
+use crate::device::convert::{SiDrive, from_wire, to_wire};
 use crate::device::sim::{Accelerometer, Clock, STEP_S, SimBoard, attenuation};
-use crate::planner::limits::Electrodes;
 use crate::planner::{Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
 use era_shared::device::{Device, Port};
@@ -12,22 +11,26 @@ use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
 use era_shared::safety::LinkId;
 use nalgebra::{DMatrix, DVector};
-use num_complex::Complex64;
 use serde::Serialize;
 
-/// Highest harmonic frequency that the prediction counts, in Hz: the accelerometer's low-pass leaves 0.4 % of what lies
-/// above twice its corner.
-const HIGHEST_HZ: f64 = 2000.0;
-/// Time constants of the slowest mode that the panel is given to settle: exp(-9) = 1e-4.
-const SETTLE: f64 = 9.0;
-/// Longest settling time in s, for panels that hardly lose energy.
+mod waveform;
+
+pub use waveform::Waveform;
+
+/// Part of the predicted peak to which the motion of switching on must have fallen before the record starts.
+const SETTLED: f64 = 1e-4;
+/// Part at which the longest settling time will do; less than half the difference that is allowed, as all modes are taken to
+/// add up.
+const NEARLY_SETTLED: f64 = 2e-2;
+/// Longest settling time in s: a mode at 40 Hz with a damping ratio of 2e-3 has 4e-5 left.
 const LONGEST_SETTLE_S: f64 = 20.0;
-/// Length of the record in s: several hundred periods, twenty beats at the least spacing of 20 Hz.
+/// Shortest settling time in s, for the accelerometer's own low-pass.
+const SHORTEST_SETTLE_S: f64 = 0.1;
+/// Length of the record in s: several dozen periods, twenty beats at the least spacing of 20 Hz, and two common periods of
+/// drives on the planner's grid of 2 Hz.
 const RECORD_S: f64 = 1.0;
 /// Between two keep-alives, in us.
 const KEEP_ALIVE_US: u64 = 50_000;
-/// Samples of a period when the peak of a waveform is looked for.
-const SAMPLES: u32 = 1440;
 
 /// Why a point could not be verified.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +41,12 @@ pub enum VerifyError {
     /// No response at a harmonic.
     #[error(transparent)]
     Response(#[from] response::ResponseError),
+    /// There is no steady state to compare with.
+    #[error(
+        "{LONGEST_SETTLE_S} s after it was switched on the panel's motion has not settled, so that there is no steady state \
+         to compare with: give the scene more damping (surface.damping.loss_factor, say)"
+    )]
+    NeverSettles,
     /// The simulated device did not do as told.
     #[error("the simulated device answered {0}")]
     Device(String),
@@ -80,12 +89,13 @@ pub fn compare(
     let plan = table.plan(&[target])?;
     let [x_mm, y_mm] = plan.target_mm;
     let shape = table.model.shape_at(x_mm / 1e3, y_mm / 1e3);
-    let achieved = wire_drives(&plan);
-    let record = run(table, panel.clone(), &shape, &plan)?;
-    let frequencies: Vec<f64> = achieved.iter().map(|drive| drive.frequency_hz).collect();
-    let simulated_g = amplitudes(&record, &frequencies).iter().sum::<f64>() / STANDARD_GRAVITY;
-    let simulated_band_g = record.iter().fold(0.0_f64, |most, a| most.max(a.abs())) / STANDARD_GRAVITY;
-    let predicted_band_g = band_peak(table, &plan, &shape)? / STANDARD_GRAVITY;
+    let mut panel = panel.clone();
+    panel.set_probe(&shape);
+    let record = run(table, panel, &shape, &plan)?;
+    let frequencies: Vec<f64> = record.achieved.iter().map(|drive| drive.frequency_hz).collect();
+    let simulated_g = amplitudes(&record.samples, &frequencies).iter().sum::<f64>() / STANDARD_GRAVITY;
+    let simulated_band_g = record.samples.iter().fold(0.0_f64, |most, a| most.max(a.abs())) / STANDARD_GRAVITY;
+    let predicted_band_g = record.predicted_peak / STANDARD_GRAVITY;
     let predicted_g = plan.predicted.target_peak_g;
     let relative = |simulated: f64, predicted: f64| (simulated - predicted) / predicted.max(f64::MIN_POSITIVE);
     Ok(Comparison {
@@ -113,39 +123,52 @@ pub fn spread(count: u32, length_m: f64, width_m: f64) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// The accelerometer's record in m/s^2, after the panel has settled.
+/// What the device did.
+struct Record {
+    /// The drives as its registers achieve them; all start at time zero.
+    achieved: Vec<SiDrive>,
+    /// What the frequency domain has for the peak over the same window, in m/s^2.
+    predicted_peak: f64,
+    /// The accelerometer's samples in m/s^2, [`STEP_S`] apart.
+    samples: Vec<f64>,
+}
+
+/// The accelerometer's record after the panel has settled.
 fn run(
     table: &PlanTable,
-    mut panel: crate::device::sim::Panel,
+    panel: crate::device::sim::Panel,
     shape: &DVector<f64>,
     plan: &Plan,
-) -> Result<Vec<f64>, VerifyError> {
-    panel.set_probe(shape);
+) -> Result<Record, VerifyError> {
     let volts: Vec<f64> = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     let mut bench = Bench::new(SimBoard::new(panel, &volts, Clock::Manual(0)));
     bench.ask(&Request::Arm { deadman_ms: None })?;
     let drives = wire_drives(plan).iter().map(to_wire).collect();
-    bench.ask(&Request::SetDrives { drives })?;
-    bench.run_for(settling_s(table))?;
-    *bench.accelerometer() = {
-        let mut same = bench.accelerometer().clone();
-        same.start_record();
-        same
+    let Reply::DrivesSet { achieved } = bench.ask(&Request::SetDrives { drives })? else {
+        return Err(VerifyError::Device("something else than the drives it has set".into()));
     };
+    let achieved: Vec<SiDrive> = achieved.iter().map(from_wire).collect();
+    let waveform = Waveform::new(&table.model, &table.electrodes, shape, &achieved)?;
+    // From rest, the motion is the steady one and a free one that cancels it at first.
+    let peak = waveform.peak(0.0, STEP_S, samples_of(RECORD_S));
+    let (settling_s, left) =
+        bench.board.panel_mut().settling(&waveform.displacement, &waveform.velocity, SETTLED * peak, LONGEST_SETTLE_S);
+    if left > NEARLY_SETTLED * peak {
+        return Err(VerifyError::NeverSettles);
+    }
+    bench.run_for(settling_s.max(SHORTEST_SETTLE_S))?;
+    // A sample is the mean over a step and stands for the step's middle.
+    let from_s = bench.board.panel_mut().time_s() + 0.5 * STEP_S;
+    bench.accelerometer().start_record();
     bench.run_for(RECORD_S)?;
-    let record = bench.accelerometer().take_record();
+    let samples = bench.accelerometer().take_record();
     bench.ask(&Request::Stop)?;
-    Ok(record)
+    Ok(Record { achieved, predicted_peak: waveform.peak(from_s, STEP_S, samples.len()), samples })
 }
 
-/// Time in s after which the slowest damped mode has settled.
-fn settling_s(table: &PlanTable) -> f64 {
-    let system = crate::device::sim::ModalSystem::from_reduced(&table.model);
-    let slowest = (0..table.model.order())
-        .map(|i| 0.5 * system.damping[(i, i)])
-        .filter(|decay| *decay > 0.0)
-        .fold(f64::INFINITY, f64::min);
-    (SETTLE / slowest).clamp(0.1, LONGEST_SETTLE_S)
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a second or so")]
+fn samples_of(seconds: f64) -> usize {
+    (seconds / STEP_S) as usize
 }
 
 /// A device and a host in one thread, on a clock that is set by hand.
@@ -225,39 +248,4 @@ fn amplitudes(record: &[f64], frequencies_hz: &[f64]) -> Vec<f64> {
         .enumerate()
         .map(|(k, frequency_hz)| fit[2 * k].hypot(fit[2 * k + 1]) / attenuation(*frequency_hz))
         .collect()
-}
-
-/// Largest magnitude of the whole acceleration in m/s^2. Drives at distinct frequencies drift through all their relative
-/// phases, so their own peaks add; within one drive the harmonics keep their phases and are added as a waveform.
-fn band_peak(table: &PlanTable, plan: &Plan, shape: &DVector<f64>) -> Result<f64, VerifyError> {
-    let mut sum = 0.0;
-    for (actuator, (drive, electrodes)) in plan.drives.iter().zip(&table.electrodes).enumerate() {
-        let mut harmonics: Vec<(u32, Complex64)> = Vec::new();
-        for n in (1..).step_by(2) {
-            let frequency_hz = f64::from(n) * drive.frequency_hz;
-            if frequency_hz > HIGHEST_HZ {
-                break;
-            }
-            let amplitude = signed_harmonic(electrodes, n, drive.pulse_width) * drive.voltage_v * drive.voltage_v;
-            let coordinates = response::modal_coordinates(&table.model, frequency_hz)?;
-            let omega = std::f64::consts::TAU * frequency_hz;
-            let gain = coordinates.get(actuator).map_or(Complex64::ZERO, |q| response::dot(shape, q));
-            harmonics.push((n, gain * -omega * omega * amplitude * crate::device::sim::low_pass(frequency_hz)));
-        }
-        sum += (0..SAMPLES)
-            .map(|sample| {
-                let angle = std::f64::consts::TAU * f64::from(sample) / f64::from(SAMPLES);
-                let value =
-                    |(n, phasor): &(u32, Complex64)| (phasor * Complex64::from_polar(1.0, f64::from(*n) * angle)).re;
-                harmonics.iter().map(value).sum::<f64>().abs()
-            })
-            .fold(0.0, f64::max);
-    }
-    Ok(sum)
-}
-
-/// With its sign: windows centred on the half periods have harmonics of 4/(n pi) sin(n pi w/2).
-fn signed_harmonic(electrodes: &Electrodes, n: u32, pulse_width: f64) -> f64 {
-    let sign = (f64::from(n) * std::f64::consts::FRAC_PI_2 * pulse_width).sin().signum();
-    sign * electrodes.harmonic_per_volt_squared(n, pulse_width)
 }

@@ -19,6 +19,9 @@ const VELOCITY_SCALE: f64 = 1e3;
 /// Below this part of its largest state the panel counts as at rest and costs nothing.
 const AT_REST: f64 = 1e-9;
 
+/// Steps between two looks at how far a motion has settled: 2^12, or 0.1 s.
+const LOOK_SQUARINGS: u32 = 12;
+
 /// q'' + C q' + Lambda q = B f: mass-normalised, n coordinates, p forces.
 #[derive(Clone, Debug)]
 pub struct ModalSystem {
@@ -82,6 +85,7 @@ impl Stepper {
 pub struct Panel {
     stepper: Stepper,
     kept: Vec<usize>,
+    omega: DVector<f64>,
     state: DVector<f64>,
     next: DVector<f64>,
     forces: DVector<f64>,
@@ -110,6 +114,7 @@ impl Panel {
         Self {
             stepper: Stepper::new(&system),
             kept,
+            omega: system.lambda.map(f64::sqrt),
             state: DVector::zeros(2 * n),
             next: DVector::zeros(2 * n),
             forces: DVector::zeros(system.force.ncols()),
@@ -135,6 +140,45 @@ impl Panel {
         self.probe =
             DVector::from_iterator(self.kept.len(), self.kept.iter().map(|i| shape.get(*i).copied().unwrap_or(0.0)));
         self.probe_velocity = self.velocity_at_probe();
+    }
+
+    /// Time in s, a multiple of 0.1 s or so, after which a free motion from the coordinates `displacement` and their rates
+    /// `velocity` (of the system) accelerates the probe by no more than `enough` m/s^2, and the most that it then does; the
+    /// latter is more than `enough` if that takes longer than `longest_s`. Upper bound, over all phases of the modes.
+    #[must_use]
+    pub fn settling(
+        &self,
+        displacement: &DVector<f64>,
+        velocity: &DVector<f64>,
+        enough: f64,
+        longest_s: f64,
+    ) -> (f64, f64) {
+        let n = self.kept.len();
+        let mut motion = DVector::from_fn(2 * n, |i, _| {
+            if i < n { displacement[self.kept[i]] } else { velocity[self.kept[i - n]] / VELOCITY_SCALE }
+        });
+        let acceleration = |motion: &DVector<f64>| -> f64 {
+            (0..n)
+                .map(|i| {
+                    let omega = self.omega[i];
+                    self.probe[i].abs() * omega * (omega * motion[i]).hypot(motion[n + i] * VELOCITY_SCALE)
+                })
+                .sum()
+        };
+        let mut propagate = self.stepper.propagate.clone();
+        for _ in 0..LOOK_SQUARINGS {
+            propagate = &propagate * &propagate;
+        }
+        let look_s = f64::from(1_u32 << LOOK_SQUARINGS) * STEP_S;
+        let mut time_s = 0.0;
+        loop {
+            let left = acceleration(&motion);
+            if left <= enough || time_s + look_s > longest_s {
+                return (time_s, left);
+            }
+            motion = &propagate * motion;
+            time_s += look_s;
+        }
     }
 
     /// Force of 1 V^2 at each actuator in N: eps0 S / (2 g^2).
@@ -204,5 +248,42 @@ impl Panel {
     fn velocity_at_probe(&self) -> f64 {
         let n = self.kept.len();
         self.probe.dot(&self.state.rows(n, n)) * VELOCITY_SCALE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One mode of w rad/s and the viscous damping c in 1/s.
+    fn panel(omega: f64, c: f64) -> Panel {
+        let system = ModalSystem {
+            lambda: DVector::from_element(1, omega * omega),
+            damping: DMatrix::from_element(1, 1, c),
+            force: DMatrix::from_element(1, 1, 1.0),
+        };
+        Panel::new(&system, vec![1.0])
+    }
+
+    #[test]
+    fn settling_follows_the_slowest_pole() {
+        let part = 1e-4_f64;
+        let one = DVector::from_element(1, 1.0);
+        // Weak damping: exp(-c t / 2). Strong: one pole at -c, the slow one at -w^2 / c.
+        for (omega, c, rate) in [(600.0, 12.0, 6.0), (100.0, 2000.0, 5.01)] {
+            let mut panel = panel(omega, c);
+            panel.set_probe(&one);
+            let (found, left) = panel.settling(&one, &(0.0 * &one), part * omega * omega, 20.0);
+            let rough = -part.ln() / rate;
+            assert!((found - rough).abs() < 0.2 * rough, "{omega} {c}: {found} s, about {rough} s");
+            assert!(left <= part * omega * omega);
+        }
+        let mut undamped = panel(600.0, 0.0);
+        undamped.set_probe(&one);
+        let (_, left) = undamped.settling(&one, &one, 1.0, 20.0);
+        assert!((left - 600.0 * 600.0_f64.hypot(1.0)).abs() < 1e-6 * left);
+        let mut free = panel(0.0, 0.0);
+        free.set_probe(&one);
+        assert_eq!(free.settling(&one, &one, 0.0, 20.0), (0.0, 0.0), "a drift is no acceleration");
     }
 }
