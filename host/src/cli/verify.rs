@@ -5,7 +5,7 @@ use super::panel::plan_table;
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::planner::Target;
-use crate::verify::{Comparison, compare, spread};
+use crate::verify::{Comparison, VerifyError, compare, spread};
 use rayon::prelude::*;
 use serde_json::json;
 use std::fmt::Write;
@@ -43,7 +43,10 @@ pub fn run(options: &Verify) -> Outcome {
             })
             .collect::<Result<_, _>>()
     })
-    .map_err(Failure::failed)?;
+    .map_err(|error| match error {
+        VerifyError::Plan(error) => error.into(),
+        error => Failure::failed(error),
+    })?;
     let worst = results.iter().map(|c| c.difference.abs().max(c.band_difference.abs())).fold(0.0, f64::max);
     if options.json {
         print_json(&json!({"scene": scene.name, "points": results, "largest_difference": worst}))?;
