@@ -13,4 +13,5 @@ pub mod planner;
 pub mod response;
 pub mod scene;
 pub mod study;
+pub mod transient;
 pub mod verify;
