@@ -36,24 +36,34 @@ pub struct Arguments {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run the daemon: device session, HTTP and WebSocket interface, web page
+    #[command(after_help = "Example:\n  era serve --scene examples/scenes/plate.toml --listen 127.0.0.1:8080")]
     Serve(Serve),
     /// Ask a running daemon for a touch at screen pixels X Y
+    #[command(after_help = "Example:\n  era touch 960 640 --intensity-g 0.3 --duration-ms 500")]
     Touch(Touch),
     /// Ask a running daemon to switch everything off
+    #[command(after_help = "Example:\n  era stop")]
     Stop(Daemon),
     /// Show what a running daemon and its device are doing
+    #[command(after_help = "Example:\n  era state --json")]
     State(Daemon),
     /// List a panel's modes: frequencies and damping ratios
+    #[command(after_help = "Example:\n  era modes --scene examples/scenes/bar.toml --max-hz 500 --tolerance 1e-6")]
     Modes(Modes),
     /// Acceleration at a point per newton at each actuator, over frequency
+    #[command(after_help = "Example:\n  era response --at 100,60 --from 50 --to 400 --step 2")]
     Response(Response),
     /// The drives for a touch, without driving anything
+    #[command(after_help = "Example:\n  era plan --at 100,60 --unit mm --json")]
     Plan(Plan),
     /// Peak acceleration over the surface for a touch, as CSV or PNG
+    #[command(after_help = "Example:\n  era field --at 480,640 --png map.png --csv map.csv")]
     Field(Field),
     /// Compare predicted peaks with those that the simulated device measures
+    #[command(after_help = "Example:\n  era verify --scene examples/scenes/bar.toml --points 3")]
     Verify(Verify),
     /// Measure the time from a touch request to the last byte of its frame at the device
+    #[command(after_help = "Example:\n  era latency --touches 200")]
     Latency(Latency),
 }
 
@@ -207,7 +217,7 @@ pub struct Field {
     /// Write a picture
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,
-    /// Write x_mm,y_mm,peak_g lines; to standard output if neither --png nor --csv is given
+    /// Write x_mm,y_mm,peak_g lines; `-` is standard output, which also gets them if neither --png nor --csv is given
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
     /// Print JSON

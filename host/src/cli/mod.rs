@@ -22,6 +22,8 @@ pub enum Failure {
     Usage(String),
     /// It failed: exit code 1.
     Failed(String),
+    /// A panic, which has been told already: exit code 1.
+    Defect,
 }
 
 impl Failure {
@@ -41,7 +43,14 @@ type Outcome = Result<(), Failure>;
 pub fn main() -> ExitCode {
     let arguments = args::Arguments::parse();
     start_log(arguments.verbose);
-    match run(arguments) {
+    std::panic::set_hook(Box::new(|panic| {
+        let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
+        let what = panic.payload_as_str().unwrap_or("no message").lines().next().unwrap_or_default();
+        eprintln!("error: this is a mistake in era itself{place}: {what}; please report it with the scene");
+    }));
+    // A panic is a defect, but never a status that scripts do not know, nor a page of frames for the user.
+    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(arguments)));
+    match outcome.unwrap_or(Err(Failure::Defect)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => {
             eprintln!("error: {message}");
@@ -51,6 +60,8 @@ pub fn main() -> ExitCode {
             eprintln!("error: {message}");
             ExitCode::FAILURE
         }
+        // The hook has said what.
+        Err(Failure::Defect) => ExitCode::FAILURE,
     }
 }
 

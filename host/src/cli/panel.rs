@@ -231,13 +231,14 @@ pub fn field(options: &Field) -> Outcome {
     if let Some(path) = &options.png {
         study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?;
     }
-    if let Some(path) = &options.csv {
+    let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
+    if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {
         std::fs::write(path, field.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
     }
     if options.json {
         return print_json(&json!({"plan": plan, "field": field}));
     }
-    if options.png.is_none() && options.csv.is_none() {
+    if to_output || options.png.is_none() && options.csv.is_none() {
         return print_text(field.csv().trim_end());
     }
     Ok(())

@@ -5,7 +5,7 @@ use super::problem::Problem;
 use super::view::{FieldView, PlanView, SceneView, TouchView};
 use crate::device::convert::{SiDrive, to_wire};
 use crate::device::sim::SimControl;
-use crate::device::{OpenDevice, Session, SessionError, Snapshot};
+use crate::device::{DriveOrder, OpenDevice, Session, SessionError, Snapshot};
 use crate::planner::{Plan, PlanTable, Target};
 use serde::Deserialize;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,8 +14,8 @@ use tokio::sync::{broadcast, watch};
 
 /// How long a touch vibrates if it does not say.
 pub const DEFAULT_DURATION_MS: u32 = 1_000;
-/// Shortest in ms: two periods at the lowest frequency that is rendered (40 Hz).
-pub const MIN_DURATION_MS: u32 = 50;
+/// Shortest in ms.
+pub const MIN_DURATION_MS: u32 = 1;
 /// Longest in ms. A finger held on a page is renewed within it, and nobody needs more from one request.
 pub const MAX_DURATION_MS: u32 = 10_000;
 /// Events kept for a slow page before it misses some.
@@ -31,8 +31,8 @@ pub struct TouchRequest {
     pub y_px: f64,
     /// Peak wanted in g.
     pub intensity_g: Option<f64>,
-    /// How long, in ms.
-    pub duration_ms: Option<u32>,
+    /// How long, in ms; any number in the range.
+    pub duration_ms: Option<f64>,
 }
 
 /// The current plan and what goes with it.
@@ -70,7 +70,8 @@ pub struct App {
     pub started: Instant,
     session: Session,
     sim: Option<SimControl>,
-    active: Mutex<Option<Arc<Active>>>,
+    /// The last plan and when its drive ends.
+    active: Mutex<Option<(Arc<Active>, Instant)>>,
     next_id: Mutex<u64>,
     updates: broadcast::Sender<Update>,
     closing: watch::Sender<bool>,
@@ -115,10 +116,14 @@ impl App {
         self.closing.clone()
     }
 
-    /// The current plan.
+    /// The plan that is being driven.
     #[must_use]
     pub fn active(&self) -> Option<Arc<Active>> {
-        self.active.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
+        if active.as_ref().is_some_and(|(_, until)| Instant::now() >= *until) {
+            *active = None;
+        }
+        active.as_ref().map(|(plan, _)| Arc::clone(plan))
     }
 
     /// Plans for one touch and drives it.
@@ -126,12 +131,12 @@ impl App {
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
     pub async fn touch(&self, request: TouchRequest) -> Result<(Arc<Active>, serde_json::Value), Problem> {
-        let duration_ms = request.duration_ms.unwrap_or(DEFAULT_DURATION_MS);
-        if !(MIN_DURATION_MS..=MAX_DURATION_MS).contains(&duration_ms) {
-            return Err(Problem::range("duration_ms", f64::from(duration_ms), MIN_DURATION_MS, MAX_DURATION_MS));
+        let duration_ms = request.duration_ms.unwrap_or_else(|| f64::from(DEFAULT_DURATION_MS));
+        if !(f64::from(MIN_DURATION_MS)..=f64::from(MAX_DURATION_MS)).contains(&duration_ms) {
+            return Err(Problem::range("duration_ms", duration_ms, MIN_DURATION_MS, MAX_DURATION_MS));
         }
         let touch = TouchView { id: 0, x_px: request.x_px, y_px: request.y_px };
-        self.touch_all(vec![touch], request.intensity_g, Duration::from_millis(u64::from(duration_ms))).await
+        self.touch_all(vec![touch], request.intensity_g, Duration::from_secs_f64(duration_ms / 1e3)).await
     }
 
     /// Plans for all fingers at once and drives them for `hold`.
@@ -155,6 +160,8 @@ impl App {
         intensity_g: Option<f64>,
         hold: Duration,
     ) -> Result<(Arc<Active>, serde_json::Value), Problem> {
+        // A stop from here on means that this is not driven any more.
+        let stops = self.session.stops();
         let targets = touches
             .iter()
             .map(|touch| {
@@ -168,29 +175,48 @@ impl App {
             sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
         }
         let drives = wire_drives(&plan).iter().map(to_wire).collect();
-        let driven = self.session.drive(drives, hold).await?;
-        let achieved = super::view::achieved(&plan, &driven.achieved);
-        let active = tokio::task::block_in_place(|| self.activate(&plan, touches));
-        Ok((active, achieved))
-    }
-
-    fn activate(&self, plan: &Plan, touches: Vec<TouchView>) -> Arc<Active> {
         let id = {
             let mut next = self.next_id.lock().unwrap_or_else(PoisonError::into_inner);
             *next += 1;
             *next
         };
-        let field = FieldView::new(&self.table, Some(plan), id);
-        let active = Arc::new(Active { id, plan: PlanView::new(plan.clone()), field, touches });
-        *self.active.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&active));
-        // Nobody listening is no error.
-        let _ = self.updates.send(Update::Plan(Arc::clone(&active)));
-        active
+        let driven = self.session.drive(DriveOrder { id, stops, drives, hold }).await?;
+        let until = Instant::now() + hold;
+        let achieved = super::view::achieved(&plan, &driven.achieved);
+        let active = tokio::task::block_in_place(|| {
+            let field = FieldView::new(&self.table, Some(&plan), id);
+            Arc::new(Active { id, plan: PlanView::new(plan), field, touches })
+        });
+        self.activate(&active, until, stops)?;
+        Ok((active, achieved))
     }
 
-    /// Ends the drive at `when`: the fingers have been lifted.
-    pub fn release(&self, when: Instant) {
-        self.session.end_at(when);
+    /// Shows a plan as the current one, unless everything was stopped or something newer was driven meanwhile.
+    fn activate(&self, plan: &Arc<Active>, until: Instant, stops: u64) -> Result<(), SessionError> {
+        {
+            let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
+            // Under the lock: `stop` counts first and takes the plan away afterwards.
+            if self.session.stops() != stops {
+                return Err(SessionError::Stopped);
+            }
+            if active.as_ref().is_some_and(|(known, _)| known.id > plan.id) {
+                return Ok(());
+            }
+            *active = Some((Arc::clone(plan), until));
+        }
+        // Nobody listening is no error.
+        let _ = self.updates.send(Update::Plan(Arc::clone(plan)));
+        Ok(())
+    }
+
+    /// Ends the drive of plan `id` at `when`: its fingers have been lifted.
+    pub fn release(&self, id: u64, when: Instant) {
+        if let Some((plan, until)) = self.active.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
+            && plan.id == id
+        {
+            *until = (*until).min(when);
+        }
+        self.session.end_at(id, when);
     }
 
     /// Everything off.

@@ -4,8 +4,9 @@ use super::app::{App, MAX_DURATION_MS, Update};
 use super::problem::Problem;
 use super::view::{self, TouchView};
 use axum::extract::State;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
 use futures_util::{SinkExt, StreamExt};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -38,7 +39,22 @@ struct Fingers {
 }
 
 /// Takes the upgrade.
-pub async fn upgrade(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
+pub async fn upgrade(
+    State(app): State<Arc<App>>,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Response {
+    let upgrade = match upgrade {
+        Ok(upgrade) => upgrade,
+        Err(rejection) => {
+            return Problem::new(
+                rejection.status(),
+                "no-websocket",
+                "A WebSocket is served here",
+                rejection.body_text(),
+            )
+            .into_response();
+        }
+    };
     upgrade.max_message_size(MAX_MESSAGE).on_upgrade(move |socket| serve(app, socket))
 }
 
@@ -123,27 +139,26 @@ async fn take(app: &App, text: &str, fingers: &watch::Sender<Fingers>) -> Option
 
 /// Drives what the fingers ask for until the page goes away.
 async fn drive(app: Arc<App>, mut newest: watch::Receiver<Fingers>, outbox: mpsc::Sender<Value>) {
-    let mut since: Option<Instant> = None;
+    // When the fingers went down, and the plan that is driven for them.
+    let mut down: Option<(Instant, u64)> = None;
     while newest.changed().await.is_ok() {
         let Fingers { touches, intensity_g } = newest.borrow_and_update().clone();
         if touches.is_empty() {
-            if let Some(since) = since.take() {
-                app.release(since + TAP);
+            if let Some((since, plan)) = down.take() {
+                app.release(plan, since + TAP);
             }
             continue;
         }
         let hold = Duration::from_millis(u64::from(MAX_DURATION_MS));
         match app.touch_all(touches, intensity_g, hold).await {
-            Ok(_) => {
-                since.get_or_insert_with(Instant::now);
-            }
+            Ok((active, _)) => down = Some((down.map_or_else(Instant::now, |(since, _)| since), active.id)),
             Err(problem) => {
                 let _ = outbox.send(error_message(&problem)).await;
             }
         }
     }
-    if let Some(since) = since {
-        app.release(since + TAP);
+    if let Some((since, plan)) = down {
+        app.release(plan, since + TAP);
     }
 }
 

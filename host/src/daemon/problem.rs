@@ -51,7 +51,8 @@ impl Problem {
     /// A number outside its range.
     #[must_use]
     pub fn range(field: &str, value: f64, min: impl std::fmt::Display, max: impl std::fmt::Display) -> Self {
-        let allowed = format!("{min} to {max}");
+        let max = max.to_string();
+        let allowed = if max == "inf" { format!("{min} and above") } else { format!("{min} to {max}") };
         let detail = format!("{field} is {value}, but must be in {allowed}");
         let mut problem = Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A value is out of range", detail);
         problem.0.field = Some(field.into());
@@ -117,6 +118,7 @@ impl From<SessionError> for Problem {
             SessionError::Link(_) | SessionError::Disconnected { .. } => {
                 Self::new(StatusCode::BAD_GATEWAY, "device-lost", "The device does not answer", detail)
             }
+            SessionError::Stopped => Self::new(StatusCode::CONFLICT, "stopped", "Stopped meanwhile", detail),
             SessionError::Closed => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "closing", "The daemon is shutting down", detail)
             }

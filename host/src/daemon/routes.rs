@@ -5,6 +5,7 @@ use super::problem::Problem;
 use super::view::{self, FieldView};
 use super::{assets, live};
 use axum::body::Bytes;
+use axum::extract::rejection::BytesRejection;
 use axum::extract::{DefaultBodyLimit, Query, Request, State};
 use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
 use axum::middleware::{self, Next};
@@ -45,6 +46,13 @@ pub fn router(app: Arc<App>) -> Router {
 /// Refuses requests that a page from elsewhere makes a browser send: this daemon moves hardware.
 async fn same_origin(request: Request, next: Next) -> Response {
     let headers = request.headers();
+    // A name that someone else's DNS may point here is not ours, whatever page it comes from ("DNS rebinding").
+    if let Some(host) = text(headers, header::HOST)
+        && !is_own(host)
+    {
+        let detail = format!("requests for {host} are not taken; use localhost or the daemon's address in numbers");
+        return Problem::new(StatusCode::FORBIDDEN, "foreign-host", "Foreign host", detail).into_response();
+    }
     if let Some(origin) = text(headers, header::ORIGIN) {
         let own = text(headers, header::HOST).unwrap_or_default();
         if origin.split_once("://").is_none_or(|(_, authority)| authority != own) {
@@ -55,14 +63,24 @@ async fn same_origin(request: Request, next: Next) -> Response {
     next.run(request).await
 }
 
+/// Whether a Host header names this machine beyond doubt: localhost, or an address in numbers.
+fn is_own(host: &str) -> bool {
+    let name = host.rsplit_once(':').filter(|(_, port)| port.parse::<u16>().is_ok()).map_or(host, |(name, _)| name);
+    let address = name.trim_start_matches('[').trim_end_matches(']');
+    name.eq_ignore_ascii_case("localhost") || address.parse::<std::net::IpAddr>().is_ok()
+}
+
 fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
     headers.get(name).and_then(|value| value.to_str().ok())
 }
 
-async fn touch(State(app): State<Arc<App>>, body: Bytes) -> Result<Response, Problem> {
+async fn touch(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
+    let body = body.map_err(|rejection| {
+        let detail = format!("{}; at most {MAX_BODY} bytes are taken", rejection.body_text());
+        Problem::new(rejection.status(), "bad-body", "The request's body cannot be used", detail)
+    })?;
     let request: TouchRequest = serde_json::from_slice(&body).map_err(|error| {
-        let wanted =
-            r#"expected {"x_px": number, "y_px": number, "intensity_g"?: number, "duration_ms"?: whole number}"#;
+        let wanted = r#"expected {"x_px": number, "y_px": number, "intensity_g"?: number, "duration_ms"?: number}"#;
         Problem::body(format!("{error}; {wanted}"))
     })?;
     let (active, achieved) = app.touch(request).await?;

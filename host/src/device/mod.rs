@@ -12,5 +12,5 @@ pub mod sim;
 pub mod target;
 
 pub use client::{Client, LinkError};
-pub use session::{Session, SessionError, Snapshot};
+pub use session::{DriveOrder, Session, SessionError, Snapshot};
 pub use target::{OpenDevice, Target, TargetError};

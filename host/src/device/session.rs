@@ -10,6 +10,8 @@ use era_shared::protocol::{
     AchievedDrive, CURRENT_VERSION, ChannelDrive, HelloReply, MIN_VERSION, Reply, Request, StatusReply, TelemetryReply,
 };
 use era_shared::safety::State;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -44,6 +46,9 @@ pub enum SessionError {
         /// Since what.
         reason: String,
     },
+    /// Everything was stopped after this drive had been asked for.
+    #[error("everything was stopped while this was being planned")]
+    Stopped,
     /// The session has ended.
     #[error("the daemon is shutting down")]
     Closed,
@@ -91,10 +96,23 @@ impl Snapshot {
     }
 }
 
+/// What to drive, and until when.
+#[derive(Clone, Debug)]
+pub struct DriveOrder {
+    /// Names the drive for [`Session::end_at`].
+    pub id: u64,
+    /// [`Session::stops`] as it was when the drive was asked for: a stop since then refuses it.
+    pub stops: u64,
+    /// What every channel does.
+    pub drives: Vec<ChannelDrive>,
+    /// How long.
+    pub hold: Duration,
+}
+
 enum Command {
-    Drive { drives: Vec<ChannelDrive>, hold: Duration, answer: oneshot::Sender<Result<Driven, SessionError>> },
+    Drive { order: DriveOrder, answer: oneshot::Sender<Result<Driven, SessionError>> },
     Stop { answer: oneshot::Sender<Result<(), SessionError>> },
-    EndAt(Instant),
+    EndAt { id: u64, when: Instant },
     Clear { answer: oneshot::Sender<Result<(), SessionError>> },
     Close,
 }
@@ -104,6 +122,7 @@ enum Command {
 pub struct Session {
     commands: Sender<Command>,
     snapshot: watch::Receiver<Snapshot>,
+    stops: Arc<AtomicU64>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -116,9 +135,10 @@ impl Session {
         let (commands, inbox) = channel();
         let first = Snapshot { kind: device.kind(), path: device.path().to_owned(), ..Snapshot::default() };
         let (publish, snapshot) = watch::channel(first);
-        let worker = Worker::new(device, publish);
+        let stops = Arc::new(AtomicU64::new(0));
+        let worker = Worker::new(device, publish, Arc::clone(&stops));
         let thread = std::thread::Builder::new().name("device-session".into()).spawn(move || worker.run(&inbox))?;
-        Ok(Self { commands, snapshot, thread: Some(thread) })
+        Ok(Self { commands, snapshot, stops, thread: Some(thread) })
     }
 
     /// What is known of the device, kept up to date.
@@ -127,13 +147,20 @@ impl Session {
         self.snapshot.clone()
     }
 
-    /// Arms if need be, sets the drives and ends them after `hold`.
+    /// How often everything was stopped so far.
+    #[must_use]
+    pub fn stops(&self) -> u64 {
+        self.stops.load(Ordering::SeqCst)
+    }
+
+    /// Arms if need be, sets the drives and ends them after a while.
     ///
     /// # Errors
-    /// [`SessionError`]; nothing is driven then.
-    pub async fn drive(&self, drives: Vec<ChannelDrive>, hold: Duration) -> Result<Driven, SessionError> {
+    /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since the order's count was read; nothing is
+    /// driven then.
+    pub async fn drive(&self, order: DriveOrder) -> Result<Driven, SessionError> {
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Drive { drives, hold, answer })?;
+        self.send(Command::Drive { order, answer })?;
         reply.await.map_err(|_| SessionError::Closed)?
     }
 
@@ -142,15 +169,18 @@ impl Session {
     /// # Errors
     /// [`SessionError`]; the device's dead-man timer then does it within 250 ms.
     pub async fn stop(&self) -> Result<(), SessionError> {
+        // Before anything else: what is planned meanwhile must not be driven. A drive that the worker has already begun is
+        // ended by the command behind it.
+        self.stops.fetch_add(1, Ordering::SeqCst);
         let (answer, reply) = oneshot::channel();
         self.send(Command::Stop { answer })?;
         reply.await.map_err(|_| SessionError::Closed)?
     }
 
-    /// Ends the drive that runs at `when`, if it does not end before.
-    pub fn end_at(&self, when: Instant) {
+    /// Ends the drive named `id` at `when`, if it does not end before; another one goes on.
+    pub fn end_at(&self, id: u64, when: Instant) {
         // A session that has ended has ended its drives.
-        let _ = self.send(Command::EndAt(when));
+        let _ = self.send(Command::EndAt { id, when });
     }
 
     /// Clears the latched fault.
@@ -181,6 +211,9 @@ struct Worker {
     device: OpenDevice,
     client: Option<Client>,
     publish: watch::Sender<Snapshot>,
+    stops: Arc<AtomicU64>,
+    /// The drive that was set last.
+    drive_id: u64,
     boot_id: Option<u32>,
     armed: bool,
     drive_until: Option<Instant>,
@@ -191,12 +224,14 @@ struct Worker {
 }
 
 impl Worker {
-    fn new(device: OpenDevice, publish: watch::Sender<Snapshot>) -> Self {
+    fn new(device: OpenDevice, publish: watch::Sender<Snapshot>, stops: Arc<AtomicU64>) -> Self {
         let now = Instant::now();
         Self {
             device,
             client: None,
             publish,
+            stops,
+            drive_id: 0,
             boot_id: None,
             armed: false,
             drive_until: None,
@@ -211,13 +246,17 @@ impl Worker {
         loop {
             self.attend();
             match inbox.recv_timeout(self.until_next_duty()) {
-                Ok(Command::Drive { drives, hold, answer }) => {
-                    let _ = answer.send(self.drive(drives, hold));
+                Ok(Command::Drive { order, answer }) => {
+                    let _ = answer.send(self.drive(order));
                 }
                 Ok(Command::Stop { answer }) => {
                     let _ = answer.send(self.stop());
                 }
-                Ok(Command::EndAt(when)) => self.drive_until = self.drive_until.map(|until| until.min(when)),
+                Ok(Command::EndAt { id, when }) => {
+                    if id == self.drive_id {
+                        self.drive_until = self.drive_until.map(|until| until.min(when));
+                    }
+                }
                 Ok(Command::Clear { answer }) => {
                     let _ = answer.send(self.clear());
                 }
@@ -331,15 +370,19 @@ impl Worker {
         Ok(())
     }
 
-    fn drive(&mut self, drives: Vec<ChannelDrive>, hold: Duration) -> Result<Driven, SessionError> {
-        let result = self.try_drive(drives, hold);
+    fn drive(&mut self, order: DriveOrder) -> Result<Driven, SessionError> {
+        let result = self.try_drive(order);
         if let Err(SessionError::Link(error)) = &result {
             self.note_trouble(error);
         }
         result
     }
 
-    fn try_drive(&mut self, drives: Vec<ChannelDrive>, hold: Duration) -> Result<Driven, SessionError> {
+    fn try_drive(&mut self, order: DriveOrder) -> Result<Driven, SessionError> {
+        let DriveOrder { id, stops, drives, hold } = order;
+        if stops != self.stops.load(Ordering::SeqCst) {
+            return Err(SessionError::Stopped);
+        }
         self.connected()?;
         if !self.armed {
             let status = self.publish.borrow().status.clone();
@@ -359,6 +402,7 @@ impl Worker {
         };
         let frame_written = self.client.as_ref().and_then(Client::last_frame_written);
         let now = Instant::now();
+        self.drive_id = id;
         self.drive_until = Some(now + hold);
         self.idle_since = now + hold;
         // The state that follows is shown at once, not at the next look; the frame itself is already at the device.
