@@ -3,7 +3,8 @@
 use super::args::{At, Field, Modes, Panel, Plan, Response, Unit};
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::model::{ModelError, PanelModel, ReducedModel};
+use crate::model::bounded::Levels;
+use crate::model::{Accuracy, Bound, ModelError, bounded_modes};
 use crate::planner::{PlanError, PlanTable, TableOptions, Target};
 use crate::scene::{Scene, SurfaceKind};
 use crate::{response, study};
@@ -11,8 +12,6 @@ use serde_json::json;
 use std::fmt::Write;
 use std::time::Instant;
 
-/// Why `error_bound` is null, in words on standard error.
-const NO_BOUND: &str = "error_bound is null: this version computes no bound (the meshes are checked against reference values, see docs/src/accuracy.md)";
 /// Most frequencies in one response.
 const MOST_FREQUENCIES: f64 = 1e6;
 /// Thickness over length above which thin-plate theory is off by more than a percent or two.
@@ -29,6 +28,15 @@ impl From<ModelError> for Failure {
     }
 }
 
+impl From<response::CurveError> for Failure {
+    fn from(error: response::CurveError) -> Self {
+        match error {
+            response::CurveError::Model(error) => error.into(),
+            response::CurveError::Response(error) => Failure::failed(error),
+        }
+    }
+}
+
 impl From<PlanError> for Failure {
     fn from(error: PlanError) -> Self {
         match error {
@@ -36,13 +44,6 @@ impl From<PlanError> for Failure {
             _ => Failure::usage(error),
         }
     }
-}
-
-/// Meshes and factors.
-fn build(panel: &Panel, scene: &Scene, max_hz: f64) -> Result<PanelModel, Failure> {
-    let accuracy = panel.accuracy()?;
-    warn_if_thick(scene);
-    Ok(with_progress("meshing and factoring the panel", || PanelModel::build(scene, accuracy, max_hz))?)
 }
 
 fn warn_if_thick(scene: &Scene) {
@@ -63,23 +64,30 @@ fn warn_if_thick(scene: &Scene) {
 pub fn modes(options: &Modes) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
-    let model = build(&options.panel, &scene, options.max_hz)?;
-    let modes = with_progress("computing modes", || model.modes(options.max_hz))?;
+    let accuracy = options.panel.accuracy()?;
+    warn_if_thick(&scene);
+    let found = with_progress("computing modes", || bounded_modes(&scene, accuracy, options.max_hz))?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+    let dofs = found.model.dofs();
+    tell_missing(&found.bounds, accuracy);
+    let modes = || found.answer.iter().zip(&found.bounds);
     if options.json {
-        let list: Vec<_> = modes
-            .iter()
-            .map(|mode| {
-                json!({"frequency_hz": mode.frequency_hz, "damping_ratio": mode.damping_ratio, "error_bound": null})
+        let list: Vec<_> = modes()
+            .map(|(mode, bound)| {
+                json!({
+                    "frequency_hz": mode.frequency_hz, "damping_ratio": mode.damping_ratio, "error_bound": bound.value(),
+                })
             })
             .collect();
-        eprintln!("{NO_BOUND}");
-        return print_json(&json!({"dofs": model.dofs(), "elapsed_ms": elapsed_ms, "modes": list}));
+        return print_json(&json!({"dofs": dofs, "elapsed_ms": elapsed_ms, "modes": list}));
     }
-    let mut text =
-        format!("{}: {} unknowns, {elapsed_ms:.0} ms\n mode   frequency   damping ratio", scene.name, model.dofs());
-    for (i, mode) in modes.iter().enumerate() {
-        let _ = write!(text, "\n{:5} {:8.3} Hz   {:.5}", i + 1, mode.frequency_hz, mode.damping_ratio);
+    let mut text = format!(
+        "{}: {dofs} unknowns, {elapsed_ms:.0} ms\n mode   frequency   error at most   damping ratio",
+        scene.name
+    );
+    for (i, (mode, bound)) in modes().enumerate() {
+        let bound = bound.value().map_or_else(|| String::from("unknown"), |bound| format!("{bound:.0e}"));
+        let _ = write!(text, "\n{:5} {:8.3} Hz   {bound:>13}   {:.5}", i + 1, mode.frequency_hz, mode.damping_ratio);
         if mode.frequency_hz == 0.0 {
             text.push_str("   (nothing holds this motion)");
         } else if mode.damping_ratio == 0.0 {
@@ -89,22 +97,35 @@ pub fn modes(options: &Modes) -> Outcome {
     print_text(&text)
 }
 
+/// Says on standard error why bounds are missing, and where they are above what was asked for.
+fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
+    if let Some(reason) = bounds.iter().find_map(|bound| bound.reason()) {
+        eprintln!("error_bound is null: {reason}");
+    }
+    let largest = bounds.iter().filter_map(|bound| bound.value()).fold(0.0, f64::max);
+    if largest > accuracy.value() {
+        eprintln!("error_bound {largest:.1e} is above the tolerance {:.1e}: no finer mesh was tried", accuracy.value());
+    }
+}
+
 pub fn response(options: &Response) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
     let frequencies_hz = frequencies(options)?;
     let (x_m, y_m) = surface_point(&scene, options.at.x, options.at.y, Unit::Mm)?;
-    let reduced = reduce(&options.panel, &scene, options.to.max(1.0), &[(x_m, y_m)])?;
-    let shape = reduced.shape_at(x_m, y_m);
-    let curves =
-        with_progress("computing the response", || response::acceleration_curves(&reduced, &shape, &frequencies_hz))
-            .map_err(Failure::failed)?;
+    let accuracy = options.panel.accuracy()?;
+    warn_if_thick(&scene);
+    let found = with_progress("computing the response", || {
+        response::bounded_curves(&scene, accuracy, (x_m, y_m), &frequencies_hz)
+    })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+    let curves = &found.answer;
+    tell_missing(&found.bounds, accuracy);
     if options.json {
         let actuators: Vec<_> = scene
             .actuators
             .iter()
-            .zip(&curves)
+            .zip(curves)
             .map(|(actuator, curve)| {
                 json!({
                     "id": actuator.id,
@@ -113,9 +134,10 @@ pub fn response(options: &Response) -> Outcome {
                 })
             })
             .collect();
-        eprintln!("{NO_BOUND}");
+        // One number for all curves; none without curves.
+        let bound = found.bounds.iter().map(|bound| bound.value()).reduce(|a, b| Some(a?.max(b?))).flatten();
         return print_json(&json!({
-            "dofs": reduced.dofs(), "elapsed_ms": elapsed_ms, "error_bound": null,
+            "dofs": found.model.dofs(), "elapsed_ms": elapsed_ms, "error_bound": bound,
             "frequency_hz": frequencies_hz, "actuators": actuators,
         }));
     }
@@ -125,7 +147,7 @@ pub fn response(options: &Response) -> Outcome {
     }
     for (i, frequency) in frequencies_hz.iter().enumerate() {
         let _ = write!(text, "\n{frequency}");
-        for curve in &curves {
+        for curve in curves {
             let _ = write!(text, ",{:.6e},{:.2}", curve[i].norm(), curve[i].arg().to_degrees());
         }
     }
@@ -175,16 +197,13 @@ fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64)
     }
 }
 
-fn reduce(panel: &Panel, scene: &Scene, max_hz: f64, points: &[(f64, f64)]) -> Result<ReducedModel, Failure> {
-    let model = build(panel, scene, max_hz)?;
-    Ok(with_progress("computing modes", || model.reduce(max_hz, points))?)
-}
-
 /// The planner's table for a scene.
 pub fn plan_table(panel: &Panel, scene: &Scene) -> Result<PlanTable, Failure> {
     let options = TableOptions::default();
-    let reduced = reduce(panel, scene, options.to_hz, &[])?;
-    with_progress("computing the response of every actuator", || PlanTable::build(scene, reduced, options))
+    let accuracy = panel.accuracy()?;
+    warn_if_thick(scene);
+    let levels = with_progress("computing modes", || Levels::build(scene, accuracy, options.to_hz))?;
+    with_progress("computing the response of every actuator", || PlanTable::with_levels(scene, levels, options))
         .map_err(Failure::failed)
 }
 
@@ -199,7 +218,11 @@ pub fn plan(options: &Plan) -> Outcome {
     let table = plan_table(&options.panel, &scene)?;
     let plan = table.plan(&[target])?;
     if options.json {
-        eprintln!("{NO_BOUND}");
+        if plan.error_bound.is_none() {
+            eprintln!(
+                "error_bound is null: nothing moves at the target, or the panel's model has none (see `era response`)"
+            );
+        }
         return print_json(&plan);
     }
     let mut text = format!("target {:.1} mm, {:.1} mm", plan.target_mm[0], plan.target_mm[1]);
@@ -216,6 +239,9 @@ pub fn plan(options: &Plan) -> Outcome {
         "\npredicted: {:.3} g at the target, {:.3} g on average elsewhere, contrast {:.1} dB",
         predicted.target_peak_g, predicted.mean_elsewhere_g, predicted.contrast_db
     );
+    if let Some(bound) = plan.error_bound {
+        let _ = write!(text, " (the target's peak is right to {bound:.0e})");
+    }
     if let Some(limit) = &plan.limited_by {
         let _ = write!(text, "\nlimited by {limit}");
     }

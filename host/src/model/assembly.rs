@@ -1,16 +1,19 @@
 //! From a scene to sparse matrices.
 //!
-//! A plate's cell has 16 unknowns (Bogner, Fox, Schmit 1965): w, w_x, w_y and w_xy at its corners, the tensor products of
-//! the bar's cubic functions. With the one-dimensional matrices A (bend), B (mixed), G (slope), M (mass) of `hermite`, the
+//! A plate's cell has the tensor products of the bar's functions; with cubics alone they are w, w_x, w_y and w_xy at its
+//! corners (Bogner, Fox, Schmit 1965). With the one-dimensional matrices A (bend), B (mixed), G (slope), M (mass) of
+//! [`super::shape`], the
 //! thin plate's energy D/2 * integral of w_xx^2 + w_yy^2 + 2 nu w_xx w_yy + 2 (1 - nu) w_xy^2 is assembled from
 //! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G].
 
 use super::ModelError;
-use super::grid::{Grid, SparseVector};
-use super::hermite::{CellMatrices, Matrix4, cell_matrices};
+use super::enriched::{EdgeSprings, add_singular};
+use super::grid::{Derivative, Fineness, Grid, SparseVector};
 use super::mesh::Lines;
+use super::shape::CellMatrices;
 use super::sparse::{Entries, Symmetric};
 use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side};
+use nalgebra::DMatrix;
 
 /// A viscous dashpot: force = coefficient times the velocity of vector . u, along the vector.
 #[derive(Clone, Debug)]
@@ -59,13 +62,14 @@ impl Assembled {
     }
 }
 
-/// Cells as wide as `cell_m` or smaller.
+/// The panel on a mesh of the given fineness.
 ///
 /// # Errors
 /// As the matrices' assembly.
-pub fn assemble(scene: &Scene, cell_m: f64) -> Result<Assembled, ModelError> {
-    let grid = Grid::new(scene, cell_m);
+pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelError> {
+    let grid = Grid::new(scene, fineness);
     let (surface_stiffness, surface_mass) = surface_matrices(scene, &grid);
+    let (surface_stiffness, surface_mass) = (grid.over_unknowns(surface_stiffness), grid.over_unknowns(surface_mass));
     let mut parts = Parts {
         grid: &grid,
         unknowns: grid.free,
@@ -74,16 +78,18 @@ pub fn assemble(scene: &Scene, cell_m: f64) -> Result<Assembled, ModelError> {
         dashpots: Vec::new(),
         moving_masses: Vec::new(),
     };
+    let mut edges = Entries::default();
     for edge in &scene.edges {
         if let EdgeKind::Elastic { stiffness, rotational_stiffness } = edge.kind {
-            parts.elastic_edge(edge.side, stiffness, rotational_stiffness);
+            elastic_edge(&grid, edge.side, stiffness, rotational_stiffness, &mut edges);
         }
     }
+    parts.stiffness.add_all(&grid.over_unknowns(edges), 1.0);
     for support in &scene.supports {
         parts.support(support);
     }
     for mass in &scene.masses {
-        parts.mass.add_outer(&grid.at_node(mass.x_m, mass.y_m), mass.mass_kg);
+        parts.mass.add_outer(&grid.attachment(mass.x_m, mass.y_m), mass.mass_kg);
     }
     let actuators = scene.actuators.iter().enumerate().map(|(i, actuator)| parts.actuator(i, actuator)).collect();
     let n = parts.unknowns;
@@ -113,59 +119,72 @@ pub fn bar_rigidity(scene: &Scene) -> f64 {
     scene.surface.material.youngs_modulus_pa * scene.surface.width_m * scene.surface.thickness_m.powi(3) / 12.0
 }
 
-fn cells(lines: &Lines) -> Vec<CellMatrices> {
-    lines
-        .at
-        .windows(2)
-        .zip(lines.scale.windows(2))
-        .map(|(at, scale)| cell_matrices(at[1] - at[0], [scale[0], scale[1]]))
-        .collect()
+fn cells(grid: &Grid, lines: &Lines) -> Vec<CellMatrices> {
+    let pairs = lines.at.windows(2).zip(lines.scale.windows(2));
+    pairs.map(|(at, scale)| grid.element.matrices(at[1] - at[0], [scale[0], scale[1]])).collect()
+}
+
+/// What a cell is made of.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Section {
+    /// Flexural rigidity in N m (plate) or N m^2 (bar).
+    pub rigidity: f64,
+    /// Mass per area (plate) or length (bar), in kg/m^2 or kg/m.
+    pub per_area: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
 }
 
 fn surface_matrices(scene: &Scene, grid: &Grid) -> (Entries, Entries) {
     let (surface, material) = (&scene.surface, &scene.surface.material);
     let (mut stiffness, mut mass) = (Entries::default(), Entries::default());
-    let in_x = cells(&grid.x);
+    let in_x = cells(grid, &grid.x);
+    let n = grid.element.order() + 1;
     match &grid.y {
         None => {
             let rigidity = bar_rigidity(scene);
             let per_length = material.density_kg_m3 * surface.width_m * surface.thickness_m;
             for (cell, matrices) in in_x.iter().enumerate() {
-                let numbers: Vec<_> = (0..4).map(|a| grid.number(cell + a / 2, 0, a % 2)).collect();
-                add_block(&mut stiffness, &numbers, |a, b| rigidity * matrices.bend[a][b]);
-                add_block(&mut mass, &numbers, |a, b| per_length * matrices.mass[a][b]);
+                let numbers: Vec<_> = (0..n).map(|a| grid.number(grid.function(cell, a), 0)).collect();
+                add_block(&mut stiffness, &numbers, |a, b| rigidity * matrices.bend[(a, b)]);
+                add_block(&mut mass, &numbers, |a, b| per_length * matrices.mass[(a, b)]);
             }
         }
         Some(y) => {
-            let rigidity = plate_rigidity(scene);
-            let per_area = material.density_kg_m3 * surface.thickness_m;
-            let nu = material.poisson_ratio;
-            for (cell_y, my) in cells(y).iter().enumerate() {
+            let section = Section {
+                rigidity: plate_rigidity(scene),
+                per_area: material.density_kg_m3 * surface.thickness_m,
+                poisson: material.poisson_ratio,
+            };
+            let in_y = cells(grid, y);
+            for (cell_y, my) in in_y.iter().enumerate() {
                 for (cell_x, mx) in in_x.iter().enumerate() {
-                    let numbers: Vec<_> = (0..16)
-                        .map(|k| {
-                            let (a, b) = (k / 4, k % 4);
-                            grid.number(cell_x + a / 2, cell_y + b / 2, a % 2 + 2 * (b % 2))
-                        })
+                    let numbers: Vec<_> = (0..n * n)
+                        .map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n)))
                         .collect();
-                    add_block(&mut stiffness, &numbers, |k, l| rigidity * plate_energy(mx, my, nu, k, l));
+                    let Section { rigidity, per_area, poisson } = section;
+                    add_block(&mut stiffness, &numbers, |k, l| rigidity * plate_energy(mx, my, poisson, k, l));
                     add_block(&mut mass, &numbers, |k, l| per_area * product(&mx.mass, &my.mass, k, l));
                 }
             }
+            add_singular(grid, y, |_, _| Some(section), &mut stiffness, &mut mass);
         }
     }
     (stiffness, mass)
 }
 
-fn product(x: &Matrix4, y: &Matrix4, k: usize, l: usize) -> f64 {
-    x[k / 4][l / 4] * y[k % 4][l % 4]
+/// Entry of the tensor product of two matrices over the same number of functions.
+fn product(x: &DMatrix<f64>, y: &DMatrix<f64>, k: usize, l: usize) -> f64 {
+    let n = x.nrows();
+    x[(k / n, l / n)] * y[(k % n, l % n)]
 }
 
 fn plate_energy(x: &CellMatrices, y: &CellMatrices, nu: f64, k: usize, l: usize) -> f64 {
-    let (a, b, c, d) = (k / 4, k % 4, l / 4, l % 4);
+    let n = x.mass.nrows();
+    let (a, b, c, d) = (k / n, k % n, l / n, l % n);
     product(&x.bend, &y.mass, k, l)
         + product(&x.mass, &y.bend, k, l)
-        + nu * (x.mixed[a][c] * y.mixed[d][b] + x.mixed[c][a] * y.mixed[b][d])
+        + nu * (x.mixed[(a, c)] * y.mixed[(d, b)] + x.mixed[(c, a)] * y.mixed[(b, d)])
         + 2.0 * (1.0 - nu) * product(&x.slope, &y.slope, k, l)
 }
 
@@ -176,6 +195,44 @@ fn add_block(entries: &mut Entries, numbers: &[Option<usize>], value: impl Fn(us
                 entries.add(*row, *column, value(a, b));
             }
         }
+    }
+}
+
+/// Springs along an edge: the integral of k w^2 + k_r w_n^2, which has the mass matrix of the lines along it. At a bar's
+/// end it is a single point.
+fn elastic_edge(grid: &Grid, side: Side, stiffness: f64, rotational: f64, entries: &mut Entries) {
+    let ends_x = matches!(side, Side::Left | Side::Right);
+    let (across, along) = if ends_x { (Some(&grid.x), grid.y.as_ref()) } else { (grid.y.as_ref(), Some(&grid.x)) };
+    let here = grid.edge_function(side);
+    let end = if matches!(side, Side::Left | Side::Top) { 0 } else { across.map_or(0, Lines::cells) };
+    let scale = across.map_or(1.0, |lines| lines.scale[end]);
+    let number = |across: usize, along: usize| {
+        if ends_x { grid.number(across, along) } else { grid.number(along, across) }
+    };
+    for (function, value) in [(here, stiffness), (here + 1, rotational / (scale * scale))] {
+        let Some(along) = along else {
+            if let Some(number) = number(function, 0) {
+                entries.add(number, number, value);
+            }
+            continue;
+        };
+        for (cell, matrices) in cells(grid, along).iter().enumerate() {
+            let numbers: Vec<_> =
+                (0..=grid.element.order()).map(|a| number(function, grid.function(cell, a))).collect();
+            add_block(entries, &numbers, |a, b| value * matrices.mass[(a, b)]);
+        }
+    }
+    if let (Some(lines), Some(across)) = (along, across) {
+        let springs = EdgeSprings {
+            grid,
+            lines,
+            along_y: ends_x,
+            position: across.at[end],
+            stiffness,
+            rotational,
+            slope_unit: 1.0 / scale,
+        };
+        springs.add(|k, along| number(here + k, along), entries);
     }
 }
 
@@ -191,14 +248,13 @@ struct Parts<'a> {
 
 impl Parts<'_> {
     fn support(&mut self, support: &crate::scene::Support) {
-        let here = self.grid.at_node(support.x_m, support.y_m);
+        let here = self.grid.attachment(support.x_m, support.y_m);
         self.stiffness.add_outer(&here, support.stiffness_n_per_m);
-        let (i, j) = self.grid.node(support.x_m, support.y_m);
-        let slopes = [(1, Some(self.grid.x.scale[i])), (2, self.grid.y.as_ref().map(|y| y.scale[j]))];
-        for (unknown, scale) in slopes {
-            if let (Some(scale), Some(number)) = (scale, scale.and_then(|_| self.grid.number(i, j, unknown))) {
-                // The unknown is the slope times its scale.
-                self.stiffness.add(number, number, support.rotational_stiffness_n_m_per_rad / (scale * scale));
+        if support.rotational_stiffness_n_m_per_rad > 0.0 {
+            let (x_m, y_m) = self.grid.attached_at(support.x_m, support.y_m);
+            for slope in [Derivative::SlopeX, Derivative::SlopeY] {
+                let row = self.grid.row_at(x_m, y_m, slope);
+                self.stiffness.add_outer(&row, support.rotational_stiffness_n_m_per_rad);
             }
         }
         if support.damping_n_s_per_m > 0.0 && !here.is_empty() {
@@ -206,40 +262,8 @@ impl Parts<'_> {
         }
     }
 
-    /// Springs along an edge: the integral of k w^2 + k_r w_n^2, which has the mass matrix of the lines along it. At a bar's
-    /// end it is a single point.
-    fn elastic_edge(&mut self, side: Side, stiffness: f64, rotational: f64) {
-        let ends_x = matches!(side, Side::Left | Side::Right);
-        let across = if ends_x { 1 } else { 2 };
-        let nodes = self.grid.edge_nodes(side);
-        let Some((&(first_i, first_j), last)) = nodes.first().zip(nodes.len().checked_sub(1)) else { return };
-        let scale_across =
-            if ends_x { self.grid.x.scale[first_i] } else { self.grid.y.as_ref().map_or(1.0, |y| y.scale[first_j]) };
-        let per_slope = rotational / (scale_across * scale_across);
-        let along = if ends_x { self.grid.y.as_ref() } else { Some(&self.grid.x) };
-        let Some(along) = along else {
-            for (unknown, value) in [(0, stiffness), (across, per_slope)] {
-                if let Some(number) = self.grid.number(first_i, first_j, unknown) {
-                    self.stiffness.add(number, number, value);
-                }
-            }
-            return;
-        };
-        for (cell, matrices) in cells(along).iter().enumerate().take(last) {
-            for (offset, value) in [(0, stiffness), (across, per_slope)] {
-                let numbers: Vec<_> = (0..4)
-                    .map(|a| {
-                        let (i, j) = nodes[cell + a / 2];
-                        self.grid.number(i, j, offset + (a % 2) * (3 - across))
-                    })
-                    .collect();
-                add_block(&mut self.stiffness, &numbers, |a, b| value * matrices.mass[a][b]);
-            }
-        }
-    }
-
     fn actuator(&mut self, index: usize, actuator: &Actuator) -> ActuatorVectors {
-        let surface = self.grid.at_node(actuator.x_m, actuator.y_m);
+        let surface = self.grid.attachment(actuator.x_m, actuator.y_m);
         let (between, force) = match actuator.mount {
             Mount::Inertial => {
                 let own = self.unknowns;

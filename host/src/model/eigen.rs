@@ -16,7 +16,7 @@ const CONVERGED: f64 = 1e-9;
 /// Part of its former length below which a vector counts as lying in the space already found.
 const EXHAUSTED: f64 = 1e-10;
 /// Most vectors.
-const MOST_VECTORS: usize = 900;
+const MOST_VECTORS: usize = 2500;
 
 /// Modes of K v = lambda M v.
 #[derive(Clone, Debug)]
@@ -59,7 +59,9 @@ pub fn modes(operator: Operator<'_>, known: &Modes, lambda_max: f64) -> Result<M
         if ended || size >= next_check {
             next_check = size + (size / 4).max(2 * BLOCK);
             let eigen = SymmetricEigen::new(space.projected.clone());
-            if ended && next.ncols() == 0 || is_converged(&eigen, &coupling, theta_min) {
+            // In all of the space nothing is left to converge to.
+            let is_whole = next.ncols() == 0 || size >= n - known.lambda.len();
+            if ended && is_whole || is_converged(&eigen, &coupling, theta_min) {
                 return Ok(space.result(&eigen, known, lambda_max));
             }
             if ended {

@@ -1,18 +1,43 @@
 //! The mesh of a surface and the numbering of its unknowns.
 
-use super::hermite::values;
-use super::mesh::{Forced, Lines, MERGE};
+use super::assembly::plate_rigidity;
+use super::mesh::Lines;
+use super::placement::{forced, singular};
+use super::points::Points;
+use super::shape::Element;
+use super::singular::Singular;
+use super::sparse::Entries;
 use crate::scene::{EdgeKind, Scene, Side, SurfaceKind};
+use std::collections::HashSet;
 
 /// Non-zero entries of a vector over the free unknowns.
 pub type SparseVector = Vec<(usize, f64)>;
 
-/// Width of the cells next to a driven point, in regular cells: a point force bends a plate as r^2 log r, which regular
-/// cells resolve only to second order.
-const DRIVEN: f64 = 0.25;
-/// Width of the cells around attachments that are nearer to each other than a regular cell, in their distance: two stiff
-/// ones act as a couple, whose compliance goes with the logarithm of that distance.
-const CLOSE: f64 = 0.25;
+/// Springs stiffer than this, in rigidity over the longer side squared, act on unknowns of their own: a plate gives way at a
+/// point with about ten of these, and rounding is 1e-16 of the spring.
+const STIFF: f64 = 1e5;
+
+/// How fine a mesh is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fineness {
+    /// Widest cell in m.
+    pub cell_m: f64,
+    /// Order of the elements.
+    pub order: usize,
+    /// Cells that shrink towards places where the shapes are singular: corners between a clamped and a free edge.
+    pub layers: usize,
+}
+
+/// What of a deflection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Derivative {
+    /// Itself.
+    Value,
+    /// Its slope along x.
+    SlopeX,
+    /// Its slope along y.
+    SlopeY,
+}
 
 /// The mesh with its numbering of unknowns; fixed unknowns have no number.
 #[derive(Clone, Debug)]
@@ -21,30 +46,32 @@ pub struct Grid {
     pub x: Lines,
     /// Lines across y; `None` for a bar.
     pub y: Option<Lines>,
-    /// Number of each unknown: node by node, rows of constant y one after the other; per node w, s w_x and, for a plate,
-    /// s w_y and s s w_xy.
+    /// The cells' functions.
+    pub element: Element,
+    /// Number of each unknown: the tensor products of the directions' functions, x running fastest.
     numbers: Vec<Option<usize>>,
+    /// What point forces do; their unknowns come after the tensor products.
+    singular: Vec<Singular>,
+    /// Deflections that are unknowns of their own.
+    points: Points,
     /// Free unknowns of the surface.
     pub free: usize,
 }
 
 impl Grid {
-    /// Lines through every attachment, cells of `cell_m` or smaller, and the edges' fixed unknowns left out.
+    /// The mesh, the edges' fixed unknowns left out.
     #[must_use]
-    pub(super) fn new(scene: &Scene, cell_m: f64) -> Self {
+    pub(super) fn new(scene: &Scene, fineness: Fineness) -> Self {
         let surface = &scene.surface;
-        let points = attachments(scene, cell_m);
-        let forced = |at: fn(&Attachment) -> f64| -> Vec<Forced> {
-            points.iter().map(|point| Forced { at: at(point), width: point.width }).collect()
-        };
-        // Four cells across the narrow side of a strip still carry its lowest waves in that direction.
-        let cell = |side: f64| cell_m.min(side / 4.0);
-        let x = Lines::new(surface.length_m, cell(surface.length_m), &forced(|p| p.x_m));
+        let forced = forced(scene, fineness);
+        let x = Lines::new(surface.length_m, fineness.cell_m, &forced[0]);
         let y = match surface.kind {
             SurfaceKind::Bar => None,
-            SurfaceKind::Plate => Some(Lines::new(surface.width_m, cell(surface.width_m), &forced(|p| p.y_m))),
+            SurfaceKind::Plate => Some(Lines::new(surface.width_m, fineness.cell_m, &forced[1])),
         };
-        let mut grid = Self { x, y, numbers: Vec::new(), free: 0 };
+        let element = Element::new(fineness.order);
+        let singular = y.as_ref().map_or_else(Vec::new, |y| singular(scene, fineness, &x, y));
+        let mut grid = Self { x, y, element, numbers: Vec::new(), singular, points: Points::default(), free: 0 };
         let fixed = grid.fixed(scene);
         grid.numbers = fixed
             .into_iter()
@@ -54,73 +81,132 @@ impl Grid {
                 number
             })
             .collect();
+        grid.free += grid.singular.len();
+        grid.points = grid.stiff_points(scene);
         grid
     }
 
-    fn rows(&self) -> usize {
-        self.y.as_ref().map_or(1, |y| y.at.len())
+    /// The stiffly held points of a plate; on a bar each attachment has a line, and its deflection is an unknown anyway.
+    fn stiff_points(&self, scene: &Scene) -> Points {
+        if self.y.is_none() {
+            return Points::default();
+        }
+        let (length, width) = self.size();
+        let stiff = STIFF * plate_rigidity(scene) / length.max(width).powi(2);
+        let supports = scene.supports.iter().map(|s| (s.x_m, s.y_m, s.stiffness_n_per_m));
+        let springs = supports.chain(scene.actuators.iter().map(|a| (a.x_m, a.y_m, a.stiffness_n_per_m)));
+        let at: Vec<(f64, f64)> = springs.filter(|spring| spring.2 > stiff).map(|(x, y, _)| (x, y)).collect();
+        let rows: Vec<SparseVector> = at.iter().map(|(x, y)| self.row_at(*x, *y, Derivative::Value)).collect();
+        // Products of two bubbles live in one cell.
+        let inner: HashSet<usize> = self.inner_unknowns().collect();
+        Points::new(&at, &rows, |unknown| inner.contains(&unknown))
     }
 
-    fn per_node(&self) -> usize {
-        if self.y.is_some() { 4 } else { 2 }
+    /// Unknowns whose functions live in one cell.
+    fn inner_unknowns(&self) -> impl Iterator<Item = usize> {
+        let per_cell = self.element.order() - 1;
+        let in_x = self.functions_x();
+        self.numbers.iter().enumerate().filter_map(move |(place, number)| {
+            let is_bubble = |function: usize| function % per_cell >= 2;
+            number.filter(|_| is_bubble(place % in_x) && is_bubble(place / in_x))
+        })
     }
 
-    /// Which unknowns pinned and clamped edges take away: pinned the deflection and its derivative along the edge, clamped
-    /// also the slope across it and the twist.
+    /// The deflection where something is attached.
+    #[must_use]
+    pub fn attachment(&self, x_m: f64, y_m: f64) -> SparseVector {
+        let (x_m, y_m) = self.attached_at(x_m, y_m);
+        match self.points.unknown(x_m, y_m) {
+            Some(unknown) => vec![(unknown, 1.0)],
+            None => self.row_at(x_m, y_m, Derivative::Value),
+        }
+    }
+
+    /// A matrix over the functions, over the unknowns.
+    pub(super) fn over_unknowns(&self, entries: Entries) -> Entries {
+        self.points.matrix(entries)
+    }
+
+    /// The singular functions that reach into a rectangle (x from, x to, y from, y to), with their unknowns.
+    pub(super) fn singular_in(&self, bounds: [f64; 4]) -> impl Iterator<Item = (usize, &Singular)> {
+        let first = self.free - self.singular.len();
+        self.singular
+            .iter()
+            .enumerate()
+            .filter(move |(_, f)| f.x.overlaps(bounds[0], bounds[1]) && f.y.overlaps(bounds[2], bounds[3]))
+            .map(move |(k, f)| (first + k, f))
+    }
+
+    /// Functions along lines: value and slope at each, and each cell's bubbles.
+    fn functions_along(&self, lines: &Lines) -> usize {
+        lines.cells() * (self.element.order() - 1) + 2
+    }
+
+    /// The function along lines that function `a` of a cell is.
+    #[must_use]
+    pub fn function(&self, cell: usize, a: usize) -> usize {
+        let per_cell = self.element.order() - 1;
+        cell * per_cell
+            + match a {
+                0 | 1 => a,
+                2 | 3 => per_cell + a - 2,
+                bubble => bubble - 2,
+            }
+    }
+
+    /// The deflection's function at line `i`; the slope's is the next.
+    pub(super) fn at_line(&self, i: usize) -> usize {
+        i * (self.element.order() - 1)
+    }
+
+    fn functions_x(&self) -> usize {
+        self.functions_along(&self.x)
+    }
+
+    fn functions_y(&self) -> usize {
+        self.y.as_ref().map_or(1, |y| self.functions_along(y))
+    }
+
+    /// Which unknowns pinned and clamped edges take away: pinned those that do not vanish at the edge, clamped also those
+    /// whose slope across it does not.
     fn fixed(&self, scene: &Scene) -> Vec<bool> {
-        let (columns, rows, per_node) = (self.x.at.len(), self.rows(), self.per_node());
-        let mut fixed = vec![false; columns * rows * per_node];
+        let (in_x, in_y) = (self.functions_x(), self.functions_y());
+        let mut fixed = vec![false; in_x * in_y];
         for edge in &scene.edges {
-            let clamped = match edge.kind {
-                EdgeKind::Pinned => false,
-                EdgeKind::Clamped => true,
+            let taken = match edge.kind {
+                EdgeKind::Pinned => 1,
+                EdgeKind::Clamped => 2,
                 EdgeKind::Elastic { .. } => continue,
             };
-            for (i, j) in self.edge_nodes(edge.side) {
-                for unknown in 0..per_node {
-                    // Bit 0: differentiated along x, bit 1: along y.
-                    let across = if matches!(edge.side, Side::Left | Side::Right) { unknown & 1 } else { unknown >> 1 };
-                    if clamped || across == 0 {
-                        fixed[(j * columns + i) * per_node + unknown] = true;
-                    }
+            for across in (0..taken).map(|k| self.edge_function(edge.side) + k) {
+                match edge.side {
+                    Side::Left | Side::Right => (0..in_y).for_each(|j| fixed[j * in_x + across] = true),
+                    Side::Top | Side::Bottom => (0..in_x).for_each(|i| fixed[across * in_x + i] = true),
                 }
             }
         }
         fixed
     }
 
-    pub(super) fn edge_nodes(&self, side: Side) -> Vec<(usize, usize)> {
-        let (columns, rows) = (self.x.at.len(), self.rows());
+    /// The deflection's function at an edge, in the direction across it; the slope's is the next.
+    pub(super) fn edge_function(&self, side: Side) -> usize {
         match side {
-            Side::Left => (0..rows).map(|j| (0, j)).collect(),
-            Side::Right => (0..rows).map(|j| (columns - 1, j)).collect(),
-            Side::Top => (0..columns).map(|i| (i, 0)).collect(),
-            Side::Bottom => (0..columns).map(|i| (i, rows - 1)).collect(),
+            Side::Left | Side::Top => 0,
+            Side::Right => self.functions_x() - 2,
+            Side::Bottom => self.functions_y().saturating_sub(2),
         }
     }
 
-    /// The number of an unknown of node (i, j); `None` if it is fixed.
+    /// The number of the product of two functions; `None` if it is fixed.
     #[must_use]
-    pub fn number(&self, i: usize, j: usize, unknown: usize) -> Option<usize> {
-        self.numbers.get((j * self.x.at.len() + i) * self.per_node() + unknown).copied().flatten()
+    pub fn number(&self, in_x: usize, in_y: usize) -> Option<usize> {
+        self.numbers.get(in_y * self.functions_x() + in_x).copied().flatten()
     }
 
-    /// The deflection at the node that an attachment has been given.
+    /// Where an attachment is on the mesh: on a bar at a line, those that are nearly at one place at the same.
     #[must_use]
-    pub fn at_node(&self, x_m: f64, y_m: f64) -> SparseVector {
-        let (i, j) = self.node(x_m, y_m);
-        self.number(i, j, 0).map(|number| (number, 1.0)).into_iter().collect()
-    }
-
-    pub(super) fn node(&self, x_m: f64, y_m: f64) -> (usize, usize) {
-        (self.x.nearest(x_m), self.y.as_ref().map_or(0, |y| y.nearest(y_m)))
-    }
-
-    /// Where that node is; y is 0 on a bar.
-    #[must_use]
-    pub fn node_position(&self, x_m: f64, y_m: f64) -> (f64, f64) {
-        let (i, j) = self.node(x_m, y_m);
-        (self.x.at[i], self.y.as_ref().map_or(0.0, |y| y.at[j]))
+    pub fn attached_at(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        if self.y.is_some() { (x_m, y_m) } else { (self.x.at[self.x.nearest(x_m)], 0.0) }
     }
 
     /// Length and width; the latter is 1 on a bar, which has none of its own.
@@ -129,78 +215,69 @@ impl Grid {
         (self.x.at[self.x.cells()], self.y.as_ref().map_or(1.0, |y| y.at[y.cells()]))
     }
 
-    /// The deflection anywhere on the surface: Hermite interpolation in the cell that holds the point.
+    /// The deflection, or a slope, anywhere on the surface: the functions' values there.
     #[must_use]
-    pub fn deflection_at(&self, x_m: f64, y_m: f64) -> SparseVector {
-        let along = |lines: &Lines, at: f64| {
+    pub fn row_at(&self, x_m: f64, y_m: f64, what: Derivative) -> SparseVector {
+        let along = |lines: &Lines, at: f64, slope: bool| {
             let (cell, place) = lines.locate(at);
             let width = lines.at[cell + 1] - lines.at[cell];
-            (cell, values(place, width, [lines.scale[cell], lines.scale[cell + 1]]))
+            let [values, slopes, _] =
+                self.element.derivatives(place, width, [lines.scale[cell], lines.scale[cell + 1]]);
+            (cell, if slope { slopes } else { values })
         };
-        let (cell_x, in_x) = along(&self.x, x_m);
+        let (cell_x, in_x) = along(&self.x, x_m, what == Derivative::SlopeX);
         let (cell_y, in_y) = match &self.y {
-            Some(y) => along(y, y_m),
-            None => (0, [1.0, 0.0, 0.0, 0.0]),
+            Some(y) => along(y, y_m, what == Derivative::SlopeY),
+            None if what == Derivative::SlopeY => return Vec::new(),
+            None => (0, vec![1.0]),
         };
-        let mut out = Vec::with_capacity(16);
-        for (a, value_x) in in_x.iter().enumerate() {
-            for (b, value_y) in in_y.iter().enumerate() {
-                let value = value_x * value_y;
-                if value != 0.0
-                    && let Some(number) = self.number(cell_x + a / 2, cell_y + b / 2, a % 2 + 2 * (b % 2))
-                {
-                    out.push((number, value));
+        let mut out = Vec::with_capacity(in_x.len() * in_y.len());
+        for (b, value_y) in in_y.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+            for (a, value_x) in in_x.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+                if let Some(number) = self.number(self.function(cell_x, a), self.function(cell_y, b)) {
+                    out.push((number, value_x * value_y));
                 }
             }
         }
-        out
+        for (k, f) in self.singular.iter().enumerate() {
+            let jet = f.at(x_m, y_m);
+            let value = match what {
+                Derivative::Value => jet.value,
+                Derivative::SlopeX => jet.x,
+                Derivative::SlopeY => jet.y,
+            };
+            if value != 0.0 {
+                out.push((self.free - self.singular.len() + k, value));
+            }
+        }
+        self.points.row(out)
     }
 
     /// The unknowns' values for the rigid deflection c + cx x + cy y.
     #[must_use]
     pub fn linear(&self, c: f64, cx: f64, cy: f64) -> Vec<f64> {
         let mut out = vec![0.0; self.free];
-        for j in 0..self.rows() {
+        let lines_y = self.y.as_ref().map_or(1, |y| y.at.len());
+        for j in 0..lines_y {
             let (y_at, y_scale) = self.y.as_ref().map_or((0.0, 0.0), |y| (y.at[j], y.scale[j]));
             for (i, (x_at, x_scale)) in self.x.at.iter().zip(&self.x.scale).enumerate() {
-                let values = [c + cx * x_at + cy * y_at, cx * x_scale, cy * y_scale, 0.0];
-                for (unknown, value) in values.iter().enumerate().take(self.per_node()) {
-                    if let Some(number) = self.number(i, j, unknown) {
-                        out[number] = *value;
+                let (here_x, here_y) = (self.at_line(i), self.at_line(j));
+                let slope_y = if self.y.is_some() { self.number(here_x, here_y + 1) } else { None };
+                let entries = [
+                    (self.number(here_x, here_y), c + cx * x_at + cy * y_at),
+                    (self.number(here_x + 1, here_y), cx * x_scale),
+                    (slope_y, cy * y_scale),
+                ];
+                for (number, value) in entries {
+                    if let Some(number) = number {
+                        out[number] = value;
                     }
                 }
             }
         }
+        for ((x, y), unknown) in self.points.all() {
+            out[*unknown] = c + cx * x + cy * y;
+        }
         out
     }
-}
-
-/// A point that needs a node, and how wide the cells around it may be.
-struct Attachment {
-    x_m: f64,
-    y_m: f64,
-    width: f64,
-}
-
-/// All attachments, with what the mesh around them must resolve.
-fn attachments(scene: &Scene, cell_m: f64) -> Vec<Attachment> {
-    let driven = DRIVEN * cell_m;
-    let width = |is_driven: bool| if is_driven { driven } else { f64::INFINITY };
-    let supports = scene.supports.iter().map(|s| (s.x_m, s.y_m, width(s.damping_n_s_per_m > 0.0)));
-    let masses = scene.masses.iter().map(|m| (m.x_m, m.y_m, f64::INFINITY));
-    let actuators = scene.actuators.iter().map(|a| (a.x_m, a.y_m, driven));
-    let mut all: Vec<Attachment> =
-        supports.chain(masses).chain(actuators).map(|(x_m, y_m, width)| Attachment { x_m, y_m, width }).collect();
-    let merged = MERGE * scene.surface.length_m.max(scene.surface.width_m);
-    for i in 0..all.len() {
-        for j in 0..i {
-            let apart = (all[i].x_m - all[j].x_m).hypot(all[i].y_m - all[j].y_m);
-            if apart > merged && apart < cell_m {
-                for k in [i, j] {
-                    all[k].width = all[k].width.min(CLOSE * apart);
-                }
-            }
-        }
-    }
-    all
 }

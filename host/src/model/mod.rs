@@ -1,32 +1,44 @@
 //! The finite-element model of a panel.
 //!
-//! * [`hermite`]: cubic Hermite functions and their one-dimensional matrices,
-//! * [`mesh`]: grid lines through every attachment, fine enough for the shortest wave,
-//! * [`grid`]: the lines' nodes and the numbering of their unknowns,
-//! * [`assembly`]: the panel's sparse matrices: bar elements, or Bogner-Fox-Schmit plate elements (tensor products of the
-//!   bar's functions, conforming), supports, masses, ERAs,
+//! * [`shape`]: functions of a cell of any order and their one-dimensional matrices,
+//! * [`singular`]: what point forces do to a plate, as functions of their own,
+//! * [`mesh`]: grid lines, fine enough for the shortest wave,
+//! * `placement`: where the scene asks for lines and for those functions,
+//! * [`points`]: deflections of stiffly held points as unknowns of their own,
+//! * [`grid`]: the lines' functions and the numbering of their unknowns,
+//! * [`assembly`]: the panel's sparse matrices: bar elements, or plate elements as tensor products of the bar's functions,
+//!   supports, masses, ERAs,
 //! * [`sparse`]: the matrices and their factorisation,
 //! * [`rigid`]: motions that nothing holds,
 //! * [`eigen`]: the modes, by shift-invert block Lanczos,
 //! * [`damping`]: dampers, loss factor, Rayleigh's and modal damping over a basis,
-//! * [`reduced`]: modes and residual shapes as a small model for response, planning and simulation.
+//! * [`reduced`]: modes and residual shapes as a small model for response, planning and simulation,
+//! * [`bounded`]: the same question at rising orders, and a bound from the differences.
 //!
 //! Data flows down this list; [`PanelModel`] is what the rest of the program uses.
 
 pub mod accuracy;
 pub mod assembly;
+pub mod bounded;
 pub mod damping;
 pub mod eigen;
+mod enriched;
 mod error;
 pub mod grid;
-pub mod hermite;
 pub mod mesh;
 mod panel;
+mod placement;
+pub mod points;
+mod questions;
 pub mod reduced;
 pub mod rigid;
+pub mod shape;
+pub mod singular;
 pub mod sparse;
 
 pub use accuracy::Accuracy;
+pub use bounded::{Bound, Bounded};
 pub use error::ModelError;
 pub use panel::{Mode, PanelModel};
+pub use questions::bounded_modes;
 pub use reduced::ReducedModel;

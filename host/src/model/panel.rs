@@ -3,6 +3,7 @@
 use super::assembly::{Assembled, Dashpot, assemble, bar_rigidity, plate_rigidity};
 use super::damping::{Damping, same_ratio};
 use super::eigen::{Modes, Operator, modes};
+use super::grid::{Derivative, Fineness};
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, rigid_modes};
 use super::sparse::{Entries, Factor};
@@ -10,15 +11,19 @@ use super::{Accuracy, ModelError};
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 use nalgebra::DMatrix;
 
-/// Most unknowns: a mesh of 200 x 200 cells, which a laptop factors in seconds.
+/// Most unknowns: what a laptop factors in seconds.
 const MOST_UNKNOWNS: usize = 160_000;
 /// Highest frequency that a model is built for, in Hz: two hundred times what the skin feels.
 const MAX_HZ: f64 = 200_000.0;
-/// A reduced model keeps all modes up to this multiple of the highest frequency; what lies above is carried by residual
-/// shapes, whose error falls with the fourth power of it (two residual terms).
-const MODES_BEYOND: f64 = 2.5;
-/// A bar costs next to nothing: it gets this many times the cells of a plate's longer side.
-const BAR_CELLS: f64 = 4.0;
+/// Bending waves in a cell at the highest frequency. With order 7 a free plate's response is right to 1e-3 there, with 9 to
+/// 1e-4 (`cargo xtask bench model`).
+const WAVES_PER_CELL: f64 = 1.1;
+/// Least cells along the longer side.
+const LEAST_CELLS: f64 = 2.0;
+/// Modes of a reduced model, besides one for each order.
+const LEAST_MODES: usize = 3;
+/// Most cells that shrink towards a corner: with more, rounding in K (1e-16 times the cube of a cell's aspect) shows.
+const MOST_LAYERS: usize = 4;
 
 /// A mode of the panel with everything attached to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +33,8 @@ pub struct Mode {
     /// Damping ratio: phi' C phi / (2 omega) plus eta phi' K_s phi / (2 omega^2), for a mass-normalised shape phi; 0 for a
     /// rigid mode.
     pub damping_ratio: f64,
+    /// Springs so soft hold it that it was computed with a surface that stays straight.
+    pub straight: bool,
 }
 
 /// A meshed and factored panel.
@@ -39,28 +46,39 @@ pub struct PanelModel {
     shift: f64,
     /// Modes that the shift is too far from, or that are known in closed form.
     slow: Modes,
-    cell_m: f64,
+    /// Largest eigenvalue of those known in closed form; negative if there are none.
+    straight: f64,
+    fineness: Fineness,
 }
 
 impl PanelModel {
-    /// Meshes the scene for frequencies up to `max_hz`.
+    /// A reduced model keeps all modes up to this multiple of the highest frequency; what lies above is carried by
+    /// residual shapes, whose error falls with the eighth power of it. It grows with the order of the elements, so that
+    /// the difference between two orders shows both errors.
+    #[allow(clippy::cast_precision_loss, reason = "a dozen at most")]
+    fn modes_beyond(&self) -> f64 {
+        0.75 + 0.25 * self.fineness.order as f64
+    }
+
+    /// Meshes the scene for frequencies up to `max_hz` with the elements that usually meet the tolerance;
+    /// [`super::bounded`] makes sure that they do.
     ///
     /// # Errors
     /// [`ModelError`]: a frequency out of range, a mesh that would be too fine, or matrices that cannot be factored.
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
-        if !(max_hz > 0.0 && max_hz <= MAX_HZ) {
-            return Err(ModelError::Frequency { what: "highest frequency", value: max_hz, min: 0.0, max: MAX_HZ });
-        }
-        let cell_m = cell_size(scene, accuracy, max_hz)?;
-        Self::with_cells(scene, cell_m)
+        Self::with_fineness(scene, fineness(scene, accuracy.order(), 1.0, max_hz)?)
     }
 
-    fn with_cells(scene: &Scene, cell_m: f64) -> Result<Self, ModelError> {
-        let assembled = assemble(scene, cell_m)?;
+    /// Meshes the scene as said.
+    ///
+    /// # Errors
+    /// As [`PanelModel::build`].
+    pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Result<Self, ModelError> {
+        let assembled = assemble(scene, fineness)?;
         let shift = shift(scene);
         let factor = shifted(&assembled, shift)?;
-        let slow = slow_modes(scene, &assembled, shift)?;
-        Ok(Self { scene: scene.clone(), assembled, factor, shift, slow, cell_m })
+        let (slow, straight) = slow_modes(scene, &assembled, shift)?;
+        Ok(Self { scene: scene.clone(), assembled, factor, shift, slow, straight, fineness })
     }
 
     /// Number of unknowns.
@@ -69,13 +87,35 @@ impl PanelModel {
         self.assembled.unknowns()
     }
 
+    /// The mesh.
+    #[must_use]
+    pub fn fineness(&self) -> Fineness {
+        self.fineness
+    }
+
+    /// Order of the elements.
+    #[must_use]
+    pub fn order(&self) -> usize {
+        self.fineness.order
+    }
+
+    /// The panel's longer side over the mesh's least cell.
+    #[must_use]
+    pub fn aspect(&self) -> f64 {
+        let grid = &self.assembled.grid;
+        let least =
+            |lines: &super::mesh::Lines| lines.at.windows(2).map(|at| at[1] - at[0]).fold(f64::INFINITY, f64::min);
+        let (length, width) = grid.size();
+        grid.y.as_ref().map_or_else(|| length / least(&grid.x), |y| length.max(width) / least(&grid.x).min(least(y)))
+    }
+
     /// All modes up to `max_hz`, ascending, rigid ones first.
     ///
     /// # Errors
     /// [`ModelError`] if the iteration does not settle.
     pub fn modes(&self, max_hz: f64) -> Result<Vec<Mode>, ModelError> {
         let found = self.raw_modes(max_hz)?;
-        let damping = self.damping(&found.vectors, MODES_BEYOND * max_hz)?;
+        let damping = self.damping(&found.vectors, 1.5 * max_hz)?;
         // Slow modes are kept whatever was asked for.
         let highest = (std::f64::consts::TAU * max_hz).powi(2);
         Ok(found
@@ -89,28 +129,32 @@ impl PanelModel {
                 Mode {
                     frequency_hz: omega / std::f64::consts::TAU,
                     damping_ratio: if *lambda > 0.0 { ratio.max(0.0) } else { 0.0 },
+                    straight: *lambda <= self.straight,
                 }
             })
             .collect())
     }
 
-    /// A small model for frequencies up to `max_hz`: all modes to 2.5 times that, and residual shapes of the actuators, the
+    /// A small model for frequencies up to `max_hz`: all modes to a multiple of that, and residual shapes of the actuators, the
     /// dashpots and `points` (m).
     ///
     /// # Errors
     /// [`ModelError`] if the iteration does not settle.
     pub fn reduce(&self, max_hz: f64, points: &[(f64, f64)]) -> Result<ReducedModel, ModelError> {
-        let found = self.raw_modes(MODES_BEYOND * max_hz)?;
+        // A short bar may have no mode in the band at all: a few are kept all the same, more at higher orders, so that the
+        // difference between orders shows what the modes left out do.
+        let least = self.fineness.order + LEAST_MODES;
+        let found = self.raw_modes((self.modes_beyond() * max_hz).max(hz_of_mode(&self.scene, least)))?;
         let loads: Vec<_> = self
             .assembled
             .actuators
             .iter()
             .map(|actuator| actuator.force.clone())
             .chain(self.assembled.dashpots.iter().map(|dashpot| dashpot.vector.clone()))
-            .chain(points.iter().map(|(x, y)| self.assembled.grid.deflection_at(*x, *y)))
+            .chain(points.iter().map(|(x, y)| self.assembled.grid.row_at(*x, *y, Derivative::Value)))
             .collect();
         let (lambda, vectors) = super::reduced::basis(self.operator(), &found, &loads);
-        let damping = self.damping(&vectors, MODES_BEYOND * max_hz)?;
+        let damping = self.damping(&vectors, self.modes_beyond() * max_hz)?;
         Ok(ReducedModel::new(lambda, vectors, damping, &self.assembled))
     }
 
@@ -161,7 +205,7 @@ impl PanelModel {
             actuator.stiffness_n_per_m = 0.0;
             actuator.damping_n_s_per_m = 0.0;
         }
-        let supported = Self::with_cells(&bare, self.cell_m)?;
+        let supported = Self::with_fineness(&bare, self.fineness)?;
         let found = supported.raw_modes(max_hz)?;
         let surface = vectors.rows(0, supported.dofs()).into_owned();
         Ok(same_ratio(ratio, &supported.assembled, &found, &surface))
@@ -186,14 +230,15 @@ fn shifted(assembled: &Assembled, shift: f64) -> Result<Factor, ModelError> {
 
 /// The modes that shift-invert about `shift` does not know well: free ones, nearly free ones, and slow ones, of heavy
 /// masses or on soft springs, by a second factorisation with a shift of their own size.
-fn slow_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> Result<Modes, ModelError> {
+fn slow_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> Result<(Modes, f64), ModelError> {
     let RigidModes { known, slow } = rigid_modes(scene, assembled, shift);
-    let Some(slowest) = slow.iter().copied().reduce(f64::min) else { return Ok(known) };
+    let straight = known.lambda.iter().copied().fold(-1.0, f64::max);
+    let Some(slowest) = slow.iter().copied().reduce(f64::min) else { return Ok((known, straight)) };
     // Below a billionth of the usual shift K + s M would be indefinite by rounding.
     let own = slowest.max(1e-9 * shift);
     let factor = shifted(assembled, own)?;
     let fastest = slow.iter().copied().fold(0.0, f64::max);
-    modes(Operator { factor: &factor, mass: &assembled.mass, shift: own }, &known, fastest)
+    Ok((modes(Operator { factor: &factor, mass: &assembled.mass, shift: own }, &known, fastest)?, straight))
 }
 
 /// Rigidity over mass per area (plate) or length (bar), in m^4/s^2.
@@ -205,6 +250,18 @@ fn wave_ratio(scene: &Scene) -> f64 {
     }
 }
 
+/// About where the surface's mode of a number is, in Hz: (n pi / L)^2 on a bar, Weyl's 4 pi n / area on a plate, times the
+/// root of the wave ratio.
+#[allow(clippy::cast_precision_loss, reason = "a dozen or two")]
+fn hz_of_mode(scene: &Scene, n: usize) -> f64 {
+    let (surface, pi) = (&scene.surface, std::f64::consts::PI);
+    let wavenumber_squared = match surface.kind {
+        SurfaceKind::Plate => 4.0 * pi * n as f64 / (surface.length_m * surface.width_m),
+        SurfaceKind::Bar => (n as f64 * pi / surface.length_m).powi(2),
+    };
+    wavenumber_squared * wave_ratio(scene).sqrt() / std::f64::consts::TAU
+}
+
 /// The shift in rad^2/s^2: a quarter of the first bending frequency of the free surface, squared (omega L^2 / sqrt(D/m) =
 /// 22.4). Small enough to separate the low modes, large enough that K + s M is definite whatever holds the panel.
 fn shift(scene: &Scene) -> f64 {
@@ -212,22 +269,28 @@ fn shift(scene: &Scene) -> f64 {
     (22.4 / (length * length)).powi(2) * wave_ratio(scene) / 16.0
 }
 
-fn cell_size(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
+/// The mesh for frequencies up to `max_hz`: elements of an order, in cells that are `part` of the usual ones.
+///
+/// # Errors
+/// [`ModelError`]: a frequency out of range, or too many unknowns.
+#[allow(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "`as` saturates"
+)]
+pub(super) fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<Fineness, ModelError> {
+    if !(max_hz > 0.0 && max_hz <= MAX_HZ) {
+        return Err(ModelError::Frequency { what: "highest frequency", value: max_hz, min: 0.0, max: MAX_HZ });
+    }
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let omega = std::f64::consts::TAU * max_hz;
     let wavelength = std::f64::consts::TAU * (wave_ratio(scene) / (omega * omega)).powf(0.25);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let longest = if is_bar { length } else { length.max(width) };
-    let cells = if is_bar { BAR_CELLS * accuracy.cells() } else { accuracy.cells() };
-    let cell_m = (longest / cells).min(wavelength / accuracy.cells_per_wave());
-    let across = if is_bar { 0.5 } else { (width / cell_m).max(4.0) };
-    let unknowns = 4.0 * (length / cell_m).max(4.0) * across;
-    #[allow(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "`as` saturates"
-    )]
+    let cell_m = part * (longest / LEAST_CELLS).min(wavelength * WAVES_PER_CELL);
+    let functions = |side: f64| (side / cell_m).ceil().max(1.0) * (order as f64 - 1.0) + 2.0;
+    let unknowns = functions(length) * if is_bar { 1.0 } else { functions(width) };
     if unknowns > MOST_UNKNOWNS as f64 {
         return Err(ModelError::TooFine {
             max_hz,
@@ -236,5 +299,6 @@ fn cell_size(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, Mode
             limit: MOST_UNKNOWNS,
         });
     }
-    Ok(cell_m)
+    // One layer more with every second order, so that both parts of the error fall together.
+    Ok(Fineness { cell_m, order, layers: (order.saturating_sub(1) / 2).min(MOST_LAYERS) })
 }

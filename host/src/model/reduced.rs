@@ -9,7 +9,7 @@
 use super::assembly::Assembled;
 use super::damping::Damping;
 use super::eigen::{Modes, Operator};
-use super::grid::{Grid, SparseVector};
+use super::grid::{Derivative, Grid, SparseVector};
 use super::panel::row_times;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex64;
@@ -78,7 +78,7 @@ impl ReducedModel {
     /// The shapes' deflections at a point of the surface (m), length n: w = shape . q.
     #[must_use]
     pub fn shape_at(&self, x_m: f64, y_m: f64) -> DVector<f64> {
-        row_times(&self.grid.deflection_at(x_m, y_m), &self.shapes).transpose()
+        row_times(&self.grid.row_at(x_m, y_m, Derivative::Value), &self.shapes).transpose()
     }
 
     /// Travel of an actuator's mass relative to its electrodes, for given coordinates.

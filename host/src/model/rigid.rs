@@ -134,9 +134,9 @@ fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let at = |x: f64, y: f64| [1.0, x / length, if is_bar { 0.0 } else { y / width }];
-    // Where the matrices have it: attachments that share a node hold nothing against each other.
+    // Where the matrices have it: attachments that share a bar's node hold nothing against each other.
     let at_node = |x: f64, y: f64| {
-        let (x, y) = grid.node_position(x, y);
+        let (x, y) = grid.attached_at(x, y);
         at(x, y)
     };
     let mut holds = Vec::new();

@@ -9,6 +9,7 @@
 //! stay [`MIN_SPACING_HZ`] apart, as slower beats are felt as a flutter.
 
 pub mod allocate;
+mod bound;
 pub mod limits;
 pub mod plan;
 pub mod search;

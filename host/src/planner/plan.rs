@@ -120,7 +120,7 @@ pub struct Plan {
     pub predicted: Predicted,
     /// What keeps the intensity below what was asked for, as `voltage of left`; `null` if nothing does.
     pub limited_by: Option<String>,
-    /// Upper bound on the relative error of `target_peak_g`; `null` while none is computed.
+    /// Upper bound on the relative error of `target_peak_g`; `null` where there is none.
     pub error_bound: Option<f64>,
 }
 
@@ -172,9 +172,9 @@ impl PlanTable {
             target_mm: [first.x_mm, first.y_mm],
             predicted: self.predict(&selection, &zone, targets, first.peak_g),
             limited_by: self.limited_by(&selection),
+            error_bound: self.bound(&selection, first).value(),
             targets: results,
             drives,
-            error_bound: None,
             elapsed_us: started.elapsed().as_secs_f64() * 1e6,
         })
     }

@@ -3,6 +3,7 @@
 use super::PULSE_WIDTH;
 use super::limits::{Electrodes, Limit};
 use crate::model::ReducedModel;
+use crate::model::bounded::{Estimator, Levels};
 use crate::response::{self, ResponseError};
 use crate::scene::{Scene, SurfaceKind};
 use nalgebra::{DMatrix, DVector};
@@ -86,6 +87,8 @@ pub struct SurfaceGrid {
 pub struct PlanTable {
     /// The panel's reduced model.
     pub model: ReducedModel,
+    /// Coarser ones, which tell how wrong it may be; without them plans have no error bound.
+    pub coarser: Option<([ReducedModel; 2], Estimator)>,
     /// The scene.
     pub scene: Scene,
     /// Frequencies in Hz, ascending.
@@ -99,6 +102,16 @@ pub struct PlanTable {
 }
 
 impl PlanTable {
+    /// Computes the table of the finest level; the coarser ones give its plans an error bound.
+    ///
+    /// # Errors
+    /// As [`PlanTable::build`].
+    pub fn with_levels(scene: &Scene, levels: Levels, options: TableOptions) -> Result<Self, ResponseError> {
+        let mut table = Self::build(scene, levels.fine, options)?;
+        table.coarser = Some((levels.coarser, levels.estimator));
+        Ok(table)
+    }
+
     /// Computes the table.
     ///
     /// # Errors
@@ -122,7 +135,7 @@ impl PlanTable {
         let entries = (0..electrodes.len())
             .map(|actuator| columns.iter().map(|column| column.get(actuator).cloned().flatten()).collect())
             .collect();
-        Ok(Self { model, scene: scene.clone(), frequencies_hz, entries, electrodes, grid })
+        Ok(Self { model, coarser: None, scene: scene.clone(), frequencies_hz, entries, electrodes, grid })
     }
 }
 

@@ -6,8 +6,10 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+mod bounded;
 mod peak;
 
+pub use bounded::{CurveError, bounded_curves};
 pub use peak::{Component, peak_acceleration};
 
 /// Part of the matrix's scale below which a pivot counts as zero: an undamped panel at its resonance.

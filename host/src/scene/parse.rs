@@ -72,13 +72,13 @@ struct Size {
 
 impl Size {
     fn x_m(&self, section: &Section<'_, '_>) -> f64 {
-        section.number("x_mm", side_range(self.length_m)) / 1e3
+        (section.number("x_mm", side_range(self.length_m)) / 1e3).min(self.length_m)
     }
 
     /// A bar's attachments lie on its axis, whatever y is given.
     fn y_m(&self, section: &Section<'_, '_>) -> f64 {
         match self.kind {
-            SurfaceKind::Plate => section.number("y_mm", side_range(self.width_m)) / 1e3,
+            SurfaceKind::Plate => (section.number("y_mm", side_range(self.width_m)) / 1e3).min(self.width_m),
             SurfaceKind::Bar => {
                 section.number_or("y_mm", 0.0, side_range(self.width_m));
                 self.width_m / 2.0
@@ -92,7 +92,7 @@ fn side_range(side_m: f64) -> Allowed {
         return Allowed::NotNegative;
     }
     // In the units of the file, free of the rounding of the way to metres and back.
-    Allowed::Within(0.0, (side_m * 1e12).round() / 1e9)
+    Allowed::Along((side_m * 1e12).round() / 1e9)
 }
 
 fn surface(section: Section<'_, '_>) -> Surface {

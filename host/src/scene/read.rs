@@ -87,6 +87,8 @@ pub enum Allowed {
     NotNegative,
     /// Between the two, both included.
     Within(f64, f64),
+    /// From 0 to a side's length, which may have more digits than are shown.
+    Along(f64),
     /// Between the two, both excluded.
     Between(f64, f64),
 }
@@ -98,6 +100,7 @@ impl Allowed {
                 Allowed::Positive => value > 0.0,
                 Allowed::NotNegative => value >= 0.0,
                 Allowed::Within(min, max) => (min..=max).contains(&value),
+                Allowed::Along(side) => value >= 0.0 && value <= side * (1.0 + 1e-9),
                 Allowed::Between(min, max) => value > min && value < max,
             }
     }
@@ -110,6 +113,7 @@ impl fmt::Display for Allowed {
             Allowed::NotNegative => f.write_str("0 and above"),
             Allowed::Within(min, max) if min.total_cmp(max).is_eq() => write!(f, "{min}"),
             Allowed::Within(min, max) => write!(f, "{} to {}", plain(*min), plain(*max)),
+            Allowed::Along(side) => write!(f, "0 to {side}"),
             Allowed::Between(min, max) => write!(f, "between {min} and {max}, both excluded"),
         }
     }

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write;
 
 /// A scene under construction.
+#[derive(Clone, Debug)]
 pub struct SceneText {
     kind: &'static str,
     pub length_m: f64,

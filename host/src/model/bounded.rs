@@ -1,0 +1,360 @@
+//! Answers with a bound on their error.
+//!
+//! The same question is put to elements of order p - 4, p - 2 and p. Their spaces are contained in each other, so that
+//! frequencies fall towards the exact ones, and the differences d' (p - 4 to p - 2) and d (p - 2 to p) shrink by a ratio
+//! r = d / d'. If later differences shrink no slower, the error of order p is at most d r / (1 - r); and if they come to fall
+//! as p^-6 only (p^-2 to p^-4 where shapes are singular), it is at most d / ((p / (p - 2))^6 - 1). The bound is the larger, times a safety factor of 2, and what
+//! rounding can do. Steps of two, as a step of one leaves shapes of one parity as they were. That differences shrink so is
+//! not a theorem but what elements of rising order do once they resolve the waves; `host/tests/bounds.rs` holds it against
+//! much finer solutions of random scenes, `host/tests/model_reference.rs` against closed references.
+//!
+//! As long as the bound is above the tolerance, p grows by two, and then the cells shrink.
+
+use super::grid::Fineness;
+use super::panel::{PanelModel, fineness};
+use super::placement::{has_singular_corner, is_singular};
+use super::shape::HIGHEST_ORDER;
+use super::{Accuracy, ModelError, ReducedModel};
+use crate::scene::{Scene, SurfaceKind};
+use std::time::Instant;
+
+/// Times the estimate.
+const SAFETY: f64 = 2.0;
+/// Largest ratio of differences that allows a bound.
+const LARGEST_RATIO: f64 = 0.7;
+/// Errors fall at least as this power of the order: at corners of free edges they do (measured on the free square: 7 to 9).
+const LEAST_POWER: f64 = 6.0;
+/// The same with corners between clamped and free edges, towards which cells shrink.
+const LEAST_POWER_CORNER: f64 = 4.0;
+/// The same where shapes are singular in a way that no function of the mesh has (measured: 2 to 6).
+const LEAST_POWER_SINGULAR: f64 = 2.0;
+/// Relative error of a frequency by rounding on a regular mesh.
+const ROUNDING: f64 = 2e-10;
+/// Rounding in the entries of K on thin cells, per cube of the panel's side over the least cell.
+const ROUNDING_PER_ASPECT: f64 = 1e-15;
+/// Cells shrink to this part when the highest order is not enough.
+const SMALLER: f64 = 0.5;
+/// Most unknowns of a level that is tried in order to meet a tolerance.
+const MOST_UNKNOWNS: usize = 8_000;
+
+/// A bound on an error, or why there is none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bound {
+    /// The error is at most this.
+    AtMost(f64),
+    /// Nothing is known, for this reason.
+    Unknown(&'static str),
+}
+
+impl Bound {
+    /// The number, if there is one.
+    #[must_use]
+    pub fn value(self) -> Option<f64> {
+        match self {
+            Bound::AtMost(value) => Some(value),
+            Bound::Unknown(_) => None,
+        }
+    }
+
+    /// Why there is none.
+    #[must_use]
+    pub fn reason(self) -> Option<&'static str> {
+        match self {
+            Bound::AtMost(_) => None,
+            Bound::Unknown(reason) => Some(reason),
+        }
+    }
+}
+
+/// One level of the ladder, for `--explain`.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// The mesh.
+    pub fineness: Fineness,
+    /// Its unknowns.
+    pub dofs: usize,
+    /// Time for mesh, factors and answer in ms.
+    pub elapsed_ms: f64,
+    /// Largest bound with this level as the finest; infinite if it is among the first two.
+    pub bound: f64,
+}
+
+/// An answer, and how wrong it may be.
+#[derive(Debug)]
+pub struct Bounded<T> {
+    /// From the finest level.
+    pub answer: T,
+    /// One for each part of the answer that has its own.
+    pub bounds: Vec<Bound>,
+    /// The levels, coarsest first.
+    pub steps: Vec<Step>,
+    /// The finest level.
+    pub model: PanelModel,
+}
+
+/// Something that is asked at every level.
+pub trait Question {
+    /// What comes back.
+    type Answer;
+    /// What may go wrong.
+    type Error: From<ModelError>;
+
+    /// Asks a level.
+    ///
+    /// # Errors
+    /// Those of the model, and the question's own.
+    fn ask(&self, model: &PanelModel) -> Result<Self::Answer, Self::Error>;
+
+    /// Relative differences of the parts of `fine` from those of `coarse`; infinite where they cannot be compared.
+    fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64>;
+
+    /// A factor on the bound, for answers whose errors come together in more ways than a frequency's.
+    fn safety(&self) -> f64 {
+        1.0
+    }
+
+    /// What each part may be wrong by for reasons that no finer mesh mends; `rounding` is what a frequency's is.
+    fn floors(&self, fine: &Self::Answer, rounding: f64) -> Vec<f64>;
+}
+
+/// Why no bound exists for plates with rotational point springs.
+const POINT_MOMENT: &str = "a plate turns freely about a point (its slope there is not bounded by its energy), so that a \
+    rotational spring at a point has no limit that a finer mesh would approach";
+/// Why there is none where the levels do not agree.
+const NOT_SETTLED: &str =
+    "the finest levels that were tried do not agree yet: ask for a looser tolerance or a lower frequency";
+
+/// The answer of the cheapest level whose bounds are within the tolerance, or of the finest that was tried.
+///
+/// # Errors
+/// [`ModelError`]: a frequency out of range, too many unknowns, matrices that cannot be factored; and the question's own.
+pub fn bounded<Q: Question>(
+    question: &Q,
+    scene: &Scene,
+    accuracy: Accuracy,
+    max_hz: f64,
+) -> Result<Bounded<Q::Answer>, Q::Error> {
+    let mut ladder = Ladder { question, scene, max_hz, levels: Vec::new(), steps: Vec::new() };
+    let mut part = 1.0;
+    let mut order = accuracy.order();
+    for below in [order - 4, order - 2, order] {
+        ladder.climb(fineness(scene, below, part, max_hz)?)?;
+    }
+    loop {
+        let (bounds, floors) = ladder.bounds();
+        let largest = bounds.iter().copied().fold(0.0, f64::max);
+        if let Some(step) = ladder.steps.last_mut() {
+            step.bound = largest;
+        }
+        // Nothing to gain where rounding is all that is left.
+        let met = largest <= accuracy.value() || bounds.iter().zip(&floors).all(|(bound, floor)| *bound <= 2.0 * floor);
+        // Smaller cells do little for what is singular.
+        let is_smooth = !has_singular_corner(scene) && !ladder.is_singular();
+        let next = if order + 2 <= HIGHEST_ORDER || !is_smooth {
+            (order + 2, part)
+        } else {
+            (accuracy.order(), part * SMALLER)
+        };
+        let finer = if met || next.0 > HIGHEST_ORDER || has_point_moment(scene) {
+            None
+        } else {
+            fineness(scene, next.0, next.1, max_hz).ok()
+        };
+        let Some(finer) = finer.filter(|finer| expected_unknowns(scene, *finer) < MOST_UNKNOWNS as f64) else {
+            return Ok(ladder.finish(bounds));
+        };
+        if next.1 < part {
+            // A new mesh: its own three orders.
+            ladder.levels.clear();
+            for below in [next.0 - 4, next.0 - 2] {
+                ladder.climb(fineness(scene, below, next.1, max_hz)?)?;
+            }
+        }
+        (order, part) = next;
+        ladder.climb(finer)?;
+    }
+}
+
+fn has_point_moment(scene: &Scene) -> bool {
+    scene.surface.kind == SurfaceKind::Plate
+        && scene.supports.iter().any(|support| support.rotational_stiffness_n_m_per_rad > 0.0)
+}
+
+fn expected_unknowns(scene: &Scene, fineness: Fineness) -> f64 {
+    let layers = if has_singular_corner(scene) { 2 * fineness.layers } else { 0 };
+    let along = |side: f64| ((side / fineness.cell_m).ceil() + layers as f64) * (fineness.order as f64 - 1.0) + 2.0;
+    along(scene.surface.length_m)
+        * if scene.surface.kind == SurfaceKind::Bar { 1.0 } else { along(scene.surface.width_m) }
+}
+
+struct Ladder<'a, Q: Question> {
+    question: &'a Q,
+    scene: &'a Scene,
+    max_hz: f64,
+    /// The last three.
+    levels: Vec<(PanelModel, Q::Answer)>,
+    steps: Vec<Step>,
+}
+
+impl<Q: Question> Ladder<'_, Q> {
+    fn climb(&mut self, fineness: Fineness) -> Result<(), Q::Error> {
+        let started = Instant::now();
+        let model = PanelModel::with_fineness(self.scene, fineness)?;
+        let answer = self.question.ask(&model)?;
+        let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+        tracing::debug!(order = fineness.order, dofs = model.dofs(), elapsed_ms, max_hz = self.max_hz, "level");
+        self.steps.push(Step { fineness, dofs: model.dofs(), elapsed_ms, bound: f64::INFINITY });
+        self.levels.push((model, answer));
+        if self.levels.len() > 3 {
+            self.levels.remove(0);
+        }
+        Ok(())
+    }
+
+    fn is_singular(&self) -> bool {
+        self.levels.last().is_some_and(|(model, _)| is_singular(self.scene, model.fineness()))
+    }
+
+    /// Bounds for the finest of three levels, and the part of them that no finer level mends; infinite where the differences do not shrink.
+    fn bounds(&self) -> (Vec<f64>, Vec<f64>) {
+        let [(_, first), (_, second), (model, third)] = self.levels.as_slice() else {
+            return (vec![f64::INFINITY], vec![0.0]);
+        };
+        let before = self.question.differences(first, second);
+        let last = self.question.differences(second, third);
+        let estimator = Estimator::new(self.scene, model);
+        let floors = self.question.floors(third, estimator.rounding);
+        // The level before may have had fewer parts to compare.
+        let before = before.into_iter().chain(std::iter::repeat(f64::INFINITY));
+        let bounds = last
+            .iter()
+            .zip(before)
+            .zip(&floors)
+            .map(|((last, before), floor)| self.question.safety() * estimator.estimate(before, *last) + floor);
+        (bounds.collect(), floors)
+    }
+
+    fn finish(mut self, bounds: Vec<f64>) -> Bounded<Q::Answer> {
+        let bounds = bounds
+            .into_iter()
+            .map(|bound| match bound {
+                _ if has_point_moment(self.scene) => Bound::Unknown(POINT_MOMENT),
+                bound if bound.is_finite() => Bound::AtMost(bound),
+                _ => Bound::Unknown(NOT_SETTLED),
+            })
+            .collect();
+        let (model, answer) = self.levels.remove(self.levels.len() - 1);
+        Bounded { answer, bounds, steps: self.steps, model }
+    }
+}
+
+/// What a scene's and a mesh's kind says about how fast differences shrink.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimator {
+    order: usize,
+    power: f64,
+    /// Relative error of a frequency by rounding.
+    rounding: f64,
+    has_point_moment: bool,
+}
+
+impl Estimator {
+    fn new(scene: &Scene, model: &PanelModel) -> Self {
+        Self {
+            order: model.fineness().order,
+            power: match model.fineness() {
+                fineness if is_singular(scene, fineness) => LEAST_POWER_SINGULAR,
+                _ if has_singular_corner(scene) => LEAST_POWER_CORNER,
+                _ => LEAST_POWER,
+            },
+            rounding: ROUNDING + ROUNDING_PER_ASPECT * model.aspect().powi(3),
+            has_point_moment: has_point_moment(scene),
+        }
+    }
+
+    /// The bound from two successive differences, infinite where they do not shrink.
+    #[allow(clippy::cast_precision_loss, reason = "orders are small")]
+    fn estimate(&self, before: f64, last: f64) -> f64 {
+        if last == 0.0 {
+            return 0.0;
+        }
+        let ratio = if before.is_finite() { last / before } else { LARGEST_RATIO };
+        if ratio.is_nan() || ratio > LARGEST_RATIO || !last.is_finite() {
+            // Before the waves are resolved differences need not shrink; rounding need not either.
+            return if last <= self.rounding { last } else { f64::INFINITY };
+        }
+        let p = self.order as f64;
+        let algebraic = 1.0 / ((p / (p - 2.0)).powf(self.power) - 1.0);
+        SAFETY * last * algebraic.max(ratio / (1.0 - ratio))
+    }
+
+    /// The bound of a response from the relative differences of the two coarser levels and of the two finer ones.
+    #[must_use]
+    pub fn response_bound(&self, before: f64, last: f64) -> Bound {
+        match RESPONSE_SAFETY * self.estimate(before, last) + SHARPEST * self.rounding {
+            _ if self.has_point_moment => Bound::Unknown(POINT_MOMENT),
+            bound if bound.is_finite() => Bound::AtMost(bound),
+            _ => Bound::Unknown(NOT_SETTLED),
+        }
+    }
+}
+
+/// Factor on the bound of a response: it has errors of shapes, frequencies and truncation, which need not shrink together.
+pub const RESPONSE_SAFETY: f64 = 2.5;
+
+/// Error of a response, relative to its peak, over that of the frequencies by rounding: what the sharpest resonance that
+/// anyone has (a quality of a thousand) makes of it.
+pub const SHARPEST: f64 = 500.0;
+
+/// Reduced models of three levels, for answers that are asked for over and over.
+#[derive(Clone, Debug)]
+pub struct Levels {
+    /// The finest.
+    pub fine: ReducedModel,
+    /// The next coarser one, and the one before that.
+    pub coarser: [ReducedModel; 2],
+    /// What makes a bound of their differences.
+    pub estimator: Estimator,
+}
+
+impl Levels {
+    /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.
+    ///
+    /// # Errors
+    /// As [`bounded`].
+    pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
+        // One step finer than a first try, as nobody climbs from here.
+        let order = accuracy.order() + 2;
+        let level = |order: usize| PanelModel::with_fineness(scene, fineness(scene, order, 1.0, max_hz)?);
+        let fine = level(order)?;
+        let reduced = |model: &PanelModel| model.reduce(max_hz, &[]);
+        Ok(Self {
+            coarser: [reduced(&level(order - 2)?)?, reduced(&level(order - 4)?)?],
+            estimator: Estimator::new(scene, &fine),
+            fine: reduced(&fine)?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn estimates_bound_geometric_and_algebraic_convergence() {
+        let of = |order| Estimator { order, power: LEAST_POWER, rounding: ROUNDING, has_point_moment: false };
+        // Errors q^p: the ratio of differences over two orders is q^2.
+        for q in [0.01_f64, 0.2, 0.5, 0.8] {
+            let error = |p: i32| q.powi(p);
+            let bound = of(7).estimate(error(3) - error(5), error(5) - error(7));
+            assert!(bound >= error(7), "{q}");
+        }
+        // Errors p^-k.
+        for k in [6, 8, 12] {
+            let error = |p: f64| p.powi(-k);
+            let bound = of(9).estimate(error(5.0) - error(7.0), error(7.0) - error(9.0));
+            assert!(bound >= error(9.0) && bound < 20.0 * error(9.0), "{k}: {bound:e} {:e}", error(9.0));
+        }
+        assert_eq!(of(7).estimate(1e-3, 2e-3), f64::INFINITY);
+    }
+}

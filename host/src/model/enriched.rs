@@ -1,0 +1,360 @@
+//! Integrals over the cells that a singular function reaches: with the elements' functions and among themselves.
+//!
+//! Each cell is cut into rectangles that are small against their distance to every singular point (a factor of four from
+//! one to the next, where Gauss points converge as 9^-n), and on each rectangle the tensor structure of the elements'
+//! functions is used: along x first, then along y.
+
+use super::assembly::Section;
+use super::grid::Grid;
+use super::mesh::Lines;
+use super::shape::gauss;
+use super::singular::{Jet, Singular};
+use super::sparse::Entries;
+
+/// Rectangles touching a singular point are cut until they are this part of the cell: energies of r^2 log r in what is
+/// left are 4^-20 of the cell's.
+const SMALLEST: f64 = 1.0 / 1_048_576.0;
+/// Largest side of a rectangle over its distance to the singular point: 3 for three quarters of a side cut at a quarter.
+const NEAREST: f64 = 3.01;
+/// Gauss points beyond the elements' order: for the blending polynomials (degree 7) and the logarithm.
+const EXTRA_POINTS: usize = 6;
+
+/// Fewer points on smaller rectangles: an energy of 16^-l needs that many digits less after l cuts, log 16 / (2 log 3) = 1.26
+/// points each.
+const FEWER_POINTS: f64 = 1.2;
+/// Least points.
+const LEAST_POINTS: usize = 4;
+
+/// A rectangle: x from, x to, y from, y to.
+type Rectangle = [f64; 4];
+
+/// Adds the surface's stiffness and mass that the singular functions of `grid` bring; `section` gives a cell's own.
+pub(super) fn add_singular(
+    grid: &Grid,
+    y: &Lines,
+    section: impl Fn(usize, usize) -> Option<Section>,
+    stiffness: &mut Entries,
+    mass: &mut Entries,
+) {
+    let n = grid.element.order() + 1;
+    let rules = Rules::new(n + EXTRA_POINTS);
+    for cell_y in 0..y.cells() {
+        for cell_x in 0..grid.x.cells() {
+            let bounds = [grid.x.at[cell_x], grid.x.at[cell_x + 1], y.at[cell_y], y.at[cell_y + 1]];
+            let active: Vec<(usize, &Singular)> = grid.singular_in(bounds).collect();
+            let Some(section) = section(cell_x, cell_y).filter(|_| !active.is_empty()) else { continue };
+            let centres = centres(&active);
+            let mut block = Block::new(n, active.len());
+            for part in rectangles(bounds, &centres) {
+                let rule = rules.of(part, bounds);
+                let x = Along::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
+                let y = Along::new(grid, y, cell_y, [part[2], part[3]], rule);
+                block.add(&x, &y, &active, section.poisson);
+            }
+            let numbers: Vec<_> =
+                (0..n * n).map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n))).collect();
+            for (e, (number, _)) in active.iter().enumerate() {
+                for (k, other) in numbers.iter().enumerate() {
+                    if let Some(other) = other {
+                        let [bend, inertia] = block.with_cell[e * n * n + k];
+                        both(stiffness, *number, *other, section.rigidity * bend);
+                        both(mass, *number, *other, section.per_area * inertia);
+                    }
+                }
+                for (f, (other, _)) in active.iter().enumerate() {
+                    let [bend, inertia] = block.among[e * active.len() + f];
+                    stiffness.add(*number, *other, section.rigidity * bend);
+                    mass.add(*number, *other, section.per_area * inertia);
+                }
+            }
+        }
+    }
+}
+
+fn both(entries: &mut Entries, row: usize, column: usize, value: f64) {
+    entries.add(row, column, value);
+    entries.add(column, row, value);
+}
+
+/// Gauss rules by the number of their points.
+struct Rules(Vec<Vec<(f64, f64)>>);
+
+impl Rules {
+    fn new(most: usize) -> Self {
+        Self((0..=most).map(|points| if points < LEAST_POINTS { Vec::new() } else { gauss(points) }).collect())
+    }
+
+    /// The rule for a part of a cell.
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "small counts, and `as` saturates"
+    )]
+    fn of(&self, part: Rectangle, cell: Rectangle) -> &[(f64, f64)] {
+        let size = |r: Rectangle| (r[1] - r[0]).max(r[3] - r[2]);
+        let cuts = (size(cell) / size(part)).log(4.0).max(0.0);
+        let most = self.0.len() - 1;
+        let points = (most as f64 - FEWER_POINTS * cuts).round() as usize;
+        &self.0[points.clamp(LEAST_POINTS.min(most), most)]
+    }
+}
+
+/// Integrals of one cell, each [bending over rigidity, inertia over mass per area].
+struct Block {
+    n: usize,
+    with_cell: Vec<[f64; 2]>,
+    among: Vec<[f64; 2]>,
+}
+
+/// Points and weights of one rectangle in one direction, with the cell's functions there.
+struct Along {
+    at: Vec<f64>,
+    weight: Vec<f64>,
+    /// Value, first and second derivative, points x functions.
+    functions: Vec<[Vec<f64>; 3]>,
+}
+
+impl Along {
+    fn new(grid: &Grid, lines: &Lines, cell: usize, part: [f64; 2], rule: &[(f64, f64)]) -> Self {
+        let (from, width) = (lines.at[cell], lines.at[cell + 1] - lines.at[cell]);
+        let scale = [lines.scale[cell], lines.scale[cell + 1]];
+        let length = part[1] - part[0];
+        let at: Vec<f64> = rule.iter().map(|(t, _)| part[0] + t * length).collect();
+        Self {
+            functions: at.iter().map(|at| grid.element.derivatives((at - from) / width, width, scale)).collect(),
+            weight: rule.iter().map(|(_, weight)| weight * length).collect(),
+            at,
+        }
+    }
+}
+
+impl Block {
+    fn new(n: usize, singular: usize) -> Self {
+        Self { n, with_cell: vec![[0.0; 2]; singular * n * n], among: vec![[0.0; 2]; singular * singular] }
+    }
+
+    fn add(&mut self, x: &Along, y: &Along, active: &[(usize, &Singular)], poisson: f64) {
+        let n = self.n;
+        let mut jets = vec![Jet::default(); active.len()];
+        // Sums along x for each function a: against N_a'', N_a (bending), N_a' and N_a (inertia).
+        let mut along_x = vec![[0.0; 4]; active.len() * n];
+        for (at_y, (y_m, weight_y)) in y.at.iter().zip(&y.weight).enumerate() {
+            along_x.fill([0.0; 4]);
+            for (at_x, (x_m, weight_x)) in x.at.iter().zip(&x.weight).enumerate() {
+                let weight = weight_x * weight_y;
+                let [value, first, second] = &x.functions[at_x];
+                for (e, (_, f)) in active.iter().enumerate() {
+                    let jet = f.at(*x_m, *y_m);
+                    jets[e] = jet;
+                    let bend_x = weight * (jet.xx + poisson * jet.yy);
+                    let bend_y = weight * (jet.yy + poisson * jet.xx);
+                    let twist = weight * 2.0 * (1.0 - poisson) * jet.xy;
+                    let inertia = weight * jet.value;
+                    for (a, sum) in along_x[e * n..(e + 1) * n].iter_mut().enumerate() {
+                        sum[0] += second[a] * bend_x;
+                        sum[1] += value[a] * bend_y;
+                        sum[2] += first[a] * twist;
+                        sum[3] += value[a] * inertia;
+                    }
+                }
+                self.add_among(&jets, weight, poisson);
+            }
+            let [value, first, second] = &y.functions[at_y];
+            for (sum, out) in along_x.iter().zip(self.with_cell.chunks_exact_mut(n)) {
+                for (b, out) in out.iter_mut().enumerate() {
+                    out[0] += sum[0] * value[b] + sum[1] * second[b] + sum[2] * first[b];
+                    out[1] += sum[3] * value[b];
+                }
+            }
+        }
+    }
+
+    fn add_among(&mut self, jets: &[Jet], weight: f64, poisson: f64) {
+        for (e, f) in jets.iter().enumerate() {
+            for (g, out) in jets.iter().zip(&mut self.among[e * jets.len()..]) {
+                let curvature = f.xx * (g.xx + poisson * g.yy) + f.yy * (g.yy + poisson * g.xx);
+                out[0] += weight * (curvature + 2.0 * (1.0 - poisson) * f.xy * g.xy);
+                out[1] += weight * f.value * g.value;
+            }
+        }
+    }
+}
+
+/// Where the functions are singular, and where their blending has its joints.
+fn centres(active: &[(usize, &Singular)]) -> Vec<(f64, f64)> {
+    let sources = active.iter().flat_map(|(_, f)| f.sources.iter().map(|source| source.centre));
+    let mut all: Vec<(f64, f64)> = active.iter().map(|(_, f)| (f.x.centre, f.y.centre)).chain(sources).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    all.dedup();
+    all
+}
+
+/// The rectangle cut up for integration; all centres' coordinates become borders, as the blending has its joints there.
+fn rectangles(bounds: Rectangle, centres: &[(f64, f64)]) -> Vec<Rectangle> {
+    let smallest = SMALLEST * (bounds[1] - bounds[0]).max(bounds[3] - bounds[2]);
+    let stops = |from: f64, to: f64, at: &dyn Fn(&(f64, f64)) -> f64| {
+        if from >= to {
+            // A stretch of a line.
+            return vec![from, to];
+        }
+        let mut stops: Vec<f64> = centres.iter().map(at).filter(|at| *at > from && *at < to).collect();
+        stops.extend([from, to]);
+        stops.sort_by(f64::total_cmp);
+        stops.dedup_by(|b, a| *b - *a < smallest);
+        stops
+    };
+    let (in_x, in_y) = (stops(bounds[0], bounds[1], &|c| c.0), stops(bounds[2], bounds[3], &|c| c.1));
+    let mut out = Vec::new();
+    for y in in_y.windows(2) {
+        for x in in_x.windows(2) {
+            cut([x[0], x[1], y[0], y[1]], centres, smallest, &mut out);
+        }
+    }
+    out
+}
+
+fn cut(part: Rectangle, centres: &[(f64, f64)], smallest: f64, out: &mut Vec<Rectangle>) {
+    let (width, height) = (part[1] - part[0], part[3] - part[2]);
+    let largest = width.max(height);
+    let beside = |from: f64, to: f64, at: f64| (from - at).max(at - to).max(0.0);
+    let nearest = centres
+        .iter()
+        .map(|(x, y)| (beside(part[0], part[1], *x).hypot(beside(part[2], part[3], *y)), (*x, *y)))
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((distance, (x, y))) = nearest else { return out.push(part) };
+    if largest <= NEAREST * distance || largest <= smallest {
+        return out.push(part);
+    }
+    // At a quarter from the end that is nearer to the point; a long rectangle is first cut across.
+    let place = |from: f64, to: f64, at: f64| {
+        if at - from <= to - at { 0.75 * from + 0.25 * to } else { 0.25 * from + 0.75 * to }
+    };
+    let (at_x, at_y) = (place(part[0], part[1], x), place(part[2], part[3], y));
+    let in_x = if 2.0 * width > height { vec![[part[0], at_x], [at_x, part[1]]] } else { vec![[part[0], part[1]]] };
+    let in_y = if 2.0 * height > width { vec![[part[2], at_y], [at_y, part[3]]] } else { vec![[part[2], part[3]]] };
+    for [y0, y1] in in_y {
+        for [x0, x1] in &in_x {
+            cut([*x0, *x1, y0, y1], centres, smallest, out);
+        }
+    }
+}
+
+/// Adds what line springs along an edge bring for the singular functions: `stiffness` against w, `rotational` against the
+/// slope across the edge. `position` is the edge's, `lines` those along it, `number` the number of the product of the
+/// functions (0 for w, 1 for the slope) across and along it.
+pub(super) struct EdgeSprings<'a> {
+    /// The mesh.
+    pub grid: &'a Grid,
+    /// Lines along the edge.
+    pub lines: &'a Lines,
+    /// Whether the edge runs along y.
+    pub along_y: bool,
+    /// Its place across.
+    pub position: f64,
+    /// Against deflection, per metre.
+    pub stiffness: f64,
+    /// Against the slope across the edge, per metre.
+    pub rotational: f64,
+    /// What the slope's unknowns are multiplied with to give a slope.
+    pub slope_unit: f64,
+}
+
+impl EdgeSprings<'_> {
+    pub(super) fn add(&self, number: impl Fn(usize, usize) -> Option<usize>, entries: &mut Entries) {
+        let grid = self.grid;
+        let n = grid.element.order() + 1;
+        let rule = gauss(n + EXTRA_POINTS);
+        for cell in 0..self.lines.cells() {
+            let (from, to) = (self.lines.at[cell], self.lines.at[cell + 1]);
+            let [x, y] = self.place([from, to]);
+            let active: Vec<(usize, &Singular)> = grid.singular_in([x[0], x[1], y[0], y[1]]).collect();
+            if active.is_empty() {
+                continue;
+            }
+            // A rectangle without height: the same cuts, by the distance from the line.
+            let centres = centres(&active);
+            let bounds = if self.along_y { [x[0], x[0], from, to] } else { [from, to, y[0], y[0]] };
+            for part in rectangles(bounds, &centres) {
+                let stretch = if self.along_y { [part[2], part[3]] } else { [part[0], part[1]] };
+                let along = Along::new(grid, self.lines, cell, stretch, &rule);
+                for ((at, weight), functions) in along.at.iter().zip(&along.weight).zip(&along.functions) {
+                    self.add_point(*at, *weight, &functions[0], cell, &active, &number, entries);
+                }
+            }
+        }
+    }
+
+    /// x and y ranges of a stretch of the edge, with a hair of width across so that functions reaching it are found.
+    fn place(&self, stretch: [f64; 2]) -> [[f64; 2]; 2] {
+        let hair = 1e-9 * (stretch[1] - stretch[0]);
+        let across = [self.position - hair, self.position + hair];
+        if self.along_y { [across, stretch] } else { [stretch, across] }
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "a loop's body")]
+    fn add_point(
+        &self,
+        at: f64,
+        weight: f64,
+        functions: &[f64],
+        cell: usize,
+        active: &[(usize, &Singular)],
+        number: &impl Fn(usize, usize) -> Option<usize>,
+        entries: &mut Entries,
+    ) {
+        let jets: Vec<(f64, f64)> = active
+            .iter()
+            .map(|(_, f)| {
+                let jet = if self.along_y { f.at(self.position, at) } else { f.at(at, self.position) };
+                (jet.value, if self.along_y { jet.x } else { jet.y })
+            })
+            .collect();
+        for ((e, _), (value, slope)) in active.iter().zip(&jets) {
+            for (a, function) in functions.iter().enumerate() {
+                let along = self.grid.function(cell, a);
+                if let Some(other) = number(0, along) {
+                    both(entries, *e, other, weight * self.stiffness * value * function);
+                }
+                if let Some(other) = number(1, along) {
+                    both(entries, *e, other, weight * self.rotational * slope * function * self.slope_unit);
+                }
+            }
+            for ((f, _), (other_value, other_slope)) in active.iter().zip(&jets) {
+                let value = self.stiffness * value * other_value + self.rotational * slope * other_slope;
+                entries.add(*e, *f, weight * value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The integral of log r over a square around the singular point is known: for 0..1 x 0..1 it is
+    /// (log 2 + pi/2 - 3) / 2.
+    #[test]
+    fn rectangles_integrate_a_logarithm() {
+        let rule = gauss(12);
+        let integral = |bounds: Rectangle, at: (f64, f64)| {
+            let mut sum = 0.0;
+            for [x0, x1, y0, y1] in rectangles(bounds, &[at]) {
+                for (u, wu) in &rule {
+                    for (v, wv) in &rule {
+                        let (x, y) = (x0 + u * (x1 - x0) - at.0, y0 + v * (y1 - y0) - at.1);
+                        sum += wu * wv * (x1 - x0) * (y1 - y0) * x.hypot(y).ln();
+                    }
+                }
+            }
+            sum
+        };
+        let quarter = 0.5 * (2.0_f64.ln() + std::f64::consts::FRAC_PI_2 - 3.0);
+        assert!((integral([0.0, 1.0, 0.0, 1.0], (0.0, 0.0)) / quarter - 1.0).abs() < 1e-11);
+        assert!((integral([-1.0, 1.0, -1.0, 1.0], (0.0, 0.0)) / (4.0 * quarter) - 1.0).abs() < 1e-11);
+        // A cell beside the point and a long one.
+        let whole = integral([0.0, 1.0, 0.0, 1.0], (0.0, 0.0));
+        let parts = integral([0.0, 1.0, 0.0, 0.03], (0.0, 0.0)) + integral([0.0, 1.0, 0.03, 1.0], (0.0, 0.0));
+        assert!((whole / parts - 1.0).abs() < 1e-11);
+    }
+}

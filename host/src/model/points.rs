@@ -1,0 +1,160 @@
+//! Deflections of stiffly held points as unknowns of their own.
+//!
+//! A spring of 1e18 N/m at a point inside a cell adds k N_a N_b to a hundred entries, whose rounding alone (1e-16 k) is
+//! stiffer than the panel. So the deflection v = R u of each such point takes the place of one unknown u_P that has part
+//! in it: u_P = R_P^-1 (v - R_F u_F), and the spring is a single number on the diagonal.
+
+use super::grid::SparseVector;
+use super::sparse::Entries;
+use nalgebra::DMatrix;
+use std::collections::HashMap;
+
+/// Least value of a function at the point, over the largest, for it to be preferred because it lives in one cell alone.
+const PREFERRED: f64 = 0.1;
+
+/// The change of unknowns; the identity where nothing is stiff.
+#[derive(Clone, Debug, Default)]
+pub struct Points {
+    /// Places (m), and the unknown that each has become.
+    at: Vec<((f64, f64), usize)>,
+    /// What a replaced unknown is in the new ones.
+    replaced: HashMap<usize, SparseVector>,
+}
+
+impl Points {
+    /// The change for deflections `rows` at places `at`; `inner` tells functions that live in one cell. Points that depend
+    /// on others stay as they are.
+    pub(super) fn new(at: &[(f64, f64)], rows: &[SparseVector], inner: impl Fn(usize) -> bool) -> Self {
+        let mut pivots: Vec<usize> = Vec::new();
+        let mut kept: Vec<usize> = Vec::new();
+        // Elimination row by row; each is cleared of the pivots before it.
+        let mut cleared: Vec<HashMap<usize, f64>> = Vec::new();
+        for (m, row) in rows.iter().enumerate() {
+            let mut rest: HashMap<usize, f64> = row.iter().copied().collect();
+            let size = rest.values().fold(0.0, |most: f64, value| most.max(value.abs()));
+            for (pivot, other) in pivots.iter().zip(&cleared) {
+                let factor = rest.get(pivot).copied().unwrap_or(0.0) / other[pivot];
+                if factor != 0.0 {
+                    for (index, value) in other {
+                        *rest.entry(*index).or_insert(0.0) -= factor * value;
+                    }
+                    rest.insert(*pivot, 0.0);
+                }
+            }
+            let largest = |only_inner: bool| {
+                let candidates = rest.iter().filter(|(index, _)| !only_inner || inner(**index));
+                candidates
+                    .map(|(index, value)| (*index, value.abs()))
+                    .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))
+            };
+            let Some(any) = largest(false).filter(|any| any.1 > f64::EPSILON.sqrt() * size) else { continue };
+            let pivot = largest(true).filter(|inner| inner.1 >= PREFERRED * any.1).unwrap_or(any).0;
+            pivots.push(pivot);
+            cleared.push(rest);
+            kept.push(m);
+        }
+        let n = pivots.len();
+        let value = |m: usize, index: usize| rows[m].iter().filter(|(j, _)| *j == index).map(|(_, v)| v).sum::<f64>();
+        let square = DMatrix::from_fn(n, n, |i, j| value(kept[i], pivots[j]));
+        let Some(inverse) = square.try_inverse() else { return Self::default() };
+        let replaced = pivots.iter().enumerate().map(|(i, pivot)| {
+            let mut in_new: HashMap<usize, f64> = HashMap::new();
+            for (j, m) in kept.iter().enumerate() {
+                *in_new.entry(pivots[j]).or_insert(0.0) += inverse[(i, j)];
+                for (index, value) in rows[*m].iter().filter(|(index, _)| !pivots.contains(index)) {
+                    *in_new.entry(*index).or_insert(0.0) -= inverse[(i, j)] * value;
+                }
+            }
+            let mut row: SparseVector = in_new.into_iter().collect();
+            row.sort_by_key(|(index, _)| *index);
+            (*pivot, row)
+        });
+        let replaced = replaced.collect();
+        Self { at: kept.iter().zip(&pivots).map(|(m, pivot)| (at[*m], *pivot)).collect(), replaced }
+    }
+
+    /// The unknown that is the deflection at a place, if it is one of these.
+    pub(super) fn unknown(&self, x_m: f64, y_m: f64) -> Option<usize> {
+        self.at.iter().find(|(at, _)| *at == (x_m, y_m)).map(|(_, unknown)| *unknown)
+    }
+
+    /// All of them with their places.
+    pub(super) fn all(&self) -> &[((f64, f64), usize)] {
+        &self.at
+    }
+
+    /// A row over the old unknowns, over the new ones.
+    pub(super) fn row(&self, row: SparseVector) -> SparseVector {
+        if row.iter().all(|(index, _)| !self.replaced.contains_key(index)) {
+            return row;
+        }
+        let mut out: HashMap<usize, f64> = HashMap::new();
+        for (index, value) in row {
+            match self.replaced.get(&index) {
+                None => *out.entry(index).or_insert(0.0) += value,
+                Some(terms) => terms.iter().for_each(|(j, part)| *out.entry(*j).or_insert(0.0) += value * part),
+            }
+        }
+        let mut row: SparseVector = out.into_iter().collect();
+        row.sort_by_key(|(index, _)| *index);
+        row
+    }
+
+    /// A matrix over the old unknowns, over the new ones.
+    pub(super) fn matrix(&self, entries: Entries) -> Entries {
+        if self.replaced.is_empty() {
+            return entries;
+        }
+        let mut out = Entries::default();
+        for (row, column, value) in entries.iter() {
+            let (own_row, own_column) = ([(row, 1.0)], [(column, 1.0)]);
+            let rows = self.replaced.get(&row).map_or(&own_row[..], Vec::as_slice);
+            let columns = self.replaced.get(&column).map_or(&own_column[..], Vec::as_slice);
+            for (i, a) in rows {
+                for (j, b) in columns {
+                    out.add(*i, *j, a * value * b);
+                }
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deflections_become_unknowns() {
+        let rows = vec![vec![(0, 0.5), (1, 1.0), (2, 0.2)], vec![(1, 0.9), (2, 0.4), (3, -0.3)]];
+        let points = Points::new(&[(0.1, 0.2), (0.3, 0.4)], &rows, |index| index == 2);
+        for (row, at) in rows.iter().zip([(0.1, 0.2), (0.3, 0.4)]) {
+            let unknown = points.unknown(at.0, at.1).unwrap();
+            let new = points.row(row.clone());
+            for (index, value) in new {
+                assert!((value - if index == unknown { 1.0 } else { 0.0 }).abs() < 1e-15, "{index} {value}");
+            }
+        }
+        // The same numbers in old and new unknowns: u' A u.
+        let mut matrix = Entries::default();
+        for i in 0..4 {
+            for j in 0..4 {
+                matrix.add(i, j, 1.0 / (1.0 + i as f64 + j as f64));
+            }
+        }
+        let new = [0.3, -0.7, 0.2, 1.1];
+        let old: Vec<f64> =
+            (0..4).map(|i| points.row(vec![(i, 1.0)]).iter().map(|(j, value)| value * new[*j]).sum()).collect();
+        let form = |entries: &Entries, u: &[f64]| entries.iter().map(|(i, j, a)| u[i] * a * u[j]).sum::<f64>();
+        let transformed = points.matrix(matrix.clone());
+        assert!((form(&matrix, &old) - form(&transformed, &new)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn dependent_points_are_left_alone() {
+        let rows = vec![vec![(0, 0.5), (1, 1.0)], vec![(0, 1.0), (1, 2.0)], vec![]];
+        let points = Points::new(&[(0.1, 0.0), (0.2, 0.0), (0.3, 0.0)], &rows, |_| true);
+        assert!(points.unknown(0.1, 0.0).is_some() && points.unknown(0.2, 0.0).is_none());
+        assert!(points.unknown(0.3, 0.0).is_none());
+    }
+}

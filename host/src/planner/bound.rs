@@ -1,0 +1,41 @@
+//! How wrong a plan's prediction may be.
+
+use super::plan::TargetResult;
+use super::search::Selection;
+use super::{PlanTable, STANDARD_GRAVITY};
+use crate::model::{Bound, ReducedModel};
+use crate::response;
+use num_complex::Complex64;
+
+/// Why there is no bound on what nothing moves, or what was not asked for.
+const NOTHING: &str = "nothing moves at the target";
+const NO_LEVELS: &str = "no coarser model was made to compare with";
+const UNBOUNDED: &str = "a coarser model is at an undamped resonance";
+
+impl PlanTable {
+    /// A bound on the relative error of the first target's peak: the same drives on the coarser models, and the
+    /// differences of the phasors, added up as the peak adds their magnitudes (equation 23).
+    pub(super) fn bound(&self, selection: &Selection, target: &TargetResult) -> Bound {
+        let Some(([middle, coarse], estimator)) = &self.coarser else { return Bound::Unknown(NO_LEVELS) };
+        let peak = target.peak_g * STANDARD_GRAVITY;
+        if peak <= 0.0 {
+            return Bound::Unknown(NOTHING);
+        }
+        let at = (target.x_mm / 1e3, target.y_mm / 1e3);
+        let phasors = |model: &ReducedModel| -> Option<Vec<Complex64>> {
+            let shape = model.shape_at(at.0, at.1);
+            let each = selection.drives.iter().enumerate().map(|(actuator, (candidate, force))| {
+                let omega = std::f64::consts::TAU * candidate.frequency_hz;
+                let q = response::modal_coordinates(model, candidate.frequency_hz).ok()?;
+                Some(response::dot(&shape, q.get(actuator)?) * (-omega * omega * force))
+            });
+            each.collect()
+        };
+        let (Some(fine), Some(middle), Some(coarse)) = (phasors(&self.model), phasors(middle), phasors(coarse)) else {
+            return Bound::Unknown(UNBOUNDED);
+        };
+        let difference =
+            |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / peak;
+        estimator.response_bound(difference(&coarse, &middle), difference(&middle, &fine))
+    }
+}
