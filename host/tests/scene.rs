@@ -177,13 +177,21 @@ fn border_belongs_to_surface_and_screen() {
 }
 
 #[test]
-fn board_has_four_channels() {
+fn the_model_takes_any_number_of_actuators_and_the_planner_four() {
     let (rest, actuator) = EXAMPLE_PLATE.split_at(EXAMPLE_PLATE.rfind("[[actuator]]").unwrap());
     let with = |ids: &[&str]| {
         let more: String = ids.iter().map(|id| actuator.replace("\"right\"", &format!("{id:?}"))).collect();
         Scene::parse("many.toml", &format!("{rest}{more}"))
     };
-    assert_eq!(with(&["b", "c", "d"]).unwrap().actuators.len(), 4);
-    let said = with(&["b", "c", "d", "e"]).unwrap_err().to_string();
-    assert!(said.contains("actuator[5]") && said.contains("at most 4 actuators"), "{said}");
+    let six = with(&["b", "c", "d", "e", "f"]).unwrap();
+    assert_eq!(six.actuators.len(), 6);
+    let curves = era::response::bounded_curves(&six, era::model::Accuracy::FAST, (0.1, 0.1), &[60.0, 90.0]).unwrap();
+    assert_eq!(curves.answer.len(), 6);
+    let options = era::planner::TableOptions { from_hz: 60.0, to_hz: 80.0, step_hz: 10.0 };
+    let model =
+        era::model::PanelModel::build(&six, era::model::Accuracy::FAST, 80.0).unwrap().reduce(80.0, &[]).unwrap();
+    let table = era::planner::PlanTable::build(&six, model, options).unwrap();
+    let target = era::planner::Target { x_m: 0.1, y_m: 0.1, intensity_g: None };
+    let said = table.plan(&[target]).unwrap_err().to_string();
+    assert!(said.contains("6 actuators") && said.contains("at most 4"), "{said}");
 }

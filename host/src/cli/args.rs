@@ -53,6 +53,11 @@ pub enum Command {
     /// Acceleration at a point per newton at each actuator, over frequency
     #[command(after_help = "Example:\n  era response --at 100,60 --from 50 --to 400 --step 2")]
     Response(Response),
+    /// Motion of a point after drives are switched on
+    #[command(
+        after_help = "Example:\n  era transient --at 100,60 --drive left:120:0.1 --drive right:88:0.1:90 --duration 0.5 --csv -"
+    )]
+    Transient(Transient),
     /// The drives for a touch, without driving anything
     #[command(after_help = "Example:\n  era plan --at 100,60 --unit mm --json")]
     Plan(Plan),
@@ -79,6 +84,9 @@ pub struct Panel {
     /// Relative tolerance as a number, 1e-8 to 0.1
     #[arg(long, value_name = "REL")]
     pub tolerance: Option<f64>,
+    /// Say on standard error what was modelled, what was left out, and what each step towards the tolerance cost and bought
+    #[arg(long)]
+    pub explain: bool,
 }
 
 impl Panel {
@@ -172,6 +180,60 @@ pub struct Response {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Transient {
+    #[command(flatten)]
+    pub panel: Panel,
+    /// Point on the surface in mm
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    pub at: Point,
+    /// An actuator, its frequency, force amplitude and phase of the cosine (-90, a sine, unless given); several times for
+    /// several drives
+    #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive, required = true)]
+    pub drive: Vec<DriveText>,
+    /// How long in s
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
+    pub duration: f64,
+    /// Between two times in s
+    #[arg(long, value_name = "S", default_value_t = 1e-4, allow_negative_numbers = true)]
+    pub step: f64,
+    /// Write time_s,displacement_m,acceleration_m_per_s2 lines; `-` is standard output
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A drive as written on the command line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveText {
+    pub actuator: String,
+    pub frequency_hz: f64,
+    pub force_n: f64,
+    pub phase_deg: f64,
+}
+
+fn parse_drive(text: &str) -> Result<DriveText, String> {
+    let number = |part: &str| {
+        part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
+    };
+    let parts: Vec<&str> = text.split(':').collect();
+    let (id, rest) = parts.split_first().ok_or("empty")?;
+    let (frequency, force, phase) = match rest {
+        // A sine: the force rises from nothing.
+        [frequency, force] => (frequency, force, &"-90"),
+        [frequency, force, phase] => (frequency, force, phase),
+        _ => return Err(format!("{text:?} is not of the form ID:HZ:NEWTON or ID:HZ:NEWTON:DEG")),
+    };
+    Ok(DriveText {
+        actuator: (*id).to_owned(),
+        frequency_hz: number(frequency)?,
+        force_n: number(force)?,
+        phase_deg: number(phase)?,
+    })
 }
 
 /// Where a point's numbers count.

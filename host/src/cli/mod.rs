@@ -5,10 +5,12 @@
 
 mod args;
 mod client;
+mod explain;
 mod latency;
 mod panel;
 mod progress;
 mod serve;
+mod transient;
 mod verify;
 
 use clap::Parser;
@@ -76,6 +78,7 @@ fn run(arguments: args::Arguments) -> Outcome {
         Some(Command::State(options)) => client::state(&options),
         Some(Command::Modes(options)) => panel::modes(&options),
         Some(Command::Response(options)) => panel::response(&options),
+        Some(Command::Transient(options)) => transient::run(&options),
         Some(Command::Plan(options)) => panel::plan(&options),
         Some(Command::Field(options)) => panel::field(&options),
         Some(Command::Verify(options)) => verify::run(&options),

@@ -1,12 +1,13 @@
 //! Commands that study a panel: modes, response, plan, field.
 
 use super::args::{At, Field, Modes, Panel, Plan, Response, Unit};
+use super::explain::explain;
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::model::bounded::Levels;
+use crate::model::bounded::{Levels, Step};
 use crate::model::{Accuracy, Bound, ModelError, bounded_modes};
 use crate::planner::{PlanError, PlanTable, TableOptions, Target};
-use crate::scene::{Scene, SurfaceKind};
+use crate::scene::{MAX_ACTUATORS, Scene, SurfaceKind};
 use crate::{response, study};
 use serde_json::json;
 use std::fmt::Write;
@@ -69,6 +70,7 @@ pub fn modes(options: &Modes) -> Outcome {
     let found = with_progress("computing modes", || bounded_modes(&scene, accuracy, options.max_hz))?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let dofs = found.model.dofs();
+    tell_steps(&options.panel, &scene, accuracy, &found.steps);
     tell_missing(&found.bounds, accuracy);
     let modes = || found.answer.iter().zip(&found.bounds);
     if options.json {
@@ -97,6 +99,13 @@ pub fn modes(options: &Modes) -> Outcome {
     print_text(&text)
 }
 
+/// `--explain`.
+fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Step]) {
+    if panel.explain {
+        eprintln!("{}", explain(scene, accuracy.value(), steps));
+    }
+}
+
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
 fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
     if let Some(reason) = bounds.iter().find_map(|bound| bound.reason()) {
@@ -120,6 +129,7 @@ pub fn response(options: &Response) -> Outcome {
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let curves = &found.answer;
+    tell_steps(&options.panel, &scene, accuracy, &found.steps);
     tell_missing(&found.bounds, accuracy);
     if options.json {
         let actuators: Vec<_> = scene
@@ -181,7 +191,7 @@ fn frequencies(options: &Response) -> Result<Vec<f64>, Failure> {
 }
 
 /// A point of the command line on the surface, in m.
-fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
+pub fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
     match unit {
         Unit::Px => scene.screen.px_to_surface_m(x, y).map_err(Failure::usage),
         Unit::Mm => {
@@ -200,9 +210,14 @@ fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64)
 /// The planner's table for a scene.
 pub fn plan_table(panel: &Panel, scene: &Scene) -> Result<PlanTable, Failure> {
     let options = TableOptions::default();
+    if scene.actuators.len() > MAX_ACTUATORS {
+        // Before minutes are spent on a table that no plan comes from.
+        return Err(PlanError::Actuators { count: scene.actuators.len() }.into());
+    }
     let accuracy = panel.accuracy()?;
     warn_if_thick(scene);
     let levels = with_progress("computing modes", || Levels::build(scene, accuracy, options.to_hz))?;
+    tell_steps(panel, scene, accuracy, &levels.steps);
     with_progress("computing the response of every actuator", || PlanTable::with_levels(scene, levels, options))
         .map_err(Failure::failed)
 }

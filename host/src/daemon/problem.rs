@@ -95,7 +95,7 @@ impl From<PlanError> for Problem {
             PlanError::Count { .. } => {
                 Self::new(StatusCode::BAD_REQUEST, "touch-count", "Too many or too few touches", error.to_string())
             }
-            PlanError::NoActuators | PlanError::NoFrequencies => {
+            PlanError::NoActuators | PlanError::Actuators { .. } | PlanError::NoFrequencies => {
                 Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", error.to_string())
             }
         }

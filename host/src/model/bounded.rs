@@ -11,7 +11,7 @@
 //! As long as the bound is above the tolerance, p grows by two, and then the cells shrink.
 
 use super::grid::Fineness;
-use super::panel::{PanelModel, fineness};
+use super::panel::{PanelModel, Parts, fineness};
 use super::placement::{has_singular_corner, is_singular};
 use super::shape::HIGHEST_ORDER;
 use super::{Accuracy, ModelError, ReducedModel};
@@ -71,6 +71,8 @@ impl Bound {
 pub struct Step {
     /// The mesh.
     pub fineness: Fineness,
+    /// What it is made of.
+    pub parts: Parts,
     /// Its unknowns.
     pub dofs: usize,
     /// Time for mesh, factors and answer in ms.
@@ -203,7 +205,7 @@ impl<Q: Question> Ladder<'_, Q> {
         let answer = self.question.ask(&model)?;
         let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
         tracing::debug!(order = fineness.order, dofs = model.dofs(), elapsed_ms, max_hz = self.max_hz, "level");
-        self.steps.push(Step { fineness, dofs: model.dofs(), elapsed_ms, bound: f64::INFINITY });
+        self.steps.push(Step { fineness, parts: model.parts(), dofs: model.dofs(), elapsed_ms, bound: f64::INFINITY });
         self.levels.push((model, answer));
         if self.levels.len() > 3 {
             self.levels.remove(0);
@@ -315,6 +317,8 @@ pub struct Levels {
     pub coarser: [ReducedModel; 2],
     /// What makes a bound of their differences.
     pub estimator: Estimator,
+    /// The levels, coarsest first; bounds belong to each answer.
+    pub steps: Vec<Step>,
 }
 
 impl Levels {
@@ -325,14 +329,20 @@ impl Levels {
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
         // One step finer than a first try, as nobody climbs from here.
         let order = accuracy.order() + 2;
-        let level = |order: usize| PanelModel::with_fineness(scene, fineness(scene, order, 1.0, max_hz)?);
-        let fine = level(order)?;
-        let reduced = |model: &PanelModel| model.reduce(max_hz, &[]);
-        Ok(Self {
-            coarser: [reduced(&level(order - 2)?)?, reduced(&level(order - 4)?)?],
-            estimator: Estimator::new(scene, &fine),
-            fine: reduced(&fine)?,
-        })
+        let mut steps = Vec::new();
+        let mut level = |order: usize| -> Result<_, ModelError> {
+            let started = Instant::now();
+            let fineness = fineness(scene, order, 1.0, max_hz)?;
+            let model = PanelModel::with_fineness(scene, fineness)?;
+            let reduced = model.reduce(max_hz, &[])?;
+            let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+            steps.push(Step { fineness, parts: model.parts(), dofs: model.dofs(), elapsed_ms, bound: f64::INFINITY });
+            Ok((Estimator::new(scene, &model), reduced))
+        };
+        let (_, coarse) = level(order - 4)?;
+        let (_, middle) = level(order - 2)?;
+        let (estimator, fine) = level(order)?;
+        Ok(Self { fine, coarser: [middle, coarse], estimator, steps })
     }
 }
 

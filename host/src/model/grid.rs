@@ -127,6 +127,16 @@ impl Grid {
         self.points.matrix(entries)
     }
 
+    /// How many functions of point forces there are.
+    pub(super) fn point_functions(&self) -> usize {
+        self.singular.len()
+    }
+
+    /// How many stiffly held points have unknowns of their own.
+    pub(super) fn stiff_points_held(&self) -> usize {
+        self.points.all().len()
+    }
+
     /// The singular functions that reach into a rectangle (x from, x to, y from, y to), with their unknowns.
     pub(super) fn singular_in(&self, bounds: [f64; 4]) -> impl Iterator<Item = (usize, &Singular)> {
         let first = self.free - self.singular.len();

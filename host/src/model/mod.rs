@@ -39,6 +39,6 @@ pub mod sparse;
 pub use accuracy::Accuracy;
 pub use bounded::{Bound, Bounded};
 pub use error::ModelError;
-pub use panel::{Mode, PanelModel};
+pub use panel::{Mode, PanelModel, Parts};
 pub use questions::bounded_modes;
 pub use reduced::ReducedModel;

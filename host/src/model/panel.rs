@@ -37,6 +37,19 @@ pub struct Mode {
     pub straight: bool,
 }
 
+/// What a mesh is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Parts {
+    /// Cells along x and along y.
+    pub cells: [usize; 2],
+    /// Functions of point forces.
+    pub point_functions: usize,
+    /// Deflections that are unknowns of their own.
+    pub stiff_points: usize,
+    /// Rigid and slow modes known before the iteration.
+    pub known_modes: usize,
+}
+
 /// A meshed and factored panel.
 #[derive(Debug)]
 pub struct PanelModel {
@@ -85,6 +98,18 @@ impl PanelModel {
     #[must_use]
     pub fn dofs(&self) -> usize {
         self.assembled.unknowns()
+    }
+
+    /// Cells along x and y (1 on a bar), functions of point forces, and stiffly held points with unknowns of their own.
+    #[must_use]
+    pub fn parts(&self) -> Parts {
+        let grid = &self.assembled.grid;
+        Parts {
+            cells: [grid.x.cells(), grid.y.as_ref().map_or(1, super::mesh::Lines::cells)],
+            point_functions: grid.point_functions(),
+            stiff_points: grid.stiff_points_held(),
+            known_modes: self.slow.lambda.len(),
+        }
     }
 
     /// The mesh.

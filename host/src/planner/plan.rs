@@ -3,7 +3,7 @@
 use super::search::{Candidate, Selection, search};
 use super::table::{Entry, PlanTable, at_point};
 use super::{DEFAULT_INTENSITY_G, PULSE_WIDTH, STANDARD_GRAVITY, TARGET_RADIUS_M};
-use crate::scene::SurfaceKind;
+use crate::scene::{MAX_ACTUATORS, SurfaceKind};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use serde::Serialize;
@@ -37,6 +37,15 @@ pub enum PlanError {
     /// The scene has nothing to drive.
     #[error("the scene has no [[actuator]], so there is nothing to drive")]
     NoActuators,
+    /// More actuators than a board drives.
+    #[error(
+        "the scene has {count} actuators, but plans are made for at most {MAX_ACTUATORS}, a board's channels (modes and \
+         responses take any number)"
+    )]
+    Actuators {
+        /// In the scene.
+        count: usize,
+    },
     /// No target, or too many.
     #[error("touches: {count} given, 1 to {MAX_TARGETS} allowed")]
     Count {
@@ -203,6 +212,9 @@ impl PlanTable {
     fn check(&self, targets: &[Target]) -> Result<Vec<f64>, PlanError> {
         if self.scene.actuators.is_empty() {
             return Err(PlanError::NoActuators);
+        }
+        if self.scene.actuators.len() > MAX_ACTUATORS {
+            return Err(PlanError::Actuators { count: self.scene.actuators.len() });
         }
         if targets.is_empty() || targets.len() > MAX_TARGETS {
             return Err(PlanError::Count { count: targets.len() });

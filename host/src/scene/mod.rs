@@ -17,7 +17,7 @@ use std::path::Path;
 pub const EXAMPLE_PLATE: &str = include_str!("../../../examples/scenes/plate.toml");
 /// The example bar, as in `examples/scenes/bar.toml`.
 pub const EXAMPLE_BAR: &str = include_str!("../../../examples/scenes/bar.toml");
-/// Most actuators: the channels of a board.
+/// Most actuators that are planned for and driven: the channels of a board. The model takes any number.
 pub const MAX_ACTUATORS: usize = era_shared::MAX_CHANNELS;
 
 /// A scene in SI units. Positions are in m from the surface's top-left corner, x to the right, y down.

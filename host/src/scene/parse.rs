@@ -2,8 +2,7 @@
 
 use super::read::{Allowed, Mistake, Report, SceneError, Section};
 use super::{
-    Actuator, Edge, EdgeKind, MAX_ACTUATORS, Mass, Material, Mount, Scene, Screen, Side, Support, Surface,
-    SurfaceDamping, SurfaceKind,
+    Actuator, Edge, EdgeKind, Mass, Material, Mount, Scene, Screen, Side, Support, Surface, SurfaceDamping, SurfaceKind,
 };
 use toml::de::DeTable;
 
@@ -306,11 +305,6 @@ fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {
             section.report().add(&section.place("id"), text);
         }
         actuators.push(actuator);
-        if actuators.len() == MAX_ACTUATORS + 1 {
-            let text =
-                format!("{}: at most {MAX_ACTUATORS} actuators are allowed (a board's channels)", section.path());
-            section.report().add(&section.place("id"), text);
-        }
         section.close();
     }
     actuators

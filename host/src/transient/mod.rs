@@ -17,6 +17,7 @@ mod blocks;
 mod exponential;
 mod modal;
 pub mod oscillator;
+pub mod panel;
 mod propagator;
 mod sampled;
 mod state;

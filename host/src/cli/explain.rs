@@ -1,0 +1,102 @@
+//! What was modelled, what was left out, and what each step cost and bought: `--explain`.
+
+use crate::model::bounded::Step;
+use crate::scene::{EdgeKind, Mount, Scene, SurfaceDamping, SurfaceKind};
+use std::fmt::Write;
+
+/// The scene's part of it.
+fn modelled(scene: &Scene) -> String {
+    let surface = &scene.surface;
+    let mm = |m: f64| m * 1e3;
+    let mut text = match surface.kind {
+        SurfaceKind::Bar => {
+            format!(
+                "modelled: a beam (Euler-Bernoulli), {} x {} x {} mm, along x only",
+                mm(surface.length_m),
+                mm(surface.width_m),
+                mm(surface.thickness_m)
+            )
+        }
+        SurfaceKind::Plate => {
+            format!(
+                "modelled: a thin plate (Kirchhoff), {} x {} x {} mm",
+                mm(surface.length_m),
+                mm(surface.width_m),
+                mm(surface.thickness_m)
+            )
+        }
+    };
+    let held = scene.edges.iter().filter(|edge| !matches!(edge.kind, EdgeKind::Elastic { .. })).count();
+    let inertial = scene.actuators.iter().filter(|actuator| actuator.mount == Mount::Inertial).count();
+    let parts = [
+        (scene.supports.len(), "point supports"),
+        (held, "edges held"),
+        (scene.edges.len() - held, "elastic edges"),
+        (scene.masses.len(), "attached masses"),
+        (inertial, "inertial ERAs, each with an unknown for its mass"),
+        (scene.actuators.len() - inertial, "grounded ERAs"),
+    ];
+    for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
+        let _ = write!(text, ", {count} {what}");
+    }
+    text.push_str(match surface.damping {
+        SurfaceDamping::None => ", no damping of the surface",
+        SurfaceDamping::LossFactor(_) => ", hysteretic damping of the surface",
+        SurfaceDamping::ModalRatio(_) => ", the same damping ratio on every mode of the surface",
+        SurfaceDamping::Rayleigh { .. } => ", Rayleigh damping of the surface",
+    });
+    text
+}
+
+/// The whole text.
+#[must_use]
+pub fn explain(scene: &Scene, tolerance: f64, steps: &[Step]) -> String {
+    let mut text = modelled(scene);
+    text.push_str(
+        "\nleft out: shear and rotary inertia, stretching in the plane, the air, what the electrodes' field does to an ERA's \
+         stiffness; modes above those kept are in the residual shapes of actuators, dashpots and the point asked for",
+    );
+    let _ =
+        write!(text, "\n order  cells    unknowns  point forces  stiff points  known modes      time   error at most");
+    for step in steps {
+        let bound = if step.bound.is_finite() { format!("{:.0e}", step.bound) } else { String::from("(to compare)") };
+        let cells = format!("{}x{}", step.parts.cells[0], step.parts.cells[1]);
+        let _ = write!(
+            text,
+            "\n{:6}  {cells:8} {:8}  {:12}  {:12}  {:11}  {:6.1} ms   {bound}",
+            step.fineness.order,
+            step.dofs,
+            step.parts.point_functions,
+            step.parts.stiff_points,
+            step.parts.known_modes,
+            step.elapsed_ms,
+        );
+    }
+    let total: f64 = steps.iter().map(|step| step.elapsed_ms).sum();
+    let _ = match steps.last().map(|step| step.bound) {
+        Some(bound) if bound <= tolerance => write!(text, "\ntolerance {tolerance:.0e} met, {total:.1} ms in all"),
+        // A table of plans: each plan has its own.
+        Some(f64::INFINITY) => write!(text, "\n{total:.1} ms in all; the bound is each answer's own"),
+        _ => write!(text, "\ntolerance {tolerance:.0e} not met by the finest that was tried, {total:.1} ms in all"),
+    };
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Accuracy, bounded_modes};
+
+    #[test]
+    fn every_step_and_every_part_is_told() {
+        let scene = Scene::parse("bar", crate::scene::EXAMPLE_BAR).unwrap();
+        let found = bounded_modes(&scene, Accuracy::BALANCED, 300.0).unwrap();
+        let text = explain(&scene, 1e-3, &found.steps);
+        for piece in ["a beam", "2 grounded ERAs", "hysteretic", "left out: shear", "tolerance 1e-3 met"] {
+            assert!(text.contains(piece), "{piece:?} is not in {text}");
+        }
+        assert_eq!(text.lines().count(), 2 + 1 + found.steps.len() + 1, "{text}");
+        let last = found.steps.last().unwrap();
+        assert!(text.contains(&format!("{:6}  ", last.fineness.order)) && text.contains(&last.dofs.to_string()));
+    }
+}
