@@ -8,7 +8,8 @@
 //! not a theorem but what elements of rising order do once they resolve the waves; `host/tests/bounds.rs` holds it against
 //! much finer solutions of random scenes, `host/tests/model_reference.rs` against closed references.
 //!
-//! As long as the bound is above the tolerance, p grows by two, and then the cells shrink.
+//! As long as the bound is above the tolerance, p grows by two, and then the cells shrink. Where a bound grows with p,
+//! rounding has taken over, and the level before is the answer.
 
 use super::grid::Fineness;
 use super::panel::{PanelModel, Parts, fineness};
@@ -34,6 +35,8 @@ const ROUNDING: f64 = 2e-10;
 const ROUNDING_PER_ASPECT: f64 = 1e-15;
 /// Cells shrink to this part when the highest order is not enough.
 const SMALLER: f64 = 0.5;
+/// Growth of the bound from one order to the next that only rounding explains.
+const GETTING_WORSE: f64 = 2.0;
 /// Most unknowns of a level that is tried in order to meet a tolerance.
 const MOST_UNKNOWNS: usize = 8_000;
 
@@ -142,11 +145,18 @@ pub fn bounded<Q: Question>(
     for below in [order - 4, order - 2, order] {
         ladder.climb(fineness(scene, below, part, max_hz)?)?;
     }
+    // Bounds of the level before, on the same mesh.
+    let mut before: Option<Vec<f64>> = None;
     loop {
         let (bounds, floors) = ladder.bounds();
-        let largest = bounds.iter().copied().fold(0.0, f64::max);
+        let largest = largest(&bounds);
         if let Some(step) = ladder.steps.last_mut() {
             step.bound = largest;
+        }
+        if let Some(before) = before.take_if(|before| largest > GETTING_WORSE * self::largest(before)) {
+            // Rounding grows with the order and has taken over: the level before was the best.
+            ladder.levels.pop();
+            return Ok(ladder.finish(before));
         }
         // Nothing to gain where rounding is all that is left.
         let met = largest <= accuracy.value() || bounds.iter().zip(&floors).all(|(bound, floor)| *bound <= 2.0 * floor);
@@ -165,8 +175,10 @@ pub fn bounded<Q: Question>(
         let Some(finer) = finer.filter(|finer| expected_unknowns(scene, *finer) < MOST_UNKNOWNS as f64) else {
             return Ok(ladder.finish(bounds));
         };
+        before = Some(bounds).filter(|bounds| self::largest(bounds).is_finite());
         if next.1 < part {
             // A new mesh: its own three orders.
+            before = None;
             ladder.levels.clear();
             for below in [next.0 - 4, next.0 - 2] {
                 ladder.climb(fineness(scene, below, next.1, max_hz)?)?;
@@ -175,6 +187,10 @@ pub fn bounded<Q: Question>(
         (order, part) = next;
         ladder.climb(finer)?;
     }
+}
+
+fn largest(bounds: &[f64]) -> f64 {
+    bounds.iter().copied().fold(0.0, f64::max)
 }
 
 fn has_point_moment(scene: &Scene) -> bool {
