@@ -396,7 +396,8 @@ impl Worker {
             self.ask(&Request::Arm { deadman_ms: None })?;
             self.armed = true;
         }
-        let drives = drives.into_iter().take(era_shared::MAX_CHANNELS).collect();
+        let drives: heapless::Vec<_, _> = drives.into_iter().take(era_shared::MAX_CHANNELS).collect();
+        let state = if drives.is_empty() { State::Armed } else { State::Running };
         let Reply::DrivesSet { achieved } = self.ask(&Request::SetDrives { drives })? else {
             return Err(unexpected("set-drives").into());
         };
@@ -405,7 +406,13 @@ impl Worker {
         self.drive_id = id;
         self.drive_until = Some(now + hold);
         self.idle_since = now + hold;
-        // The state that follows is shown at once, not at the next look; the frame itself is already at the device.
+        // The acknowledgement tells the state; who asks right after its answer must not read an older one. The rest of the
+        // status follows at once.
+        self.publish.send_modify(|snapshot| {
+            if let Some(status) = &mut snapshot.status {
+                status.state = state;
+            }
+        });
         self.next_status = now;
         Ok(Driven { achieved: achieved.to_vec(), frame_written })
     }
