@@ -178,9 +178,17 @@ fn description_metrics_and_page_are_there() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
     let (_, description) = daemon.get("/openapi.json");
     let paths = description["paths"].as_object().unwrap();
-    for path in
-        ["/v1/touch", "/v1/stop", "/v1/state", "/v1/scene", "/v1/field", "/v1/live", "/v1/faults/clear", "/metrics"]
-    {
+    for path in [
+        "/v1/touch",
+        "/v1/preview",
+        "/v1/stop",
+        "/v1/state",
+        "/v1/scene",
+        "/v1/field",
+        "/v1/live",
+        "/v1/faults/clear",
+        "/metrics",
+    ] {
         assert!(paths.contains_key(path), "{path} is described");
     }
     daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#);

@@ -92,10 +92,16 @@ pub struct Panel {
 impl Panel {
     /// The scene.
     pub fn load(&self) -> Result<Scene, Failure> {
-        match &self.scene {
-            Some(path) => Scene::load(path).map_err(Failure::usage),
-            None => Scene::parse("examples/scenes/plate.toml", crate::scene::EXAMPLE_PLATE).map_err(Failure::usage),
-        }
+        Ok(self.load_text()?.0)
+    }
+
+    /// The scene, and its file's text.
+    pub fn load_text(&self) -> Result<(Scene, String), Failure> {
+        let (source, text) = match &self.scene {
+            Some(path) => (path.display().to_string(), Scene::text(path).map_err(Failure::usage)?),
+            None => ("examples/scenes/plate.toml".into(), crate::scene::EXAMPLE_PLATE.into()),
+        };
+        Ok((Scene::parse(&source, &text).map_err(Failure::usage)?, text))
     }
 
     /// The accuracy.

@@ -14,11 +14,11 @@ use std::time::{Duration, Instant};
 const WARM_UP: u32 = 20;
 
 pub fn run(options: &Latency) -> Outcome {
-    let scene = options.panel.load()?;
+    let (scene, text) = options.panel.load_text()?;
     let table = plan_table(&options.panel, &scene)?;
     let device = open_device(&Target::Sim, &table)?;
     let sim = device.sim().ok_or_else(|| Failure::failed("no simulated device"))?;
-    let app = App::new(table, device).map_err(Failure::failed)?;
+    let app = App::new(table, device, text).map_err(Failure::failed)?;
     let daemon = Background::start(app).map_err(Failure::failed)?;
     let base = format!("http://{}", daemon.address());
     let agent: ureq::Agent = ureq::Agent::config_builder().timeout_global(Some(Duration::from_secs(10))).build().into();

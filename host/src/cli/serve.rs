@@ -13,7 +13,7 @@ use std::time::Instant;
 
 pub fn run(options: &Serve) -> Outcome {
     let started = Instant::now();
-    let scene = options.panel.load()?;
+    let (scene, text) = options.panel.load_text()?;
     let default: Result<SocketAddr, _> = DEFAULT_LISTEN.parse();
     let listen = match options.listen {
         Some(listen) => listen,
@@ -30,7 +30,7 @@ pub fn run(options: &Serve) -> Outcome {
     let table = plan_table(&options.panel, &scene)?;
     let target = options.device.clone().unwrap_or(Target::Sim);
     let device = open_device(&target, &table)?;
-    let app = Arc::new(App::new(table, device).map_err(Failure::failed)?);
+    let app = Arc::new(App::new(table, device, text).map_err(Failure::failed)?);
     tracing::info!(
         "ready after {:.1} s: open http://{address} (scene {}, device {target})",
         started.elapsed().as_secs_f64(),

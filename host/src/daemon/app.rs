@@ -1,6 +1,7 @@
 //! What a touch needs, and what it does.
 
 use super::metrics::Metrics;
+use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
 use super::view::{FieldView, PlanView, SceneView, TouchView};
 use crate::device::convert::{SiDrive, to_wire};
@@ -69,6 +70,7 @@ pub struct App {
     /// When the daemon started.
     pub started: Instant,
     session: Session,
+    previews: Previews,
     sim: Option<SimControl>,
     /// The last plan and when its drive ends.
     active: Mutex<Option<(Arc<Active>, Instant)>>,
@@ -78,17 +80,18 @@ pub struct App {
 }
 
 impl App {
-    /// Starts a session with `device` for the scene of `table`.
+    /// Starts a session with `device` for the scene of `table`, whose file's text is `scene_toml`.
     ///
     /// # Errors
     /// If the session's thread cannot be started.
-    pub fn new(table: PlanTable, device: OpenDevice) -> std::io::Result<Self> {
+    pub fn new(table: PlanTable, device: OpenDevice, scene_toml: String) -> std::io::Result<Self> {
         let sim = device.sim();
         Ok(Self {
             scene: SceneView::new(&table.scene),
             metrics: Metrics::default(),
             started: Instant::now(),
             session: Session::start(device)?,
+            previews: Previews::new(scene_toml),
             sim,
             active: Mutex::new(None),
             next_id: Mutex::new(0),
@@ -124,6 +127,16 @@ impl App {
             *active = None;
         }
         active.as_ref().map(|(plan, _)| Arc::clone(plan))
+    }
+
+    /// What a changed scene would do; drives nothing.
+    ///
+    /// # Errors
+    /// [`Problem`]: a scene, move or touch that cannot be used, or a newer request while this one waited.
+    pub async fn preview(&self, request: PreviewRequest) -> Result<Preview, Problem> {
+        let result = self.previews.preview(request).await;
+        self.metrics.count_preview(result.is_ok());
+        result
     }
 
     /// Plans for one touch and drives it.

@@ -12,12 +12,20 @@ pub struct Metrics {
     failures: AtomicU64,
     plans: AtomicU64,
     plan_ns: AtomicU64,
+    previews: AtomicU64,
+    preview_failures: AtomicU64,
 }
 
 impl Metrics {
     /// Counts a touch.
     pub fn count_touch(&self, good: bool) {
         let counter = if good { &self.touches } else { &self.failures };
+        counter.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts a preview.
+    pub fn count_preview(&self, good: bool) {
+        let counter = if good { &self.previews } else { &self.preview_failures };
         counter.fetch_add(1, Ordering::Relaxed);
     }
 
@@ -43,6 +51,9 @@ impl Metrics {
         #[allow(clippy::cast_precision_loss, reason = "a sum of times")]
         let plan_s = load(&self.plan_ns) as f64 / 1e9;
         metric("era_plan_seconds_total", "counter", "Time spent planning.", &plan_s);
+        metric("era_previews_total", "counter", "Previews of changed scenes computed.", &load(&self.previews));
+        let failures = load(&self.preview_failures);
+        metric("era_preview_failures_total", "counter", "Previews answered with an error.", &failures);
         metric("era_device_connected", "gauge", "1 if the device answers.", &u8::from(device.connected));
         metric("era_device_restarts_total", "counter", "Restarts of the device noticed.", &device.restarts);
         metric("era_link_frames_sent_total", "counter", "Frames sent to the device.", &device.link.frames_sent);

@@ -1,17 +1,20 @@
 //! The daemon: HTTP and WebSocket in front of one device session.
 //!
-//! `app` holds what a touch needs and does it; `routes` and `live` are the two ways in; `view` is what goes out
-//! as JSON; `problem` is how errors are told (RFC 9457).
+//! `app` holds what a touch needs and does it; `preview` answers what a changed scene would do, without driving it;
+//! `routes` and `live` are the two ways in; `view` is what goes out as JSON; `problem` is how errors are told (RFC 9457).
 
 mod app;
 mod assets;
+mod attachments;
 mod live;
 mod metrics;
+mod preview;
 mod problem;
 mod routes;
 mod view;
 
 pub use app::{App, TouchRequest, wire_drives};
+pub use preview::{Place, Preview, PreviewRequest};
 pub use problem::Problem;
 pub use view::{FieldView, PlanView};
 

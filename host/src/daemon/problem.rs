@@ -1,10 +1,14 @@
 //! Errors as RFC 9457 "problem+json", with the field, its value and the allowed range where there are any.
 
 use crate::device::{LinkError, SessionError};
+use crate::model::ModelError;
 use crate::planner::PlanError;
+use crate::response::ResponseError;
+use crate::scene::SceneError;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use serde_json::Value;
 
 /// One problem, boxed: it travels through many results.
 #[derive(Clone, Debug, Serialize)]
@@ -27,10 +31,22 @@ struct Content {
     field: Option<String>,
     /// Its value.
     #[serde(skip_serializing_if = "Option::is_none")]
-    value: Option<serde_json::Value>,
+    value: Option<Value>,
     /// What is allowed.
     #[serde(skip_serializing_if = "Option::is_none")]
     allowed: Option<String>,
+    /// Line of a scene, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    line: Option<usize>,
+    /// All mistakes of a scene; the first is the one above.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    mistakes: Vec<MistakeView>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct MistakeView {
+    line: Option<usize>,
+    detail: String,
 }
 
 impl Problem {
@@ -45,7 +61,19 @@ impl Problem {
             field: None,
             value: None,
             allowed: None,
+            line: None,
+            mistakes: Vec::new(),
         }))
+    }
+
+    /// With the field that is wrong, its value, what is allowed, and its line in the scene.
+    #[must_use]
+    pub fn at(mut self, field: &str, value: Value, allowed: String, line: Option<usize>) -> Self {
+        self.0.field = Some(field.into());
+        self.0.value = Some(value);
+        self.0.allowed = Some(allowed);
+        self.0.line = line;
+        self
     }
 
     /// A number outside its range.
@@ -54,11 +82,12 @@ impl Problem {
         let max = max.to_string();
         let allowed = if max == "inf" { format!("{min} and above") } else { format!("{min} to {max}") };
         let detail = format!("{field} is {value}, but must be in {allowed}");
-        let mut problem = Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A value is out of range", detail);
-        problem.0.field = Some(field.into());
-        problem.0.value = Some(value.into());
-        problem.0.allowed = Some(allowed);
-        problem
+        Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A value is out of range", detail).at(
+            field,
+            value.into(),
+            allowed,
+            None,
+        )
     }
 
     /// A body that could not be read.
@@ -85,6 +114,37 @@ impl IntoResponse for Problem {
 impl From<crate::scene::ScreenError> for Problem {
     fn from(error: crate::scene::ScreenError) -> Self {
         Self::range(error.field, error.value, error.min, error.max)
+    }
+}
+
+impl From<SceneError> for Problem {
+    fn from(error: SceneError) -> Self {
+        let mut problem =
+            Self::new(StatusCode::BAD_REQUEST, "bad-scene", "The scene cannot be used", error.to_string());
+        let line = |line: usize| (line > 0).then_some(line);
+        if let Some(first) = error.mistakes.first() {
+            problem.0.line = line(first.line);
+            problem.0.field.clone_from(&first.field);
+            problem.0.allowed.clone_from(&first.allowed);
+            // Numbers and texts of TOML as those of JSON; what has no like there, as it was written.
+            let value = |text: &String| serde_json::from_str(text).unwrap_or_else(|_| text.as_str().into());
+            problem.0.value = first.value.as_ref().map(value);
+        }
+        let view = |mistake: crate::scene::Mistake| MistakeView { line: line(mistake.line), detail: mistake.text };
+        problem.0.mistakes = error.mistakes.into_iter().map(view).collect();
+        problem
+    }
+}
+
+impl From<ModelError> for Problem {
+    fn from(error: ModelError) -> Self {
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-model", "This scene has no model", error.to_string())
+    }
+}
+
+impl From<ResponseError> for Problem {
+    fn from(error: ResponseError) -> Self {
+        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", error.to_string())
     }
 }
 

@@ -1,6 +1,7 @@
 //! The HTTP interface.
 
 use super::app::{App, TouchRequest};
+use super::preview::{MAX_SCENE, PreviewRequest};
 use super::problem::Problem;
 use super::view::{self, FieldView};
 use super::{assets, live};
@@ -13,10 +14,13 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::sync::Arc;
 
 /// Longest request body in bytes; a touch takes under 200.
 const MAX_BODY: usize = 16 * 1024;
+/// The same for a preview: a scene whose every byte is escaped, and what goes with it.
+const MAX_PREVIEW_BODY: usize = 2 * MAX_SCENE + MAX_BODY;
 /// The description of this interface.
 const OPENAPI: &str = include_str!("openapi.json");
 
@@ -24,6 +28,7 @@ const OPENAPI: &str = include_str!("openapi.json");
 pub fn router(app: Arc<App>) -> Router {
     let mut router = Router::new()
         .route("/v1/touch", post(touch))
+        .route("/v1/preview", post(preview).layer(DefaultBodyLimit::max(MAX_PREVIEW_BODY)))
         .route("/v1/stop", post(stop))
         .route("/v1/faults/clear", post(clear_faults))
         .route("/v1/state", get(state))
@@ -74,17 +79,30 @@ fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
     headers.get(name).and_then(|value| value.to_str().ok())
 }
 
-async fn touch(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
+/// The request in a body of at most `most` bytes; `wanted` says in a message what it should look like.
+fn from_body<T: DeserializeOwned>(
+    body: Result<Bytes, BytesRejection>,
+    most: usize,
+    wanted: &str,
+) -> Result<T, Problem> {
     let body = body.map_err(|rejection| {
-        let detail = format!("{}; at most {MAX_BODY} bytes are taken", rejection.body_text());
+        let detail = format!("{}; at most {most} bytes are taken", rejection.body_text());
         Problem::new(rejection.status(), "bad-body", "The request's body cannot be used", detail)
     })?;
-    let request: TouchRequest = serde_json::from_slice(&body).map_err(|error| {
-        let wanted = r#"expected {"x_px": number, "y_px": number, "intensity_g"?: number, "duration_ms"?: number}"#;
-        Problem::body(format!("{error}; {wanted}"))
-    })?;
+    serde_json::from_slice(&body).map_err(|error| Problem::body(format!("{error}; expected {wanted}")))
+}
+
+async fn touch(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
+    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "duration_ms"?: number}"#;
+    let request: TouchRequest = from_body(body, MAX_BODY, wanted)?;
     let (active, achieved) = app.touch(request).await?;
     Ok(Json(view::touched(&active, achieved)).into_response())
+}
+
+async fn preview(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
+    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}}"#;
+    let request: PreviewRequest = from_body(body, MAX_PREVIEW_BODY, wanted)?;
+    Ok(Json(app.preview(request).await?).into_response())
 }
 
 async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {

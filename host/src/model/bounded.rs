@@ -338,6 +338,14 @@ pub struct Levels {
 }
 
 impl Levels {
+    /// About how many unknowns the finest level has, before anything is built.
+    ///
+    /// # Errors
+    /// As [`bounded`], if the mesh would be too fine.
+    pub fn expected_unknowns(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
+        Ok(expected_unknowns(scene, fineness(scene, accuracy.order() + 2, 1.0, max_hz)?))
+    }
+
     /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.
     ///
     /// # Errors

@@ -225,8 +225,14 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] with every mistake found, or why the file cannot be read.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
-        let source = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| SceneError::unreadable(&source, &error))?;
-        Self::parse(&source, &text)
+        Self::parse(&path.display().to_string(), &Self::text(path)?)
+    }
+
+    /// The text of a scene file, as [`Scene::parse`] takes it.
+    ///
+    /// # Errors
+    /// [`SceneError`] if the file cannot be read.
+    pub fn text(path: &Path) -> Result<String, SceneError> {
+        std::fs::read_to_string(path).map_err(|error| SceneError::unreadable(&path.display().to_string(), &error))
     }
 }

@@ -33,7 +33,7 @@ pub(super) fn scene(source: &str, text: &str) -> Result<Scene, SceneError> {
         let line =
             error.span().map_or(0, |span| text.as_bytes().iter().take(span.start).filter(|b| **b == b'\n').count() + 1);
         let text = format!("not valid TOML: {}", error.message().trim());
-        SceneError { source: source.into(), mistakes: vec![Mistake { line, text }] }
+        SceneError { source: source.into(), mistakes: vec![Mistake { line, text, ..Mistake::default() }] }
     })?;
     let report = Report::new(text);
     let file = Section::new(&report, document.get_ref(), String::new(), 0..0);
@@ -43,7 +43,7 @@ pub(super) fn scene(source: &str, text: &str) -> Result<Scene, SceneError> {
     // Every part that is missing has been reported.
     scene.ok_or_else(|| SceneError {
         source: source.into(),
-        mistakes: vec![Mistake { line: 0, text: "incomplete".into() }],
+        mistakes: vec![Mistake { text: "incomplete".into(), ..Mistake::default() }],
     })
 }
 

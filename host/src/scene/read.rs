@@ -6,12 +6,18 @@ use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
 /// One mistake in a scene file.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Mistake {
     /// Line, counted from 1; 0 if it belongs to no line.
     pub line: usize,
     /// What is wrong: key, value and what is allowed.
     pub text: String,
+    /// The key with its path, as `support[2].x_mm`, where one key's value is wrong or missing.
+    pub field: Option<String>,
+    /// Its value as in the file, where it has one.
+    pub value: Option<String>,
+    /// What is allowed there.
+    pub allowed: Option<String>,
 }
 
 /// A scene file that cannot be used.
@@ -26,7 +32,7 @@ pub struct SceneError {
 impl SceneError {
     pub(super) fn unreadable(source: &str, error: &std::io::Error) -> Self {
         let text = format!("cannot read the scene file: {error}");
-        Self { source: source.into(), mistakes: vec![Mistake { line: 0, text }] }
+        Self { source: source.into(), mistakes: vec![Mistake { text, ..Mistake::default() }] }
     }
 }
 
@@ -59,8 +65,11 @@ impl<'t> Report<'t> {
     }
 
     pub fn add(&self, at: &Range<usize>, text: impl Into<String>) {
-        let mistake = Mistake { line: self.line(at.start), text: text.into() };
-        self.mistakes.borrow_mut().push(mistake);
+        self.put(at, Mistake { text: text.into(), ..Mistake::default() });
+    }
+
+    fn put(&self, at: &Range<usize>, mistake: Mistake) {
+        self.mistakes.borrow_mut().push(Mistake { line: self.line(at.start), ..mistake });
     }
 
     fn line(&self, offset: usize) -> usize {
@@ -167,12 +176,21 @@ impl<'r, 't> Section<'r, 't> {
     }
 
     fn missing(&self, key: &'static str, wanted: &str) {
-        self.report.add(&self.at, format!("{} is missing ({wanted})", self.key(key)));
+        let (field, allowed) = (self.key(key), wanted.to_owned());
+        let text = format!("{field} is missing ({wanted})");
+        self.report.put(&self.at, Mistake { text, field: Some(field), allowed: Some(allowed), ..Mistake::default() });
     }
 
     fn wrong_type(&self, key: &'static str, value: &DeValue<'_>, wanted: &str) {
-        let text = format!("{} is {}, but must be {wanted}", self.key(key), describe(value));
-        self.report.add(&self.place(key), text);
+        self.wrong(key, describe(value), wanted);
+    }
+
+    fn wrong(&self, key: &str, value: String, wanted: &str) {
+        let field = self.key(key);
+        let text = format!("{field} is {value}, but must be {wanted}");
+        let mistake =
+            Mistake { line: 0, text, field: Some(field), value: Some(value), allowed: Some(wanted.to_owned()) };
+        self.report.put(&self.place(key), mistake);
     }
 
     /// A number, required. `NaN` stands in for a wrong one, so that reading goes on.
@@ -194,7 +212,7 @@ impl<'r, 't> Section<'r, 't> {
         if allowed.holds(number) {
             return number;
         }
-        self.report.add(&self.place(key), format!("{} is {number}, but must be {allowed}", self.key(key)));
+        self.wrong(key, number.to_string(), &allowed.to_string());
         f64::NAN
     }
 

@@ -36,7 +36,8 @@ impl Daemon {
         };
         let device = OpenDevice::open(&Target::Sim, panel).unwrap();
         let sim = device.sim().unwrap();
-        let background = Background::start(App::new(table, device).unwrap()).unwrap();
+        let app = App::new(table, device, scene.to_owned()).unwrap();
+        let background = Background::start(app).unwrap();
         let daemon = Self { url: format!("http://{}", background.address()), sim, background };
         daemon.wait_for(|state| state["device"]["connected"] == true);
         daemon

@@ -1,0 +1,228 @@
+//! What a changed scene would do, computed without driving anything: for designers who move attachments about.
+//!
+//! One preview is computed at a time, and at most one waits: a newer request takes the waiting one's place. Work is bounded
+//! by limits on the scene that are checked before anything is built.
+
+use super::attachments::Attachments;
+use super::problem::Problem;
+use super::view::{FieldView, PlanView};
+use crate::model::Accuracy;
+use crate::model::bounded::Levels;
+use crate::planner::{PlanTable, TableOptions, Target};
+use crate::scene::{MAX_ACTUATORS, Scene};
+use axum::http::StatusCode;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+use tokio::sync::{Mutex, watch};
+
+/// Longest scene in bytes: twenty times the examples.
+pub const MAX_SCENE: usize = 64 * 1024;
+/// Most supports, masses and actuators together: time grows with nearly the cube of them, to some 5 s at 32.
+const MAX_ATTACHMENTS: usize = 32;
+/// Most unknowns of the finest level: 1700 take some 4 s, twice as many 25 s.
+const MAX_UNKNOWNS: f64 = 1_500.0;
+/// Tolerance of the model.
+const ACCURACY: Accuracy = Accuracy::FAST;
+/// What messages call a scene that came in a request.
+const SOURCE: &str = "scene";
+
+/// Where an attachment is moved to.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Place {
+    /// From the surface's left edge in mm.
+    pub x_mm: f64,
+    /// From its top edge in mm; as it is if not given.
+    pub y_mm: Option<f64>,
+}
+
+/// A scene to be tried, and the touch to try it with.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PreviewRequest {
+    /// In pixels of the scene's screen, from its left edge.
+    pub x_px: f64,
+    /// From its top edge.
+    pub y_px: f64,
+    /// Peak wanted in g.
+    pub intensity_g: Option<f64>,
+    /// A whole scene file as text; the daemon's own if not given.
+    pub scene: Option<String>,
+    /// Attachments to be moved, by their names in messages: `support[2]` is the second support of the file.
+    #[serde(default)]
+    pub moves: BTreeMap<String, Place>,
+}
+
+/// What the scene would do.
+#[derive(Clone, Debug, Serialize)]
+pub struct Preview {
+    /// The plan for the touch, with its error bound.
+    pub plan: PlanView,
+    /// Its field.
+    pub field: FieldView,
+    /// The scene with the moves, as a file; comments stay.
+    pub scene_toml: String,
+    /// Tolerance that the model was made for.
+    pub tolerance: f64,
+    /// Time from scene to field in ms, waiting left out.
+    pub elapsed_ms: f64,
+}
+
+/// Lets one preview at a time through.
+#[derive(Debug)]
+pub struct Previews {
+    /// The daemon's own scene.
+    own: String,
+    /// Held while a preview is computed.
+    turn: Arc<Mutex<()>>,
+    /// Number of the newest request.
+    newest: watch::Sender<u64>,
+}
+
+impl Previews {
+    /// For a daemon whose scene file has this text.
+    #[must_use]
+    pub fn new(own: String) -> Self {
+        Self { own, turn: Arc::default(), newest: watch::channel(0).0 }
+    }
+
+    /// Computes a preview once it is its turn.
+    ///
+    /// # Errors
+    /// [`Problem`]: what is wrong with the request, or `superseded` if a newer one came while it waited.
+    pub async fn preview(&self, request: PreviewRequest) -> Result<Preview, Problem> {
+        let mut newest = self.newest.subscribe();
+        let mut mine = 0;
+        self.newest.send_modify(|number| {
+            *number += 1;
+            mine = *number;
+        });
+        let turn = tokio::select! {
+            // A turn that has come is taken: pages that ask again and again do not push each other out for ever.
+            biased;
+            turn = Arc::clone(&self.turn).lock_owned() => turn,
+            () = newer(&mut newest, mine) => return Err(superseded()),
+        };
+        let text = request.scene.clone().unwrap_or_else(|| self.own.clone());
+        let computed = tokio::task::spawn_blocking(move || {
+            // Until the work is done, also if nobody waits for it any more.
+            let _turn = turn;
+            compute(&request, &text)
+        });
+        computed.await.map_err(|error| {
+            let detail = format!("the preview ended early: {error}");
+            Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "Internal error", detail)
+        })?
+    }
+}
+
+/// Resolves when there is a newer request than `mine`.
+async fn newer(newest: &mut watch::Receiver<u64>, mine: u64) {
+    if newest.wait_for(|number| *number > mine).await.is_err() {
+        // The sender is gone with the daemon; whoever still waits gets a turn.
+        std::future::pending::<()>().await;
+    }
+}
+
+fn superseded() -> Problem {
+    let detail = "a newer preview was asked for while this one waited";
+    Problem::new(StatusCode::CONFLICT, "superseded", "Superseded", detail)
+}
+
+fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
+    let started = Instant::now();
+    if text.len() > MAX_SCENE {
+        return Err(too_large("scene", text.len(), "bytes", MAX_SCENE, None));
+    }
+    let attachments = Attachments::of(text);
+    let scene_toml = attachments.moved(&request.moves)?;
+    let scene = Scene::parse(SOURCE, &scene_toml)?;
+    check(&scene, &attachments)?;
+    let (x_m, y_m) = scene.screen.px_to_surface_m(request.x_px, request.y_px)?;
+    let target = Target { x_m, y_m, intensity_g: request.intensity_g };
+    let options = TableOptions::default();
+    let expected = Levels::expected_unknowns(&scene, ACCURACY, options.to_hz)?;
+    if expected > MAX_UNKNOWNS {
+        return Err(too_large("surface", expected, "unknowns", MAX_UNKNOWNS, None));
+    }
+    let levels = Levels::build(&scene, ACCURACY, options.to_hz)?;
+    let table = PlanTable::with_levels(&scene, levels, options)?;
+    let plan = table.plan(&[target])?;
+    let field = FieldView::new(&table, Some(&plan), 0);
+    Ok(Preview {
+        plan: PlanView::new(plan),
+        field,
+        scene_toml,
+        tolerance: ACCURACY.value(),
+        elapsed_ms: started.elapsed().as_secs_f64() * 1e3,
+    })
+}
+
+/// What no plan can be made of, or too much would have to be computed for, is told with its line before that is tried.
+fn check(scene: &Scene, attachments: &Attachments<'_>) -> Result<(), Problem> {
+    if scene.actuators.len() > MAX_ACTUATORS {
+        let line = attachments.line("actuator", MAX_ACTUATORS + 1);
+        return Err(too_large("actuator", scene.actuators.len(), "actuators", MAX_ACTUATORS, line));
+    }
+    if attachments.count() > MAX_ATTACHMENTS {
+        let what = "supports, masses and actuators";
+        return Err(too_large("scene", attachments.count(), what, MAX_ATTACHMENTS, None));
+    }
+    Ok(())
+}
+
+fn too_large<T: std::fmt::Display + Into<serde_json::Value>>(
+    field: &str,
+    value: T,
+    unit: &str,
+    most: T,
+    line: Option<usize>,
+) -> Problem {
+    let place = line.map_or_else(String::new, |line| format!("{SOURCE}:{line}: "));
+    let detail = format!("{place}{field} has {value} {unit}, but a preview takes at most {most}");
+    let allowed = format!("at most {most} {unit}");
+    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "too-large", "Too large for a preview", detail).at(
+        field,
+        value.into(),
+        allowed,
+        line,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::EXAMPLE_PLATE;
+
+    fn request(x_px: f64) -> PreviewRequest {
+        PreviewRequest { x_px, y_px: 300.0, intensity_g: None, scene: None, moves: BTreeMap::new() }
+    }
+
+    /// One is computed, one waits: a third takes the place of the one that waits, never of the one that is computed.
+    #[test]
+    fn a_newer_request_supersedes_the_one_that_waits() {
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        runtime.block_on(async {
+            let previews = Arc::new(Previews::new(EXAMPLE_PLATE.into()));
+            let held = Arc::clone(&previews.turn).lock_owned().await;
+            let ask = |x_px| {
+                let previews = Arc::clone(&previews);
+                tokio::spawn(async move { previews.preview(request(x_px)).await })
+            };
+            let mut seen = previews.newest.subscribe();
+            let older = ask(100.0);
+            seen.wait_for(|number| *number == 1).await.unwrap();
+            let newer = ask(960.0);
+            let problem = older.await.unwrap().unwrap_err();
+            assert!(problem.detail().contains("newer"), "{}", problem.detail());
+            assert!(!newer.is_finished());
+            drop(held);
+            let preview = newer.await.unwrap().unwrap();
+            assert_eq!(serde_json::to_value(&preview).unwrap()["plan"]["target_mm"][0], 150.0);
+            // Nothing is left behind: the next one has its turn at once.
+            previews.preview(request(960.0)).await.unwrap();
+        });
+    }
+}
