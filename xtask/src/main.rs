@@ -1,5 +1,6 @@
-//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`.
+//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `bench`.
 
+mod bench;
 mod check;
 mod elf;
 mod emulate;
@@ -29,6 +30,8 @@ enum Command {
     Ci,
     /// Build the firmware image and print its size and its path; gets the compilation target if it is missing.
     Firmware(firmware::Options),
+    /// Measure on this machine, side by side with peers; builds in release mode.
+    Bench(bench::Options),
     /// Build the firmware, run it on the emulated board and say hello to it.
     Emulate(emulate::Options),
 }
@@ -38,6 +41,7 @@ fn main() -> ExitCode {
         Command::Test => check::test(),
         Command::Ci => check::ci(),
         Command::Firmware(options) => firmware::command(&options),
+        Command::Bench(options) => bench::command(&options),
         Command::Emulate(options) => emulate::command(&options),
     };
     match result {

@@ -1,0 +1,90 @@
+//! (c): CalculiX on the same plate.
+
+use crate::clock::median;
+use crate::environment::Environment;
+use crate::error::Error;
+use crate::own::TIGHTEST;
+use crate::problem::{Problem, curves};
+use crate::process::json;
+use crate::table::{Table, relative, seconds};
+use num_complex::Complex64;
+use serde::Deserialize;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// The program's name.
+const CCX: &str = "ccx";
+
+/// What `peers/calculix.py` prints.
+#[derive(Clone, Debug, Deserialize)]
+struct Report {
+    version: String,
+    mesh: String,
+    unknowns: usize,
+    elapsed_s: f64,
+    frequencies_hz: Vec<f64>,
+    x_m: Vec<f64>,
+    y_m: Vec<f64>,
+    acceleration_re: Vec<Vec<f64>>,
+    acceleration_im: Vec<Vec<f64>>,
+}
+
+/// Runs CalculiX, or says why not.
+///
+/// # Errors
+/// [`Error::Start`], [`Error::Failed`], [`Error::Json`], [`Error::Model`], [`Error::Response`].
+pub fn table(environment: &Environment, problem: &Problem, file: &Path) -> Result<Table, Error> {
+    let columns = ["mesh", "unknowns", "frequencies", "time", "median difference", "largest, of a curve's peak"];
+    let mut table = Table::new("(c) Side by side: CalculiX", &columns);
+    let found = Command::new(CCX).arg("-v").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
+    if !found {
+        table.columns.clear();
+        table.above.push(format!("Skipped: no program `{CCX}` here (Debian's package calculix-ccx)."));
+        return Ok(table);
+    }
+    let meshes: &[(&str, &str)] =
+        if environment.quick { &[("12x8", "10")] } else { &[("12x8", "70"), ("24x16", "20")] };
+    let mut version = String::new();
+    for (mesh, between) in meshes {
+        let mut command = environment.script("calculix.py");
+        command.arg(file).arg(environment.scratch.join("calculix")).args(["--mesh", mesh, "--between", between]);
+        let report: Report = json(&mut command)?;
+        let (typical, largest) = differences(&report, problem)?;
+        table.row([
+            report.mesh,
+            report.unknowns.to_string(),
+            report.frequencies_hz.len().to_string(),
+            seconds(report.elapsed_s),
+            relative(typical),
+            relative(largest),
+        ]);
+        version = report.version;
+    }
+    table.above.push(format!(
+        "CalculiX {version}, shells S8R (which it makes solids of), springs, dashpots and masses as elements, 60 modes, then \
+         steady-state dynamics with one load at frequencies that it chooses itself; output at the mesh's nodes. Differences \
+         from the tightest answer at the same frequencies and corner nodes are those of the models too: a thin plate has no \
+         shear. Median: of magnitudes, relative to the value itself. Close to a sharp resonance a frequency that is 0.1 % \
+         off makes the largest."
+    ));
+    Ok(table)
+}
+
+/// Median difference of magnitudes relative to the value, and the largest deviation relative to the curve's peak.
+fn differences(report: &Report, problem: &Problem) -> Result<(f64, f64), Error> {
+    let places: Vec<_> = report.x_m.iter().copied().zip(report.y_m.iter().copied()).collect();
+    let own = curves(&problem.scene, TIGHTEST, &report.frequencies_hz, &places)?;
+    let other =
+        |place: usize, f: usize| Complex64::new(report.acceleration_re[f][place], report.acceleration_im[f][place]);
+    let mut relative = Vec::new();
+    let mut largest = 0.0_f64;
+    // The first load's curves come first.
+    for (place, curve) in own.values.chunks_exact(own.count).take(places.len()).enumerate() {
+        let peak = curve.iter().map(|z| z.norm()).fold(f64::MIN_POSITIVE, f64::max);
+        for (f, z) in curve.iter().enumerate() {
+            relative.push((other(place, f).norm() / z.norm() - 1.0).abs());
+            largest = largest.max((other(place, f) - z).norm() / peak);
+        }
+    }
+    Ok((median(relative), largest))
+}

@@ -1,0 +1,209 @@
+//! Single cases, each in a process of its own, so that its peak of memory is its own.
+
+use crate::environment::Environment;
+use crate::error::Error;
+use crate::problem::evenly;
+use crate::process::json;
+use clap::{Args, Subcommand};
+use era::model::grid::Fineness;
+use era::model::{Accuracy, Bound, PanelModel, bounded_modes};
+use era::response::{bounded_curves, modal_coordinates};
+use era::scene::Scene;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+/// A case.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Case {
+    /// Modes to a tolerance.
+    Modes(Question),
+    /// Responses at a point to a tolerance.
+    Response(Question),
+    /// A mesh of a given fineness.
+    Mesh(Mesh),
+}
+
+/// Something asked to a tolerance.
+#[derive(Clone, Debug, Args)]
+pub struct Question {
+    /// Scene file.
+    #[arg(long)]
+    pub scene: PathBuf,
+    /// Relative.
+    #[arg(long)]
+    pub tolerance: f64,
+    /// Highest frequency.
+    #[arg(long)]
+    pub max_hz: f64,
+}
+
+/// A mesh, and what is computed on it.
+#[derive(Clone, Debug, Args)]
+pub struct Mesh {
+    /// Scene file.
+    #[arg(long)]
+    pub scene: PathBuf,
+    /// Widest cell.
+    #[arg(long)]
+    pub cell_m: f64,
+    /// Order of the elements.
+    #[arg(long)]
+    pub order: usize,
+    /// Highest frequency.
+    #[arg(long)]
+    pub max_hz: f64,
+    /// Frequencies of the sweep.
+    #[arg(long, default_value_t = 1000)]
+    pub frequencies: usize,
+}
+
+/// What is asked in responses: where, in m, and how many frequencies up to the highest.
+pub const POINT_M: (f64, f64) = (0.1, 0.06);
+const COUNT: usize = 951;
+
+/// What comes back.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Answer with its bound, in s.
+    pub elapsed_s: f64,
+    /// Mesh and factors, in s.
+    pub mesh_s: f64,
+    /// Modes and residual shapes, in s.
+    pub modes_s: f64,
+    /// The sweep, in s.
+    pub sweep_s: f64,
+    /// Largest resident memory of the process.
+    pub peak_bytes: f64,
+    /// Of the finest mesh.
+    pub unknowns: usize,
+    /// Order of its elements.
+    pub order: usize,
+    /// Meshes that were solved.
+    pub levels: usize,
+    /// Modes, or modes and residual shapes of the reduced model.
+    pub coordinates: usize,
+    /// Frequencies of modes.
+    pub frequencies_hz: Vec<f64>,
+    /// For each frequency, or for each curve; `None` where there is none.
+    pub bounds: Vec<Option<f64>>,
+    /// Real and imaginary parts, curve after curve.
+    pub curves: Vec<(f64, f64)>,
+}
+
+/// The frequencies of responses.
+#[must_use]
+pub fn frequencies(max_hz: f64) -> Vec<f64> {
+    evenly(50.0, max_hz, COUNT)
+}
+
+/// Does a case in this process.
+///
+/// # Errors
+/// [`Error::Parse`], [`Error::Model`], [`Error::Response`], [`Error::File`].
+pub fn run(case: &Case) -> Result<Outcome, Error> {
+    let mut outcome = match case {
+        Case::Modes(question) => modes(question)?,
+        Case::Response(question) => response(question)?,
+        Case::Mesh(mesh) => mesh_case(mesh)?,
+    };
+    if outcome.peak_bytes == 0.0 {
+        outcome.peak_bytes = peak_bytes()?;
+    }
+    Ok(outcome)
+}
+
+fn values(bounds: &[Bound]) -> Vec<Option<f64>> {
+    bounds.iter().map(|bound| bound.value()).collect()
+}
+
+fn modes(question: &Question) -> Result<Outcome, Error> {
+    let scene = Scene::load(&question.scene)?;
+    let started = Instant::now();
+    let found = bounded_modes(&scene, Accuracy::tolerance(question.tolerance)?, question.max_hz)?;
+    Ok(Outcome {
+        elapsed_s: started.elapsed().as_secs_f64(),
+        unknowns: found.model.dofs(),
+        order: found.model.order(),
+        levels: found.steps.len(),
+        coordinates: found.answer.len(),
+        frequencies_hz: found.answer.iter().map(|mode| mode.frequency_hz).collect(),
+        bounds: values(&found.bounds),
+        ..Outcome::default()
+    })
+}
+
+fn response(question: &Question) -> Result<Outcome, Error> {
+    let scene = Scene::load(&question.scene)?;
+    let frequencies_hz = frequencies(question.max_hz);
+    let started = Instant::now();
+    let found = bounded_curves(&scene, Accuracy::tolerance(question.tolerance)?, POINT_M, &frequencies_hz)?;
+    let elapsed_s = started.elapsed().as_secs_f64();
+    // Before anything else is allocated.
+    let peak_bytes = peak_bytes()?;
+    let reduced = found.model.reduce(question.max_hz, &[POINT_M])?;
+    Ok(Outcome {
+        elapsed_s,
+        peak_bytes,
+        unknowns: found.model.dofs(),
+        order: found.model.order(),
+        levels: found.steps.len(),
+        coordinates: reduced.order(),
+        bounds: values(&found.bounds),
+        curves: found.answer.iter().flatten().map(|z| (z.re, z.im)).collect(),
+        ..Outcome::default()
+    })
+}
+
+fn mesh_case(mesh: &Mesh) -> Result<Outcome, Error> {
+    let scene = Scene::load(&mesh.scene)?;
+    let fineness = Fineness { cell_m: mesh.cell_m, order: mesh.order, layers: 0 };
+    let started = Instant::now();
+    let model = PanelModel::with_fineness(&scene, fineness)?;
+    let mesh_s = started.elapsed().as_secs_f64();
+    let reduced = model.reduce(mesh.max_hz, &[])?;
+    let modes_s = started.elapsed().as_secs_f64() - mesh_s;
+    let begun = Instant::now();
+    for frequency_hz in evenly(50.0, mesh.max_hz, mesh.frequencies) {
+        std::hint::black_box(modal_coordinates(&reduced, frequency_hz)?);
+    }
+    Ok(Outcome {
+        elapsed_s: started.elapsed().as_secs_f64(),
+        mesh_s,
+        modes_s,
+        sweep_s: begun.elapsed().as_secs_f64(),
+        unknowns: model.dofs(),
+        order: mesh.order,
+        levels: 1,
+        coordinates: reduced.order(),
+        ..Outcome::default()
+    })
+}
+
+/// The kernel's high-water mark of this process.
+fn peak_bytes() -> Result<f64, Error> {
+    let path = Path::new("/proc/self/status");
+    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    let kilobytes = |line: &str| line.split_whitespace().nth(1).and_then(|value| value.parse::<f64>().ok());
+    let found = text.lines().find(|line| line.starts_with("VmHWM:")).and_then(kilobytes);
+    Ok(found.map_or(f64::NAN, |kilobytes| kilobytes * 1024.0))
+}
+
+/// Does a case in a process of its own.
+///
+/// # Errors
+/// [`Error::Start`], [`Error::Failed`], [`Error::Json`].
+pub fn in_child(
+    environment: &Environment,
+    kind: &str,
+    scene: &Path,
+    options: &[(&str, String)],
+) -> Result<Outcome, Error> {
+    let mut command = Command::new(&environment.own);
+    command.args(["case", kind, "--scene"]).arg(scene);
+    for (option, value) in options {
+        command.arg(option).arg(value);
+    }
+    json(&mut command)
+}

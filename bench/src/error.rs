@@ -1,0 +1,78 @@
+//! What can go wrong in a measurement.
+
+use std::io;
+use std::path::PathBuf;
+use std::process::ExitStatus;
+
+/// Why a measurement failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file could not be read or written.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A program could not be started.
+    #[error("cannot run `{command}`: {source}")]
+    Start {
+        /// With its arguments.
+        command: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// A program failed.
+    #[error("`{command}` failed ({status}): {message}")]
+    Failed {
+        /// With its arguments.
+        command: String,
+        /// How it ended.
+        status: ExitStatus,
+        /// The end of what it wrote to its standard error.
+        message: String,
+    },
+    /// A program printed something else than was expected.
+    #[error("`{command}` printed no such JSON as was expected: {source}")]
+    Json {
+        /// With its arguments.
+        command: String,
+        /// Where.
+        source: serde_json::Error,
+    },
+    /// The scene that measurements start from is not what they take it to be.
+    #[error("the example plate has no line {0:?}")]
+    Scene(&'static str),
+    /// The same, as a file.
+    #[error(transparent)]
+    Parse(#[from] era::scene::SceneError),
+    /// No model.
+    #[error(transparent)]
+    Model(#[from] era::model::ModelError),
+    /// No response.
+    #[error(transparent)]
+    Response(#[from] era::response::ResponseError),
+    /// No response with a bound.
+    #[error(transparent)]
+    Curves(#[from] era::response::CurveError),
+    /// No motion in time.
+    #[error(transparent)]
+    Transient(#[from] era::transient::TransientError),
+    /// No plot.
+    #[error("cannot draw {path}: {reason}")]
+    Plot {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+}
+
+impl Error {
+    /// For `map_err` on what concerns a file.
+    pub fn file(path: impl Into<PathBuf>) -> impl FnOnce(io::Error) -> Self {
+        let path = path.into();
+        move |source| Self::File { path, source }
+    }
+}

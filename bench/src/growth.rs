@@ -1,0 +1,193 @@
+//! (b): how time and memory grow.
+
+use crate::case::{Outcome, in_child};
+use crate::clock::median;
+use crate::environment::Environment;
+use crate::error::Error;
+use crate::fit;
+use crate::problem::{MAX_HZ, Problem, scene_text};
+use crate::table::{Table, bytes, seconds, three};
+use std::fmt::Write;
+use std::path::Path;
+
+/// Most time that one case may be expected to take in s.
+const MOST_S: f64 = 60.0;
+/// The same with `--quick`.
+const MOST_QUICK_S: f64 = 3.0;
+/// Part of the free memory that one case may be expected to take: other programs want some too.
+const MOST_MEMORY: f64 = 0.5;
+/// Numbers of unknowns, about.
+const UNKNOWNS: [f64; 7] = [1e3, 3e3, 1e4, 3e4, 1e5, 3e5, 1e6];
+/// Orders of elements: cubic ones, and those that tolerances of 1e-3 start with.
+const ORDERS: [usize; 2] = [3, 7];
+/// The mesh on which modes, actuators and frequencies are varied: right to 1e-3 up to 4 kHz.
+const CELL_M: f64 = 0.05;
+
+/// With the number of unknowns.
+///
+/// # Errors
+/// Those of the cases, [`Error::File`].
+pub fn unknowns(environment: &Environment, problem: &Problem) -> Result<Table, Error> {
+    let columns = ["order", "unknowns", "mesh and factors", "modes", "coordinates", "total", "peak memory"];
+    let mut table = Table::new("(b) Growth: unknowns", &columns);
+    table.above.push(String::from(
+        "Example plate, loss factor 0.005, regular cells; modes and residual shapes for 50 to 1000 Hz. Each size in a process of \
+         its own. Exponent: between the two largest.",
+    ));
+    let scene = write_scene(environment, 2)?;
+    let surface = &problem.scene.surface;
+    let most_s = if environment.quick { MOST_QUICK_S } else { MOST_S };
+    for order in ORDERS {
+        let (mut times, mut peaks) = (Vec::new(), Vec::new());
+        for wanted in UNKNOWNS {
+            // Functions along a side: order - 1 for each cell.
+            #[allow(clippy::cast_precision_loss, reason = "a dozen")]
+            let cell_m = (order - 1) as f64 * (surface.length_m * surface.width_m / wanted).sqrt();
+            if let (Some(time_s), Some(peak)) = (fit::at(&times, wanted), fit::at(&peaks, wanted)) {
+                let free = available_bytes()?;
+                if time_s > most_s || peak > MOST_MEMORY * free {
+                    table.below.push(format!(
+                        "Order {order} ends here: {wanted:.0e} unknowns would take about {} and {} (limits of this \
+                         measurement: {}, and half of the {} that are free).",
+                        seconds(time_s),
+                        bytes(peak),
+                        seconds(most_s),
+                        bytes(free)
+                    ));
+                    break;
+                }
+            }
+            let outcome = mesh(environment, &scene, order, cell_m, MAX_HZ, 2)?;
+            #[allow(clippy::cast_precision_loss, reason = "a million at most")]
+            let unknowns = outcome.unknowns as f64;
+            times.push((unknowns, outcome.mesh_s + outcome.modes_s));
+            peaks.push((unknowns, outcome.peak_bytes));
+            table.row([
+                order.to_string(),
+                outcome.unknowns.to_string(),
+                seconds(outcome.mesh_s),
+                seconds(outcome.modes_s),
+                outcome.coordinates.to_string(),
+                seconds(outcome.mesh_s + outcome.modes_s),
+                bytes(outcome.peak_bytes),
+            ]);
+        }
+        if let (Some(time), Some(memory)) = (exponent(&times), exponent(&peaks)) {
+            table.below.push(format!(
+                "Order {order}: time as the power {} of the unknowns, memory as the power {}.",
+                three(time),
+                three(memory)
+            ));
+        }
+    }
+    Ok(table)
+}
+
+/// With modes, actuators and frequencies.
+///
+/// # Errors
+/// Those of the cases, [`Error::File`].
+pub fn others(environment: &Environment) -> Result<Table, Error> {
+    let columns = ["varied", "value", "unknowns", "coordinates", "mesh and factors", "modes", "sweep", "per frequency"];
+    let mut table = Table::new("(b) Growth: modes, actuators, frequencies", &columns);
+    table.above.push(format!(
+        "Example plate, loss factor 0.005, order 7, cells of {} mm. Coordinates: modes and residual shapes. Sweep: the \
+         coordinates of all actuators at all frequencies. Medians.",
+        CELL_M * 1e3
+    ));
+    let two = write_scene(environment, 2)?;
+    let mut row = |varied: &str, value: String, outcome: &Outcome, frequencies: usize| {
+        #[allow(clippy::cast_precision_loss, reason = "ten thousand")]
+        let each = outcome.sweep_s / frequencies as f64;
+        table.row([
+            String::from(varied),
+            value,
+            outcome.unknowns.to_string(),
+            outcome.coordinates.to_string(),
+            seconds(outcome.mesh_s),
+            seconds(outcome.modes_s),
+            seconds(outcome.sweep_s),
+            seconds(each),
+        ]);
+    };
+    for max_hz in [250.0, 500.0, 1000.0, 2000.0, 4000.0] {
+        let outcome = mesh(environment, &two, 7, CELL_M, max_hz, 1000)?;
+        row("band up to", format!("{max_hz} Hz"), &outcome, 1000);
+    }
+    for count in 1..=4 {
+        let scene = write_scene(environment, count)?;
+        let outcome = mesh(environment, &scene, 7, CELL_M, MAX_HZ, 1000)?;
+        row("actuators", count.to_string(), &outcome, 1000);
+    }
+    for frequencies in [100, 1000, 10_000] {
+        let outcome = mesh(environment, &two, 7, CELL_M, MAX_HZ, frequencies)?;
+        row("frequencies", frequencies.to_string(), &outcome, frequencies);
+    }
+    Ok(table)
+}
+
+fn exponent(pairs: &[(f64, f64)]) -> Option<f64> {
+    let [.., (x0, y0), (x1, y1)] = pairs else { return None };
+    Some((y1 / y0).ln() / (x1 / x0).ln())
+}
+
+/// One mesh; small ones several times, with medians.
+fn mesh(
+    environment: &Environment,
+    scene: &Path,
+    order: usize,
+    cell_m: f64,
+    max_hz: f64,
+    frequencies: usize,
+) -> Result<Outcome, Error> {
+    let options = [
+        ("--cell-m", cell_m.to_string()),
+        ("--order", order.to_string()),
+        ("--max-hz", max_hz.to_string()),
+        ("--frequencies", frequencies.to_string()),
+    ];
+    let first = in_child(environment, "mesh", scene, &options)?;
+    // Above a second the noise is small against it.
+    let more = if first.elapsed_s > 1.0 || environment.quick { 0 } else { 4 };
+    let mut all = vec![first];
+    for _ in 0..more {
+        all.push(in_child(environment, "mesh", scene, &options)?);
+    }
+    let of = |what: fn(&Outcome) -> f64| median(all.iter().map(what).collect());
+    let (mesh_s, modes_s, sweep_s) = (of(|o| o.mesh_s), of(|o| o.modes_s), of(|o| o.sweep_s));
+    Ok(Outcome { mesh_s, modes_s, sweep_s, ..all.swap_remove(0) })
+}
+
+/// The example plate with 1 to 4 actuators: its own two, and two more placed off its centre lines.
+fn write_scene(environment: &Environment, actuators: usize) -> Result<std::path::PathBuf, Error> {
+    const BLOCK: &str = "[[actuator]]";
+    let text = scene_text()?;
+    let mut parts = text.split(BLOCK);
+    let mut out = String::from(parts.next().ok_or(Error::Scene(BLOCK))?);
+    let own: Vec<&str> = parts.collect();
+    let pattern = own.first().ok_or(Error::Scene(BLOCK))?;
+    let more = [("third", 120.0, 40.0), ("fourth", 190.0, 155.0)].map(|(id, x_mm, y_mm)| {
+        let replaced = |line: &str| match line.split('=').next().map(str::trim) {
+            Some("id") => format!("id = \"{id}\""),
+            Some("x_mm") => format!("x_mm = {x_mm:?}"),
+            Some("y_mm") => format!("y_mm = {y_mm:?}"),
+            _ => String::from(line),
+        };
+        pattern.lines().map(replaced).collect::<Vec<_>>().join("\n")
+    });
+    for block in own.iter().copied().chain(more.iter().map(String::as_str)).take(actuators) {
+        let _ = writeln!(out, "{BLOCK}{block}");
+    }
+    let path = environment.scratch.join(format!("plate-{actuators}.toml"));
+    std::fs::write(&path, out).map_err(Error::file(&path))?;
+    Ok(path)
+}
+
+/// Memory that programs may still take.
+fn available_bytes() -> Result<f64, Error> {
+    let path = Path::new("/proc/meminfo");
+    let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
+    let line = text.lines().find(|line| line.starts_with("MemAvailable:"));
+    let kilobytes = line.and_then(|line| line.split_whitespace().nth(1)).and_then(|value| value.parse::<f64>().ok());
+    Ok(kilobytes.map_or(f64::INFINITY, |kilobytes| kilobytes * 1024.0))
+}

@@ -1,0 +1,148 @@
+//! Measurements of the panel model, side by side with its peers: `cargo xtask bench model`.
+
+mod calculix;
+mod case;
+mod clock;
+mod environment;
+mod error;
+mod fit;
+mod growth;
+mod own;
+mod peers;
+mod plot;
+mod problem;
+mod process;
+mod references;
+mod table;
+mod table1;
+mod tradeoff;
+
+use case::Case;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use environment::Environment;
+use era::model::Accuracy;
+use error::Error;
+use own::{NEXT, TIGHTEST};
+use problem::{Problem, WANTED};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+use table::{Table, relative, seconds};
+
+/// Measurements of the ERA haptics system.
+#[derive(Parser)]
+#[command(name = "era-bench")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// The panel model: what accuracy costs, growth, peers at equal error, motion in time, arithmetic
+    Model(Options),
+    /// One case, as JSON: what the measurements run in processes of their own
+    #[command(subcommand, hide = true)]
+    Case(Case),
+}
+
+/// A part of the measurements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    Tradeoff,
+    Growth,
+    Peers,
+    Table1,
+}
+
+#[derive(Args)]
+struct Options {
+    /// Smaller and fewer cases: a check that everything runs
+    #[arg(long)]
+    quick: bool,
+    /// Parts to measure; all unless given
+    #[arg(long, value_enum)]
+    only: Vec<Part>,
+    /// Also write the tables to a Markdown file
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+    /// Also write the plot of what accuracy costs to an SVG file
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Model(options) => model(&options),
+        Command::Case(case) => case::run(&case).map(|outcome| println!("{}", serde_json::json!(outcome))),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn model(options: &Options) -> Result<(), Error> {
+    let environment = Environment::new(options.quick)?;
+    let problem = Problem::new()?;
+    let mut tables = Vec::new();
+    let mut tell = |table: Table| {
+        println!("{}", table.text());
+        tables.push(table);
+    };
+    let wants = |part| options.only.is_empty() || options.only.contains(&part);
+    let started = Instant::now();
+    if wants(Part::Peers) {
+        peers(&environment, &problem, &mut tell)?;
+    }
+    if wants(Part::Table1) {
+        tell(table1::table(&environment)?);
+    }
+    if wants(Part::Tradeoff) {
+        let (table, responses) = tradeoff::responses(&environment, &problem)?;
+        tell(table);
+        let (table, modes) = tradeoff::modes(&environment)?;
+        tell(table);
+        if let Some(path) = &options.plot {
+            plot::write(path, &responses, &modes)?;
+        }
+    }
+    if wants(Part::Growth) {
+        tell(growth::unknowns(&environment, &problem)?);
+        tell(growth::others(&environment)?);
+    }
+    println!("{} in all", seconds(started.elapsed().as_secs_f64()));
+    if let Some(path) = &options.markdown {
+        let text: Vec<String> = tables.iter().map(Table::markdown).collect();
+        std::fs::write(path, text.join("\n")).map_err(Error::file(path))?;
+    }
+    Ok(())
+}
+
+/// (c)
+fn peers(environment: &Environment, problem: &Problem, tell: &mut dyn FnMut(Table)) -> Result<(), Error> {
+    let reference = problem.reference(TIGHTEST)?;
+    let next = problem.reference(NEXT)?;
+    let uncertainty = next.error_of(|curve, f| reference.values[curve * reference.count + f]);
+    let file = problem.write(&environment.scratch, &reference)?;
+    let solve = |accuracy| own::solve(problem, accuracy, &reference, if environment.quick { 3 } else { 11 });
+    let own = [solve(Accuracy::BALANCED)?, solve(Accuracy::tolerance(1e-4)?)?, solve(Accuracy::REFERENCE)?];
+    let report = peers::run(environment, &file)?;
+    let mut all = peers::table(&report, &own, problem);
+    all.below.push(format!(
+        "The tightest answer (order {}, cells of {} mm) and the next lower order on its mesh are {} apart.",
+        TIGHTEST.order,
+        TIGHTEST.cell_m * 1e3,
+        relative(uncertainty)
+    ));
+    tell(all);
+    // The cheapest that is good enough; they are in the order of cost.
+    if let Some(own) = own.iter().find(|own| own.error <= WANTED) {
+        tell(peers::ratios(&report, own));
+    }
+    tell(calculix::table(environment, problem, &file)?);
+    Ok(())
+}

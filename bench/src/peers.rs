@@ -1,0 +1,225 @@
+//! (c): the same problem solved by others.
+
+use crate::environment::Environment;
+use crate::error::Error;
+use crate::fit;
+use crate::own::Own;
+use crate::problem::{Problem, WANTED};
+use crate::process::json;
+use crate::table::{Table, relative, seconds, times};
+use serde::Deserialize;
+use std::path::Path;
+
+/// What `peers/peers.py` prints.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Report {
+    /// Version of NumPy.
+    pub numpy: String,
+    /// Version of SciPy.
+    pub scipy: String,
+    /// In the order of the meshes.
+    pub results: Vec<Solved>,
+}
+
+/// One method on one mesh.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Solved {
+    /// `direct`, `modal`, `modal+2` or `real`.
+    pub method: String,
+    /// As in `12x8`.
+    pub mesh: String,
+    /// Along x.
+    pub cells: f64,
+    /// Of the mesh.
+    pub unknowns: usize,
+    /// Assembly, and modes if there are any.
+    pub set_up_s: f64,
+    /// All frequencies and both loads.
+    pub sweep_s: f64,
+    /// Frequencies that `sweep_s` was measured at.
+    pub timed_frequencies: usize,
+    /// Largest on any curve, relative to its peak.
+    pub error: f64,
+}
+
+impl Solved {
+    fn total_s(&self) -> f64 {
+        self.set_up_s + self.sweep_s
+    }
+}
+
+/// Names of the methods, as scripts and people call them.
+const METHODS: [(&str, &str); 4] = [
+    ("direct", "SciPy sparse LU at each frequency"),
+    ("modal", "SciPy modal, 60 modes"),
+    ("modal+2", "SciPy modal, 60 modes, 2 residual terms"),
+    ("real", "thesis' equation 15 (dense, real, NumPy)"),
+];
+
+/// Runs SciPy and NumPy on a problem file.
+///
+/// # Errors
+/// [`Error::Start`], [`Error::Failed`], [`Error::Json`].
+pub fn run(environment: &Environment, problem: &Path) -> Result<Report, Error> {
+    let mut command = environment.script("peers.py");
+    command.arg(problem);
+    if environment.quick {
+        command.args([
+            "--meshes",
+            "12x8",
+            "24x16",
+            "48x32",
+            "--direct-most",
+            "48",
+            "--real-most",
+            "12",
+            "--solves",
+            "4",
+        ]);
+    } else {
+        command.args(["--meshes", "12x8", "24x16", "48x32", "96x64", "--direct-most", "96", "--real-most", "24"]);
+    }
+    json(&mut command)
+}
+
+/// Every measurement.
+#[must_use]
+pub fn table(report: &Report, own: &[Own], problem: &Problem) -> Table {
+    let columns = ["method", "mesh", "unknowns", "set-up", "sweep", "timed at", "total", "error"];
+    let mut table = Table::new("(c) Side by side: every measurement", &columns);
+    table.above.push(format!(
+        "Example plate with a loss factor of 0.005, {} frequencies from 50 to 1000 Hz, two loads, {} points. One thread each. \
+         Error: largest on any curve relative to the curve's peak, against the tightest answer. Set-up: from the scene to \
+         matrices and modes. \"Timed at\" fewer frequencies: the median of those times all (the ones with the largest \
+         errors are among them). NumPy {}, SciPy {}.",
+        problem.frequencies_hz.len(),
+        problem.points(),
+        report.numpy,
+        report.scipy
+    ));
+    for own in own {
+        table.row([
+            format!("era, order {}", own.order),
+            format!("{} coordinates", own.coordinates),
+            own.unknowns.to_string(),
+            seconds(own.set_up_s),
+            seconds(own.sweep_s),
+            problem.frequencies_hz.len().to_string(),
+            seconds(own.set_up_s + own.sweep_s),
+            relative(own.error),
+        ]);
+    }
+    for (method, name) in METHODS {
+        for result in report.results.iter().filter(|result| result.method == method) {
+            table.row([
+                String::from(name),
+                result.mesh.clone(),
+                result.unknowns.to_string(),
+                seconds(result.set_up_s),
+                seconds(result.sweep_s),
+                result.timed_frequencies.to_string(),
+                seconds(result.total_s()),
+                relative(result.error),
+            ]);
+        }
+    }
+    table
+}
+
+/// What a method needs for an error.
+struct Need {
+    cells: f64,
+    total_s: f64,
+    is_measured: bool,
+}
+
+fn need(results: &[&Solved], error: f64, errors: &[(f64, f64)]) -> Option<Need> {
+    let cells = fit::reaches(errors, error)?;
+    let totals: Vec<_> = results.iter().map(|result| (result.cells, result.total_s())).collect();
+    let total_s = fit::at(&totals, cells)?;
+    Some(Need { cells, total_s, is_measured: fit::is_measured(&totals, cells) })
+}
+
+/// Times at equal error, and how many times the program's own they are.
+#[must_use]
+pub fn ratios(report: &Report, own: &Own) -> Table {
+    let columns = ["method", "error", "cells along x", "total", "ratio", "from"];
+    let mut table = Table::new("(c) Side by side: at equal error", &columns);
+    let own_s = own.set_up_s + own.sweep_s;
+    table.above.push(format!(
+        "era, order {}: {} from scene to result ({} after the modes are known), error {}. The others at 0.1 % and at that \
+         same error: mesh and time between or beyond the meshes above, along straight lines in logarithms.",
+        own.order,
+        seconds(own_s),
+        seconds(own.sweep_s),
+        relative(own.error)
+    ));
+    // The error is the mesh's, whichever way its matrices are solved.
+    let of = |method: &str| report.results.iter().filter(|result| result.method == method).collect::<Vec<_>>();
+    let errors_of = |method: &str| of(method).iter().map(|result| (result.cells, result.error)).collect::<Vec<_>>();
+    for (method, name) in METHODS {
+        let errors = errors_of(if method == "modal" { "modal" } else { "modal+2" });
+        let mut wanted = vec![WANTED];
+        if own.error < WANTED {
+            wanted.push(own.error);
+        }
+        for error in wanted {
+            let measured = of(method);
+            let cells = match need(&measured, error, &errors) {
+                Some(Need { cells, total_s, is_measured }) => [
+                    format!("{cells:.0}"),
+                    seconds(total_s),
+                    times(total_s / own_s),
+                    String::from(if is_measured { "interpolated" } else { "extrapolated" }),
+                ],
+                None if measured.len() < 2 => ["-", "-", "-", "one mesh only"].map(String::from),
+                None => ["-", "-", "-", "not reached by finer meshes"].map(String::from),
+            };
+            table.row([String::from(name), relative(error)].into_iter().chain(cells));
+        }
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report() -> Report {
+        let result = |method: &str, cells: f64, seconds: f64, error: f64| {
+            serde_json::json!({
+                "method": method, "mesh": "any", "cells": cells, "unknowns": 1, "set_up_s": 0.0, "sweep_s": seconds,
+                "timed_frequencies": 3, "error": error,
+            })
+        };
+        let results = vec![
+            result("modal+2", 10.0, 0.1, 1e-1),
+            result("modal+2", 100.0, 1.0, 1e-3),
+            result("modal", 10.0, 0.1, 1e-1),
+            result("modal", 100.0, 1.0, 1e-1),
+            result("direct", 10.0, 1.0, 1e-1),
+            result("direct", 20.0, 8.0, 2.5e-2),
+        ];
+        serde_json::from_value(serde_json::json!({"numpy": "1", "scipy": "2", "results": results})).unwrap()
+    }
+
+    #[test]
+    fn equal_error_is_read_off_the_measurements() {
+        let own = Own { order: 7, unknowns: 1, coordinates: 1, set_up_s: 0.0, sweep_s: 1.0, error: 2e-3 };
+        let rows = ratios(&report(), &own).rows;
+        let row = |method: usize| rows[method].iter().map(String::as_str).collect::<Vec<_>>();
+        // 100 cells are ten times ten: as the cube of it, 1000 s.
+        assert_eq!(row(0)[2..], ["100", "1000 s", "1000 x", "extrapolated"]);
+        assert_eq!(row(1)[5], "not reached by finer meshes");
+        assert_eq!(row(2)[2..], ["100", "1.00 s", "1.00 x", "interpolated"]);
+        assert_eq!(rows.len(), 4);
+    }
+
+    #[test]
+    fn own_error_is_a_second_goal_if_it_is_smaller() {
+        let own = Own { order: 7, unknowns: 1, coordinates: 1, set_up_s: 0.5, sweep_s: 0.5, error: 1e-5 };
+        let rows = ratios(&report(), &own).rows;
+        assert_eq!(rows.len(), 8);
+        assert_eq!((rows[4][1].as_str(), rows[5][1].as_str(), rows[5][2].as_str()), ("1.0e-3", "1.0e-5", "1000"));
+    }
+}

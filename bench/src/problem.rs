@@ -1,0 +1,190 @@
+//! The problem that is solved side by side: the example plate with a loss factor of 0.005, 1000 frequencies from 50 to
+//! 1000 Hz, 1 N at each actuator alone, acceleration at all points of a 49 x 33 grid.
+
+use crate::error::Error;
+use era::model::PanelModel;
+use era::model::grid::Fineness;
+use era::response::modal_coordinates;
+use era::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping};
+use nalgebra::DMatrix;
+use num_complex::Complex64;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// The example's damping, and what it is replaced by.
+const DAMPING: (&str, &str) = ("loss_factor = 0.01 ", "loss_factor = 0.005 ");
+/// The highest frequency in Hz.
+pub const MAX_HZ: f64 = 1000.0;
+/// Largest error on any curve, relative to its peak, that the problem asks for.
+pub const WANTED: f64 = 1e-3;
+
+/// Scene, frequencies and points.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// The plate.
+    pub scene: Scene,
+    /// In Hz.
+    pub frequencies_hz: Vec<f64>,
+    /// Columns of the grid in m.
+    pub x_m: Vec<f64>,
+    /// Rows of the grid in m.
+    pub y_m: Vec<f64>,
+}
+
+/// The scene's file.
+///
+/// # Errors
+/// [`Error::Scene`] if the example has another damping than is replaced here.
+pub fn scene_text() -> Result<String, Error> {
+    if !EXAMPLE_PLATE.contains(DAMPING.0) {
+        return Err(Error::Scene(DAMPING.0));
+    }
+    Ok(EXAMPLE_PLATE.replace(DAMPING.0, DAMPING.1))
+}
+
+impl Problem {
+    /// The problem.
+    ///
+    /// # Errors
+    /// [`Error::Scene`], [`Error::Parse`].
+    pub fn new() -> Result<Self, Error> {
+        let scene = Scene::parse("examples/scenes/plate.toml", &scene_text()?)?;
+        debug_assert_eq!(scene.surface.damping, SurfaceDamping::LossFactor(0.005));
+        let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+        Ok(Self {
+            frequencies_hz: evenly(50.0, MAX_HZ, 1000),
+            x_m: evenly(0.0, length, 49),
+            y_m: evenly(0.0, width, 33),
+            scene,
+        })
+    }
+
+    /// Points of the grid.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.x_m.len() * self.y_m.len()
+    }
+
+    /// The places of the grid's points, x first.
+    #[must_use]
+    pub fn places(&self) -> Vec<(f64, f64)> {
+        self.y_m.iter().flat_map(|y| self.x_m.iter().map(move |x| (*x, *y))).collect()
+    }
+
+    /// The tightest answer, or another by the same plain way: all products in f64, no symmetry used.
+    ///
+    /// # Errors
+    /// [`Error::Model`], [`Error::Response`].
+    pub fn reference(&self, fineness: Fineness) -> Result<Curves, Error> {
+        curves(&self.scene, fineness, &self.frequencies_hz, &self.places())
+    }
+
+    /// Writes the problem and its answer for another program, and returns the file to name to it.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub fn write(&self, folder: &Path, reference: &Curves) -> Result<PathBuf, Error> {
+        std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
+        let (numbers, path) = (folder.join("reference.f64"), folder.join("problem.json"));
+        let raw: Vec<u8> = reference.values.iter().flat_map(|z| [z.re, z.im]).flat_map(f64::to_le_bytes).collect();
+        std::fs::write(&numbers, raw).map_err(Error::file(&numbers))?;
+        let document = json!({
+            "scene": self.scene, "frequencies_hz": self.frequencies_hz, "x_m": self.x_m, "y_m": self.y_m,
+            "reference": numbers,
+        });
+        std::fs::write(&path, document.to_string()).map_err(Error::file(&path))?;
+        Ok(path)
+    }
+}
+
+/// Acceleration in m/s^2 for 1 N at each actuator alone.
+#[derive(Clone, Debug)]
+pub struct Curves {
+    /// `[actuator][point, x first][frequency]`.
+    pub values: Vec<Complex64>,
+    /// Frequencies.
+    pub count: usize,
+}
+
+impl Curves {
+    /// Largest deviation of a curve, relative to its own peak here; `value` gives the other's by actuator times points plus
+    /// point, and frequency.
+    #[must_use]
+    pub fn error_of(&self, value: impl Fn(usize, usize) -> Complex64) -> f64 {
+        let relative = |(place, curve): (usize, &[Complex64])| {
+            let peak = curve.iter().map(|z| z.norm()).fold(f64::MIN_POSITIVE, f64::max);
+            let off = curve.iter().enumerate().map(|(f, z)| (z - value(place, f)).norm()).fold(0.0, f64::max);
+            off / peak
+        };
+        self.values.chunks_exact(self.count).enumerate().map(relative).fold(0.0, f64::max)
+    }
+}
+
+/// Accelerations at some places by the definition, from a mesh that is said.
+///
+/// # Errors
+/// [`Error::Model`], [`Error::Response`].
+pub fn curves(
+    scene: &Scene,
+    fineness: Fineness,
+    frequencies_hz: &[f64],
+    places: &[(f64, f64)],
+) -> Result<Curves, Error> {
+    let reduced = PanelModel::with_fineness(scene, fineness)?.reduce(MAX_HZ, &[])?;
+    let (n, loads, count) = (reduced.order(), reduced.actuators(), frequencies_hz.len());
+    let mut shapes = DMatrix::zeros(n, places.len());
+    for (mut column, (x, y)) in shapes.column_iter_mut().zip(places) {
+        column.copy_from(&reduced.shape_at(*x, *y));
+    }
+    let mut parts = [DMatrix::zeros(count * loads, n), DMatrix::zeros(count * loads, n)];
+    for (f, frequency_hz) in frequencies_hz.iter().enumerate() {
+        let scale = -(std::f64::consts::TAU * frequency_hz).powi(2);
+        for (load, q) in modal_coordinates(&reduced, *frequency_hz)?.iter().enumerate() {
+            for (i, q) in q.iter().enumerate() {
+                (parts[0][(load * count + f, i)], parts[1][(load * count + f, i)]) = (scale * q.re, scale * q.im);
+            }
+        }
+    }
+    let [re, im] = parts.map(|part| part * &shapes);
+    let mut values = Vec::with_capacity(count * loads * places.len());
+    for load in 0..loads {
+        for (re, im) in re.column_iter().zip(im.column_iter()) {
+            let own = load * count..(load + 1) * count;
+            values.extend(own.map(|row| Complex64::new(re[row], im[row])));
+        }
+    }
+    Ok(Curves { values, count })
+}
+
+/// `count` numbers from one to another.
+#[allow(clippy::cast_precision_loss, reason = "counts of a thousand")]
+#[must_use]
+pub fn evenly(from: f64, to: f64, count: usize) -> Vec<f64> {
+    let step = (to - from) / (count - 1) as f64;
+    (0..count).map(|i| if i + 1 == count { to } else { from + step * i as f64 }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_example_becomes_the_problem() {
+        let problem = Problem::new().unwrap();
+        assert_eq!(problem.scene.surface.damping, SurfaceDamping::LossFactor(0.005));
+        assert_eq!((problem.points(), problem.frequencies_hz.len()), (49 * 33, 1000));
+        assert_eq!(problem.frequencies_hz.last(), Some(&1000.0));
+    }
+
+    #[test]
+    fn an_error_is_relative_to_its_curve() {
+        let curves = Curves { values: [1.0, 10.0, 0.1, 0.0].map(Complex64::from).to_vec(), count: 2 };
+        // 0.5 off on a curve of 10, 0.02 off on a curve of 0.1.
+        let error = curves.error_of(|place, f| match (place, f) {
+            (0, 1) => Complex64::from(10.5),
+            (1, 0) => Complex64::from(0.12),
+            (place, f) => curves.values[2 * place + f],
+        });
+        assert!((error - 0.2).abs() < 1e-12, "{error}");
+    }
+}

@@ -1,0 +1,195 @@
+//! (d): the thesis' Table 1, with matrices stated.
+
+use crate::clock::median_s;
+use crate::environment::Environment;
+use crate::error::Error;
+use crate::process::json;
+use crate::table::{Table, relative, seconds, times};
+use era::transient::{
+    Harmonic, Initial, Outputs, Propagator, Quantity, SecondOrder, TimeGrid, TransientError, as_published, steady_state,
+};
+use nalgebra::{DMatrix, DVector};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// 0 to 5 s.
+const GRID: TimeGrid = TimeGrid { step_s: 1e-3, count: 5001 };
+/// Of the excitation.
+const OMEGA_RAD_S: f64 = 60.0;
+/// The thesis' numbers of unknowns, and its times in s: ode45 and its analytical solution.
+const THESIS: [(usize, f64, f64); 6] =
+    [(4, 0.141, 0.01), (8, 0.230, 0.02), (16, 0.906, 0.04), (20, 6.098, 0.06), (40, 36.32, 0.09), (60, 151.23, 0.12)];
+/// What the systems are.
+const MATRICES: &str = "Full response of n unknowns at 5001 times (0 to 5 s, 1 ms), unit forces sin(60 t) on the first and \
+    last unknown, from rest. The thesis does not state its matrices (\"random\"). Here: a chain between two walls, masses 1 to \
+    2 kg, springs 500 to 1000 N/m, dashpots 1 to 5 N s/m, each 1, 500 or 1 plus 1, 500 or 4 times the next number of the \
+    generator x -> 6364136223846793005 x + 1442695040888963407 mod 2^64 from x = n, its upper 32 bits over 2^32 - 1: the n \
+    masses first, then spring and dashpot of each of the n + 1 links. \"Proportional\" has C = 0.8 M + 0.001 K in place of the \
+    dashpots. Medians, decomposition included.";
+
+/// A chain of masses between two walls.
+fn chain(n: usize) -> SecondOrder {
+    let mut seed = n as u64;
+    let mut next = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        #[allow(clippy::cast_precision_loss, reason = "32 bits")]
+        let upper = (seed >> 32) as f64;
+        upper / f64::from(u32::MAX)
+    };
+    let (mut c, mut k) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
+    let m = DMatrix::from_diagonal(&DVector::from_fn(n, |_, _| 1.0 + next()));
+    for link in 0..=n {
+        let (spring, dashpot) = (500.0 + 500.0 * next(), 1.0 + 4.0 * next());
+        for (matrix, value) in [(&mut k, spring), (&mut c, dashpot)] {
+            if link > 0 {
+                matrix[(link - 1, link - 1)] += value;
+            }
+            if link < n {
+                matrix[(link, link)] += value;
+            }
+            if link > 0 && link < n {
+                matrix[(link - 1, link)] -= value;
+                matrix[(link, link - 1)] -= value;
+            }
+        }
+    }
+    SecondOrder { m, c, k }
+}
+
+/// One system, and what it took.
+struct Measured {
+    n: usize,
+    damping: &'static str,
+    two_s: f64,
+    all_s: f64,
+    steady_s: f64,
+    again_s: f64,
+    published_s: f64,
+}
+
+/// What `peers/table1.py` prints for a system.
+#[derive(Clone, Copy, Debug, Deserialize)]
+struct Peer {
+    explicit_s: f64,
+    explicit_error: f64,
+    published_s: f64,
+    published_error: f64,
+}
+
+/// Measures everything.
+///
+/// # Errors
+/// [`Error::Transient`], [`Error::File`], and those of the script.
+pub fn table(environment: &Environment) -> Result<Table, Error> {
+    let columns = [
+        "unknowns",
+        "damping",
+        "two outputs",
+        "all outputs",
+        "steady state",
+        "another frequency",
+        "as published",
+        "NumPy as published",
+        "its error",
+        "SciPy RK45",
+        "its error",
+        "RK45 / all outputs",
+        "thesis: ode45",
+        "thesis: analytical",
+    ];
+    let mut table = Table::new("(d) Table 1: motion in time", &columns);
+    table.above.push(String::from(MATRICES));
+    let runs = if environment.quick { 11 } else { 101 };
+    let (mut measured, mut systems) = (Vec::new(), Vec::new());
+    for (n, ..) in THESIS {
+        for damping in ["proportional", "dashpots"] {
+            let mut system = chain(n);
+            if damping == "proportional" {
+                system.c = &system.m * 0.8 + &system.k * 1e-3;
+            }
+            let mut force_n = DVector::zeros(n);
+            (force_n[0], force_n[n - 1]) = (1.0, 1.0);
+            let drive = Harmonic { omega_rad_s: OMEGA_RAD_S, phase_rad: -std::f64::consts::FRAC_PI_2, force_n };
+            measured.push(measure(&system, &drive, damping, runs)?);
+            let file = environment.scratch.join(format!("table1-{n}-{damping}.f64"));
+            systems.push(written(&system, &drive, file)?);
+        }
+    }
+    let file = environment.scratch.join("table1.json");
+    let document = json!({"step_s": GRID.step_s, "count": GRID.count, "omega_rad_s": OMEGA_RAD_S, "systems": systems});
+    std::fs::write(&file, document.to_string()).map_err(Error::file(&file))?;
+    let mut script = environment.script("table1.py");
+    script.arg(&file).args(["--runs", if environment.quick { "1" } else { "3" }]);
+    let peers: Vec<Peer> = json(&mut script)?;
+    for (own, peer) in measured.iter().zip(&peers) {
+        let thesis = THESIS.iter().find(|row| row.0 == own.n);
+        let published = |time: Option<f64>| time.map_or_else(String::new, seconds);
+        table.row([
+            own.n.to_string(),
+            String::from(own.damping),
+            seconds(own.two_s),
+            seconds(own.all_s),
+            seconds(own.steady_s),
+            seconds(own.again_s),
+            seconds(own.published_s),
+            seconds(peer.published_s),
+            relative(peer.published_error),
+            seconds(peer.explicit_s),
+            relative(peer.explicit_error),
+            times(peer.explicit_s / own.all_s),
+            published(thesis.map(|row| row.1)),
+            published(thesis.map(|row| row.2)),
+        ]);
+    }
+    table.below.push(String::from(
+        "The thesis' times are not reproduced: an explicit solver's cost is that of its stable step, the largest |lambda| times \
+         the duration, and does not grow exponentially with the number of unknowns. Errors: largest deviation over the largest \
+         displacement; RK45 with ode45's default tolerances (1e-3 relative, 1e-6 absolute).",
+    ));
+    Ok(table)
+}
+
+fn full(system: &SecondOrder, drive: &Harmonic, outputs: Outputs<'_>) -> Result<DMatrix<f64>, TransientError> {
+    let rest = Initial::rest(system.unknowns());
+    Propagator::new(system, GRID)?.harmonic(&rest, std::slice::from_ref(drive), outputs, Quantity::Displacement)
+}
+
+fn measure(
+    system: &SecondOrder,
+    drive: &Harmonic,
+    damping: &'static str,
+    runs: usize,
+) -> Result<Measured, TransientError> {
+    let n = system.unknowns();
+    // The thesis' Figure 11: fourth from the start, third from the end.
+    let mut two = DMatrix::zeros(2, n);
+    (two[(0, 3)], two[(1, n.max(6) - 3)]) = (1.0, 1.0);
+    let ready = Propagator::new(system, GRID)?;
+    let rest = Initial::rest(n);
+    Ok(Measured {
+        n,
+        damping,
+        two_s: median_s(runs, || full(system, drive, Outputs::Rows(&two)))?,
+        all_s: median_s(runs, || full(system, drive, Outputs::All))?,
+        steady_s: median_s(10 * runs, || steady_state(system, drive))?,
+        again_s: median_s(10 * runs, || ready.steady(drive))?,
+        published_s: median_s(runs.div_ceil(20), || {
+            as_published::displacements(system, &rest, std::slice::from_ref(drive), GRID)
+        })?,
+    })
+}
+
+/// A system and its answer, as the script reads them.
+fn written(system: &SecondOrder, drive: &Harmonic, file: PathBuf) -> Result<Value, Error> {
+    // Row by row is time by time.
+    let answer = full(system, drive, Outputs::All)?;
+    let raw: Vec<u8> = answer.transpose().iter().flat_map(|value| value.to_le_bytes()).collect();
+    std::fs::write(&file, raw).map_err(Error::file(&file))?;
+    let rows = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
+        matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+    };
+    Ok(json!({
+        "m": rows(&system.m), "c": rows(&system.c), "k": rows(&system.k), "force": drive.force_n.as_slice(), "answer": file,
+    }))
+}
