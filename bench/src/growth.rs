@@ -10,10 +10,6 @@ use crate::table::{Table, bytes, seconds, three};
 use std::fmt::Write;
 use std::path::Path;
 
-/// Most time that one case may be expected to take in s.
-const MOST_S: f64 = 60.0;
-/// The same with `--quick`.
-const MOST_QUICK_S: f64 = 3.0;
 /// Part of the free memory that one case may be expected to take: other programs want some too.
 const MOST_MEMORY: f64 = 0.5;
 /// Numbers of unknowns, about.
@@ -23,11 +19,11 @@ const ORDERS: [usize; 2] = [3, 7];
 /// The mesh on which modes, actuators and frequencies are varied: right to 1e-3 up to 4 kHz.
 const CELL_M: f64 = 0.05;
 
-/// With the number of unknowns.
+/// With the number of unknowns, as long as a size is expected to take no more than `most_s`.
 ///
 /// # Errors
 /// Those of the cases, [`Error::File`].
-pub fn unknowns(environment: &Environment, problem: &Problem) -> Result<Table, Error> {
+pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Result<Table, Error> {
     let columns = ["order", "unknowns", "mesh and factors", "modes", "coordinates", "total", "peak memory"];
     let mut table = Table::new("(b) Growth: unknowns", &columns);
     table.above.push(String::from(
@@ -36,7 +32,6 @@ pub fn unknowns(environment: &Environment, problem: &Problem) -> Result<Table, E
     ));
     let scene = write_scene(environment, 2)?;
     let surface = &problem.scene.surface;
-    let most_s = if environment.quick { MOST_QUICK_S } else { MOST_S };
     for order in ORDERS {
         let (mut times, mut peaks) = (Vec::new(), Vec::new());
         for wanted in UNKNOWNS {

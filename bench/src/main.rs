@@ -29,6 +29,11 @@ use std::process::ExitCode;
 use std::time::Instant;
 use table::{Table, relative, seconds};
 
+/// Time that one size of the growth with unknowns may take, in s.
+const LONGEST_S: f64 = 45.0;
+/// The same with `--quick`.
+const LONGEST_QUICK_S: f64 = 3.0;
+
 /// Measurements of the ERA haptics system.
 #[derive(Parser)]
 #[command(name = "era-bench")]
@@ -63,6 +68,9 @@ struct Options {
     /// Parts to measure; all unless given
     #[arg(long, value_enum)]
     only: Vec<Part>,
+    /// Time that one size of the growth with unknowns may take [default: 45, with --quick 3]
+    #[arg(long, value_name = "S")]
+    longest_s: Option<f64>,
     /// Also write the tables to a Markdown file
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
@@ -111,7 +119,8 @@ fn model(options: &Options) -> Result<(), Error> {
         }
     }
     if wants(Part::Growth) {
-        tell(growth::unknowns(&environment, &problem)?);
+        let most_s = options.longest_s.unwrap_or(if options.quick { LONGEST_QUICK_S } else { LONGEST_S });
+        tell(growth::unknowns(&environment, &problem, most_s)?);
         tell(growth::others(&environment)?);
     }
     println!("{} in all", seconds(started.elapsed().as_secs_f64()));
