@@ -202,7 +202,9 @@ fn description_metrics_and_page_are_there() {
     ] {
         assert!(metrics.lines().any(|found| found == line), "{line} in {metrics}");
     }
-    for path in ["/", "/app.js", "/panel.js", "/link.js", "/heat.js", "/readout.js", "/style.css", "/icon.svg"] {
+    for path in
+        ["/", "/app.js", "/design.js", "/panel.js", "/link.js", "/heat.js", "/readout.js", "/style.css", "/icon.svg"]
+    {
         let text = daemon.get_text(path);
         assert!(!text.is_empty() && !text.contains("http://") || path == "/icon.svg" || path == "/panel.js", "{path}");
     }

@@ -107,6 +107,125 @@ fn the_keyboard_alone_touches_and_stops() {
     });
 }
 
+/// The numbers of the map that is shown, to be compared.
+const MAP: &str = "document.querySelector('#heat').toDataURL()";
+const READY: &str = "document.body.dataset.preview === 'ready'";
+/// Whether the scene's first support is drawn where the file has it: in the corner.
+const IN_THE_CORNER: &str = "document.querySelector('#overlay .support').getAttribute('d').startsWith('M0 ')";
+
+#[test]
+fn a_dragged_support_changes_the_map_and_nothing_is_driven() {
+    with_page(1280, 800, |daemon, browser| {
+        let button = browser.point("#design", 0.5, 0.5);
+        browser.click(button);
+        browser.wait_for(READY);
+        let original = browser.value(MAP);
+        let status = browser.value("document.querySelector('#preview-status').textContent");
+        for piece in ["Preview, nothing is driven", "right to ±", " ms"] {
+            assert!(status.as_str().unwrap().contains(piece), "{status} lacks {piece}");
+        }
+        assert_eq!(browser.value("document.querySelectorAll('.handle').length"), 6);
+        assert_eq!(browser.value(IN_THE_CORNER), true);
+
+        // Taken beside its middle, in steps as a hand makes them; the map follows before the hand lets go.
+        let handle = "[data-name=\"support[1]\"]";
+        let (x, y) = browser.point(handle, 0.6, 0.7);
+        browser.mouse("mousePressed", (x, y));
+        for step in 1..=8 {
+            browser.mouse("mouseMoved", (x + 12.0 * f64::from(step), y + 9.0 * f64::from(step)));
+        }
+        browser.wait_for(&format!("{READY} && {MAP} !== {original}"));
+        browser.mouse("mouseReleased", (x + 96.0, y + 72.0));
+        assert_eq!(browser.value(IN_THE_CORNER), false);
+        save(browser, "design");
+        // To the pixel where the hand left it, to the tenth of a millimetre in the scene's text.
+        let mm_per_px = browser.value("300 / document.querySelector('#panel').getBoundingClientRect().width");
+        browser.wait_for(READY);
+        let copy = browser.point("#copy", 0.5, 0.5);
+        browser.click(copy);
+        browser.wait_for("!document.querySelector('#scene-toml').hidden");
+        let text = browser.value("document.querySelector('#scene-toml').value");
+        let scene = era::scene::Scene::parse("copied", text.as_str().unwrap()).unwrap();
+        let original_scene = era::scene::Scene::parse("example", EXAMPLE_PLATE).unwrap();
+        let (moved, mm_per_px) = (scene.supports[0], mm_per_px.as_f64().unwrap());
+        for (place_m, pixels) in [(moved.x_m, 96.0), (moved.y_m, 72.0)] {
+            assert!((place_m * 1e3 - pixels * mm_per_px).abs() < 0.1, "{place_m} m after {pixels} px");
+        }
+        assert_eq!(scene.supports[1..], original_scene.supports[1..]);
+        assert_eq!(scene.actuators, original_scene.actuators);
+
+        let reset = browser.point("#reset", 0.5, 0.5);
+        browser.click(reset);
+        browser.wait_for(&format!("{READY} && {IN_THE_CORNER} && {MAP} === {original}"));
+
+        // A click beside the attachments moves the previewed touch.
+        let place = browser.point("#panel", 0.6, 0.8);
+        browser.click(place);
+        browser
+            .wait_for(&format!("{READY} && Math.abs(JSON.parse(document.body.dataset.plan).target_mm[0] - 180) < 1"));
+        assert_ne!(browser.value(MAP), original);
+        assert_eq!(browser.value("document.querySelector('#mode').textContent"), "preview, nothing is driven");
+        assert!(daemon.sim.drives_received().is_none(), "nothing was driven");
+        assert_eq!(daemon.state()["device"]["state"], "safe");
+
+        // Back again: the page drives as before.
+        browser.click(button);
+        browser.wait_for("document.querySelectorAll('.handle').length === 0 && document.body.dataset.plan === ''");
+        browser.mouse("mousePressed", place);
+        daemon.wait_for(|state| state["device"]["state"] == "running");
+        // Entering it stops what is driven, with the finger still down.
+        browser.value("document.querySelector('#design').click()");
+        daemon.wait_for(|state| state["device"]["state"] == "safe" && state["plan"].is_null());
+        browser.wait_for(READY);
+        browser.mouse("mouseReleased", place);
+    });
+}
+
+#[test]
+fn design_by_keyboard_and_by_finger_with_stop_in_reach() {
+    with_page(390, 844, |daemon, browser| {
+        browser.value("document.querySelector('#design').click()");
+        browser.wait_for(READY);
+        let place = |browser: &mut Browser, name: &str| {
+            let label = browser.value(&format!("document.querySelector('[data-name=\"{name}\"]').ariaLabel"));
+            label.as_str().unwrap().split(". ").next().unwrap().to_owned()
+        };
+        assert_eq!(place(browser, "actuator[1]"), "actuator left at 75, 100 mm");
+        let before = browser.value(MAP);
+        browser.value("document.querySelector('[data-name=\"actuator[1]\"]').focus()");
+        for key in ["ArrowRight", "ArrowRight", "ArrowUp"] {
+            browser.key("keyDown", key);
+            browser.key("keyUp", key);
+        }
+        assert_eq!(place(browser, "actuator[1]"), "actuator left at 77, 99 mm");
+        browser.wait_for(&format!("{READY} && {MAP} !== {before}"));
+
+        // A finger; beyond the surface it stays at the edge.
+        let before = browser.value(MAP);
+        let (x, y) = browser.point("[data-name=\"support[4]\"]", 0.5, 0.5);
+        browser.touch("touchStart", &[(x, y)]);
+        browser.touch("touchMove", &[(x - 40.0, y + 30.0)]);
+        browser.touch("touchMove", &[(x - 80.0, y + 60.0)]);
+        browser.touch("touchEnd", &[]);
+        let moved = place(browser, "support[4]");
+        assert!(moved.ends_with(", 200 mm") && moved != "support 4 at 300, 200 mm", "{moved}");
+        browser.wait_for(&format!("{READY} && {MAP} !== {before}"));
+        save(browser, "design-phone");
+        let wide = browser.value("document.documentElement.scrollWidth");
+        assert!(wide.as_f64().unwrap() <= 390.0, "{wide} px: nothing sticks out to the side");
+
+        // Something else drives: the page says so, and its stop stops it.
+        daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#);
+        browser.wait_for("document.querySelector('#mode').textContent.includes('driven from elsewhere')");
+        let stop = browser.point("#stop", 0.5, 0.5);
+        let hit = browser.value(&format!("document.elementFromPoint({}, {}).id", stop.0, stop.1));
+        assert_eq!(hit, "stop", "nothing covers the button");
+        browser.click(stop);
+        daemon.wait_for(|state| state["device"]["state"] == "safe");
+        assert_eq!(browser.value("document.body.dataset.design"), "on");
+    });
+}
+
 #[test]
 fn a_lost_daemon_is_shown() {
     let Some(program) = program() else { return };

@@ -1,5 +1,6 @@
 // The page of the daemon: draws the panel, sends touches, shows plan, field and device. No framework, nothing from
 // elsewhere. Units as in the daemon's JSON: mm on the surface, px of the scene's screen, g.
+import { Design } from "./design.js";
 import { Heat } from "./heat.js";
 import { Link, request } from "./link.js";
 import { PanelView } from "./panel.js";
@@ -9,7 +10,7 @@ const heat = new Heat($("heat"), $("scale"), $("ticks"));
 const view = new PanelView($("panel"), heat, $("overlay"));
 const readout = new Readout(() => post("/v1/faults/clear"));
 const fingers = new Map(); // pointer id -> {x_px, y_px}
-let shownPlan = null; // its number
+let driven = null; // the last plan that was driven, with its touches and field
 let hover = null; // the pointer's place in mm
 
 const link = new Link({
@@ -17,6 +18,7 @@ const link = new Link({
     show("connection", "connected");
     $("connection").className = "chip good";
     if (fingers.size) sendTouches();
+    if (design.on) design.ask();
   },
   closed(seconds) {
     show("connection", `connection lost, trying again in ${Math.ceil(seconds)} s`);
@@ -29,17 +31,19 @@ const link = new Link({
     document.title = `${scene.name} – ERA haptics`;
     view.setScene(scene);
     readout.setScene(scene, view.stretch);
+    design.setScene(scene);
+    $("design").disabled = false;
   },
   state: showState,
   plan(message) {
     $("error").hidden = true;
-    showPlan(message.plan, message.touches, message.field);
+    driven = message;
+    if (!design.on) showPlan(message.plan, message.touches, message.field);
   },
   error: showProblem,
 });
 
 function showPlan(plan, touches, field) {
-  shownPlan = field?.plan_id ?? null;
   heat.setField(field);
   show("max-g", field ? fixed(field.max_g, 3, " g") : "0 g");
   view.setPlan(plan, touches);
@@ -51,7 +55,10 @@ function showState(state) {
   readout.showState(state);
   for (const channel of state.telemetry?.channels ?? []) view.setActive(channel.actuator, channel.active);
   // Only a stop takes a plan away; one that has ended stays to be read.
-  if (!state.plan && shownPlan !== null) showPlan(null, [], null);
+  if (!state.plan && driven) {
+    driven = null;
+    if (!design.on) showPlan(null, [], null);
+  }
 }
 
 function showUnder() {
@@ -98,6 +105,62 @@ async function stop() {
   }
 }
 
+// Design mode. Entering it stops the device, and from then on this page sends no touch.
+const design = new Design(view, $("handles"), () => Number($("intensity").value), {
+  pending() {
+    document.body.dataset.preview = "pending";
+    $("copy").disabled = true;
+    $("scene-toml").hidden = true; // it would be that of another state
+  },
+  preview({ plan, field, tolerance, elapsed_ms }, touch) {
+    document.body.dataset.preview = design.toml === null ? "pending" : "ready";
+    $("copy").disabled = design.toml === null;
+    showPlan(plan, [touch], field);
+    readout.showPreview(plan, tolerance, elapsed_ms);
+    $("preview-status").dataset.previews = Number($("preview-status").dataset.previews) + 1;
+  },
+  failed(problem) {
+    document.body.dataset.preview = "failed";
+    show("preview-status", `No preview. ${problem.title}: ${problem.detail ?? ""}`);
+    announce($("preview-status").textContent);
+  },
+  placed: announce,
+});
+
+function setDesign(on) {
+  readout.preview = on;
+  document.body.dataset.design = on ? "on" : "";
+  document.body.dataset.preview = "";
+  $("design").setAttribute("aria-pressed", String(on));
+  for (const id of ["design-tools", "design-help"]) $(id).hidden = !on;
+  $("help").hidden = on;
+  panel.setAttribute("aria-label", PANEL_LABEL[on ? "design" : "touch"]);
+  if (on) {
+    stop();
+    show("preview-status", "Preview, nothing is driven: computing.");
+    design.start(driven?.touches[0]);
+  } else {
+    design.end();
+    showPlan(driven?.plan ?? null, driven?.touches ?? [], driven?.field ?? null);
+  }
+  readout.showMode();
+}
+
+async function copyScene() {
+  const box = $("scene-toml");
+  box.value = design.toml ?? "";
+  box.hidden = false;
+  box.select();
+  try {
+    await navigator.clipboard.writeText(box.value);
+    show("preview-status", "The scene is in the clipboard.");
+  } catch {
+    // No clipboard without a secure context or the browser's permission.
+    show("preview-status", "The browser gives no access to the clipboard: copy the selected text.");
+  }
+  announce($("preview-status").textContent);
+}
+
 // Touches: the whole set of fingers at every change, moves at most 30 times a second.
 const MOVE_MS = 33;
 // The daemon drives for at most 10 s per message; a finger that rests is told again well before.
@@ -126,10 +189,20 @@ setInterval(() => {
 }, 500);
 
 const panel = $("panel");
+const PANEL_LABEL = {
+  touch: panel.getAttribute("aria-label"),
+  design: "Panel in design mode. Arrow keys move the cursor, Enter or Space previews a touch there, Tab goes to the attachments.",
+};
+let designPointer = null; // the pointer that moves the previewed touch
 panel.addEventListener("pointerdown", (event) => {
   const at = view.toScreen(event);
   if (!at || (event.pointerType === "mouse" && event.button !== 0)) return;
   panel.setPointerCapture(event.pointerId);
+  if (design.on) {
+    designPointer = event.pointerId;
+    design.setTouch(at);
+    return;
+  }
   fingers.set(event.pointerId, at);
   show("stop-result", "");
   sendTouches();
@@ -137,14 +210,16 @@ panel.addEventListener("pointerdown", (event) => {
 panel.addEventListener("pointermove", (event) => {
   hover = view.toSurface(event);
   showUnder();
-  if (!fingers.has(event.pointerId)) return;
   const at = view.toScreen(event);
   if (!at) return;
+  if (design.on && event.pointerId === designPointer) design.setTouch(at);
+  if (!fingers.has(event.pointerId)) return;
   fingers.set(event.pointerId, at);
   sendSoon();
 });
 for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
   panel.addEventListener(end, (event) => {
+    if (event.pointerId === designPointer) designPointer = null;
     if (fingers.delete(event.pointerId)) sendTouches();
   });
 }
@@ -159,6 +234,7 @@ const KEYBOARD = -1;
 let keyboardTouch = false;
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 panel.addEventListener("keydown", (event) => {
+  if (event.target !== panel) return; // an attachment's own keys
   const step = STEPS[event.key];
   if (step) {
     view.moveCursor(step[0], step[1], event.shiftKey ? 0.1 : 0.02);
@@ -170,7 +246,9 @@ panel.addEventListener("keydown", (event) => {
       sendSoon();
     }
   } else if (event.key === "Enter" || event.key === " ") {
-    if (!event.repeat && view.cursor) {
+    if (design.on) {
+      design.setTouch(view.cursor);
+    } else if (!event.repeat && view.cursor) {
       keyboardTouch = true;
       show("stop-result", "");
       fingers.set(KEYBOARD, view.cursor);
@@ -217,9 +295,13 @@ $("intensity").addEventListener("input", () => {
   const text = fixed(Number($("intensity").value), 2, " g");
   show("intensity-value", text);
   $("intensity").setAttribute("aria-valuetext", text);
-  if (fingers.size) sendSoon();
+  if (design.on) design.ask();
+  else if (fingers.size) sendSoon();
 });
 
+$("design").addEventListener("click", () => setDesign(!design.on));
+$("reset").addEventListener("click", () => design.reset());
+$("copy").addEventListener("click", copyScene);
 $("scale-top").addEventListener("change", () => heat.setScale(Number($("scale-top").value) || null));
 $("dismiss").addEventListener("click", () => {
   $("error").hidden = true;

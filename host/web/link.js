@@ -7,15 +7,18 @@ const SILENCE_MS = 4000;
 const ANSWER_MS = 3000;
 const STOP_TRIES = 3;
 
-// The answer's body; throws a problem in the form of the daemon's problem+json, whatever went wrong.
-export async function request(method, path) {
+// The answer's body, to a question with an optional body of its own; throws a problem in the form of the daemon's
+// problem+json, whatever went wrong.
+export async function request(method, path, content, answer_ms = ANSWER_MS) {
   let answer;
   try {
-    const options = { method, cache: "no-store", keepalive: method === "POST", signal: AbortSignal.timeout(ANSWER_MS) };
+    const options = { method, cache: "no-store", signal: AbortSignal.timeout(answer_ms) };
+    if (content === undefined) options.keepalive = method === "POST"; // a stop goes out even if the page goes away
+    else options.body = JSON.stringify(content);
     answer = await fetch(path, options);
   } catch (error) {
     const late = error.name === "TimeoutError";
-    const detail = late ? `nothing came back within ${ANSWER_MS / 1000} s` : "the request could not be delivered";
+    const detail = late ? `nothing came back within ${answer_ms / 1000} s` : "the request could not be delivered";
     throw { title: "No answer from the daemon", detail };
   }
   const body = await answer.json().catch(() => null);

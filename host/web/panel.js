@@ -31,6 +31,12 @@ export class PanelView {
     this.draw();
   }
 
+  // The same surface with attachments elsewhere.
+  setAttachments(scene) {
+    this.scene = scene;
+    this.draw();
+  }
+
   setPlan(plan, touches) {
     Object.assign(this, { plan, touches });
     this.draw();

@@ -39,6 +39,9 @@ function duration(seconds) {
   return seconds < 7200 ? `${(seconds / 60).toFixed(0)} min` : `${(seconds / 3600).toFixed(1)} h`;
 }
 
+const boundInWords = ({ error_bound }) =>
+  error_bound === null ? "not known" : `± ${Number((error_bound * 100).toPrecision(2))} %`;
+
 const STATE_WORDS = {
   boot: "starting",
   safe: "safe, all off",
@@ -49,7 +52,7 @@ const STATE_WORDS = {
 
 export class Readout {
   constructor(clearFault) {
-    Object.assign(this, { clearFault, scene: null, plan: null, state: "unknown", history: [] });
+    Object.assign(this, { clearFault, scene: null, plan: null, state: "unknown", history: [], preview: false });
   }
 
   setScene(scene, stretch) {
@@ -65,8 +68,8 @@ export class Readout {
     document.body.dataset.plan = plan ? JSON.stringify(plan) : "";
     this.fillDrives();
     const predicted = plan?.predicted ?? {};
-    const bound = plan && plan.error_bound !== null ? ` ± ${(plan.error_bound * 100).toPrecision(2)} %` : "";
-    show("target-g", fixed(predicted.target_peak_g, 3, " g") + bound);
+    show("target-g", fixed(predicted.target_peak_g, 3, " g"));
+    show("bound", plan ? boundInWords(plan) : "–");
     show("elsewhere-g", fixed(predicted.mean_elsewhere_g, 3, " g"));
     show("contrast", fixed(predicted.contrast_db, 1, " dB"));
     show("elapsed", plan ? `found in ${fixed(plan.elapsed_us / 1e3, 2, " ms")}` : "");
@@ -178,10 +181,23 @@ export class Readout {
     }
   }
 
-  // Whether the map shows what happens now or what happened last.
+  // In design mode: what the preview says of itself, and of what it does not do.
+  showPreview(plan, tolerance, elapsed_ms) {
+    const bound = plan.error_bound === null
+      ? `no error bound here, computed for ${tolerance * 100} %`
+      : `right to ${boundInWords(plan)} at the target`;
+    show("preview-status", `Preview, nothing is driven: ${bound}, computed in ${fixed(elapsed_ms, 0, " ms")}.`);
+    show("elapsed", "preview");
+  }
+
+  // Whether the map shows what happens now, what happened last, or what would happen.
   showMode() {
     const driving = this.state === "running";
-    document.body.dataset.driving = String(driving);
+    document.body.dataset.driving = String(driving && !this.preview);
+    if (this.preview) {
+      show("mode", driving ? "preview; the device is driven from elsewhere" : "preview, nothing is driven");
+      return;
+    }
     const past = this.state === "unknown" ? "last plan, device unknown" : "last plan, device off";
     show("mode", this.plan ? (driving ? "driving now" : past) : "");
   }
@@ -208,7 +224,7 @@ export class Readout {
     const now = performance.now();
     const { history } = this;
     if (history.length && now - history.at(-1).now < HISTORY_STEP_MS) return;
-    const predicted = this.state === "running" && this.plan ? this.plan.predicted.target_peak_g : 0;
+    const predicted = this.state === "running" && this.plan && !this.preview ? this.plan.predicted.target_peak_g : 0;
     history.push({ now, measured: Number.isFinite(measured) ? measured : 0, predicted });
     while (now - history[0].now > HISTORY_MS) history.shift();
     const most = Math.max(...history.map((entry) => Math.max(entry.measured, entry.predicted)));

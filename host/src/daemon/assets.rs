@@ -17,6 +17,7 @@ const ASSETS: &[(&str, &str, &str)] = assets! {
     "/" => "index.html", "text/html; charset=utf-8";
     "/style.css" => "style.css", "text/css; charset=utf-8";
     "/app.js" => "app.js", "text/javascript; charset=utf-8";
+    "/design.js" => "design.js", "text/javascript; charset=utf-8";
     "/heat.js" => "heat.js", "text/javascript; charset=utf-8";
     "/link.js" => "link.js", "text/javascript; charset=utf-8";
     "/panel.js" => "panel.js", "text/javascript; charset=utf-8";
