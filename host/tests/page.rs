@@ -4,8 +4,13 @@
 mod support;
 
 use era::scene::EXAMPLE_PLATE;
+use std::sync::{Mutex, PoisonError};
 use support::Daemon;
 use support::browser::{Browser, program};
+
+/// Browsers take turns: a simulated board whose thread gets no processor for a quarter of a second between six of them
+/// switches everything off, as a real one does when its host falls silent.
+static TURN: Mutex<()> = Mutex::new(());
 
 /// Runs `test` with a browser on the page of a fresh daemon; saves a picture if `ERA_SCREENSHOTS` names a folder.
 fn with_page(width: u32, height: u32, test: impl FnOnce(&Daemon, &mut Browser)) {
@@ -14,6 +19,7 @@ fn with_page(width: u32, height: u32, test: impl FnOnce(&Daemon, &mut Browser)) 
         eprintln!("skipped: no Chromium here and ERA_NO_BROWSER is set");
         return;
     };
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let daemon = Daemon::start(EXAMPLE_PLATE);
     let mut browser = Browser::start(program, width, height);
     browser.open(&daemon.url);
@@ -229,6 +235,7 @@ fn design_by_keyboard_and_by_finger_with_stop_in_reach() {
 #[test]
 fn a_lost_daemon_is_shown() {
     let Some(program) = program() else { return };
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let daemon = Daemon::start(EXAMPLE_PLATE);
     let mut browser = Browser::start(program, 800, 600);
     browser.open(&daemon.url);

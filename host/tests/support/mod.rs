@@ -7,6 +7,7 @@ pub mod scenes;
 use era::daemon::{App, Background};
 use era::device::sim::SimControl;
 use era::device::{OpenDevice, Target};
+use era::model::bounded::Levels;
 use era::model::{Accuracy, PanelModel};
 use era::planner::{PlanTable, TableOptions};
 use era::scene::Scene;
@@ -26,10 +27,18 @@ pub fn table(text: &str) -> PlanTable {
     PlanTable::build(&scene, model, options).unwrap()
 }
 
+/// As `era serve --accuracy fast` makes it: with the coarser levels that give plans an error bound.
+fn served_table(text: &str) -> PlanTable {
+    let scene = Scene::parse("test scene", text).unwrap();
+    let options = TableOptions::default();
+    let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+    PlanTable::with_levels(&scene, levels, options).unwrap()
+}
+
 impl Daemon {
     /// The daemon on a scene, once its device answers.
     pub fn start(scene: &str) -> Self {
-        let table = table(scene);
+        let table = served_table(scene);
         let panel = || {
             let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
             (era::device::sim::Panel::of(&table), volts)
