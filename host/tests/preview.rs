@@ -20,8 +20,18 @@ fn a_preview_of_the_unchanged_scene_is_its_plan() {
     assert!(preview["elapsed_ms"].as_f64().unwrap() > 0.0);
 
     let (_, field) = daemon.get("/v1/field?x_px=480&y_px=640&intensity_g=0.4");
-    for key in ["nx", "ny", "x_mm", "y_mm", "peak_g", "max_g"] {
+    for key in ["nx", "ny", "x_mm", "y_mm"] {
         assert_eq!(preview["field"][key], field[key], "{key}");
+    }
+    // The daemon's own model is a step finer: the same frequencies, and a field that differs by less than the tolerance.
+    let values = |field: &Value| -> Vec<f64> {
+        field["peak_g"].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
+    };
+    let top = field["max_g"].as_f64().unwrap();
+    let (here, there) = (values(&preview["field"]), values(&field));
+    assert!(here.len() == there.len() && there.len() > 1000);
+    for (a, b) in here.iter().zip(&there) {
+        assert!((a - b).abs() < 1e-2 * top, "{a} and {b} of {top}");
     }
     // The same scene as text in the request is the same.
     let whole = json!({"x_px": 480, "y_px": 640, "intensity_g": 0.4, "scene": EXAMPLE_PLATE}).to_string();

@@ -352,7 +352,14 @@ impl Levels {
     /// As [`bounded`].
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
         // One step finer than a first try, as nobody climbs from here.
-        let order = accuracy.order() + 2;
+        Self::of_order(scene, accuracy.order() + 2, max_hz)
+    }
+
+    /// Levels of elements of `order` (7 and above) and of the orders 2 and 4 below it.
+    ///
+    /// # Errors
+    /// As [`bounded`].
+    pub fn of_order(scene: &Scene, order: usize, max_hz: f64) -> Result<Self, ModelError> {
         let mut steps = Vec::new();
         let mut level = |order: usize| -> Result<_, ModelError> {
             let started = Instant::now();
