@@ -152,8 +152,8 @@ fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
         let plan = table.plan(&[target])?;
         Ok((table, plan))
     };
-    // A first try takes half the time of the levels that the daemon itself plans with, and is right to 3e-3 wherever the
-    // example plate's corner is dragged to.
+    // A first try takes half the time of the levels that the daemon itself plans with, and is right to 3e-3 on the
+    // example plate while a corner support is dragged inwards.
     let (mut table, mut plan) = planned(Levels::of_order(&scene, ACCURACY.order(), options.to_hz)?)?;
     if plan.error_bound.is_none_or(|bound| bound > ACCURACY.value()) {
         (table, plan) = planned(Levels::build(&scene, ACCURACY, options.to_hz)?)?;
