@@ -53,6 +53,9 @@ pub enum Command {
     /// Acceleration at a point per newton at each actuator, over frequency
     #[command(after_help = "Example:\n  era response --at 100,60 --from 50 --to 400 --step 2")]
     Response(Response),
+    /// Acceleration at every point of a grid per newton at each actuator, over frequency
+    #[command(after_help = "Example:\n  era sweep --from 50 --to 1000 --step 1 --grid 49,33 --npy plate.npy")]
+    Sweep(Sweep),
     /// Motion of a point after drives are switched on
     #[command(
         after_help = "Example:\n  era transient --at 100,60 --drive left:120:0.1 --drive right:88:0.1:90 --duration 0.5 --csv -"
@@ -168,12 +171,26 @@ pub struct Modes {
 }
 
 #[derive(Clone, Debug, Args)]
-pub struct Response {
+pub struct Sweep {
     #[command(flatten)]
     pub panel: Panel,
-    /// Point on the surface in mm
-    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
-    pub at: Point,
+    /// Columns and rows of the grid, border to border; a bar has one row, its axis
+    #[arg(long, value_name = "NX,NY", value_parser = parse_counts, default_value = "49,33")]
+    pub grid: (usize, usize),
+    #[command(flatten)]
+    pub band: Band,
+    /// Write all values: a NumPy array [frequency, actuator, row, column] of complex64, or complex128 below a tolerance of
+    /// 1e-5, in m/s^2 per N
+    #[arg(long, value_name = "FILE")]
+    pub npy: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Frequencies.
+#[derive(Clone, Debug, Args)]
+pub struct Band {
     /// Lowest frequency in Hz
     #[arg(long, value_name = "F", default_value_t = 40.0, allow_negative_numbers = true)]
     pub from: f64,
@@ -183,6 +200,17 @@ pub struct Response {
     /// Step in Hz
     #[arg(long, value_name = "F", default_value_t = 1.0, allow_negative_numbers = true)]
     pub step: f64,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Response {
+    #[command(flatten)]
+    pub panel: Panel,
+    /// Point on the surface in mm
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    pub at: Point,
+    #[command(flatten)]
+    pub band: Band,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -336,4 +364,13 @@ fn parse_point(text: &str) -> Result<Point, String> {
     };
     let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form X,Y"))?;
     Ok(Point { x: number(x)?, y: number(y)? })
+}
+
+fn parse_counts(text: &str) -> Result<(usize, usize), String> {
+    let count = |part: &str| match part.trim().parse::<usize>() {
+        Ok(count @ 1..=10_000) => Ok(count),
+        _ => Err(format!("{part:?} is not a whole number from 1 to 10000")),
+    };
+    let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form NX,NY"))?;
+    Ok((count(x)?, count(y)?))
 }

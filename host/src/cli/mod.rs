@@ -10,6 +10,7 @@ mod latency;
 mod panel;
 mod progress;
 mod serve;
+mod sweep;
 mod transient;
 mod verify;
 
@@ -78,6 +79,7 @@ fn run(arguments: args::Arguments) -> Outcome {
         Some(Command::State(options)) => client::state(&options),
         Some(Command::Modes(options)) => panel::modes(&options),
         Some(Command::Response(options)) => panel::response(&options),
+        Some(Command::Sweep(options)) => sweep::run(&options),
         Some(Command::Transient(options)) => transient::run(&options),
         Some(Command::Plan(options)) => panel::plan(&options),
         Some(Command::Field(options)) => panel::field(&options),

@@ -1,6 +1,6 @@
 //! Commands that study a panel: modes, response, plan, field.
 
-use super::args::{At, Field, Modes, Panel, Plan, Response, Unit};
+use super::args::{At, Band, Field, Modes, Panel, Plan, Response, Unit};
 use super::explain::explain;
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
@@ -47,7 +47,7 @@ impl From<PlanError> for Failure {
     }
 }
 
-fn warn_if_thick(scene: &Scene) {
+pub fn warn_if_thick(scene: &Scene) {
     let surface = &scene.surface;
     let side = match surface.kind {
         SurfaceKind::Plate => surface.length_m.min(surface.width_m),
@@ -100,14 +100,14 @@ pub fn modes(options: &Modes) -> Outcome {
 }
 
 /// `--explain`.
-fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Step]) {
+pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Step]) {
     if panel.explain {
         eprintln!("{}", explain(scene, accuracy.value(), steps));
     }
 }
 
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
-fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
+pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
     if let Some(reason) = bounds.iter().find_map(|bound| bound.reason()) {
         eprintln!("error_bound is null: {reason}");
     }
@@ -120,7 +120,7 @@ fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
 pub fn response(options: &Response) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
-    let frequencies_hz = frequencies(options)?;
+    let frequencies_hz = frequencies(&options.band)?;
     let (x_m, y_m) = surface_point(&scene, options.at.x, options.at.y, Unit::Mm)?;
     let accuracy = options.panel.accuracy()?;
     warn_if_thick(&scene);
@@ -170,7 +170,7 @@ pub fn response(options: &Response) -> Outcome {
     clippy::cast_precision_loss,
     reason = "counts up to 1e6"
 )]
-fn frequencies(options: &Response) -> Result<Vec<f64>, Failure> {
+pub fn frequencies(options: &Band) -> Result<Vec<f64>, Failure> {
     let (from, to, step) = (options.from, options.to, options.step);
     if !(from >= 0.0 && from.is_finite()) {
         return Err(Failure::usage(format!("--from {from} is not in the allowed range 0 Hz and up")));

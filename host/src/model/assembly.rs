@@ -15,13 +15,17 @@ use super::sparse::{Entries, Symmetric};
 use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side};
 use nalgebra::DMatrix;
 
-/// A viscous dashpot: force = coefficient times the velocity of vector . u, along the vector.
-#[derive(Clone, Debug)]
-pub struct Dashpot {
-    /// What its velocity is.
+/// A spring, dashpot and mass on one motion d = vector . u: forces stiffness d, damping d' and mass d'' along the vector.
+#[derive(Clone, Debug, Default)]
+pub struct Attachment {
+    /// What moves it.
     pub vector: SparseVector,
+    /// In N/m; N m/rad if the motion is a slope.
+    pub stiffness: f64,
     /// In N s/m.
-    pub coefficient: f64,
+    pub damping: f64,
+    /// In kg.
+    pub mass: f64,
 }
 
 /// What an ERA does to the unknowns.
@@ -46,8 +50,10 @@ pub struct Assembled {
     pub surface_stiffness: Symmetric,
     /// The surface's own mass.
     pub surface_mass: Symmetric,
-    /// All dashpots.
-    pub dashpots: Vec<Dashpot>,
+    /// What is attached at points.
+    pub attachments: Vec<Attachment>,
+    /// Whether there are springs along edges.
+    pub has_elastic_edges: bool,
     /// All actuators, in the scene's order.
     pub actuators: Vec<ActuatorVectors>,
     /// Unknowns of inertial ERAs' moving masses: (unknown, index of the actuator).
@@ -70,35 +76,36 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
     let grid = Grid::new(scene, fineness);
     let (surface_stiffness, surface_mass) = surface_matrices(scene, &grid);
     let (surface_stiffness, surface_mass) = (grid.over_unknowns(surface_stiffness), grid.over_unknowns(surface_mass));
-    let mut parts = Parts {
-        grid: &grid,
-        unknowns: grid.free,
-        stiffness: surface_stiffness.clone(),
-        mass: surface_mass.clone(),
-        dashpots: Vec::new(),
-        moving_masses: Vec::new(),
-    };
+    let mut parts = Parts { grid: &grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
+    let (mut stiffness, mut mass) = (surface_stiffness.clone(), surface_mass.clone());
     let mut edges = Entries::default();
     for edge in &scene.edges {
         if let EdgeKind::Elastic { stiffness, rotational_stiffness } = edge.kind {
             elastic_edge(&grid, edge.side, stiffness, rotational_stiffness, &mut edges);
         }
     }
-    parts.stiffness.add_all(&grid.over_unknowns(edges), 1.0);
+    let edges = grid.over_unknowns(edges);
+    stiffness.add_all(&edges, 1.0);
     for support in &scene.supports {
         parts.support(support);
     }
-    for mass in &scene.masses {
-        parts.mass.add_outer(&grid.attachment(mass.x_m, mass.y_m), mass.mass_kg);
+    for point in &scene.masses {
+        let vector = grid.attachment(point.x_m, point.y_m);
+        parts.attach(Attachment { vector, mass: point.mass_kg, ..Attachment::default() });
     }
     let actuators = scene.actuators.iter().enumerate().map(|(i, actuator)| parts.actuator(i, actuator)).collect();
     let n = parts.unknowns;
+    for attachment in &parts.attachments {
+        stiffness.add_outer(&attachment.vector, attachment.stiffness);
+        mass.add_outer(&attachment.vector, attachment.mass);
+    }
     Ok(Assembled {
-        stiffness: parts.stiffness.build(n)?,
-        mass: parts.mass.build(n)?,
+        stiffness: stiffness.build(n)?,
+        mass: mass.build(n)?,
         surface_stiffness: surface_stiffness.build(n)?,
         surface_mass: surface_mass.build(n)?,
-        dashpots: parts.dashpots,
+        attachments: parts.attachments,
+        has_elastic_edges: edges.iter().next().is_some(),
         moving_masses: parts.moving_masses,
         actuators,
         grid,
@@ -236,54 +243,61 @@ fn elastic_edge(grid: &Grid, side: Side, stiffness: f64, rotational: f64, entrie
     }
 }
 
-/// Matrices under construction: the surface and what is attached to it.
+/// What is attached, under construction.
 struct Parts<'a> {
     grid: &'a Grid,
     unknowns: usize,
-    stiffness: Entries,
-    mass: Entries,
-    dashpots: Vec<Dashpot>,
+    attachments: Vec<Attachment>,
     moving_masses: Vec<(usize, usize)>,
 }
 
 impl Parts<'_> {
+    /// Keeps what does anything: on a clamped point nothing moves.
+    fn attach(&mut self, attachment: Attachment) {
+        let Attachment { vector, stiffness, damping, mass } = &attachment;
+        if !vector.is_empty() && (*stiffness > 0.0 || *damping > 0.0 || *mass > 0.0) {
+            self.attachments.push(attachment);
+        }
+    }
+
     fn support(&mut self, support: &crate::scene::Support) {
-        let here = self.grid.attachment(support.x_m, support.y_m);
-        self.stiffness.add_outer(&here, support.stiffness_n_per_m);
-        if support.rotational_stiffness_n_m_per_rad > 0.0 {
+        self.attach(Attachment {
+            vector: self.grid.attachment(support.x_m, support.y_m),
+            stiffness: support.stiffness_n_per_m,
+            damping: support.damping_n_s_per_m,
+            mass: 0.0,
+        });
+        let stiffness = support.rotational_stiffness_n_m_per_rad;
+        if stiffness > 0.0 {
             let (x_m, y_m) = self.grid.attached_at(support.x_m, support.y_m);
             for slope in [Derivative::SlopeX, Derivative::SlopeY] {
-                let row = self.grid.row_at(x_m, y_m, slope);
-                self.stiffness.add_outer(&row, support.rotational_stiffness_n_m_per_rad);
+                let vector = self.grid.row_at(x_m, y_m, slope);
+                self.attach(Attachment { vector, stiffness, ..Attachment::default() });
             }
-        }
-        if support.damping_n_s_per_m > 0.0 && !here.is_empty() {
-            self.dashpots.push(Dashpot { vector: here, coefficient: support.damping_n_s_per_m });
         }
     }
 
     fn actuator(&mut self, index: usize, actuator: &Actuator) -> ActuatorVectors {
         let surface = self.grid.attachment(actuator.x_m, actuator.y_m);
-        let (between, force) = match actuator.mount {
+        let (housing, moving) = (actuator.housing_mass_kg, actuator.moving_mass_kg);
+        let (stiffness, damping) = (actuator.stiffness_n_per_m, actuator.damping_n_s_per_m);
+        let between = match actuator.mount {
             Mount::Inertial => {
                 let own = self.unknowns;
                 self.unknowns += 1;
                 self.moving_masses.push((own, index));
-                self.mass.add_outer(&surface, actuator.housing_mass_kg);
-                self.mass.add(own, own, actuator.moving_mass_kg);
+                self.attach(Attachment { vector: surface.clone(), mass: housing, ..Attachment::default() });
+                self.attach(Attachment { vector: vec![(own, 1.0)], mass: moving, ..Attachment::default() });
                 let mut between = surface;
                 between.push((own, -1.0));
-                (between.clone(), between)
+                self.attach(Attachment { vector: between.clone(), stiffness, damping, mass: 0.0 });
+                between
             }
             Mount::Grounded => {
-                self.mass.add_outer(&surface, actuator.housing_mass_kg + actuator.moving_mass_kg);
-                (surface.clone(), surface)
+                self.attach(Attachment { vector: surface.clone(), stiffness, damping, mass: housing + moving });
+                surface
             }
         };
-        self.stiffness.add_outer(&between, actuator.stiffness_n_per_m);
-        if actuator.damping_n_s_per_m > 0.0 && !between.is_empty() {
-            self.dashpots.push(Dashpot { vector: between.clone(), coefficient: actuator.damping_n_s_per_m });
-        }
-        ActuatorVectors { force, travel: between }
+        ActuatorVectors { force: between.clone(), travel: between }
     }
 }

@@ -1,7 +1,9 @@
 //! Damping over a basis, and the one kind that needs modes of its own: the same ratio on every mode.
 
-use super::assembly::Assembled;
+use super::assembly::{Assembled, Attachment};
 use super::eigen::Modes;
+use super::panel::row_times;
+use crate::scene::SurfaceDamping;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Part of a vector's modal mass below which what the modes leave of it is rounding.
@@ -14,6 +16,110 @@ pub struct Damping {
     pub viscous: DMatrix<f64>,
     /// Hysteretic, already times the loss factor: multiplies j times displacements.
     pub structural: DMatrix<f64>,
+    /// Both as a diagonal and a few couplings, where they are that over a basis of modes.
+    pub structured: Option<Structured>,
+}
+
+/// Damping of a rank that is lower than the basis is long: of one point's motion.
+#[derive(Clone, Debug)]
+pub struct Coupling {
+    /// The motion d = shape . q, length n.
+    pub shape: DVector<f64>,
+    /// Force over the velocity of d, in N s/m.
+    pub viscous: f64,
+    /// Force over j d, in N/m.
+    pub structural: f64,
+}
+
+/// C = diag(viscous) + sum of viscous_k b_k b_k' and likewise S, over a basis in which mass and stiffness are diagonal.
+///
+/// The surface's own stiffness is all stiffness less that of the springs attached, V' K_s V = Lambda - sum of k_i b_i b_i'
+/// (the thesis' proportional damping with the discrete part taken out), and its mass likewise.
+#[derive(Clone, Debug)]
+pub struct Structured {
+    /// Diagonal of C in 1/s.
+    pub viscous: DVector<f64>,
+    /// Diagonal of S in rad^2/s^2.
+    pub structural: DVector<f64>,
+    /// What couples the modes.
+    pub couplings: Vec<Coupling>,
+}
+
+impl Structured {
+    /// Damping of a surface by a loss factor and by mass and stiffness (Rayleigh), and of what is attached to it, over
+    /// mass-normalised vectors with the squared frequencies `lambda`.
+    pub(super) fn new(
+        surface: SurfaceDamping,
+        attachments: &[Attachment],
+        lambda: &[f64],
+        vectors: &DMatrix<f64>,
+    ) -> Option<Self> {
+        let (eta, alpha, beta) = match surface {
+            SurfaceDamping::None => (0.0, 0.0, 0.0),
+            SurfaceDamping::LossFactor(eta) => (eta, 0.0, 0.0),
+            SurfaceDamping::Rayleigh { alpha, beta } => (0.0, alpha, beta),
+            SurfaceDamping::ModalRatio(_) => return None,
+        };
+        let couplings = attachments.iter().map(|Attachment { vector, stiffness, damping, mass }| Coupling {
+            shape: row_times(vector, vectors).transpose(),
+            viscous: damping - beta * stiffness - alpha * mass,
+            structural: -eta * stiffness,
+        });
+        let lambda = DVector::from_column_slice(lambda);
+        Some(Self {
+            viscous: lambda.map(|lambda| alpha + beta * lambda),
+            structural: lambda.map(|lambda| eta * lambda),
+            couplings: couplings.filter(|coupling| coupling.viscous != 0.0 || coupling.structural != 0.0).collect(),
+        })
+    }
+
+    /// The same over some of the coordinates.
+    pub(super) fn restricted_to(&self, coordinates: &[usize]) -> Self {
+        Self {
+            viscous: self.viscous.select_rows(coordinates),
+            structural: self.structural.select_rows(coordinates),
+            couplings: self
+                .couplings
+                .iter()
+                .map(|coupling| Coupling { shape: coupling.shape.select_rows(coordinates), ..*coupling })
+                .collect(),
+        }
+        .condensed()
+    }
+
+    /// With couplings that are alike replaced by fewer: Z B B' = Z (U S) (U S)' for B = U S V', without the columns that
+    /// are nothing, as when the springs of a panel's corners are asked about one parity of its modes.
+    fn condensed(self) -> Self {
+        let mut couplings: Vec<Coupling> = Vec::new();
+        let mut left = self.couplings;
+        while let Some(first) = left.first() {
+            let alike = |other: &Coupling| (other.viscous, other.structural) == (first.viscous, first.structural);
+            let (viscous, structural) = (first.viscous, first.structural);
+            let (group, others): (Vec<_>, Vec<_>) = left.iter().cloned().partition(alike);
+            left = others;
+            let shapes: Vec<_> = group.iter().map(|coupling| coupling.shape.clone()).collect();
+            let svd = DMatrix::from_columns(&shapes).svd(true, false);
+            let largest = svd.singular_values.amax();
+            for (direction, size) in svd.u.iter().flat_map(DMatrix::column_iter).zip(&svd.singular_values) {
+                if *size > NOTHING_LEFT * largest {
+                    couplings.push(Coupling { shape: direction * *size, viscous, structural });
+                }
+            }
+        }
+        Self { couplings, ..self }
+    }
+
+    /// The same as full matrices.
+    #[must_use]
+    pub fn full(self) -> Damping {
+        let mut viscous = DMatrix::from_diagonal(&self.viscous);
+        let mut structural = DMatrix::from_diagonal(&self.structural);
+        for Coupling { shape, viscous: c, structural: s } in &self.couplings {
+            viscous.ger(*c, shape, shape, 1.0);
+            structural.ger(*s, shape, shape, 1.0);
+        }
+        Damping { viscous, structural, structured: Some(self) }
+    }
 }
 
 /// Damping of the viscous ratio `ratio` on every mode of the panel `supported`, over the columns of `vectors` (its unknowns

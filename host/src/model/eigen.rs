@@ -49,19 +49,21 @@ pub fn modes(operator: Operator<'_>, known: &Modes, lambda_max: f64) -> Result<M
     if most == 0 {
         return Ok(Modes { lambda: known.lambda.clone(), vectors: known.vectors.clone() });
     }
-    let mut block = space.orthonormal(operator.factor.solve(&operator.mass.times(&start_block(n)))).0;
+    let mut block = space.orthonormal(operator.factor.solve(&operator.mass.times(&start_block(n))));
     let theta_min = 1.0 / (lambda_max + operator.shift);
     let mut next_check = 4 * BLOCK;
     loop {
-        let (next, coupling) = space.extend(block);
+        let next = space.extend(&block);
         let size = space.vectors.ncols();
-        let ended = next.ncols() == 0 || size >= most;
+        let ended = next.vectors.ncols() == 0 || size >= most;
         if ended || size >= next_check {
-            next_check = size + (size / 4).max(2 * BLOCK);
             let eigen = SymmetricEigen::new(space.projected.clone());
+            // Twice as many vectors as modes is the least that was seen to do; a check costs as much as dozens of them.
+            let found = eigen.eigenvalues.iter().filter(|theta| **theta >= theta_min).count();
+            next_check = (size + (size / 8).max(2 * BLOCK)).max(2 * found + 2 * BLOCK);
             // In all of the space nothing is left to converge to.
-            let is_whole = next.ncols() == 0 || size >= n - known.lambda.len();
-            if ended && is_whole || is_converged(&eigen, &coupling, theta_min) {
+            let is_whole = next.vectors.ncols() == 0 || size >= n - known.lambda.len();
+            if ended && is_whole || is_converged(&eigen, &next.coupling, theta_min) {
                 return Ok(space.result(&eigen, known, lambda_max));
             }
             if ended {
@@ -106,6 +108,25 @@ fn is_converged(eigen: &SymmetricEigen<f64, nalgebra::Dyn>, coupling: &DMatrix<f
     below
 }
 
+/// M-orthonormal vectors Q, M Q, and R with block = Q R + what lies in the space before.
+struct Block {
+    vectors: DMatrix<f64>,
+    mass: DMatrix<f64>,
+    coupling: DMatrix<f64>,
+}
+
+impl Block {
+    /// Takes these vectors out of the one that becomes column `j` of the block; `mass` follows by linearity.
+    fn take_out(&mut self, vector: &mut DMatrix<f64>, mass: &mut DMatrix<f64>, j: usize) {
+        let inner = self.mass.tr_mul(vector);
+        vector.gemm(-1.0, &self.vectors, &inner, 1.0);
+        mass.gemm(-1.0, &self.mass, &inner, 1.0);
+        for (i, value) in inner.iter().enumerate() {
+            self.coupling[(i, j)] += value;
+        }
+    }
+}
+
 struct Space<'a> {
     operator: Operator<'a>,
     known: &'a DMatrix<f64>,
@@ -128,13 +149,12 @@ impl<'a> Space<'a> {
         }
     }
 
-    /// Adds an orthonormal block and returns the next one, with the matrix that couples the two.
-    fn extend(&mut self, block: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
-        let (old, width) = (self.vectors.ncols(), block.ncols());
-        let mass_block = self.operator.mass.times(&block);
-        self.vectors = append(std::mem::take(&mut self.vectors), &block);
-        self.mass_vectors = append(std::mem::take(&mut self.mass_vectors), &mass_block);
-        let image = self.operator.factor.solve(&mass_block);
+    /// Adds an orthonormal block and returns the next one.
+    fn extend(&mut self, block: &Block) -> Block {
+        let (old, width) = (self.vectors.ncols(), block.vectors.ncols());
+        self.vectors = append(std::mem::take(&mut self.vectors), &block.vectors);
+        self.mass_vectors = append(std::mem::take(&mut self.mass_vectors), &block.mass);
+        let image = self.operator.factor.solve(&block.mass);
         let column = self.mass_vectors.tr_mul(&image);
         let mut projected = std::mem::take(&mut self.projected).resize(old + width, old + width, 0.0);
         for j in 0..width {
@@ -147,46 +167,53 @@ impl<'a> Space<'a> {
         self.orthonormal(image)
     }
 
-    /// The part of `block` that is M-orthogonal to everything so far, made orthonormal, and R with part = Q R.
-    fn orthonormal(&self, block: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
-        let width = block.ncols();
-        let lengths: Vec<f64> = (0..width).map(|j| self.length(&block.columns(j, 1).into_owned())).collect();
+    /// The part of `block` that is M-orthogonal to everything so far, made orthonormal.
+    fn orthonormal(&self, block: DMatrix<f64>) -> Block {
+        let mass = self.operator.mass.times(&block);
+        let lengths =
+            (0..block.ncols()).map(|j| block.column(j).dot(&mass.column(j)).max(0.0).sqrt()).collect::<Vec<_>>();
         let mut rest = block;
         for _ in 0..2 {
-            rest -= self.known * self.mass_known.tr_mul(&rest);
-            rest -= &self.vectors * self.mass_vectors.tr_mul(&rest);
+            self.take_out(&mut rest);
         }
-        let mut kept = DMatrix::zeros(rest.nrows(), 0);
-        let mut mass_kept = DMatrix::zeros(rest.nrows(), 0);
-        let mut r = DMatrix::zeros(0, width);
+        let first = self.within_block(&rest, &lengths);
+        // What is left of a vector may be little, and its rounding large against it: once more for what is kept.
+        let mut rest = first.vectors;
+        self.take_out(&mut rest);
+        let again = self.within_block(&rest, &vec![1.0; rest.ncols()]);
+        let coupling = &again.coupling * &first.coupling;
+        Block { coupling, ..again }
+    }
+
+    /// Makes vectors orthonormal among themselves, without those of which next to nothing of `lengths` is left.
+    fn within_block(&self, vectors: &DMatrix<f64>, lengths: &[f64]) -> Block {
+        let (rows, width) = vectors.shape();
+        let mass = self.operator.mass.times(vectors);
+        let none = || DMatrix::zeros(rows, 0);
+        let mut out = Block { vectors: none(), mass: none(), coupling: DMatrix::zeros(0, width) };
         for (j, length) in lengths.iter().enumerate() {
-            let mut vector = rest.columns(j, 1).into_owned();
+            let mut vector = vectors.columns(j, 1).into_owned();
+            let mut mass = mass.columns(j, 1).into_owned();
             for _ in 0..2 {
-                // Against its own block, and once more against the rest: what is left may be small.
-                let inner: DMatrix<f64> = mass_kept.tr_mul(&vector);
-                vector -= &kept * &inner;
-                for (i, value) in inner.iter().enumerate() {
-                    r[(i, j)] += value;
-                }
-                vector -= self.known * self.mass_known.tr_mul(&vector);
-                vector -= &self.vectors * self.mass_vectors.tr_mul(&vector);
+                out.take_out(&mut vector, &mut mass, j);
             }
-            let norm = self.length(&vector);
+            let norm = vector.dot(&mass).max(0.0).sqrt();
             if norm <= EXHAUSTED * length || norm == 0.0 {
                 continue;
             }
-            vector /= norm;
-            let rows = r.nrows();
-            r = r.resize_vertically(rows + 1, 0.0);
-            r[(rows, j)] = norm;
-            mass_kept = append(mass_kept, &self.operator.mass.times(&vector));
-            kept = append(kept, &vector);
+            let rows = out.coupling.nrows();
+            out.coupling = out.coupling.resize_vertically(rows + 1, 0.0);
+            out.coupling[(rows, j)] = norm;
+            out.vectors = append(out.vectors, &(vector / norm));
+            out.mass = append(out.mass, &(mass / norm));
         }
-        (kept, r)
+        out
     }
 
-    fn length(&self, vector: &DMatrix<f64>) -> f64 {
-        vector.dot(&self.operator.mass.times(vector)).max(0.0).sqrt()
+    /// Takes out of `vectors` what lies in the space found so far or is known.
+    fn take_out(&self, vectors: &mut DMatrix<f64>) {
+        vectors.gemm(-1.0, self.known, &self.mass_known.tr_mul(vectors), 1.0);
+        vectors.gemm(-1.0, &self.vectors, &self.mass_vectors.tr_mul(vectors), 1.0);
     }
 
     fn result(&self, eigen: &SymmetricEigen<f64, nalgebra::Dyn>, known: &Modes, lambda_max: f64) -> Modes {

@@ -1,7 +1,7 @@
 //! The panel model that the rest of the program uses.
 
-use super::assembly::{Assembled, Dashpot, assemble, bar_rigidity, plate_rigidity};
-use super::damping::{Damping, same_ratio};
+use super::assembly::{Assembled, assemble, bar_rigidity, plate_rigidity};
+use super::damping::{Damping, Structured, same_ratio};
 use super::eigen::{Modes, Operator, modes};
 use super::grid::{Derivative, Fineness};
 use super::reduced::ReducedModel;
@@ -140,7 +140,7 @@ impl PanelModel {
     /// [`ModelError`] if the iteration does not settle.
     pub fn modes(&self, max_hz: f64) -> Result<Vec<Mode>, ModelError> {
         let found = self.raw_modes(max_hz)?;
-        let damping = self.damping(&found.vectors, 1.5 * max_hz)?;
+        let damping = self.damping(&found.lambda, &found.vectors, 1.5 * max_hz)?;
         // Slow modes are kept whatever was asked for.
         let highest = (std::f64::consts::TAU * max_hz).powi(2);
         Ok(found
@@ -170,16 +170,17 @@ impl PanelModel {
         // difference between orders shows what the modes left out do.
         let least = self.fineness.order + LEAST_MODES;
         let found = self.raw_modes((self.modes_beyond() * max_hz).max(hz_of_mode(&self.scene, least)))?;
+        let dashpots = self.assembled.attachments.iter().filter(|attachment| attachment.damping > 0.0);
         let loads: Vec<_> = self
             .assembled
             .actuators
             .iter()
             .map(|actuator| actuator.force.clone())
-            .chain(self.assembled.dashpots.iter().map(|dashpot| dashpot.vector.clone()))
+            .chain(dashpots.map(|dashpot| dashpot.vector.clone()))
             .chain(points.iter().map(|(x, y)| self.assembled.grid.row_at(*x, *y, Derivative::Value)))
             .collect();
         let (lambda, vectors) = super::reduced::basis(self.operator(), &found, &loads);
-        let damping = self.damping(&vectors, self.modes_beyond() * max_hz)?;
+        let damping = self.damping(&lambda, &vectors, self.modes_beyond() * max_hz)?;
         Ok(ReducedModel::new(lambda, vectors, damping, &self.assembled))
     }
 
@@ -191,15 +192,25 @@ impl PanelModel {
         modes(self.operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
     }
 
-    /// The damping of the scene, projected onto the columns of `vectors`; `max_hz` is how far modes are worth computing for it.
-    fn damping(&self, vectors: &DMatrix<f64>, max_hz: f64) -> Result<Damping, ModelError> {
-        let n = vectors.ncols();
-        let mut damping = Damping { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n) };
-        for Dashpot { vector, coefficient } in &self.assembled.dashpots {
-            let along = row_times(vector, vectors);
-            damping.viscous += *coefficient * along.transpose() * along;
+    /// The damping of the scene over mass-normalised `vectors` of the squared frequencies `lambda`; `max_hz` is how far modes
+    /// are worth computing for it.
+    fn damping(&self, lambda: &[f64], vectors: &DMatrix<f64>, max_hz: f64) -> Result<Damping, ModelError> {
+        let surface = self.scene.surface.damping;
+        let attachments = &self.assembled.attachments;
+        // The stiffness of an elastic edge is not the surface's own and of no low rank.
+        if !self.assembled.has_elastic_edges
+            && let Some(structured) = Structured::new(surface, attachments, lambda, vectors)
+        {
+            return Ok(structured.full());
         }
-        match self.scene.surface.damping {
+        let n = vectors.ncols();
+        let zeros = DMatrix::zeros(n, n);
+        let mut damping = Damping { viscous: zeros.clone(), structural: zeros, structured: None };
+        for attachment in attachments {
+            let along = row_times(&attachment.vector, vectors);
+            damping.viscous += attachment.damping * along.transpose() * along;
+        }
+        match surface {
             SurfaceDamping::None => {}
             SurfaceDamping::LossFactor(eta) => {
                 damping.structural = eta * self.project(&self.assembled.surface_stiffness, vectors);

@@ -7,7 +7,7 @@
 //! and the modes are taken out before a solution, not after it, as of the second shape they are (lambda_next / s)^2.
 
 use super::assembly::Assembled;
-use super::damping::Damping;
+use super::damping::{Damping, Structured};
 use super::eigen::{Modes, Operator};
 use super::grid::{Derivative, Grid, SparseVector};
 use super::panel::row_times;
@@ -27,6 +27,8 @@ pub struct ReducedModel {
     pub structural: DMatrix<f64>,
     /// Viscous damping C in rad/s, n x n.
     pub viscous: DMatrix<f64>,
+    /// S and C as a diagonal and a few couplings, where they are that.
+    pub structured: Option<Structured>,
     /// B in kg^-1/2, n x p: 1 N at each actuator.
     pub force: DMatrix<f64>,
     /// Travel of each actuator's mass relative to its electrodes, p x n.
@@ -50,6 +52,7 @@ impl ReducedModel {
             lambda: DVector::from_vec(lambda),
             structural: damping.structural,
             viscous: damping.viscous,
+            structured: damping.structured,
             force,
             travel,
             grid: Arc::new(assembled.grid.clone()),
@@ -61,6 +64,21 @@ impl ReducedModel {
     #[must_use]
     pub fn order(&self) -> usize {
         self.lambda.len()
+    }
+
+    /// The model over some of its coordinates: for those that nothing couples to the others.
+    #[must_use]
+    pub fn restricted_to(&self, coordinates: &[usize]) -> Self {
+        Self {
+            lambda: self.lambda.select_rows(coordinates),
+            structural: self.structural.select_rows(coordinates).select_columns(coordinates),
+            viscous: self.viscous.select_rows(coordinates).select_columns(coordinates),
+            structured: self.structured.as_ref().map(|structured| structured.restricted_to(coordinates)),
+            force: self.force.select_rows(coordinates),
+            travel: self.travel.select_columns(coordinates),
+            grid: Arc::clone(&self.grid),
+            shapes: Arc::new(self.shapes.select_columns(coordinates)),
+        }
     }
 
     /// Number of actuators p.
@@ -79,6 +97,21 @@ impl ReducedModel {
     #[must_use]
     pub fn shape_at(&self, x_m: f64, y_m: f64) -> DVector<f64> {
         row_times(&self.grid.row_at(x_m, y_m, Derivative::Value), &self.shapes).transpose()
+    }
+
+    /// The shapes' deflections at the points of a grid (m), row by row with x first: points x n.
+    #[must_use]
+    pub fn shapes_on(&self, x_m: &[f64], y_m: &[f64]) -> DMatrix<f64> {
+        // By rows: a point's deflections are sums of a few rows, which then lie in one piece each.
+        let (n, rows) = (self.order(), self.shapes.transpose());
+        let mut out = DMatrix::zeros(n, x_m.len() * y_m.len());
+        let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
+        for ((x, y), mut at) in points.zip(out.column_iter_mut()) {
+            for (unknown, value) in self.grid.row_at(x, y, Derivative::Value) {
+                at.axpy(value, &rows.column(unknown), 1.0);
+            }
+        }
+        out.transpose()
     }
 
     /// Travel of an actuator's mass relative to its electrodes, for given coordinates.

@@ -4,7 +4,7 @@ use super::PULSE_WIDTH;
 use super::limits::{Electrodes, Limit};
 use crate::model::ReducedModel;
 use crate::model::bounded::{Estimator, Levels};
-use crate::response::{self, ResponseError};
+use crate::response::{ResponseError, Solver};
 use crate::scene::{Scene, SurfaceKind};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
@@ -128,9 +128,10 @@ impl PlanTable {
                 max_voltage_v: actuator.max_voltage_v,
             })
             .collect();
+        let solver = Solver::new(&model);
         let columns: Vec<Vec<Option<Entry>>> = frequencies_hz
             .par_iter()
-            .map(|frequency_hz| entries_at(&model, &grid, &electrodes, *frequency_hz))
+            .map(|frequency_hz| entries_at(&model, &solver, &grid, &electrodes, *frequency_hz))
             .collect::<Result<_, _>>()?;
         let entries = (0..electrodes.len())
             .map(|actuator| columns.iter().map(|column| column.get(actuator).cloned().flatten()).collect())
@@ -141,11 +142,12 @@ impl PlanTable {
 
 fn entries_at(
     model: &ReducedModel,
+    solver: &Solver<'_>,
     grid: &SurfaceGrid,
     electrodes: &[Electrodes],
     frequency_hz: f64,
 ) -> Result<Vec<Option<Entry>>, ResponseError> {
-    let coordinates = match response::modal_coordinates(model, frequency_hz) {
+    let coordinates = match solver.coordinates(frequency_hz) {
         Ok(coordinates) => coordinates,
         Err(error) if error.is_unbounded() => return Ok(vec![None; electrodes.len()]),
         Err(error) => return Err(error),
@@ -190,10 +192,8 @@ impl SurfaceGrid {
             SurfaceKind::Plate => line(width, count(width)),
         };
         let (wx, wy) = (trapezoid(x_m.len()), trapezoid(y_m.len()));
-        let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
-        let rows: Vec<_> = points.map(|(x, y)| model.shape_at(x, y).transpose()).collect();
         let weights = wy.iter().flat_map(|v| wx.iter().map(move |u| u * v)).collect();
-        Self { shapes: DMatrix::from_rows(&rows), x_m, y_m, weights }
+        Self { shapes: model.shapes_on(&x_m, &y_m), x_m, y_m, weights }
     }
 
     /// Acceleration at every point, in (m/s^2) per what `acceleration` is for.

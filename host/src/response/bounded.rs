@@ -1,13 +1,20 @@
 //! Response curves with a bound on their error.
 
+use super::sweep::{Arithmetic, SurfaceShapes, Sweep};
 use super::{ResponseError, acceleration_curves};
 use crate::model::bounded::{Question, RESPONSE_SAFETY, SHARPEST, bounded};
 use crate::model::{Accuracy, Bounded, ModelError, PanelModel};
 use crate::scene::Scene;
 use num_complex::Complex64;
+use std::marker::PhantomData;
 
 /// Acceleration, relative to that of the surface under the same force, which is as good as none.
 const NOTHING: f64 = 1e-6;
+/// Tolerance that a sweep meets with the usual number of modes.
+const RESIDUALS_DO: f64 = 1e-3;
+/// Error of a product over the rounding of its numbers, relative to the largest value on a curve: sums of dozens of terms
+/// that are up to a few times larger than what they add up to.
+const ARITHMETIC: f64 = 50.0;
 
 /// Acceleration at one point for 1 N at each actuator alone.
 struct Curves<'a> {
@@ -16,6 +23,18 @@ struct Curves<'a> {
     at: (f64, f64),
     frequencies_hz: &'a [f64],
     max_hz: f64,
+}
+
+/// Acceleration at all points of a grid for 1 N at each actuator alone.
+struct Surface<'a, T> {
+    scene: &'a Scene,
+    nothing: f64,
+    x_m: &'a [f64],
+    y_m: &'a [f64],
+    frequencies_hz: &'a [f64],
+    /// What the model is reduced for.
+    modes_hz: f64,
+    arithmetic: PhantomData<T>,
 }
 
 /// Why there are no curves.
@@ -59,6 +78,68 @@ impl Question for Curves<'_> {
     }
 }
 
+impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
+    type Answer = Sweep<T>;
+    type Error = CurveError;
+
+    fn ask(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
+        let reduced = model.reduce(self.modes_hz, &[])?;
+        Ok(SurfaceShapes::new(self.scene, &reduced, self.x_m, self.y_m).sweep(self.frequencies_hz)?)
+    }
+
+    /// For each actuator, the largest over the points of the difference relative to the largest magnitude on the point's curve.
+    fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
+        (0..fine.actuators)
+            .map(|actuator| {
+                let mut curves = vec![(0.0_f64, 0.0_f64); fine.points];
+                for frequency in 0..self.frequencies_hz.len() {
+                    let (fine, coarse) = (fine.field(frequency, actuator), coarse.field(frequency, actuator));
+                    for ((difference, peak), (fine, coarse)) in curves.iter_mut().zip(fine.zip(coarse)) {
+                        *difference = difference.max((fine - coarse).norm_sqr());
+                        *peak = peak.max(fine.norm_sqr());
+                    }
+                }
+                let relative = |(difference, peak): &(f64, f64)| difference.sqrt() / peak.sqrt().max(self.nothing);
+                curves.iter().map(relative).fold(0.0, f64::max)
+            })
+            .collect()
+    }
+
+    fn safety(&self) -> f64 {
+        RESPONSE_SAFETY
+    }
+
+    fn floors(&self, fine: &Self::Answer, rounding: f64) -> Vec<f64> {
+        vec![SHARPEST * rounding + ARITHMETIC * T::ROUNDING; fine.actuators]
+    }
+}
+
+/// Acceleration in m/s^2 at the points of the grid of columns `x_m` and rows `y_m` (m) for 1 N at each actuator alone, and
+/// for each actuator a bound on the error at any point, relative to the largest magnitude on that point's curve.
+///
+/// # Errors
+/// [`CurveError`].
+pub fn bounded_sweep<T: Arithmetic + Into<f64>>(
+    scene: &Scene,
+    accuracy: Accuracy,
+    (x_m, y_m): (&[f64], &[f64]),
+    frequencies_hz: &[f64],
+) -> Result<Bounded<Sweep<T>>, CurveError> {
+    let max_hz = frequencies_hz.iter().copied().fold(1.0, f64::max);
+    // There are residual shapes of the actuators but not of every point: what the modes leave out falls with the sixth power
+    // of how far they reach, not the eighth, and for tolerances below 1e-3 that is what is missing.
+    let modes_hz = max_hz * (RESIDUALS_DO / accuracy.value()).powf(1.0 / 6.0).max(1.0);
+    let question =
+        Surface { scene, nothing: nothing(scene), x_m, y_m, frequencies_hz, modes_hz, arithmetic: PhantomData::<T> };
+    bounded(&question, scene, accuracy, max_hz)
+}
+
+/// Acceleration in m/s^2 that counts as none: a millionth of that of the whole surface under 1 N.
+fn nothing(scene: &Scene) -> f64 {
+    let surface = &scene.surface;
+    NOTHING / (surface.material.density_kg_m3 * surface.thickness_m * surface.length_m * surface.width_m)
+}
+
 /// Acceleration in m/s^2 at `at` (m) for 1 N at each actuator alone, `answer[actuator][frequency]`, and for each actuator a
 /// bound relative to the largest magnitude on its curve.
 ///
@@ -71,9 +152,5 @@ pub fn bounded_curves(
     frequencies_hz: &[f64],
 ) -> Result<Bounded<Vec<Vec<Complex64>>>, CurveError> {
     let max_hz = frequencies_hz.iter().copied().fold(1.0, f64::max);
-    // A force of 1 N on the whole surface, a millionth of which counts as none.
-    let surface = &scene.surface;
-    let mass = surface.material.density_kg_m3 * surface.thickness_m * surface.length_m * surface.width_m;
-    let nothing = NOTHING / mass;
-    bounded(&Curves { nothing, at, frequencies_hz, max_hz }, scene, accuracy, max_hz)
+    bounded(&Curves { nothing: nothing(scene), at, frequencies_hz, max_hz }, scene, accuracy, max_hz)
 }

@@ -2,20 +2,19 @@
 //! phasors in place of the p cos + q sin pairs (u = p - j q).
 
 use crate::model::ReducedModel;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use num_complex::Complex64;
 use rayon::prelude::*;
 
 mod bounded;
+mod coordinates;
+mod mirror;
 mod peak;
+pub mod sweep;
 
-pub use bounded::{CurveError, bounded_curves};
+pub use bounded::{CurveError, bounded_curves, bounded_sweep};
+pub use coordinates::{Solver, modal_coordinates};
 pub use peak::{Component, peak_acceleration};
-
-/// Part of the matrix's scale below which a pivot counts as zero: an undamped panel at its resonance.
-const SINGULAR: f64 = 1e-12;
-/// Modal force, relative to the largest, below which a resonance is not excited.
-const NOT_EXCITED: f64 = 1e-9;
 
 /// Why there is no response.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -41,62 +40,6 @@ impl ResponseError {
     }
 }
 
-/// Displacement coordinates q for 1 N at each actuator alone, at one frequency: (Lambda - w^2 + j S + j w C) q = B.
-///
-/// # Errors
-/// [`ResponseError::Unbounded`].
-pub fn modal_coordinates(model: &ReducedModel, frequency_hz: f64) -> Result<Vec<DVector<Complex64>>, ResponseError> {
-    let n = model.order();
-    let omega = std::f64::consts::TAU * frequency_hz;
-    // Rows and columns divided by the square root of this have entries of the size of one, whatever springs there are.
-    let scale = model.lambda.map(|lambda| 1.0 / (lambda + omega * omega).max(f64::MIN_POSITIVE).sqrt());
-    let matrix = DMatrix::from_fn(n, n, |i, j| {
-        let stiffness = if i == j { model.lambda[i] - omega * omega } else { 0.0 };
-        Complex64::new(stiffness, model.structural[(i, j)] + omega * model.viscous[(i, j)]) * scale[i] * scale[j]
-    });
-    let force = DMatrix::from_fn(n, model.actuators(), |i, j| Complex64::from(model.force[(i, j)] * scale[i]));
-    let unbounded = |mode: usize| ResponseError::Unbounded {
-        frequency_hz,
-        resonance_hz: model.lambda[mode].sqrt() / std::f64::consts::TAU,
-    };
-    let mut solution = force.clone();
-    if matrix.iter().enumerate().all(|(k, z)| k % (n + 1) == 0 || *z == Complex64::ZERO) {
-        // No damping couples the modes: each for itself, so that one at resonance that nothing excites stays at rest.
-        let largest = force.iter().map(|z| z.norm()).fold(0.0, f64::max);
-        for i in 0..n {
-            let singular = matrix[(i, i)].norm() < SINGULAR;
-            for j in 0..solution.ncols() {
-                if !singular {
-                    solution[(i, j)] /= matrix[(i, i)];
-                } else if force[(i, j)].norm() > NOT_EXCITED * largest {
-                    return Err(unbounded(i));
-                } else {
-                    solution[(i, j)] = Complex64::ZERO;
-                }
-            }
-        }
-    } else {
-        let lu = matrix.lu();
-        let solved = lu.solve_mut(&mut solution);
-        let pivot = (0..n).map(|i| lu.lu_internal()[(i, i)].norm()).fold(f64::INFINITY, f64::min);
-        let response = solution.iter().map(|z| z.norm()).fold(0.0, f64::max);
-        let load = force.iter().map(|z| z.norm()).fold(f64::MIN_POSITIVE, f64::max);
-        if !solved || !response.is_finite() || pivot < SINGULAR && response > 1e-3 / SINGULAR * load {
-            let nearest = (0..n)
-                .min_by(|a, b| {
-                    let distance = |i: usize| (model.lambda[i] - omega * omega).abs();
-                    distance(*a).total_cmp(&distance(*b))
-                })
-                .unwrap_or(0);
-            return Err(unbounded(nearest));
-        }
-    }
-    Ok(solution
-        .column_iter()
-        .map(|column| DVector::from_iterator(n, column.iter().zip(scale.iter()).map(|(z, scale)| z * *scale)))
-        .collect())
-}
-
 /// Acceleration in m/s^2 at one point for 1 N at each actuator alone: `curves[actuator][frequency]`.
 ///
 /// # Errors
@@ -106,6 +49,7 @@ pub fn acceleration_curves(
     shape: &DVector<f64>,
     frequencies_hz: &[f64],
 ) -> Result<Vec<Vec<Complex64>>, ResponseError> {
+    let solver = Solver::new(model);
     let rows: Vec<Vec<Complex64>> = frequencies_hz
         .par_iter()
         .map(|frequency_hz| {
@@ -114,7 +58,7 @@ pub fn acceleration_curves(
             if *frequency_hz == 0.0 {
                 return Ok(static_acceleration(model, shape));
             }
-            let coordinates = modal_coordinates(model, *frequency_hz)?;
+            let coordinates = solver.coordinates(*frequency_hz)?;
             Ok(coordinates.iter().map(|q| dot(shape, q) * minus_omega_squared).collect())
         })
         .collect::<Result<_, _>>()?;
