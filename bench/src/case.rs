@@ -7,7 +7,7 @@ use crate::process::json;
 use clap::{Args, Subcommand};
 use era::model::grid::Fineness;
 use era::model::{Accuracy, Bound, PanelModel, bounded_modes};
-use era::response::{bounded_curves, modal_coordinates};
+use era::response::{Solver, bounded_curves};
 use era::scene::Scene;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -165,8 +165,9 @@ fn mesh_case(mesh: &Mesh) -> Result<Outcome, Error> {
     let reduced = model.reduce(mesh.max_hz, &[])?;
     let modes_s = started.elapsed().as_secs_f64() - mesh_s;
     let begun = Instant::now();
+    let solver = Solver::new(&reduced);
     for frequency_hz in evenly(50.0, mesh.max_hz, mesh.frequencies) {
-        std::hint::black_box(modal_coordinates(&reduced, frequency_hz)?);
+        std::hint::black_box(solver.coordinates(frequency_hz)?);
     }
     Ok(Outcome {
         elapsed_s: started.elapsed().as_secs_f64(),

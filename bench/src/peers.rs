@@ -99,13 +99,13 @@ pub fn table(report: &Report, own: &[Own], problem: &Problem) -> Table {
     ));
     for own in own {
         table.row([
-            format!("era, order {}", own.order),
+            own.name.clone(),
             format!("{} coordinates", own.coordinates),
             own.unknowns.to_string(),
             seconds(own.set_up_s),
-            seconds(own.sweep_s),
+            own.sweep_s.map_or_else(String::new, seconds),
             problem.frequencies_hz.len().to_string(),
-            seconds(own.set_up_s + own.sweep_s),
+            seconds(own.total_s()),
             relative(own.error),
         ]);
     }
@@ -145,13 +145,13 @@ fn need(results: &[&Solved], error: f64, errors: &[(f64, f64)]) -> Option<Need> 
 pub fn ratios(report: &Report, own: &Own) -> Table {
     let columns = ["method", "error", "cells along x", "total", "ratio", "from"];
     let mut table = Table::new("(c) Side by side: at equal error", &columns);
-    let own_s = own.set_up_s + own.sweep_s;
+    let own_s = own.total_s();
     table.above.push(format!(
-        "era, order {}: {} from scene to result ({} after the modes are known), error {}. The others at 0.1 % and at that \
+        "{}: {} from scene to result ({} after the modes are known), error {}. The others at 0.1 % and at that \
          same error: mesh and time between or beyond the meshes above, along straight lines in logarithms.",
-        own.order,
+        own.name,
         seconds(own_s),
-        seconds(own.sweep_s),
+        seconds(own.sweep_s.unwrap_or(f64::NAN)),
         relative(own.error)
     ));
     // The error is the mesh's, whichever way its matrices are solved.
@@ -203,10 +203,15 @@ mod tests {
         serde_json::from_value(serde_json::json!({"numpy": "1", "scipy": "2", "results": results})).unwrap()
     }
 
+    /// One second in all for an error.
+    fn own(error: f64) -> Own {
+        let name = String::from("own");
+        Own { name, unknowns: 1, coordinates: 1, set_up_s: 0.5, sweep_s: Some(0.5), error, operations: 1.0 }
+    }
+
     #[test]
     fn equal_error_is_read_off_the_measurements() {
-        let own = Own { order: 7, unknowns: 1, coordinates: 1, set_up_s: 0.0, sweep_s: 1.0, error: 2e-3 };
-        let rows = ratios(&report(), &own).rows;
+        let rows = ratios(&report(), &own(2e-3)).rows;
         let row = |method: usize| rows[method].iter().map(String::as_str).collect::<Vec<_>>();
         // 100 cells are ten times ten: as the cube of it, 1000 s.
         assert_eq!(row(0)[2..], ["100", "1000 s", "1000 x", "extrapolated"]);
@@ -217,8 +222,7 @@ mod tests {
 
     #[test]
     fn own_error_is_a_second_goal_if_it_is_smaller() {
-        let own = Own { order: 7, unknowns: 1, coordinates: 1, set_up_s: 0.5, sweep_s: 0.5, error: 1e-5 };
-        let rows = ratios(&report(), &own).rows;
+        let rows = ratios(&report(), &own(1e-5)).rows;
         assert_eq!(rows.len(), 8);
         assert_eq!((rows[4][1].as_str(), rows[5][1].as_str(), rows[5][2].as_str()), ("1.0e-3", "1.0e-5", "1000"));
     }

@@ -51,7 +51,12 @@ fn draw(path: &Path, responses: &[Point], modes: &[Point]) -> Result<(), Box<dyn
         chart.draw_series(LineSeries::new(bounds.clone(), colour.mix(0.4)))?;
         chart.draw_series(bounds.iter().map(|at| Circle::new(*at, 4, colour.stroke_width(1))))?;
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()?;
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .background_style(WHITE.mix(0.8))
+        .border_style(BLACK.mix(0.3))
+        .draw()?;
     root.present()?;
     Ok(())
 }

@@ -4,7 +4,7 @@
 use crate::error::Error;
 use era::model::PanelModel;
 use era::model::grid::Fineness;
-use era::response::modal_coordinates;
+use era::response::Solver;
 use era::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping};
 use nalgebra::DMatrix;
 use num_complex::Complex64;
@@ -107,6 +107,13 @@ pub struct Curves {
 }
 
 impl Curves {
+    /// From values by curve (actuator times points plus point) and frequency.
+    pub fn new(curves: usize, count: usize, value: impl Fn(usize, usize) -> Complex64) -> Self {
+        let value = &value;
+        let values = (0..curves).flat_map(|curve| (0..count).map(move |f| value(curve, f))).collect();
+        Self { values, count }
+    }
+
     /// Largest deviation of a curve, relative to its own peak here; `value` gives the other's by actuator times points plus
     /// point, and frequency.
     #[must_use]
@@ -120,6 +127,9 @@ impl Curves {
     }
 }
 
+/// Most places that get residual shapes of their own.
+const FEW: usize = 4;
+
 /// Accelerations at some places by the definition, from a mesh that is said.
 ///
 /// # Errors
@@ -130,16 +140,18 @@ pub fn curves(
     frequencies_hz: &[f64],
     places: &[(f64, f64)],
 ) -> Result<Curves, Error> {
-    let reduced = PanelModel::with_fineness(scene, fineness)?.reduce(MAX_HZ, &[])?;
+    let residual = if places.len() <= FEW { places } else { &[] };
+    let reduced = PanelModel::with_fineness(scene, fineness)?.reduce(MAX_HZ, residual)?;
     let (n, loads, count) = (reduced.order(), reduced.actuators(), frequencies_hz.len());
     let mut shapes = DMatrix::zeros(n, places.len());
     for (mut column, (x, y)) in shapes.column_iter_mut().zip(places) {
         column.copy_from(&reduced.shape_at(*x, *y));
     }
+    let solver = Solver::new(&reduced);
     let mut parts = [DMatrix::zeros(count * loads, n), DMatrix::zeros(count * loads, n)];
     for (f, frequency_hz) in frequencies_hz.iter().enumerate() {
         let scale = -(std::f64::consts::TAU * frequency_hz).powi(2);
-        for (load, q) in modal_coordinates(&reduced, *frequency_hz)?.iter().enumerate() {
+        for (load, q) in solver.coordinates(*frequency_hz)?.iter().enumerate() {
             for (i, q) in q.iter().enumerate() {
                 (parts[0][(load * count + f, i)], parts[1][(load * count + f, i)]) = (scale * q.re, scale * q.im);
             }

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::own::{NEXT, TIGHTEST};
 use crate::problem::{MAX_HZ, Problem, curves, scene_text};
 use crate::references::{Reference, references};
-use crate::table::{Table, bytes, relative, seconds};
+use crate::table::{Table, bytes, relative, seconds, three};
 use num_complex::Complex64;
 use std::path::Path;
 
@@ -101,7 +101,7 @@ pub fn responses(environment: &Environment, problem: &Problem) -> Result<(Table,
             outcome.levels.to_string(),
             relative(error),
             relative(bound),
-            crate::table::three(bound / error),
+            three(bound / error),
         ]);
         points.push(Point { time_s: outcome.elapsed_s, error, bound });
     }
@@ -148,6 +148,7 @@ pub fn modes(environment: &Environment) -> Result<(Table, Vec<Point>), Error> {
     for tolerance in tolerances(environment) {
         let (mut time_s, mut peak, mut unknowns) = (0.0, 0.0_f64, 0);
         let (mut worst, mut panel, mut bound, mut ratios, mut below) = (0.0, "", 0.0_f64, Vec::new(), 0);
+        let mut modes = 0;
         for (reference, scene) in references.iter().zip(&scenes) {
             let highest = reference.frequencies_hz.last().copied().unwrap_or(1.0);
             let outcome = repeated(environment, "modes", scene, tolerance, 1.01 * highest)?;
@@ -159,7 +160,10 @@ pub fn modes(environment: &Environment) -> Result<(Table, Vec<Point>), Error> {
                     (worst, panel) = (error, reference.name);
                 }
                 bound = if own_bound.is_nan() { f64::NAN } else { bound.max(own_bound) };
-                ratios.push(own_bound / error.max(KNOWN_TO));
+                modes += 1;
+                if error > 2.0 * KNOWN_TO {
+                    ratios.push(own_bound / error);
+                }
                 below += usize::from(own_bound < error - KNOWN_TO);
             }
         }
@@ -171,15 +175,15 @@ pub fn modes(environment: &Environment) -> Result<(Table, Vec<Point>), Error> {
             relative(worst),
             String::from(panel),
             relative(bound),
-            crate::table::three(median(ratios.clone())),
-            format!("{below} of {}", ratios.len()),
+            if ratios.is_empty() { String::from("-") } else { three(median(ratios)) },
+            format!("{below} of {modes}"),
         ]);
         points.push(Point { time_s, error: worst, bound });
     }
     let names: Vec<_> = references.iter().map(|reference| reference.name).collect();
     table.above.push(format!(
         "{} panels: {}. Time: all of them. Unknowns and memory: the largest. The references have nine or ten digits: errors below \
-         {KNOWN_TO:.0e} count as that.",
+         {KNOWN_TO:.0e} cannot be told.",
         names.len(),
         names.join("; ")
     ));
