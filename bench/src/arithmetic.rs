@@ -20,7 +20,7 @@ const ORDER: usize = 768;
 struct Machine {
     /// Additions and multiplications per s in a large matrix product.
     flops: f64,
-    /// Bytes per s into memory that is fresh from the system.
+    /// Bytes per s into memory as the allocator gives it.
     fresh: f64,
     /// The same into memory that was written before.
     again: f64,
@@ -70,8 +70,8 @@ pub fn table(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: us
             format!("{} %", three(100.0 * (by_operations + by_bytes) / sweep_s)),
         ]);
         remarks.push(format!(
-            "{name}: a product of two matrices of order {ORDER} runs at {} GFLOP/s; writing goes at {}/s into fresh memory, \
-             {}/s into memory written before.",
+            "{name}: a product of two matrices of order {ORDER} runs at {} GFLOP/s; writing goes at {}/s into memory as the \
+             allocator gives it (in pieces above 32 MB fresh from the system), {}/s into memory written before.",
             three(machine.flops / 1e9),
             bytes(machine.fresh),
             bytes(machine.again)
@@ -83,7 +83,7 @@ pub fn table(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: us
     table.above.push(format!(
         "The problem of (c), {} unknowns, {} coordinates; sweep: shapes at the points and all responses, one thread. Operations: \
          of the products, after symmetry. The limit is what operations would take at the rate of a large product, plus what \
-         writing the result into fresh memory takes, as a result has to be handed over in memory of its own. \"From f64\": \
+         writing the result into memory of its own takes. \"From f64\": \
          largest difference relative to a curve's peak.",
         double.unknowns, double.coordinates
     ));

@@ -59,6 +59,14 @@ pub enum Error {
     /// No motion in time.
     #[error(transparent)]
     Transient(#[from] era::transient::TransientError),
+    /// A document without a place for a part.
+    #[error("{path} has no `{start}` with a `<!-- end -->` after it")]
+    NoRoom {
+        /// The file.
+        path: PathBuf,
+        /// What was looked for.
+        start: String,
+    },
     /// No plot.
     #[error("cannot draw {path}: {reason}")]
     Plot {

@@ -4,6 +4,7 @@ mod arithmetic;
 mod calculix;
 mod case;
 mod clock;
+mod document;
 mod environment;
 mod error;
 mod fit;
@@ -76,6 +77,9 @@ struct Options {
     /// Also write the tables to a Markdown file
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Also put the tables into a document, where it has `<!-- measured: PART -->` and `<!-- end -->`
+    #[arg(long, value_name = "FILE")]
+    update: Option<PathBuf>,
     /// Also write the plot of what accuracy costs to an SVG file
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
@@ -96,39 +100,42 @@ fn main() -> ExitCode {
 }
 
 fn model(options: &Options) -> Result<(), Error> {
-    let environment = Environment::new(options.quick)?;
+    let wants = |part| options.only.is_empty() || options.only.contains(&part);
+    let environment = Environment::new(options.quick, wants(Part::Peers) || wants(Part::Table1))?;
     let problem = Problem::new()?;
     let mut tables = Vec::new();
-    let mut tell = |table: Table| {
+    let mut tell = |part: Part, table: Table| {
         println!("{}", table.text());
-        tables.push(table);
+        tables.push((part, table));
     };
-    let wants = |part| options.only.is_empty() || options.only.contains(&part);
     let started = Instant::now();
+    println!("{}\n", document::machine()?);
     if wants(Part::Peers) || wants(Part::Arithmetic) {
         side_by_side(&environment, &problem, &wants, &mut tell)?;
     }
     if wants(Part::Table1) {
-        tell(table1::table(&environment)?);
+        tell(Part::Table1, table1::table(&environment)?);
     }
     if wants(Part::Tradeoff) {
         let (table, responses) = tradeoff::responses(&environment, &problem)?;
-        tell(table);
+        tell(Part::Tradeoff, table);
         let (table, modes) = tradeoff::modes(&environment)?;
-        tell(table);
+        tell(Part::Tradeoff, table);
         if let Some(path) = &options.plot {
             plot::write(path, &responses, &modes)?;
         }
     }
     if wants(Part::Growth) {
         let most_s = options.longest_s.unwrap_or(if options.quick { LONGEST_QUICK_S } else { LONGEST_S });
-        tell(growth::unknowns(&environment, &problem, most_s)?);
-        tell(growth::others(&environment)?);
+        tell(Part::Growth, growth::unknowns(&environment, &problem, most_s)?);
+        tell(Part::Growth, growth::others(&environment)?);
     }
     println!("{} in all", seconds(started.elapsed().as_secs_f64()));
     if let Some(path) = &options.markdown {
-        let text: Vec<String> = tables.iter().map(Table::markdown).collect();
-        std::fs::write(path, text.join("\n")).map_err(Error::file(path))?;
+        document::write(path, &tables)?;
+    }
+    if let Some(path) = &options.update {
+        document::update(path, &tables)?;
     }
     Ok(())
 }
@@ -141,7 +148,7 @@ fn side_by_side(
     environment: &Environment,
     problem: &Problem,
     wants: &dyn Fn(Part) -> bool,
-    tell: &mut dyn FnMut(Table),
+    tell: &mut dyn FnMut(Part, Table),
 ) -> Result<(), Error> {
     let reference = problem.reference(TIGHTEST)?;
     let runs = if environment.quick { 3 } else { 21 };
@@ -167,21 +174,21 @@ fn side_by_side(
         own.push(own::solve_bounded(problem, Accuracy::BALANCED, &reference, runs)?);
         let mut all = peers::table(&report, &own, problem);
         all.below.push(format!(
-            "The tightest answer (order {}, cells of {} mm) and the next lower order on its mesh are {} apart. With a bound: \
-             all meshes of the ladder, all of the time in set-up.",
+            "The tightest answer (order {}, cells of {} mm) and the next lower order on its mesh are {} apart. With a bound: all \
+             meshes of the ladder (as `era sweep` does it), all of the time in set-up.",
             TIGHTEST.order,
             TIGHTEST.cell_m * 1e3,
             relative(uncertainty)
         ));
-        tell(all);
+        tell(Part::Peers, all);
         if let Some(best) = best {
-            tell(peers::ratios(&report, &best));
+            tell(Part::Peers, peers::ratios(&report, &best));
         }
-        tell(calculix::table(environment, problem, &file)?);
+        tell(Part::Peers, calculix::table(environment, problem, &file)?);
     }
     if wants(Part::Arithmetic) {
         let accuracy = good_enough.unwrap_or(Accuracy::REFERENCE);
-        tell(arithmetic::table(problem, accuracy, &reference, runs)?);
+        tell(Part::Arithmetic, arithmetic::table(problem, accuracy, &reference, runs)?);
     }
     Ok(())
 }

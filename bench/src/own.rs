@@ -86,14 +86,14 @@ pub fn solve<T: Arithmetic + Into<f64>>(
     Ok((own, sweep))
 }
 
-/// The same through the ladder of meshes that gives a bound; all of its time is in `set_up_s`.
+/// The same in f32 through the ladder of meshes that gives a bound; all of its time is in `set_up_s`.
 ///
 /// # Errors
 /// [`Error::Curves`].
 pub fn solve_bounded(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: usize) -> Result<Own, Error> {
     let once = || {
         let points = (problem.x_m.as_slice(), problem.y_m.as_slice());
-        timed(|| bounded_sweep::<f64>(&problem.scene, accuracy, points, &problem.frequencies_hz))
+        timed(|| bounded_sweep::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz))
     };
     let mut times = Vec::new();
     for _ in 1..runs {
@@ -105,7 +105,7 @@ pub fn solve_bounded(problem: &Problem, accuracy: Accuracy, reference: &Curves, 
     let bound = bounds.reduce(|a, b| if a > b || a.is_nan() { a } else { b }).unwrap_or(f64::NAN);
     let reduced = found.model.reduce(MAX_HZ, &[])?;
     Ok(Own {
-        name: format!("era to {:.0e}, with bound {bound:.0e}", accuracy.value()),
+        name: format!("era to {:.0e}, f32, bound {bound:.0e}", accuracy.value()),
         unknowns: found.model.dofs(),
         coordinates: reduced.order(),
         set_up_s: median(times),

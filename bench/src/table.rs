@@ -58,10 +58,10 @@ impl Table {
         out
     }
 
-    /// For a document.
+    /// For a document, as a section of the third level.
     #[must_use]
     pub fn markdown(&self) -> String {
-        let mut out = format!("## {}\n\n", self.title);
+        let mut out = format!("### {}\n\n", self.title);
         for paragraph in &self.above {
             let _ = writeln!(out, "{paragraph}\n");
         }
@@ -151,7 +151,7 @@ mod tests {
     fn markdown_escapes_bars() {
         let mut table = Table::new("title", &["a", "b"]);
         table.row(["|x|".into(), "y".into()]);
-        assert_eq!(table.markdown(), "## title\n\n| a | b |\n|---|---|\n| \\|x\\| | y |\n\n");
+        assert_eq!(table.markdown(), "### title\n\n| a | b |\n|---|---|\n| \\|x\\| | y |\n\n");
     }
 
     #[test]
