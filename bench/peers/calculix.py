@@ -9,25 +9,10 @@ import json
 import os
 import re
 import subprocess
-import sys
 import time
 
-# One thread, as on the other side.
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-
-import numpy as np  # noqa: E402
-
-
-def refuse(scene):
-    """Ends the program if the scene has what is not written here."""
-    damping = scene["surface"]["damping"]
-    if scene["surface"]["kind"] != "plate" or scene["edges"] or scene["masses"] or "loss_factor" not in damping:
-        raise SystemExit("only plates with free edges and a loss factor are written here")
-    if any(support["rotational_stiffness_n_m_per_rad"] for support in scene["supports"]):
-        raise SystemExit("rotational springs are not written here")
-    if any(era["mount"] != "grounded" for era in scene["actuators"]):
-        raise SystemExit("inertial ERAs are not written here")
+import common
+import numpy as np
 
 
 def deck(scene, cells, modes, frequencies_hz, between):
@@ -145,7 +130,9 @@ def main():
     options = parser.parse_args()
     with open(options.problem, encoding="utf-8") as file:
         problem = json.load(file)
-    refuse(problem["scene"])
+    common.refuse(problem["scene"])
+    if problem["scene"]["masses"] or any(era["mount"] != "grounded" for era in problem["scene"]["actuators"]):
+        raise SystemExit("masses and inertial ERAs are not written here")
     cells = tuple(int(part) for part in options.mesh.split("x"))
     text, corners = deck(problem["scene"], cells, options.modes, problem["frequencies_hz"], options.between)
     os.makedirs(options.folder, exist_ok=True)

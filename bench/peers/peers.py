@@ -12,17 +12,13 @@ frequencies; half of them are the ones at which the mesh's answer is worst, so t
 
 import argparse
 import json
-import os
 import time
 
-# Before numpy is loaded: one thread, as on the other side.
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-
-import numpy as np  # noqa: E402
-import scipy  # noqa: E402
-import scipy.sparse.linalg as sla  # noqa: E402
-from plate import Plate, Problem  # noqa: E402
+import common  # noqa: F401, before NumPy
+import numpy as np
+import scipy
+import scipy.sparse.linalg as sla
+from plate import Plate, Problem
 
 # A negative shift of 100 Hz keeps K - sigma M definite whatever holds the plate.
 SHIFT = -((2 * np.pi * 100) ** 2)

@@ -6,6 +6,7 @@ elements' own functions: nothing corrects what the mesh is too coarse for.
 
 import json
 
+import common
 import numpy as np
 import scipy.sparse as sp
 
@@ -24,7 +25,7 @@ class Problem:
         # Acceleration for 1 N at each actuator alone, [actuator][point, x first][frequency].
         self.reference = np.fromfile(data["reference"], dtype=np.complex128).reshape(shape)
         self.peaks = np.abs(self.reference).max(axis=2)
-        refuse(self.scene)
+        common.refuse(self.scene)
 
     def error(self, answer, at=slice(None)):
         """Largest deviation of a curve from the reference, relative to the curve's peak, at the frequencies `at`."""
@@ -36,20 +37,10 @@ class Problem:
         return np.argsort(deviation)[-count:]
 
 
-def refuse(scene):
-    """Ends the program if the scene has what is not written here."""
-    damping = scene["surface"]["damping"]
-    if scene["surface"]["kind"] != "plate" or scene["edges"] or not isinstance(damping, dict) or "loss_factor" not in damping:
-        raise SystemExit("only plates with free edges and a loss factor are written here")
-    if any(support["rotational_stiffness_n_m_per_rad"] for support in scene["supports"]):
-        raise SystemExit("rotational springs are not written here")
-
-
 def hermite(place, derivative=0):
     """The four cubics of a cell of length 1 at `place` in 0..1, or a derivative of them."""
     coefficients = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], dtype=float)
-    rows = [np.polynomial.Polynomial(row).deriv(derivative) if derivative else np.polynomial.Polynomial(row) for row in coefficients]
-    return np.array([row(place) for row in rows])
+    return np.array([np.polynomial.Polynomial(row).deriv(derivative)(place) for row in coefficients])
 
 
 def line(cells, length):
@@ -143,12 +134,7 @@ class Plate:
         self.mass = mass.tocsc()
         self.stiffness = (self.surface + self.couplings @ sp.diags(self.k) @ self.couplings.T).tocsc()
         self.damping = (self.couplings @ sp.diags(self.c) @ self.couplings.T).tocsc()
-        grid = sp.kron(line_rows(cells[1], sides[1], problem.y_m), line_rows(cells[0], sides[0], problem.x_m))
-        # Points with x first; the unknowns have y first.
-        order = np.arange(plate_unknowns).reshape(2 * cells[1] + 2, 2 * cells[0] + 2)
-        swap = np.empty(plate_unknowns, dtype=int)
-        target = np.arange(plate_unknowns).reshape(2 * cells[0] + 2, 2 * cells[1] + 2)
-        swap[order.ravel()] = target.T.ravel()
-        grid = grid.tocoo()
-        points = len(problem.x_m) * len(problem.y_m)
-        self.points = sp.csr_matrix((grid.data, (grid.row, swap[grid.col])), shape=(points, self.unknowns))
+        grid = sp.kron(line_rows(cells[0], sides[0], problem.x_m), line_rows(cells[1], sides[1], problem.y_m)).tocsr()
+        # Rows have y first, as the unknowns; the points have x first.
+        x_first = np.arange(grid.shape[0]).reshape(len(problem.x_m), len(problem.y_m)).T.ravel()
+        self.points = widened(grid[x_first], (grid.shape[0], self.unknowns)).tocsr()

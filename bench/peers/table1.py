@@ -5,15 +5,11 @@ The systems come from the other side, with the answer to compare with.
 
 import argparse
 import json
-import os
 import time
 
-# Before numpy is loaded: one thread, as on the other side.
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-
-import numpy as np  # noqa: E402
-from scipy.integrate import solve_ivp  # noqa: E402
+import common  # noqa: F401, before NumPy
+import numpy as np
+from scipy.integrate import solve_ivp
 
 
 def explicit(m, c, k, force, omega, times):
