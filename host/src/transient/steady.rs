@@ -1,7 +1,7 @@
 //! Steady state under one harmonic force: (K - w^2 M + j w C) u = f e^(j phase), the complex form of equation 15.
 
 use super::{Harmonic, SecondOrder, TransientError};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use num_complex::Complex64;
 
 /// Pivot, relative to a matrix with a diagonal of one, below which it counts as zero: an undamped resonance.
@@ -27,7 +27,7 @@ pub(super) fn solve(system: &SecondOrder, drive: &Harmonic) -> Result<DVector<Co
     let scale: Vec<f64> = (0..n)
         .map(|i| 1.0 / (system.k[(i, i)].abs() + square * system.m[(i, i)]).max(f64::MIN_POSITIVE).sqrt())
         .collect();
-    let mut banded = Banded::new(n, bandwidth(system));
+    let mut banded = Banded::new(n, system.bandwidth());
     for column in 0..n {
         for row in column.saturating_sub(banded.band)..(column + banded.band + 1).min(n) {
             let at = (row, column);
@@ -41,21 +41,6 @@ pub(super) fn solve(system: &SecondOrder, drive: &Harmonic) -> Result<DVector<Co
         return Err(TransientError::Unbounded { omega_rad_s: omega });
     }
     Ok(DVector::from_fn(n, |i, _| solution[i] * scale[i]))
-}
-
-/// Furthest entry from the diagonal in any of the matrices.
-fn bandwidth(system: &SecondOrder) -> usize {
-    let n = system.unknowns();
-    let reach = |matrix: &DMatrix<f64>| {
-        let mut band = 0;
-        for (j, column) in matrix.column_iter().enumerate() {
-            let first = column.iter().position(|x| *x != 0.0).unwrap_or(j);
-            let last = n - 1 - column.iter().rev().position(|x| *x != 0.0).unwrap_or(n - 1 - j);
-            band = band.max(j.saturating_sub(first)).max(last.saturating_sub(j));
-        }
-        band
-    };
-    reach(&system.m).max(reach(&system.c)).max(reach(&system.k))
 }
 
 /// A matrix with entries up to `band` from the diagonal, by rows, with room for what row exchanges fill in.
