@@ -4,12 +4,15 @@
 //! corners (Bogner, Fox, Schmit 1965). With the one-dimensional matrices A (bend), B (mixed), G (slope), M (mass) of
 //! [`super::shape`], the
 //! thin plate's energy D/2 * integral of w_xx^2 + w_yy^2 + 2 nu w_xx w_yy + 2 (1 - nu) w_xy^2 is assembled from
-//! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G].
+//! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G]. Across a line between two thicknesses the functions make
+//! w, both slopes and, at the line's nodes, w_xy continuous, as they are in the plate (w_x is, and so is its derivative along the
+//! line); w_xx across it is free to jump, as it must where the rigidity does.
 
 use super::ModelError;
 use super::enriched::{EdgeSprings, add_singular};
 use super::grid::{Derivative, Fineness, Grid, SparseVector};
 use super::mesh::Lines;
+use super::sections::Section;
 use super::shape::CellMatrices;
 use super::sparse::{Entries, Symmetric};
 use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side};
@@ -74,7 +77,7 @@ impl Assembled {
 /// As the matrices' assembly.
 pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelError> {
     let grid = Grid::new(scene, fineness);
-    let (surface_stiffness, surface_mass) = surface_matrices(scene, &grid);
+    let (surface_stiffness, surface_mass) = surface_matrices(&grid);
     let (surface_stiffness, surface_mass) = (grid.over_unknowns(surface_stiffness), grid.over_unknowns(surface_mass));
     let mut parts = Parts { grid: &grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
     let (mut stiffness, mut mass) = (surface_stiffness.clone(), surface_mass.clone());
@@ -112,69 +115,39 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
     })
 }
 
-/// Flexural rigidity of a plate in N m: E h^3 / (12 (1 - nu^2)).
-#[must_use]
-pub fn plate_rigidity(scene: &Scene) -> f64 {
-    let (surface, material) = (&scene.surface, &scene.surface.material);
-    let nu = material.poisson_ratio;
-    material.youngs_modulus_pa * surface.thickness_m.powi(3) / (12.0 * (1.0 - nu * nu))
-}
-
-/// Bending stiffness of a bar in N m^2: E b h^3 / 12.
-#[must_use]
-pub fn bar_rigidity(scene: &Scene) -> f64 {
-    scene.surface.material.youngs_modulus_pa * scene.surface.width_m * scene.surface.thickness_m.powi(3) / 12.0
-}
-
 fn cells(grid: &Grid, lines: &Lines) -> Vec<CellMatrices> {
     let pairs = lines.at.windows(2).zip(lines.scale.windows(2));
     pairs.map(|(at, scale)| grid.element.matrices(at[1] - at[0], [scale[0], scale[1]])).collect()
 }
 
-/// What a cell is made of.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Section {
-    /// Flexural rigidity in N m (plate) or N m^2 (bar).
-    pub rigidity: f64,
-    /// Mass per area (plate) or length (bar), in kg/m^2 or kg/m.
-    pub per_area: f64,
-    /// Poisson's ratio.
-    pub poisson: f64,
-}
-
-fn surface_matrices(scene: &Scene, grid: &Grid) -> (Entries, Entries) {
-    let (surface, material) = (&scene.surface, &scene.surface.material);
+fn surface_matrices(grid: &Grid) -> (Entries, Entries) {
     let (mut stiffness, mut mass) = (Entries::default(), Entries::default());
     let in_x = cells(grid, &grid.x);
     let n = grid.element.order() + 1;
     match &grid.y {
         None => {
-            let rigidity = bar_rigidity(scene);
-            let per_length = material.density_kg_m3 * surface.width_m * surface.thickness_m;
             for (cell, matrices) in in_x.iter().enumerate() {
+                let Some(Section { rigidity, per_area, .. }) = grid.sections.at(cell, 0) else { continue };
                 let numbers: Vec<_> = (0..n).map(|a| grid.number(grid.function(cell, a), 0)).collect();
                 add_block(&mut stiffness, &numbers, |a, b| rigidity * matrices.bend[(a, b)]);
-                add_block(&mut mass, &numbers, |a, b| per_length * matrices.mass[(a, b)]);
+                add_block(&mut mass, &numbers, |a, b| per_area * matrices.mass[(a, b)]);
             }
         }
         Some(y) => {
-            let section = Section {
-                rigidity: plate_rigidity(scene),
-                per_area: material.density_kg_m3 * surface.thickness_m,
-                poisson: material.poisson_ratio,
-            };
             let in_y = cells(grid, y);
             for (cell_y, my) in in_y.iter().enumerate() {
                 for (cell_x, mx) in in_x.iter().enumerate() {
+                    let Some(Section { rigidity, per_area, poisson }) = grid.sections.at(cell_x, cell_y) else {
+                        continue;
+                    };
                     let numbers: Vec<_> = (0..n * n)
                         .map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n)))
                         .collect();
-                    let Section { rigidity, per_area, poisson } = section;
                     add_block(&mut stiffness, &numbers, |k, l| rigidity * plate_energy(mx, my, poisson, k, l));
                     add_block(&mut mass, &numbers, |k, l| per_area * product(&mx.mass, &my.mass, k, l));
                 }
             }
-            add_singular(grid, y, |_, _| Some(section), &mut stiffness, &mut mass);
+            add_singular(grid, y, &mut stiffness, &mut mass);
         }
     }
     (stiffness, mass)
@@ -223,7 +196,7 @@ fn elastic_edge(grid: &Grid, side: Side, stiffness: f64, rotational: f64, entrie
             }
             continue;
         };
-        for (cell, matrices) in cells(grid, along).iter().enumerate() {
+        for (cell, matrices) in cells(grid, along).iter().enumerate().filter(|(cell, _)| grid.has_edge(side, *cell)) {
             let numbers: Vec<_> =
                 (0..=grid.element.order()).map(|a| number(function, grid.function(cell, a))).collect();
             add_block(entries, &numbers, |a, b| value * matrices.mass[(a, b)]);
@@ -239,7 +212,7 @@ fn elastic_edge(grid: &Grid, side: Side, stiffness: f64, rotational: f64, entrie
             rotational,
             slope_unit: 1.0 / scale,
         };
-        springs.add(|k, along| number(here + k, along), entries);
+        springs.add(|k, along| number(here + k, along), |cell| grid.has_edge(side, cell), entries);
     }
 }
 
@@ -280,7 +253,7 @@ impl Parts<'_> {
     fn actuator(&mut self, index: usize, actuator: &Actuator) -> ActuatorVectors {
         let surface = self.grid.attachment(actuator.x_m, actuator.y_m);
         let (housing, moving) = (actuator.housing_mass_kg, actuator.moving_mass_kg);
-        let (stiffness, damping) = (actuator.stiffness_n_per_m, actuator.damping_n_s_per_m);
+        let (stiffness, damping) = (actuator.effective_stiffness_n_per_m(), actuator.damping_n_s_per_m);
         let between = match actuator.mount {
             Mount::Inertial => {
                 let own = self.unknowns;

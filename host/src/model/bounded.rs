@@ -11,9 +11,10 @@
 //! As long as the bound is above the tolerance, p grows by two, and then the cells shrink. Where a bound grows with p,
 //! rounding has taken over, and the level before is the answer.
 
-use super::grid::Fineness;
+use super::corners::has_singular_corner;
+use super::grid::{Fineness, expected_unknowns};
 use super::panel::{PanelModel, Parts, fineness};
-use super::placement::{has_singular_corner, is_singular};
+use super::placement::is_singular;
 use super::shape::HIGHEST_ORDER;
 use super::{Accuracy, ModelError, ReducedModel};
 use crate::scene::{Scene, SurfaceKind};
@@ -172,7 +173,7 @@ pub fn bounded<Q: Question>(
         } else {
             fineness(scene, next.0, next.1, max_hz).ok()
         };
-        let Some(finer) = finer.filter(|finer| expected_unknowns(scene, *finer) < MOST_UNKNOWNS as f64) else {
+        let Some(finer) = finer.filter(|finer| expected_unknowns(scene, *finer) < MOST_UNKNOWNS) else {
             return Ok(ladder.finish(bounds));
         };
         before = Some(bounds).filter(|bounds| self::largest(bounds).is_finite());
@@ -196,13 +197,6 @@ fn largest(bounds: &[f64]) -> f64 {
 fn has_point_moment(scene: &Scene) -> bool {
     scene.surface.kind == SurfaceKind::Plate
         && scene.supports.iter().any(|support| support.rotational_stiffness_n_m_per_rad > 0.0)
-}
-
-fn expected_unknowns(scene: &Scene, fineness: Fineness) -> f64 {
-    let layers = if has_singular_corner(scene) { 2 * fineness.layers } else { 0 };
-    let along = |side: f64| ((side / fineness.cell_m).ceil() + layers as f64) * (fineness.order as f64 - 1.0) + 2.0;
-    along(scene.surface.length_m)
-        * if scene.surface.kind == SurfaceKind::Bar { 1.0 } else { along(scene.surface.width_m) }
 }
 
 struct Ladder<'a, Q: Question> {

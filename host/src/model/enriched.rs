@@ -4,7 +4,6 @@
 //! one to the next, where Gauss points converge as 9^-n), and on each rectangle the tensor structure of the elements'
 //! functions is used: along x first, then along y.
 
-use super::assembly::Section;
 use super::grid::Grid;
 use super::mesh::Lines;
 use super::shape::gauss;
@@ -28,21 +27,15 @@ const LEAST_POINTS: usize = 4;
 /// A rectangle: x from, x to, y from, y to.
 type Rectangle = [f64; 4];
 
-/// Adds the surface's stiffness and mass that the singular functions of `grid` bring; `section` gives a cell's own.
-pub(super) fn add_singular(
-    grid: &Grid,
-    y: &Lines,
-    section: impl Fn(usize, usize) -> Option<Section>,
-    stiffness: &mut Entries,
-    mass: &mut Entries,
-) {
+/// Adds the surface's stiffness and mass that the singular functions of `grid` bring.
+pub(super) fn add_singular(grid: &Grid, y: &Lines, stiffness: &mut Entries, mass: &mut Entries) {
     let n = grid.element.order() + 1;
     let rules = Rules::new(n + EXTRA_POINTS);
     for cell_y in 0..y.cells() {
         for cell_x in 0..grid.x.cells() {
             let bounds = [grid.x.at[cell_x], grid.x.at[cell_x + 1], y.at[cell_y], y.at[cell_y + 1]];
             let active: Vec<(usize, &Singular)> = grid.singular_in(bounds).collect();
-            let Some(section) = section(cell_x, cell_y).filter(|_| !active.is_empty()) else { continue };
+            let Some(section) = grid.sections.at(cell_x, cell_y).filter(|_| !active.is_empty()) else { continue };
             let centres = centres(&active);
             let mut block = Block::new(n, active.len());
             for part in rectangles(bounds, &centres) {
@@ -261,11 +254,17 @@ pub(super) struct EdgeSprings<'a> {
 }
 
 impl EdgeSprings<'_> {
-    pub(super) fn add(&self, number: impl Fn(usize, usize) -> Option<usize>, entries: &mut Entries) {
+    /// Adds them for the cells along the edge that are there.
+    pub(super) fn add(
+        &self,
+        number: impl Fn(usize, usize) -> Option<usize>,
+        is_there: impl Fn(usize) -> bool,
+        entries: &mut Entries,
+    ) {
         let grid = self.grid;
         let n = grid.element.order() + 1;
         let rule = gauss(n + EXTRA_POINTS);
-        for cell in 0..self.lines.cells() {
+        for cell in (0..self.lines.cells()).filter(|cell| is_there(*cell)) {
             let (from, to) = (self.lines.at[cell], self.lines.at[cell + 1]);
             let [x, y] = self.place([from, to]);
             let active: Vec<(usize, &Singular)> = grid.singular_in([x[0], x[1], y[0], y[1]]).collect();

@@ -1,9 +1,9 @@
 //! The mesh of a surface and the numbering of its unknowns.
 
-use super::assembly::plate_rigidity;
 use super::mesh::Lines;
 use super::placement::{forced, singular};
 use super::points::Points;
+use super::sections::{Sections, Waves};
 use super::shape::Element;
 use super::singular::Singular;
 use super::sparse::Entries;
@@ -39,6 +39,23 @@ pub enum Derivative {
     SlopeY,
 }
 
+/// The lines across x and across y.
+fn lines(scene: &Scene, fineness: Fineness) -> [Lines; 2] {
+    let [in_x, in_y] = forced(scene, &scene.layout(), fineness);
+    [
+        Lines::new(scene.surface.length_m, fineness.cell_m, &in_x),
+        Lines::new(scene.surface.width_m, fineness.cell_m, &in_y),
+    ]
+}
+
+/// Unknowns of a mesh, before edges and cut-outs take some away.
+#[must_use]
+pub fn expected_unknowns(scene: &Scene, fineness: Fineness) -> usize {
+    let [x, y] = lines(scene, fineness);
+    let along = |lines: &Lines| lines.cells() * (fineness.order - 1) + 2;
+    along(&x) * if scene.surface.kind == SurfaceKind::Bar { 1 } else { along(&y) }
+}
+
 /// The mesh with its numbering of unknowns; fixed unknowns have no number.
 #[derive(Clone, Debug)]
 pub struct Grid {
@@ -48,6 +65,8 @@ pub struct Grid {
     pub y: Option<Lines>,
     /// The cells' functions.
     pub element: Element,
+    /// What the cells are made of.
+    pub sections: Sections,
     /// Number of each unknown: the tensor products of the directions' functions, x running fastest.
     numbers: Vec<Option<usize>>,
     /// What point forces do; their unknowns come after the tensor products.
@@ -62,17 +81,16 @@ impl Grid {
     /// The mesh, the edges' fixed unknowns left out.
     #[must_use]
     pub(super) fn new(scene: &Scene, fineness: Fineness) -> Self {
-        let surface = &scene.surface;
-        let forced = forced(scene, fineness);
-        let x = Lines::new(surface.length_m, fineness.cell_m, &forced[0]);
-        let y = match surface.kind {
-            SurfaceKind::Bar => None,
-            SurfaceKind::Plate => Some(Lines::new(surface.width_m, fineness.cell_m, &forced[1])),
-        };
+        let layout = scene.layout();
+        let [x, y] = lines(scene, fineness);
+        let y = (scene.surface.kind == SurfaceKind::Plate).then_some(y);
         let element = Element::new(fineness.order);
-        let singular = y.as_ref().map_or_else(Vec::new, |y| singular(scene, fineness, &x, y));
-        let mut grid = Self { x, y, element, numbers: Vec::new(), singular, points: Points::default(), free: 0 };
-        let fixed = grid.fixed(scene);
+        let sections = Sections::new(scene.surface.kind, &layout, &x, y.as_ref());
+        let singular = if y.is_some() { singular(scene, &layout, fineness) } else { Vec::new() };
+        let mut grid =
+            Self { x, y, element, sections, numbers: Vec::new(), singular, points: Points::default(), free: 0 };
+        let mut fixed = grid.fixed(scene);
+        grid.fix_cut_away(&mut fixed);
         grid.numbers = fixed
             .into_iter()
             .map(|fixed| {
@@ -92,9 +110,9 @@ impl Grid {
             return Points::default();
         }
         let (length, width) = self.size();
-        let stiff = STIFF * plate_rigidity(scene) / length.max(width).powi(2);
+        let stiff = STIFF * Waves::of(scene).softest / length.max(width).powi(2);
         let supports = scene.supports.iter().map(|s| (s.x_m, s.y_m, s.stiffness_n_per_m));
-        let springs = supports.chain(scene.actuators.iter().map(|a| (a.x_m, a.y_m, a.stiffness_n_per_m)));
+        let springs = supports.chain(scene.actuators.iter().map(|a| (a.x_m, a.y_m, a.effective_stiffness_n_per_m())));
         let at: Vec<(f64, f64)> = springs.filter(|spring| spring.2 > stiff).map(|(x, y, _)| (x, y)).collect();
         let rows: Vec<SparseVector> = at.iter().map(|(x, y)| self.row_at(*x, *y, Derivative::Value)).collect();
         // Products of two bubbles live in one cell.
@@ -196,6 +214,35 @@ impl Grid {
             }
         }
         fixed
+    }
+
+    /// Takes away the unknowns that no cell has because cut-outs have taken all of theirs.
+    fn fix_cut_away(&self, fixed: &mut [bool]) {
+        if !self.sections.has_cutouts() {
+            return;
+        }
+        let (in_x, n) = (self.functions_x(), self.element.order() + 1);
+        let mut is_there = vec![false; fixed.len()];
+        for cell_y in 0..self.y.as_ref().map_or(0, Lines::cells) {
+            for cell_x in (0..self.x.cells()).filter(|cell_x| self.sections.at(*cell_x, cell_y).is_some()) {
+                for (a, b) in (0..n * n).map(|k| (k / n, k % n)) {
+                    is_there[self.function(cell_y, b) * in_x + self.function(cell_x, a)] = true;
+                }
+            }
+        }
+        fixed.iter_mut().zip(is_there).for_each(|(fixed, is_there)| *fixed |= !is_there);
+    }
+
+    /// Whether a cell along a side is there.
+    pub(super) fn has_edge(&self, side: Side, cell: usize) -> bool {
+        let last_y = self.y.as_ref().map_or(0, |y| y.cells() - 1);
+        let section = match side {
+            Side::Left => self.sections.at(0, cell),
+            Side::Right => self.sections.at(self.x.cells() - 1, cell),
+            Side::Top => self.sections.at(cell, 0),
+            Side::Bottom => self.sections.at(cell, last_y),
+        };
+        section.is_some()
     }
 
     /// The deflection's function at an edge, in the direction across it; the slope's is the next.

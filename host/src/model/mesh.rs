@@ -2,7 +2,7 @@
 //! shortest wave.
 
 /// Lines nearer to each other than this part of the side are one line.
-pub const MERGE: f64 = 1e-6;
+pub const MERGE: f64 = crate::scene::SAME_PLACE;
 /// Cells shrink by this factor from one to the next towards where they must be small. Elements of high order converge
 /// exponentially on meshes that shrink geometrically towards a singular point, best with factors of 4 to 7 (Szabo and
 /// Babuska 1991, section 10.2).

@@ -3,6 +3,9 @@
 //! * [`shape`]: functions of a cell of any order and their one-dimensional matrices,
 //! * [`singular`]: what point forces do to a plate, as functions of their own,
 //! * [`mesh`]: grid lines, fine enough for the shortest wave,
+//! * [`sections`]: what each cell is made of,
+//! * `corners`: where moments are unbounded,
+//! * `surroundings`: how far the function of an attachment may reach,
 //! * `placement`: where the scene asks for lines and for those functions,
 //! * [`points`]: deflections of stiffly held points as unknowns of their own,
 //! * [`grid`]: the lines' functions and the numbering of their unknowns,
@@ -20,6 +23,7 @@
 pub mod accuracy;
 pub mod assembly;
 pub mod bounded;
+mod corners;
 pub mod damping;
 pub mod eigen;
 mod enriched;
@@ -32,9 +36,11 @@ pub mod points;
 mod questions;
 pub mod reduced;
 pub mod rigid;
+pub mod sections;
 pub mod shape;
 pub mod singular;
 pub mod sparse;
+mod surroundings;
 
 pub use accuracy::Accuracy;
 pub use bounded::{Bound, Bounded};

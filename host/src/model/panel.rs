@@ -1,11 +1,12 @@
 //! The panel model that the rest of the program uses.
 
-use super::assembly::{Assembled, assemble, bar_rigidity, plate_rigidity};
+use super::assembly::{Assembled, assemble};
 use super::damping::{Damping, Structured, same_ratio};
 use super::eigen::{Modes, Operator, modes};
 use super::grid::{Derivative, Fineness};
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, rigid_modes};
+use super::sections::Waves;
 use super::sparse::{Entries, Factor};
 use super::{Accuracy, ModelError};
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
@@ -22,6 +23,8 @@ const WAVES_PER_CELL: f64 = 1.1;
 const LEAST_CELLS: f64 = 2.0;
 /// Modes of a reduced model, besides one for each order.
 const LEAST_MODES: usize = 3;
+/// Least shift, as a part of what a uniform surface with as many modes has.
+const LEAST_SHIFT: f64 = 1e-5;
 /// Most cells that shrink towards a corner: with more, rounding in K (1e-16 times the cube of a cell's aspect) shows.
 const MOST_LAYERS: usize = 4;
 
@@ -239,6 +242,7 @@ impl PanelModel {
             actuator.moving_mass_kg = 0.0;
             actuator.housing_mass_kg = 0.0;
             actuator.stiffness_n_per_m = 0.0;
+            actuator.bias_voltage_v = 0.0;
             actuator.damping_n_s_per_m = 0.0;
         }
         let supported = Self::with_fineness(&bare, self.fineness)?;
@@ -277,15 +281,6 @@ fn slow_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> Result<(Modes
     Ok((modes(Operator { factor: &factor, mass: &assembled.mass, shift: own }, &known, fastest)?, straight))
 }
 
-/// Rigidity over mass per area (plate) or length (bar), in m^4/s^2.
-fn wave_ratio(scene: &Scene) -> f64 {
-    let (surface, density) = (&scene.surface, scene.surface.material.density_kg_m3);
-    match surface.kind {
-        SurfaceKind::Plate => plate_rigidity(scene) / (density * surface.thickness_m),
-        SurfaceKind::Bar => bar_rigidity(scene) / (density * surface.thickness_m * surface.width_m),
-    }
-}
-
 /// About where the surface's mode of a number is, in Hz: (n pi / L)^2 on a bar, Weyl's 4 pi n / area on a plate, times the
 /// root of the wave ratio.
 #[allow(clippy::cast_precision_loss, reason = "a dozen or two")]
@@ -295,14 +290,16 @@ fn hz_of_mode(scene: &Scene, n: usize) -> f64 {
         SurfaceKind::Plate => 4.0 * pi * n as f64 / (surface.length_m * surface.width_m),
         SurfaceKind::Bar => (n as f64 * pi / surface.length_m).powi(2),
     };
-    wavenumber_squared * wave_ratio(scene).sqrt() / std::f64::consts::TAU
+    wavenumber_squared * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU
 }
 
 /// The shift in rad^2/s^2: a quarter of the first bending frequency of the free surface, squared (omega L^2 / sqrt(D/m) =
 /// 22.4). Small enough to separate the low modes, large enough that K + s M is definite whatever holds the panel.
 fn shift(scene: &Scene) -> f64 {
     let length = scene.surface.length_m.max(scene.surface.width_m);
-    (22.4 / (length * length)).powi(2) * wave_ratio(scene) / 16.0
+    // With patches the softest part may bend under the heaviest one; a shift much below the other modes separates nothing.
+    let waves = Waves::of(scene);
+    (22.4 / (length * length)).powi(2) * waves.slowest.max(LEAST_SHIFT * waves.mean) / 16.0
 }
 
 /// The mesh for frequencies up to `max_hz`: elements of an order, in cells that are `part` of the usual ones.
@@ -321,7 +318,7 @@ pub(super) fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> R
     }
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let omega = std::f64::consts::TAU * max_hz;
-    let wavelength = std::f64::consts::TAU * (wave_ratio(scene) / (omega * omega)).powf(0.25);
+    let wavelength = std::f64::consts::TAU * (Waves::of(scene).least / (omega * omega)).powf(0.25);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let longest = if is_bar { length } else { length.max(width) };
     let cell_m = part * (longest / LEAST_CELLS).min(wavelength * WAVES_PER_CELL);

@@ -1,17 +1,18 @@
-//! What the scene asks of a plate's mesh: lines where a bar's shape has joints and towards singular corners, and the
-//! functions of point forces with the images that borders add.
+//! What the scene asks of a plate's mesh: lines where a bar's shape has joints, along patches and cut-outs and towards
+//! singular corners, and the functions of point forces with the images that borders add.
 
+use super::corners::{Corner, Kind, corners, edge_kind, is_singular as is_singular_corner};
 use super::grid::Fineness;
 use super::mesh::{Forced, Lines, MERGE};
-use super::singular::{End, Reach, Singular, Source, clamped_edge, free_edge};
-use crate::scene::{EdgeKind, Scene, Side, SurfaceKind};
+use super::singular::{Singular, Source, clamped_edge, free_edge};
+use super::surroundings::{Border, SIDES, Surroundings};
+use crate::scene::{EdgeKind, Layout, Scene, Side, SurfaceKind};
 
 /// A singular function reaches over at least this many regular cells, or to the borders.
 const LEAST_REACH: f64 = 2.9;
 /// An attachment nearer to a border than this part of a regular cell has a mirror image as near behind it, which its
-/// function needs too.
+/// function needs too; nearer to a patch, whose images are not known, the cells shrink towards it.
 const NEAR_BORDER: f64 = 0.7;
-
 /// An attachment nearer to two borders than this part of a regular cell feels the image behind the corner, which it lacks.
 const NEAR_CORNER: f64 = 0.3;
 
@@ -23,75 +24,73 @@ pub(super) fn attachments(scene: &Scene) -> impl Iterator<Item = (f64, f64)> {
 }
 
 /// Lines that the scene forces, along x and along y.
-pub(super) fn forced(scene: &Scene, fineness: Fineness) -> [Vec<Forced>; 2] {
-    let surface = &scene.surface;
-    let mut forced = [Vec::new(), Vec::new()];
-    if surface.kind == SurfaceKind::Bar {
+pub(super) fn forced(scene: &Scene, layout: &Layout, fineness: Fineness) -> [Vec<Forced>; 2] {
+    let line = |at: &f64| Forced { at: *at, width: f64::INFINITY };
+    let mut forced = [layout.x_m(), layout.y_m()].map(|lines| lines.iter().map(line).collect::<Vec<_>>());
+    if scene.surface.kind == SurfaceKind::Bar {
         // A bar's third derivative jumps at a force and is smooth on either side.
-        forced[0] = attachments(scene).map(|(at, _)| Forced { at, width: f64::INFINITY }).collect();
+        forced[0].extend(attachments(scene).map(|(at, _)| line(&at)));
         return forced;
     }
-    let size = [surface.length_m, surface.width_m];
     if fineness.layers > 0 {
         let width = fineness.cell_m / 4.0_f64.powi(i32::try_from(fineness.layers).unwrap_or(i32::MAX));
-        for (sides, at) in CORNERS.iter().zip([[0.0, 0.0], [0.0, size[1]], [size[0], 0.0], size]) {
-            if is_singular_corner(scene, *sides) {
-                for (lines, at) in forced.iter_mut().zip(at) {
-                    lines.push(Forced { at, width });
-                }
+        let all = corners(layout);
+        let singular = all.iter().filter(|corner| is_singular_corner(scene, corner)).map(|corner| (corner.at, width));
+        let beside_patches =
+            attachments(scene).filter_map(|at| Some((at, clear(scene, layout, &all, fineness, at)?.max(width))));
+        for (at, width) in singular.chain(beside_patches) {
+            for (lines, at) in forced.iter_mut().zip([at.0, at.1]) {
+                lines.push(Forced { at, width });
             }
         }
     }
     forced
 }
 
-/// The sides that meet at each corner.
-const CORNERS: [[Side; 2]; 4] =
-    [[Side::Left, Side::Top], [Side::Left, Side::Bottom], [Side::Right, Side::Top], [Side::Right, Side::Bottom]];
-
-/// Where a clamped and a free edge meet, moments are unbounded.
-fn is_singular_corner(scene: &Scene, [a, b]: [Side; 2]) -> bool {
-    is_clamped(scene, a) && is_free(scene, b) || is_free(scene, a) && is_clamped(scene, b)
+/// Distance of an attachment from a patch, or a cut-out's corner, that is too near for its function to reach over; `None`
+/// where it is not.
+fn clear(scene: &Scene, layout: &Layout, corners: &[Corner], fineness: Fineness, at: (f64, f64)) -> Option<f64> {
+    if layout.is_uniform() {
+        return None;
+    }
+    let merged = MERGE * scene.surface.length_m.max(scene.surface.width_m);
+    let is_on = |corner: &Corner| (corner.at.0 - at.0).abs().max((corner.at.1 - at.1).abs()) <= merged;
+    if corners.iter().any(|corner| matches!(corner.kind, Kind::Convex(_)) && is_on(corner)) {
+        return None;
+    }
+    let reach = LEAST_REACH * fineness.cell_m;
+    let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+    let wanted =
+        [(at.0 - reach).max(0.0), (at.0 + reach).min(length), (at.1 - reach).max(0.0), (at.1 + reach).min(width)];
+    let clear = Surroundings::of(scene, layout, at, wanted).map_or(0.0, |around| around.clear());
+    (clear < NEAR_BORDER * fineness.cell_m).then_some(clear)
 }
 
-/// Whether the plate has such a corner.
-#[must_use]
-pub fn has_singular_corner(scene: &Scene) -> bool {
-    scene.surface.kind == SurfaceKind::Plate && CORNERS.iter().any(|sides| is_singular_corner(scene, *sides))
-}
-
-/// Whether shapes are singular in a way that the mesh has neither functions nor small cells for: where something is
+/// Whether shapes are singular in a way that the mesh has no functions for: at patches and cut-outs, and where something is
 /// attached near a corner whose images are not all there.
 #[must_use]
 pub fn is_singular(scene: &Scene, fineness: Fineness) -> bool {
+    if scene.surface.kind == SurfaceKind::Bar {
+        return false;
+    }
+    let layout = scene.layout();
     let near = NEAR_CORNER * fineness.cell_m;
+    let corners = corners(&layout);
     let beside_corner = |at: (f64, f64)| {
-        CORNERS.iter().any(|sides| {
-            let distances = sides.map(|side| distance(scene, side, at));
+        corners.iter().any(|corner| {
+            let Kind::Convex(sides) = corner.kind else { return false };
+            let distances = [(at.0 - corner.at.0).abs(), (at.1 - corner.at.1).abs()];
             // On a corner is regular, and so is whatever a pinned edge mirrors.
             distances.iter().all(|distance| *distance < near)
                 && distances.iter().any(|distance| *distance > 0.0)
-                && !sides.iter().any(|side| matches!(edge_kind(scene, *side), Some(EdgeKind::Pinned)))
+                && !sides.iter().flatten().any(|side| matches!(edge_kind(scene, *side), Some(EdgeKind::Pinned)))
         })
     };
-    scene.surface.kind == SurfaceKind::Plate && attachments(scene).any(beside_corner)
-}
-
-fn edge_kind(scene: &Scene, side: Side) -> Option<EdgeKind> {
-    scene.edges.iter().find(|edge| edge.side == side).map(|edge| edge.kind)
-}
-
-fn is_clamped(scene: &Scene, side: Side) -> bool {
-    matches!(edge_kind(scene, side), Some(EdgeKind::Clamped))
-}
-
-/// Whether the edge may move; springs along it change nothing about what is singular.
-fn is_free(scene: &Scene, side: Side) -> bool {
-    matches!(edge_kind(scene, side), None | Some(EdgeKind::Elastic { .. }))
+    !layout.is_uniform() || attachments(scene).any(beside_corner)
 }
 
 /// The functions of all attachments, one set for each place.
-pub(super) fn singular(scene: &Scene, fineness: Fineness, x: &Lines, y: &Lines) -> Vec<Singular> {
+pub(super) fn singular(scene: &Scene, layout: &Layout, fineness: Fineness) -> Vec<Singular> {
     let mut places: Vec<(f64, f64)> = Vec::new();
     let merged = MERGE * scene.surface.length_m.max(scene.surface.width_m);
     for at in attachments(scene) {
@@ -99,37 +98,38 @@ pub(super) fn singular(scene: &Scene, fineness: Fineness, x: &Lines, y: &Lines) 
             places.push(at);
         }
     }
-    let mut functions = Vec::new();
-    for (x_m, y_m) in places {
-        let on = |lines: &Lines, at: f64, sides: [Side; 2]| {
-            let length = lines.at[lines.cells()];
-            if at <= MERGE * length {
-                Some(sides[0])
-            } else if length - at <= MERGE * length {
-                Some(sides[1])
-            } else {
-                None
-            }
-        };
-        let sides = [on(x, x_m, [Side::Left, Side::Right]), on(y, y_m, [Side::Top, Side::Bottom])];
-        match sides {
-            [None, None] => {}
-            [Some(side), None] | [None, Some(side)] if is_free(scene, side) => {}
+    // Functions end at lines that every order has.
+    let regular = |side: f64, borders: &[f64]| {
+        let forced: Vec<Forced> = borders.iter().map(|at| Forced { at: *at, width: f64::INFINITY }).collect();
+        Lines::new(side, fineness.cell_m, &forced)
+    };
+    let (x, y) = (regular(scene.surface.length_m, layout.x_m()), regular(scene.surface.width_m, layout.y_m()));
+    let least = LEAST_REACH * fineness.cell_m;
+    let function = |at: (f64, f64)| {
+        let ([left, right], [top, bottom]) = (wanted(&x, at.0, least), wanted(&y, at.1, least));
+        let around = Surroundings::of(scene, layout, at, [left, right, top, bottom])?;
+        let touched: Vec<Side> = SIDES.into_iter().filter(|side| around.distance(*side) == 0.0).collect();
+        match touched.as_slice() {
+            [] => {}
+            [side] if around.border(*side) == Border::Free => {}
             // A corner, where a force only twists, or an edge that does not move.
-            _ => continue,
+            _ => return None,
         }
-        let near = images(scene, (x_m, y_m), NEAR_BORDER * fineness.cell_m);
-        let reach = |lines: &Lines, at: f64, sides: [Side; 2]| {
-            let ends = sides.map(|side| if near.answered(side) { End::Open } else { end(scene, side) });
-            reach(lines, at, LEAST_REACH * fineness.cell_m, ends)
-        };
-        let x = reach(x, x_m, [Side::Left, Side::Right]);
-        let y = reach(y, y_m, [Side::Top, Side::Bottom]);
+        let near = Images::of(&around, NEAR_BORDER * fineness.cell_m);
+        let [x, y] = around.reach(|side| near.answered(side));
         let scale = 0.5 * (x.to - x.from).min(y.to - y.from);
-        let sources = near.sources(scene, (x.centre, y.centre), scale);
-        functions.push(Singular { x, y, sources, scale });
-    }
-    functions
+        Some(Singular { sources: near.sources(&around, scale), x, y, scale })
+    };
+    places.into_iter().filter_map(function).collect()
+}
+
+/// From the first line at least `least` below `at` to the first one at least that much above it, or to the borders.
+fn wanted(lines: &Lines, at: f64, least: f64) -> [f64; 2] {
+    let (first, last) = (lines.at[0], lines.at[lines.cells()]);
+    let inner = lines.at.get(1..lines.cells()).unwrap_or_default();
+    let below = inner.iter().rev().copied().find(|line| at - line >= least);
+    let above = inner.iter().copied().find(|line| line - at >= least);
+    [below.unwrap_or(first), above.unwrap_or(last)]
 }
 
 /// The borders near a point force that its function answers to by mirror images, as half-planes' solutions do.
@@ -139,40 +139,39 @@ struct Images {
     clamped: Option<Side>,
 }
 
-fn images(scene: &Scene, at: (f64, f64), near: f64) -> Images {
-    let sides = [Side::Left, Side::Right, Side::Top, Side::Bottom];
-    let mut close: Vec<(Side, f64)> = sides.map(|side| (side, distance(scene, side, at))).into_iter().collect();
-    close.retain(|(_, distance)| *distance < near);
-    close.sort_by(|a, b| a.1.total_cmp(&b.1));
-    // Mirror images about a clamped edge answer to no other edge.
-    let clamped = close.iter().map(|(side, _)| *side).find(|side| is_clamped(scene, *side));
-    let others = |pinned: bool| -> Vec<Side> {
-        let sides = close.iter().map(|(side, _)| *side).filter(|_| clamped.is_none());
-        sides.filter(|side| is_free(scene, *side) != pinned).collect()
-    };
-    // Two mirrors that face each other have images without end: the farther one is left to blending.
-    let mut pinned = others(true);
-    let mut seen = [false; 2];
-    pinned.retain(|side| !std::mem::replace(&mut seen[usize::from(matches!(side, Side::Left | Side::Right))], true));
-    Images { free: others(false), pinned, clamped }
-}
-
 impl Images {
+    fn of(around: &Surroundings, near: f64) -> Self {
+        let mut close = SIDES.to_vec();
+        close.retain(|side| around.distance(*side) < near);
+        close.sort_by(|a, b| around.distance(*a).total_cmp(&around.distance(*b)));
+        // Mirror images about a clamped edge answer to no other edge.
+        let clamped = close.iter().copied().find(|side| around.border(*side) == Border::Clamped);
+        let others = |border: Border| -> Vec<Side> {
+            let sides = close.iter().copied().filter(|_| clamped.is_none());
+            sides.filter(|side| around.border(*side) == border).collect()
+        };
+        // Two mirrors that face each other have images without end: the farther one is left to blending.
+        let mut pinned = others(Border::Pinned);
+        let mut seen = [false; 2];
+        pinned
+            .retain(|side| !std::mem::replace(&mut seen[usize::from(matches!(side, Side::Left | Side::Right))], true));
+        Self { free: others(Border::Free), pinned, clamped }
+    }
+
     fn answered(&self, side: Side) -> bool {
         self.pinned.contains(&side) || self.clamped == Some(side)
     }
 
-    fn sources(&self, scene: &Scene, centre: (f64, f64), scale: f64) -> Vec<Source> {
-        let (length, width) = (scene.surface.length_m, scene.surface.width_m);
-        let inside = Source::inside(centre);
-        let image = |side: Side| (inside.mirrored(side, length, width).centre, distance(scene, side, centre) / scale);
+    fn sources(&self, around: &Surroundings, scale: f64) -> Vec<Source> {
+        let inside = Source::inside(around.at);
+        let image = |side: Side| (inside.mirrored(side, around.end(side)).centre, around.distance(side) / scale);
         let mut sources = vec![inside];
         for side in &self.free {
             let (image, distance) = image(*side);
-            sources.push(free_edge(*side, image, distance, scene.surface.material.poisson_ratio));
+            sources.push(free_edge(*side, image, distance, around.layer.material.poisson_ratio));
         }
         for side in &self.pinned {
-            let mirrored: Vec<_> = sources.iter().map(|source| source.mirrored(*side, length, width)).collect();
+            let mirrored: Vec<_> = sources.iter().map(|source| source.mirrored(*side, around.end(*side))).collect();
             sources.extend(mirrored);
         }
         if let Some(side) = self.clamped {
@@ -180,44 +179,5 @@ impl Images {
             sources.push(clamped_edge(side, image, distance));
         }
         sources
-    }
-}
-
-fn distance(scene: &Scene, side: Side, at: (f64, f64)) -> f64 {
-    match side {
-        Side::Left => at.0,
-        Side::Right => scene.surface.length_m - at.0,
-        Side::Top => at.1,
-        Side::Bottom => scene.surface.width_m - at.1,
-    }
-}
-
-fn end(scene: &Scene, side: Side) -> End {
-    match edge_kind(scene, side) {
-        None | Some(EdgeKind::Elastic { .. }) => End::Open,
-        Some(EdgeKind::Pinned) => End::Pinned,
-        Some(EdgeKind::Clamped) => End::Flat,
-    }
-}
-
-/// From the first line at least `least` below `at` to the first one at least that much above it, or to the borders.
-fn reach(lines: &Lines, at: f64, least: f64, borders: [End; 2]) -> Reach {
-    let (first, last) = (lines.at[0], lines.at[lines.cells()]);
-    let inner = lines.at.get(1..lines.cells()).unwrap_or_default();
-    let below = inner.iter().rev().copied().find(|line| at - line >= least);
-    let above = inner.iter().copied().find(|line| line - at >= least);
-    let merged = MERGE * last;
-    Reach {
-        centre: if at - first <= merged {
-            first
-        } else if last - at <= merged {
-            last
-        } else {
-            at
-        },
-        from: below.unwrap_or(first),
-        to: above.unwrap_or(last),
-        at_from: if below.is_some() { End::Flat } else { borders[0] },
-        at_to: if above.is_some() { End::Flat } else { borders[1] },
     }
 }

@@ -7,7 +7,7 @@
 use super::assembly::Assembled;
 use super::eigen::Modes;
 use super::grid::Grid;
-use crate::scene::{EdgeKind, Mount, Scene, Side, SurfaceKind};
+use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side, SurfaceKind};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Part of the largest below which a direction of the (dimensionless) holding vectors counts as not held. Two supports
@@ -70,7 +70,7 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
         (allowed.tr_mul(&full).resize_vertically(columns, 0.0), hold.stiffness)
     });
     let on_masses = moving.iter().enumerate().filter_map(|(k, (_, actuator))| {
-        let stiffness = scene.actuators.get(*actuator).map_or(0.0, |a| a.stiffness_n_per_m);
+        let stiffness = scene.actuators.get(*actuator).map_or(0.0, Actuator::effective_stiffness_n_per_m);
         let mut alone = DVector::zeros(columns);
         alone[allowed.ncols() + k] = 1.0;
         (stiffness > 0.0).then_some((alone, stiffness))
@@ -84,7 +84,7 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
     }
     let free = columns - rank(&directions);
 
-    let straight = STAYS_STRAIGHT * shift * surface_mass(scene);
+    let straight = STAYS_STRAIGHT * shift * scene.mass_kg();
     let mut known = nothing();
     let mut slow = Vec::new();
     for (lambda, motion) in eigenpairs(&(roots * &to_orthonormal), free) {
@@ -125,11 +125,6 @@ fn eigenpairs(roots: &DMatrix<f64>, free: usize) -> Vec<(f64, DVector<f64>)> {
     pairs
 }
 
-fn surface_mass(scene: &Scene) -> f64 {
-    let surface = &scene.surface;
-    surface.material.density_kg_m3 * surface.length_m * surface.width_m * surface.thickness_m
-}
-
 fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
@@ -151,29 +146,33 @@ fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
         }
     }
     for actuator in scene.actuators.iter().filter(|actuator| actuator.mount == Mount::Grounded) {
-        soft(at_node(actuator.x_m, actuator.y_m), actuator.stiffness_n_per_m);
+        soft(at_node(actuator.x_m, actuator.y_m), actuator.effective_stiffness_n_per_m());
     }
+    let layout = scene.layout();
     for edge in &scene.edges {
-        let (ends, side_length, turn, lever): ([(f64, f64); 2], f64, [f64; 3], f64) = match edge.side {
-            Side::Left => ([(0.0, 0.0), (0.0, width)], width, [0.0, 1.0, 0.0], length),
-            Side::Right => ([(length, 0.0), (length, width)], width, [0.0, 1.0, 0.0], length),
-            Side::Top => ([(0.0, 0.0), (length, 0.0)], length, [0.0, 0.0, 1.0], width),
-            Side::Bottom => ([(0.0, width), (length, width)], length, [0.0, 0.0, 1.0], width),
+        let (is_upright, turn, lever) = match edge.side {
+            Side::Left | Side::Right => (true, [0.0, 1.0, 0.0], length),
+            Side::Top | Side::Bottom => (false, [0.0, 0.0, 1.0], width),
         };
-        let weight = if is_bar { 1.0 } else { side_length };
-        // Two Gauss points integrate the square of a linear function exactly; on a bar both are the same point.
-        let gauss = [0.5 - 0.5 / 3.0_f64.sqrt(), 0.5 + 0.5 / 3.0_f64.sqrt()];
-        let points =
-            gauss.map(|t| at(ends[0].0 + t * (ends[1].0 - ends[0].0), ends[0].1 + t * (ends[1].1 - ends[0].1)));
+        let across = match edge.side {
+            Side::Left | Side::Top => 0.0,
+            Side::Right | Side::Bottom => lever,
+        };
         let (stiffness, turning, hard) = match edge.kind {
             EdgeKind::Pinned => (1.0, 0.0, true),
             EdgeKind::Clamped => (1.0, 1.0, true),
             EdgeKind::Elastic { stiffness, rotational_stiffness } => (stiffness, rotational_stiffness, false),
         };
-        for vector in points {
-            holds.push(Hold { vector, stiffness: stiffness * 0.5 * weight, hard });
+        // Two Gauss points integrate the square of a linear function exactly; on a bar both are the same point.
+        let gauss = [0.5 - 0.5 / 3.0_f64.sqrt(), 0.5 + 0.5 / 3.0_f64.sqrt()];
+        for [from, to] in layout.side(edge.side) {
+            let weight = if is_bar { 1.0 } else { to - from };
+            for along in gauss.map(|t| from + t * (to - from)) {
+                let vector = if is_upright { at(across, along) } else { at(along, across) };
+                holds.push(Hold { vector, stiffness: stiffness * 0.5 * weight, hard });
+            }
+            holds.push(Hold { vector: turn, stiffness: turning * weight / (lever * lever), hard });
         }
-        holds.push(Hold { vector: turn, stiffness: turning * weight / (lever * lever), hard });
     }
     holds
 }

@@ -132,15 +132,13 @@ pub fn clamped_edge(side: Side, image: (f64, f64), distance: f64) -> Source {
 }
 
 impl Source {
-    /// What a pinned edge adds for this: its mirror image, pulling the other way.
+    /// What a pinned edge at `at` (m, across it) adds for this: its mirror image, pulling the other way.
     #[must_use]
-    pub fn mirrored(&self, edge: Side, length_m: f64, width_m: f64) -> Self {
+    pub fn mirrored(&self, edge: Side, at: f64) -> Self {
         let (x, y) = self.centre;
-        let (centre, side) = match (edge, self.side) {
-            (Side::Left, side) => ((-x, y), across_x(side)),
-            (Side::Right, side) => ((2.0 * length_m - x, y), across_x(side)),
-            (Side::Top, side) => ((x, -y), across_y(side)),
-            (Side::Bottom, side) => ((x, 2.0 * width_m - y), across_y(side)),
+        let (centre, side) = match edge {
+            Side::Left | Side::Right => ((2.0 * at - x, y), across_x(self.side)),
+            Side::Top | Side::Bottom => ((x, 2.0 * at - y), across_y(self.side)),
         };
         Self { centre, side, parts: self.parts.map(|part| -part) }
     }
@@ -377,8 +375,7 @@ mod tests {
         let open = |centre: f64| Reach { centre, from: -10.0, to: 10.0, at_from: End::Open, at_to: End::Open };
         let inside = Source::inside((d, 0.0));
         let with = |image: Source| Singular { x: open(d), y: open(0.0), sources: vec![inside, image], scale: 1.0 };
-        let (clamped, pinned) =
-            (with(clamped_edge(Side::Left, (-d, 0.0), d)), with(inside.mirrored(Side::Left, 9.0, 9.0)));
+        let (clamped, pinned) = (with(clamped_edge(Side::Left, (-d, 0.0), d)), with(inside.mirrored(Side::Left, 0.0)));
         for t in [-0.5, 0.0, 0.3, 0.9] {
             let (clamped, pinned) = (clamped.at(0.0, t), pinned.at(0.0, t));
             assert!(clamped.value.abs() < 1e-15 && clamped.x.abs() < 1e-15, "{clamped:?}");

@@ -1,9 +1,8 @@
 //! How strong an ERA may be driven: voltage, travel, breakdown of the air in the closing gap.
 
+use crate::scene::EPS0;
 use serde::Serialize;
 
-/// Permittivity of vacuum in F/m (CODATA 2018); air differs by 0.06 %.
-pub const EPS0: f64 = 8.854_187_812_8e-12;
 /// Part of the breakdown voltage that may be used.
 const BREAKDOWN_MARGIN: f64 = 0.85;
 /// Part of the gap that the mass may travel: beyond a third, one electrode alone can pull it in (static pull-in).

@@ -5,7 +5,7 @@ use super::limits::{Electrodes, Limit};
 use crate::model::ReducedModel;
 use crate::model::bounded::{Estimator, Levels};
 use crate::response::{ResponseError, Solver};
-use crate::scene::{Scene, SurfaceKind};
+use crate::scene::{Layer, Scene, SurfaceKind};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -223,11 +223,13 @@ fn cell_m(scene: &Scene, max_hz: f64) -> f64 {
         .max(length / MOST_CELLS)
 }
 
-/// Length of a bending wave in m: 2 pi (E h^2 / (12 rho w^2))^(1/4). A plate's is longer by (1 - nu^2)^(-1/4).
+/// Length of the shortest bending wave in m: 2 pi (E h^2 / (12 rho w^2))^(1/4). A plate's is longer by (1 - nu^2)^(-1/4).
 fn bending_wave_m(scene: &Scene, frequency_hz: f64) -> f64 {
-    let (surface, material) = (&scene.surface, &scene.surface.material);
     let omega = std::f64::consts::TAU * frequency_hz;
-    let ratio = material.youngs_modulus_pa * surface.thickness_m.powi(2) / (12.0 * material.density_kg_m3);
+    let ratio = |layer: &Layer| {
+        layer.material.youngs_modulus_pa * layer.thickness_m.powi(2) / (12.0 * layer.material.density_kg_m3)
+    };
+    let ratio = scene.layout().layers().map(|(_, layer)| ratio(&layer)).fold(f64::INFINITY, f64::min);
     std::f64::consts::TAU * (ratio / (omega * omega)).powf(0.25)
 }
 

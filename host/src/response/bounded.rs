@@ -136,8 +136,7 @@ pub fn bounded_sweep<T: Arithmetic + Into<f64>>(
 
 /// Acceleration in m/s^2 that counts as none: a millionth of that of the whole surface under 1 N.
 fn nothing(scene: &Scene) -> f64 {
-    let surface = &scene.surface;
-    NOTHING / (surface.material.density_kg_m3 * surface.thickness_m * surface.length_m * surface.width_m)
+    NOTHING / scene.mass_kg()
 }
 
 /// Acceleration in m/s^2 at `at` (m) for 1 N at each actuator alone, `answer[actuator][frequency]`, and for each actuator a

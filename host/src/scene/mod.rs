@@ -3,10 +3,16 @@
 //! The format is TOML, `version = 1`; `docs/src/scene.md` is its reference. [`Scene`] is the same in SI units and plain
 //! data. Every mistake in a file is told with its key, value, allowed range and line, all of them at once.
 
+mod actuator;
+mod layout;
 mod parse;
+mod patch;
 mod read;
 mod screen;
 
+pub use actuator::{Actuator, EPS0, Mount};
+pub use layout::{Layer, Layout, SAME_PLACE, Vertex};
+pub use patch::{Cutout, Patch};
 pub use read::{Mistake, SceneError};
 pub use screen::{Screen, ScreenError};
 
@@ -27,6 +33,10 @@ pub struct Scene {
     pub name: String,
     /// The panel itself.
     pub surface: Surface,
+    /// Rectangles of other thickness or material, later ones over earlier ones.
+    pub patches: Vec<Patch>,
+    /// Rectangles that are cut away.
+    pub cutouts: Vec<Cutout>,
     /// Which pixels lie where on it.
     pub screen: Screen,
     /// Point spring-dampers to ground.
@@ -172,43 +182,6 @@ pub struct Mass {
     pub y_m: f64,
     /// In kg.
     pub mass_kg: f64,
-}
-
-/// How an ERA is mounted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Mount {
-    /// Housing on the surface, moving mass inside: equal and opposite force on surface and mass.
-    Inertial,
-    /// Between base and surface: the mass rides on the surface, force on the surface alone.
-    Grounded,
-}
-
-/// An ERA.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Actuator {
-    /// Its name.
-    pub id: String,
-    /// In m.
-    pub x_m: f64,
-    /// In m.
-    pub y_m: f64,
-    /// How it is mounted.
-    pub mount: Mount,
-    /// In kg.
-    pub moving_mass_kg: f64,
-    /// Of its springs in N/m.
-    pub stiffness_n_per_m: f64,
-    /// Of its springs in N s/m.
-    pub damping_n_s_per_m: f64,
-    /// In kg.
-    pub housing_mass_kg: f64,
-    /// Of one electrode in m^2.
-    pub electrode_area_m2: f64,
-    /// On each side at rest in m.
-    pub air_gap_m: f64,
-    /// In V.
-    pub max_voltage_v: f64,
 }
 
 impl Scene {

@@ -1,5 +1,7 @@
 //! The scene file's keys and what they may be.
 
+use super::layout::Layout;
+use super::patch::{cutouts, patches};
 use super::read::{Allowed, Mistake, Report, SceneError, Section};
 use super::{
     Actuator, Edge, EdgeKind, Mass, Material, Mount, Scene, Screen, Side, Support, Surface, SurfaceDamping, SurfaceKind,
@@ -12,10 +14,13 @@ const VERSION: f64 = 1.0;
 const MAX_SIDE_MM: f64 = 10_000.0;
 /// Largest thickness in mm, for the same reason.
 const MAX_THICKNESS_MM: f64 = 100.0;
+pub(super) const THICKNESS_MM: Allowed = Allowed::Within(1e-3, MAX_THICKNESS_MM);
+/// Thermodynamics allows down to -1, incompressible materials have 0.5.
+pub(super) const POISSON_RATIO: Allowed = Allowed::Between(-1.0, 0.5);
 /// Foam is near 1e4 Pa and diamond at 1.2e12 Pa; the rest stands for "rigid".
-const YOUNGS_MODULUS_PA: Allowed = Allowed::Within(1.0, 1e18);
+pub(super) const YOUNGS_MODULUS_PA: Allowed = Allowed::Within(1.0, 1e18);
 /// Aerogel is near 1 kg/m^3, osmium at 2.3e4 kg/m^3; some fold a panel's dead weight into its density.
-const DENSITY_KG_M3: Allowed = Allowed::Within(1e-3, 1e7);
+pub(super) const DENSITY_KG_M3: Allowed = Allowed::Within(1e-3, 1e7);
 /// A thousand tonnes, in g: for masses that only stand for "held still".
 const MOST_MASS_G: f64 = 1e12;
 const MASS_G: Allowed = Allowed::Within(0.0, MOST_MASS_G);
@@ -53,23 +58,49 @@ fn read(file: &Section<'_, '_>) -> Option<Scene> {
     let surface = file.required_table("surface").map(|section| surface(section));
     let kind = surface.as_ref().map_or(SurfaceKind::Plate, |surface| surface.kind);
     let (length_m, width_m) = surface.as_ref().map_or((f64::NAN, f64::NAN), |s| (s.length_m, s.width_m));
-    let size = Size { kind, length_m, width_m };
+    let mut size = Size { kind, length_m, width_m, left: None };
+    let patches = patches(file.tables("patch"), surface.as_ref(), &size);
+    let cutouts = cutouts(file.tables("cutout"), surface.as_ref(), &size);
+    size.left = surface.as_ref().filter(|_| !cutouts.is_empty()).map(|surface| Layout::new(surface, &[], &cutouts));
     let screen = screen(file.table("screen"), &size);
     let supports = file.tables("support").into_iter().map(|section| support(section, &size)).collect();
-    let edges = edges(file.tables("edge"), kind);
+    let edges = edges(file.tables("edge"), &size);
     let masses = file.tables("mass").into_iter().map(|section| mass(section, &size)).collect();
     let actuators = actuators(file.tables("actuator"), &size);
-    Some(Scene { name, surface: surface?, screen, supports, edges, masses, actuators })
+    Some(Scene { name, surface: surface?, patches, cutouts, screen, supports, edges, masses, actuators })
 }
 
 /// What positions are checked against; not a number where the size itself is wrong.
-struct Size {
-    kind: SurfaceKind,
-    length_m: f64,
-    width_m: f64,
+pub(super) struct Size {
+    pub kind: SurfaceKind,
+    pub length_m: f64,
+    pub width_m: f64,
+    /// What cut-outs leave, if there are any.
+    left: Option<Layout>,
 }
 
 impl Size {
+    /// Where something is attached, in m: both coordinates, and not in a cut-out.
+    fn place_m(&self, section: &Section<'_, '_>) -> (f64, f64) {
+        let (x_m, y_m) = (self.x_m(section), self.y_m(section));
+        let is_nowhere = self.left.as_ref().is_some_and(|left| left.at(x_m, y_m).is_none());
+        if is_nowhere && x_m.is_finite() && y_m.is_finite() {
+            let text = format!(
+                "{} and y_mm: ({}, {}) lies in a [[cutout]], but must be on the surface",
+                section.key("x_mm"),
+                (x_m * 1e12).round() / 1e9,
+                (y_m * 1e12).round() / 1e9
+            );
+            section.report().add(&section.place("x_mm"), text);
+        }
+        (x_m, y_m)
+    }
+
+    /// Whether something of a side is left.
+    fn has_side(&self, side: Side) -> bool {
+        self.left.as_ref().is_none_or(|left| !left.side(side).is_empty())
+    }
+
     fn x_m(&self, section: &Section<'_, '_>) -> f64 {
         (section.number("x_mm", side_range(self.length_m)) / 1e3).min(self.length_m)
     }
@@ -86,7 +117,7 @@ impl Size {
     }
 }
 
-fn side_range(side_m: f64) -> Allowed {
+pub(super) fn side_range(side_m: f64) -> Allowed {
     if side_m.is_nan() {
         return Allowed::NotNegative;
     }
@@ -99,14 +130,13 @@ fn surface(section: Section<'_, '_>) -> Surface {
         section.word("kind", &[("plate", SurfaceKind::Plate), ("bar", SurfaceKind::Bar)]).unwrap_or(SurfaceKind::Plate);
     let side = |key| section.number(key, Allowed::Within(1.0, MAX_SIDE_MM)) / 1e3;
     let (length_m, width_m) = (side("length_mm"), side("width_mm"));
-    let thickness_m = section.number("thickness_mm", Allowed::Within(1e-3, MAX_THICKNESS_MM)) / 1e3;
+    let thickness_m = section.number("thickness_mm", THICKNESS_MM) / 1e3;
     let material = section.required_table("material").map(|table| {
-        let poisson = Allowed::Between(-1.0, 0.5);
         let material = Material {
             youngs_modulus_pa: table.number("youngs_modulus_pa", YOUNGS_MODULUS_PA),
             poisson_ratio: match kind {
-                SurfaceKind::Plate => table.number("poisson_ratio", poisson),
-                SurfaceKind::Bar => table.number_or("poisson_ratio", 0.0, poisson),
+                SurfaceKind::Plate => table.number("poisson_ratio", POISSON_RATIO),
+                SurfaceKind::Bar => table.number_or("poisson_ratio", 0.0, POISSON_RATIO),
             },
             density_kg_m3: table.number("density_kg_m3", DENSITY_KG_M3),
         };
@@ -221,9 +251,10 @@ fn pixels(side_m: f64) -> u32 {
 }
 
 fn support(section: Section<'_, '_>, size: &Size) -> Support {
+    let (x_m, y_m) = size.place_m(&section);
     let support = Support {
-        x_m: size.x_m(&section),
-        y_m: size.y_m(&section),
+        x_m,
+        y_m,
         stiffness_n_per_m: section.number("stiffness_n_per_m", STIFFNESS),
         damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, DAMPING),
         rotational_stiffness_n_m_per_rad: section.number_or("rotational_stiffness_n_m_per_rad", 0.0, STIFFNESS),
@@ -232,8 +263,8 @@ fn support(section: Section<'_, '_>, size: &Size) -> Support {
     support
 }
 
-fn edges(sections: Vec<Section<'_, '_>>, kind: SurfaceKind) -> Vec<Edge> {
-    let sides: &[(&str, Side)] = match kind {
+fn edges(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Edge> {
+    let sides: &[(&str, Side)] = match size.kind {
         SurfaceKind::Plate => {
             &[("left", Side::Left), ("right", Side::Right), ("top", Side::Top), ("bottom", Side::Bottom)]
         }
@@ -246,7 +277,7 @@ fn edges(sections: Vec<Section<'_, '_>>, kind: SurfaceKind) -> Vec<Edge> {
         let kind = match word {
             Some(0) => Some(EdgeKind::Pinned),
             Some(1) => Some(EdgeKind::Clamped),
-            Some(_) => Some(elastic(&section, kind)),
+            Some(_) => Some(elastic(&section, size.kind)),
             None => None,
         };
         if let (Some(side), Some(kind)) = (side, kind) {
@@ -254,6 +285,10 @@ fn edges(sections: Vec<Section<'_, '_>>, kind: SurfaceKind) -> Vec<Edge> {
                 section
                     .report()
                     .add(&section.place("side"), format!("{}: this side has an edge already", section.key("side")));
+            }
+            if !size.has_side(side) {
+                let text = format!("{}: [[cutout]] has taken this side away", section.key("side"));
+                section.report().add(&section.place("side"), text);
             }
             edges.push(Edge { side, kind });
         }
@@ -275,8 +310,8 @@ fn elastic(section: &Section<'_, '_>, kind: SurfaceKind) -> EdgeKind {
 }
 
 fn mass(section: Section<'_, '_>, size: &Size) -> Mass {
-    let mass =
-        Mass { x_m: size.x_m(&section), y_m: size.y_m(&section), mass_kg: section.number("mass_g", MASS_G) / 1e3 };
+    let (x_m, y_m) = size.place_m(&section);
+    let mass = Mass { x_m, y_m, mass_kg: section.number("mass_g", MASS_G) / 1e3 };
     section.close();
     mass
 }
@@ -287,10 +322,14 @@ fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {
         let mount = section.word("mount", &[("inertial", Mount::Inertial), ("grounded", Mount::Grounded)]);
         // A grounded ERA without a mass is a spring with a force; an inertial one has nothing to push off from.
         let moving_mass = if mount == Some(Mount::Inertial) { Allowed::Within(1e-9, MOST_MASS_G) } else { MASS_G };
+        let id = section.text("id");
+        let (x_m, y_m) = size.place_m(&section);
+        let max_voltage_v = section.number("max_voltage_v", Allowed::Within(1.0, 10_000.0));
+        let bias = Allowed::Within(0.0, if max_voltage_v.is_nan() { f64::MAX } else { max_voltage_v });
         let actuator = Actuator {
-            id: section.text("id"),
-            x_m: size.x_m(&section),
-            y_m: size.y_m(&section),
+            id,
+            x_m,
+            y_m,
             mount: mount.unwrap_or(Mount::Grounded),
             moving_mass_kg: section.number("moving_mass_g", moving_mass) / 1e3,
             stiffness_n_per_m: section.number("stiffness_n_per_m", STIFFNESS),
@@ -298,8 +337,20 @@ fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {
             housing_mass_kg: section.number_or("housing_mass_g", 0.0, MASS_G) / 1e3,
             electrode_area_m2: section.number("electrode_area_mm2", AREA_MM2) / 1e6,
             air_gap_m: section.number("air_gap_um", Allowed::Within(1.0, 1e5)) / 1e6,
-            max_voltage_v: section.number("max_voltage_v", Allowed::Within(1.0, 10_000.0)),
+            max_voltage_v,
+            bias_voltage_v: section.number_or("bias_voltage_v", 0.0, bias),
         };
+        if actuator.bias_voltage_v > 0.0 && actuator.effective_stiffness_n_per_m() <= 0.0 {
+            let text = format!(
+                "{} is {}, but must be below {:.1} V, where the electrodes pull the mass in (its springs of {} N/m are \
+                 softened to nothing)",
+                section.key("bias_voltage_v"),
+                actuator.bias_voltage_v,
+                actuator.pull_in_voltage_v(),
+                actuator.stiffness_n_per_m
+            );
+            section.report().add(&section.place("bias_voltage_v"), text);
+        }
         if !actuator.id.is_empty() && actuators.iter().any(|other| other.id == actuator.id) {
             let text = format!("{} is {:?}, but another actuator has that id already", section.key("id"), actuator.id);
             section.report().add(&section.place("id"), text);

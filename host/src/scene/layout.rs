@@ -1,0 +1,351 @@
+//! What the surface is made of where: patches laid over it, cut-outs taken from it.
+
+use super::{Scene, Side, Surface, SurfaceKind};
+
+/// Borders nearer to each other than this part of the side are one.
+pub const SAME_PLACE: f64 = 1e-6;
+
+/// What the surface is at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layer {
+    /// In m.
+    pub thickness_m: f64,
+    /// A bar's width here in m; a plate's whole width.
+    pub width_m: f64,
+    /// What it is made of.
+    pub material: super::Material,
+}
+
+impl Layer {
+    /// Mass per area in kg/m^2.
+    #[must_use]
+    pub fn per_area_kg_m2(&self) -> f64 {
+        self.material.density_kg_m3 * self.thickness_m
+    }
+}
+
+/// The surface in rectangles, each of one kind: a grid of the patches' and cut-outs' borders where what they part
+/// differs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    is_bar: bool,
+    /// Borders across x, the first 0 and the last the length.
+    x_m: Vec<f64>,
+    /// Borders across y.
+    y_m: Vec<f64>,
+    /// Row by row; `None` is cut away.
+    parts: Vec<Option<Layer>>,
+}
+
+/// A point where borders meet, or end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vertex {
+    /// Where, in m.
+    pub at: (f64, f64),
+    /// What is left above, right above, left below and right below it.
+    pub around: [Option<Layer>; 4],
+}
+
+impl Vertex {
+    /// Whether two parts meet here in nothing but this point.
+    #[must_use]
+    pub fn is_pinch(&self) -> bool {
+        let [a, b, c, d] = self.around.map(|part| part.is_some());
+        a == d && b == c && a != b
+    }
+
+    /// Whether no border turns or ends here.
+    #[must_use]
+    pub fn is_straight(&self) -> bool {
+        let [a, b, c, d] = self.around;
+        a == b && c == d || a == c && b == d
+    }
+}
+
+impl Layout {
+    /// The layout of a surface; later patches lie over earlier ones, cut-outs over all.
+    pub(super) fn new(surface: &Surface, patches: &[super::Patch], cutouts: &[super::Cutout]) -> Self {
+        let is_bar = surface.kind == SurfaceKind::Bar;
+        let base = Layer { thickness_m: surface.thickness_m, width_m: surface.width_m, material: surface.material };
+        let along = |side: f64, spans: &mut dyn Iterator<Item = [f64; 2]>| {
+            let mut lines = vec![0.0, side];
+            for at in spans.flatten() {
+                if lines.iter().all(|line| (line - at).abs() > SAME_PLACE * side) && at > 0.0 && at < side {
+                    lines.push(at);
+                }
+            }
+            lines.sort_by(f64::total_cmp);
+            lines
+        };
+        let in_x = patches.iter().map(super::Patch::span_x).chain(cutouts.iter().map(super::Cutout::span_x));
+        let x_m = along(surface.length_m, &mut in_x.into_iter());
+        let y_m = if is_bar {
+            vec![0.0, surface.width_m]
+        } else {
+            let in_y = patches.iter().map(super::Patch::span_y).chain(cutouts.iter().map(super::Cutout::span_y));
+            along(surface.width_m, &mut in_y.into_iter())
+        };
+        let middles = |lines: &[f64]| -> Vec<f64> { lines.windows(2).map(|at| 0.5 * (at[0] + at[1])).collect() };
+        let within = |span: [f64; 2], at: f64| at > span[0] && at < span[1];
+        let mut parts = Vec::new();
+        for y in middles(&y_m) {
+            for x in middles(&x_m) {
+                let covers = |in_x, in_y| within(in_x, x) && (is_bar || within(in_y, y));
+                let patch = patches.iter().rev().find(|patch| covers(patch.span_x(), patch.span_y()));
+                let is_cut = cutouts.iter().any(|cutout| covers(cutout.span_x(), cutout.span_y()));
+                let layer = patch.map_or(base, |patch| Layer {
+                    thickness_m: patch.thickness_m,
+                    width_m: if is_bar { patch.width_m } else { base.width_m },
+                    material: patch.material,
+                });
+                parts.push((!is_cut).then_some(layer));
+            }
+        }
+        let mut layout = Self { is_bar, x_m, y_m, parts };
+        layout.simplify();
+        layout
+    }
+
+    /// Takes out borders that part nothing.
+    fn simplify(&mut self) {
+        for i in (1..self.x_m.len() - 1).rev() {
+            if (0..self.y_m.len() - 1).all(|j| self.part(i - 1, j) == self.part(i, j)) {
+                let columns = self.x_m.len() - 1;
+                let mut place = 0;
+                self.parts.retain(|_| {
+                    place += 1;
+                    (place - 1) % columns != i
+                });
+                self.x_m.remove(i);
+            }
+        }
+        for j in (1..self.y_m.len() - 1).rev() {
+            let columns = self.x_m.len() - 1;
+            if (0..columns).all(|i| self.part(i, j - 1) == self.part(i, j)) {
+                self.parts.drain(j * columns..(j + 1) * columns);
+                self.y_m.remove(j);
+            }
+        }
+    }
+
+    fn part(&self, i: usize, j: usize) -> Option<Layer> {
+        let columns = self.x_m.len() - 1;
+        if i < columns { self.parts.get(j * columns + i).copied().flatten() } else { None }
+    }
+
+    /// Borders across x in m, the surface's own first and last.
+    #[must_use]
+    pub fn x_m(&self) -> &[f64] {
+        &self.x_m
+    }
+
+    /// Borders across y in m, the surface's own first and last.
+    #[must_use]
+    pub fn y_m(&self) -> &[f64] {
+        &self.y_m
+    }
+
+    /// Whether the surface is one piece of one kind.
+    #[must_use]
+    pub fn is_uniform(&self) -> bool {
+        self.parts.len() == 1
+    }
+
+    /// All kinds that there are, each with its area in m^2 (a bar's length in m), one entry for each rectangle.
+    pub fn layers(&self) -> impl Iterator<Item = (f64, Layer)> {
+        let columns = self.x_m.len() - 1;
+        self.parts.iter().enumerate().filter_map(move |(k, part)| {
+            let (i, j) = (k % columns, k / columns);
+            let height = if self.is_bar { 1.0 } else { self.y_m[j + 1] - self.y_m[j] };
+            part.map(|layer| ((self.x_m[i + 1] - self.x_m[i]) * height, layer))
+        })
+    }
+
+    /// Mass of what is there, in kg.
+    #[must_use]
+    pub fn mass_kg(&self) -> f64 {
+        let width = |layer: &Layer| if self.is_bar { layer.width_m } else { 1.0 };
+        self.layers().map(|(size, layer)| size * width(&layer) * layer.per_area_kg_m2()).sum()
+    }
+
+    /// What a point of the surface's rectangle is in; on a border any side's that is there. `None` in a cut-out.
+    #[must_use]
+    pub fn at(&self, x_m: f64, y_m: f64) -> Option<Layer> {
+        let beside = |lines: &[f64], at: f64| -> [usize; 2] {
+            let merged = SAME_PLACE * lines[lines.len() - 1];
+            let before = lines.partition_point(|line| *line <= at - merged).saturating_sub(1);
+            let after = lines.partition_point(|line| *line <= at + merged).saturating_sub(1);
+            [before.min(lines.len() - 2), after.min(lines.len() - 2)]
+        };
+        let (in_x, in_y) = (beside(&self.x_m, x_m), if self.is_bar { [0; 2] } else { beside(&self.y_m, y_m) });
+        in_y.iter().rev().flat_map(|j| in_x.iter().rev().map(move |i| (*i, *j))).find_map(|(i, j)| self.part(i, j))
+    }
+
+    /// What is left of a side: from and to in m, along it.
+    #[must_use]
+    pub fn side(&self, side: Side) -> Vec<[f64; 2]> {
+        let (last_x, last_y) = (self.x_m.len() - 2, self.y_m.len() - 2);
+        let lines = if matches!(side, Side::Left | Side::Right) { &self.y_m } else { &self.x_m };
+        let is_left = |k: usize| {
+            let part = match side {
+                Side::Left => self.part(0, k),
+                Side::Right => self.part(last_x, k),
+                Side::Top => self.part(k, 0),
+                Side::Bottom => self.part(k, last_y),
+            };
+            part.is_some()
+        };
+        lines.windows(2).enumerate().filter(|(k, _)| is_left(*k)).map(|(_, at)| [at[0], at[1]]).collect()
+    }
+
+    /// All that a rectangle (x from, x to, y from, y to) has in its inside.
+    pub fn inside(&self, rectangle: [f64; 4]) -> impl Iterator<Item = Option<Layer>> {
+        let [from_x, to_x, from_y, to_y] = rectangle;
+        let columns = self.x_m.len() - 1;
+        self.parts.iter().enumerate().filter_map(move |(k, part)| {
+            let (i, j) = (k % columns, k / columns);
+            let overlaps =
+                self.x_m[i] < to_x && self.x_m[i + 1] > from_x && self.y_m[j] < to_y && self.y_m[j + 1] > from_y;
+            overlaps.then_some(*part)
+        })
+    }
+
+    /// Points where lines cross, those on the surface's border included, with what is around them.
+    pub fn vertices(&self) -> impl Iterator<Item = Vertex> {
+        // Beyond the last column or row `part` has nothing, as before the first.
+        let part = |i: usize, j: usize| if i == 0 || j == 0 { None } else { self.part(i - 1, j - 1) };
+        let rows = self.y_m.iter().enumerate();
+        rows.flat_map(move |(j, y)| {
+            self.x_m.iter().enumerate().map(move |(i, x)| Vertex {
+                at: (*x, *y),
+                around: [part(i, j), part(i + 1, j), part(i, j + 1), part(i + 1, j + 1)],
+            })
+        })
+    }
+
+    /// How many pieces the surface is in; pieces that meet in a point only are two.
+    #[must_use]
+    pub fn pieces(&self) -> usize {
+        let (columns, rows) = (self.x_m.len() - 1, self.y_m.len() - 1);
+        let mut seen: Vec<bool> = self.parts.iter().map(Option::is_none).collect();
+        let mut pieces = 0;
+        for start in 0..self.parts.len() {
+            let mut open = Vec::new();
+            if !seen[start] {
+                pieces += 1;
+                seen[start] = true;
+                open.push(start);
+            }
+            while let Some(k) = open.pop() {
+                let (i, j) = (k % columns, k / columns);
+                let beside = [
+                    (i > 0).then(|| k - 1),
+                    (i + 1 < columns).then_some(k + 1),
+                    (j > 0).then(|| k - columns),
+                    (j + 1 < rows).then_some(k + columns),
+                ];
+                for next in beside.into_iter().flatten() {
+                    if !std::mem::replace(&mut seen[next], true) {
+                        open.push(next);
+                    }
+                }
+            }
+        }
+        pieces
+    }
+}
+
+impl Scene {
+    /// What the surface is made of where.
+    #[must_use]
+    pub fn layout(&self) -> Layout {
+        Layout::new(&self.surface, &self.patches, &self.cutouts)
+    }
+
+    /// Mass of the surface in kg, without what is attached to it.
+    #[must_use]
+    pub fn mass_kg(&self) -> f64 {
+        self.layout().mass_kg()
+    }
+
+    /// The number of the cut-out that a point lies strictly inside of, counted from 1; `None` where there is surface.
+    #[must_use]
+    pub fn cutout_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
+        if self.cutouts.is_empty() || self.layout().at(x_m, y_m).is_some() {
+            return None;
+        }
+        let distance = |span: [f64; 2], at: f64| (span[0] - at).max(at - span[1]);
+        let deepest = |cutout: &super::Cutout| distance(cutout.span_x(), x_m).max(distance(cutout.span_y(), y_m));
+        let found = self.cutouts.iter().enumerate().min_by(|a, b| deepest(a.1).total_cmp(&deepest(b.1)));
+        found.map(|(i, _)| i + 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Cutout, Material, Patch, SurfaceDamping};
+
+    const GLASS: Material = Material { youngs_modulus_pa: 70e9, poisson_ratio: 0.22, density_kg_m3: 2500.0 };
+
+    fn layout(patches: &[(f64, f64, f64, f64, f64)], cutouts: &[(f64, f64, f64, f64)]) -> Layout {
+        let surface = Surface {
+            kind: SurfaceKind::Plate,
+            length_m: 3.0,
+            width_m: 2.0,
+            thickness_m: 1e-3,
+            material: GLASS,
+            damping: SurfaceDamping::None,
+        };
+        let patches: Vec<_> = patches
+            .iter()
+            .map(|(x_m, y_m, length_m, width_m, thickness_m)| Patch {
+                x_m: *x_m,
+                y_m: *y_m,
+                length_m: *length_m,
+                width_m: *width_m,
+                thickness_m: *thickness_m,
+                material: GLASS,
+            })
+            .collect();
+        let cutouts: Vec<_> = cutouts
+            .iter()
+            .map(|(x_m, y_m, length_m, width_m)| Cutout {
+                x_m: *x_m,
+                y_m: *y_m,
+                length_m: *length_m,
+                width_m: *width_m,
+            })
+            .collect();
+        Layout::new(&surface, &patches, &cutouts)
+    }
+
+    #[test]
+    fn later_patches_lie_over_earlier_ones() {
+        let layout = layout(&[(0.0, 0.0, 3.0, 2.0, 2e-3), (0.5, 0.5, 2.0, 1.0, 1e-3)], &[(2.5, 0.0, 0.5, 0.5)]);
+        assert_eq!((layout.x_m(), layout.y_m()), (&[0.0, 0.5, 2.5, 3.0][..], &[0.0, 0.5, 1.5, 2.0][..]));
+        assert_eq!(layout.at(0.1, 0.1).unwrap().thickness_m, 2e-3);
+        assert_eq!(layout.at(1.0, 1.0).unwrap().thickness_m, 1e-3);
+        assert!(layout.at(2.7, 0.2).is_none() && layout.at(2.5, 0.2).is_some());
+        let mass = 2500.0 * (2e-3 * (6.0 - 2.0 - 0.25) + 1e-3 * 2.0);
+        assert!((layout.mass_kg() / mass - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn borders_that_part_nothing_are_left_out() {
+        assert!(layout(&[(0.2, 0.3, 1.0, 1.0, 1e-3)], &[]).is_uniform());
+        assert!(layout(&[(0.0, 0.0, 3.0, 2.0, 5e-3)], &[]).is_uniform());
+        let twice = layout(&[(0.0, 0.0, 1.0, 2.0, 2e-3), (1.0, 0.0, 1.0, 2.0, 2e-3)], &[]);
+        assert_eq!(twice.x_m(), &[0.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn pieces_are_counted() {
+        assert_eq!(layout(&[], &[(1.0, 0.5, 1.0, 1.0)]).pieces(), 1);
+        assert_eq!(layout(&[], &[(1.0, 0.0, 1.0, 2.0)]).pieces(), 2);
+        assert_eq!(layout(&[], &[(0.0, 0.0, 3.0, 2.0)]).pieces(), 0);
+        let diagonal = layout(&[], &[(0.0, 0.0, 1.0, 1.0), (1.0, 1.0, 2.0, 1.0)]);
+        assert_eq!(diagonal.pieces(), 2);
+        assert!(diagonal.vertices().any(|vertex| vertex.is_pinch()));
+    }
+}
