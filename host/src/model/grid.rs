@@ -24,7 +24,7 @@ pub struct Fineness {
     pub cell_m: f64,
     /// Order of the elements.
     pub order: usize,
-    /// Cells that shrink towards places where the shapes are singular: corners between a clamped and a free edge.
+    /// Most cells that shrink towards places where the shapes are singular; `corners` knows how many are of use where.
     pub layers: usize,
 }
 

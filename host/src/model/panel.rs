@@ -25,8 +25,6 @@ const LEAST_CELLS: f64 = 2.0;
 const LEAST_MODES: usize = 3;
 /// Least shift, as a part of what a uniform surface with as many modes has.
 const LEAST_SHIFT: f64 = 1e-5;
-/// Most cells that shrink towards a corner: with more, rounding in K (1e-16 times the cube of a cell's aspect) shows.
-const MOST_LAYERS: usize = 4;
 
 /// A mode of the panel with everything attached to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -333,5 +331,5 @@ pub(super) fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> R
         });
     }
     // One layer more with every second order, so that both parts of the error fall together.
-    Ok(Fineness { cell_m, order, layers: (order.saturating_sub(1) / 2).min(MOST_LAYERS) })
+    Ok(Fineness { cell_m, order, layers: order.saturating_sub(1) / 2 })
 }

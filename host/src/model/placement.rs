@@ -1,7 +1,7 @@
 //! What the scene asks of a plate's mesh: lines where a bar's shape has joints, along patches and cut-outs and towards
 //! singular corners, and the functions of point forces with the images that borders add.
 
-use super::corners::{Corner, Kind, corners, edge_kind, is_singular as is_singular_corner};
+use super::corners::{Corner, Kind, corners, edge_kind, layers};
 use super::grid::Fineness;
 use super::mesh::{Forced, Lines, MERGE};
 use super::singular::{Singular, Source, clamped_edge, free_edge};
@@ -15,6 +15,12 @@ const LEAST_REACH: f64 = 2.9;
 const NEAR_BORDER: f64 = 0.7;
 /// An attachment nearer to two borders than this part of a regular cell feels the image behind the corner, which it lacks.
 const NEAR_CORNER: f64 = 0.3;
+
+/// A function that has to end within this part of a regular cell bends so much there (its energy goes with the inverse cube)
+/// that rounding shows; the cells that shrink towards the attachment do without it.
+const NARROWEST: f64 = 1.0 / 16.0;
+/// Most cells that shrink towards an attachment beside a patch.
+const MOST_LAYERS: usize = 2;
 
 /// Places of all attachments.
 pub(super) fn attachments(scene: &Scene) -> impl Iterator<Item = (f64, f64)> {
@@ -32,16 +38,16 @@ pub(super) fn forced(scene: &Scene, layout: &Layout, fineness: Fineness) -> [Vec
         forced[0].extend(attachments(scene).map(|(at, _)| line(&at)));
         return forced;
     }
-    if fineness.layers > 0 {
-        let width = fineness.cell_m / 4.0_f64.powi(i32::try_from(fineness.layers).unwrap_or(i32::MAX));
-        let all = corners(layout);
-        let singular = all.iter().filter(|corner| is_singular_corner(scene, corner)).map(|corner| (corner.at, width));
-        let beside_patches =
-            attachments(scene).filter_map(|at| Some((at, clear(scene, layout, &all, fineness, at)?.max(width))));
-        for (at, width) in singular.chain(beside_patches) {
-            for (lines, at) in forced.iter_mut().zip([at.0, at.1]) {
-                lines.push(Forced { at, width });
-            }
+    let width = |layers: usize| fineness.cell_m / 4.0_f64.powi(i32::try_from(layers).unwrap_or(i32::MAX));
+    let all = corners(layout);
+    let at_corners = all.iter().map(|corner| (corner.at, layers(scene, corner, fineness.layers)));
+    let at_corners = at_corners.filter(|(_, layers)| *layers > 0).map(|(at, layers)| (at, width(layers)));
+    let least = width(fineness.layers.min(MOST_LAYERS));
+    let beside_patches =
+        attachments(scene).filter_map(|at| Some((at, clear(scene, layout, &all, fineness, at)?.max(least))));
+    for (at, width) in at_corners.chain(beside_patches) {
+        for (lines, at) in forced.iter_mut().zip([at.0, at.1]) {
+            lines.push(Forced { at, width });
         }
     }
     forced
@@ -108,6 +114,9 @@ pub(super) fn singular(scene: &Scene, layout: &Layout, fineness: Fineness) -> Ve
     let function = |at: (f64, f64)| {
         let ([left, right], [top, bottom]) = (wanted(&x, at.0, least), wanted(&y, at.1, least));
         let around = Surroundings::of(scene, layout, at, [left, right, top, bottom])?;
+        if around.clear() < NARROWEST * fineness.cell_m {
+            return None;
+        }
         let touched: Vec<Side> = SIDES.into_iter().filter(|side| around.distance(*side) == 0.0).collect();
         match touched.as_slice() {
             [] => {}
