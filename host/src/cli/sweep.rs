@@ -71,8 +71,11 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
         write_npy(path, &found.answer, shape)
             .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
     }
+    let layout = scene.layout();
+    let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
+    let there: Vec<bool> = points.map(|(x, y)| layout.at(x, y).is_some()).collect();
     let extremes: Vec<_> = (0..scene.actuators.len())
-        .map(|actuator| Extremes::of(&found.answer, actuator, frequencies_hz.len()))
+        .map(|actuator| Extremes::of(&found.answer, &there, actuator, frequencies_hz.len()))
         .collect();
     let place = |point: usize| (x_m[point % x_m.len()] * 1e3, y_m[point / x_m.len()] * 1e3);
     if options.json {
@@ -118,7 +121,8 @@ struct Extremes {
 }
 
 impl Extremes {
-    fn of<T: Stored>(sweep: &Sweep<T>, actuator: usize, frequencies: usize) -> Self {
+    /// `there` tells the points that no cut-out has taken.
+    fn of<T: Stored>(sweep: &Sweep<T>, there: &[bool], actuator: usize, frequencies: usize) -> Self {
         let mut peaks: Vec<Found> = (0..sweep.points).map(|point| Found { point, ..Found::default() }).collect();
         for frequency in 0..frequencies {
             for (peak, value) in peaks.iter_mut().zip(sweep.field(frequency, actuator)) {
@@ -127,6 +131,7 @@ impl Extremes {
                 }
             }
         }
+        peaks.retain(|peak| there[peak.point]);
         let by_value = |a: &Found, b: &Found| a.value.total_cmp(&b.value);
         Self {
             most: peaks.iter().copied().max_by(by_value).unwrap_or_default(),

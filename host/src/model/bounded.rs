@@ -336,8 +336,9 @@ impl Levels {
     ///
     /// # Errors
     /// As [`bounded`], if the mesh would be too fine.
+    #[allow(clippy::cast_precision_loss, reason = "about")]
     pub fn expected_unknowns(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
-        Ok(expected_unknowns(scene, fineness(scene, accuracy.order() + 2, 1.0, max_hz)?))
+        Ok(expected_unknowns(scene, fineness(scene, accuracy.order() + 2, 1.0, max_hz)?) as f64)
     }
 
     /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.

@@ -272,9 +272,22 @@ impl Grid {
         (self.x.at[self.x.cells()], self.y.as_ref().map_or(1.0, |y| y.at[y.cells()]))
     }
 
-    /// The deflection, or a slope, anywhere on the surface: the functions' values there.
+    /// Whether any cell that has the point, on its border or inside, is there.
+    fn is_there(&self, x_m: f64, y_m: f64) -> bool {
+        let beside = |lines: &Lines, at: f64| {
+            let (cell, place) = lines.locate(at);
+            [if place == 0.0 { cell.saturating_sub(1) } else { cell }, cell]
+        };
+        let (in_x, in_y) = (beside(&self.x, x_m), self.y.as_ref().map_or([0; 2], |y| beside(y, y_m)));
+        in_y.iter().any(|j| in_x.iter().any(|i| self.sections.at(*i, *j).is_some()))
+    }
+
+    /// The deflection, or a slope, anywhere on the surface: the functions' values there; none in a cut-out.
     #[must_use]
     pub fn row_at(&self, x_m: f64, y_m: f64, what: Derivative) -> SparseVector {
+        if self.sections.has_cutouts() && !self.is_there(x_m, y_m) {
+            return Vec::new();
+        }
         let along = |lines: &Lines, at: f64, slope: bool| {
             let (cell, place) = lines.locate(at);
             let width = lines.at[cell + 1] - lines.at[cell];

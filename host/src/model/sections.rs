@@ -36,6 +36,7 @@ impl Section {
 pub struct Sections {
     columns: usize,
     of: Vec<Option<Section>>,
+    has_cutouts: bool,
 }
 
 impl Sections {
@@ -48,7 +49,7 @@ impl Sections {
         for y in y.map_or_else(|| vec![0.0], middles) {
             of.extend(in_x.iter().map(|x| layout.at(*x, y).map(|layer| Section::of(kind, &layer))));
         }
-        Self { columns: in_x.len(), of }
+        Self { columns: in_x.len(), has_cutouts: of.contains(&None), of }
     }
 
     /// Of a cell.
@@ -60,7 +61,7 @@ impl Sections {
     /// Whether cells are cut away.
     #[must_use]
     pub fn has_cutouts(&self) -> bool {
-        self.of.contains(&None)
+        self.has_cutouts
     }
 }
 

@@ -76,7 +76,8 @@ fn is_scene_mirrored(scene: &Scene, axis: usize) -> bool {
     // Everything but the place and the name.
     let support = |of: &Support| Support { x_m: 0.0, y_m: 0.0, ..*of };
     let actuator = |of: &Actuator| Actuator { x_m: 0.0, y_m: 0.0, id: String::new(), ..of.clone() };
-    have_images(&scene.edges, |a, b| a.kind == b.kind && edge_image(a.side) == b.side)
+    scene.layout().is_mirrored(axis)
+        && have_images(&scene.edges, |a, b| a.kind == b.kind && edge_image(a.side) == b.side)
         && have_images(&scene.supports, |a, b| is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && support(a) == support(b))
         && have_images(&scene.masses, |a, b| is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && a.mass_kg == b.mass_kg)
         && have_images(&scene.actuators, |a, b| is_image((a.x_m, a.y_m), (b.x_m, b.y_m)) && actuator(a) == actuator(b))

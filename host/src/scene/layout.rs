@@ -145,6 +145,20 @@ impl Layout {
         &self.y_m
     }
 
+    /// Whether it is its own mirror image along an axis, 0 for x.
+    #[must_use]
+    pub fn is_mirrored(&self, axis: usize) -> bool {
+        let (columns, rows) = (self.x_m.len() - 1, self.y_m.len() - 1);
+        let lines = if axis == 0 { &self.x_m } else { &self.y_m };
+        let side = lines[lines.len() - 1];
+        let image = |i: usize, j: usize| if axis == 0 { (columns - 1 - i, j) } else { (i, rows - 1 - j) };
+        lines.iter().zip(lines.iter().rev()).all(|(low, high)| (low + high - side).abs() <= SAME_PLACE * side)
+            && (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j))).all(|(i, j)| {
+                let (k, l) = image(i, j);
+                self.part(i, j) == self.part(k, l)
+            })
+    }
+
     /// Whether the surface is one piece of one kind.
     #[must_use]
     pub fn is_uniform(&self) -> bool {
