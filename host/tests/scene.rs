@@ -195,3 +195,80 @@ fn the_model_takes_any_number_of_actuators_and_the_planner_four() {
     let said = table.plan(&[target]).unwrap_err().to_string();
     assert!(said.contains("6 actuators") && said.contains("at most 4"), "{said}");
 }
+
+/// The example plate with more at its end, and what is said about it.
+fn added(text: &str) -> Result<Scene, String> {
+    Scene::parse("panel.toml", &format!("{EXAMPLE_PLATE}{text}")).map_err(|error| error.to_string())
+}
+
+#[test]
+fn patches_have_the_surfaces_values_where_they_give_none() {
+    let scene = added(
+        "[[patch]]\nx_mm = 0\ny_mm = 0\nlength_mm = 300\nwidth_mm = 20\nthickness_mm = 3\n[[patch]]\nx_mm = 10\n\
+         y_mm = 5\nlength_mm = 50\nwidth_mm = 40\n[patch.material]\ndensity_kg_m3 = 1000\n",
+    )
+    .unwrap();
+    let [strip, patch] = scene.patches.as_slice() else { panic!("{:?}", scene.patches) };
+    assert_eq!((strip.thickness_m, strip.material), (0.003, scene.surface.material));
+    assert_eq!((patch.thickness_m, patch.material.density_kg_m3), (0.002, 1000.0));
+    assert_eq!(patch.material.youngs_modulus_pa, scene.surface.material.youngs_modulus_pa);
+    // The later one on top.
+    assert_eq!(scene.layout().at(0.02, 0.01).unwrap().thickness_m, 0.002);
+    assert_eq!(scene.layout().at(0.2, 0.01).unwrap().thickness_m, 0.003);
+    let bar = "[[patch]]\nx_mm = 100\nlength_mm = 50\nwidth_mm = 30\n";
+    let bar = Scene::parse("bar.toml", &format!("{EXAMPLE_BAR}{bar}")).unwrap();
+    assert_eq!((bar.patches[0].width_m, bar.patches[0].thickness_m), (0.03, 0.002));
+    assert!((bar.mass_kg() / bar.surface.material.density_kg_m3 / 0.002 - (0.2 * 0.02 + 0.05 * 0.03)).abs() < 1e-15);
+}
+
+#[test]
+fn cutouts_leave_one_piece_under_everything() {
+    let cutout = |[x, y, length, width]: [f64; 4]| {
+        format!("[[cutout]]\nx_mm = {x}\ny_mm = {y}\nlength_mm = {length}\nwidth_mm = {width}\n")
+    };
+    let hole = added(&cutout([100.0, 20.0, 30.0, 20.0])).unwrap();
+    assert_eq!(hole.cutout_at(0.11, 0.03), Some(1));
+    // Its border is surface.
+    assert_eq!((hole.cutout_at(0.1, 0.03), hole.cutout_at(0.05, 0.03)), (None, None));
+    let cases: [(Vec<[f64; 4]>, &[&str]); 5] = [
+        (vec![[100.0, 0.0, 20.0, 200.0]], &["cutout[1]", "2 pieces"]),
+        (vec![[60.0, 80.0, 30.0, 40.0]], &["actuator[1].x_mm and y_mm", "(75, 100)", "[[cutout]]"]),
+        (vec![[290.0, 0.0, 20.0, 20.0]], &["cutout[1].length_mm", "310", "300"]),
+        (vec![[100.0, 20.0, 20.0, 20.0], [120.0, 40.0, 20.0, 20.0]], &["cutout[2]", "(120, 40)", "the point"]),
+        (vec![[100.0, 20.0, 0.0, 20.0]], &["cutout[1].length_mm", "0.1 to 300"]),
+    ];
+    for (cutouts, pieces) in cases {
+        let text: String = cutouts.iter().map(|at| cutout(*at)).collect();
+        let told = added(&text).unwrap_err();
+        for piece in pieces {
+            assert!(told.contains(piece), "{piece:?} is not in {told}");
+        }
+    }
+    let edge = "[[edge]]\nside = \"right\"\nkind = \"pinned\"\n".to_owned() + &cutout([250.0, 0.0, 50.0, 200.0]);
+    let text = EXAMPLE_PLATE.replace("x_mm = 300.0", "x_mm = 200.0") + &edge;
+    let told = Scene::parse("panel.toml", &text).unwrap_err().to_string();
+    assert!(told.contains("edge[1].side") && told.contains("taken this side away"), "{told}");
+    let told = Scene::parse("bar.toml", &format!("{EXAMPLE_BAR}{}", cutout([1.0, 1.0, 1.0, 1.0]))).unwrap_err();
+    assert!(told.to_string().contains("a bar has no cut-outs"), "{told}");
+}
+
+#[test]
+fn a_bias_stays_below_pull_in() {
+    let with = |bias: &str, stiffness: &str| {
+        let text = EXAMPLE_PLATE.replacen(
+            "max_voltage_v = 2000.0",
+            &format!("max_voltage_v = 2000.0\nbias_voltage_v = {bias}"),
+            1,
+        );
+        Scene::parse("panel.toml", &text.replacen("stiffness_n_per_m = 5000.0", stiffness, 1))
+            .map_err(|e| e.to_string())
+    };
+    let scene = with("1500", "stiffness_n_per_m = 5000.0").unwrap();
+    assert_eq!(scene.actuators[0].bias_voltage_v, 1500.0);
+    assert_eq!(scene.actuators[1].effective_stiffness_n_per_m(), 5000.0);
+    let told = with("2001", "stiffness_n_per_m = 5000.0").unwrap_err();
+    assert!(told.contains("actuator[1].bias_voltage_v") && told.contains("0 to 2000"), "{told}");
+    // sqrt(300 * 0.5e-3^3 / (8.854e-12 * 1963.5e-6)) = 1468.7 V.
+    let told = with("1500", "stiffness_n_per_m = 300.0").unwrap_err();
+    assert!(told.contains("1468.7 V") && told.contains("pull the mass in"), "{told}");
+}

@@ -105,6 +105,8 @@ export class Heat {
     if (!this.field) return null;
     const { nx, ny, x_mm: xs, y_mm: ys, peak_g } = this.field;
     const [[i, u], [j, v]] = [locate(xs, x_mm), locate(ys, y_mm)];
+    // Cut-outs have no value; beside one, the map is drawn as if it had 0, under the cut-out's own colour.
+    if (peak_g[Math.round(j + v) * nx + Math.round(i + u)] === null) return null;
     const at = (a, b) => peak_g[Math.min(b, ny - 1) * nx + Math.min(a, nx - 1)];
     return (at(i, j) * (1 - u) + at(i + 1, j) * u) * (1 - v) + (at(i, j + 1) * (1 - u) + at(i + 1, j + 1) * u) * v;
   }

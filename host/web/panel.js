@@ -110,7 +110,7 @@ export class PanelView {
 
   draw() {
     if (!this.scene) return;
-    const { length_mm: w, screen, supports, edges, masses, actuators } = this.scene;
+    const { length_mm: w, screen, patches, cutouts, supports, edges, masses, actuators } = this.scene;
     const h = this.height_mm;
     const unit = w / 300; // about 3 px on a wide screen
     const parts = [];
@@ -121,6 +121,13 @@ export class PanelView {
         class: "screen", x: screen.x_mm, y: screen.y_mm * this.stretch, width: screen.width_mm,
         height: screen.height_mm * this.stretch, "stroke-width": unit * 0.7,
       }));
+    }
+    for (const [name, rectangles] of [["patch", patches], ["cutout", cutouts]]) {
+      for (const { x_mm: x, y_mm, length_mm: width, width_mm } of rectangles) {
+        parts.push(element("rect", {
+          class: name, x, y: y_mm * this.stretch, width, height: width_mm * this.stretch, "stroke-width": unit * 0.5,
+        }));
+      }
     }
     const sides = { left: [0, 0, 0, h], right: [w, 0, w, h], top: [0, 0, w, 0], bottom: [0, h, w, h] };
     for (const { side, kind } of edges) {

@@ -28,13 +28,17 @@ fn modelled(scene: &Scene) -> String {
     };
     let held = scene.edges.iter().filter(|edge| !matches!(edge.kind, EdgeKind::Elastic { .. })).count();
     let inertial = scene.actuators.iter().filter(|actuator| actuator.mount == Mount::Inertial).count();
+    let biased = scene.actuators.iter().filter(|actuator| actuator.bias_voltage_v > 0.0).count();
     let parts = [
+        (scene.patches.len(), "patches of other thickness or material"),
+        (scene.cutouts.len(), "cut-outs"),
         (scene.supports.len(), "point supports"),
         (held, "edges held"),
         (scene.edges.len() - held, "elastic edges"),
         (scene.masses.len(), "attached masses"),
         (inertial, "inertial ERAs, each with an unknown for its mass"),
         (scene.actuators.len() - inertial, "grounded ERAs"),
+        (biased, "ERAs softened by their voltage"),
     ];
     for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
         let _ = write!(text, ", {count} {what}");
@@ -54,7 +58,7 @@ pub fn explain(scene: &Scene, tolerance: f64, steps: &[Step]) -> String {
     let mut text = modelled(scene);
     text.push_str(
         "\nleft out: shear and rotary inertia, stretching in the plane, the air, what the electrodes' field does to an ERA's \
-         stiffness; modes above those kept are in the residual shapes of actuators, dashpots and the point asked for",
+         stiffness beyond its bias_voltage_v; modes above those kept are in the residual shapes of actuators, dashpots and the point asked for",
     );
     let _ =
         write!(text, "\n order  cells    unknowns  point forces  stiff points  known modes      time   error at most");

@@ -53,7 +53,8 @@ pub fn warn_if_thick(scene: &Scene) {
         SurfaceKind::Plate => surface.length_m.min(surface.width_m),
         SurfaceKind::Bar => surface.length_m,
     };
-    let slenderness = surface.thickness_m / side;
+    let thickest = scene.layout().layers().map(|(_, layer)| layer.thickness_m).fold(0.0, f64::max);
+    let slenderness = thickest / side;
     if slenderness > THIN {
         tracing::warn!(
             "thickness is {:.3} of the side: thin-plate theory is too stiff by some percent there",
@@ -192,6 +193,18 @@ pub fn frequencies(options: &Band) -> Result<Vec<f64>, Failure> {
 
 /// A point of the command line on the surface, in m.
 pub fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
+    let (x_m, y_m) = rectangle_point(scene, x, y, unit)?;
+    match scene.cutout_at(x_m, y_m) {
+        None => Ok((x_m, y_m)),
+        Some(cutout) => {
+            let mm = |metres: f64| (metres * 1e9).round() / 1e6;
+            Err(PlanError::Cutout { x_mm: mm(x_m), y_mm: mm(y_m), cutout }.into())
+        }
+    }
+}
+
+/// The same, cut-outs or not.
+fn rectangle_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
     match unit {
         Unit::Px => scene.screen.px_to_surface_m(x, y).map_err(Failure::usage),
         Unit::Mm => {

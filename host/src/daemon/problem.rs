@@ -155,6 +155,9 @@ impl From<PlanError> for Problem {
             PlanError::Count { .. } => {
                 Self::new(StatusCode::BAD_REQUEST, "touch-count", "Too many or too few touches", error.to_string())
             }
+            PlanError::Cutout { .. } => {
+                Self::new(StatusCode::BAD_REQUEST, "in-cutout", "There is no surface at this point", error.to_string())
+            }
             PlanError::NoActuators | PlanError::Actuators { .. } | PlanError::NoFrequencies => {
                 Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", error.to_string())
             }

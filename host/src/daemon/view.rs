@@ -42,6 +42,17 @@ impl SceneView {
             .iter()
             .map(|m| json!({"x_mm": mm(m.x_m), "y_mm": mm(m.y_m), "mass_g": m.mass_kg * 1e3}))
             .collect();
+        let rectangle = |x: f64, y: f64, length: f64, width: f64| json!({"x_mm": mm(x), "y_mm": mm(y), "length_mm": mm(length), "width_mm": mm(width)});
+        let patches: Vec<_> = scene
+            .patches
+            .iter()
+            .map(|p| {
+                let mut patch = rectangle(p.x_m, p.y_m, p.length_m, p.width_m);
+                patch["thickness_mm"] = json!(mm(p.thickness_m));
+                patch
+            })
+            .collect();
+        let cutouts: Vec<_> = scene.cutouts.iter().map(|c| rectangle(c.x_m, c.y_m, c.length_m, c.width_m)).collect();
         let actuators: Vec<_> = scene
             .actuators
             .iter()
@@ -61,7 +72,7 @@ impl SceneView {
                 "x_mm": mm(screen.x_m), "y_mm": mm(screen.y_m),
                 "width_mm": mm(screen.width_m), "height_mm": mm(screen.height_m),
             },
-            "supports": supports, "edges": edges, "masses": masses, "actuators": actuators,
+            "patches": patches, "cutouts": cutouts, "supports": supports, "edges": edges, "masses": masses, "actuators": actuators,
         }))
     }
 }
@@ -88,26 +99,26 @@ pub struct FieldView {
     ny: usize,
     x_mm: Vec<f64>,
     y_mm: Vec<f64>,
-    peak_g: Vec<f64>,
+    peak_g: Vec<Option<f64>>,
     max_g: f64,
     plan_id: u64,
 }
 
 impl FieldView {
-    /// The field of `plan` on the table's grid; zeros without one.
+    /// The field of `plan` on the table's grid, null in cut-outs; zeros without one.
     #[must_use]
     pub fn new(table: &PlanTable, plan: Option<&Plan>, plan_id: u64) -> Self {
         let grid = &table.grid;
-        let peak_g: Vec<f64> = match plan {
-            Some(plan) => table.field(plan).into_iter().map(|peak| round(peak / STANDARD_GRAVITY)).collect(),
-            None => vec![0.0; grid.weights.len()],
+        let peak_g: Vec<Option<f64>> = match plan {
+            Some(plan) => table.field(plan).into_iter().map(|peak| Some(round(peak? / STANDARD_GRAVITY))).collect(),
+            None => grid.there.iter().map(|there| there.then_some(0.0)).collect(),
         };
         Self {
             nx: grid.x_m.len(),
             ny: grid.y_m.len(),
             x_mm: grid.x_m.iter().map(|x| round(x * 1e3)).collect(),
             y_mm: grid.y_m.iter().map(|y| round(y * 1e3)).collect(),
-            max_g: peak_g.iter().copied().fold(0.0, f64::max),
+            max_g: peak_g.iter().flatten().copied().fold(0.0, f64::max),
             peak_g,
             plan_id,
         }

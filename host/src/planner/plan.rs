@@ -64,6 +64,16 @@ pub enum PlanError {
         /// Most allowed; infinite where every finite number is.
         max: f64,
     },
+    /// A touch where there is no surface.
+    #[error("x_mm, y_mm: ({x_mm}, {y_mm}) lies in cutout[{cutout}] of the scene, where there is no surface")]
+    Cutout {
+        /// In mm.
+        x_mm: f64,
+        /// In mm.
+        y_mm: f64,
+        /// Which, counted from 1.
+        cutout: usize,
+    },
     /// No frequencies keep their distance, or the response is unbounded everywhere.
     #[error("no combination of frequencies is usable: the response is unbounded at every one (no damping at all?)")]
     NoFrequencies,
@@ -189,9 +199,9 @@ impl PlanTable {
     }
 
     /// Peak acceleration (equation 23) at every point of the grid in m/s^2, for drives at distinct frequencies of the
-    /// table's grid.
+    /// table's grid; `None` in cut-outs.
     #[must_use]
-    pub fn field(&self, plan: &Plan) -> Vec<f64> {
+    pub fn field(&self, plan: &Plan) -> Vec<Option<f64>> {
         let mut sum = vec![0.0; self.grid.weights.len()];
         for drive in &plan.drives {
             let Some(entry) = self.entry_of(drive) else { continue };
@@ -199,7 +209,7 @@ impl PlanTable {
                 *sum += z.norm() * drive.force_n;
             }
         }
-        sum
+        sum.into_iter().zip(&self.grid.there).map(|(sum, there)| there.then_some(sum)).collect()
     }
 
     fn entry_of(&self, drive: &Drive) -> Option<&Entry> {
@@ -230,6 +240,10 @@ impl PlanTable {
             .map(|target| {
                 within("x_mm", target.x_m, 0.0, self.scene.surface.length_m, 1e3)?;
                 within("y_mm", target.y_m, 0.0, self.scene.surface.width_m, 1e3)?;
+                if let Some(cutout) = self.scene.cutout_at(target.x_m, target.y_m) {
+                    let mm = |metres: f64| (metres * 1e9).round() / 1e6;
+                    return Err(PlanError::Cutout { x_mm: mm(target.x_m), y_mm: mm(target.y_m), cutout });
+                }
                 let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
                 within("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
                 Ok(intensity_g)
@@ -247,7 +261,10 @@ impl PlanTable {
 
     fn zone(&self, targets: &[Target]) -> Zone {
         let surface = &self.scene.surface;
-        let inside = |x: f64, y: f64| (0.0..=surface.length_m).contains(&x) && (0.0..=surface.width_m).contains(&y);
+        let layout = self.scene.layout();
+        let inside = |x: f64, y: f64| {
+            (0.0..=surface.length_m).contains(&x) && (0.0..=surface.width_m).contains(&y) && layout.at(x, y).is_some()
+        };
         let mut rows = Vec::new();
         let mut area = 0.0;
         for target in targets {
@@ -272,7 +289,7 @@ impl PlanTable {
             targets: targets.iter().map(|target| self.model.shape_at(target.x_m, self.y_m(target))).collect(),
             shapes: DMatrix::from_rows(&rows),
             // Discs may overlap or cover a small surface whole; some of it is always "elsewhere".
-            part: (area / (surface.length_m * surface.width_m)).min(0.9),
+            part: (area / self.scene.area_m2()).min(0.9),
         }
     }
 

@@ -78,8 +78,10 @@ pub struct SurfaceGrid {
     pub y_m: Vec<f64>,
     /// Mode shapes, one row per point, points row by row.
     pub shapes: DMatrix<f64>,
-    /// Part of the surface that each point stands for; adds up to 1.
+    /// Part of the surface that each point stands for; adds up to 1, and is 0 in a cut-out.
     pub weights: Vec<f64>,
+    /// Whether there is surface at each point.
+    pub there: Vec<bool>,
 }
 
 /// The table of one scene.
@@ -192,8 +194,16 @@ impl SurfaceGrid {
             SurfaceKind::Plate => line(width, count(width)),
         };
         let (wx, wy) = (trapezoid(x_m.len()), trapezoid(y_m.len()));
-        let weights = wy.iter().flat_map(|v| wx.iter().map(move |u| u * v)).collect();
-        Self { shapes: model.shapes_on(&x_m, &y_m), x_m, y_m, weights }
+        let layout = scene.layout();
+        let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
+        let there: Vec<bool> = points.map(|(x, y)| layout.at(x, y).is_some()).collect();
+        let whole = wy.iter().flat_map(|v| wx.iter().map(move |u| u * v));
+        let mut weights: Vec<f64> = whole.zip(&there).map(|(part, there)| if *there { part } else { 0.0 }).collect();
+        let sum: f64 = weights.iter().sum();
+        if there.contains(&false) && sum > 0.0 {
+            weights.iter_mut().for_each(|part| *part /= sum);
+        }
+        Self { shapes: model.shapes_on(&x_m, &y_m), x_m, y_m, weights, there }
     }
 
     /// Acceleration at every point, in (m/s^2) per what `acceleration` is for.

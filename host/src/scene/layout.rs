@@ -282,6 +282,15 @@ impl Scene {
         self.layout().mass_kg()
     }
 
+    /// Area of what is there, in m^2; a bar's is that of its own width, steps or not.
+    #[must_use]
+    pub fn area_m2(&self) -> f64 {
+        match self.surface.kind {
+            SurfaceKind::Plate => self.layout().layers().map(|(area, _)| area).sum(),
+            SurfaceKind::Bar => self.surface.length_m * self.surface.width_m,
+        }
+    }
+
     /// The number of the cut-out that a point lies strictly inside of, counted from 1; `None` where there is surface.
     #[must_use]
     pub fn cutout_at(&self, x_m: f64, y_m: f64) -> Option<usize> {

@@ -30,8 +30,8 @@ pub struct Field {
     pub x_mm: Vec<f64>,
     /// Rows in mm.
     pub y_mm: Vec<f64>,
-    /// Row by row, in g.
-    pub peak_g: Vec<f64>,
+    /// Row by row, in g; `None` in cut-outs.
+    pub peak_g: Vec<Option<f64>>,
 }
 
 impl Field {
@@ -41,17 +41,18 @@ impl Field {
         Self {
             x_mm: table.grid.x_m.iter().map(|x| x * 1e3).collect(),
             y_mm: table.grid.y_m.iter().map(|y| y * 1e3).collect(),
-            peak_g: table.field(plan).into_iter().map(|peak| peak / STANDARD_GRAVITY).collect(),
+            peak_g: table.field(plan).into_iter().map(|peak| Some(peak? / STANDARD_GRAVITY)).collect(),
         }
     }
 
-    /// Lines of `x_mm,y_mm,peak_g`.
+    /// Lines of `x_mm,y_mm,peak_g`, the latter empty in cut-outs.
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = String::from("x_mm,y_mm,peak_g\n");
         let points = self.y_mm.iter().flat_map(|y| self.x_mm.iter().map(move |x| (x, y)));
         for ((x, y), peak) in points.zip(&self.peak_g) {
-            let _ = writeln!(text, "{x:.3},{y:.3},{peak:.6}");
+            let peak = peak.map_or_else(String::new, |peak| format!("{peak:.6}"));
+            let _ = writeln!(text, "{x:.3},{y:.3},{peak}");
         }
         text
     }
@@ -63,7 +64,7 @@ impl Field {
         let nx = self.x_mm.len();
         let value = |i: usize, j: usize| {
             let (i, j) = (i.min(nx - 1), j.min(self.y_mm.len() - 1));
-            self.peak_g.get(j * nx + i).copied().unwrap_or(0.0)
+            self.peak_g.get(j * nx + i).copied().flatten().unwrap_or(0.0)
         };
         (value(i, j) * (1.0 - u) + value(i + 1, j) * u) * (1.0 - v)
             + (value(i, j + 1) * (1.0 - u) + value(i + 1, j + 1) * u) * v
@@ -78,7 +79,7 @@ fn place(lines: &[f64], at: f64) -> (usize, f64) {
     }
 }
 
-/// Draws the field to scale, with actuators as circles, the target as a cross and a legend in g.
+/// Draws the field to scale, white in cut-outs, with actuators as circles, the target as a cross and a legend in g.
 ///
 /// # Errors
 /// [`PictureError`] if the file cannot be written.
@@ -89,7 +90,8 @@ pub fn write_png(path: &Path, scene: &Scene, plan: &Plan, field: &Field) -> Resu
     let scale = PICTURE / length.max(width);
     let (w, h) = ((length * scale).round(), (width * scale).max(LEAST_HEIGHT).round());
     let to_px = |x_mm: f64, y_mm: f64| ((x_mm / length * w) as i32, (y_mm / width * h) as i32);
-    let most = field.peak_g.iter().copied().fold(0.0, f64::max);
+    let most = field.peak_g.iter().flatten().copied().fold(0.0, f64::max);
+    let layout = scene.layout();
     let full = if most > 0.0 { most } else { 1.0 };
 
     let size = (w as u32 + LEGEND as u32, h as u32);
@@ -100,7 +102,11 @@ pub fn write_png(path: &Path, scene: &Scene, plan: &Plan, field: &Field) -> Resu
             area.fill(&WHITE)?;
             for py in 0..h as i32 {
                 for px in 0..w as i32 {
-                    let value = field.at((f64::from(px) + 0.5) / w * length, (f64::from(py) + 0.5) / h * width);
+                    let (x_mm, y_mm) = ((f64::from(px) + 0.5) / w * length, (f64::from(py) + 0.5) / h * width);
+                    if layout.at(x_mm / 1e3, y_mm / 1e3).is_none() {
+                        continue;
+                    }
+                    let value = field.at(x_mm, y_mm);
                     area.draw_pixel((px, py), &ViridisRGB.get_color((value / full) as f32))?;
                 }
             }
