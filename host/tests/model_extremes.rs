@@ -261,3 +261,66 @@ fn nothing_to_move_and_nothing_that_moves() {
     let curve = response::acceleration_curves(&model, &shape, &[100.0]).unwrap();
     assert_eq!(curve[0][0].norm(), 0.0);
 }
+
+/// Two ERAs at one point: each moves what the other does, and their stiffness adds up.
+#[test]
+fn actuators_at_one_point() {
+    let two = || {
+        let scene = plate().corner_springs(2e3).damping("loss_factor", 0.01);
+        scene.era("grounded", 0.3, 0.4, 0.01, 5e3, 0.7).era("grounded", 0.3, 0.4, 0.01, 5e3, 0.7)
+    };
+    let one = plate().corner_springs(2e3).damping("loss_factor", 0.01).era("grounded", 0.3, 0.4, 0.02, 1e4, 1.4);
+    let (model, single) = (reduced(&two(), 400.0), reduced(&one, 400.0));
+    for hz in [30.0, 113.0, 262.0, 400.0] {
+        let at = |model: &ReducedModel, actuator: usize| {
+            let q = response::modal_coordinates(model, hz).unwrap();
+            response::dot(&model.shape_at(0.2, 0.1), &q[actuator])
+        };
+        assert!((at(&model, 0) - at(&model, 1)).norm() < 1e-9 * at(&model, 0).norm(), "{hz} Hz");
+        assert!((at(&model, 0) - at(&single, 0)).norm() < 1e-4 * at(&single, 0).norm(), "{hz} Hz");
+    }
+}
+
+/// A band far above the first modes: the mesh and the modes kept follow the frequency asked for. A mesh for 2 kHz, or its
+/// modes, would be wrong altogether at 100 kHz.
+#[test]
+fn a_hundred_kilohertz_against_the_series() {
+    let eta = 0.02;
+    let scene = SceneText::bar(0.25).edge("left", "pinned").edge("right", "pinned");
+    let scene = scene.force(0.3, 0.5).damping("loss_factor", eta);
+    let frequencies: Vec<f64> = (0..100).map(|step| 90e3 + 100.0 * f64::from(step)).collect();
+    let found =
+        response::bounded_curves(&scene.scene(), Accuracy::BALANCED, (0.71 * 0.25, 0.01), &frequencies).unwrap();
+    let (mut worst, mut peak) = (0.0_f64, 0.0_f64);
+    for (hz, found) in frequencies.iter().zip(&found.answer[0]) {
+        let omega = std::f64::consts::TAU * hz;
+        let series: num_complex::Complex64 = (1..3000)
+            .map(|n| {
+                let n_pi = f64::from(n) * std::f64::consts::PI;
+                let square = (std::f64::consts::TAU * scene.bar_hz(n_pi)).powi(2);
+                let below = num_complex::Complex64::new(square - omega * omega, eta * square);
+                -omega * omega * 2.0 / scene.surface_mass() * (n_pi * 0.3).sin() * (n_pi * 0.71).sin() / below
+            })
+            .sum();
+        worst = worst.max((found - series).norm());
+        peak = peak.max(series.norm());
+    }
+    let bound = found.bounds[0].value().unwrap();
+    // The series is cut off too: its rest is 1e-7 of the peak.
+    assert!(worst <= bound * peak + 1e-6 * peak && bound < 1e-3, "{:e} {bound:e}", worst / peak);
+}
+
+/// Half of a mode's shapes of equal frequency are arbitrary, what they do together is not: the same panel, turned round.
+#[test]
+fn equal_modes_answer_alike_whichever_way_round() {
+    let square = |x: f64, y: f64| SceneText::plate(0.3, 0.3, 0.3).force(x, y).damping("loss_factor", 0.01);
+    let (model, turned) = (reduced(&square(0.2, 0.3), 600.0), reduced(&square(0.7, 0.2), 600.0));
+    for hz in [50.0, 240.0, 241.0, 600.0] {
+        let at = |model: &ReducedModel, x: f64, y: f64| {
+            response::dot(&model.shape_at(x * 0.3, y * 0.3), &response::modal_coordinates(model, hz).unwrap()[0])
+        };
+        // A quarter turn takes (x, y) to (1 - y, x).
+        let (a, b) = (at(&model, 0.9, 0.6), at(&turned, 1.0 - 0.6, 0.9));
+        assert!((a - b).norm() < 1e-4 * a.norm(), "{hz} Hz: {a} {b}");
+    }
+}

@@ -15,7 +15,10 @@ pub fn test() -> Result<(), Error> {
     let root = root()?;
     step("firmware image", || firmware::command(&firmware::Options::default()))?;
     step("emulator", || run(Command::new("python3").arg("emulator/launch.py").arg("--setup-only").current_dir(&root)))?;
-    step("tests", || run(cargo(&root).args(["test", "--workspace"])))
+    step("tests", || run(cargo(&root).args(["test", "--workspace"])))?;
+    // Optimised code may keep other roundings and no overflow checks: the extremes hold there too.
+    let extremes = ["--test", "model_extremes", "--test", "transient", "--test", "sweep"];
+    step("extremes, optimised", || run(cargo(&root).args(["test", "--release", "-p", "era-host"]).args(extremes)))
 }
 
 /// Formatting, lints, documentation and dependencies of both workspaces, then [`test()`].

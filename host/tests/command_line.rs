@@ -1,0 +1,86 @@
+//! The program as it is called: what is warned about, refused, and written to files.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn era(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).output().unwrap()
+}
+
+fn json(arguments: &[&str]) -> Value {
+    let output = era(arguments);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {told}"))
+}
+
+fn scratch(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join(name)
+}
+
+fn told(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Thin-plate theory ends somewhere: the number is said, and the answer given all the same.
+#[test]
+fn a_thick_panel_is_warned_about_with_its_number() {
+    let scene = |thickness_mm: &str| {
+        let text = era::scene::EXAMPLE_PLATE.replace("thickness_mm = 2.0", &format!("thickness_mm = {thickness_mm}"));
+        let file = scratch(&format!("thick-{thickness_mm}.toml"));
+        std::fs::write(&file, text).unwrap();
+        file.display().to_string()
+    };
+    // 10 mm of 200 mm is 0.050; 6 mm is 0.030, under 1/30.
+    let (thick, thin) = (era(&["modes", "--scene", &scene("10.0")]), era(&["modes", "--scene", &scene("6.0")]));
+    assert!(thick.status.success() && told(&thick).contains("0.050"), "{}", told(&thick));
+    assert!(thin.status.success() && !told(&thin).contains("thickness"), "{}", told(&thin));
+}
+
+/// The array's numbers are those of `era response`, and the header is what NumPy reads.
+#[test]
+fn a_sweep_is_written_for_numpy() {
+    let file = scratch("sweep.npy");
+    let band = ["--from", "100", "--to", "300", "--step", "10"];
+    let name = file.display().to_string();
+    let told = json(&[&["sweep", "--grid", "7,5", "--npy", &name, "--json"], &band[..]].concat());
+    assert_eq!((&told["points"], &told["frequencies"]), (&Value::from(35), &Value::from(21)));
+    let bytes = std::fs::read(&file).unwrap();
+    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    assert_eq!((10 + length) % 64, 0);
+    let header = std::str::from_utf8(&bytes[10..10 + length]).unwrap();
+    assert!(header.contains("'<c8'") && header.contains("(21, 2, 5, 7)") && header.ends_with('\n'), "{header}");
+    let values: Vec<f32> =
+        bytes[10 + length..].chunks_exact(4).map(|four| f32::from_le_bytes(four.try_into().unwrap())).collect();
+    assert_eq!(values.len(), 2 * 21 * 2 * 35);
+    // Third row, fifth column: 200 mm, 100 mm.
+    let curve = json(&[&["response", "--at", "200,100", "--json"], &band[..]].concat());
+    for (actuator, response) in curve["actuators"].as_array().unwrap().iter().enumerate() {
+        let part =
+            |key: &str| response[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect::<Vec<_>>();
+        let (re, im) = (part("acceleration_re"), part("acceleration_im"));
+        let peak = re.iter().zip(&im).map(|(re, im)| re.hypot(*im)).fold(0.0, f64::max);
+        for k in 0..21 {
+            let at = 2 * ((k * 2 + actuator) * 35 + 2 * 7 + 4);
+            let difference = (f64::from(values[at]) - re[k]).hypot(f64::from(values[at + 1]) - im[k]);
+            assert!(difference < 2e-3 * peak, "actuator {actuator}, frequency {k}: {difference} of {peak}");
+        }
+    }
+}
+
+#[test]
+fn sweeps_that_make_no_sense_are_refused() {
+    for (arguments, words) in [
+        (&["--grid", "0,3"][..], &["--grid", "1 to 10000"][..]),
+        (&["--grid", "9000,3000"], &["--grid", "27000000 points", "allowed"]),
+        (&["--from", "0"], &["--from 0", "above 0 Hz"]),
+        (&["--to", "10"], &["--to 10", "40 Hz (--from)"]),
+        (&["--npy", "/nowhere/at/all.npy"], &["/nowhere/at/all.npy"]),
+    ] {
+        let output = era(&[&["sweep", "--step", "50"], arguments].concat());
+        let told = told(&output);
+        assert!(!output.status.success() && words.iter().all(|word| told.contains(word)), "{arguments:?}: {told}");
+        assert!(output.stdout.is_empty());
+    }
+}
