@@ -171,7 +171,8 @@ fn side_by_side(
         let report = peers::run(environment, &file)?;
         let good = own.iter().filter(|own| own.error <= WANTED);
         let best = good.min_by(|a, b| a.total_s().total_cmp(&b.total_s())).cloned();
-        own.push(own::solve_bounded(problem, Accuracy::BALANCED, &reference, runs)?);
+        let bounded = own::solve_bounded(problem, Accuracy::BALANCED, &reference, runs)?;
+        own.push(bounded.clone());
         let mut all = peers::table(&report, &own, problem);
         all.below.push(format!(
             "The tightest answer (order {}, cells of {} mm) and the next lower order on its mesh are {} apart. With a bound: all \
@@ -184,6 +185,7 @@ fn side_by_side(
         if let Some(best) = best {
             tell(Part::Peers, peers::ratios(&report, &best));
         }
+        tell(Part::Peers, peers::ratios(&report, &bounded));
         tell(Part::Peers, calculix::table(environment, problem, &file)?);
     }
     if wants(Part::Arithmetic) {

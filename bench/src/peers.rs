@@ -144,14 +144,14 @@ fn need(results: &[&Solved], error: f64, errors: &[(f64, f64)]) -> Option<Need> 
 #[must_use]
 pub fn ratios(report: &Report, own: &Own) -> Table {
     let columns = ["method", "error", "cells along x", "total", "ratio", "from"];
-    let mut table = Table::new("(c) Side by side: at equal error", &columns);
+    let mut table = Table::new(format!("(c) Side by side: at equal error, {}", own.name), &columns);
     let own_s = own.total_s();
     table.above.push(format!(
-        "{}: {} from scene to result ({} after the modes are known), error {}. The others at 0.1 % and at that \
+        "{}: {} from scene to result{}, error {}. The others at 0.1 % and at that \
          same error: mesh and time between or beyond the meshes above, along straight lines in logarithms.",
         own.name,
         seconds(own_s),
-        seconds(own.sweep_s.unwrap_or(f64::NAN)),
+        own.sweep_s.map_or_else(String::new, |s| format!(" ({} after the modes are known)", seconds(s))),
         relative(own.error)
     ));
     // The error is the mesh's, whichever way its matrices are solved.
