@@ -15,6 +15,7 @@ use super::corners::has_singular_corner;
 use super::grid::{Fineness, expected_unknowns};
 use super::panel::{PanelModel, Parts, fineness};
 use super::placement::is_singular;
+use super::sections::Waves;
 use super::shape::HIGHEST_ORDER;
 use super::{Accuracy, ModelError, ReducedModel};
 use crate::scene::{Scene, SurfaceKind};
@@ -120,7 +121,39 @@ pub trait Question {
     }
 
     /// What each part may be wrong by for reasons that no finer mesh mends; `rounding` is what a frequency's is.
-    fn floors(&self, fine: &Self::Answer, rounding: f64) -> Vec<f64>;
+    fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64>;
+}
+
+/// Relative error of a frequency by rounding.
+#[derive(Clone, Copy, Debug)]
+pub struct Rounding {
+    /// On a regular mesh.
+    regular: f64,
+    /// What thin cells add for a mode that bends the panel.
+    thin: f64,
+    /// About the frequency of the first such mode.
+    bending_hz: f64,
+}
+
+impl Rounding {
+    fn new(scene: &Scene, model: &PanelModel) -> Self {
+        let length = scene.surface.length_m.max(scene.surface.width_m);
+        // The free bar's first mode: (k L)^2 = 22.4.
+        let bending_hz = 22.4 / (length * length) * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU;
+        Self { regular: ROUNDING, thin: ROUNDING_PER_ASPECT * model.aspect().powi(3), bending_hz }
+    }
+
+    /// Of a frequency. What K is wrong by is a part of the panel's stiffness, and more of a soft spring's.
+    #[must_use]
+    pub fn of(&self, frequency_hz: f64) -> f64 {
+        self.regular + self.thin * (self.bending_hz / frequency_hz).powi(2).max(1.0)
+    }
+
+    /// Of modes that bend the panel.
+    #[must_use]
+    pub fn of_bending(&self) -> f64 {
+        self.regular + self.thin
+    }
 }
 
 /// Why no bound exists for plates with rotational point springs.
@@ -235,7 +268,7 @@ impl<Q: Question> Ladder<'_, Q> {
         let before = self.question.differences(first, second);
         let last = self.question.differences(second, third);
         let estimator = Estimator::new(self.scene, model);
-        let floors = self.question.floors(third, estimator.rounding);
+        let floors = self.question.floors(third, Rounding::new(self.scene, model));
         // The level before may have had fewer parts to compare.
         let before = before.into_iter().chain(std::iter::repeat(f64::INFINITY));
         let bounds = last
@@ -279,7 +312,7 @@ impl Estimator {
                 _ if has_singular_corner(scene) => LEAST_POWER_CORNER,
                 _ => LEAST_POWER,
             },
-            rounding: ROUNDING + ROUNDING_PER_ASPECT * model.aspect().powi(3),
+            rounding: Rounding::new(scene, model).of_bending(),
             has_point_moment: has_point_moment(scene),
         }
     }

@@ -45,12 +45,21 @@ pub(super) fn forced(scene: &Scene, layout: &Layout, fineness: Fineness) -> [Vec
     let least = width(fineness.layers.min(MOST_LAYERS));
     let beside_patches =
         attachments(scene).filter_map(|at| Some((at, clear(scene, layout, &all, fineness, at)?.max(least))));
+    // No strip thinner than the cells are to be: rounding in K grows with the cube of its aspect.
+    let beside_patches = beside_patches
+        .map(|(at, width)| ((near_border(layout.x_m(), at.0, width), near_border(layout.y_m(), at.1, width)), width));
     for (at, width) in at_corners.chain(beside_patches) {
         for (lines, at) in forced.iter_mut().zip([at.0, at.1]) {
             lines.push(Forced { at, width });
         }
     }
     forced
+}
+
+/// The nearest border if it is within `width`, or the place itself.
+fn near_border(lines: &[f64], at: f64, width: f64) -> f64 {
+    let nearest = lines.iter().copied().min_by(|a, b| (a - at).abs().total_cmp(&(b - at).abs()));
+    nearest.filter(|line| (line - at).abs() <= width).unwrap_or(at)
 }
 
 /// Distance of an attachment from a patch, or a cut-out's corner, that is too near for its function to reach over; `None`

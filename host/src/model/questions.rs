@@ -1,6 +1,6 @@
 //! The questions that [`super::bounded`] puts to a panel: its modes.
 
-use super::bounded::{Bounded, Question, bounded};
+use super::bounded::{Bounded, Question, Rounding, bounded};
 use super::panel::{Mode, PanelModel};
 use super::{Accuracy, ModelError};
 use crate::scene::Scene;
@@ -35,11 +35,11 @@ impl Question for ModesUpTo {
             .collect()
     }
 
-    fn floors(&self, fine: &Vec<Mode>, rounding: f64) -> Vec<f64> {
+    fn floors(&self, fine: &Vec<Mode>, rounding: Rounding) -> Vec<f64> {
         let floor = |mode: &Mode| match mode {
             _ if mode.frequency_hz == 0.0 => 0.0,
             _ if mode.straight => STRAIGHT,
-            _ => rounding,
+            _ => rounding.of(mode.frequency_hz),
         };
         fine.iter().map(floor).collect()
     }

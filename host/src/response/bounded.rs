@@ -2,7 +2,7 @@
 
 use super::sweep::{Arithmetic, SurfaceShapes, Sweep};
 use super::{ResponseError, acceleration_curves};
-use crate::model::bounded::{Question, RESPONSE_SAFETY, SHARPEST, bounded};
+use crate::model::bounded::{Question, RESPONSE_SAFETY, Rounding, SHARPEST, bounded};
 use crate::model::{Accuracy, Bounded, ModelError, PanelModel};
 use crate::scene::Scene;
 use num_complex::Complex64;
@@ -73,8 +73,8 @@ impl Question for Curves<'_> {
         RESPONSE_SAFETY
     }
 
-    fn floors(&self, fine: &Self::Answer, rounding: f64) -> Vec<f64> {
-        vec![SHARPEST * rounding; fine.len()]
+    fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
+        vec![SHARPEST * rounding.of_bending(); fine.len()]
     }
 }
 
@@ -109,8 +109,8 @@ impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
         RESPONSE_SAFETY
     }
 
-    fn floors(&self, fine: &Self::Answer, rounding: f64) -> Vec<f64> {
-        vec![SHARPEST * rounding + ARITHMETIC * T::ROUNDING; fine.actuators]
+    fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
+        vec![SHARPEST * rounding.of_bending() + ARITHMETIC * T::ROUNDING; fine.actuators]
     }
 }
 
