@@ -330,6 +330,47 @@ fn examples_are_planned_for() {
     }
 }
 
+/// A spring, and an ERA, on a border, beside it, on a corner and beside one: modes and the point's own response.
+#[test]
+fn attachments_on_borders_have_bounds_that_hold() {
+    let rectangle = [0.3, 0.25, 0.4, 0.5];
+    for (x, y) in [(0.3, 0.6), (0.3, 0.25), (0.295, 0.24), (0.31, 0.5)] {
+        for is_cutout in [false, true] {
+            if is_cutout && x == 0.31 {
+                continue;
+            }
+            let panel = SceneText::plate(0.3, 0.2, 0.3)
+                .corner_springs(2e3)
+                .era("grounded", x, y, 0.01, 1e4, 1.0)
+                .damping("loss_factor", 0.02);
+            let cut = Cut::of(panel);
+            let cut = if is_cutout { cut.cutout(rectangle) } else { cut.patch(rectangle, 0.004) };
+            let scene = cut.scene();
+            let at = (0.3 * x, 0.2 * y);
+            let frequencies: Vec<f64> = (1..=50).map(|i| 8.0 * f64::from(i)).collect();
+            let tolerance = Accuracy::tolerance(1e-1).unwrap();
+            let (found, curves) = (
+                bounded_modes(&scene, tolerance, 400.0).unwrap(),
+                bounded_curves(&scene, tolerance, at, &frequencies).unwrap(),
+            );
+            let fine = Fineness { order: 11, ..found.model.fineness() };
+            let model = PanelModel::with_fineness(&scene, fine).unwrap();
+            for (k, exact) in model.modes(450.0).unwrap().iter().take(found.answer.len()).enumerate() {
+                let error = (found.answer[k].frequency_hz / exact.frequency_hz - 1.0).abs();
+                let bound = found.bounds[k].value().unwrap();
+                assert!(error <= bound && bound < 1e-2, "mode {k}: {error:e} {bound:e}\n{}", cut.text());
+            }
+            let reduced = model.reduce(400.0, &[at]).unwrap();
+            let exact = &acceleration_curves(&reduced, &reduced.shape_at(at.0, at.1), &frequencies).unwrap()[0];
+            let peak = exact.iter().map(|z| z.norm()).fold(0.0, f64::max);
+            let differences = exact.iter().zip(&curves.answer[0]).map(|(a, b)| (a - b).norm());
+            let (error, bound) = (differences.fold(0.0, f64::max) / peak, curves.bounds[0].value().unwrap());
+            println!("({x}, {y}) {is_cutout}: response off by {error:.1e}, bound {bound:.1e}");
+            assert!(error <= bound && bound < 0.1, "response: {error:e} {bound:e}\n{}", cut.text());
+        }
+    }
+}
+
 fn place() -> impl Strategy<Value = f64> {
     prop_oneof![4 => 0.03..=0.97, 1 => Just(0.0), 1 => Just(1.0), 1 => Just(0.5)]
 }
