@@ -131,15 +131,15 @@ pub struct Rounding {
     regular: f64,
     /// What thin cells add for a mode that bends the panel.
     thin: f64,
-    /// About the frequency of the first such mode.
+    /// About the frequency of the slowest such mode.
     bending_hz: f64,
 }
 
 impl Rounding {
     fn new(scene: &Scene, model: &PanelModel) -> Self {
         let length = scene.surface.length_m.max(scene.surface.width_m);
-        // The free bar's first mode: (k L)^2 = 22.4.
-        let bending_hz = 22.4 / (length * length) * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU;
+        // The cantilever's first mode, the slowest that `thin` was measured on: (k L)^2 = 3.52.
+        let bending_hz = 3.52 / (length * length) * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU;
         Self { regular: ROUNDING, thin: ROUNDING_PER_ASPECT * model.aspect().powi(3), bending_hz }
     }
 
