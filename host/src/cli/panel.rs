@@ -282,15 +282,20 @@ pub fn field(options: &Field) -> Outcome {
     let table = plan_table(&options.panel, &scene)?;
     let plan = table.plan(&[target])?;
     let field = study::Field::of(&table, &plan);
+    let bound = table.field_bound(&plan);
+    tell_missing(&[bound], options.panel.accuracy()?);
     if let Some(path) = &options.png {
         study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?;
+    }
+    if let (Some(bound), false) = (bound.value(), options.json) {
+        eprintln!("error at most {bound:.0e} of the largest value");
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {
         std::fs::write(path, field.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
     }
     if options.json {
-        return print_json(&json!({"plan": plan, "field": field}));
+        return print_json(&json!({"plan": plan, "field": field, "error_bound": bound.value()}));
     }
     if to_output || options.png.is_none() && options.csv.is_none() {
         return print_text(field.csv().trim_end());

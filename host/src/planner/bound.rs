@@ -1,10 +1,11 @@
 //! How wrong a plan's prediction may be.
 
-use super::plan::TargetResult;
+use super::plan::{Plan, TargetResult};
 use super::search::Selection;
 use super::{PlanTable, STANDARD_GRAVITY};
 use crate::model::{Bound, ReducedModel};
 use crate::response;
+use nalgebra::DVector;
 use num_complex::Complex64;
 
 /// Why there is no bound on what nothing moves, or what was not asked for.
@@ -36,6 +37,39 @@ impl PlanTable {
         };
         let difference =
             |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / peak;
+        estimator.response_bound(difference(&coarse, &middle), difference(&middle, &fine))
+    }
+
+    /// A bound on the error of [`PlanTable::field`] at any point, relative to the field's largest value: as for the target, but at
+    /// every point.
+    #[must_use]
+    pub fn field_bound(&self, plan: &Plan) -> Bound {
+        let Some(([middle, coarse], estimator)) = &self.coarser else { return Bound::Unknown(NO_LEVELS) };
+        let largest = self.field(plan).into_iter().flatten().fold(0.0, f64::max);
+        if largest <= 0.0 {
+            return Bound::Unknown(NOTHING);
+        }
+        // For each drive the accelerations at all points.
+        let fields = |model: &ReducedModel| -> Option<Vec<DVector<Complex64>>> {
+            let shapes = model.shapes_on(&self.grid.x_m, &self.grid.y_m).map(Complex64::from);
+            let each = plan.drives.iter().map(|drive| {
+                let actuator = self.scene.actuators.iter().position(|actuator| actuator.id == drive.actuator)?;
+                let omega = std::f64::consts::TAU * drive.frequency_hz;
+                let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
+                Some(&shapes * q.get(actuator)? * Complex64::from(-omega * omega * drive.force_n))
+            });
+            each.collect()
+        };
+        let (Some(fine), Some(middle), Some(coarse)) = (fields(&self.model), fields(middle), fields(coarse)) else {
+            return Bound::Unknown(UNBOUNDED);
+        };
+        let difference = |a: &[DVector<Complex64>], b: &[DVector<Complex64>]| {
+            let mut sum = DVector::zeros(self.grid.weights.len());
+            for (a, b) in a.iter().zip(b) {
+                sum += (a - b).map(|z| z.norm());
+            }
+            sum.amax() / largest
+        };
         estimator.response_bound(difference(&coarse, &middle), difference(&middle, &fine))
     }
 }
