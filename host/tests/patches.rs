@@ -3,10 +3,8 @@
 
 mod support;
 
-use era::model::bounded::Levels;
 use era::model::grid::Fineness;
 use era::model::{Accuracy, PanelModel, bounded_modes};
-use era::planner::{PlanTable, TableOptions, Target};
 use era::response::{acceleration_curves, bounded_curves};
 use era::scene::Scene;
 use nalgebra::{Matrix4, Vector4};
@@ -302,32 +300,6 @@ fn bias_softens_the_springs() {
     let (found, expected) = (modes(&biased, 1e-2, 300.0), modes(&softer, 1e-2, 300.0));
     assert_eq!(found, expected);
     assert!(found.iter().zip(modes(&scene, 1e-2, 300.0)).any(|(a, b)| a.0 < 0.995 * b.0));
-}
-
-/// Each example is read, modelled and planned for; in the camera's hole there is nothing to touch, and no value on the map.
-#[test]
-fn examples_are_planned_for() {
-    for name in ["bezel", "camera", "stepped_bar"] {
-        let path = format!("{}/../examples/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-        let scene = Scene::load(std::path::Path::new(&path)).unwrap();
-        let options = TableOptions { from_hz: 40.0, to_hz: 200.0, step_hz: 4.0 };
-        let levels = Levels::of_order(&scene, Accuracy::FAST.order(), options.to_hz).unwrap();
-        let table = PlanTable::with_levels(&scene, levels, options).unwrap();
-        let target = |x_m: f64, y_m: f64| Target { x_m, y_m, intensity_g: Some(0.3) };
-        let plan = table.plan(&[target(0.05, 0.01)]).unwrap();
-        assert!(plan.predicted.target_peak_g > 0.29, "{name}: {plan:?}");
-        assert!(plan.error_bound.unwrap() < 0.02, "{name}: {plan:?}");
-        let field = table.field(&plan);
-        let has_hole = name == "camera";
-        assert_eq!(field.iter().any(Option::is_none), has_hole, "{name}");
-        assert!((table.grid.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-        if has_hole {
-            let told = table.plan(&[target(0.15, 0.02)]).unwrap_err().to_string();
-            assert!(told.contains("(150, 20)") && told.contains("cutout[1]"), "{told}");
-            let csv = era::study::Field::of(&table, &plan).csv();
-            assert!(csv.lines().any(|line| line.starts_with("150.000,") && line.ends_with(',')), "{csv}");
-        }
-    }
 }
 
 /// A spring, and an ERA, on a border, beside it, on a corner and beside one: modes and the point's own response.

@@ -39,6 +39,22 @@ function locate(lines, at) {
 const locateAll = (lines, length, count) =>
   Array.from({ length: count }, (_, i) => locate(lines, ((i + 0.5) / count) * length));
 
+// The values with those of cut-outs (null) made up from their neighbours', so that the map goes on to a hole's border.
+function filled({ nx, ny, peak_g }) {
+  if (!peak_g.includes(null)) return peak_g;
+  return peak_g.map((value, at) => {
+    if (value !== null) return value;
+    const [i, j] = [at % nx, Math.floor(at / nx)];
+    const near = [];
+    for (let b = Math.max(j - 1, 0); b <= Math.min(j + 1, ny - 1); b += 1) {
+      for (let a = Math.max(i - 1, 0); a <= Math.min(i + 1, nx - 1); a += 1) {
+        if (peak_g[b * nx + a] !== null) near.push(peak_g[b * nx + a]);
+      }
+    }
+    return near.length > 0 ? near.reduce((sum, value_g) => sum + value_g) / near.length : 0;
+  });
+}
+
 export class Heat {
   constructor(canvas, scale, ticks) {
     Object.assign(this, { canvas, ticks, field: null, size: null, fixed_g: null, top_g: 1 });
@@ -84,7 +100,8 @@ export class Heat {
     const colors = new Uint32Array(TABLE.buffer);
     const across = locateAll(field.x_mm, this.size[0], width);
     const down = locateAll(field.y_mm, this.size[1], height);
-    const { nx, ny, peak_g } = field;
+    const { nx, ny } = field;
+    const peak_g = filled(field);
     const [right, below] = [nx > 1 ? 1 : 0, ny > 1 ? nx : 0];
     const factor = (SHADES - 1) / this.top_g;
     let out = 0;
@@ -105,9 +122,9 @@ export class Heat {
     if (!this.field) return null;
     const { nx, ny, x_mm: xs, y_mm: ys, peak_g } = this.field;
     const [[i, u], [j, v]] = [locate(xs, x_mm), locate(ys, y_mm)];
-    // Cut-outs have no value; beside one, the map is drawn as if it had 0, under the cut-out's own colour.
     if (peak_g[Math.round(j + v) * nx + Math.round(i + u)] === null) return null;
-    const at = (a, b) => peak_g[Math.min(b, ny - 1) * nx + Math.min(a, nx - 1)];
+    const values = filled(this.field);
+    const at = (a, b) => values[Math.min(b, ny - 1) * nx + Math.min(a, nx - 1)];
     return (at(i, j) * (1 - u) + at(i + 1, j) * u) * (1 - v) + (at(i, j + 1) * (1 - u) + at(i + 1, j + 1) * u) * v;
   }
 

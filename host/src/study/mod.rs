@@ -57,17 +57,22 @@ impl Field {
         text
     }
 
-    /// Bilinear interpolation.
+    /// Bilinear interpolation between the points around that have a value.
     fn at(&self, x_mm: f64, y_mm: f64) -> f64 {
         let (i, u) = place(&self.x_mm, x_mm);
         let (j, v) = place(&self.y_mm, y_mm);
         let nx = self.x_mm.len();
-        let value = |i: usize, j: usize| {
-            let (i, j) = (i.min(nx - 1), j.min(self.y_mm.len() - 1));
-            self.peak_g.get(j * nx + i).copied().flatten().unwrap_or(0.0)
-        };
-        (value(i, j) * (1.0 - u) + value(i + 1, j) * u) * (1.0 - v)
-            + (value(i, j + 1) * (1.0 - u) + value(i + 1, j + 1) * u) * v
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (i, u) in [(i, 1.0 - u), (i + 1, u)] {
+            for (j, v) in [(j, 1.0 - v), (j + 1, v)] {
+                let (i, j) = (i.min(nx - 1), j.min(self.y_mm.len() - 1));
+                if let Some(peak) = self.peak_g.get(j * nx + i).copied().flatten() {
+                    sum += u * v * peak;
+                    weight += u * v;
+                }
+            }
+        }
+        if weight > 0.0 { sum / weight } else { 0.0 }
     }
 }
 
