@@ -5,8 +5,8 @@
 //! [`super::shape`], the
 //! thin plate's energy D/2 * integral of w_xx^2 + w_yy^2 + 2 nu w_xx w_yy + 2 (1 - nu) w_xy^2 is assembled from
 //! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G]. Across a line between two thicknesses the functions make
-//! w, both slopes and, at the line's nodes, w_xy continuous, as they are in the plate (w_x is, and so is its derivative along the
-//! line); w_xx across it is free to jump, as it must where the rigidity does.
+//! w, both slopes and, at the line's nodes, w_xy continuous, as they are in the plate (w_x is, and so is its derivative along
+//! the line); w_xx across it is free to jump, as it must where the rigidity does.
 
 use super::ModelError;
 use super::enriched::{EdgeSprings, add_singular};

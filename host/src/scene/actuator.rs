@@ -47,9 +47,9 @@ pub struct Actuator {
 impl Actuator {
     /// What electrodes in turn take off the springs, in N/m.
     ///
-    /// The electrode at distance g - x pulls with eps0 A V^2 / (2 (g - x)^2), the one at g + x the other way; each force
-    /// changes with x at rate eps0 A V^2 / g^3 towards its electrode. As one or the other is on, that is the rate whichever it is, and a
-    /// mean over the time that they are takes the mean square of the voltage.
+    /// The electrode at distance g - x pulls with eps0 A V^2 / (2 (g - x)^2), the one at g + x the other way. At x = 0 either
+    /// force changes with x at the rate eps0 A V^2 / g^3, as a spring of negative stiffness does. As one or the other is on,
+    /// that is the rate whichever it is, and its mean over time has the mean square of the voltage.
     #[must_use]
     pub fn softening_n_per_m(&self) -> f64 {
         EPS0 * self.electrode_area_m2 * self.bias_voltage_v.powi(2) / self.air_gap_m.powi(3)
