@@ -16,7 +16,6 @@ use super::sections::Section;
 use super::shape::CellMatrices;
 use super::sparse::{Entries, Symmetric};
 use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side};
-use nalgebra::DMatrix;
 
 /// A spring, dashpot and mass on one motion d = vector . u: forces stiffness d, damping d' and mass d'' along the vector.
 #[derive(Clone, Debug, Default)]
@@ -49,14 +48,11 @@ pub struct Assembled {
     pub stiffness: Symmetric,
     /// Everything's mass.
     pub mass: Symmetric,
-    /// The surface's own stiffness.
-    pub surface_stiffness: Symmetric,
-    /// The surface's own mass.
-    pub surface_mass: Symmetric,
+    /// The surface's own stiffness and mass, where the difference from everything's is more than `attachments`: with springs
+    /// along edges.
+    pub surface: Option<[Symmetric; 2]>,
     /// What is attached at points.
     pub attachments: Vec<Attachment>,
-    /// Whether there are springs along edges.
-    pub has_elastic_edges: bool,
     /// All actuators, in the scene's order.
     pub actuators: Vec<ActuatorVectors>,
     /// Unknowns of inertial ERAs' moving masses: (unknown, index of the actuator).
@@ -77,10 +73,9 @@ impl Assembled {
 /// As the matrices' assembly.
 pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelError> {
     let grid = Grid::new(scene, fineness);
-    let (surface_stiffness, surface_mass) = surface_matrices(&grid);
-    let (surface_stiffness, surface_mass) = (grid.over_unknowns(surface_stiffness), grid.over_unknowns(surface_mass));
+    let (stiffness, mass) = surface_matrices(&grid);
+    let (mut stiffness, mut mass) = (grid.over_unknowns(stiffness), grid.over_unknowns(mass));
     let mut parts = Parts { grid: &grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
-    let (mut stiffness, mut mass) = (surface_stiffness.clone(), surface_mass.clone());
     let mut edges = Entries::default();
     for edge in &scene.edges {
         if let EdgeKind::Elastic { stiffness, rotational_stiffness } = edge.kind {
@@ -88,6 +83,7 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
         }
     }
     let edges = grid.over_unknowns(edges);
+    let surface = edges.iter().next().map(|_| [stiffness.clone(), mass.clone()]);
     stiffness.add_all(&edges, 1.0);
     for support in &scene.supports {
         parts.support(support);
@@ -102,13 +98,15 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
         stiffness.add_outer(&attachment.vector, attachment.stiffness);
         mass.add_outer(&attachment.vector, attachment.mass);
     }
+    let surface = match surface {
+        Some([stiffness, mass]) => Some([stiffness.build(n)?, mass.build(n)?]),
+        None => None,
+    };
     Ok(Assembled {
+        surface,
         stiffness: stiffness.build(n)?,
         mass: mass.build(n)?,
-        surface_stiffness: surface_stiffness.build(n)?,
-        surface_mass: surface_mass.build(n)?,
         attachments: parts.attachments,
-        has_elastic_edges: edges.iter().next().is_some(),
         moving_masses: parts.moving_masses,
         actuators,
         grid,
@@ -143,8 +141,8 @@ fn surface_matrices(grid: &Grid) -> (Entries, Entries) {
                     let numbers: Vec<_> = (0..n * n)
                         .map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n)))
                         .collect();
-                    add_block(&mut stiffness, &numbers, |k, l| rigidity * plate_energy(mx, my, poisson, k, l));
-                    add_block(&mut mass, &numbers, |k, l| per_area * product(&mx.mass, &my.mass, k, l));
+                    let section = Section { rigidity, per_area, poisson };
+                    add_plate_cell((mx, my), section, &numbers, &mut stiffness, &mut mass);
                 }
             }
             add_singular(grid, y, &mut stiffness, &mut mass);
@@ -153,19 +151,34 @@ fn surface_matrices(grid: &Grid) -> (Entries, Entries) {
     (stiffness, mass)
 }
 
-/// Entry of the tensor product of two matrices over the same number of functions.
-fn product(x: &DMatrix<f64>, y: &DMatrix<f64>, k: usize, l: usize) -> f64 {
-    let n = x.nrows();
-    x[(k / n, l / n)] * y[(k % n, l % n)]
-}
-
-fn plate_energy(x: &CellMatrices, y: &CellMatrices, nu: f64, k: usize, l: usize) -> f64 {
+/// Adds a plate's cell: tensor products of matrices along x (functions a and c) and along y (b and d).
+fn add_plate_cell(
+    (x, y): (&CellMatrices, &CellMatrices),
+    section: Section,
+    numbers: &[Option<usize>],
+    stiffness: &mut Entries,
+    mass: &mut Entries,
+) {
     let n = x.mass.nrows();
-    let (a, b, c, d) = (k / n, k % n, l / n, l % n);
-    product(&x.bend, &y.mass, k, l)
-        + product(&x.mass, &y.bend, k, l)
-        + nu * (x.mixed[(a, c)] * y.mixed[(d, b)] + x.mixed[(c, a)] * y.mixed[(b, d)])
-        + 2.0 * (1.0 - nu) * product(&x.slope, &y.slope, k, l)
+    let Section { rigidity, per_area, poisson } = section;
+    for (a, rows) in numbers.chunks_exact(n).enumerate() {
+        for (c, columns) in numbers.chunks_exact(n).enumerate() {
+            let (bend, slope, own) = (x.bend[(a, c)], 2.0 * (1.0 - poisson) * x.slope[(a, c)], x.mass[(a, c)]);
+            let mixed = [poisson * x.mixed[(a, c)], poisson * x.mixed[(c, a)]];
+            for (b, row) in rows.iter().enumerate() {
+                for (d, column) in columns.iter().enumerate() {
+                    let (Some(row), Some(column)) = (row, column) else { continue };
+                    let energy = bend * y.mass[(b, d)]
+                        + own * y.bend[(b, d)]
+                        + mixed[0] * y.mixed[(d, b)]
+                        + mixed[1] * y.mixed[(b, d)]
+                        + slope * y.slope[(b, d)];
+                    stiffness.add(*row, *column, rigidity * energy);
+                    mass.add(*row, *column, per_area * own * y.mass[(b, d)]);
+                }
+            }
+        }
+    }
 }
 
 fn add_block(entries: &mut Entries, numbers: &[Option<usize>], value: impl Fn(usize, usize) -> f64) {

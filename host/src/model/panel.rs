@@ -199,7 +199,7 @@ impl PanelModel {
         let surface = self.scene.surface.damping;
         let attachments = &self.assembled.attachments;
         // The stiffness of an elastic edge is not the surface's own and of no low rank.
-        if !self.assembled.has_elastic_edges
+        if self.assembled.surface.is_none()
             && let Some(structured) = Structured::new(surface, attachments, lambda, vectors)
         {
             return Ok(structured.full());
@@ -211,16 +211,18 @@ impl PanelModel {
             let along = row_times(&attachment.vector, vectors);
             damping.viscous += attachment.damping * along.transpose() * along;
         }
-        match surface {
-            SurfaceDamping::None => {}
-            SurfaceDamping::LossFactor(eta) => {
-                damping.structural = eta * self.project(&self.assembled.surface_stiffness, vectors);
+        match (surface, &self.assembled.surface) {
+            (SurfaceDamping::LossFactor(eta), Some([stiffness, _])) => {
+                damping.structural = eta * self.project(stiffness, vectors);
             }
-            SurfaceDamping::Rayleigh { alpha, beta } => {
-                damping.viscous += alpha * self.project(&self.assembled.surface_mass, vectors);
-                damping.viscous += beta * self.project(&self.assembled.surface_stiffness, vectors);
+            (SurfaceDamping::Rayleigh { alpha, beta }, Some([stiffness, mass])) => {
+                damping.viscous += alpha * self.project(mass, vectors);
+                damping.viscous += beta * self.project(stiffness, vectors);
             }
-            SurfaceDamping::ModalRatio(ratio) => damping.viscous += self.modal_damping(ratio, vectors, max_hz)?,
+            (SurfaceDamping::ModalRatio(ratio), _) => damping.viscous += self.modal_damping(ratio, vectors, max_hz)?,
+            (SurfaceDamping::None, _) => {}
+            // Without springs along edges it was structured.
+            (SurfaceDamping::LossFactor(_) | SurfaceDamping::Rayleigh { .. }, None) => {}
         }
         Ok(damping)
     }
