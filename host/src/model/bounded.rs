@@ -2,11 +2,17 @@
 //!
 //! The same question is put to elements of order p - 4, p - 2 and p. Their spaces are contained in each other, so that
 //! frequencies fall towards the exact ones, and the differences d' (p - 4 to p - 2) and d (p - 2 to p) shrink by a ratio
-//! r = d / d'. If later differences shrink no slower, the error of order p is at most d r / (1 - r); and if they come to fall
-//! as p^-6 only (p^-2 to p^-4 where shapes are singular), it is at most d / ((p / (p - 2))^6 - 1). The bound is the larger, times a safety factor of 2, and what
-//! rounding can do. Steps of two, as a step of one leaves shapes of one parity as they were. That differences shrink so is
-//! not a theorem but what elements of rising order do once they resolve the waves; `host/tests/bounds.rs` holds it against
-//! much finer solutions of random scenes, `host/tests/model_reference.rs` against closed references.
+//! r = d / d'. If later differences shrink no slower, the error of order p is at most d r / (1 - r). If errors fall as a power
+//! p^-k, it is d / ((p / (p - 2))^k - 1): k is taken as half of what the three levels show, and as 5 at least (2 to 4 where
+//! shapes are singular). The larger of the two, times a safety factor of 2, is the bound; to which comes what falls with the
+//! least power although the three levels do not show it yet, up to a limit, and what rounding can do. Steps of two, as a step
+//! of one leaves shapes of one parity as they were.
+//!
+//! That differences shrink so is not a theorem but what elements of rising order do once they resolve the waves. Of 1382
+//! frequencies and 198 responses of random scenes (`host/tests/bounds.rs`), held against solutions a hundred times finer, the
+//! power that followed was in 5 % of the cases less than half of the one shown, always where d was small: less than 1.4e-6 of
+//! a frequency where nothing is singular. That is what the limits are for. `host/tests/model_reference.rs` holds bounds
+//! against closed references.
 //!
 //! As long as the bound is above the tolerance, p grows by two, and then the cells shrink. Where a bound grows with p,
 //! rounding has taken over, and the level before is the answer.
@@ -25,12 +31,23 @@ use std::time::Instant;
 const SAFETY: f64 = 2.0;
 /// Largest ratio of differences that allows a bound.
 const LARGEST_RATIO: f64 = 0.7;
-/// Errors fall at least as this power of the order: at corners of free edges they do (measured on the free square: 7 to 9).
-const LEAST_POWER: f64 = 6.0;
-/// The same with corners between clamped and free edges, towards which cells shrink.
+/// Errors fall at least as this power of the order: at corners of free edges they do (measured on the free square: 7 to 9; on
+/// random scenes 4.7 and more).
+const LEAST_POWER: f64 = 5.0;
+/// The same with corners between clamped and free edges, towards which cells shrink, and with attachments beside a corner
+/// (measured: 5.1 and more).
 const LEAST_POWER_CORNER: f64 = 4.0;
-/// The same where shapes are singular in a way that no function of the mesh has (measured: 2 to 6).
+/// The same at patches and cut-outs.
 const LEAST_POWER_SINGULAR: f64 = 2.0;
+/// Part of the power that three levels show which is believed of the levels after them; none at patches and cut-outs, where
+/// singularities of several strengths take turns.
+const BELIEVED: f64 = 0.5;
+/// Highest power that differences can show: r of 1e-9 or so.
+const MOST_POWER: f64 = 60.0;
+/// Largest difference of frequencies, relative, that may fall with the least power although three levels show a higher one.
+const HIDDEN: f64 = 2e-7;
+/// The same of responses, relative to the peak: resonances are sharper than frequencies.
+pub const HIDDEN_IN_RESPONSES: f64 = 5e-6;
 /// Relative error of a frequency by rounding on a regular mesh.
 const ROUNDING: f64 = 2e-10;
 /// Rounding in the entries of K on thin cells, per cube of the panel's side over the least cell.
@@ -118,6 +135,11 @@ pub trait Question {
     /// A factor on the bound, for answers whose errors come together in more ways than a frequency's.
     fn safety(&self) -> f64 {
         1.0
+    }
+
+    /// Largest difference that may fall with the least power although three levels show a higher one.
+    fn hidden(&self) -> f64 {
+        HIDDEN
     }
 
     /// What each part may be wrong by for reasons that no finer mesh mends; `rounding` is what a frequency's is.
@@ -271,11 +293,9 @@ impl<Q: Question> Ladder<'_, Q> {
         let floors = self.question.floors(third, Rounding::new(self.scene, model));
         // The level before may have had fewer parts to compare.
         let before = before.into_iter().chain(std::iter::repeat(f64::INFINITY));
-        let bounds = last
-            .iter()
-            .zip(before)
-            .zip(&floors)
-            .map(|((last, before), floor)| self.question.safety() * estimator.estimate(before, *last) + floor);
+        let bounds = last.iter().zip(before).zip(&floors).map(|((last, before), floor)| {
+            self.question.safety() * estimator.estimate(before, *last, self.question.hidden()) + floor
+        });
         (bounds.collect(), floors)
     }
 
@@ -297,7 +317,10 @@ impl<Q: Question> Ladder<'_, Q> {
 #[derive(Clone, Copy, Debug)]
 pub struct Estimator {
     order: usize,
+    /// Least power that errors fall with.
     power: f64,
+    /// Part of the power shown that is believed.
+    believed: f64,
     /// Relative error of a frequency by rounding.
     rounding: f64,
     has_point_moment: bool,
@@ -305,11 +328,14 @@ pub struct Estimator {
 
 impl Estimator {
     fn new(scene: &Scene, model: &PanelModel) -> Self {
+        // On a bar a step is a line of the mesh, and shapes are smooth on either side.
+        let has_borders = scene.surface.kind == SurfaceKind::Plate && !scene.layout().is_uniform();
         Self {
             order: model.fineness().order,
+            believed: if has_borders { 0.0 } else { BELIEVED },
             power: match model.fineness() {
-                fineness if is_singular(scene, fineness) => LEAST_POWER_SINGULAR,
-                _ if has_singular_corner(scene) => LEAST_POWER_CORNER,
+                _ if has_borders => LEAST_POWER_SINGULAR,
+                fineness if is_singular(scene, fineness) || has_singular_corner(scene) => LEAST_POWER_CORNER,
                 _ => LEAST_POWER,
             },
             rounding: Rounding::new(scene, model).of_bending(),
@@ -318,8 +344,7 @@ impl Estimator {
     }
 
     /// The bound from two successive differences, infinite where they do not shrink.
-    #[allow(clippy::cast_precision_loss, reason = "orders are small")]
-    fn estimate(&self, before: f64, last: f64) -> f64 {
+    fn estimate(&self, before: f64, last: f64, hidden: f64) -> f64 {
         if last == 0.0 {
             return 0.0;
         }
@@ -328,15 +353,37 @@ impl Estimator {
             // Before the waves are resolved differences need not shrink; rounding need not either.
             return if last <= self.rounding { last } else { f64::INFINITY };
         }
+        let power = self.power.max(self.believed * self.power_shown(ratio));
+        SAFETY * (last * self.rest(power).max(ratio / (1.0 - ratio)) + last.min(hidden) * self.rest(self.power))
+    }
+
+    /// Error of order p over the difference from order p - 2, if errors fall as this power of the order.
+    #[allow(clippy::cast_precision_loss, reason = "orders are small")]
+    fn rest(&self, power: f64) -> f64 {
         let p = self.order as f64;
-        let algebraic = 1.0 / ((p / (p - 2.0)).powf(self.power) - 1.0);
-        SAFETY * last * algebraic.max(ratio / (1.0 - ratio))
+        1.0 / ((p / (p - 2.0)).powf(power) - 1.0)
+    }
+
+    /// The power k of errors p^-k whose differences shrink by `ratio` over the three orders: by bisection, as the ratio falls
+    /// with k.
+    #[allow(clippy::cast_precision_loss, reason = "orders are small")]
+    fn power_shown(&self, ratio: f64) -> f64 {
+        let p = self.order as f64;
+        // All over the error of the first order.
+        let error = |order: f64, power: f64| ((p - 4.0) / order).powf(power);
+        let ratio_of = |power: f64| (error(p - 2.0, power) - error(p, power)) / (1.0 - error(p - 2.0, power));
+        let (mut low, mut high) = (0.1, MOST_POWER);
+        for _ in 0..40 {
+            let middle = 0.5 * (low + high);
+            if ratio_of(middle) > ratio { low = middle } else { high = middle }
+        }
+        low
     }
 
     /// The bound of a response from the relative differences of the two coarser levels and of the two finer ones.
     #[must_use]
     pub fn response_bound(&self, before: f64, last: f64) -> Bound {
-        match RESPONSE_SAFETY * self.estimate(before, last) + SHARPEST * self.rounding {
+        match RESPONSE_SAFETY * self.estimate(before, last, HIDDEN_IN_RESPONSES) + SHARPEST * self.rounding {
             _ if self.has_point_moment => Bound::Unknown(POINT_MOMENT),
             bound if bound.is_finite() => Bound::AtMost(bound),
             _ => Bound::Unknown(NOT_SETTLED),
@@ -345,7 +392,7 @@ impl Estimator {
 }
 
 /// Factor on the bound of a response: it has errors of shapes, frequencies and truncation, which need not shrink together.
-pub const RESPONSE_SAFETY: f64 = 2.5;
+pub const RESPONSE_SAFETY: f64 = 1.5;
 
 /// Error of a response, relative to its peak, over that of the frequencies by rounding: what the sharpest resonance that
 /// anyone has (a quality of a thousand) makes of it.
@@ -411,19 +458,26 @@ mod tests {
 
     #[test]
     fn estimates_bound_geometric_and_algebraic_convergence() {
-        let of = |order| Estimator { order, power: LEAST_POWER, rounding: ROUNDING, has_point_moment: false };
+        let of = |order| Estimator {
+            order,
+            power: LEAST_POWER,
+            believed: BELIEVED,
+            rounding: ROUNDING,
+            has_point_moment: false,
+        };
         // Errors q^p: the ratio of differences over two orders is q^2.
         for q in [0.01_f64, 0.2, 0.5, 0.8] {
             let error = |p: i32| q.powi(p);
-            let bound = of(7).estimate(error(3) - error(5), error(5) - error(7));
+            let bound = of(7).estimate(error(3) - error(5), error(5) - error(7), HIDDEN);
             assert!(bound >= error(7), "{q}");
         }
         // Errors p^-k.
         for k in [6, 8, 12] {
-            let error = |p: f64| p.powi(-k);
-            let bound = of(9).estimate(error(5.0) - error(7.0), error(7.0) - error(9.0));
+            // Large against what may be hidden.
+            let error = |p: f64| 1e9 * p.powi(-k);
+            let bound = of(9).estimate(error(5.0) - error(7.0), error(7.0) - error(9.0), HIDDEN);
             assert!(bound >= error(9.0) && bound < 20.0 * error(9.0), "{k}: {bound:e} {:e}", error(9.0));
         }
-        assert_eq!(of(7).estimate(1e-3, 2e-3), f64::INFINITY);
+        assert_eq!(of(7).estimate(1e-3, 2e-3, HIDDEN), f64::INFINITY);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::sweep::{Arithmetic, SurfaceShapes, Sweep};
 use super::{ResponseError, acceleration_curves};
-use crate::model::bounded::{Question, RESPONSE_SAFETY, Rounding, SHARPEST, bounded};
+use crate::model::bounded::{HIDDEN_IN_RESPONSES, Question, RESPONSE_SAFETY, Rounding, SHARPEST, bounded};
 use crate::model::{Accuracy, Bounded, ModelError, PanelModel};
 use crate::scene::Scene;
 use num_complex::Complex64;
@@ -73,6 +73,10 @@ impl Question for Curves<'_> {
         RESPONSE_SAFETY
     }
 
+    fn hidden(&self) -> f64 {
+        HIDDEN_IN_RESPONSES
+    }
+
     fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
         vec![SHARPEST * rounding.of_bending(); fine.len()]
     }
@@ -107,6 +111,10 @@ impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
 
     fn safety(&self) -> f64 {
         RESPONSE_SAFETY
+    }
+
+    fn hidden(&self) -> f64 {
+        HIDDEN_IN_RESPONSES
     }
 
     fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
