@@ -126,9 +126,9 @@ fn a_scene_that_cannot_be_previewed_is_told_with_its_field() {
     let held = format!("{EXAMPLE_PLATE}\n{}", "[[mass]]\nx_mm = 1\ny_mm = 1\nmass_g = 1\n".repeat(27));
     let (status, problem) = ask(json!({"scene": held}));
     assert!(status == 422 && problem["value"] == 33, "{problem}");
-    let foil = EXAMPLE_PLATE.replace("thickness_mm = 2.0", "thickness_mm = 0.05");
+    let foil = EXAMPLE_PLATE.replace("thickness_mm = 2.0", "thickness_mm = 0.02");
     let (status, problem) = ask(json!({"scene": foil}));
-    assert!(status == 422 && problem["field"] == "surface" && problem["value"].as_f64().unwrap() > 1500.0, "{problem}");
+    assert!(status == 422 && problem["field"] == "surface" && problem["value"].as_f64().unwrap() > 6000.0, "{problem}");
     let (status, problem) = ask(json!({"scene": "#".repeat(66_000)}));
     assert!(status == 422 && problem["field"] == "scene", "{problem}");
     let (status, problem) = ask(json!({"scene": "#".repeat(200_000)}));

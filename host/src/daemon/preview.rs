@@ -21,8 +21,10 @@ use tokio::sync::{Mutex, watch};
 pub const MAX_SCENE: usize = 64 * 1024;
 /// Most supports, masses and actuators together: time grows with nearly the cube of them, to some 5 s at 32.
 const MAX_ATTACHMENTS: usize = 32;
-/// Most unknowns of the finest level: 1700 take some 4 s, twice as many 25 s.
-const MAX_UNKNOWNS: f64 = 1_500.0;
+/// Most unknowns of the finest level: panels with a bezel or a camera hole need up to 4500.
+const MAX_UNKNOWNS: f64 = 6_000.0;
+/// Most products of unknowns and attachments: each attachment has functions of its own, which are integrated over all cells.
+const MAX_PRODUCT: f64 = 48_000.0;
 /// Tolerance of the model.
 const ACCURACY: Accuracy = Accuracy::FAST;
 /// What messages call a scene that came in a request.
@@ -144,8 +146,10 @@ fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
     let target = Target { x_m, y_m, intensity_g: request.intensity_g };
     let options = TableOptions::default();
     let expected = Levels::expected_unknowns(&scene, ACCURACY, options.to_hz)?;
-    if expected > MAX_UNKNOWNS {
-        return Err(too_large("surface", expected, "unknowns", MAX_UNKNOWNS, None));
+    #[allow(clippy::cast_precision_loss, reason = "at most 32")]
+    let most = MAX_UNKNOWNS.min((MAX_PRODUCT / attachments.count().max(1) as f64).floor());
+    if expected > most {
+        return Err(too_large("surface", expected, "unknowns", most, None));
     }
     let planned = |levels: Levels| -> Result<_, Problem> {
         let table = PlanTable::with_levels(&scene, levels, options)?;
