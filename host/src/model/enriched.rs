@@ -10,9 +10,9 @@ use super::shape::gauss;
 use super::singular::{Jet, Singular};
 use super::sparse::Entries;
 
-/// Rectangles touching a singular point are cut until they are this part of the cell: energies of r^2 log r in what is
-/// left are 4^-20 of the cell's.
-const SMALLEST: f64 = 1.0 / 1_048_576.0;
+/// Rectangles touching a singular point are cut until they are this part of the cell: frequencies are then right to 1e-11 even
+/// on rigid points inside a plate, 20 times less than their other rounding (cut to a millionth, they change no more).
+const SMALLEST: f64 = 1.0 / 4096.0;
 /// Largest side of a rectangle over its distance to the singular point: 3 for three quarters of a side cut at a quarter.
 const NEAREST: f64 = 3.01;
 /// Gauss points beyond the elements' order: for the blending polynomials (degree 7) and the logarithm.

@@ -7,7 +7,7 @@
 use super::grid::SparseVector;
 use super::sparse::Entries;
 use nalgebra::DMatrix;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Least value of a function at the point, over the largest, for it to be preferred because it lives in one cell alone.
 const PREFERRED: f64 = 0.1;
@@ -105,16 +105,34 @@ impl Points {
         if self.replaced.is_empty() {
             return entries;
         }
+        let order = entries.iter().map(|(row, column, _)| row.max(column) + 1).max().unwrap_or(0);
+        let order = self.replaced.values().flatten().map(|(index, _)| index + 1).fold(order, usize::max);
         let mut out = Entries::default();
+        // First the columns, then the rows; what either touches is summed up in full rows, as replaced unknowns become sums of
+        // hundreds, and their products with each other would be tens of thousands for every entry.
+        let mut rows: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         for (row, column, value) in entries.iter() {
-            let (own_row, own_column) = ([(row, 1.0)], [(column, 1.0)]);
-            let rows = self.replaced.get(&row).map_or(&own_row[..], Vec::as_slice);
-            let columns = self.replaced.get(&column).map_or(&own_column[..], Vec::as_slice);
-            for (i, a) in rows {
-                for (j, b) in columns {
-                    out.add(*i, *j, a * value * b);
-                }
+            let columns = self.replaced.get(&column);
+            if columns.is_none() && !self.replaced.contains_key(&row) {
+                out.add(row, column, value);
+                continue;
             }
+            let sums = rows.entry(row).or_insert_with(|| vec![0.0; order]);
+            match columns {
+                None => sums[column] += value,
+                Some(terms) => terms.iter().for_each(|(j, part)| sums[*j] += part * value),
+            }
+        }
+        // All of them out before any comes in: a replaced unknown's new meaning has its old number.
+        let replaced: Vec<_> = self.replaced.iter().filter_map(|(row, terms)| Some((terms, rows.remove(row)?))).collect();
+        for (terms, values) in replaced {
+            for (row, part) in terms {
+                let sums = rows.entry(*row).or_insert_with(|| vec![0.0; order]);
+                sums.iter_mut().zip(&values).for_each(|(sum, value)| *sum += part * value);
+            }
+        }
+        for (row, sums) in rows {
+            sums.iter().enumerate().for_each(|(column, value)| out.add(row, column, *value));
         }
         out
     }
