@@ -27,18 +27,21 @@ fn masses() -> impl Strategy<Value = Vec<(f64, f64, f64)>> {
 }
 
 fn eras() -> impl Strategy<Value = Vec<(bool, f64, f64, f64, f64)>> {
-    prop::collection::vec((any::<bool>(), place(), place(), decades(-3.0, -1.3), decades(2.0, 5.0)), 1..4)
+    prop::collection::vec((any::<bool>(), place(), place(), decades(-3.0, -1.3), decades(2.0, 5.0)), 1..6)
 }
 
-fn edges() -> impl Strategy<Value = Vec<&'static str>> {
-    prop::collection::vec(prop_oneof![16 => Just(""), 1 => Just("pinned"), 1 => Just("clamped")], 4)
+/// How an edge is held, and how stiffly where it is elastic.
+fn edges() -> impl Strategy<Value = Vec<(&'static str, f64)>> {
+    let kind = prop_oneof![6 => Just(""), 1 => Just("pinned"), 1 => Just("clamped"), 1 => Just("elastic")];
+    prop::collection::vec((kind, decades(2.0, 8.0)), 4)
 }
 
 fn damping() -> impl Strategy<Value = (&'static str, f64)> {
     prop_oneof![
         (Just("loss_factor"), 0.003..0.05_f64),
         (Just("modal_ratio"), 0.003..0.05_f64),
-        (Just("rayleigh_alpha"), 3.0..30.0_f64)
+        (Just("rayleigh_alpha"), 3.0..30.0_f64),
+        (Just("rayleigh_beta"), 1e-6..3e-5_f64)
     ]
 }
 
@@ -52,8 +55,12 @@ fn scenes() -> impl Strategy<Value = SceneText> {
                 SceneText::plate(length, aspect * length, poisson).thickness(thickness)
             };
             let sides = if is_bar { &["left", "right"][..] } else { &["left", "right", "top", "bottom"] };
-            for (side, kind) in sides.iter().zip(edges).filter(|(_, kind)| !kind.is_empty()) {
-                scene = scene.edge(side, kind);
+            for (side, (kind, stiffness)) in sides.iter().zip(edges) {
+                scene = match kind {
+                    "" => scene,
+                    "elastic" => scene.elastic_edge(side, stiffness),
+                    kind => scene.edge(side, kind),
+                };
             }
             let across = |y: f64| if is_bar { 0.5 } else { y };
             for (x, y, stiffness, viscous) in supports {

@@ -17,13 +17,16 @@ use std::time::Instant;
 const MOST_FREQUENCIES: f64 = 1e6;
 /// Thickness over length above which thin-plate theory is off by more than a percent or two.
 const THIN: f64 = 1.0 / 30.0;
+/// Error of thin-plate theory in a frequency that is worth a warning.
+const SHEAR: f64 = 0.02;
 
 impl From<ModelError> for Failure {
     fn from(error: ModelError) -> Self {
         match error {
-            ModelError::TooFine { .. } | ModelError::Frequency { .. } | ModelError::Tolerance { .. } => {
-                Failure::usage(error)
-            }
+            ModelError::TooFine { .. }
+            | ModelError::TooManyModes { .. }
+            | ModelError::Frequency { .. }
+            | ModelError::Tolerance { .. } => Failure::usage(error),
             ModelError::Factorisation { .. } | ModelError::NotConverged { .. } => Failure::failed(error),
         }
     }
@@ -47,7 +50,8 @@ impl From<PlanError> for Failure {
     }
 }
 
-pub fn warn_if_thick(scene: &Scene) {
+/// Says where thin-plate theory ends: by the panel's side, and by the waves at the highest frequency.
+pub fn warn_if_thick(scene: &Scene, max_hz: f64) {
     let surface = &scene.surface;
     let side = match surface.kind {
         SurfaceKind::Plate => surface.length_m.min(surface.width_m),
@@ -61,13 +65,44 @@ pub fn warn_if_thick(scene: &Scene) {
             slenderness
         );
     }
+    let too_high = too_high_by(scene, max_hz);
+    if too_high > SHEAR {
+        tracing::warn!(
+            "at {max_hz} Hz waves are so short against the thickness that frequencies come out some {:.0} % too high: \
+             thin-plate theory leaves out shear and rotary inertia",
+            100.0 * too_high
+        );
+    }
+}
+
+/// About how much too high thin-plate theory has a frequency, relative: (k h)^2 (1/12 + S) / 2 for the wavenumber k, S =
+/// (1 + nu) / (6 kappa) for a bar's shear and 1 / (6 kappa (1 - nu)) for a plate's, kappa = 5/6 (Mindlin 1951, first order).
+fn too_high_by(scene: &Scene, max_hz: f64) -> f64 {
+    let (surface, material) = (&scene.surface, &scene.surface.material);
+    let (h, nu) = (surface.thickness_m, material.poisson_ratio);
+    let shear = match surface.kind {
+        SurfaceKind::Plate => 0.2 / (1.0 - nu),
+        SurfaceKind::Bar => 0.2 * (1.0 + nu),
+    };
+    // k^4 = 12 rho w^2 / (E h^2), a plate's less by 1 - nu^2.
+    let omega = std::f64::consts::TAU * max_hz;
+    let square = h * h * omega * (12.0 * material.density_kg_m3 / (material.youngs_modulus_pa * h * h)).sqrt();
+    0.5 * square * (1.0 / 12.0 + shear)
+}
+
+/// Responses are to actuators.
+pub fn need_actuators(scene: &Scene) -> Result<(), Failure> {
+    if scene.actuators.is_empty() {
+        return Err(Failure::usage("the scene has no [[actuator]]: responses are per newton at each actuator"));
+    }
+    Ok(())
 }
 
 pub fn modes(options: &Modes) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
     let accuracy = options.panel.accuracy()?;
-    warn_if_thick(&scene);
+    warn_if_thick(&scene, options.max_hz);
     let found = with_progress("computing modes", || bounded_modes(&scene, accuracy, options.max_hz))?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let dofs = found.model.dofs();
@@ -124,7 +159,8 @@ pub fn response(options: &Response) -> Outcome {
     let frequencies_hz = frequencies(&options.band)?;
     let (x_m, y_m) = surface_point(&scene, options.at.x, options.at.y, Unit::Mm)?;
     let accuracy = options.panel.accuracy()?;
-    warn_if_thick(&scene);
+    need_actuators(&scene)?;
+    warn_if_thick(&scene, options.band.to);
     let found = with_progress("computing the response", || {
         response::bounded_curves(&scene, accuracy, (x_m, y_m), &frequencies_hz)
     })?;
@@ -228,7 +264,7 @@ pub fn plan_table(panel: &Panel, scene: &Scene) -> Result<PlanTable, Failure> {
         return Err(PlanError::Actuators { count: scene.actuators.len() }.into());
     }
     let accuracy = panel.accuracy()?;
-    warn_if_thick(scene);
+    warn_if_thick(scene, TableOptions::default().to_hz);
     let levels = with_progress("computing modes", || Levels::build(scene, accuracy, options.to_hz))?;
     tell_steps(panel, scene, accuracy, &levels.steps);
     with_progress("computing the response of every actuator", || PlanTable::with_levels(scene, levels, options))

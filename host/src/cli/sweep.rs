@@ -1,7 +1,7 @@
 //! `era sweep`: the response at every point of a grid.
 
 use super::args::Sweep as Options;
-use super::panel::{frequencies, tell_missing, tell_steps, warn_if_thick};
+use super::panel::{frequencies, need_actuators, tell_missing, tell_steps, warn_if_thick};
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::Bounded;
@@ -59,7 +59,8 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
     let accuracy = options.panel.accuracy()?;
     let (x_m, y_m) = grid(options, &scene);
     check_size(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
-    warn_if_thick(&scene);
+    need_actuators(&scene)?;
+    warn_if_thick(&scene, options.band.to);
     let found = with_progress("computing the responses", || {
         bounded_sweep::<T>(&scene, accuracy, (&x_m, &y_m), &frequencies_hz)
     })?;

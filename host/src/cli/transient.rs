@@ -1,7 +1,7 @@
 //! `era transient`: a point's motion after drives are switched on.
 
 use super::args::{DriveText, Transient, Unit};
-use super::panel::surface_point;
+use super::panel::{surface_point, warn_if_thick};
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::PanelModel;
@@ -14,6 +14,9 @@ use std::time::Instant;
 
 /// Part of the steady peak within which a motion counts as settled.
 const SETTLED: f64 = 0.1;
+/// Frequencies up to this multiple of the drives' are modelled: switching on excites modes above the drive in proportion to
+/// drive over mode frequency.
+const SWITCHED_ON: f64 = 10.0;
 /// Why a motion has no bound: with the mesh, acceleration after switching on does not settle but gains ever higher modes.
 const NO_BOUND: &str = "switching on excites modes of any frequency, and how those above the band ring on is not in the model; \
     the steady state is bounded by `era response`";
@@ -28,8 +31,9 @@ pub fn run(options: &Transient) -> Outcome {
     let drives = options.drive.iter().map(|text| drive(&scene, text)).collect::<Result<Vec<_>, _>>()?;
     let grid = grid(options)?;
     let highest = drives.iter().map(|drive| drive.frequency_hz).fold(1.0, f64::max);
+    warn_if_thick(&scene, highest);
     let motion = with_progress("computing the motion", || -> Result<_, Failure> {
-        let model = PanelModel::build(&scene, accuracy, highest)?.reduce(highest, &[at])?;
+        let model = PanelModel::build(&scene, accuracy, SWITCHED_ON * highest)?.reduce(SWITCHED_ON * highest, &[at])?;
         motion_at(&model, &model.shape_at(at.0, at.1), &drives, grid).map_err(Failure::failed)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;

@@ -3,8 +3,8 @@
 //! The same question is put to elements of order p - 4, p - 2 and p. Their spaces are contained in each other, so that
 //! frequencies fall towards the exact ones, and the differences d' (p - 4 to p - 2) and d (p - 2 to p) shrink by a ratio
 //! r = d / d'. If later differences shrink no slower, the error of order p is at most d r / (1 - r). If errors fall as a power
-//! p^-k, it is d / ((p / (p - 2))^k - 1): k is taken as half of what the three levels show, and as 5 at least (2 to 4 where
-//! shapes are singular). The larger of the two, times a safety factor of 2, is the bound; to which comes what falls with the
+//! p^-k, it is d / ((p / (p - 2))^k - 1): k is taken as 0.4 of what the three levels show, and as 5 at least (2 to 4 where
+//! shapes are singular). The larger of the two, times a safety factor of 2.5, is the bound; to which comes what falls with the
 //! least power although the three levels do not show it yet, up to a limit, and what rounding can do. Steps of two, as a step
 //! of one leaves shapes of one parity as they were.
 //!
@@ -28,20 +28,19 @@ use crate::scene::{Scene, SurfaceKind};
 use std::time::Instant;
 
 /// Times the estimate.
-const SAFETY: f64 = 2.0;
+const SAFETY: f64 = 2.5;
 /// Largest ratio of differences that allows a bound.
 const LARGEST_RATIO: f64 = 0.7;
 /// Errors fall at least as this power of the order: at corners of free edges they do (measured on the free square: 7 to 9; on
 /// random scenes 4.7 and more).
 const LEAST_POWER: f64 = 5.0;
-/// The same with corners between clamped and free edges, towards which cells shrink, and with attachments beside a corner
-/// (measured: 5.1 and more).
+/// The same with corners between clamped and free edges, towards which cells shrink (measured: 5.1 and more).
 const LEAST_POWER_CORNER: f64 = 4.0;
-/// The same at patches and cut-outs.
+/// The same at patches and cut-outs, and with attachments beside a corner (measured there: 4 and more).
 const LEAST_POWER_SINGULAR: f64 = 2.0;
-/// Part of the power that three levels show which is believed of the levels after them; none at patches and cut-outs, where
-/// singularities of several strengths take turns.
-const BELIEVED: f64 = 0.5;
+/// Part of the power that three levels show which is believed of the levels after them; none where shapes are
+/// singular in ways of several strengths, which take turns.
+const BELIEVED: f64 = 0.4;
 /// Highest power that differences can show: r of 1e-9 or so.
 const MOST_POWER: f64 = 60.0;
 /// Largest difference of frequencies, relative, that may fall with the least power although three levels show a higher one.
@@ -52,6 +51,9 @@ pub const HIDDEN_IN_RESPONSES: f64 = 5e-6;
 const ROUNDING: f64 = 2e-10;
 /// Rounding in the entries of K on thin cells, per cube of the panel's side over the least cell.
 const ROUNDING_PER_ASPECT: f64 = 1e-15;
+/// The same with functions of point forces, which cancel with the elements' where a stiff support holds the point: up to 2e-5
+/// was seen at an aspect of 512, 2e-7 at 128.
+const ROUNDING_PER_ASPECT_AT_POINTS: f64 = 2e-13;
 /// Cells shrink to this part when the highest order is not enough.
 const SMALLER: f64 = 0.5;
 /// Growth of the bound from one order to the next that only rounding explains.
@@ -162,7 +164,9 @@ impl Rounding {
         let length = scene.surface.length_m.max(scene.surface.width_m);
         // The cantilever's first mode, the slowest that `thin` was measured on: (k L)^2 = 3.52.
         let bending_hz = 3.52 / (length * length) * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU;
-        Self { regular: ROUNDING, thin: ROUNDING_PER_ASPECT * model.aspect().powi(3), bending_hz }
+        let per_aspect =
+            if model.parts().point_functions > 0 { ROUNDING_PER_ASPECT_AT_POINTS } else { ROUNDING_PER_ASPECT };
+        Self { regular: ROUNDING, thin: per_aspect * model.aspect().powi(3), bending_hz }
     }
 
     /// Of a frequency. What K is wrong by is a part of the panel's stiffness, and more of a soft spring's.
@@ -328,15 +332,17 @@ pub struct Estimator {
 
 impl Estimator {
     fn new(scene: &Scene, model: &PanelModel) -> Self {
-        // On a bar a step is a line of the mesh, and shapes are smooth on either side.
-        let has_borders = scene.surface.kind == SurfaceKind::Plate && !scene.layout().is_uniform();
+        // What the mesh has no functions for: patches, cut-outs, attachments beside a corner.
+        let singular = is_singular(scene, model.fineness());
         Self {
             order: model.fineness().order,
-            believed: if has_borders { 0.0 } else { BELIEVED },
-            power: match model.fineness() {
-                _ if has_borders => LEAST_POWER_SINGULAR,
-                fineness if is_singular(scene, fineness) || has_singular_corner(scene) => LEAST_POWER_CORNER,
-                _ => LEAST_POWER,
+            believed: if singular { 0.0 } else { BELIEVED },
+            power: if singular {
+                LEAST_POWER_SINGULAR
+            } else if has_singular_corner(scene) {
+                LEAST_POWER_CORNER
+            } else {
+                LEAST_POWER
             },
             rounding: Rounding::new(scene, model).of_bending(),
             has_point_moment: has_point_moment(scene),

@@ -75,7 +75,7 @@ pub fn edge_kind(scene: &Scene, side: Side) -> Option<EdgeKind> {
 
 /// Most cells that shrink towards a corner where a clamped and a free edge meet: with more, rounding in K (1e-16 times the
 /// cube of a cell's aspect) shows.
-const MOST_LAYERS: usize = 4;
+const MOST_LAYERS: usize = 3;
 /// The same at a cut-out's corner, of which there are four, each with lines through the whole mesh: two layers and an order p
 /// leave (4^-2)^(2 l) p^(-4 l), or 2e-4 at p = 7, of the energy that is singular, itself a small part.
 const MOST_LAYERS_REENTRANT: usize = 2;

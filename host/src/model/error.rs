@@ -18,6 +18,19 @@ pub enum ModelError {
         /// Most allowed.
         limit: usize,
     },
+    /// More modes than are computed in a time worth waiting for.
+    #[error(
+        "up to {max_hz:.0} Hz, which an answer needs, the surface has some {modes} modes, more than the {limit} allowed: ask \
+         for a lower frequency"
+    )]
+    TooManyModes {
+        /// Frequency up to which they are needed.
+        max_hz: f64,
+        /// About how many there are.
+        modes: usize,
+        /// Most allowed.
+        limit: usize,
+    },
     /// A frequency that is no frequency.
     #[error("{what}: {value} Hz is not in the allowed range {min} to {max} Hz")]
     Frequency {

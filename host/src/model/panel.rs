@@ -19,6 +19,8 @@ const MAX_HZ: f64 = 200_000.0;
 /// Bending waves in a cell at the highest frequency. With order 7 a free plate's response is right to 1e-3 there, with 9 to
 /// 1e-4 (`cargo xtask bench model`).
 const WAVES_PER_CELL: f64 = 1.1;
+/// Most modes, about: 600 take some 20 s, and time grows with their cube.
+const MOST_MODES: f64 = 1000.0;
 /// Least cells along the longer side.
 const LEAST_CELLS: f64 = 2.0;
 /// Modes of a reduced model, besides one for each order.
@@ -189,7 +191,12 @@ impl PanelModel {
         Operator { factor: &self.factor, mass: &self.assembled.mass, shift: self.shift }
     }
 
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     fn raw_modes(&self, max_hz: f64) -> Result<Modes, ModelError> {
+        let expected = modes_below(&self.scene, max_hz);
+        if expected > MOST_MODES {
+            return Err(ModelError::TooManyModes { max_hz, modes: expected as usize, limit: MOST_MODES as usize });
+        }
         modes(self.operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
     }
 
@@ -291,6 +298,12 @@ fn hz_of_mode(scene: &Scene, n: usize) -> f64 {
         SurfaceKind::Bar => (n as f64 * pi / surface.length_m).powi(2),
     };
     wavenumber_squared * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU
+}
+
+/// About how many modes the surface has below a frequency: [`hz_of_mode`] the other way round.
+fn modes_below(scene: &Scene, max_hz: f64) -> f64 {
+    let part = max_hz / hz_of_mode(scene, 1);
+    if scene.surface.kind == SurfaceKind::Bar { part.sqrt() } else { part }
 }
 
 /// The shift in rad^2/s^2: a quarter of the first bending frequency of the free surface, squared (omega L^2 / sqrt(D/m) =

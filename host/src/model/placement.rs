@@ -1,12 +1,12 @@
 //! What the scene asks of a plate's mesh: lines where a bar's shape has joints, along patches and cut-outs and towards
 //! singular corners, and the functions of point forces with the images that borders add.
 
-use super::corners::{Corner, Kind, corners, edge_kind, layers};
+use super::corners::{Corner, Kind, corners, layers};
 use super::grid::Fineness;
 use super::mesh::{Forced, Lines, MERGE};
 use super::singular::{Singular, Source, clamped_edge, free_edge};
 use super::surroundings::{Border, SIDES, Surroundings};
-use crate::scene::{EdgeKind, Layout, Scene, Side, SurfaceKind};
+use crate::scene::{Layout, Scene, Side, SurfaceKind};
 
 /// A singular function reaches over at least this many regular cells, or to the borders.
 const LEAST_REACH: f64 = 2.9;
@@ -93,12 +93,12 @@ pub fn is_singular(scene: &Scene, fineness: Fineness) -> bool {
     let corners = corners(&layout);
     let beside_corner = |at: (f64, f64)| {
         corners.iter().any(|corner| {
-            let Kind::Convex(sides) = corner.kind else { return false };
+            if !matches!(corner.kind, Kind::Convex(_)) {
+                return false;
+            }
             let distances = [(at.0 - corner.at.0).abs(), (at.1 - corner.at.1).abs()];
-            // On a corner is regular, and so is whatever a pinned edge mirrors.
-            distances.iter().all(|distance| *distance < near)
-                && distances.iter().any(|distance| *distance > 0.0)
-                && !sides.iter().flatten().any(|side| matches!(edge_kind(scene, *side), Some(EdgeKind::Pinned)))
+            // On a corner is regular. Beside a pinned edge images are all there, but meet in cells too large for them.
+            distances.iter().all(|distance| *distance < near) && distances.iter().any(|distance| *distance > 0.0)
         })
     };
     !layout.is_uniform() || attachments(scene).any(beside_corner)

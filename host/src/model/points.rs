@@ -124,7 +124,8 @@ impl Points {
             }
         }
         // All of them out before any comes in: a replaced unknown's new meaning has its old number.
-        let replaced: Vec<_> = self.replaced.iter().filter_map(|(row, terms)| Some((terms, rows.remove(row)?))).collect();
+        let replaced: Vec<_> =
+            self.replaced.iter().filter_map(|(row, terms)| Some((terms, rows.remove(row)?))).collect();
         for (terms, values) in replaced {
             for (row, part) in terms {
                 let sums = rows.entry(*row).or_insert_with(|| vec![0.0; order]);

@@ -59,6 +59,13 @@ impl SceneText {
         self
     }
 
+    /// An edge on springs: per metre on a plate, at a bar's end.
+    pub fn elastic_edge(mut self, side: &str, stiffness: f64) -> Self {
+        let key = if self.kind == "bar" { "stiffness_n_per_m" } else { "stiffness_n_per_m2" };
+        let _ = write!(self.parts, "[[edge]]\nside = \"{side}\"\nkind = \"elastic\"\n{key} = {stiffness:e}\n");
+        self
+    }
+
     pub fn all_edges(mut self, kind: &str) -> Self {
         for side in ["left", "right", "top", "bottom"] {
             self = self.edge(side, kind);
