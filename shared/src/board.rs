@@ -2,9 +2,10 @@
 //! with a panel that it integrates in time.
 
 use crate::MAX_CHANNELS;
-use crate::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
-use crate::waveform::ChannelProgram;
-use heapless::Vec;
+use crate::protocol::{BoardKind, ChannelLimits, FAILURE_MESSAGE, FaultCode, FirmwareVersion, IMAGE_NAME, ResetCause};
+use crate::supply::{Finding, Senses, Supply};
+use crate::waveform::Preload;
+use heapless::{String, Vec};
 
 /// Facts about the board that do not change while it runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,25 +18,17 @@ pub struct BoardInfo {
     pub boot_id: u32,
     /// Why it last started.
     pub reset_cause: ResetCause,
-    /// The image.
+    /// Name of the image.
+    pub image: String<IMAGE_NAME>,
+    /// Its version.
     pub firmware: FirmwareVersion,
     /// One per channel.
     pub channels: Vec<ChannelLimits, MAX_CHANNELS>,
-    /// A fault that ended the previous run (a panic, a HardFault); latched from the start.
+    /// A fault that ended the previous run (a panic, a HardFault, the watchdog, a brown-out); latched from the start.
     pub fault_before_reset: Option<(FaultCode, u32)>,
+    /// What it said then.
+    pub failure: String<FAILURE_MESSAGE>,
 }
-
-/// What the board measures now.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Measurements {
-    /// Largest acceleration in the last 50 ms, in 1/1000 m/s^2, where there is an accelerometer.
-    pub acceleration_peak_mm_per_s2: Option<u32>,
-    /// Set-points of the rails in mV, one per channel.
-    pub rail_millivolts: Vec<u32, MAX_CHANNELS>,
-}
-
-/// One program per channel; `None` switches the channel off.
-pub type Programs = [Option<ChannelProgram>; MAX_CHANNELS];
 
 /// The hardware under the device logic.
 pub trait Board {
@@ -45,21 +38,55 @@ pub trait Board {
     /// Time since boot in us; never goes back.
     fn now_us(&mut self) -> u64;
 
-    /// All electrodes off, rails to zero, high voltage disabled. Cannot fail and takes effect before it returns.
+    /// Everything off: electrodes low, timers stopped, supply disabled, set-points at zero, discharge switches closed. Cannot
+    /// fail and takes effect before it returns.
     fn outputs_off(&mut self);
 
-    /// Makes ready to drive: high voltage enabled, electrodes still off.
+    /// Measures rails, current and loops, and tells what tripped since the last call.
+    fn sense(&mut self) -> Senses;
+
+    /// Tries every comparator and break that has to switch off in hardware: each must trip with its threshold moved, and
+    /// rest with it put back. Electrodes stay off.
     ///
     /// # Errors
-    /// The fault that keeps the hardware from it.
-    fn arm(&mut self) -> Result<(), FaultCode>;
+    /// The first that did not do so.
+    fn test_trips(&mut self) -> Result<(), Finding>;
 
-    /// Sets all channels at once. Called only when armed, with programs that [`crate::waveform::program`] made.
+    /// Enables or disables the supply, sets its set-points and discharge switches.
+    fn set_supply(&mut self, supply: &Supply);
+
+    /// Loads all timers with [`crate::waveform::IDLE`] and starts them in the same clock, the electrodes still low. The moment
+    /// is the zero of [`Preload::at`].
     ///
     /// # Errors
     /// The fault that keeps the hardware from it; the caller then switches everything off.
-    fn apply(&mut self, programs: &Programs) -> Result<(), FaultCode>;
+    fn start_timers(&mut self) -> Result<(), FaultCode>;
 
-    /// What is measured now.
-    fn measure(&mut self) -> Measurements;
+    /// Lets the timers reach the electrodes' pins, or takes the pins from them.
+    ///
+    /// # Errors
+    /// As [`Board::start_timers`].
+    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode>;
+
+    /// Writes one period to a running timer's preload registers; it takes effect at the timer's next boundary, which is at
+    /// `preload.at`, at least 50 us from now.
+    ///
+    /// # Errors
+    /// [`FaultCode::ReadBack`] if a register does not hold it.
+    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode>;
+
+    /// Whether all timers still count; called every ms while they should.
+    ///
+    /// # Errors
+    /// What is wrong, with the channel.
+    fn check_timers(&mut self) -> Result<(), Finding>;
+
+    /// Largest acceleration in the last 50 ms, in 1/1000 m/s^2, where there is an accelerometer.
+    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32>;
+
+    /// Takes the oldest bytes of the log, as many as there are and fit; returns their number.
+    fn take_log(&mut self, out: &mut [u8]) -> usize;
+
+    /// Restarts into the chip's own bootloader, a moment after this returns, so that the answer still goes out.
+    fn enter_bootloader(&mut self);
 }

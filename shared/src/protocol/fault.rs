@@ -17,17 +17,56 @@ pub enum FaultCode {
     HardFault,
     /// 5: registers read back did not hold what was written.
     ReadBack,
+    /// 6: more current than the supply may deliver. Detail: the average in uA; 0 if the comparator tripped.
+    OverCurrent,
+    /// 7: a rail above the highest voltage. Detail: 10 000 x rail + volts; 0 if the comparator tripped.
+    OverVoltage,
+    /// 8: the enclosure was opened.
+    InterlockOpen,
+    /// 9: the emergency stop was pressed.
+    EmergencyStop,
+    /// 10: panel or moving masses are not bonded to protective earth.
+    EarthOpen,
+    /// 11: a rail is not where it was set. Detail: 10 000 x rail + volts measured.
+    RailImplausible,
+    /// 12: a rail lost its voltage at once: an arc or a short. Detail: 10 000 x rail + volts left.
+    RailCollapsed,
+    /// 13: a rail was not discharged in time. Detail: volts left, with 10 000 x rail where known.
+    DischargeFailed,
+    /// 14: a comparator or a break did not trip when it was tried. Detail: which, see the troubleshooting table.
+    SelfTest,
+    /// 15: at the test voltage a rail did not come up (detail: which) or a current flowed (detail 0).
+    ShortCircuit,
+    /// 16: the watchdog reset the processor. Detail: the tasks that had not checked in, one bit each.
+    Watchdog,
+    /// 17: the supply of the processor failed.
+    BrownOut,
+    /// 18: a timer that makes electrode windows stands still. Detail: the channel.
+    TimerStopped,
 }
 
 impl FaultCode {
     /// Every code, in order.
-    pub const ALL: [FaultCode; 6] = [
+    pub const ALL: [FaultCode; 19] = [
         FaultCode::HostSilent,
         FaultCode::ArmFailed,
         FaultCode::DriveFailed,
         FaultCode::Panic,
         FaultCode::HardFault,
         FaultCode::ReadBack,
+        FaultCode::OverCurrent,
+        FaultCode::OverVoltage,
+        FaultCode::InterlockOpen,
+        FaultCode::EmergencyStop,
+        FaultCode::EarthOpen,
+        FaultCode::RailImplausible,
+        FaultCode::RailCollapsed,
+        FaultCode::DischargeFailed,
+        FaultCode::SelfTest,
+        FaultCode::ShortCircuit,
+        FaultCode::Watchdog,
+        FaultCode::BrownOut,
+        FaultCode::TimerStopped,
     ];
 
     /// The number on the wire and in the documentation.
@@ -46,6 +85,19 @@ impl FaultCode {
             FaultCode::Panic => "panic",
             FaultCode::HardFault => "hard-fault",
             FaultCode::ReadBack => "read-back",
+            FaultCode::OverCurrent => "over-current",
+            FaultCode::OverVoltage => "over-voltage",
+            FaultCode::InterlockOpen => "interlock-open",
+            FaultCode::EmergencyStop => "emergency-stop",
+            FaultCode::EarthOpen => "earth-open",
+            FaultCode::RailImplausible => "rail-implausible",
+            FaultCode::RailCollapsed => "rail-collapsed",
+            FaultCode::DischargeFailed => "discharge-failed",
+            FaultCode::SelfTest => "self-test",
+            FaultCode::ShortCircuit => "short-circuit",
+            FaultCode::Watchdog => "watchdog",
+            FaultCode::BrownOut => "brown-out",
+            FaultCode::TimerStopped => "timer-stopped",
         }
     }
 
@@ -70,8 +122,42 @@ impl FaultCode {
                  clear the fault to go on."
             }
             FaultCode::ReadBack => {
-                "A timer register did not hold what was written to it; everything is off. Power the board down and up \
-                 again; if it stays, replace the board."
+                "A register did not hold what was written to it; everything is off. Power the board down and up again; \
+                 if it stays, replace the board."
+            }
+            FaultCode::OverCurrent | FaultCode::ShortCircuit => {
+                "Too much current, or a rail that does not come up: an arc or a short in an actuator or its cable. \
+                 Disconnect the supply, wait until the rails are discharged, look at the actuators, then clear the fault."
+            }
+            FaultCode::OverVoltage | FaultCode::RailImplausible => {
+                "A rail is not at the voltage it was set to. Check the supply, its set-point and the divider that measures \
+                 it before clearing the fault."
+            }
+            FaultCode::RailCollapsed => {
+                "A rail lost its voltage at once, as in an arc. Look for traces of it in the actuators and at the \
+                 connectors; lower the voltage if the air is humid or dusty."
+            }
+            FaultCode::InterlockOpen => "The enclosure is open. Close it, then clear the fault.",
+            FaultCode::EmergencyStop => "The emergency stop is pressed. Release it, then clear the fault.",
+            FaultCode::EarthOpen => {
+                "The panel or a moving mass is not bonded to protective earth. Do not touch it; mend the bond, then clear \
+                 the fault."
+            }
+            FaultCode::DischargeFailed => {
+                "A rail is still charged. Do not open the enclosure. Switch the supply off, wait a minute, measure; the \
+                 discharge switch or the bleeder is broken."
+            }
+            FaultCode::SelfTest => {
+                "A comparator or a break that has to switch off in hardware did not do so when it was tried. Do not use \
+                 the board."
+            }
+            FaultCode::Watchdog => {
+                "The firmware hung and the watchdog reset it. Please keep the log and report it; clear the fault to go on."
+            }
+            FaultCode::BrownOut => "The board's own supply failed for a moment. Check the cable and the power supply.",
+            FaultCode::TimerStopped => {
+                "A timer stands still that should alternate the electrodes. Power the board down and up again; if it \
+                 happens again, replace the board."
             }
         }
     }

@@ -6,21 +6,25 @@
 //!
 //! Units are in the names; integers throughout, so that both sides compute the same numbers to the last bit.
 
+mod compat;
 mod fault;
 mod reply;
+mod reply2;
 mod request;
 
+pub use compat::for_version;
 pub use fault::{Fault, FaultCode};
 pub use reply::{
     AchievedDrive, BoardKind, ChannelLimits, ChannelStatus, FirmwareVersion, HelloReply, LinkCounters, Refusal, Reply,
     ResetCause, StatusReply, TelemetryReply,
 };
-pub use request::{ChannelDrive, Request};
+pub use reply2::{Details, FAILURE_MESSAGE, IMAGE_NAME, LOG_CHUNK, Welcome};
+pub use request::{BOOTLOADER_KEY, ChannelDrive, Request};
 
 /// Oldest protocol version that this code still speaks.
 pub const MIN_VERSION: u8 = 1;
 /// Protocol version that this code speaks by preference.
-pub const CURRENT_VERSION: u8 = 1;
+pub const CURRENT_VERSION: u8 = 2;
 
 /// Whether a peer's version can be spoken.
 #[must_use]

@@ -2,6 +2,7 @@
 
 use super::Fault;
 use crate::MAX_CHANNELS;
+use crate::limits::{GUARD_NANOSECONDS, MAX_RAIL_MILLIVOLTS};
 use crate::safety::{Event, State};
 use crate::waveform::DriveError;
 use heapless::Vec;
@@ -9,6 +10,10 @@ use serde::{Deserialize, Serialize};
 
 /// The answer to one request.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "there is no heap to put the large ones on, and one reply exists at a time"
+)]
 pub enum Reply {
     /// To `Hello`.
     Hello(HelloReply),
@@ -44,6 +49,36 @@ pub enum Reply {
     Telemetry(TelemetryReply),
     /// The request was not carried out, and nothing changed.
     Refused(Refusal),
+    /// To `Hello`, from version 2 on.
+    Welcome(super::Welcome),
+    /// To `ArmWith`.
+    ArmedWith {
+        /// The dead-man time in force, in ms.
+        deadman_ms: u16,
+        /// The longest burst in force, in ms.
+        burst_ms: u16,
+    },
+    /// To `Prepare`: what the timers will do.
+    Prepared {
+        /// In the order asked for.
+        achieved: Vec<AchievedDrive, MAX_CHANNELS>,
+    },
+    /// To `Play`: the effect waits for its start.
+    Playing,
+    /// To `Clock`.
+    Clock {
+        /// The board's time in us.
+        now_us: u64,
+    },
+    /// To `Details`.
+    Details(super::Details),
+    /// To `Log`: the next bytes of the log, none if there are none.
+    Log {
+        /// defmt frames, which may be cut anywhere.
+        bytes: Vec<u8, { super::LOG_CHUNK }>,
+    },
+    /// To `Bootloader`: the board restarts now and does not answer again.
+    Bootloader,
 }
 
 /// Why a request was not carried out.
@@ -92,6 +127,45 @@ pub enum Refusal {
     },
     /// A fault arose while carrying it out; everything is off.
     Fault(Fault),
+    /// The channel has driven for as long as it may.
+    Duty {
+        /// The channel.
+        channel: u8,
+        /// When to ask again, in ms.
+        wait_ms: u32,
+    },
+    /// The fault cannot be cleared while its cause is still there.
+    StillThere(super::FaultCode),
+    /// An effect for a channel that has no drive.
+    NoDrive {
+        /// The channel.
+        channel: u8,
+    },
+    /// An effect that starts too long ago or too far ahead.
+    Start {
+        /// As asked for, in us of the board's time.
+        start_us: u64,
+        /// The board's time.
+        now_us: u64,
+    },
+    /// An effect without segments, with a level beyond 1000, or to be played 0 or more than 1000 times.
+    Effect,
+    /// As many effects wait for the channel as can.
+    QueueFull {
+        /// The channel.
+        channel: u8,
+    },
+    /// The longest burst is out of range.
+    Burst {
+        /// As asked for.
+        requested_ms: u16,
+        /// Least allowed.
+        min_ms: u16,
+        /// Most allowed.
+        max_ms: u16,
+    },
+    /// Not while high voltage may be on.
+    Live(State),
 }
 
 /// Which kind of board answers.
@@ -149,16 +223,13 @@ pub struct ChannelLimits {
 impl ChannelLimits {
     /// What a channel of the STM32G474 board can do; the simulated board does the same.
     pub const BOARD: Self = Self {
-        // Half a period at 1 Hz is 85 000 000 clocks, well within what the prescaler and the 16-bit counter can count.
+        // A period at 1 Hz is 170 000 000 clocks, well within what the prescaler and the 16-bit counter can count.
         min_frequency_millihertz: 1_000,
         // The upper end of what skin feels.
         max_frequency_millihertz: 1_000_000,
-        // The hard cap of the example actuators; 0.36 mm of air, the gap at a third of the travel, still hold it.
-        max_voltage_millivolts: 2_000_000,
-        // An electrode must have lost its charge before the other gets any: three time constants of the path that
-        // discharges it, whose resistance and cable make up to 66 us.
-        min_guard_ns: 200_000,
-        // SYSCLK, undivided, as the timers of APB2 get it.
+        max_voltage_millivolts: MAX_RAIL_MILLIVOLTS,
+        min_guard_ns: GUARD_NANOSECONDS,
+        // SYSCLK, undivided, as all four timers get it.
         timer_clock_hz: 170_000_000,
     };
 }

@@ -1,6 +1,7 @@
 //! What the host asks of the device.
 
 use crate::MAX_CHANNELS;
+use crate::waveform::Effect;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +41,67 @@ pub enum Request {
     ClearFaults,
     /// What the board measures.
     Telemetry,
+    /// As `Arm`, with the longest burst. From version 2 on, as all that follows.
+    ArmWith {
+        /// Longest silence in ms, or the board's default.
+        deadman_ms: Option<u16>,
+        /// Longest time in ms for which a channel drives without a rest, or the board's default (2 s).
+        burst_ms: Option<u16>,
+    },
+    /// As `SetDrives`, but the channels stay silent until an effect is played on them.
+    Prepare {
+        /// At most one per channel.
+        drives: Vec<ChannelDrive, MAX_CHANNELS>,
+    },
+    /// Plays an effect on a channel that has a drive. Up to four wait for each channel.
+    Play {
+        /// 0-based.
+        channel: u8,
+        /// When, in us of the board's time; 0: at once.
+        start_us: u64,
+        /// What.
+        effect: Effect,
+    },
+    /// The board's time.
+    Clock,
+    /// What is measured, and what the board still allows.
+    Details,
+    /// The next bytes of the board's log.
+    Log,
+    /// Restart into the bootloader in the chip's ROM, to be flashed over USB. Only while nothing can be live.
+    Bootloader {
+        /// [`BOOTLOADER_KEY`], so that no broken or mistaken request does it.
+        key: u32,
+    },
+}
+
+/// What a `Bootloader` request must carry: "BOOT".
+pub const BOOTLOADER_KEY: u32 = 0x424F_4F54;
+
+impl Request {
+    /// The oldest protocol version that has this request.
+    #[must_use]
+    pub const fn since(&self) -> u8 {
+        match self {
+            Request::Hello { .. }
+            | Request::Arm { .. }
+            | Request::Disarm
+            | Request::SetDrives { .. }
+            | Request::Stop
+            | Request::KeepAlive
+            | Request::Status
+            | Request::Faults
+            | Request::ClearFaults
+            | Request::Telemetry => 1,
+            Request::ArmWith { .. }
+            | Request::Prepare { .. }
+            | Request::Play { .. }
+            | Request::Clock
+            | Request::Details
+            | Request::Log
+            | Request::Bootloader { .. } => 2,
+        }
+    }
 }
 
 /// The drive of one ERA: electrodes A and B in turn, each for `pulse_width` of its half period and centred in it.

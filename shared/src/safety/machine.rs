@@ -1,15 +1,8 @@
 //! State, first fault and dead-man timer in one place.
 
 use super::table::{Action, Event, Outcome, State, transition};
+use crate::limits::{DEADMAN_MAX_MS, DEADMAN_MIN_MS};
 use crate::protocol::{Fault, FaultCode};
-
-/// Dead-man time if `Arm` names none: the longest silence of the arming host in ms. 250 ms is short against the time a
-/// person needs to reach into a machine and long against a busy desktop's scheduling.
-pub const DEADMAN_DEFAULT_MS: u16 = 250;
-/// Least dead-man time in ms: two of the keep-alives that a desktop host can send without effort.
-pub const DEADMAN_MIN_MS: u16 = 50;
-/// Most in ms; beyond a second, silence is no longer noticed before a person is hurt.
-pub const DEADMAN_MAX_MS: u16 = 1000;
 
 /// Which link a command came from (UART, USB, ...). Only the one that armed can drive, and its silence counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub enum State {
     /// Starting; outputs are off and nothing is accepted but questions.
     Boot,
-    /// Off. High voltage is disabled.
+    /// Off. High voltage is disabled and every rail is measured to be harmless.
     Safe,
     /// High voltage is enabled, no electrode is driven, the dead-man timer runs.
     Armed,
@@ -15,11 +15,16 @@ pub enum State {
     Running,
     /// Off, with a latched fault that must be cleared by command.
     Fault,
+    /// The self-test before arming: at most 50 V on the rails, electrodes off, the dead-man timer runs.
+    Arming,
+    /// Off. The rails are not yet measured to be harmless.
+    Discharging,
 }
 
 impl State {
     /// Every state, in order.
-    pub const ALL: [State; 5] = [State::Boot, State::Safe, State::Armed, State::Running, State::Fault];
+    pub const ALL: [State; 7] =
+        [State::Boot, State::Safe, State::Armed, State::Running, State::Fault, State::Arming, State::Discharging];
 
     /// Lower-case name, as in logs and JSON.
     #[must_use]
@@ -30,13 +35,15 @@ impl State {
             State::Armed => "armed",
             State::Running => "running",
             State::Fault => "fault",
+            State::Arming => "arming",
+            State::Discharging => "discharging",
         }
     }
 
     /// Whether high voltage may be on in this state.
     #[must_use]
     pub const fn is_live(self) -> bool {
-        matches!(self, State::Armed | State::Running)
+        matches!(self, State::Arming | State::Armed | State::Running)
     }
 }
 
@@ -61,11 +68,15 @@ pub enum Event {
     Fault,
     /// The host clears the latched fault.
     Clear,
+    /// The rails are measured to be harmless.
+    Discharged,
+    /// The self-test before arming has passed.
+    TestPassed,
 }
 
 impl Event {
     /// Every event, in order.
-    pub const ALL: [Event; 9] = [
+    pub const ALL: [Event; 11] = [
         Event::BootComplete,
         Event::Arm,
         Event::Disarm,
@@ -75,6 +86,8 @@ impl Event {
         Event::HostSilent,
         Event::Fault,
         Event::Clear,
+        Event::Discharged,
+        Event::TestPassed,
     ];
 
     /// Lower-case name, as in logs and messages.
@@ -90,20 +103,24 @@ impl Event {
             Event::HostSilent => "host-silent",
             Event::Fault => "fault",
             Event::Clear => "clear",
+            Event::Discharged => "discharged",
+            Event::TestPassed => "test-passed",
         }
     }
 }
 
-/// What the board must do on a transition, before anything else.
+/// What the device must do on a transition, before anything else.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Leave the outputs as they are.
     Keep,
     /// Everything off: [`crate::board::Board::outputs_off`].
     Off,
-    /// Make ready: [`crate::board::Board::arm`].
+    /// Begin the self-test.
+    Test,
+    /// Start the timers, blank, and enable the supply.
     Enable,
-    /// Set the drives: [`crate::board::Board::apply`].
+    /// Set the drives; while arming, keep them until the self-test has passed.
     Apply,
 }
 
@@ -116,58 +133,41 @@ pub enum Outcome {
     Refuse,
 }
 
-use Action::{Apply, Enable, Keep, Off};
+use Action::{Apply, Enable, Keep, Off, Test};
 use Outcome::{Go, Refuse};
-use State::{Armed, Boot, Fault, Running, Safe};
+use State::{Armed, Arming, Boot, Discharging, Fault, Running, Safe};
 
-/// Rows: state before. Columns: events in the order of [`Event::ALL`]. Whatever ends outside Armed and Running
-/// switches everything off, even where it already is: an order to be off is never answered by doing nothing.
-const TABLE: [[Outcome; Event::ALL.len()]; State::ALL.len()] = [
-    //            BootComplete    Arm                  Disarm          Drive                Rest                Stop           HostSilent      Fault           Clear
-    /* Boot */
-    [Go(Safe, Off), Refuse, Go(Boot, Off), Refuse, Refuse, Go(Boot, Off), Go(Boot, Off), Go(Fault, Off), Refuse],
-    /* Safe */
-    [
-        Refuse,
-        Go(Armed, Enable),
-        Go(Safe, Off),
-        Refuse,
-        Refuse,
-        Go(Safe, Off),
-        Go(Safe, Off),
-        Go(Fault, Off),
-        Go(Safe, Off),
-    ],
-    /* Armed: arming again renews the dead-man time and nothing else */
-    [
-        Refuse,
-        Go(Armed, Keep),
-        Go(Safe, Off),
-        Go(Running, Apply),
-        Go(Armed, Apply),
-        Go(Safe, Off),
-        Go(Fault, Off),
-        Go(Fault, Off),
-        Refuse,
-    ],
-    /* Running */
-    [
-        Refuse,
-        Go(Running, Keep),
-        Go(Safe, Off),
-        Go(Running, Apply),
-        Go(Armed, Apply),
-        Go(Safe, Off),
-        Go(Fault, Off),
-        Go(Fault, Off),
-        Refuse,
-    ],
-    /* Fault: only an explicit Clear leads out */
-    [Refuse, Refuse, Go(Fault, Off), Refuse, Refuse, Go(Fault, Off), Go(Fault, Off), Go(Fault, Off), Go(Safe, Off)],
-];
-
-/// What `event` does in `state`.
+/// What `event` does in `state`. Every pair is written out or falls under a rule that is; whatever ends in a state that is
+/// not live switches everything off, even where it already is: an order to be off is never answered by doing nothing.
 #[must_use]
 pub const fn transition(state: State, event: Event) -> Outcome {
-    TABLE[state as usize][event as usize]
+    match (state, event) {
+        // From every state.
+        (_, Event::Fault) => Go(Fault, Off),
+        (Armed | Running | Arming, Event::HostSilent) => Go(Fault, Off),
+        (Armed | Running | Arming, Event::Stop | Event::Disarm) => Go(Discharging, Off),
+        (Boot | Safe | Fault | Discharging, Event::Stop | Event::Disarm | Event::HostSilent) => Go(state, Off),
+
+        (Boot, Event::BootComplete) => Go(Discharging, Off),
+        (Discharging, Event::Discharged) => Go(Safe, Off),
+        // While the rails still fall the self-test waits for them.
+        (Safe | Discharging, Event::Arm) => Go(Arming, Test),
+        (Safe | Discharging, Event::Clear) => Go(state, Off),
+        // Only an explicit Clear leads out of a fault.
+        (Fault, Event::Clear) => Go(Discharging, Off),
+
+        (Arming, Event::TestPassed) => Go(Armed, Enable),
+        (Arming, Event::Drive | Event::Rest) => Go(Arming, Apply),
+        // Arming again renews the dead-man time and nothing else.
+        (Arming | Armed | Running, Event::Arm) => Go(state, Keep),
+        (Armed | Running, Event::Drive) => Go(Running, Apply),
+        (Armed | Running, Event::Rest) => Go(Armed, Apply),
+
+        (Boot | Fault, Event::Arm) => Refuse,
+        (Boot | Safe | Fault | Discharging, Event::Drive | Event::Rest) => Refuse,
+        (Boot | Arming | Armed | Running, Event::Clear) => Refuse,
+        (Boot | Safe | Fault | Arming | Armed | Running, Event::Discharged) => Refuse,
+        (Boot | Safe | Fault | Discharging | Armed | Running, Event::TestPassed) => Refuse,
+        (Safe | Fault | Discharging | Arming | Armed | Running, Event::BootComplete) => Refuse,
+    }
 }

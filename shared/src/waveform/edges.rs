@@ -1,8 +1,8 @@
-//! From timer registers to the edges at the two electrodes, following RM0440 section 28.3.11 ("PWM center-aligned
-//! mode"). The simulated device drives its panel with these windows, and the tests rebuild what the firmware's
-//! registers do with the same code.
+//! From timer registers to the edges at the two electrodes, following RM0440 sections 28.3.10 ("PWM edge-aligned mode") and
+//! 28.3.13 ("Combined PWM mode"). The simulated device drives its panel with these windows, and the tests rebuild what the
+//! firmware's registers do with the same code.
 
-use super::registers::{OutputMode, TimerRegisters};
+use super::registers::TimerRegisters;
 
 /// One of the two electrodes of an ERA.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub struct Window {
 /// The windows of both electrodes in one period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Windows {
-    /// Ticks in a period: 2 ARR.
+    /// Ticks in a period: ARR + 1.
     pub period: u32,
     /// Clocks in a tick: PSC + 1.
     pub divider: u32,
@@ -39,11 +39,15 @@ pub struct Windows {
 /// Why registers do not describe alternating windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WindowsError {
-    /// The timer is not in centre-aligned mode.
-    NotCentreAligned,
-    /// An output is active low.
+    /// The counter does not count upwards.
+    NotUpwards,
+    /// An output is active low, or a complementary output is on.
     Polarity,
-    /// An output is in another mode than PWM 1 or 2.
+    /// A register is not preloaded: a change would not wait for the boundary.
+    NotPreloaded,
+    /// Both or none of an electrode's pair of channels reach pins.
+    Outputs(Electrode),
+    /// A pair of channels is not in the two modes that make a window.
     Mode(Electrode),
     /// ARR is 0: the counter does not move.
     Stopped,
@@ -56,37 +60,38 @@ impl Windows {
     /// [`WindowsError`] if the timer drives but not in the way that this project uses it.
     pub fn from_registers(registers: &TimerRegisters) -> Result<Self, WindowsError> {
         let (reload, divider) = (registers.arr & 0xFFFF, (registers.psc & 0xFFFF) + 1);
-        let period = 2 * reload;
+        let period = reload + 1;
+        let never = Window { start: 0, length: 0 };
         if !registers.is_driving() {
-            let never = Window { start: 0, length: 0 };
             return Ok(Self { period, divider, a: never, b: never });
         }
-        if !registers.is_centre_aligned() {
-            return Err(WindowsError::NotCentreAligned);
+        if !registers.counts_up() {
+            return Err(WindowsError::NotUpwards);
         }
-        if !registers.is_active_high() {
+        if !registers.is_plain() {
             return Err(WindowsError::Polarity);
+        }
+        if !registers.is_preloaded() {
+            return Err(WindowsError::NotPreloaded);
         }
         if reload == 0 {
             return Err(WindowsError::Stopped);
         }
-        let window = |output: usize, electrode: Electrode, compare: u32| {
-            let mode = registers.mode(output).ok_or(WindowsError::Mode(electrode))?;
-            let compare = compare.min(reload);
-            // Counting up an output of mode 1 is on for CNT < CCR, counting down for CNT <= CCR: 2 CCR ticks around
-            // zero. Mode 2 is its complement: 2 (ARR - CCR) ticks around the top.
-            Ok(match mode {
-                _ if !registers.enabled(output) => Window { start: 0, length: 0 },
-                OutputMode::Below => Window { start: (period - compare) % period, length: 2 * compare },
-                OutputMode::Above => Window { start: compare, length: period - 2 * compare },
-            })
+        let window = |first: u8, electrode: Electrode| {
+            let (with_output, other) = match (registers.enabled(first), registers.enabled(first + 1)) {
+                (true, false) => (first, first + 1),
+                (false, true) => (first + 1, first),
+                _ => return Err(WindowsError::Outputs(electrode)),
+            };
+            let ((opening, on), (closing, off)) = (registers.channel(with_output), registers.channel(other));
+            if !TimerRegisters::opens(opening) || !TimerRegisters::closes(closing) {
+                return Err(WindowsError::Mode(electrode));
+            }
+            // On while on <= CNT < off, and CNT never exceeds ARR.
+            let end = off.min(period);
+            Ok(if on < end { Window { start: on, length: end - on } } else { never })
         };
-        Ok(Self {
-            period,
-            divider,
-            a: window(0, Electrode::A, registers.ccr1 & 0xFFFF)?,
-            b: window(1, Electrode::B, registers.ccr2 & 0xFFFF)?,
-        })
+        Ok(Self { period, divider, a: window(1, Electrode::A)?, b: window(3, Electrode::B)? })
     }
 
     /// Which electrode is on at tick `tick` of the period; `Err` if both are.

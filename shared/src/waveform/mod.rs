@@ -1,28 +1,36 @@
-//! From SI units to timer registers, and back from registers to electrode edges.
+//! From SI units to timer registers, from registers to electrode edges, and from one drive to the next without a runt.
 //!
-//! One advanced timer drives both electrodes of an ERA, counting up and down between 0 and ARR (RM0440, section 28.3.4,
-//! "center-aligned mode"), so that a period has 2 ARR ticks. Electrode A is on around the counter's zero, electrode B
-//! around its top:
+//! One timer drives both electrodes of an ERA. It counts up from 0 to ARR and begins anew; a period has ARR + 1 ticks.
+//! Each electrode is on while the counter is in a window of its own, which two compare values bound (RM0440, section
+//! 28.3.13, "combined PWM mode"): electrode A in the middle of the first half period, electrode B in the middle of the
+//! second:
 //!
 //! ```text
-//! counter  ARR          /\                /\
-//!          compare_b --/--\--------------/--\--
-//!          compare_a -/----\------------/----\-
-//!            0    \  /      \          /      \
-//! A       ######__            ______##########
-//! B             ____##########____
+//! counter            ______        ______        ______        ______
+//!           0 ______/      \______/      \______/      \______/       period  0
+//!             guard    A     guard   B     guard    A    guard   B   guard
+//!             ^ boundary                  ^ boundary                 ^ boundary
 //! ```
 //!
-//! While `compare_a <= compare_b` one counter cannot be in both windows: that the two are never on together is a
-//! property of the counting, not of timing. The guard time is `compare_b - compare_a` ticks on both sides.
+//! While the windows are disjoint no value of the counter is in both, so that the electrodes are never on together is a
+//! property of the counting, not of timing. The registers are preloaded and change together at the period's boundary,
+//! which lies in the middle of a guard: no window is ever cut short, and a guard that spans a change is the mean of two
+//! that are long enough.
 //!
-//! A half turn of phase exchanges the two electrodes (`swapped`), the rest is the counter's start value: the force
-//! F ~ V_A^2 - V_B^2 changes sign when A and B change places.
+//! [`program()`] turns a drive into numbers for the timer, [`Sequencer`] brings running timers from one drive to the next
+//! at their boundaries, in phase where frequencies are equal, [`Envelope`] shapes the force in time, [`Windows`] reads
+//! registers as edges.
 
 mod edges;
+mod envelope;
+mod period;
 mod program;
 mod registers;
+mod sequencer;
 
 pub use edges::{Electrode, Window, Windows, WindowsError};
-pub use program::{ChannelProgram, DriveError, TimerProgram, program};
-pub use registers::TimerRegisters;
+pub use envelope::{Effect, Envelope, FULL_LEVEL, SEGMENTS, Segment};
+pub use period::{CompareWindow, IDLE, Period};
+pub use program::{ChannelProgram, DriveError, program};
+pub use registers::{OutputPair, TimerRegisters};
+pub use sequencer::{Goal, Preload, Sequencer};

@@ -1,108 +1,161 @@
-//! The bits of the timer registers, in one place for the firmware that writes them, the simulated device and the tests
-//! that read them back (RM0440, section 28.6: TIM1/TIM8/TIM20 registers).
+//! The bits of the timer registers, in one place for the firmware that writes them, the emulator's report and the tests that
+//! read them back (RM0440, sections 28.6 and 29.5: TIM1/TIM8/TIM20 and TIM2 to TIM5 have them in common but for BDTR).
 
-use super::TimerProgram;
+use super::period::{CompareWindow, Period};
 
 /// CR1.CEN: the counter counts.
 const CR1_CEN: u32 = 1;
-/// CR1.CMS = 01: centre-aligned mode 1.
-const CR1_CMS_1: u32 = 1 << 5;
-/// Mask of CR1.CMS.
+/// CR1.DIR: downwards.
+const CR1_DIR: u32 = 1 << 4;
+/// Mask of CR1.CMS: centre-aligned modes.
 const CR1_CMS: u32 = 0b11 << 5;
 /// CR1.ARPE: the auto-reload register is preloaded.
 const CR1_ARPE: u32 = 1 << 7;
-/// CCMR1.OC1M = 0110: PWM mode 1, on while the counter is below the compare value.
+/// OCxM = 0110: PWM mode 1, on while the counter is below the compare value.
 const PWM_MODE_1: u32 = 0b0110;
-/// CCMR1.OC1M = 0111: PWM mode 2, on while it is above.
-const PWM_MODE_2: u32 = 0b0111;
-/// CCMR1.OC1PE and OC2PE: compare values are preloaded.
-const CCMR1_PRELOAD: u32 = (1 << 3) | (1 << 11);
-/// CCER.CC1E and CC2E: both outputs enabled; active high as CC1P and CC2P stay 0.
-const CCER_BOTH: u32 = 1 | (1 << 4);
-/// CCER.CC1P and CC2P: active low.
-const CCER_POLARITY: u32 = (1 << 1) | (1 << 5);
+/// OCxM = 1101: combined PWM mode 2, on while the counter is not below this compare value and the pair's other channel is
+/// on too.
+const COMBINED_PWM_MODE_2: u32 = 0b1101;
+/// OCxPE of one channel: the compare value is preloaded.
+const PRELOAD: u32 = 1 << 3;
+/// OCxCE of one channel: a trip clears the output until the next update event, where the timer has no break.
+const CLEAR_ENABLE: u32 = 1 << 7;
 /// BDTR.MOE: main output enable.
 const BDTR_MOE: u32 = 1 << 15;
 
-/// The registers that decide what the two electrodes of one ERA do. Output 1 is electrode A, output 2 electrode B.
+/// Which of a timer's four channels reach the electrodes' pins. Each electrode takes a pair of channels for its two compare
+/// values, and either of the pair can carry the output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutputPair {
+    /// Electrode A: channel 1 or 2.
+    pub a: u8,
+    /// Electrode B: channel 3 or 4.
+    pub b: u8,
+}
+
+/// The registers that decide what the two electrodes of one ERA do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TimerRegisters {
     /// Control register 1.
     pub cr1: u32,
-    /// Capture/compare mode register 1.
+    /// Capture/compare mode register 1: channels 1 and 2.
     pub ccmr1: u32,
+    /// Capture/compare mode register 2: channels 3 and 4.
+    pub ccmr2: u32,
     /// Capture/compare enable register.
     pub ccer: u32,
     /// Prescaler.
     pub psc: u32,
     /// Auto-reload register.
     pub arr: u32,
-    /// Compare value of electrode A.
-    pub ccr1: u32,
-    /// Compare value of electrode B.
-    pub ccr2: u32,
+    /// Compare values of channels 1 to 4.
+    pub ccr: [u32; 4],
     /// Break and dead-time register.
     pub bdtr: u32,
 }
 
-/// How one output compares.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum OutputMode {
-    /// On below the compare value.
-    Below,
-    /// On above it.
-    Above,
-}
-
 impl TimerRegisters {
-    /// The registers of a running timer that carries out `program`, main output enabled.
+    /// The registers of a running timer that carries out `period`, main output enabled.
     #[must_use]
-    pub fn running(program: &TimerProgram) -> Self {
+    pub const fn running(period: &Period, outputs: OutputPair) -> Self {
+        let [first, second] = compare_values(period.a, outputs.a == 2);
+        let [third, fourth] = compare_values(period.b, outputs.b == 4);
         Self {
-            cr1: CR1_CEN | CR1_CMS_1 | CR1_ARPE,
-            ccmr1: Self::ccmr1_for(program.swapped),
-            ccer: CCER_BOTH,
-            psc: u32::from(program.prescaler),
-            arr: u32::from(program.auto_reload),
-            ccr1: u32::from(program.compare_a),
-            ccr2: u32::from(program.compare_b),
+            cr1: CR1_CEN | CR1_ARPE,
+            ccmr1: pair_mode(outputs.a == 2),
+            ccmr2: pair_mode(outputs.b == 4),
+            ccer: ccer_bit(outputs.a) | ccer_bit(outputs.b),
+            psc: period.divider - 1,
+            arr: period.ticks - 1,
+            ccr: [first, second, third, fourth],
             bdtr: BDTR_MOE,
         }
     }
 
-    /// CCMR1 with both outputs preloaded; `swapped` exchanges the modes of the two electrodes.
+    /// The same, counting not yet begun.
     #[must_use]
-    pub const fn ccmr1_for(swapped: bool) -> u32 {
-        let (one, two) = if swapped { (PWM_MODE_2, PWM_MODE_1) } else { (PWM_MODE_1, PWM_MODE_2) };
-        CCMR1_PRELOAD | (one << 4) | (two << 12)
+    pub const fn stopped(mut self) -> Self {
+        self.cr1 &= !CR1_CEN;
+        self
     }
 
-    /// Whether the timer counts and its outputs reach the pins.
+    /// The same for a timer without break, whose outputs a trip clears until the next update event.
+    #[must_use]
+    pub const fn with_clear(mut self) -> Self {
+        self.ccmr1 |= CLEAR_ENABLE | CLEAR_ENABLE << 8;
+        self.ccmr2 |= CLEAR_ENABLE | CLEAR_ENABLE << 8;
+        self
+    }
+
+    /// Whether the timer counts and its outputs reach the pins. A timer without a break has no main output enable; its
+    /// BDTR must then be given as with MOE set.
     #[must_use]
     pub const fn is_driving(&self) -> bool {
-        self.cr1 & CR1_CEN != 0 && self.bdtr & BDTR_MOE != 0 && self.ccer & CCER_BOTH != 0
+        self.cr1 & CR1_CEN != 0 && self.bdtr & BDTR_MOE != 0 && self.ccer & 0x1111 != 0
     }
 
-    pub(super) const fn is_centre_aligned(&self) -> bool {
-        self.cr1 & CR1_CMS != 0
+    /// Whether the main output is enabled.
+    #[must_use]
+    pub const fn main_output(&self) -> bool {
+        self.bdtr & BDTR_MOE != 0
     }
 
-    pub(super) const fn is_active_high(&self) -> bool {
-        self.ccer & CCER_POLARITY == 0
+    pub(super) const fn counts_up(&self) -> bool {
+        self.cr1 & (CR1_CMS | CR1_DIR) == 0
     }
 
-    pub(super) const fn enabled(&self, output: usize) -> bool {
-        self.ccer & (1 << (4 * output)) != 0
+    pub(super) const fn is_preloaded(&self) -> bool {
+        let both = PRELOAD | PRELOAD << 8;
+        self.cr1 & CR1_ARPE != 0 && self.ccmr1 & both == both && self.ccmr2 & both == both
     }
 
-    pub(super) const fn mode(&self, output: usize) -> Option<OutputMode> {
-        let shift = 4 + 8 * output;
-        // The fourth bit of the mode lies apart, at 16 and 24.
-        let mode = (self.ccmr1 >> shift) & 0b111 | ((self.ccmr1 >> (16 + 8 * output)) & 1) << 3;
-        match mode {
-            PWM_MODE_1 => Some(OutputMode::Below),
-            PWM_MODE_2 => Some(OutputMode::Above),
-            _ => None,
-        }
+    /// CCER.CCxE of a channel, counted from 1.
+    pub(super) const fn enabled(&self, channel: u8) -> bool {
+        self.ccer & ccer_bit(channel) != 0
     }
+
+    /// CCER.CCxP and CCxNE: anything but a plain, active-high output.
+    pub(super) const fn is_plain(&self) -> bool {
+        self.ccer & !0x1111 == 0
+    }
+
+    /// OCxM, whose fourth bit lies apart, and the compare value of a channel, counted from 1.
+    pub(super) fn channel(&self, channel: u8) -> (u32, u32) {
+        let register = if channel <= 2 { self.ccmr1 } else { self.ccmr2 };
+        let shift = if channel % 2 == 1 { 0 } else { 8 };
+        let mode = (register >> (4 + shift)) & 0b111 | ((register >> (16 + shift)) & 1) << 3;
+        let compare = self.ccr.get(usize::from(channel - 1)).copied().unwrap_or(0) & 0xFFFF;
+        (mode, compare)
+    }
+
+    /// Whether `mode` opens a window, as [`Self::running`] sets it, and closes it on the pair's other channel.
+    pub(super) const fn opens(mode: u32) -> bool {
+        mode == COMBINED_PWM_MODE_2
+    }
+
+    /// Whether `mode` closes a window.
+    pub(super) const fn closes(mode: u32) -> bool {
+        mode == PWM_MODE_1
+    }
+}
+
+const fn ccer_bit(channel: u8) -> u32 {
+    1 << (4 * (channel - 1))
+}
+
+/// Modes of a pair of channels; `second` if its second channel carries the output.
+const fn pair_mode(second: bool) -> u32 {
+    let (one, two) = if second { (PWM_MODE_1, COMBINED_PWM_MODE_2) } else { (COMBINED_PWM_MODE_2, PWM_MODE_1) };
+    channel_mode(one) | channel_mode(two) << 8
+}
+
+/// OCxM and OCxPE of the lower channel of a register.
+const fn channel_mode(mode: u32) -> u32 {
+    PRELOAD | (mode & 0b111) << 4 | (mode >> 3) << 16
+}
+
+/// Compare values of a pair: the channel with the output opens the window, the other closes it.
+const fn compare_values(window: CompareWindow, second: bool) -> [u32; 2] {
+    let (on, off) = (window.on as u32, window.off as u32);
+    if second { [off, on] } else { [on, off] }
 }

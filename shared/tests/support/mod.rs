@@ -1,11 +1,13 @@
 //! A board that remembers what it was told, and a host that talks to a device over it.
 #![allow(dead_code, reason = "each test file is its own program and uses a part of this")]
 
-use era_shared::board::{Board, BoardInfo, Measurements, Programs};
+use era_shared::board::{Board, BoardInfo};
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::*;
 use era_shared::safety::{LinkId, State};
+use era_shared::supply::{RAILS, Senses, Supply};
+use era_shared::waveform::{IDLE, Period, Preload};
 
 /// Limits as the STM32G474 board reports them.
 pub fn limits() -> ChannelLimits {
@@ -32,40 +34,83 @@ pub fn drive(channel: u8) -> ChannelDrive {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Did {
     Off,
-    Arm,
-    Apply,
+    TestTrips,
+    Start,
+    Connect(bool),
 }
 
+/// A board that remembers, with rails that follow their set-points at once and discharge at once, unless told otherwise.
 pub struct FakeBoard {
     pub info: BoardInfo,
     pub now_us: u64,
     pub log: Vec<Did>,
-    pub programs: Programs,
-    pub live: bool,
-    pub fail_arm: bool,
-    pub fail_apply: bool,
+    pub supply: Supply,
+    /// The timers run since this time.
+    pub started_us: Option<u64>,
+    pub connected: bool,
+    /// Everything that was preloaded since the timers started, in order.
+    pub preloads: Vec<Preload>,
+    pub fail_trips: bool,
+    pub fail_start: bool,
+    pub fail_preload: bool,
+    pub stopped_timer: Option<u32>,
+    pub interlock_closed: bool,
+    pub stop_released: bool,
+    pub earth_bonded: bool,
+    pub average_microamps: u32,
+    pub trip: Option<(FaultCode, u32)>,
+    /// What the rails show, where it is not what was set.
+    pub rails_show: [Option<u32>; RAILS],
+    pub bootloader: bool,
 }
 
 impl FakeBoard {
     pub fn new() -> Self {
-        let channels = heapless::Vec::from_slice(&[limits(), limits()]).unwrap();
+        let channels = heapless::Vec::from_slice(&[limits(); 4]).unwrap();
         Self {
             info: BoardInfo {
                 board: BoardKind::Simulated,
                 board_id: *b"golden-board",
                 boot_id: 7,
                 reset_cause: ResetCause::PowerOn,
+                image: "fake".try_into().unwrap(),
                 firmware: FirmwareVersion { major: 0, minor: 1, patch: 0, commit: *b"00000000" },
                 channels,
                 fault_before_reset: None,
+                failure: heapless::String::new(),
             },
             now_us: 1_000,
             log: Vec::new(),
-            programs: Programs::default(),
-            live: true,
-            fail_arm: false,
-            fail_apply: false,
+            supply: Supply { enabled: true, ..Supply::default() },
+            started_us: None,
+            connected: false,
+            preloads: Vec::new(),
+            fail_trips: false,
+            fail_start: false,
+            fail_preload: false,
+            stopped_timer: None,
+            interlock_closed: true,
+            stop_released: true,
+            earth_bonded: true,
+            average_microamps: 0,
+            trip: None,
+            rails_show: [None; RAILS],
+            bootloader: false,
         }
+    }
+
+    /// Whether anything could be at high voltage.
+    pub fn live(&self) -> bool {
+        self.supply.enabled || self.connected || self.started_us.is_some()
+    }
+
+    /// What a channel's timer does from now on, as far as it is known.
+    pub fn latest(&self, channel: usize) -> Period {
+        self.preloads.iter().rev().find(|preload| preload.channel == channel).map_or(IDLE, |preload| preload.period)
+    }
+
+    pub fn driving(&self) -> bool {
+        (0..4).any(|channel| !self.latest(channel).is_blank())
     }
 }
 
@@ -78,28 +123,74 @@ impl Board for FakeBoard {
     }
     fn outputs_off(&mut self) {
         self.log.push(Did::Off);
-        self.programs = Programs::default();
-        self.live = false;
+        self.started_us = None;
+        self.connected = false;
+        self.preloads.clear();
+        self.supply = Supply { discharge: [true; RAILS], ..Supply::default() };
     }
-    fn arm(&mut self) -> Result<(), FaultCode> {
-        self.log.push(Did::Arm);
-        if self.fail_arm {
+    fn sense(&mut self) -> Senses {
+        let rail = |rail: usize| {
+            let driven = self.supply.enabled && !self.supply.discharge[rail];
+            self.rails_show[rail].unwrap_or(if driven { self.supply.set_point_millivolts[rail] } else { 0 })
+        };
+        Senses {
+            rail_millivolts: [rail(0), rail(1)],
+            average_microamps: self.average_microamps,
+            interlock_closed: self.interlock_closed,
+            stop_released: self.stop_released,
+            earth_bonded: self.earth_bonded,
+            trip: self.trip.take(),
+        }
+    }
+    fn test_trips(&mut self) -> Result<(), (FaultCode, u32)> {
+        self.log.push(Did::TestTrips);
+        assert!(!self.connected && !self.supply.enabled, "tripped with something live");
+        if self.fail_trips { Err((FaultCode::SelfTest, 3)) } else { Ok(()) }
+    }
+    fn set_supply(&mut self, supply: &Supply) {
+        self.supply = *supply;
+    }
+    fn start_timers(&mut self) -> Result<(), FaultCode> {
+        self.log.push(Did::Start);
+        assert!(!self.connected, "timers started with electrodes connected");
+        if self.fail_start {
             return Err(FaultCode::ArmFailed);
         }
-        self.live = true;
+        self.started_us = Some(self.now_us);
         Ok(())
     }
-    fn apply(&mut self, programs: &Programs) -> Result<(), FaultCode> {
-        self.log.push(Did::Apply);
-        assert!(self.live, "drives applied without arming");
-        if self.fail_apply {
-            return Err(FaultCode::DriveFailed);
+    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
+        self.log.push(Did::Connect(connected));
+        assert!(self.started_us.is_some(), "electrodes connected to timers that do not run");
+        self.connected = connected;
+        Ok(())
+    }
+    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode> {
+        let started_us = self.started_us.expect("preloaded a timer that does not run");
+        assert!(preload.at >= (self.now_us - started_us + 50) * 170, "preloaded too near to its boundary");
+        assert!(self.connected || preload.period.is_blank(), "windows for electrodes that are not connected");
+        if self.fail_preload {
+            return Err(FaultCode::ReadBack);
         }
-        self.programs = *programs;
+        self.preloads.push(*preload);
         Ok(())
     }
-    fn measure(&mut self) -> Measurements {
-        Measurements::default()
+    fn check_timers(&mut self) -> Result<(), (FaultCode, u32)> {
+        match self.stopped_timer {
+            Some(channel) => Err((FaultCode::TimerStopped, channel)),
+            None => Ok(()),
+        }
+    }
+    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
+        None
+    }
+    fn take_log(&mut self, out: &mut [u8]) -> usize {
+        out[..3].copy_from_slice(b"log");
+        3
+    }
+    fn enter_bootloader(&mut self) {
+        assert!(!self.live(), "left for the bootloader while live");
+        self.bootloader = true;
     }
 }
 
@@ -120,7 +211,16 @@ impl Bench {
             sequence: 0,
         };
         bench.device.start(&mut bench.board);
+        // Rails are seen to be discharged.
+        bench.wait_ms(2);
         bench
+    }
+
+    /// Arms and waits until it is done.
+    pub fn arm(&mut self) {
+        assert_eq!(self.ask(&Request::Arm { deadman_ms: None }), Reply::Armed { deadman_ms: 250 });
+        self.wait_ms(10);
+        assert_eq!(self.state(), State::Armed);
     }
 
     pub fn ask(&mut self, request: &Request) -> Reply {

@@ -1,0 +1,285 @@
+//! What each request does.
+
+use super::live::charged;
+use super::{Device, Goals};
+use crate::MAX_CHANNELS;
+use crate::board::Board;
+use crate::limits::{BURST_DEFAULT_MS, BURST_MAX_MS, DEADMAN_DEFAULT_MS, DEADMAN_MAX_MS, DEADMAN_MIN_MS};
+use crate::protocol::{
+    AchievedDrive, BOOTLOADER_KEY, CURRENT_VERSION, ChannelDrive, ChannelStatus, Details, FaultCode, HelloReply,
+    LOG_CHUNK, MIN_VERSION, Refusal, Reply, Request, StatusReply, TelemetryReply, Welcome,
+};
+use crate::safety::{Event, LinkId};
+use crate::waveform::{DriveError, Effect, Goal, program};
+use heapless::Vec;
+
+/// An effect may be asked for this long after its start, in us: the host's view of the board's clock is never that wrong.
+const LATEST_US: u64 = 100_000;
+/// And this long before.
+const EARLIEST_US: u64 = 10_000_000;
+/// The shortest burst that can be asked for, in ms.
+const BURST_MIN_MS: u16 = 1;
+
+impl Device {
+    pub(super) fn answer(
+        &mut self,
+        board: &mut impl Board,
+        link: LinkId,
+        request: &Request,
+        version: u8,
+    ) -> Result<Reply, Refusal> {
+        // Silence that has lasted too long is acted on before the frame that ends it: a late keep-alive must not
+        // revive a drive.
+        self.poll(board);
+        let now_us = board.now_us();
+        self.safety.heard(link, now_us);
+        match request {
+            Request::Hello { .. } if version >= 2 => Ok(Reply::Welcome(welcome(board))),
+            Request::Hello { .. } => Ok(Reply::Hello(hello(board))),
+            Request::Arm { deadman_ms } => {
+                let (deadman_ms, _) = self.arm(board, link, *deadman_ms, None, now_us)?;
+                Ok(Reply::Armed { deadman_ms })
+            }
+            Request::ArmWith { deadman_ms, burst_ms } => {
+                let (deadman_ms, burst_ms) = self.arm(board, link, *deadman_ms, *burst_ms, now_us)?;
+                Ok(Reply::ArmedWith { deadman_ms, burst_ms })
+            }
+            Request::Disarm => self.step(board, Event::Disarm, &Goals::default()).map(|()| Reply::Disarmed),
+            Request::SetDrives { drives } => {
+                self.set_drives(board, link, drives, true).map(|achieved| Reply::DrivesSet { achieved })
+            }
+            Request::Prepare { drives } => {
+                self.set_drives(board, link, drives, false).map(|achieved| Reply::Prepared { achieved })
+            }
+            Request::Play { channel, start_us, effect } => self.play(board, link, *channel, *start_us, effect, now_us),
+            Request::Stop => self.step(board, Event::Stop, &Goals::default()).map(|()| Reply::Stopped),
+            Request::KeepAlive => Ok(Reply::Alive { state: self.state() }),
+            Request::Status => Ok(Reply::Status(self.status(board, now_us))),
+            Request::Faults => Ok(Reply::Faults { latched: self.safety.fault() }),
+            Request::ClearFaults => self.clear(board),
+            Request::Telemetry => Ok(Reply::Telemetry(self.telemetry(board, now_us))),
+            Request::Clock => Ok(Reply::Clock { now_us: board.now_us() }),
+            Request::Details => Ok(Reply::Details(self.details(board))),
+            Request::Log => {
+                let mut chunk = [0; LOG_CHUNK];
+                let count = board.take_log(&mut chunk).min(LOG_CHUNK);
+                Ok(Reply::Log { bytes: chunk.iter().take(count).copied().collect() })
+            }
+            Request::Bootloader { key } if *key == BOOTLOADER_KEY => {
+                if self.state().is_live() {
+                    return Err(Refusal::Live(self.state()));
+                }
+                self.step(board, Event::Stop, &Goals::default())?;
+                board.enter_bootloader();
+                Ok(Reply::Bootloader)
+            }
+            Request::Bootloader { .. } => Err(Refusal::Malformed),
+        }
+    }
+
+    fn arm(
+        &mut self,
+        board: &mut impl Board,
+        link: LinkId,
+        deadman_ms: Option<u16>,
+        burst_ms: Option<u16>,
+        now_us: u64,
+    ) -> Result<(u16, u16), Refusal> {
+        if self.safety.held_by_other(link) {
+            return Err(Refusal::OtherLink);
+        }
+        let deadman_ms = deadman_ms.unwrap_or(DEADMAN_DEFAULT_MS);
+        if !(DEADMAN_MIN_MS..=DEADMAN_MAX_MS).contains(&deadman_ms) {
+            return Err(Refusal::Deadman { requested_ms: deadman_ms, min_ms: DEADMAN_MIN_MS, max_ms: DEADMAN_MAX_MS });
+        }
+        let burst_ms = burst_ms.unwrap_or(BURST_DEFAULT_MS);
+        if !(BURST_MIN_MS..=BURST_MAX_MS).contains(&burst_ms) {
+            return Err(Refusal::Burst { requested_ms: burst_ms, min_ms: BURST_MIN_MS, max_ms: BURST_MAX_MS });
+        }
+        self.step(board, Event::Arm, &Goals::default())?;
+        self.safety.open_session(link, deadman_ms, now_us);
+        self.budget.limit_bursts(burst_ms);
+        Ok((deadman_ms, burst_ms))
+    }
+
+    fn set_drives(
+        &mut self,
+        board: &mut impl Board,
+        link: LinkId,
+        drives: &[ChannelDrive],
+        continuous: bool,
+    ) -> Result<Vec<AchievedDrive, MAX_CHANNELS>, Refusal> {
+        if self.safety.held_by_other(link) {
+            return Err(Refusal::OtherLink);
+        }
+        // All are computed and checked before any is applied.
+        let mut goals = Goals::default();
+        let mut achieved = Vec::new();
+        let limits = &board.info().channels;
+        for drive in drives {
+            let refuse = |error| Refusal::Drive { channel: drive.channel, error };
+            let channels = u8::try_from(limits.len()).unwrap_or(u8::MAX);
+            let no_such_channel = DriveError::NoSuchChannel { channels };
+            let index = usize::from(drive.channel);
+            let limit = limits.get(index).ok_or(refuse(no_such_channel))?;
+            let place = goals.get_mut(index).ok_or(refuse(no_such_channel))?;
+            if place.is_some() {
+                return Err(Refusal::DuplicateChannel { channel: drive.channel });
+            }
+            let program = program(limit, drive).map_err(refuse)?;
+            if let Some(wait_ms) = self.budget.wait_ms(index) {
+                return Err(Refusal::Duty { channel: drive.channel, wait_ms });
+            }
+            *place = Some(Goal { program, continuous });
+            // As long as `drives`, which has the same capacity.
+            let _ = achieved.push(program.achieved);
+        }
+        let event = if drives.is_empty() { Event::Rest } else { Event::Drive };
+        self.step(board, event, &goals)?;
+        Ok(achieved)
+    }
+
+    fn play(
+        &mut self,
+        board: &mut impl Board,
+        link: LinkId,
+        channel: u8,
+        start_us: u64,
+        effect: &Effect,
+        now_us: u64,
+    ) -> Result<Reply, Refusal> {
+        if self.safety.held_by_other(link) {
+            return Err(Refusal::OtherLink);
+        }
+        if !effect.is_valid() {
+            return Err(Refusal::Effect);
+        }
+        let start_us = if start_us == 0 { now_us } else { start_us };
+        if start_us.saturating_add(LATEST_US) < now_us || start_us > now_us.saturating_add(EARLIEST_US) {
+            return Err(Refusal::Start { start_us, now_us });
+        }
+        let index = usize::from(channel);
+        if let Some(wait_ms) = self.budget.wait_ms(index) {
+            return Err(Refusal::Duty { channel, wait_ms });
+        }
+        let state = self.state();
+        let not_now = Refusal::State { state, event: Event::Drive };
+        let sequencer = self.sequencer.as_mut().ok_or(not_now)?;
+        if sequencer.goal(index).is_none() {
+            return Err(Refusal::NoDrive { channel });
+        }
+        if !sequencer.play(index, start_us, effect) {
+            return Err(Refusal::QueueFull { channel });
+        }
+        self.sequence(board).map_err(|(code, detail)| {
+            self.raise(board, code, detail, now_us);
+            self.safety.fault().map_or(Refusal::Malformed, Refusal::Fault)
+        })?;
+        Ok(Reply::Playing)
+    }
+
+    fn clear(&mut self, board: &mut impl Board) -> Result<Reply, Refusal> {
+        if let Some(fault) = self.safety.fault() {
+            let senses = board.sense();
+            if let Some((code, detail)) = senses.trip {
+                // What tripped is told once; it must not be lost to a request.
+                let now_us = board.now_us();
+                self.raise(board, code, detail, now_us);
+                return Err(Refusal::StillThere(code));
+            }
+            let still_there = match fault.code {
+                FaultCode::InterlockOpen => !senses.interlock_closed,
+                FaultCode::EmergencyStop => !senses.stop_released,
+                FaultCode::EarthOpen => !senses.earth_bonded,
+                FaultCode::OverCurrent
+                | FaultCode::OverVoltage
+                | FaultCode::RailImplausible
+                | FaultCode::RailCollapsed
+                | FaultCode::DischargeFailed
+                | FaultCode::ShortCircuit => charged(&senses).is_some(),
+                _ => false,
+            };
+            if still_there {
+                return Err(Refusal::StillThere(fault.code));
+            }
+        }
+        self.step(board, Event::Clear, &Goals::default()).map(|()| Reply::FaultsCleared)
+    }
+
+    fn status(&self, board: &impl Board, uptime_us: u64) -> StatusReply {
+        let info = board.info();
+        StatusReply {
+            state: self.state(),
+            uptime_us,
+            boot_id: info.boot_id,
+            fault: self.safety.fault(),
+            channels: self
+                .active
+                .iter()
+                .take(info.channels.len())
+                .map(|drive| ChannelStatus { drive: *drive })
+                .collect(),
+            link: self.counters,
+        }
+    }
+
+    fn telemetry(&mut self, board: &mut impl Board, uptime_us: u64) -> TelemetryReply {
+        let millivolts = |drive: &Option<AchievedDrive>| drive.map_or(0, |drive| drive.voltage_millivolts);
+        TelemetryReply {
+            uptime_us,
+            state: self.state(),
+            acceleration_peak_mm_per_s2: board.acceleration_peak_mm_per_s2(),
+            rail_millivolts: self.active.iter().take(board.info().channels.len()).map(millivolts).collect(),
+        }
+    }
+
+    fn details(&mut self, board: &mut impl Board) -> Details {
+        let senses = board.sense();
+        if let Some((code, detail)) = senses.trip {
+            // What tripped is told once; it must not be lost to a question.
+            let now_us = board.now_us();
+            self.raise(board, code, detail, now_us);
+        }
+        Details {
+            state: self.state(),
+            set_point_millivolts: self.supply.set_point_millivolts,
+            rail_millivolts: senses.rail_millivolts,
+            average_microamps: senses.average_microamps,
+            interlock_closed: senses.interlock_closed,
+            stop_released: senses.stop_released,
+            earth_bonded: senses.earth_bonded,
+            credit_ms: (0..board.info().channels.len()).map(|channel| self.budget.credit_ms(channel)).collect(),
+        }
+    }
+}
+
+fn hello(board: &impl Board) -> HelloReply {
+    let info = board.info();
+    HelloReply {
+        protocol_min: MIN_VERSION,
+        protocol_current: CURRENT_VERSION,
+        board: info.board,
+        board_id: info.board_id,
+        boot_id: info.boot_id,
+        reset_cause: info.reset_cause,
+        firmware: info.firmware,
+        channels: info.channels.clone(),
+        default_deadman_ms: DEADMAN_DEFAULT_MS,
+    }
+}
+
+fn welcome(board: &impl Board) -> Welcome {
+    let info = board.info();
+    Welcome {
+        protocol_min: MIN_VERSION,
+        protocol_current: CURRENT_VERSION,
+        board: info.board,
+        board_id: info.board_id,
+        boot_id: info.boot_id,
+        reset_cause: info.reset_cause,
+        image: info.image.clone(),
+        firmware: info.firmware,
+        channels: info.channels.clone(),
+        failure: info.failure.clone(),
+    }
+}

@@ -1,0 +1,232 @@
+//! What happens by itself: time-outs, the self-test, the rails, the timers' next periods.
+
+use super::{Device, Goals};
+use crate::MAX_CHANNELS;
+use crate::board::Board;
+use crate::limits::{DISCHARGE_LIMIT_MS, DISCHARGED_MILLIVOLTS};
+use crate::protocol::{FaultCode, Refusal};
+use crate::safety::{Action, Event, SelfTest, State, Verdict};
+use crate::supply::{Finding, RAILS, Senses, rail_of};
+use crate::waveform::Sequencer;
+
+/// Between two looks at the senses, in us: the resolution of envelopes, and what the soft start's steps follow.
+const TICK_US: u64 = 1_000;
+/// A rail this many parts in a hundred above its set-point is taken into account in the windows' width; what is less is the
+/// measurement's own error.
+const RAIL_EXCESS_PERCENT: u32 = 2;
+
+impl Device {
+    /// To be called at least every ms. Returns when it wants to be called again, in us of the board's time.
+    pub fn poll(&mut self, board: &mut impl Board) -> u64 {
+        let now_us = board.now_us();
+        if let Some(silence_us) = self.safety.silent_for_us(now_us) {
+            let silence_ms = u32::try_from(silence_us / 1000).unwrap_or(u32::MAX);
+            self.raise(board, FaultCode::HostSilent, silence_ms, now_us);
+        }
+        if now_us >= self.next_tick_us {
+            // Not a fixed grid: after a pause there is nothing to catch up with.
+            self.next_tick_us = now_us + TICK_US;
+            if let Err((code, detail)) = self.tick(board, now_us) {
+                self.raise(board, code, detail, now_us);
+            }
+        }
+        if let Err((code, detail)) = self.sequence(board) {
+            self.raise(board, code, detail, now_us);
+        }
+        let due_us = self.sequencer.as_ref().and_then(Sequencer::due_us).unwrap_or(u64::MAX);
+        due_us.min(self.next_tick_us)
+    }
+
+    fn tick(&mut self, board: &mut impl Board, now_us: u64) -> Result<(), Finding> {
+        let senses = board.sense();
+        if let Some(finding) = senses.trip {
+            return Err(finding);
+        }
+        match self.state() {
+            State::Boot | State::Fault => Ok(()),
+            State::Safe => match charged(&senses) {
+                Some((rail, _)) => Err((FaultCode::RailImplausible, rail)),
+                None => Ok(()),
+            },
+            State::Discharging => match charged(&senses) {
+                None => {
+                    // Accepted in this state alone, so it cannot be refused.
+                    let _ = self.step(board, Event::Discharged, &Goals::default());
+                    Ok(())
+                }
+                Some((rail, _)) if now_us.saturating_sub(self.off_since_us) > u64::from(DISCHARGE_LIMIT_MS) * 1000 => {
+                    Err((FaultCode::DischargeFailed, rail))
+                }
+                Some(_) => Ok(()),
+            },
+            State::Arming => self.test(board, now_us, &senses),
+            State::Armed | State::Running => self.supervise(board, now_us, &senses),
+        }
+    }
+
+    /// One step of the self-test.
+    fn test(&mut self, board: &mut impl Board, now_us: u64, senses: &Senses) -> Result<(), Finding> {
+        let Some(self_test) = &mut self.self_test else { return Err((FaultCode::ArmFailed, 0)) };
+        match self_test.step(now_us, senses) {
+            Verdict::Going(supply) => {
+                self.supply = supply;
+                board.set_supply(&supply);
+                Ok(())
+            }
+            Verdict::TryTrips => board.test_trips(),
+            Verdict::Failed(finding) => Err(finding),
+            Verdict::Passed => {
+                self.self_test = None;
+                let held = self.held.take();
+                // Faults have been raised where they arose.
+                if self.step(board, Event::TestPassed, &Goals::default()).is_ok()
+                    && let Some(goals) = held
+                {
+                    let event = if goals.iter().any(Option::is_some) { Event::Drive } else { Event::Rest };
+                    let _ = self.step(board, event, &goals);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// Rails, budgets and plausibility while live.
+    fn supervise(&mut self, board: &mut impl Board, now_us: u64, senses: &Senses) -> Result<(), Finding> {
+        if let Some(finding) = self.watch.look(now_us, senses, &self.supply) {
+            return Err(finding);
+        }
+        board.check_timers()?;
+        self.supply = self.rails.step(now_us, senses);
+        board.set_supply(&self.supply);
+        let Some(sequencer) = &mut self.sequencer else { return Err((FaultCode::ArmFailed, 0)) };
+        for channel in 0..MAX_CHANNELS {
+            let Some(goal) = sequencer.goal(channel) else { continue };
+            let rail = rail_of(channel);
+            let number = |values: [u32; RAILS]| values.get(rail).copied().unwrap_or(0);
+            let (aim, measured) = (number(self.rails.aims()), number(senses.rail_millivolts));
+            let excess = measured > aim.saturating_add(aim / 100 * RAIL_EXCESS_PERCENT);
+            sequencer
+                .set_strength(channel, strength(goal.program.voltage_millivolts, if excess { measured } else { aim }));
+        }
+        let driving = core::array::from_fn(|channel| sequencer.drives(channel));
+        let spent = self.budget.step(now_us, driving);
+        for (channel, spent) in spent.into_iter().enumerate() {
+            if spent {
+                sequencer.end(channel);
+                if let Some(active) = self.active.get_mut(channel) {
+                    *active = None;
+                }
+            }
+        }
+        let wanted = (0..MAX_CHANNELS).any(|channel| sequencer.goal(channel).is_some());
+        if self.state() == State::Running && !wanted {
+            let _ = self.step(board, Event::Rest, &Goals::default());
+        } else if self.state() == State::Armed && self.connected && !driving.contains(&true) {
+            self.connected = false;
+            board.connect_electrodes(false).map_err(|code| (code, 0))?;
+        }
+        Ok(())
+    }
+
+    /// Writes what the timers must do next.
+    pub(super) fn sequence(&mut self, board: &mut impl Board) -> Result<(), Finding> {
+        let Some(sequencer) = &mut self.sequencer else { return Ok(()) };
+        // Read anew: what came before this may have taken its time, and the margin before a boundary is 50 us.
+        let now_us = board.now_us();
+        for preload in sequencer.poll(now_us) {
+            board.preload(&preload).map_err(|code| (code, u32::try_from(preload.channel).unwrap_or(0)))?;
+        }
+        Ok(())
+    }
+
+    /// Lets an event happen and carries out what the table says, or refuses.
+    pub(super) fn step(&mut self, board: &mut impl Board, event: Event, goals: &Goals) -> Result<(), Refusal> {
+        let action = self.safety.on(event).map_err(|state| Refusal::State { state, event })?;
+        let now_us = board.now_us();
+        self.carry_out(board, action, goals, now_us).map_err(|code| {
+            self.raise(board, code, event as u32, now_us);
+            self.safety.fault().map_or(Refusal::Malformed, Refusal::Fault)
+        })
+    }
+
+    fn carry_out(
+        &mut self,
+        board: &mut impl Board,
+        action: Action,
+        goals: &Goals,
+        now_us: u64,
+    ) -> Result<(), FaultCode> {
+        match action {
+            Action::Keep => Ok(()),
+            Action::Off => {
+                self.all_off(board, now_us);
+                Ok(())
+            }
+            Action::Test => {
+                self.self_test = Some(SelfTest::new(now_us));
+                Ok(())
+            }
+            Action::Enable => {
+                board.start_timers()?;
+                let started_us = board.now_us();
+                let clock_hz = board.info().channels.first().map_or(0, |limits| limits.timer_clock_hz);
+                self.sequencer = Some(Sequencer::new(clock_hz / 1_000_000, started_us));
+                // The rails stay where the self-test has brought them until a drive asks for more.
+                self.rails.aim(self.supply.set_point_millivolts);
+                self.rails.begin(self.supply.set_point_millivolts, now_us);
+                Ok(())
+            }
+            Action::Apply if self.state() == State::Arming => {
+                self.held = Some(*goals);
+                self.show(goals);
+                Ok(())
+            }
+            Action::Apply => self.apply(board, goals, now_us),
+        }
+    }
+
+    fn apply(&mut self, board: &mut impl Board, goals: &Goals, now_us: u64) -> Result<(), FaultCode> {
+        let sequencer = self.sequencer.as_mut().ok_or(FaultCode::DriveFailed)?;
+        // A rail that feeds nobody stays charged, so that the next touch need not wait for its soft start.
+        let mut aims = self.rails.aims();
+        for (rail, aim) in aims.iter_mut().enumerate() {
+            let fed = goals.iter().enumerate().filter(|(channel, _)| rail_of(*channel) == rail);
+            let highest = fed.filter_map(|(_, goal)| goal.map(|goal| goal.program.voltage_millivolts)).max();
+            *aim = highest.unwrap_or(*aim);
+        }
+        self.rails.aim(aims);
+        sequencer.set_goals(goals, now_us);
+        for (channel, goal) in goals.iter().enumerate() {
+            if let Some(goal) = goal {
+                let aim = aims.get(rail_of(channel)).copied().unwrap_or(0);
+                sequencer.set_strength(channel, strength(goal.program.voltage_millivolts, aim));
+            }
+        }
+        if goals.iter().any(Option::is_some) && !self.connected {
+            board.connect_electrodes(true)?;
+            self.connected = true;
+        }
+        self.show(goals);
+        self.sequence(board).map_err(|(code, _)| code)
+    }
+
+    fn show(&mut self, goals: &Goals) {
+        self.active = goals.map(|goal| goal.map(|goal| goal.program.achieved));
+    }
+}
+
+/// The part of the full force that windows must make when `wanted` mV are to act and the rail has `there` mV.
+fn strength(wanted: u32, there: u32) -> f32 {
+    #[allow(clippy::cast_precision_loss, reason = "a ratio of millivolts; 24 bits are plenty")]
+    let ratio = if there > wanted { wanted as f32 / there as f32 } else { 1.0 };
+    ratio * ratio
+}
+
+/// The first rail that is not harmless: 10 000 x rail + volts, and mV.
+pub(super) fn charged(senses: &Senses) -> Option<(u32, u32)> {
+    let rails = (1_u32..).zip(senses.rail_millivolts);
+    rails
+        .filter(|(_, millivolts)| *millivolts >= DISCHARGED_MILLIVOLTS)
+        .map(|(rail, millivolts)| (rail * 10_000 + millivolts / 1000, millivolts))
+        .next()
+}

@@ -1,0 +1,48 @@
+//! The high-voltage supply: set-points that rise slowly, rails that are watched, and discharge that is measured.
+//!
+//! The reference board has two rails. Rail 1 feeds the odd ERAs, rail 2 the even ones, so that two ERAs have a voltage each;
+//! with more, two share a rail, which stands at the higher voltage that they ask for, and the other one gets narrower
+//! windows of the same fundamental force.
+
+mod rails;
+mod watch;
+
+pub use rails::{RailControl, quantised, rail_code};
+pub use watch::{Finding, Watch};
+
+/// Rails of a board.
+pub const RAILS: usize = 2;
+
+/// The rail that feeds a channel.
+#[must_use]
+pub const fn rail_of(channel: usize) -> usize {
+    channel % RAILS
+}
+
+/// What the supply is told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Supply {
+    /// Whether it may deliver.
+    pub enabled: bool,
+    /// Whether the discharge switch of each rail is closed.
+    pub discharge: [bool; RAILS],
+    /// Set-point of each rail in mV.
+    pub set_point_millivolts: [u32; RAILS],
+}
+
+/// What is measured of the supply and seen of the loops that must be closed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Senses {
+    /// Voltage of each rail in mV.
+    pub rail_millivolts: [u32; RAILS],
+    /// What the supply delivers on average, in uA.
+    pub average_microamps: u32,
+    /// The enclosure is closed.
+    pub interlock_closed: bool,
+    /// The emergency stop is not pressed.
+    pub stop_released: bool,
+    /// Panel and moving masses are bonded to protective earth.
+    pub earth_bonded: bool,
+    /// What the hardware, or an interrupt, switched everything off for since this was last asked.
+    pub trip: Option<(crate::protocol::FaultCode, u32)>,
+}

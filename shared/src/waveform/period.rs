@@ -1,0 +1,82 @@
+//! One period of a timer: what its preloaded registers say.
+
+/// A window between two compare values: on while `on <= counter < off`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CompareWindow {
+    /// First tick.
+    pub on: u16,
+    /// First tick after it.
+    pub off: u16,
+}
+
+impl CompareWindow {
+    /// Never on: the counter neither reaches 0xFFFF (ARR stays below it) nor is below 0.
+    pub const NEVER: Self = Self { on: u16::MAX, off: 0 };
+}
+
+/// Rhythm and windows of one period.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Period {
+    /// Clocks in a tick, PSC + 1: 1 to 65 536.
+    pub divider: u32,
+    /// Ticks in a period, ARR + 1: 2 to 65 535.
+    pub ticks: u32,
+    /// Electrode A.
+    pub a: CompareWindow,
+    /// Electrode B.
+    pub b: CompareWindow,
+}
+
+/// A period of exactly 1 ms at 170 MHz in which nothing is on: what a timer does while its channel is off, so that a drive
+/// begins within a ms.
+pub const IDLE: Period = Period::blank(4, 42_500);
+
+impl Period {
+    /// Most ticks in a period: ARR must stay below 0xFFFF, see [`CompareWindow::NEVER`].
+    pub const MOST_TICKS: u32 = 65_535;
+    /// Most clocks in a tick: a 16-bit prescaler plus one.
+    pub const MOST_DIVIDER: u32 = 65_536;
+
+    /// A period in which nothing is on.
+    #[must_use]
+    pub const fn blank(divider: u32, ticks: u32) -> Self {
+        Self { divider, ticks, a: CompareWindow::NEVER, b: CompareWindow::NEVER }
+    }
+
+    /// A period with windows of `width` ticks, each in the middle of its half; blank if `width` is 0. `reversed` exchanges
+    /// the electrodes, which turns the force round. `width` must be below half of `ticks` by the guard time;
+    /// [`super::program()`] sees to it.
+    #[must_use]
+    pub fn driving(divider: u32, ticks: u32, width: u32, reversed: bool) -> Self {
+        if width == 0 || 2 * width >= ticks {
+            return Self::blank(divider, ticks);
+        }
+        let first = first_on(ticks, width);
+        let window = |on: u32| CompareWindow { on: to_u16(on), off: to_u16(on + width) };
+        let (early, late) = (window(first), window(first + ticks / 2));
+        let (a, b) = if reversed { (late, early) } else { (early, late) };
+        Self { divider, ticks, a, b }
+    }
+
+    /// Clocks in the period.
+    #[must_use]
+    pub const fn clocks(&self) -> u64 {
+        self.divider as u64 * self.ticks as u64
+    }
+
+    /// Whether nothing is on in it.
+    #[must_use]
+    pub fn is_blank(&self) -> bool {
+        self.a == CompareWindow::NEVER && self.b == CompareWindow::NEVER
+    }
+}
+
+/// First tick of the earlier window: half of what a half period has left.
+pub(super) const fn first_on(ticks: u32, width: u32) -> u32 {
+    (ticks - 2 * width) / 4
+}
+
+// Callers keep the values in range; saturating keeps a mistake from becoming a short period.
+pub(super) fn to_u16(value: u32) -> u16 {
+    u16::try_from(value).unwrap_or(u16::MAX)
+}

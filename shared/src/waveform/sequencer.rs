@@ -1,0 +1,277 @@
+//! From one drive to the next: what each timer's preload registers must hold before its next boundary.
+//!
+//! All timers start together, blank, and run until everything goes off, so that every boundary is known exactly, in clocks
+//! since that start: a boundary plus whole periods. The clock on the board's wall only tells which boundary is the next.
+//! Nothing is ever stopped or set while it runs: a change is written to the preload registers and takes effect by itself.
+//!
+//! Channels with one frequency (equal divider and ticks) have a common origin of phase. A channel whose next boundary is
+//! not where its phase wants it goes through a blank period of the length that is missing.
+
+use super::envelope::{Envelope, Playing, width_for};
+use super::period::{IDLE, Period};
+use super::program::ChannelProgram;
+use crate::MAX_CHANNELS;
+use heapless::Vec;
+
+/// A boundary nearer than this, in us, is left to pass: writing the registers of a timer takes 2 us, and an interrupt in
+/// between 20 us.
+const MARGIN_US: u64 = 50;
+/// Least length of a blank period, in us: longer than the ms between two looks and the margin, so that what follows it is
+/// written in time. If it is not, the blank period is simply repeated.
+const LEAST_GAP_US: u64 = 1_500;
+/// Dividers tried for the blank period: one of them divides its length, or nearly.
+const DIVIDERS_TRIED: u64 = 16;
+/// Later chances of the lattice that are tried, if none of the dividers fits the first.
+const CHANCES: u64 = 3;
+/// Envelopes that wait for one channel, the one that plays included.
+const QUEUE: usize = 4;
+
+/// What is to be written to a timer's preload registers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Preload {
+    /// 0-based.
+    pub channel: usize,
+    /// Rhythm and windows.
+    pub period: Period,
+    /// When it takes effect, in clocks since the timers' start.
+    pub at: u64,
+}
+
+/// What a channel is to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Goal {
+    /// Rhythm and greatest windows.
+    pub program: ChannelProgram,
+    /// Whether it drives when no envelope says otherwise.
+    pub continuous: bool,
+}
+
+#[derive(Clone, Debug)]
+struct Track {
+    /// What the timer does from `boundary` on.
+    active: Period,
+    /// A boundary that has passed, or 0.
+    boundary: u64,
+    /// What the preload registers hold, if it is something else, and when it takes effect.
+    pending: Option<(Period, u64)>,
+    goal: Option<Goal>,
+    /// One of the boundaries at which the goal's phase is kept.
+    lattice: u64,
+    /// Part of the full force that the rail's voltage leaves to the window's width.
+    strength: f32,
+    queue: Vec<Envelope, QUEUE>,
+}
+
+impl Track {
+    const fn new() -> Self {
+        Self { active: IDLE, boundary: 0, pending: None, goal: None, lattice: 0, strength: 1.0, queue: Vec::new() }
+    }
+
+    /// Takes note of what has happened up to `now`.
+    fn settle(&mut self, now: u64) {
+        if let Some((period, at)) = self.pending
+            && at <= now
+        {
+            (self.active, self.boundary, self.pending) = (period, at, None);
+        }
+        let period = self.active.clocks();
+        self.boundary += now.saturating_sub(self.boundary) / period * period;
+    }
+
+    /// The boundary after `now`.
+    const fn next_boundary(&self) -> u64 {
+        self.boundary + self.active.clocks()
+    }
+
+    const fn preloaded(&self) -> Period {
+        match self.pending {
+            Some((period, _)) => period,
+            None => self.active,
+        }
+    }
+
+    /// What the period from the boundary `at` on should be.
+    fn wanted(&mut self, at: u64, clocks_per_us: u64) -> Period {
+        let Some(goal) = self.goal else { return IDLE };
+        let program = goal.program;
+        let clocks = program.clocks();
+        let late = (at + clocks - self.lattice % clocks) % clocks;
+        let missing = (clocks - late) % clocks;
+        // Within a tick is on time: a gap's length is a multiple of its own ticks.
+        let tick = u64::from(program.divider);
+        if late.min(missing) > tick {
+            return gap(missing, clocks, tick, LEAST_GAP_US * clocks_per_us);
+        }
+        let level = self.level(goal, at, clocks_per_us);
+        let width = width_for(program.ticks, program.width, level, self.strength);
+        Period::driving(program.divider, program.ticks, width, level < 0)
+    }
+
+    fn level(&mut self, goal: Goal, at: u64, clocks_per_us: u64) -> i16 {
+        while let Some(envelope) = self.queue.first() {
+            match envelope.at(at, goal.program.clocks(), 1000 * clocks_per_us) {
+                Playing::Waiting => break,
+                Playing::Level(level) => return level,
+                Playing::Ended => {
+                    self.queue.remove(0);
+                }
+            }
+        }
+        if goal.continuous { super::FULL_LEVEL } else { 0 }
+    }
+}
+
+/// A blank period of `missing` clocks, or that and whole periods of `clocks` more, that is at least `least` long.
+fn gap(missing: u64, clocks: u64, tick: u64, least: u64) -> Period {
+    let first = missing + least.saturating_sub(missing).div_ceil(clocks) * clocks;
+    let mut best = (u64::MAX, Period::blank(1, 2));
+    for length in (0..CHANCES).map(|chance| first + chance * clocks) {
+        let coarsest = length.div_ceil(u64::from(Period::MOST_TICKS)).max(1);
+        for divider in coarsest..coarsest + DIVIDERS_TRIED {
+            let ticks = (length + divider / 2) / divider;
+            let error = (ticks * divider).abs_diff(length);
+            if error < best.0 {
+                // Both are below 2^16 for every length up to 2^32 clocks, 25 s.
+                let number = |value: u64| u32::try_from(value).unwrap_or(u32::MAX);
+                best = (error, Period::blank(number(divider), number(ticks)));
+            }
+            if error == 0 {
+                return best.1;
+            }
+        }
+        // Half a tick early or late is as good as the phase's own rounding.
+        if best.0 <= tick / 2 {
+            break;
+        }
+    }
+    best.1
+}
+
+/// All channels of a board.
+#[derive(Clone, Debug)]
+pub struct Sequencer {
+    clocks_per_us: u64,
+    started_us: u64,
+    tracks: [Track; MAX_CHANNELS],
+}
+
+impl Sequencer {
+    /// Timers that started together at `started_us` of the board's time, blank ([`IDLE`]), with a clock of
+    /// `clocks_per_us` MHz.
+    #[must_use]
+    pub const fn new(clocks_per_us: u32, started_us: u64) -> Self {
+        Self { clocks_per_us: clocks_per_us as u64, started_us, tracks: [const { Track::new() }; MAX_CHANNELS] }
+    }
+
+    /// The board's time in clocks since the start.
+    #[must_use]
+    pub const fn clocks_at(&self, time_us: u64) -> u64 {
+        time_us.saturating_sub(self.started_us) * self.clocks_per_us
+    }
+
+    /// Gives every channel its goal; `None` lets it fall silent at its next boundary. A channel whose goal does not change
+    /// goes on undisturbed. Envelopes that wait are forgotten.
+    pub fn set_goals(&mut self, goals: &[Option<Goal>; MAX_CHANNELS], now_us: u64) {
+        let now = self.clocks_at(now_us) + MARGIN_US * self.clocks_per_us;
+        for track in &mut self.tracks {
+            track.settle(now);
+            track.queue.clear();
+        }
+        let before: [Option<(Goal, u64)>; MAX_CHANNELS] =
+            core::array::from_fn(|i| self.tracks.get(i).and_then(|track| track.goal.map(|goal| (goal, track.lattice))));
+        let mut origins: [Option<u64>; MAX_CHANNELS] = [None; MAX_CHANNELS];
+        let rhythm = |program: &ChannelProgram| (program.divider, program.ticks);
+        for (i, goal) in goals.iter().enumerate() {
+            let Some(goal) = goal else { continue };
+            let program = &goal.program;
+            let same =
+                |j: usize| goals.get(j).and_then(Option::as_ref).is_some_and(|g| rhythm(&g.program) == rhythm(program));
+            // The origin of a channel that keeps its frequency, else that of one that has just been given one, else any:
+            // then this channel begins at its next boundary.
+            let kept = before.iter().enumerate().find_map(|(j, old)| {
+                let (old, lattice) = (*old)?;
+                (same(j) && rhythm(&old.program) == rhythm(program))
+                    .then(|| lattice + u64::from(old.program.origin_count) * u64::from(old.program.divider))
+            });
+            let given = (0..i).find_map(|j| if same(j) { origins.get(j).copied().flatten() } else { None });
+            let to_boundary = u64::from(program.origin_count) * u64::from(program.divider);
+            let next = self.tracks.get(i).map_or(0, Track::next_boundary);
+            let origin = kept.or(given).unwrap_or(next + to_boundary);
+            if let (Some(place), Some(track)) = (origins.get_mut(i), self.tracks.get_mut(i)) {
+                *place = Some(origin);
+                // Brought forward by a period where it would be before the start: only its place in a period counts.
+                track.lattice = (origin + program.clocks() - to_boundary) % program.clocks();
+            }
+        }
+        for (track, goal) in self.tracks.iter_mut().zip(goals) {
+            track.goal = *goal;
+        }
+    }
+
+    /// Adds an envelope that starts at `start_us` of the board's time; `false` if the channel has no goal or as many wait
+    /// as can.
+    pub fn play(&mut self, channel: usize, start_us: u64, effect: &super::Effect) -> bool {
+        let start = self.clocks_at(start_us);
+        let Some(track) = self.tracks.get_mut(channel).filter(|track| track.goal.is_some()) else { return false };
+        let place = track.queue.iter().position(|other| other.start > start).unwrap_or(track.queue.len());
+        track.queue.insert(place, Envelope { effect: effect.clone(), start }).is_ok()
+    }
+
+    /// Part of the full force, 0 to 1, that the rail's voltage leaves to the window's width: the square of the voltage
+    /// wanted over the one there is.
+    pub fn set_strength(&mut self, channel: usize, strength: f32) {
+        if let Some(track) = self.tracks.get_mut(channel) {
+            track.strength = strength;
+        }
+    }
+
+    /// Ends the drive of one channel at its next boundary.
+    pub fn end(&mut self, channel: usize) {
+        if let Some(track) = self.tracks.get_mut(channel) {
+            track.goal = None;
+            track.queue.clear();
+        }
+    }
+
+    /// The goal of a channel.
+    #[must_use]
+    pub fn goal(&self, channel: usize) -> Option<Goal> {
+        self.tracks.get(channel).and_then(|track| track.goal)
+    }
+
+    /// Whether a channel's electrodes are in use, now or from the next boundary on.
+    #[must_use]
+    pub fn drives(&self, channel: usize) -> bool {
+        self.tracks.get(channel).is_some_and(|track| !track.active.is_blank() || !track.preloaded().is_blank())
+    }
+
+    /// What must be written to the preload registers now. To be called at least every ms, and again at
+    /// [`Self::due_us`].
+    pub fn poll(&mut self, now_us: u64) -> Vec<Preload, MAX_CHANNELS> {
+        let (now, margin) = (self.clocks_at(now_us), MARGIN_US * self.clocks_per_us);
+        let mut preloads = Vec::new();
+        for (channel, track) in self.tracks.iter_mut().enumerate() {
+            track.settle(now);
+            let at = track.next_boundary();
+            if at < now + margin {
+                continue;
+            }
+            let wanted = track.wanted(at, self.clocks_per_us);
+            if wanted != track.preloaded() {
+                track.pending = Some((wanted, at));
+                // As long as there are channels.
+                let _ = preloads.push(Preload { channel, period: wanted, at });
+            }
+        }
+        preloads
+    }
+
+    /// When the sequencer wants to be asked again, if that is before the next ms: right after the next boundary of a
+    /// channel that plays an envelope, so that none of its periods is missed.
+    #[must_use]
+    pub fn due_us(&self) -> Option<u64> {
+        let playing = self.tracks.iter().filter(|track| !track.queue.is_empty() && track.goal.is_some());
+        let next = playing.map(Track::next_boundary).min()?;
+        Some(self.started_us + next / self.clocks_per_us + 1)
+    }
+}
