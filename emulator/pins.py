@@ -4,14 +4,18 @@ from chip import AFRL, GPIO, MODER, ODR, PIN_MODES
 
 # ERA -> timer, and port, number and alternate function of its electrodes (DS12288, table 13).
 ELECTRODES = {
-    "era1": ("TIM1", ("A", 8, 6), ("A", 9, 6)),
-    "era2": ("TIM8", ("C", 6, 4), ("C", 7, 4)),
+    "era1": ("TIM1", ("A", 8, 6), ("A", 10, 6)),
+    "era2": ("TIM8", ("C", 6, 4), ("C", 9, 4)),
     "era3": ("TIM20", ("B", 2, 3), ("C", 8, 6)),
     "era4": ("TIM4", ("B", 6, 2), ("B", 9, 2)),
 }
 HIGH_VOLTAGE_ENABLE = ("C", 10)
-DISCHARGE_OPEN = ("C", 11)
-OTHERS = {"high_voltage_enable": HIGH_VOLTAGE_ENABLE, "discharge": DISCHARGE_OPEN, "heartbeat": ("C", 12)}
+# High: the discharge switch of the rail is open.
+DISCHARGE_OPEN = (("C", 11), ("D", 2))
+OTHERS = {
+    "high_voltage_enable": HIGH_VOLTAGE_ENABLE, "discharge1": DISCHARGE_OPEN[0], "discharge2": DISCHARGE_OPEN[1],
+    "heartbeat": ("C", 12),
+}
 
 
 class Pins:
@@ -35,7 +39,7 @@ class Pins:
 
     def step(self, timers, clock):
         """Tells the timers whether their pins are connected to them."""
-        words = [self.sim.read_u32(base + MODER) for base in GPIO.values()]
+        words = [self.sim.read_u32(GPIO[port] + MODER) for port in "ABC"]
         if words == self.mode_words:
             return
         self.mode_words = words

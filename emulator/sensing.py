@@ -27,7 +27,7 @@ class Sensing:
         codes = self.set_points()
         self.supply.step(
             elapsed / CLOCK_HZ, [code / FULL_SCALE_CODE for code in codes],
-            is_driven_high(self.sim, *HIGH_VOLTAGE_ENABLE), is_driven_high(self.sim, *DISCHARGE_OPEN),
+            is_driven_high(self.sim, *HIGH_VOLTAGE_ENABLE), [is_driven_high(self.sim, *pin) for pin in DISCHARGE_OPEN],
         )
         volts = [self.rail_input(0), self.rail_input(1), self.average_input(), self.supply.bond_v()]
         results = [round(volt / SUPPLY_V * FULL_SCALE_CODE) for volt in volts]

@@ -1,4 +1,4 @@
-"""The high-voltage supply outside the chip: two rails, their discharge switch, the current, the loops and the earth bond.
+"""The high-voltage supply outside the chip: two rails, their discharge switches, the current, the loops and the earth bond.
 
 Everything is a first-order lag, advanced exactly for any step, so the step's length does not matter. It knows nothing of
 the chip: sensing.py tells it what the pins ask for and tells the chip what it answers. Faults are attributes: faults.py.
@@ -12,9 +12,9 @@ FULL_SCALE_V = 2000.0
 FOLLOW_S = 2e-3
 DISCHARGE_S = 5e-3
 LEAKAGE_S = 100e-3
-# Smoothing and electrodes of one rail, in F: 10 nF charged at 100 V/ms take 1 mA.
-RAIL_FARADS = 10e-9
-# Divider and electrodes in use, in A for each rail at full voltage.
+# Smoothing and electrodes of one rail, in F: charged at the firmware's 20 V/ms it takes 20 uA.
+RAIL_FARADS = 1e-9
+# Divider and bleeder, in A for each rail at full voltage.
 LOAD_A = 20e-6
 # Both loops carry the 3.3 V of the board when closed. The bond pulls the earth input low against 330 ohm.
 LOOP_CLOSED_V, LOOP_OPEN_V = 3.3, 0.0
@@ -47,13 +47,13 @@ class Supply:
         self.forced_average_a = None
 
     def step(self, seconds, set_points, enabled, discharge_open):
-        """Advances by `seconds` with these set-points (0 to 1 of full scale) and switches."""
+        """Advances by `seconds` with these set-points (0 to 1 of full scale), and the switches of supply and discharge."""
         charge = 0.0
         for rail, set_point in enumerate(set_points):
             before = self.rails[rail]
-            if not discharge_open and self.discharge_works:
+            if not discharge_open[rail] and self.discharge_works:
                 target, lag = 0.0, DISCHARGE_S
-            elif enabled and discharge_open:
+            elif enabled and discharge_open[rail]:
                 target, lag = set_point * FULL_SCALE_V * self.gain[rail], FOLLOW_S
             else:
                 target, lag = 0.0, LEAKAGE_S

@@ -21,18 +21,18 @@ class SupplyTest(unittest.TestCase):
     def test_rail_follows_and_discharges(self):
         supply = Supply()
         for _ in range(10):
-            supply.step(FOLLOW_S / 10, [0.5, 0.0], True, True)
+            supply.step(FOLLOW_S / 10, [0.5, 0.0], True, [True, True])
         self.assertAlmostEqual(supply.rails[0], 1000 * (1 - 0.36788), places=1)
         self.assertEqual(supply.rails[1], 0.0)
         before = supply.rails[0]
-        supply.step(DISCHARGE_S, [0.5, 0.0], True, False)
+        supply.step(DISCHARGE_S, [0.5, 0.0], True, [False, True])
         self.assertAlmostEqual(supply.rails[0] / before, 0.36788, places=4)
 
     def test_charging_takes_current(self):
         supply = Supply()
-        supply.step(1e-3, [0.1, 0.0], True, True)
-        self.assertGreater(supply.average_a, 0.2e-3)
-        supply.step(1.0, [0.1, 0.0], True, True)
+        supply.step(1e-3, [0.1, 0.0], True, [True, True])
+        self.assertGreater(supply.average_a, 40e-6)
+        supply.step(1.0, [0.1, 0.0], True, [True, True])
         self.assertLess(supply.average_a, 5e-6)
 
 
