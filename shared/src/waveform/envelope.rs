@@ -98,8 +98,10 @@ impl Effect {
 pub struct Envelope {
     /// What is played.
     pub effect: Effect,
-    /// From when on; the first boundary at or after it is the beginning.
+    /// From when on. Once it has begun: the boundary at which it did.
     pub start: u64,
+    /// Whether it has begun.
+    pub begun: bool,
 }
 
 /// What an envelope says about a period.
@@ -114,11 +116,17 @@ pub(super) enum Playing {
 }
 
 impl Envelope {
-    /// The level of the period of `period` clocks that begins at `boundary`; `clocks_per_ms` is the timers' clock.
-    pub(super) fn at(&self, boundary: u64, period: u64, clocks_per_ms: u64) -> Playing {
-        let Some(since) = boundary.checked_sub(self.start) else { return Playing::Waiting };
-        // From the first boundary at or after the start, whenever this is asked.
-        let mut rest = since - since % period.max(1);
+    /// The level of the period of `period` clocks that begins at `boundary`; `clocks_per_ms` is the timers' clock. The first
+    /// boundary at or after the start that this is asked for is the beginning: one that could not be used any more costs no
+    /// cycle.
+    pub(super) fn at(&mut self, boundary: u64, period: u64, clocks_per_ms: u64) -> Playing {
+        if !self.begun {
+            if boundary < self.start {
+                return Playing::Waiting;
+            }
+            (self.start, self.begun) = (boundary, true);
+        }
+        let mut rest = boundary.saturating_sub(self.start);
         let length = |segment: &Segment| match *segment {
             Segment::Hold { milliseconds, .. } | Segment::Ramp { milliseconds, .. } => {
                 u64::from(milliseconds) * clocks_per_ms

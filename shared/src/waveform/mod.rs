@@ -23,6 +23,7 @@
 
 mod edges;
 mod envelope;
+mod model;
 mod period;
 mod program;
 mod registers;
@@ -30,6 +31,7 @@ mod sequencer;
 
 pub use edges::{Electrode, Window, Windows, WindowsError};
 pub use envelope::{Effect, Envelope, FULL_LEVEL, SEGMENTS, Segment};
+pub use model::{Pulse, PulseCheck, TimerModel};
 pub use period::{CompareWindow, IDLE, Period};
 pub use program::{ChannelProgram, DriveError, program};
 pub use registers::{OutputPair, TimerRegisters};

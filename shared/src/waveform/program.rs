@@ -75,8 +75,8 @@ pub struct ChannelProgram {
     pub ticks: u32,
     /// Ticks of each window at full level.
     pub width: u32,
-    /// Where the counter would be at the common time origin: the phase.
-    pub origin_count: u32,
+    /// Clocks from a boundary to the common time origin: the phase.
+    pub origin_clocks: u64,
     /// Voltage of the electrodes in mV.
     pub voltage_millivolts: u32,
     /// What all this achieves.
@@ -146,15 +146,14 @@ pub fn program(limits: &ChannelLimits, drive: &ChannelDrive) -> Result<ChannelPr
         });
     }
 
-    // The force is at its greatest in the middle of A's window. In units of 1/(2 TURN) of a tick, so that one rounding is all.
-    let (unit, turn) = (2 * u64::from(TURN), 2 * u64::from(TURN) * ticks_u64);
-    let centre = u64::from(2 * first_on(ticks, width) + width) * u64::from(TURN);
-    let wanted = centre + 2 * u64::from(drive.phase_microturns) * ticks_u64;
-    let origin_count = to_u32((wanted + unit / 2) / unit % ticks_u64);
-    let reached = (u64::from(origin_count) * unit + turn - centre) % turn;
-    let phase = (reached + ticks_u64) / (2 * ticks_u64);
-
     let period_clocks = ticks_u64 * u64::from(divider);
+    // The force is at its greatest in the middle of A's window, which may fall between two ticks: in half clocks.
+    let centre = u64::from(2 * first_on(ticks, width) + width) * u64::from(divider);
+    let turn = 2 * period_clocks;
+    let wanted = (u64::from(drive.phase_microturns) * turn + u64::from(TURN / 2)) / u64::from(TURN);
+    let origin_clocks = (centre + wanted).div_ceil(2) % period_clocks;
+    let reached = (2 * origin_clocks + turn - centre) % turn;
+    let phase = (reached * u64::from(TURN) + period_clocks) / turn;
     // The shorter of the two guards: the half period is rounded down between A and B.
     let guard_ticks = u64::from(ticks / 2 - width);
     let voltage_millivolts = quantised(drive.voltage_millivolts);
@@ -162,7 +161,7 @@ pub fn program(limits: &ChannelLimits, drive: &ChannelDrive) -> Result<ChannelPr
         divider,
         ticks,
         width,
-        origin_count,
+        origin_clocks,
         voltage_millivolts,
         achieved: AchievedDrive {
             channel: drive.channel,

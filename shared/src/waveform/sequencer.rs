@@ -13,9 +13,9 @@ use super::program::ChannelProgram;
 use crate::MAX_CHANNELS;
 use heapless::Vec;
 
-/// A boundary nearer than this, in us, is left to pass: writing the registers of a timer takes 2 us, and an interrupt in
-/// between 20 us.
-const MARGIN_US: u64 = 50;
+/// A boundary nearer than this, in us, is left to pass: working out what four timers must do takes 50 us at most, writing
+/// their registers 10 us, and an interrupt in between 20 us.
+const MARGIN_US: u64 = 100;
 /// Least length of a blank period, in us: longer than the ms between two looks and the margin, so that what follows it is
 /// written in time. If it is not, the blank period is simply repeated.
 const LEAST_GAP_US: u64 = 1_500;
@@ -60,11 +60,13 @@ struct Track {
     /// Part of the full force that the rail's voltage leaves to the window's width.
     strength: f32,
     queue: Vec<Envelope, QUEUE>,
+    /// The next boundary was too near to be changed when it was last looked at.
+    passing: bool,
 }
 
 impl Track {
     const fn new() -> Self {
-        Self { active: IDLE, boundary: 0, pending: None, goal: None, lattice: 0, strength: 1.0, queue: Vec::new() }
+        Self { active: IDLE, boundary: 0, pending: None, goal: None, lattice: 0, strength: 1.0, queue: Vec::new(), passing: false }
     }
 
     /// Takes note of what has happened up to `now`.
@@ -83,6 +85,12 @@ impl Track {
         self.boundary + self.active.clocks()
     }
 
+    /// The first boundary, not before `earliest`, for which something can still be preloaded.
+    const fn next_change(&self, earliest: u64) -> u64 {
+        let next = self.next_boundary();
+        if next >= earliest { next } else { next + self.preloaded().clocks() }
+    }
+
     const fn preloaded(&self) -> Period {
         match self.pending {
             Some((period, _)) => period,
@@ -96,11 +104,11 @@ impl Track {
         let program = goal.program;
         let clocks = program.clocks();
         let late = (at + clocks - self.lattice % clocks) % clocks;
-        let missing = (clocks - late) % clocks;
-        // Within a tick is on time: a gap's length is a multiple of its own ticks.
-        let tick = u64::from(program.divider);
-        if late.min(missing) > tick {
-            return gap(missing, clocks, tick, LEAST_GAP_US * clocks_per_us);
+        if late > 0 {
+            let (gap, reached) = gap(clocks - late, clocks, LEAST_GAP_US * clocks_per_us);
+            // Where that ends is on time: a clock or two from where it should be if no divider fits exactly.
+            self.lattice = at + reached;
+            return gap;
         }
         let level = self.level(goal, at, clocks_per_us);
         let width = width_for(program.ticks, program.width, level, self.strength);
@@ -108,7 +116,7 @@ impl Track {
     }
 
     fn level(&mut self, goal: Goal, at: u64, clocks_per_us: u64) -> i16 {
-        while let Some(envelope) = self.queue.first() {
+        while let Some(envelope) = self.queue.first_mut() {
             match envelope.at(at, goal.program.clocks(), 1000 * clocks_per_us) {
                 Playing::Waiting => break,
                 Playing::Level(level) => return level,
@@ -121,30 +129,31 @@ impl Track {
     }
 }
 
-/// A blank period of `missing` clocks, or that and whole periods of `clocks` more, that is at least `least` long.
-fn gap(missing: u64, clocks: u64, tick: u64, least: u64) -> Period {
+/// A blank period of `missing` clocks, or that and whole periods of `clocks` more, that is at least `least` long, and how
+/// many clocks it really has.
+fn gap(missing: u64, clocks: u64, least: u64) -> (Period, u64) {
     let first = missing + least.saturating_sub(missing).div_ceil(clocks) * clocks;
-    let mut best = (u64::MAX, Period::blank(1, 2));
+    let mut best = (u64::MAX, 1, 2);
     for length in (0..CHANCES).map(|chance| first + chance * clocks) {
         let coarsest = length.div_ceil(u64::from(Period::MOST_TICKS)).max(1);
         for divider in coarsest..coarsest + DIVIDERS_TRIED {
             let ticks = (length + divider / 2) / divider;
             let error = (ticks * divider).abs_diff(length);
-            if error < best.0 {
-                // Both are below 2^16 for every length up to 2^32 clocks, 25 s.
-                let number = |value: u64| u32::try_from(value).unwrap_or(u32::MAX);
-                best = (error, Period::blank(number(divider), number(ticks)));
+            if error < best.0 && ticks <= u64::from(Period::MOST_TICKS) {
+                best = (error, divider, ticks);
             }
             if error == 0 {
-                return best.1;
+                break;
             }
         }
-        // Half a tick early or late is as good as the phase's own rounding.
-        if best.0 <= tick / 2 {
+        if best.0 == 0 {
             break;
         }
     }
-    best.1
+    let (_, divider, ticks) = best;
+    // Both are below 2^16 for every length up to 2^32 clocks, 25 s.
+    let number = |value: u64| u32::try_from(value).unwrap_or(u32::MAX);
+    (Period::blank(number(divider), number(ticks)), divider * ticks)
 }
 
 /// All channels of a board.
@@ -172,7 +181,7 @@ impl Sequencer {
     /// Gives every channel its goal; `None` lets it fall silent at its next boundary. A channel whose goal does not change
     /// goes on undisturbed. Envelopes that wait are forgotten.
     pub fn set_goals(&mut self, goals: &[Option<Goal>; MAX_CHANNELS], now_us: u64) {
-        let now = self.clocks_at(now_us) + MARGIN_US * self.clocks_per_us;
+        let (now, margin) = (self.clocks_at(now_us), MARGIN_US * self.clocks_per_us);
         for track in &mut self.tracks {
             track.settle(now);
             track.queue.clear();
@@ -191,16 +200,23 @@ impl Sequencer {
             let kept = before.iter().enumerate().find_map(|(j, old)| {
                 let (old, lattice) = (*old)?;
                 (same(j) && rhythm(&old.program) == rhythm(program))
-                    .then(|| lattice + u64::from(old.program.origin_count) * u64::from(old.program.divider))
+                    .then(|| lattice + old.program.origin_clocks)
             });
             let given = (0..i).find_map(|j| if same(j) { origins.get(j).copied().flatten() } else { None });
-            let to_boundary = u64::from(program.origin_count) * u64::from(program.divider);
-            let next = self.tracks.get(i).map_or(0, Track::next_boundary);
-            let origin = kept.or(given).unwrap_or(next + to_boundary);
+            let next = self.tracks.get(i).map_or(0, |track| track.next_change(now + margin));
+            let origin = kept.or(given).unwrap_or(next + program.origin_clocks);
+            let clocks = program.clocks();
+            // Brought forward by a period where it would be before the start: only its place in a period counts.
+            let lattice = origin + clocks - program.origin_clocks;
+            let own = before.get(i).copied().flatten().filter(|(old, _)| rhythm(&old.program) == rhythm(program));
+            // A channel that is where it should be but for the clocks that its gap could not hit stays there.
+            let stays = own.map(|(_, old)| old).filter(|old| {
+                let apart = lattice.abs_diff(*old) % clocks;
+                apart.min(clocks - apart) <= u64::from(program.divider) / 2
+            });
             if let (Some(place), Some(track)) = (origins.get_mut(i), self.tracks.get_mut(i)) {
                 *place = Some(origin);
-                // Brought forward by a period where it would be before the start: only its place in a period counts.
-                track.lattice = (origin + program.clocks() - to_boundary) % program.clocks();
+                track.lattice = stays.unwrap_or(lattice);
             }
         }
         for (track, goal) in self.tracks.iter_mut().zip(goals) {
@@ -214,7 +230,7 @@ impl Sequencer {
         let start = self.clocks_at(start_us);
         let Some(track) = self.tracks.get_mut(channel).filter(|track| track.goal.is_some()) else { return false };
         let place = track.queue.iter().position(|other| other.start > start).unwrap_or(track.queue.len());
-        track.queue.insert(place, Envelope { effect: effect.clone(), start }).is_ok()
+        track.queue.insert(place, Envelope { effect: effect.clone(), start, begun: false }).is_ok()
     }
 
     /// Part of the full force, 0 to 1, that the rail's voltage leaves to the window's width: the square of the voltage
@@ -253,7 +269,8 @@ impl Sequencer {
         for (channel, track) in self.tracks.iter_mut().enumerate() {
             track.settle(now);
             let at = track.next_boundary();
-            if at < now + margin {
+            track.passing = at < now + margin;
+            if track.passing {
                 continue;
             }
             let wanted = track.wanted(at, self.clocks_per_us);
@@ -267,11 +284,12 @@ impl Sequencer {
     }
 
     /// When the sequencer wants to be asked again, if that is before the next ms: right after the next boundary of a
-    /// channel that plays an envelope, so that none of its periods is missed.
+    /// channel that plays an envelope, so that none of its periods is missed, or of one whose boundary was too near. (Periods
+    /// of 1 ms would otherwise be too near every time.)
     #[must_use]
     pub fn due_us(&self) -> Option<u64> {
-        let playing = self.tracks.iter().filter(|track| !track.queue.is_empty() && track.goal.is_some());
-        let next = playing.map(Track::next_boundary).min()?;
+        let waits = |track: &&Track| track.passing || !track.queue.is_empty() && track.goal.is_some();
+        let next = self.tracks.iter().filter(waits).map(Track::next_boundary).min()?;
         Some(self.started_us + next / self.clocks_per_us + 1)
     }
 }

@@ -20,6 +20,11 @@ pub fn limits() -> ChannelLimits {
     }
 }
 
+/// How many random cases a property gets: an interpreter that checks every access is a thousand times slower.
+pub const fn cases(many: u32) -> u32 {
+    if cfg!(miri) { 10 } else { many }
+}
+
 /// 150 Hz, 2/3 wide, 1 kV.
 pub fn drive(channel: u8) -> ChannelDrive {
     ChannelDrive {

@@ -1,0 +1,126 @@
+//! A timer as RM0440 describes it, seen from the electrodes' pins: for tests and reports, which rebuild from register writes
+//! what the pins did and check it.
+//!
+//! Modelled: counting up with prescaler (28.3.2), update events and preload (28.3.1, 28.3.4), combined PWM (28.3.13), break
+//! and idle state with OSSI set (28.3.17: outputs low while MOE is 0, MOE cleared by hardware and set by software alone).
+
+use super::edges::{Electrode, Window, Windows, WindowsError};
+use super::registers::TimerRegisters;
+
+/// One stretch of time in which an electrode's pin is high, in clocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pulse {
+    /// Which electrode.
+    pub electrode: Electrode,
+    /// First clock.
+    pub from: u64,
+    /// First clock after it.
+    pub to: u64,
+}
+
+/// A running timer.
+#[derive(Clone, Debug)]
+pub struct TimerModel {
+    active: TimerRegisters,
+    preload: TimerRegisters,
+    /// When the running period began, in clocks.
+    began: u64,
+    /// Up to when pulses have been told.
+    told: u64,
+    broken: bool,
+}
+
+impl TimerModel {
+    /// A timer that begins to count at `began`, its registers loaded by an update event.
+    #[must_use]
+    pub const fn new(registers: TimerRegisters, began: u64) -> Self {
+        Self { active: registers, preload: registers, began, told: began, broken: false }
+    }
+
+    /// Writes the preload registers. The caller has run the model up to the time of the write.
+    pub const fn write(&mut self, registers: TimerRegisters) {
+        self.preload = registers;
+    }
+
+    /// A break: MOE is cleared, at once.
+    pub const fn trip(&mut self) {
+        self.broken = true;
+    }
+
+    /// Software sets MOE again.
+    pub const fn release(&mut self) {
+        self.broken = false;
+    }
+
+    /// When the running period ends.
+    #[must_use]
+    pub const fn next_update(&self) -> u64 {
+        self.began + ((self.active.psc & 0xFFFF) as u64 + 1) * ((self.active.arr & 0xFFFF) as u64 + 1)
+    }
+
+    /// Runs up to `until` and tells every pulse, or the part of it that lies before `until`: a pulse that goes on is told in
+    /// two parts that touch.
+    ///
+    /// # Errors
+    /// [`WindowsError`] if the registers make something else than windows.
+    pub fn run(&mut self, until: u64, mut pulse: impl FnMut(Pulse)) -> Result<(), WindowsError> {
+        while self.told < until {
+            let end = self.next_update().min(until);
+            if !self.broken {
+                let windows = Windows::from_registers(&self.active)?;
+                let mut told = [(Electrode::A, windows.a), (Electrode::B, windows.b)];
+                told.sort_unstable_by_key(|(_, window)| window.start);
+                for (electrode, Window { start, length }) in told {
+                    let at = |tick: u32| self.began + u64::from(tick) * u64::from(windows.divider);
+                    let (from, to) = (at(start).max(self.told), at(start + length).min(end));
+                    if from < to {
+                        pulse(Pulse { electrode, from, to });
+                    }
+                }
+            }
+            self.told = end;
+            if end == self.next_update() {
+                (self.began, self.active) = (end, self.preload);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Looks at the pulses of one ERA as they come.
+#[derive(Clone, Debug, Default)]
+pub struct PulseCheck {
+    last: Option<Pulse>,
+    /// Clocks in which both electrodes were on.
+    pub overlap: u64,
+    /// The shortest time between two pulses, in clocks; `None` before there were two.
+    pub least_guard: Option<u64>,
+    /// The shortest pulse, in clocks; one that is still going on does not count.
+    pub least_pulse: Option<u64>,
+    /// Pulses that have ended.
+    pub pulses: u64,
+}
+
+impl PulseCheck {
+    /// Takes note of the next pulse.
+    pub fn pulse(&mut self, next: Pulse) {
+        if let Some(last) = &mut self.last {
+            if last.electrode == next.electrode && last.to == next.from {
+                last.to = next.to;
+                return;
+            }
+            let (ended, guard) = (last.to - last.from, next.from.saturating_sub(last.to));
+            self.overlap += last.to.saturating_sub(next.from);
+            self.least_guard = Some(self.least_guard.map_or(guard, |least| least.min(guard)));
+            self.least_pulse = Some(self.least_pulse.map_or(ended, |least| least.min(ended)));
+            self.pulses += 1;
+        }
+        self.last = Some(next);
+    }
+
+    /// The pulse that was told last.
+    #[must_use]
+    pub const fn last(&self) -> Option<Pulse> {
+        self.last
+    }
+}
