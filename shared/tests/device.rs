@@ -5,6 +5,7 @@ mod support;
 use era_shared::link::{Kind, MAX_ENCODED, encode};
 use era_shared::protocol::*;
 use era_shared::safety::{Event, State};
+use era_shared::waveform::Effect;
 use heapless::Vec as Short;
 use proptest::prelude::*;
 use support::{Bench, Did, drive};
@@ -20,18 +21,250 @@ fn arm() -> Request {
 #[test]
 fn a_session_from_hello_to_disarm() {
     let mut bench = Bench::new();
-    assert_eq!(bench.board.log, [Did::Off], "off at boot, before anything else");
-    let Reply::Hello(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 1 }) else { panic!() };
-    assert_eq!((hello.protocol_min, hello.protocol_current, hello.channels.len()), (1, 1, 2));
+    assert_eq!(bench.board.log, [Did::Off, Did::Off], "off at boot, before anything else, and when found discharged");
+    assert_eq!(bench.state(), State::Safe);
+    let Reply::Welcome(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 2 }) else { panic!() };
+    assert_eq!((hello.protocol_min, hello.protocol_current, hello.channels.len()), (1, 2, 4));
     assert_eq!(bench.ask(&arm()), Reply::Armed { deadman_ms: 250 });
+    assert_eq!(bench.state(), State::Arming);
+    bench.wait_ms(10);
+    assert_eq!(bench.state(), State::Armed);
+    assert_eq!(bench.board.log[2..], [Did::TestTrips, Did::Start]);
     let Reply::DrivesSet { achieved } = bench.ask(&both()) else { panic!() };
     assert_eq!(achieved.len(), 2);
     assert_eq!(bench.state(), State::Running);
+    assert!(bench.board.connected && !bench.board.latest(0).is_blank() && !bench.board.latest(1).is_blank());
     assert_eq!(bench.ask(&Request::SetDrives { drives: Short::new() }), Reply::DrivesSet { achieved: Short::new() });
     assert_eq!(bench.state(), State::Armed);
+    bench.wait_ms(20);
+    assert!(!bench.board.connected && !bench.board.driving(), "electrodes are let go of once they are silent");
     assert_eq!(bench.ask(&Request::Disarm), Reply::Disarmed);
-    assert!(!bench.board.live);
+    assert!(!bench.board.live());
+    assert_eq!(bench.state(), State::Discharging);
+    bench.wait_ms(1);
     assert_eq!(bench.state(), State::Safe);
+}
+
+#[test]
+fn safe_is_only_said_of_rails_that_were_measured() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    bench.wait_ms(60);
+    bench.board.rails_show = [Some(900_000), None];
+    bench.ask(&Request::Stop);
+    for left in (61..900).rev().step_by(40) {
+        bench.board.rails_show = [Some(left * 1000), None];
+        bench.wait_ms(1);
+        assert_eq!(bench.state(), State::Discharging, "{left} V are left");
+    }
+    bench.board.rails_show = [Some(59_999), None];
+    bench.wait_ms(1);
+    assert_eq!(bench.state(), State::Safe);
+    // And if it never falls, that is a fault, which cannot be cleared while it lasts.
+    bench.arm();
+    bench.board.rails_show = [None, Some(150_000)];
+    bench.ask(&Request::Disarm);
+    bench.wait_ms(1_002);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!((fault.code, fault.detail), (FaultCode::DischargeFailed, 20_150));
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::DischargeFailed)));
+    bench.board.rails_show = [None; 2];
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    bench.wait_ms(1);
+    assert_eq!(bench.state(), State::Safe);
+    // A rail that charges by itself is noticed too.
+    bench.board.rails_show = [Some(70_000), None];
+    bench.wait_ms(1);
+    assert_eq!(bench.state(), State::Fault);
+}
+
+#[test]
+fn drives_that_are_set_while_arming_begin_when_it_is_done() {
+    let mut bench = Bench::new();
+    bench.ask(&arm());
+    let Reply::DrivesSet { .. } = bench.ask(&both()) else { panic!() };
+    assert_eq!(bench.state(), State::Arming);
+    assert!(!bench.board.connected);
+    bench.wait_ms(10);
+    assert_eq!(bench.state(), State::Running);
+    assert!(bench.board.connected && !bench.board.latest(1).is_blank());
+}
+
+#[test]
+fn arming_is_refused_by_each_thing_that_is_not_as_it_should_be() {
+    type Spoil = fn(&mut support::FakeBoard);
+    let spoils: [(Spoil, FaultCode); 7] = [
+        (|board| board.interlock_closed = false, FaultCode::InterlockOpen),
+        (|board| board.stop_released = false, FaultCode::EmergencyStop),
+        (|board| board.earth_bonded = false, FaultCode::EarthOpen),
+        (|board| board.fail_trips = true, FaultCode::SelfTest),
+        (|board| board.fail_start = true, FaultCode::ArmFailed),
+        (|board| board.rails_show = [None, Some(0)], FaultCode::ShortCircuit),
+        (|board| board.average_microamps = 600, FaultCode::ShortCircuit),
+    ];
+    for (spoil, code) in spoils {
+        let mut bench = Bench::new();
+        spoil(&mut bench.board);
+        bench.ask(&arm());
+        bench.wait_ms(100);
+        let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!("{code:?}") };
+        assert_eq!(fault.code, code);
+        assert_eq!(bench.state(), State::Fault);
+        assert!(!bench.board.live(), "{code:?}");
+    }
+}
+
+#[test]
+fn every_fault_while_running_switches_everything_off() {
+    type Spoil = fn(&mut support::FakeBoard);
+    let spoils: [(Spoil, FaultCode); 11] = [
+        (|board| board.interlock_closed = false, FaultCode::InterlockOpen),
+        (|board| board.stop_released = false, FaultCode::EmergencyStop),
+        (|board| board.earth_bonded = false, FaultCode::EarthOpen),
+        (|board| board.trip = Some((FaultCode::OverCurrent, 0)), FaultCode::OverCurrent),
+        (|board| board.trip = Some((FaultCode::OverVoltage, 0)), FaultCode::OverVoltage),
+        (|board| board.average_microamps = 501, FaultCode::OverCurrent),
+        (|board| board.rails_show = [Some(2_100_001), None], FaultCode::OverVoltage),
+        (|board| board.rails_show = [None, Some(790_000)], FaultCode::RailCollapsed),
+        (|board| board.rails_show = [Some(850_000), None], FaultCode::RailImplausible),
+        (|board| board.stopped_timer = Some(1), FaultCode::TimerStopped),
+        (|board| board.rails_show = [Some(1_200_000), None], FaultCode::DischargeFailed),
+    ];
+    for (spoil, code) in spoils {
+        let mut bench = Bench::new();
+        bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+        bench.ask(&both());
+        bench.wait_ms(100);
+        assert_eq!(bench.state(), State::Running);
+        spoil(&mut bench.board);
+        for _ in 0..11 {
+            bench.wait_ms(100);
+            bench.ask(&Request::KeepAlive);
+        }
+        let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!("{code:?}") };
+        assert_eq!(fault.code, code);
+        assert_eq!(bench.state(), State::Fault);
+        assert!(!bench.board.live(), "{code:?}");
+    }
+}
+
+#[test]
+fn a_fault_is_cleared_only_with_its_cause_gone() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.board.interlock_closed = false;
+    bench.wait_ms(2);
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::InterlockOpen)));
+    bench.board.interlock_closed = true;
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    bench.wait_ms(1);
+    assert_eq!(bench.state(), State::Safe);
+}
+
+#[test]
+fn the_rails_start_softly_and_serve_two_voltages() {
+    let mut bench = Bench::new();
+    bench.arm();
+    let low = ChannelDrive { voltage_millivolts: 500_000, ..drive(2) };
+    bench.ask(&Request::SetDrives { drives: Short::from_slice(&[drive(0), low]).unwrap() });
+    let mut last = [50_000; 2];
+    for _ in 0..48 {
+        bench.wait_ms(1);
+        let now = bench.board.supply.set_point_millivolts;
+        assert!(now[0] <= last[0] + 20_000, "{now:?} after {last:?}");
+        last = now;
+    }
+    assert!(last[0] >= 999_000 && last[1] == 50_000, "rail 2 feeds nobody: {last:?}");
+    let width = |channel: usize| {
+        let period = bench.board.latest(channel);
+        f64::from(period.a.off - period.a.on) / f64::from(period.ticks)
+    };
+    // A quarter of the force: sin(pi w/2), w being twice the part of the period.
+    let force = |part: f64| (std::f64::consts::PI * part).sin();
+    let ratio = force(width(2)) / force(width(0));
+    assert!((ratio - 0.25).abs() < 1e-3, "{ratio}");
+}
+
+#[test]
+fn bursts_end_and_must_rest() {
+    let mut bench = Bench::new();
+    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(300) });
+    bench.ask(&both());
+    bench.wait_ms(330);
+    assert_eq!(bench.state(), State::Armed, "the burst is over");
+    let Reply::Refused(Refusal::Duty { channel: 0, wait_ms }) = bench.ask(&both()) else { panic!() };
+    assert!(wait_ms <= 100);
+    bench.wait_ms(120);
+    assert!(matches!(bench.ask(&both()), Reply::DrivesSet { .. }));
+    for burst_ms in [0, 10_001] {
+        let refusal = Refusal::Burst { requested_ms: burst_ms, min_ms: 1, max_ms: 10_000 };
+        let request = Request::ArmWith { deadman_ms: None, burst_ms: Some(burst_ms) };
+        assert_eq!(bench.ask(&request), Reply::Refused(refusal));
+    }
+}
+
+#[test]
+fn effects_are_played_from_a_queue() {
+    let mut bench = Bench::new();
+    bench.arm();
+    let click = Effect::click(2, 1);
+    let play = |channel, start_us| Request::Play { channel, start_us, effect: Effect::click(2, 1) };
+    assert_eq!(bench.ask(&play(0, 0)), Reply::Refused(Refusal::NoDrive { channel: 0 }));
+    let prepare = Request::Prepare { drives: Short::from_slice(&[drive(0)]).unwrap() };
+    assert!(matches!(bench.ask(&prepare), Reply::Prepared { .. }));
+    bench.wait_ms(10);
+    assert!(!bench.board.driving(), "prepared is silent");
+    let now_us = bench.board.now_us;
+    assert_eq!(bench.ask(&play(0, now_us + 20_000)), Reply::Playing);
+    bench.wait_ms(15);
+    assert!(!bench.board.driving());
+    bench.wait_ms(15);
+    assert!(bench.board.driving());
+    bench.wait_ms(40);
+    assert!(!bench.board.driving() && bench.state() == State::Running);
+    bench.wait_ms(100);
+    let late = bench.ask(&play(0, now_us));
+    assert!(matches!(late, Reply::Refused(Refusal::Start { .. })), "{late:?}");
+    let early = bench.ask(&play(0, u64::MAX));
+    assert!(matches!(early, Reply::Refused(Refusal::Start { start_us: u64::MAX, .. })), "{early:?}");
+    let bad = Request::Play { channel: 0, start_us: 0, effect: Effect { times: 0, ..click } };
+    assert_eq!(bench.ask(&bad), Reply::Refused(Refusal::Effect));
+    let now_us = bench.board.now_us;
+    for _ in 0..4 {
+        assert_eq!(bench.ask(&play(0, now_us + 500_000)), Reply::Playing);
+    }
+    assert_eq!(bench.ask(&play(0, now_us + 500_000)), Reply::Refused(Refusal::QueueFull { channel: 0 }));
+    assert_eq!(bench.ask_on(1, &play(0, 0)), Reply::Refused(Refusal::OtherLink));
+}
+
+#[test]
+fn the_clock_the_log_and_the_details_are_told() {
+    let mut bench = Bench::new();
+    let now_us = bench.board.now_us;
+    assert_eq!(bench.ask(&Request::Clock), Reply::Clock { now_us });
+    assert_eq!(bench.ask(&Request::Log), Reply::Log { bytes: Short::from_slice(b"log").unwrap() });
+    bench.arm();
+    let Reply::Details(details) = bench.ask(&Request::Details) else { panic!() };
+    assert_eq!((details.state, details.rail_millivolts), (State::Armed, [50_000; 2]));
+    assert!(details.interlock_closed && details.stop_released && details.earth_bonded);
+    assert_eq!(details.credit_ms.as_slice(), [60_000; 4]);
+    bench.board.trip = Some((FaultCode::OverCurrent, 0));
+    let Reply::Details(details) = bench.ask(&Request::Details) else { panic!() };
+    assert_eq!(details.state, State::Fault, "a trip is not lost to a question");
+}
+
+#[test]
+fn the_bootloader_is_only_entered_when_nothing_is_live() {
+    let mut bench = Bench::new();
+    let go = Request::Bootloader { key: BOOTLOADER_KEY };
+    bench.arm();
+    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(State::Armed)));
+    bench.ask(&Request::Disarm);
+    assert_eq!(bench.ask(&Request::Bootloader { key: 1 }), Reply::Refused(Refusal::Malformed));
+    assert!(!bench.board.bootloader);
+    assert_eq!(bench.ask(&go), Reply::Bootloader);
+    assert!(bench.board.bootloader);
 }
 
 #[test]
@@ -39,34 +272,35 @@ fn nothing_is_driven_before_arming() {
     let mut bench = Bench::new();
     let refusal = Refusal::State { state: State::Safe, event: Event::Drive };
     assert_eq!(bench.ask(&both()), Reply::Refused(refusal));
-    assert_eq!(bench.board.log, [Did::Off]);
+    assert!(!bench.board.live());
 }
 
 #[test]
 fn drives_are_set_all_or_none() {
     let mut bench = Bench::new();
-    bench.ask(&arm());
+    bench.arm();
     bench.ask(&both());
-    let before = bench.board.programs;
+    let before = bench.board.preloads.clone();
     let bad = ChannelDrive { frequency_millihertz: 2_000_000, ..drive(1) };
     let request = Request::SetDrives { drives: Short::from_slice(&[drive(0), bad]).unwrap() };
     let Reply::Refused(Refusal::Drive { channel: 1, .. }) = bench.ask(&request) else { panic!() };
-    assert_eq!(bench.board.programs, before, "the first channel was left as it was");
+    assert_eq!(bench.board.preloads, before, "the first channel was left as it was");
     let twice = Request::SetDrives { drives: Short::from_slice(&[drive(0), drive(0)]).unwrap() };
     assert_eq!(bench.ask(&twice), Reply::Refused(Refusal::DuplicateChannel { channel: 0 }));
-    let third = Request::SetDrives { drives: Short::from_slice(&[drive(2)]).unwrap() };
-    assert!(matches!(bench.ask(&third), Reply::Refused(Refusal::Drive { channel: 2, .. })));
+    let fifth = Request::SetDrives { drives: Short::from_slice(&[drive(4)]).unwrap() };
+    assert!(matches!(bench.ask(&fifth), Reply::Refused(Refusal::Drive { channel: 4, .. })));
     let one = Request::SetDrives { drives: Short::from_slice(&[drive(1)]).unwrap() };
     bench.ask(&one);
-    assert!(bench.board.programs[0].is_none() && bench.board.programs[1].is_some(), "a channel not named is off");
+    bench.wait_ms(10);
+    assert!(bench.board.latest(0).is_blank() && !bench.board.latest(1).is_blank(), "a channel not named is off");
 }
 
 #[test]
 fn silence_switches_off_and_is_latched() {
     let mut bench = Bench::new();
-    bench.ask(&arm());
+    bench.arm();
     bench.ask(&both());
-    for _ in 0..20 {
+    for _ in 0..15 {
         bench.wait_ms(100);
         assert_eq!(bench.ask(&Request::KeepAlive), Reply::Alive { state: State::Running });
     }
@@ -74,7 +308,7 @@ fn silence_switches_off_and_is_latched() {
     assert_eq!(bench.state(), State::Running);
     bench.wait_ms(1);
     assert_eq!(bench.state(), State::Fault);
-    assert!(!bench.board.live);
+    assert!(!bench.board.live());
     let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::HostSilent, 250));
     assert!(matches!(bench.ask(&arm()), Reply::Refused(Refusal::State { state: State::Fault, .. })));
@@ -85,17 +319,17 @@ fn silence_switches_off_and_is_latched() {
 #[test]
 fn a_late_keep_alive_does_not_revive() {
     let mut bench = Bench::new();
-    bench.ask(&arm());
+    bench.arm();
     bench.ask(&both());
     bench.board.now_us += 300_000; // no poll in between: the firmware's task was late
     assert_eq!(bench.ask(&Request::KeepAlive), Reply::Alive { state: State::Fault });
-    assert!(!bench.board.live);
+    assert!(!bench.board.live());
 }
 
 #[test]
 fn another_link_may_stop_but_not_drive_nor_keep_alive() {
     let mut bench = Bench::new();
-    bench.ask(&arm());
+    bench.arm();
     bench.ask(&both());
     assert_eq!(bench.ask_on(1, &both()), Reply::Refused(Refusal::OtherLink));
     assert_eq!(bench.ask_on(1, &arm()), Reply::Refused(Refusal::OtherLink));
@@ -104,37 +338,36 @@ fn another_link_may_stop_but_not_drive_nor_keep_alive() {
     bench.wait_ms(50);
     assert_eq!(bench.state(), State::Fault, "link 1 does not keep link 0's session alive");
     bench.ask(&Request::ClearFaults);
-    bench.ask(&arm());
+    bench.arm();
     bench.ask(&both());
     assert_eq!(bench.ask_on(1, &Request::Stop), Reply::Stopped);
-    assert!(!bench.board.live);
+    assert!(!bench.board.live());
 }
 
 #[test]
 fn failing_hardware_ends_off_with_the_reason() {
     let mut bench = Bench::new();
-    bench.board.fail_arm = true;
-    let Reply::Refused(Refusal::Fault(fault)) = bench.ask(&arm()) else { panic!() };
-    assert_eq!(fault.code, FaultCode::ArmFailed);
-    assert_eq!(bench.board.log.last(), Some(&Did::Off));
-    bench.board.fail_arm = false;
-    bench.board.fail_apply = true;
-    bench.ask(&Request::ClearFaults);
-    bench.ask(&arm());
+    bench.arm();
+    bench.board.fail_preload = true;
     let Reply::Refused(Refusal::Fault(fault)) = bench.ask(&both()) else { panic!() };
-    assert_eq!(fault.code, FaultCode::DriveFailed);
-    assert_eq!((bench.state(), bench.board.live), (State::Fault, false));
+    assert_eq!(fault.code, FaultCode::ReadBack);
+    assert_eq!((bench.state(), bench.board.live()), (State::Fault, false));
+    assert_eq!(bench.board.log.last(), Some(&Did::Off));
 }
 
 #[test]
 fn a_fault_from_before_the_reset_is_told() {
     let mut bench = Bench::new();
     bench.board.info.fault_before_reset = Some((FaultCode::Panic, 77));
+    bench.board.info.failure = "panicked at src/main.rs:77".try_into().unwrap();
     bench.device = era_shared::device::Device::new();
     bench.device.start(&mut bench.board);
     assert_eq!(bench.state(), State::Fault);
     let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::Panic, 77));
+    let Reply::Welcome(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 2 }) else { panic!() };
+    assert_eq!(hello.failure, "panicked at src/main.rs:77");
+    assert!(matches!(bench.ask(&arm()), Reply::Refused(Refusal::State { state: State::Fault, .. })), "not until told");
 }
 
 #[test]
@@ -175,11 +408,45 @@ fn deadman_times_have_limits() {
     assert_eq!(bench.state(), State::Fault);
 }
 
+/// A host of version 1 is told nothing that it does not know, whatever happens.
+#[test]
+fn a_host_of_version_1_is_answered_in_its_words() {
+    let mut bench = Bench::new();
+    let ask = |bench: &mut Bench, request: &Request| {
+        let mut frame = [0; MAX_ENCODED];
+        let length = encode(1, Kind::Request, 9, request, &mut frame).unwrap();
+        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
+        assert_eq!((version, sequence), (1, 9));
+        reply
+    };
+    let Reply::Hello(hello) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 1 }) else { panic!() };
+    assert_eq!((hello.protocol_min, hello.protocol_current), (1, 2));
+    assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
+    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Armed }, "arming may be live");
+    assert!(matches!(ask(&mut bench, &both()), Reply::DrivesSet { .. }), "at once, as it is used to");
+    bench.wait_ms(20);
+    assert_eq!(bench.state(), State::Running);
+    assert_eq!(ask(&mut bench, &Request::Stop), Reply::Stopped);
+    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Boot }, "not called safe yet");
+    bench.wait_ms(2);
+    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Safe });
+    bench.board.interlock_closed = false;
+    ask(&mut bench, &arm());
+    bench.wait_ms(2);
+    let Reply::Faults { latched: Some(fault) } = ask(&mut bench, &Request::Faults) else { panic!() };
+    assert_eq!(fault.code, FaultCode::DriveFailed, "a code that it knows");
+    let clear = ask(&mut bench, &Request::ClearFaults);
+    assert_eq!(clear, Reply::Refused(Refusal::State { state: State::Fault, event: Event::Clear }));
+    for later in [Request::Clock, Request::Details, Request::Log, Request::Bootloader { key: BOOTLOADER_KEY }] {
+        assert_eq!(ask(&mut bench, &later), Reply::Refused(Refusal::Malformed));
+    }
+}
+
 fn any_request() -> impl Strategy<Value = Request> {
     let channel = (0_u8..6, any::<u32>(), any::<u32>(), any::<u32>(), any::<u32>(), any::<bool>());
     let channel = channel.prop_map(|(channel, f, p, phase, v, good)| {
         if good {
-            return drive(channel % 3);
+            return drive(channel % 5);
         }
         ChannelDrive {
             channel,
@@ -203,11 +470,22 @@ fn any_request() -> impl Strategy<Value = Request> {
         Just(Request::Faults),
         Just(Request::ClearFaults),
         Just(Request::Telemetry),
+        Just(Request::ArmWith { deadman_ms: None, burst_ms: Some(10) }),
+        Just(Request::Prepare { drives: Short::from_slice(&[drive(0), drive(3)]).unwrap() }),
+        (0_u8..6, any::<u64>(), 0_u16..5, 0_u16..5).prop_map(|(channel, start, cycles, brake)| Request::Play {
+            channel,
+            start_us: if start % 2 == 0 { 0 } else { start },
+            effect: Effect::click(cycles, brake),
+        }),
+        Just(Request::Clock),
+        Just(Request::Details),
+        Just(Request::Log),
+        any::<u32>().prop_map(|key| Request::Bootloader { key }),
     ]
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2_000))]
+    #![proptest_config(ProptestConfig::with_cases(support::cases(2_000)))]
 
     /// Whatever the hosts on two links do and however long they wait: high voltage only in a live state, drives only while
     /// running, and every request has an answer (the fake board itself asserts that drives are applied only when armed).
@@ -217,9 +495,9 @@ proptest! {
         for (request, link, wait_ms) in steps {
             bench.ask_on(link, &request);
             bench.wait_ms(wait_ms);
-            let driving = bench.board.programs.iter().any(Option::is_some);
-            prop_assert_eq!(bench.board.live, bench.state().is_live());
-            prop_assert_eq!(driving, bench.state() == State::Running);
+            prop_assert!(bench.state().is_live() || !bench.board.live());
+            prop_assert!(bench.board.connected || !bench.board.driving());
+            prop_assert!(!bench.board.connected || matches!(bench.state(), State::Armed | State::Running));
         }
     }
 
@@ -227,7 +505,7 @@ proptest! {
     #[test]
     fn garbage_changes_no_state(garbage in prop::collection::vec(any::<u8>(), 0..600)) {
         let mut bench = Bench::new();
-        bench.ask(&arm());
+        bench.arm();
         bench.ask(&both());
         bench.raw(0, &garbage);
         bench.raw(0, &[0]);

@@ -5,7 +5,8 @@ mod support;
 
 use era_shared::protocol::ChannelDrive;
 use era_shared::waveform::{
-    Effect, Electrode, Goal, IDLE, OutputPair, Pulse, PulseCheck, Segment, Sequencer, TimerModel, TimerRegisters, program,
+    Effect, Electrode, Goal, IDLE, OutputPair, Pulse, PulseCheck, Segment, Sequencer, TimerModel, TimerRegisters,
+    program,
 };
 use proptest::prelude::*;
 use support::limits;
@@ -144,7 +145,10 @@ fn an_unchanged_drive_goes_on_undisturbed() {
     // The other channel changes its phase, its width, then its frequency; a third one comes.
     timers.set(&[first, drive(1, 100_000, 500_000)], true);
     timers.run_ms(100);
-    timers.set(&[first, ChannelDrive { pulse_width_ppm: 200_000, ..drive(1, 100_000, 500_000) }, drive(2, 77_000, 0)], true);
+    timers.set(
+        &[first, ChannelDrive { pulse_width_ppm: 200_000, ..drive(1, 100_000, 500_000) }, drive(2, 77_000, 0)],
+        true,
+    );
     timers.run_ms(100);
     let period = program(&limits(), &first).unwrap().clocks();
     let told: Vec<_> = timers.pulses[0][before..].iter().filter(|pulse| pulse.electrode == Electrode::A).collect();
@@ -246,9 +250,15 @@ fn a_lower_voltage_than_the_rails_narrows_the_windows_to_the_same_force() {
 fn any_drive(channel: u8) -> impl Strategy<Value = ChannelDrive> {
     // Few frequencies, so that they often meet; the whole range; and its ends.
     let frequency = prop_oneof![Just(100_000_u32), Just(1_000_000), Just(173_300), 1_000_u32..=1_000_000, Just(20_000)];
-    (frequency, 0_u32..1_000_000, 1_000_u32..590_000).prop_map(move |(frequency_millihertz, phase_microturns, pulse_width_ppm)| {
-        ChannelDrive { channel, frequency_millihertz, phase_microturns, pulse_width_ppm, voltage_millivolts: 1_000_000 }
-    })
+    (frequency, 0_u32..1_000_000, 1_000_u32..590_000).prop_map(
+        move |(frequency_millihertz, phase_microturns, pulse_width_ppm)| ChannelDrive {
+            channel,
+            frequency_millihertz,
+            phase_microturns,
+            pulse_width_ppm,
+            voltage_millivolts: 1_000_000,
+        },
+    )
 }
 
 proptest! {

@@ -4,7 +4,8 @@ mod support;
 
 use era_shared::protocol::{ChannelDrive, ChannelLimits};
 use era_shared::waveform::{
-    DriveError, Electrode, OutputPair, Period, Pulse, TimerModel, TimerRegisters, Window, Windows, WindowsError, program,
+    DriveError, Electrode, OutputPair, Period, Pulse, TimerModel, TimerRegisters, Window, Windows, WindowsError,
+    program,
 };
 use proptest::prelude::*;
 use support::limits;
@@ -250,10 +251,7 @@ fn a_stopped_timer_energises_nothing_and_other_modes_are_refused() {
     assert_eq!(refused(TimerRegisters { cr1: 1, ..running }), WindowsError::NotPreloaded);
     assert_eq!(refused(TimerRegisters { ccmr2: running.ccmr2 & !8, ..running }), WindowsError::NotPreloaded);
     assert_eq!(refused(TimerRegisters { ccer: 0x111, ..running }), WindowsError::Outputs(Electrode::A));
-    assert_eq!(
-        refused(TimerRegisters { ccmr1: running.ccmr1 & !0x70, ..running }),
-        WindowsError::Mode(Electrode::A)
-    );
+    assert_eq!(refused(TimerRegisters { ccmr1: running.ccmr1 & !0x70, ..running }), WindowsError::Mode(Electrode::A));
     let blank = Windows::from_registers(&TimerRegisters::running(&Period::blank(3, 56_667), OUTPUTS)).unwrap();
     assert_eq!((blank.a.length, blank.b.length), (0, 0), "a blank period has no windows though outputs are enabled");
 }

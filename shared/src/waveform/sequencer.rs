@@ -66,7 +66,16 @@ struct Track {
 
 impl Track {
     const fn new() -> Self {
-        Self { active: IDLE, boundary: 0, pending: None, goal: None, lattice: 0, strength: 1.0, queue: Vec::new(), passing: false }
+        Self {
+            active: IDLE,
+            boundary: 0,
+            pending: None,
+            goal: None,
+            lattice: 0,
+            strength: 1.0,
+            queue: Vec::new(),
+            passing: false,
+        }
     }
 
     /// Takes note of what has happened up to `now`.
@@ -199,8 +208,7 @@ impl Sequencer {
             // then this channel begins at its next boundary.
             let kept = before.iter().enumerate().find_map(|(j, old)| {
                 let (old, lattice) = (*old)?;
-                (same(j) && rhythm(&old.program) == rhythm(program))
-                    .then(|| lattice + old.program.origin_clocks)
+                (same(j) && rhythm(&old.program) == rhythm(program)).then(|| lattice + old.program.origin_clocks)
             });
             let given = (0..i).find_map(|j| if same(j) { origins.get(j).copied().flatten() } else { None });
             let next = self.tracks.get(i).map_or(0, |track| track.next_change(now + margin));
