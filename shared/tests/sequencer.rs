@@ -4,10 +4,7 @@
 mod support;
 
 use era_shared::protocol::ChannelDrive;
-use era_shared::waveform::{
-    Effect, Electrode, Goal, IDLE, OutputPair, Pulse, PulseCheck, Segment, Sequencer, TimerModel, TimerRegisters,
-    program,
-};
+use era_shared::waveform::{Effect, Electrode, Goal, ModelTimers, OutputPair, Pulse, Segment, program};
 use proptest::prelude::*;
 use support::limits;
 
@@ -16,11 +13,9 @@ const CLOCKS_PER_US: u64 = 170;
 /// 200 us.
 const GUARD_CLOCKS: u64 = 200 * CLOCKS_PER_US;
 
-/// Four timers under a sequencer.
+/// The timers of a board and what their pins did, pulse by pulse.
 struct Timers {
-    sequencer: Sequencer,
-    models: Vec<TimerModel>,
-    checks: Vec<PulseCheck>,
+    model: ModelTimers,
     pulses: Vec<Vec<Pulse>>,
     now_us: u64,
 }
@@ -29,43 +24,25 @@ impl Timers {
     const STARTED_US: u64 = 5_000;
 
     fn new() -> Self {
-        let model = TimerModel::new(TimerRegisters::running(&IDLE, OUTPUTS), 0);
-        Self {
-            sequencer: Sequencer::new(170, Self::STARTED_US),
-            models: vec![model; 4],
-            checks: vec![PulseCheck::default(); 4],
-            pulses: vec![Vec::new(); 4],
-            now_us: Self::STARTED_US,
-        }
+        let model = ModelTimers::new(170, Self::STARTED_US, OUTPUTS);
+        Self { model, pulses: vec![Vec::new(); 4], now_us: Self::STARTED_US }
     }
 
-    /// Lets the pins move up to now, then writes what the sequencer wants.
     fn poll(&mut self) {
-        let now = (self.now_us - Self::STARTED_US) * CLOCKS_PER_US;
-        for ((model, check), pulses) in self.models.iter_mut().zip(&mut self.checks).zip(&mut self.pulses) {
-            model
-                .run(now, |pulse| {
-                    check.pulse(pulse);
-                    // A pulse that was going on when the model last stopped is told in two parts.
-                    match pulses.last_mut() {
-                        Some(last) if last.electrode == pulse.electrode && last.to == pulse.from => last.to = pulse.to,
-                        _ => pulses.push(pulse),
-                    }
-                })
-                .unwrap();
-        }
-        for preload in self.sequencer.poll(self.now_us) {
-            let model = &mut self.models[preload.channel];
-            assert_eq!(preload.at, model.next_update(), "the sequencer knows the boundary to the clock");
-            assert!(preload.at >= now + 50 * CLOCKS_PER_US);
-            model.write(TimerRegisters::running(&preload.period, OUTPUTS));
-        }
+        let pulses = &mut self.pulses;
+        let told = self.model.poll(self.now_us, |channel, pulse| match pulses[channel].last_mut() {
+            // A pulse that was going on when the model last stopped is told in two parts.
+            Some(last) if last.electrode == pulse.electrode && last.to == pulse.from => last.to = pulse.to,
+            _ => pulses[channel].push(pulse),
+        });
+        assert_eq!(told, Ok(()));
     }
 
     fn run_ms(&mut self, milliseconds: u64) {
         let end = self.now_us + 1000 * milliseconds;
         while self.now_us < end {
-            self.now_us = (self.now_us + 1000).min(self.sequencer.due_us().unwrap_or(u64::MAX).max(self.now_us + 1));
+            self.now_us =
+                (self.now_us + 1000).min(self.model.sequencer.due_us().unwrap_or(u64::MAX).max(self.now_us + 1));
             self.poll();
         }
     }
@@ -75,7 +52,7 @@ impl Timers {
         for drive in drives {
             goals[usize::from(drive.channel)] = Some(Goal { program: program(&limits(), drive).unwrap(), continuous });
         }
-        self.sequencer.set_goals(&goals, self.now_us);
+        self.model.sequencer.set_goals(&goals, self.now_us);
         self.poll();
     }
 
@@ -90,7 +67,7 @@ impl Timers {
     }
 
     fn check(&self) {
-        for check in &self.checks {
+        for check in &self.model.checks {
             assert_eq!(check.overlap, 0);
             assert!(check.least_guard.is_none_or(|guard| guard >= GUARD_CLOCKS), "{check:?}");
         }
@@ -128,10 +105,10 @@ fn a_drive_begins_within_two_ms_and_ends_at_a_boundary() {
     timers.run_ms(20);
     timers.forget();
     timers.run_ms(50);
-    assert!(timers.pulses[0].is_empty() && !timers.sequencer.drives(0));
+    assert!(timers.pulses[0].is_empty() && !timers.model.sequencer.drives(0));
     timers.check();
     let width = u64::from(planned.width) * u64::from(planned.divider);
-    assert_eq!(timers.checks[0].least_pulse, Some(width), "no pulse was cut short");
+    assert_eq!(timers.model.checks[0].least_pulse, Some(width), "no pulse was cut short");
 }
 
 #[test]
@@ -166,7 +143,7 @@ fn a_click_has_its_cycles_and_its_brake() {
         timers.set(&[drive(0, frequency_millihertz, 0)], false);
         timers.run_ms(50);
         assert!(timers.pulses[0].is_empty(), "prepared is silent");
-        assert!(timers.sequencer.play(0, timers.now_us + 7_300, &Effect::click(3, 2)));
+        assert!(timers.model.sequencer.play(0, timers.now_us + 7_300, &Effect::click(3, 2)));
         timers.run_ms(200);
         let electrodes: Vec<_> = timers.pulses[0].iter().map(|pulse| pulse.electrode).collect();
         use Electrode::{A, B};
@@ -184,7 +161,7 @@ fn ramps_widen_and_trains_pulse() {
     let mut timers = Timers::new();
     timers.set(&[drive(0, 200_000, 0)], false);
     timers.run_ms(5);
-    assert!(timers.sequencer.play(0, timers.now_us, &Effect::swell(50, 20, 50)));
+    assert!(timers.model.sequencer.play(0, timers.now_us, &Effect::swell(50, 20, 50)));
     timers.run_ms(150);
     let widths: Vec<u64> = timers.pulses[0].iter().map(|pulse| pulse.to - pulse.from).collect();
     let top = widths.iter().position(|width| width == widths.iter().max().unwrap()).unwrap();
@@ -199,7 +176,7 @@ fn ramps_widen_and_trains_pulse() {
     let half = force(widths[2 * 4]) / force(widths[top]);
     assert!((half - 0.45).abs() < 0.06, "{half}");
     timers.forget();
-    assert!(timers.sequencer.play(0, timers.now_us, &Effect::pulse_train(20, 30, 3)));
+    assert!(timers.model.sequencer.play(0, timers.now_us, &Effect::pulse_train(20, 30, 3)));
     timers.run_ms(300);
     let gaps = timers.pulses[0].windows(2).filter(|pair| pair[1].from - pair[0].to > 20_000 * CLOCKS_PER_US).count();
     assert_eq!((timers.pulses[0].len(), gaps), (3 * 4 * 2, 2), "4 cycles of 5 ms, three times");
@@ -217,13 +194,13 @@ fn effects_are_checked_and_queued_in_order() {
         assert!(!Effect { segments, times: 1 }.is_valid());
     }
     let mut timers = Timers::new();
-    assert!(!timers.sequencer.play(0, timers.now_us, &Effect::click(1, 0)), "no drive");
+    assert!(!timers.model.sequencer.play(0, timers.now_us, &Effect::click(1, 0)), "no drive");
     timers.set(&[drive(0, 500_000, 0)], false);
     let now_us = timers.now_us;
     for (start_ms, cycles) in [(90, 4), (30, 2), (60, 3), (10, 1)] {
-        assert!(timers.sequencer.play(0, now_us + 1000 * start_ms, &Effect::click(cycles, 0)));
+        assert!(timers.model.sequencer.play(0, now_us + 1000 * start_ms, &Effect::click(cycles, 0)));
     }
-    assert!(!timers.sequencer.play(0, now_us, &Effect::click(1, 0)), "four wait");
+    assert!(!timers.model.sequencer.play(0, now_us, &Effect::click(1, 0)), "four wait");
     timers.run_ms(200);
     let starts: Vec<u64> = timers.pulses[0].iter().map(|pulse| pulse.from / 170_000).collect();
     assert_eq!(starts.len(), 2 * (1 + 2 + 3 + 4));
@@ -235,16 +212,16 @@ fn effects_are_checked_and_queued_in_order() {
 fn a_lower_voltage_than_the_rails_narrows_the_windows_to_the_same_force() {
     let mut timers = Timers::new();
     timers.set(&[drive(0, 100_000, 0)], true);
-    timers.sequencer.set_strength(0, 0.25);
+    timers.model.sequencer.set_strength(0, 0.25);
     timers.run_ms(50);
     let planned = program(&limits(), &drive(0, 100_000, 0)).unwrap();
     let angle = |ticks: f64| std::f64::consts::PI * ticks / f64::from(planned.ticks);
-    let width = timers.checks[0].least_pulse.unwrap() as f64 / f64::from(planned.divider);
+    let width = timers.model.checks[0].least_pulse.unwrap() as f64 / f64::from(planned.divider);
     let ratio = angle(width).sin() / angle(f64::from(planned.width)).sin();
     assert!((ratio - 0.25).abs() < 1e-4, "{ratio}");
-    timers.sequencer.set_strength(0, 0.0);
+    timers.model.sequencer.set_strength(0, 0.0);
     timers.run_ms(20);
-    assert!(!timers.sequencer.drives(0));
+    assert!(!timers.model.sequencer.drives(0));
 }
 
 fn any_drive(channel: u8) -> impl Strategy<Value = ChannelDrive> {
@@ -287,7 +264,7 @@ proptest! {
         }
         timers.run_ms(20);
         timers.check();
-        for check in &timers.checks {
+        for check in &timers.model.checks {
             prop_assert!(check.least_pulse.is_none_or(|pulse| pulse >= narrowest), "{:?} {}", check, narrowest);
         }
     }

@@ -31,7 +31,7 @@ mod sequencer;
 
 pub use edges::{Electrode, Window, Windows, WindowsError};
 pub use envelope::{Effect, Envelope, FULL_LEVEL, SEGMENTS, Segment};
-pub use model::{Pulse, PulseCheck, TimerModel};
+pub use model::{ModelError, ModelTimers, Pulse, PulseCheck, TimerModel};
 pub use period::{CompareWindow, IDLE, Period};
 pub use program::{ChannelProgram, DriveError, program};
 pub use registers::{OutputPair, TimerRegisters};

@@ -5,7 +5,10 @@
 //! and idle state with OSSI set (28.3.17: outputs low while MOE is 0, MOE cleared by hardware and set by software alone).
 
 use super::edges::{Electrode, Window, Windows, WindowsError};
-use super::registers::TimerRegisters;
+use super::period::IDLE;
+use super::registers::{OutputPair, TimerRegisters};
+use super::sequencer::Sequencer;
+use crate::MAX_CHANNELS;
 
 /// One stretch of time in which an electrode's pin is high, in clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,5 +125,70 @@ impl PulseCheck {
     #[must_use]
     pub const fn last(&self) -> Option<Pulse> {
         self.last
+    }
+}
+
+/// All timers of a board, their pins watched, under a [`Sequencer`].
+#[derive(Clone, Debug)]
+pub struct ModelTimers {
+    /// What says what they do.
+    pub sequencer: Sequencer,
+    /// What their pins did.
+    pub checks: [PulseCheck; MAX_CHANNELS],
+    timers: [TimerModel; MAX_CHANNELS],
+    outputs: OutputPair,
+}
+
+/// What the sequencer got wrong about a timer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModelError {
+    /// The registers make no windows.
+    Windows(WindowsError),
+    /// A preload was meant for a boundary that is not the timer's next.
+    Boundary {
+        /// The channel.
+        channel: usize,
+        /// The boundary that was meant, in clocks.
+        meant: u64,
+        /// The next one.
+        next: u64,
+    },
+}
+
+impl ModelTimers {
+    /// Timers that start together at `started_us`, with a clock of `clocks_per_us` MHz.
+    #[must_use]
+    pub fn new(clocks_per_us: u32, started_us: u64, outputs: OutputPair) -> Self {
+        let timer = TimerModel::new(TimerRegisters::running(&IDLE, outputs), 0);
+        Self {
+            sequencer: Sequencer::new(clocks_per_us, started_us),
+            checks: Default::default(),
+            timers: core::array::from_fn(|_| timer.clone()),
+            outputs,
+        }
+    }
+
+    /// Lets the pins move up to `now_us`, telling every pulse with its channel, then carries out what the sequencer wants.
+    ///
+    /// # Errors
+    /// [`ModelError`].
+    pub fn poll(&mut self, now_us: u64, mut pulse: impl FnMut(usize, Pulse)) -> Result<(), ModelError> {
+        let now = self.sequencer.clocks_at(now_us);
+        for (channel, (timer, check)) in self.timers.iter_mut().zip(&mut self.checks).enumerate() {
+            let told = timer.run(now, |told| {
+                check.pulse(told);
+                pulse(channel, told);
+            });
+            told.map_err(ModelError::Windows)?;
+        }
+        for preload in self.sequencer.poll(now_us) {
+            let Some(timer) = self.timers.get_mut(preload.channel) else { continue };
+            let next = timer.next_update();
+            if preload.at != next || next <= now {
+                return Err(ModelError::Boundary { channel: preload.channel, meant: preload.at, next });
+            }
+            timer.write(TimerRegisters::running(&preload.period, self.outputs));
+        }
+        Ok(())
     }
 }
