@@ -13,6 +13,7 @@ time                           virtual_s, wall_s, cycles (carried out), idle
 timers                         timers: {"TIM1": {"cr1": n, ...}, "TIM8": ...}
 pins                           pins: {"era1_a": {"mode": "timer", "high": null}, ...}
 rails                          rails: codes of the two set-points, 0 to 4095
+stack                          size, used: bytes of stack there are, and the most that were in use since power-up
 read      address              value: a 32-bit word
 write     address, value       (for fault injection)
 symbol    name                 address
@@ -145,6 +146,9 @@ class Bridge:
 
     def op_rails(self, _):
         return {"rails": self.machine.rails()}
+
+    def op_stack(self, _):
+        return self.machine.stack()
 
     def op_read(self, command):
         return {"value": self.machine.sim.read_u32(int(command["address"]))}

@@ -50,6 +50,9 @@ LPUART1_ISR = 0x4000_801C
 RXNE = 1 << 5
 LPUART1_INTERRUPT = 91
 
+# What stack memory holds until the firmware writes there: a word that it hardly ever writes itself.
+STACK_PAINT = 0x57AC_C01A
+
 # firmware/src/pins.rs
 PINS = {
     "era1_a": ("A", 8), "era1_b": ("A", 9), "era2_a": ("C", 6), "era2_b": ("C", 7),
@@ -64,6 +67,7 @@ class Machine:
     def __init__(self, elf):
         self.sim = Sim(elf, system=BOARD, uart="lpuart1")
         self.stir()
+        self.paint_stack()
         self.idle_address = self.sim.symbol("ERA_CPU_IDLE")
         self.skipped_s = 0.0
         self.waiting = bytearray()
@@ -84,6 +88,24 @@ class Machine:
         """Puts a fresh number into the hardware random number generator, from which the firmware takes one at every
         start. 0 would mean that it failed."""
         self.sim.write_u32(RNG_DATA, int.from_bytes(os.urandom(4), "little") | 1)
+
+    def paint_stack(self):
+        """Fills the memory that the stack can grow into, before the first instruction."""
+        # cortex-m-rt: the stack grows down from _stack_start, and _stack_end is where variables end.
+        self.stack_top = self.sim.symbol("_stack_start")
+        self.stack_bottom = self.sim.symbol("_stack_end")
+        for address in range(self.stack_bottom, self.stack_top, 4):
+            self.sim.write_u32(address, STACK_PAINT)
+
+    def stack(self):
+        """Bytes of stack there are, and the most that were in use at once since power-up: down to the lowest word that
+        was written."""
+        words = self.sim.read_memory(self.stack_bottom, self.stack_top - self.stack_bottom)
+        paint = STACK_PAINT.to_bytes(4, "little")
+        untouched = 0
+        while words[untouched:untouched + 4] == paint:
+            untouched += 4
+        return {"size": len(words), "used": len(words) - untouched}
 
     @property
     def time_s(self):
