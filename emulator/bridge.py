@@ -9,11 +9,20 @@ is a command and every line on stdout its answer: {"id": 1, "op": "timers"} gets
 Virtual time follows the clock on the wall as well as it can; with --free it runs ahead as fast as it can.
 
 op        further keys         answer
-time                           virtual_s, wall_s, cycles (carried out), idle
-timers                         timers: {"TIM1": {"cr1": n, ...}, "TIM8": ...}
+time                           virtual_s, clock (since power-up, 170 MHz), wall_s, cycles (carried out), idle
+timers                         timers: {"TIM1": {"cr1": n, ...}, "TIM8": ..., "TIM20": ..., "TIM4": ...} with cr1, cr2, smcr,
+                               dier, sr, ccmr1, ccmr2, ccer, cnt, psc, arr, ccr1 to ccr4, bdtr, af1, af2 as they read back
+history                        history: what each timer's outputs did since the last call, a record for each change:
+                               timer, clock, origin (clock of the count's zero), outputs (whether they reach the pins and
+                               may go high), psc, arr, ccr (as they count, not as preloaded), cr1, ccmr1, ccmr2, ccer;
+                               lost: records that are missing
 pins                           pins: {"era1_a": {"mode": "timer", "high": null}, ...}
-rails                          rails: codes of the two set-points, 0 to 4095
+rails                          rails: codes of the two set-points, 0 to 4095; rail_volts: the true voltages;
+                               average_ua; converter: codes of rail 1, rail 2, average current, earth bond
 stack                          size, used: bytes of stack there are, and the most that were in use since power-up
+inject    see faults.py        faults by name; without any: nothing
+load      seconds              busy, total: clocks in which the processor was at work, and all, over so much virtual time
+resets                         resets: [{"virtual_s": s, "cause": "software"}, ...] since power-up
 read      address              value: a 32-bit word
 write     address, value       (for fault injection)
 symbol    name                 address
@@ -31,6 +40,7 @@ import sys
 import time
 import tty
 
+from faults import Faults
 from machine import Machine
 
 # How far virtual time may be behind the wall clock before the lost time is given up, and the most that one turn of the
@@ -134,21 +144,41 @@ class Bridge:
 
     def op_time(self, _):
         return {
-            "virtual_s": self.machine.time_s, "wall_s": time.monotonic() - self.started,
+            "virtual_s": self.machine.time_s, "clock": self.machine.clock, "wall_s": time.monotonic() - self.started,
             "cycles": self.machine.cycles, "idle": self.machine.is_idle(),
         }
 
     def op_timers(self, _):
-        return {"timers": self.machine.timers()}
+        return {"timers": self.machine.timers.registers()}
+
+    def op_history(self, _):
+        timers = self.machine.timers
+        answer = {"history": list(timers.history), "lost": timers.lost}
+        timers.history.clear()
+        timers.lost = 0
+        return answer
 
     def op_pins(self, _):
-        return {"pins": self.machine.pins()}
+        return {"pins": self.machine.pins.named()}
 
     def op_rails(self, _):
-        return {"rails": self.machine.rails()}
+        return self.machine.rails()
 
     def op_stack(self, _):
         return self.machine.stack()
+
+    def op_inject(self, command):
+        Faults(self.machine).inject({key: value for key, value in command.items() if key not in ("id", "op")})
+        self.machine.step_board()
+        return {}
+
+    def op_load(self, command):
+        busy, total = self.machine.load(float(command["seconds"]))
+        self.anchor()
+        return {"busy": busy, "total": total}
+
+    def op_resets(self, _):
+        return {"resets": self.machine.resets}
 
     def op_read(self, command):
         return {"value": self.machine.sim.read_u32(int(command["address"]))}

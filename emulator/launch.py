@@ -3,7 +3,8 @@
 
 usage: launch.py --elf PATH [further options of bridge.py]
 
-Progress goes to stderr, the bridge's own output to stdout. `--setup-only` makes the environment and ends.
+Progress goes to stderr, the bridge's own output to stdout. `--setup-only` makes the environment and ends; `--self-test`
+runs the tests of the emulated board itself against the image instead of the bridge.
 """
 
 import fcntl
@@ -59,6 +60,13 @@ def main():
         print(__doc__)
         return
     set_up()
+    if "--self-test" in arguments:
+        elf = arguments[arguments.index("--elf") + 1] if "--elf" in arguments[:-1] else None
+        if elf is None:
+            say("--self-test needs --elf PATH")
+            sys.exit(2)
+        environment = {**os.environ, "ERA_ELF": elf}
+        os.execve(PYTHON, [str(PYTHON), str(HERE / "test_board.py")], environment)
     if "--setup-only" not in arguments:
         os.execv(PYTHON, [str(PYTHON), str(HERE / "bridge.py"), *arguments])
 

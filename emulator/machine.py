@@ -1,4 +1,5 @@
-"""The emulated board: the firmware image in labwired, with the time that the processor would sleep passed over.
+"""The emulated board: the firmware image in labwired with the board around it, and the time that the processor would sleep
+passed over.
 
 labwired carries out every cycle, also those of a sleeping processor, which makes a second of this firmware last over a
 minute. The firmware says when it has nothing to do (its symbol ERA_CPU_IDLE). All its time comes from TIM2, so this
@@ -10,34 +11,31 @@ import pathlib
 
 from labwired import Sim
 
+from chip import (
+    AIRCR, CLOCK_HZ, ICSR, IRQ_LPUART1, LPUART1, NVIC_ISER, NVIC_ISPR, NVIC_WORDS, RAM, RAM_BYTES, RCC_CSR, RESET_FLAGS,
+    RNG_DATA, SYSRESETREQ, TIM2, VECTACTIVE, pend,
+)
+from pins import Pins
+from protection import Protection
+from sensing import Sensing
+from supply import Supply
+from timers import Timers
+from watchdog import Watchdog
+
 BOARD = pathlib.Path(__file__).resolve().parent / "board" / "system.yaml"
 
 # What runs at a time before the machine is looked at again. Longer than one tick of the firmware's device task takes,
 # so that most ticks need one slice.
 SLICE = "5us"
+# The same while the load is measured, which is the resolution of that.
+FINE_SLICE = "200ns"
 
 # The firmware is up within a millisecond; one that is not hangs.
 BOOT_LIMIT_S = 0.1
 
-# RM0440, section 2.2.2.
-TIM2 = 0x4000_0000
-CONTROL_BLOCKS = {"TIM1": 0x4001_2C00, "TIM8": 0x4001_3400}
-GPIO = {"A": 0x4800_0000, "C": 0x4800_0800}
-DAC1 = 0x5000_0800
-RNG_DATA = 0x5006_0808
-# RM0440, section 7.4.29: SFTRSTF and, as every reset pulls the pin low, PINRSTF.
-RCC_CSR = 0x4002_1094
-RESET_BY_SOFTWARE = 1 << 28 | 1 << 26
-NVIC_ISPR = 0xE000_E200
-
-# RM0440, section 28.6: offsets of the timer registers that decide what the electrodes do.
-TIMER_REGISTERS = {
-    "cr1": 0x00, "ccmr1": 0x18, "ccer": 0x20, "cnt": 0x24, "psc": 0x28, "arr": 0x2C,
-    "ccr1": 0x34, "ccr2": 0x38, "bdtr": 0x44,
-}
-
 # Time base: one tick a microsecond, a 16-bit counter with events at half and full count, and an alarm in CCR2.
 TICK_S = 1e-6
+TICK_CLOCKS = CLOCK_HZ // 1_000_000
 HALF_COUNT = 0x8000
 FULL_COUNT = 0x10000
 DIER, SR, CNT, CCR2 = 0x0C, 0x10, 0x24, 0x38
@@ -46,43 +44,69 @@ ALARM_ENABLED = 1 << 2
 MARGIN_TICKS = 2
 
 # RM0440, section 38.7: the receive register is not empty.
-LPUART1_ISR = 0x4000_801C
+LPUART1_ISR = LPUART1 + 0x1C
 RXNE = 1 << 5
-LPUART1_INTERRUPT = 91
 
 # What stack memory holds until the firmware writes there: a word that it hardly ever writes itself.
 STACK_PAINT = 0x57AC_C01A
-
-# firmware/src/pins.rs
-PINS = {
-    "era1_a": ("A", 8), "era1_b": ("A", 9), "era2_a": ("C", 6), "era2_b": ("C", 7),
-    "high_voltage_enable": ("C", 10), "heartbeat": ("C", 12),
-}
-PIN_MODES = ("input", "output", "timer", "analog")
 
 
 class Machine:
     """One board, powered up."""
 
     def __init__(self, elf):
-        self.sim = Sim(elf, system=BOARD, uart="lpuart1")
-        self.stir()
-        self.paint_stack()
-        self.idle_address = self.sim.symbol("ERA_CPU_IDLE")
-        self.skipped_s = 0.0
+        self.elf = elf
+        self.supply = Supply()
+        self.history = None
         self.waiting = bytearray()
+        # Clocks of the chip's earlier lives and clocks passed over, and the same as carried-out cycles alone.
+        self.clock_base = 0
+        self.cycles_base = 0
+        self.resets = []
+        self.fit("power_on")
+        self.paint_stack()
+
+    def fit(self, cause):
+        """A chip that has just been reset, on the board as it is."""
+        self.sim = Sim(self.elf, system=BOARD, uart="lpuart1")
+        self.sim.write_u32(RCC_CSR, RESET_FLAGS[cause])
+        self.stir()
+        self.idle_address = self.sim.symbol("ERA_CPU_IDLE")
+        self.timers = Timers(self.sim, self.history)
+        self.history = self.timers.history
+        self.pins = Pins(self.sim)
+        self.sensing = Sensing(self.sim, self.supply)
+        self.sensing.clock = self.clock
+        self.protection = Protection(self.sim, self.sensing, self.supply, self.timers)
+        self.watchdog = Watchdog(self.sim)
+
+    def reset(self, cause):
+        """Resets the chip; RAM is kept, flash is as it was built."""
+        ram = self.sim.read_memory(RAM, RAM_BYTES)
+        low = self.protection.supply_low
+        self.waiting.clear()
+        self.clock_base = self.clock
+        self.cycles_base += self.sim.cycles
+        self.sim.close()
+        self.fit(cause)
+        self.protection.supply_low = low
+        for address in range(0, RAM_BYTES, 4):
+            word = int.from_bytes(ram[address : address + 4], "little")
+            if word:
+                self.sim.write_u32(RAM + address, word)
+        self.resets.append({"virtual_s": self.time_s, "cause": cause})
+        self.timers.note_all(self.clock)
 
     def close(self):
         self.sim.close()
 
     def boot(self):
         """Runs until the firmware has nothing to do for the first time: its links are then open."""
+        end = self.time_s + BOOT_LIMIT_S
         while not self.is_idle():
-            if self.time_s > BOOT_LIMIT_S:
+            if self.time_s > end:
                 raise RuntimeError(f"the firmware is not up after {BOOT_LIMIT_S} s of its own time")
-            self.sim.run_for(SLICE)
-        # From here on only the firmware itself can reset the processor; these are the flags that it then finds.
-        self.sim.write_u32(RCC_CSR, RESET_BY_SOFTWARE)
+            self.run_slice(SLICE)
 
     def stir(self):
         """Puts a fresh number into the hardware random number generator, from which the firmware takes one at every
@@ -108,14 +132,19 @@ class Machine:
         return {"size": len(words), "used": len(words) - untouched}
 
     @property
+    def clock(self):
+        """Clocks of 170 MHz since power-up."""
+        return self.clock_base + self.sim.cycles
+
+    @property
     def time_s(self):
         """Virtual time since power-up in s."""
-        return self.sim.time + self.skipped_s
+        return self.clock / CLOCK_HZ
 
     @property
     def cycles(self):
         """Cycles that were carried out; those that were passed over are not in it."""
-        return self.sim.cycles
+        return self.cycles_base + self.sim.cycles
 
     def receive(self, data):
         """Bytes from the host to the board's UART."""
@@ -125,7 +154,7 @@ class Machine:
         """Bytes that the board's UART has sent since the last call."""
         return self.sim.read_uart_bytes()
 
-    def advance(self, until_s):
+    def advance(self, until_s, slice=SLICE):
         """Runs one slice, then passes over idle time, but not beyond `until_s`."""
         if self.waiting:
             # The UART model takes a byte but raises no interrupt, so it is raised here, byte by byte. The next byte
@@ -134,15 +163,34 @@ class Machine:
             if not self.sim.read_u32(LPUART1_ISR) & RXNE:
                 self.sim.send_bytes(self.waiting[:1])
                 del self.waiting[0]
-            word, bit = divmod(LPUART1_INTERRUPT, 32)
-            self.sim.write_u32(NVIC_ISPR + 4 * word, 1 << bit)
-        self.sim.run_for(SLICE)
+            pend(self.sim, IRQ_LPUART1)
+        self.run_slice(slice)
         if not self.waiting and self.is_idle():
             self.pass_over_idle_time(until_s)
             self.stir()
 
+    def run_slice(self, length):
+        self.sim.run_for(length)
+        if self.sim.read_u32(AIRCR) & SYSRESETREQ:
+            self.reset("software")
+        self.step_board()
+
+    def step_board(self):
+        """Lets the board around the processor catch up with it."""
+        clock = self.clock
+        self.pins.step(self.timers, clock)
+        self.timers.step(clock)
+        self.sensing.step(clock)
+        self.protection.step(clock)
+        if self.watchdog.step(clock):
+            self.reset("watchdog")
+
     def is_idle(self):
-        return self.sim.read_u32(self.idle_address) & 0xFF != 0
+        """Whether the processor sleeps: the firmware says so, no handler runs, and none is about to."""
+        read = self.sim.read_u32
+        if read(self.idle_address) & 0xFF == 0 or read(ICSR) & VECTACTIVE:
+            return False
+        return not any(read(NVIC_ISER + 4 * word) & read(NVIC_ISPR + 4 * word) for word in range(NVIC_WORDS))
 
     def pass_over_idle_time(self, until_s):
         read = self.sim.read_u32
@@ -157,25 +205,24 @@ class Machine:
         ticks = min(distance - MARGIN_TICKS, int((until_s - self.time_s) / TICK_S))
         if ticks > 0:
             self.sim.write_u32(TIM2 + CNT, (count + ticks) % FULL_COUNT)
-            self.skipped_s += ticks * TICK_S
+            self.clock_base += ticks * TICK_CLOCKS
+            self.step_board()
 
-    def timers(self):
-        """The registers of the electrodes' timers. CNT is the model's, which counts up only and stands still while time
-        is passed over."""
-        return {
-            name: {register: self.sim.read_u32(base + offset) for register, offset in TIMER_REGISTERS.items()}
-            for name, base in CONTROL_BLOCKS.items()
-        }
-
-    def pins(self):
-        """Mode of each pin and, for an output, its level."""
-        result = {}
-        for name, (port, number) in PINS.items():
-            mode = PIN_MODES[self.sim.read_u32(GPIO[port]) >> (2 * number) & 0b11]
-            level = self.sim.read_u32(GPIO[port] + 0x14) >> number & 1
-            result[name] = {"mode": mode, "high": bool(level) if mode == "output" else None}
-        return result
+    def load(self, seconds):
+        """Runs for so long and returns the clocks in which the processor was at work, and all clocks."""
+        begin, busy = self.clock, 0
+        end_s = self.time_s + seconds
+        while self.time_s < end_s:
+            before, was_busy = self.cycles, not self.is_idle()
+            self.advance(end_s, FINE_SLICE)
+            # A slice at whose beginning or end it slept counts half.
+            busy += (self.cycles - before) * (was_busy + (not self.is_idle())) / 2
+        return busy, self.clock - begin
 
     def rails(self):
-        """Codes of the two rail set-points, 0 to 4095."""
-        return [self.sim.read_u32(DAC1 + offset) & 0xFFF for offset in (0x08, 0x14)]
+        """Codes of the two set-points, the true rail voltages, and what the converter is shown."""
+        return {
+            "rails": self.sensing.set_points(), "rail_volts": list(self.supply.rails),
+            "average_ua": self.supply.measured_current() * 1e6,
+            "converter": self.sensing.written,
+        }

@@ -1,0 +1,180 @@
+"""The electrodes' timers: counting, preload, common start, and a history of what their outputs did.
+
+The chip description only holds their registers. This module follows RM0440, sections 28.3 and 29.3, as far as the firmware
+uses it: counting up, edge-aligned, the preloaded PSC, ARR and CCR1 to CCR4 taken over together at the update event, slaves
+that start with their master's TRGO, EGR.UG. The registers read back the preload values, as on the chip.
+
+It looks at the registers once in a slice (5 us), so a register written within 5 us of an update event may be taken over one
+event early, and a start may be recorded that much late; timers that start together always start in the same clock.
+"""
+
+from collections import deque
+
+from chip import TIM3
+
+# Sections 28.6 and 29.5.
+OFFSETS = {
+    "cr1": 0x00, "cr2": 0x04, "smcr": 0x08, "dier": 0x0C, "sr": 0x10, "ccmr1": 0x18, "ccmr2": 0x1C, "ccer": 0x20,
+    "cnt": 0x24, "psc": 0x28, "arr": 0x2C, "ccr1": 0x34, "ccr2": 0x38, "ccr3": 0x3C, "ccr4": 0x40, "bdtr": 0x44,
+    "af1": 0x60, "af2": 0x64,
+}
+EGR = 0x14
+# Not of the chip: sets flags of SR, see board/peripherals/timer.yaml.
+SR_SET = 0x3F0
+
+CEN, ARPE = 1 << 0, 1 << 7
+UG = 1 << 0
+UIF = 1 << 0
+MOE = 1 << 15
+# SMCR: SMS (its fourth bit lies apart) = 0110, trigger mode, and TS = ITR2, which is TIM3 for all four; CR2 of TIM3: MMS = 001,
+# TRGO tells CEN.
+SLAVE_MASK, SLAVE_OF_TIM3 = 1 << 16 | 0b11 << 20 | 0b111 << 4 | 0b111, 0b010 << 4 | 0b110
+MASTER_MASK, MASTER_TELLS_ENABLE = 0b111 << 4, 0b001 << 4
+
+# Which timer and pins make which ERA's windows, in the order of the channels.
+TIMERS = {"TIM1": 0x4001_2C00, "TIM8": 0x4001_3400, "TIM20": 0x4001_5000, "TIM4": 0x4000_0800}
+
+# Records kept for `history`; at four changes a millisecond that is half a minute.
+HISTORY_LIMIT = 100_000
+
+
+class Timer:
+    """One timer with its shadow registers."""
+
+    def __init__(self, sim, name, base):
+        self.sim = sim
+        self.name = name
+        self.base = base
+        self.running = False
+        self.stalled = False
+        # Clock at which the count was last zero.
+        self.origin = 0
+        self.shadow = {"psc": 0, "arr": 0xFFFF, "ccr": (0, 0, 0, 0)}
+        self.recorded = None
+
+    def read(self, register):
+        return self.sim.read_u32(self.base + OFFSETS[register])
+
+    def write(self, register, value):
+        self.sim.write_u32(self.base + OFFSETS[register], value)
+
+    def registers(self):
+        return {name: self.read(name) for name in OFFSETS}
+
+    def period(self):
+        """Clocks from one update event to the next."""
+        return (self.shadow["psc"] + 1) * (self.shadow["arr"] + 1)
+
+    def take_over(self):
+        """An update event: the preloaded registers become those that count."""
+        self.shadow = {
+            "psc": self.read("psc") & 0xFFFF, "arr": self.read("arr") & 0xFFFF,
+            "ccr": tuple(self.read(f"ccr{channel}") & 0xFFFF for channel in (1, 2, 3, 4)),
+        }
+
+    def take_over_unbuffered(self, cr1):
+        """What is not preloaded counts at once."""
+        if not cr1 & ARPE:
+            self.shadow["arr"] = self.read("arr") & 0xFFFF
+        ccr = list(self.shadow["ccr"])
+        for pair, mode in enumerate(("ccmr1", "ccmr2")):
+            modes = self.read(mode)
+            for place in (0, 1):
+                # OCxPE.
+                if not modes >> (3 + 8 * place) & 1:
+                    ccr[2 * pair + place] = self.read(f"ccr{2 * pair + place + 1}") & 0xFFFF
+        self.shadow["ccr"] = tuple(ccr)
+
+    def step(self, clock, on_update):
+        """Lets the timer count up to `clock`; calls `on_update(self, clock)` after each update event that changed
+        something or may have to be noted."""
+        cr1 = self.read("cr1")
+        if self.sim.read_u32(self.base + EGR) & UG:
+            self.sim.write_u32(self.base + EGR, 0)
+            self.take_over()
+            self.origin = clock
+            self.write("cnt", 0)
+        if not cr1 & CEN:
+            if self.running:
+                self.running = False
+                on_update(self, clock)
+            return
+        if not self.running:
+            self.start(clock)
+            on_update(self, clock)
+        if self.stalled:
+            return
+        if clock - self.origin >= self.period():
+            self.origin += self.period()
+            self.take_over()
+            on_update(self, self.origin)
+            # The registers stay as they are within a step, so further update events change nothing.
+            self.origin += (clock - self.origin) // self.period() * self.period()
+        if clock >= self.origin:
+            self.write("cnt", (clock - self.origin) // (self.shadow["psc"] + 1))
+
+    def start(self, clock):
+        """The counter goes on from the count that it holds."""
+        self.take_over_unbuffered(self.read("cr1"))
+        self.origin = clock - (self.read("cnt") & 0xFFFF) * (self.shadow["psc"] + 1)
+        self.running = True
+
+
+class Timers:
+    """All four, with their master and their history."""
+
+    def __init__(self, sim, history=None):
+        self.sim = sim
+        self.timers = {name: Timer(sim, name, base) for name, base in TIMERS.items()}
+        self.master_runs = False
+        self.history = deque(maxlen=HISTORY_LIMIT) if history is None else history
+        self.lost = 0
+        # Name of a timer -> whether its outputs are cleared by a trip; set by protection.py.
+        self.cleared = dict.fromkeys(TIMERS, False)
+        # Name of a timer -> whether its pins are connected to it; set by pins.py.
+        self.connected = dict.fromkeys(TIMERS, False)
+
+    def registers(self):
+        return {name: timer.registers() for name, timer in self.timers.items()}
+
+    def step(self, clock):
+        enabled = bool(self.sim.read_u32(TIM3) & CEN)
+        if enabled and not self.master_runs:
+            self.trigger()
+        self.master_runs = enabled
+        for timer in self.timers.values():
+            timer.step(clock, self.updated)
+
+    def trigger(self):
+        """The master has started: every slave in trigger mode starts in the same clock."""
+        if self.sim.read_u32(TIM3 + OFFSETS["cr2"]) & MASTER_MASK != MASTER_TELLS_ENABLE:
+            return
+        for timer in self.timers.values():
+            if timer.read("smcr") & SLAVE_MASK == SLAVE_OF_TIM3:
+                timer.write("cr1", timer.read("cr1") | CEN)
+
+    def updated(self, timer, clock):
+        if timer.running:
+            self.sim.write_u32(timer.base + SR_SET, UIF)
+        self.note(timer, clock)
+
+    def note_all(self, clock):
+        for timer in self.timers.values():
+            self.note(timer, clock)
+
+    def note(self, timer, clock):
+        """Adds to the history what the timer's outputs do from `clock` on, if that has changed."""
+        outputs = self.connected[timer.name] and timer.running and not self.cleared[timer.name]
+        # TIM4 has no main output enable.
+        if outputs and timer.name != "TIM4":
+            outputs = bool(timer.read("bdtr") & MOE)
+        state = {
+            "outputs": outputs, "psc": timer.shadow["psc"], "arr": timer.shadow["arr"], "ccr": list(timer.shadow["ccr"]),
+            "cr1": timer.read("cr1"), "ccmr1": timer.read("ccmr1"), "ccmr2": timer.read("ccmr2"), "ccer": timer.read("ccer"),
+        }
+        if state == timer.recorded:
+            return
+        timer.recorded = state
+        if len(self.history) == HISTORY_LIMIT:
+            self.lost += 1
+        self.history.append({"timer": timer.name, "clock": clock, "origin": timer.origin, **state})
