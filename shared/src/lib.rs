@@ -17,7 +17,9 @@
 
 pub mod board;
 pub mod device;
+pub mod image;
 pub mod link;
+pub mod log_ring;
 pub mod protocol;
 pub mod safety;
 pub mod waveform;
