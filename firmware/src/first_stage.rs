@@ -23,16 +23,16 @@
 use core::arch::global_asm;
 
 // The addresses are those of RM0440: RCC_CRRCR (section 7.4.30) has HSI48ON in bit 0,
-// RCC_APB2ENR (7.4.21) SYSCFGEN in bit 0, SYSCFG_MEMRMP (10.2.1) MEM_MODE, 1 = system flash. SCB_VTOR and SCB_AIRCR are
-// the architecture's.
+// RCC_APB2ENR (7.4.21) SYSCFGEN in bit 0, SYSCFG_MEMRMP (10.2.1) MEM_MODE, 1 = system flash. FLASH_ECCR
+// is in 3.7.7. SCB_VTOR and SCB_AIRCR are the architecture's.
 global_asm!(
     ".section .first_stage, \"ax\", %progbits",
     ".p2align 2",
     // Its own vector table: initial stack pointer, reset, NMI, HardFault. Nothing else can happen here.
     "    .word 0x20020000",
-    "    .word era_first_stage + 1",
-    "    .word era_start_bootloader + 1",
-    "    .word era_start_bootloader + 1",
+    "    .word era_first_stage",
+    "    .word era_first_stage_fault",
+    "    .word era_first_stage_fault",
     "    .thumb",
     "    .thumb_func",
     "    .global era_first_stage",
@@ -56,7 +56,7 @@ global_asm!(
     "    cmp r2, r3",
     "    bhi era_start_bootloader",
     "    ldr r2, [r0, #0x200]", // the image header's magic
-    "    ldr r3, =0x49415245", // "ERAI"
+    "    ldr r3, =0x49415245",  // "ERAI"
     "    cmp r2, r3",
     "    bne era_start_bootloader",
     "    ldr r2, [r0, #0x204]",
@@ -69,6 +69,22 @@ global_asm!(
     "    msr msp, r1",
     "    ldr r2, [r0, #4]",
     "    bx r2",
+    // The bootloader needs its interrupts, so it must not be entered from within an exception: the exception returns to
+    // its start instead of to what it came from. The stacked words are PC at 24 and xPSR, of which only the Thumb bit
+    // is wanted, at 28.
+    "    .thumb_func",
+    "    .type era_first_stage_fault, %function",
+    "era_first_stage_fault:",
+    "    ldr r0, =0x40022018", // FLASH_ECCR
+    "    ldr r1, =0xA0000000", // ECCD and ECCD2, cleared by writing 1, or the NMI would come again
+    "    str r1, [r0]",
+    "    dsb",
+    "    ldr r0, =era_start_bootloader",
+    "    bic r0, r0, #1",
+    "    str r0, [sp, #24]",
+    "    mov r1, #0x01000000",
+    "    str r1, [sp, #28]",
+    "    bx lr",
     "    .thumb_func",
     "    .global era_start_bootloader",
     "    .type era_start_bootloader, %function",
@@ -78,7 +94,7 @@ global_asm!(
     "    movs r2, #1",
     "    orrs r1, r2",
     "    str r1, [r0]",
-    "    ldr r1, [r0]", // the clock needs two cycles (RM0440, section 7.2.17)
+    "    ldr r1, [r0]",        // the clock needs two cycles (RM0440, section 7.2.17)
     "    ldr r0, =0x40010000", // SYSCFG_MEMRMP
     "    str r2, [r0]",
     "    movs r1, #0",
