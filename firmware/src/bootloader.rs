@@ -3,10 +3,14 @@
 //! The bootloader expects the chip as a reset leaves it (AN2606, section 4), so the request is noted in memory that
 //! the start-up code does not touch, the chip is reset, and the note is obeyed before anything is set up.
 
+use crate::outputs;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use cortex_m::peripheral::SCB;
 use embassy_stm32::pac::{RCC, SYSCFG};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::Timer;
 
 /// The note. Its complement is stored too, as memory holds anything at all after power-on.
 const ASKED: u32 = 0x4446_5521;
@@ -25,9 +29,26 @@ unsafe impl Sync for NoteCell {}
 #[unsafe(link_section = ".uninit.bootloader_note")]
 static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// Resets the chip into its bootloader. The outputs must be off.
-pub fn enter() -> ! {
+/// Between the request and the reset, in ms: the answer goes out meanwhile. At 115 200 baud the short frame takes 2 ms,
+/// and a host takes a USB packet within a few.
+const ANSWER_MS: u64 = 50;
+
+static REQUEST: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+
+/// Asks for the bootloader; returns at once, so that the request can be answered.
+#[expect(dead_code, reason = "for Board::enter_bootloader")]
+pub fn request() {
+    REQUEST.signal(());
+}
+
+/// Waits for a request, then resets the chip into its bootloader.
+#[embassy_executor::task]
+pub async fn run() {
+    REQUEST.wait().await;
+    Timer::after_millis(ANSWER_MS).await;
     cortex_m::interrupt::disable();
+    // They are off already, as the request is refused otherwise; nothing depends on it.
+    outputs::force_off();
     // SAFETY: nothing else runs, and nothing returns from here.
     unsafe { NOTE.0.get().cast::<[u32; 2]>().write_volatile([ASKED, !ASKED]) };
     SCB::sys_reset()

@@ -51,6 +51,7 @@ fn main() -> ! {
 
     executor::start_device().spawn(defmt::unwrap!(device_task::run(board)));
     executor::run_thread(|spawner| {
+        spawner.spawn(defmt::unwrap!(bootloader::run()));
         spawner.spawn(defmt::unwrap!(links::uart::receive(uart_rx)));
         spawner.spawn(defmt::unwrap!(links::uart::transmit(uart_tx)));
         spawner.spawn(defmt::unwrap!(links::usb::run(usb)));

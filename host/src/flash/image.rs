@@ -17,6 +17,18 @@ const DOUBLE_WORD: usize = 8;
 /// What an erased byte reads as.
 pub const ERASED: u8 = 0xFF;
 
+/// Where `cargo xtask firmware` puts the image, in the checkout that this program was built from; the variables
+/// `ERA_FIRMWARE` (a file) and `ERA_SOURCE` (a checkout) name another.
+#[must_use]
+pub fn default_path() -> PathBuf {
+    if let Some(file) = std::env::var_os("ERA_FIRMWARE") {
+        return file.into();
+    }
+    let source = std::env::var_os("ERA_SOURCE")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/..")), PathBuf::from);
+    source.join("firmware/target/thumbv7em-none-eabihf/release/era-firmware")
+}
+
 /// Why a file is no image for this board.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum ImageError {

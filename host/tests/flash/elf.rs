@@ -1,6 +1,6 @@
 //! Images: small ones made here, and what is wrong with a file is said.
 
-use era::flash::image::{Image, ImageError};
+use era::flash::image::{Image, ImageError, default_path};
 use era_shared::image::{CHIP_STM32G474, FLASH_START, HeaderError, IMAGE_START, ImageHeader};
 use era_shared::protocol::{BoardKind, FirmwareVersion};
 
@@ -108,20 +108,14 @@ fn what_is_no_image_is_refused_with_the_reason() {
 /// The image that is really built, where there is one: `cargo xtask test` builds it first.
 #[test]
 fn the_built_firmware_is_an_image() {
-    let Some(path) = built_firmware() else {
-        eprintln!("skipped: no firmware is built; cargo xtask firmware builds it");
+    let path = default_path();
+    if !path.exists() {
+        eprintln!("skipped: {} is not there; cargo xtask firmware builds it", path.display());
         return;
-    };
+    }
     let (image, _) = Image::read(&path).unwrap();
     assert_eq!(image.header.board, Some(BoardKind::Stm32G474));
     assert_eq!(image.header.name(), "era-firmware");
     let first_stage = &image.bytes()[..0x1000];
     assert!(first_stage[0x400..].iter().all(|byte| *byte == 0xFF), "the first stage has grown beyond 1 KiB");
-}
-
-pub fn built_firmware() -> Option<std::path::PathBuf> {
-    let path = std::env::var_os("ERA_FIRMWARE").map(std::path::PathBuf::from).unwrap_or_else(|| {
-        concat!(env!("CARGO_MANIFEST_DIR"), "/../firmware/target/thumbv7em-none-eabihf/release/era-firmware").into()
-    });
-    path.exists().then_some(path)
 }

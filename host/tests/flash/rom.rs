@@ -149,7 +149,7 @@ impl Rom {
     /// Only whole, erased double words can be programmed (RM0440, section 3.3.7).
     fn write(&mut self, start: u32, data: &[u8]) {
         let Some(offset) = self.offset(start, data.len()) else { return self.fail(ERR_TARGET) };
-        if offset % DOUBLE_WORD != 0 || data.len() % DOUBLE_WORD != 0 {
+        if !offset.is_multiple_of(DOUBLE_WORD) || !data.len().is_multiple_of(DOUBLE_WORD) {
             return self.fail(ERR_PROG);
         }
         for (at, word) in (offset..).step_by(DOUBLE_WORD).zip(data.chunks(DOUBLE_WORD)) {
