@@ -12,14 +12,17 @@ fn main() {
     println!("cargo:rerun-if-changed={}", memory.display());
 
     // Without git, or outside a checkout, the firmware says that it does not know.
-    let commit = Command::new("git")
-        .args(["rev-parse", "--short=8", "HEAD"])
-        .output()
-        .ok()
-        .filter(|output| output.status.success())
-        .and_then(|output| String::from_utf8(output.stdout).ok())
-        .unwrap_or_default();
-    println!("cargo:rustc-env=ERA_COMMIT={}", commit.trim());
-    println!("cargo:rerun-if-changed=../.git/HEAD");
-    println!("cargo:rerun-if-changed=../.git/logs/HEAD");
+    println!("cargo:rustc-env=ERA_COMMIT={}", git(&["rev-parse", "--short=8", "HEAD"]).unwrap_or_default());
+    // Where HEAD lies differs between a checkout and one of git's worktrees.
+    for file in ["HEAD", "logs/HEAD"] {
+        if let Some(path) = git(&["rev-parse", "--git-path", file]) {
+            println!("cargo:rerun-if-changed={path}");
+        }
+    }
+}
+
+/// What git answers, if there is git, and this is a checkout.
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success())?;
+    Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
 }

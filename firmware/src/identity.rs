@@ -1,14 +1,12 @@
 //! Who this board is and why it started.
 
+use crate::image::FIRMWARE;
 use embassy_stm32::pac::{RCC, RNG};
 use embassy_stm32::uid;
 use embassy_time::Instant;
 use era_shared::board::BoardInfo;
-use era_shared::protocol::{BoardKind, FaultCode, FirmwareVersion, ResetCause};
+use era_shared::protocol::{BoardKind, FaultCode, ResetCause};
 use heapless::Vec;
-
-/// Commit of the source, from the build script.
-const COMMIT: &str = env!("ERA_COMMIT");
 
 /// Reads of the random number generator's status before giving up: a number takes about 50 of its 48 MHz clocks
 /// (RM0440, section 26.3.5), 200 reads of it.
@@ -37,21 +35,12 @@ pub fn take_reset_cause() -> ResetCause {
 
 /// The facts about this board. The channels are added by the board itself.
 pub fn board_info(reset_cause: ResetCause, fault_before_reset: Option<(FaultCode, u32)>) -> BoardInfo {
-    let mut commit = [b'0'; 8];
-    for (place, byte) in commit.iter_mut().zip(COMMIT.bytes()) {
-        *place = byte;
-    }
     BoardInfo {
         board: BoardKind::Stm32G474,
         board_id: uid::uid(),
         boot_id: random().unwrap_or_else(boot_id_without_generator),
         reset_cause,
-        firmware: FirmwareVersion {
-            major: parse(env!("CARGO_PKG_VERSION_MAJOR")),
-            minor: parse(env!("CARGO_PKG_VERSION_MINOR")),
-            patch: parse(env!("CARGO_PKG_VERSION_PATCH")),
-            commit,
-        },
+        firmware: FIRMWARE,
         channels: Vec::new(),
         fault_before_reset,
     }
@@ -73,15 +62,4 @@ fn random() -> Option<u32> {
 fn boot_id_without_generator() -> u32 {
     let seed = Instant::now().as_ticks() as u32;
     uid::uid().iter().fold(seed, |hash, byte| (hash ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
-}
-
-const fn parse(number: &str) -> u8 {
-    let digits = number.as_bytes();
-    let mut value = 0;
-    let mut index = 0;
-    while index < digits.len() {
-        value = value * 10 + (digits[index] - b'0');
-        index += 1;
-    }
-    value
 }

@@ -7,18 +7,21 @@
 #![no_main]
 
 mod board;
+mod bootloader;
 mod clocks;
 mod device_task;
 mod executor;
 mod fatal;
+mod first_stage;
 mod heartbeat;
 mod identity;
+mod image;
 mod links;
+mod log;
 mod outputs;
 mod pins;
 mod pwm;
 
-use defmt_rtt as _;
 use embassy_stm32::{bind_interrupts, peripherals, usart, usb};
 
 bind_interrupts!(struct Interrupts {
@@ -28,7 +31,9 @@ bind_interrupts!(struct Interrupts {
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    // Before anything else, clocks included.
+    // Before anything else: the bootloader wants the chip as the reset left it, which is with all outputs off.
+    bootloader::enter_if_asked();
+    // Before the clocks are set up.
     outputs::force_off();
     let reset_cause = identity::take_reset_cause();
     let peripherals = embassy_stm32::init(clocks::config());
@@ -46,6 +51,7 @@ fn main() -> ! {
 
     executor::start_device().spawn(defmt::unwrap!(device_task::run(board)));
     executor::run_thread(|spawner| {
+        spawner.spawn(defmt::unwrap!(bootloader::run()));
         spawner.spawn(defmt::unwrap!(links::uart::receive(uart_rx)));
         spawner.spawn(defmt::unwrap!(links::uart::transmit(uart_tx)));
         spawner.spawn(defmt::unwrap!(links::usb::run(usb)));

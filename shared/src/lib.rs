@@ -20,8 +20,10 @@
 
 pub mod board;
 pub mod device;
+pub mod image;
 pub mod limits;
 pub mod link;
+pub mod log_ring;
 pub mod protocol;
 pub mod safety;
 pub mod supply;

@@ -2,10 +2,13 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{firmware, root};
+use crate::{firmware, fuzz, root};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
+
+/// How long each fuzz target runs among the other checks, in s. Ten minutes are for before a release.
+const FUZZ_S: u64 = 40;
 
 /// Makes the firmware and the emulator's environment, then runs every test of the workspace.
 ///
@@ -42,7 +45,8 @@ pub fn ci() -> Result<(), Error> {
         run(cargo(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
     })?;
     step("dependencies", || deny(&root))?;
-    test()
+    test()?;
+    step("fuzzing", || fuzz::command(&fuzz::Options::bounded(FUZZ_S)))
 }
 
 /// Licences, bans and sources. Advisories are left to a machine that can fetch their database: `cargo deny check`.

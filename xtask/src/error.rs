@@ -67,6 +67,19 @@ pub enum Error {
     /// The emulated board did not answer.
     #[error("no answer from the emulated board within {0:?}")]
     Silent(Duration),
+    /// An engine found an input that fails.
+    #[error(
+        "fuzzing {target} found an input that fails; see {log}, and run it again with \
+         `cargo xtask fuzz --target {target} --input FILE`\n  {said}"
+    )]
+    Found {
+        /// The target.
+        target: &'static str,
+        /// What the engine said of it, with the input's file.
+        said: String,
+        /// All that the engine said.
+        log: PathBuf,
+    },
     /// A message could not be put into a frame.
     #[error("cannot encode the request: {0:?}")]
     Encode(era_shared::link::EncodeError),

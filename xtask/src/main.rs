@@ -1,4 +1,4 @@
-//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `bench`.
+//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `bench`.
 
 mod bench;
 mod check;
@@ -6,6 +6,7 @@ mod elf;
 mod emulate;
 mod error;
 mod firmware;
+mod fuzz;
 mod process;
 mod target;
 
@@ -32,6 +33,8 @@ enum Command {
     Firmware(firmware::Options),
     /// Measure on this machine, side by side with peers; builds in release mode.
     Bench(bench::Options),
+    /// Look for inputs that the decoder or the device logic cannot stand, with libFuzzer.
+    Fuzz(fuzz::Options),
     /// Build the firmware, run it on the emulated board and say hello to it.
     Emulate(emulate::Options),
 }
@@ -42,6 +45,7 @@ fn main() -> ExitCode {
         Command::Ci => check::ci(),
         Command::Firmware(options) => firmware::command(&options),
         Command::Bench(options) => bench::command(&options),
+        Command::Fuzz(options) => fuzz::command(&options),
         Command::Emulate(options) => emulate::command(&options),
     };
     match result {

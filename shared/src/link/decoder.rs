@@ -19,7 +19,8 @@ pub enum DecodeError {
 /// row, which senders may use to flush a line) are passed over in silence.
 #[derive(Clone, Debug)]
 pub struct Decoder {
-    buffer: [u8; MAX_ENCODED],
+    // Without the zero that ends a frame: with room for it, a frame one byte too long would pass.
+    buffer: [u8; MAX_ENCODED - 1],
     length: usize,
     overflowed: bool,
 }
@@ -34,7 +35,7 @@ impl Decoder {
     /// A decoder that has seen nothing.
     #[must_use]
     pub const fn new() -> Self {
-        Self { buffer: [0; MAX_ENCODED], length: 0, overflowed: false }
+        Self { buffer: [0; MAX_ENCODED - 1], length: 0, overflowed: false }
     }
 
     /// Forgets a frame that was begun.

@@ -1,0 +1,290 @@
+//! The protocol of the ROM bootloader over USB: DFU 1.1 with ST's extensions (AN3156).
+
+use std::time::Duration;
+
+/// Requests of DFU 1.1, section 3.
+pub mod request {
+    /// Data or a command to the device.
+    pub const DNLOAD: u8 = 1;
+    /// Data from the device.
+    pub const UPLOAD: u8 = 2;
+    /// Status; also what makes the device carry out a command.
+    pub const GETSTATUS: u8 = 3;
+    /// Out of the error state.
+    pub const CLRSTATUS: u8 = 4;
+    /// Back to idle.
+    pub const ABORT: u8 = 6;
+}
+
+/// States of DFU 1.1, section 6.1.2.
+pub mod state {
+    /// Waits for anything.
+    pub const IDLE: u8 = 2;
+    /// Busy with what was sent.
+    pub const DOWNLOAD_BUSY: u8 = 4;
+    /// Done, waits for more.
+    pub const DOWNLOAD_IDLE: u8 = 5;
+    /// About to leave.
+    pub const MANIFEST: u8 = 7;
+    /// Sends data.
+    pub const UPLOAD_IDLE: u8 = 9;
+    /// Something went wrong.
+    pub const ERROR: u8 = 10;
+}
+
+/// Commands of AN3156, section 5, as the first byte of block 0.
+pub mod command {
+    /// Set the address pointer.
+    pub const SET_ADDRESS: u8 = 0x21;
+    /// Erase the page that holds an address.
+    pub const ERASE: u8 = 0x41;
+}
+
+/// Block number of data at the address pointer: data goes to `(block - 2) * transfer size` behind it.
+pub const FIRST_DATA_BLOCK: u16 = 2;
+/// Most bytes in one transfer (AN3156, section 4).
+pub const TRANSFER_SIZE: usize = 2048;
+
+/// Longest that one look at the status is put off, whatever the device asks for.
+const LONGEST_POLL: Duration = Duration::from_secs(1);
+/// Looks at the status before a command is given up. A page takes 24.5 ms at most (data sheet DS12288, table 52), and
+/// the device asks for one pause for each.
+const MOST_POLLS: u32 = 30;
+
+/// Why a transfer failed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PipeError {
+    /// The device refuses the request.
+    #[error("refused by the device")]
+    Stall,
+    /// The device has gone.
+    #[error("the device has gone")]
+    Gone,
+    /// Anything else, in the system's words.
+    #[error("{0}")]
+    Other(String),
+}
+
+/// Control transfers to the bootloader's DFU interface.
+pub trait ControlPipe {
+    /// Reads up to `length` bytes.
+    ///
+    /// # Errors
+    /// [`PipeError`].
+    fn control_in(&mut self, request: u8, value: u16, length: u16) -> Result<Vec<u8>, PipeError>;
+
+    /// Writes.
+    ///
+    /// # Errors
+    /// [`PipeError`].
+    fn control_out(&mut self, request: u8, value: u16, data: &[u8]) -> Result<(), PipeError>;
+
+    /// Waits.
+    fn pause(&mut self, time: Duration);
+}
+
+/// Why the bootloader did not do what it was told.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DfuError {
+    /// The transfer failed.
+    #[error(
+        "{step} at {address:#010x}: {source}. Check the USB cable, then run the same command again: the board waits in its bootloader"
+    )]
+    Pipe {
+        /// What was done.
+        step: &'static str,
+        /// Where.
+        address: u32,
+        /// What happened.
+        source: PipeError,
+    },
+    /// The device reports an error.
+    #[error("{step} at {address:#010x}: the bootloader reports status {status}, {}", status_text(*.status))]
+    Status {
+        /// What was done.
+        step: &'static str,
+        /// Where.
+        address: u32,
+        /// `bStatus` of DFU 1.1, section 6.1.2.
+        status: u8,
+    },
+    /// It is in a state in which it should not be.
+    #[error(
+        "{step} at {address:#010x}: the bootloader is in state {state}, which it should not be in. Power the board down and up, then run the same command again"
+    )]
+    State {
+        /// What was done.
+        step: &'static str,
+        /// Where.
+        address: u32,
+        /// `bState` of DFU 1.1, section 6.1.2.
+        state: u8,
+    },
+}
+
+const fn status_text(status: u8) -> &'static str {
+    match status {
+        1 => "the address is not one of its flash (errTARGET)",
+        3 => "it could not write (errWRITE)",
+        4 => "it could not erase (errERASE)",
+        6 => "it could not program (errPROG): the flash there was not erased",
+        7 => "what it wrote reads otherwise (errVERIFY)",
+        8 => "the address is out of range (errADDRESS)",
+        11 => {
+            "the flash is protected (errVENDOR): take the read protection away with a debug probe, which erases the chip"
+        }
+        _ => "see DFU 1.1, section 6.1.2",
+    }
+}
+
+/// A bootloader that is ready for commands.
+#[derive(Debug)]
+pub struct Dfuse<P> {
+    pipe: P,
+}
+
+/// What GETSTATUS gives.
+struct Status {
+    status: u8,
+    state: u8,
+    poll: Duration,
+}
+
+/// What is being done, for messages.
+#[derive(Clone, Copy)]
+struct Step {
+    name: &'static str,
+    address: u32,
+}
+
+impl Step {
+    fn pipe(self, source: PipeError) -> DfuError {
+        DfuError::Pipe { step: self.name, address: self.address, source }
+    }
+
+    fn state(self, state: u8) -> DfuError {
+        DfuError::State { step: self.name, address: self.address, state }
+    }
+}
+
+impl<P: ControlPipe> Dfuse<P> {
+    /// Brings the device to idle, whatever it was doing.
+    ///
+    /// # Errors
+    /// [`DfuError`].
+    pub fn open(pipe: P) -> Result<Self, DfuError> {
+        let mut this = Self { pipe };
+        this.idle(Step { name: "starting", address: 0 })?;
+        Ok(this)
+    }
+
+    /// Erases the page that holds `address`.
+    ///
+    /// # Errors
+    /// [`DfuError`].
+    pub fn erase(&mut self, address: u32) -> Result<(), DfuError> {
+        self.command(Step { name: "erasing", address }, command::ERASE)
+    }
+
+    /// Writes up to [`TRANSFER_SIZE`] bytes into erased flash: whole double words at the address of one.
+    ///
+    /// # Errors
+    /// [`DfuError`].
+    pub fn write(&mut self, address: u32, data: &[u8]) -> Result<(), DfuError> {
+        let step = Step { name: "writing", address };
+        self.command(step, command::SET_ADDRESS)?;
+        self.download(step, FIRST_DATA_BLOCK, data)
+    }
+
+    /// Reads up to [`TRANSFER_SIZE`] bytes.
+    ///
+    /// # Errors
+    /// [`DfuError`].
+    pub fn read(&mut self, address: u32, length: usize) -> Result<Vec<u8>, DfuError> {
+        let step = Step { name: "reading", address };
+        self.command(step, command::SET_ADDRESS)?;
+        self.idle(step)?;
+        let length = u16::try_from(length.min(TRANSFER_SIZE)).unwrap_or(u16::MAX);
+        let data = self.pipe.control_in(request::UPLOAD, FIRST_DATA_BLOCK, length);
+        let data = data.map_err(|error| self.refused(step, error))?;
+        self.idle(step)?;
+        Ok(data)
+    }
+
+    /// Leaves the bootloader for the program whose vector table is at `address`. The device goes away, so what it
+    /// answers last is not looked at.
+    ///
+    /// # Errors
+    /// [`DfuError`], if it does not even take the address.
+    pub fn leave(mut self, address: u32) -> Result<(), DfuError> {
+        let step = Step { name: "leaving the bootloader", address };
+        self.command(step, command::SET_ADDRESS)?;
+        self.pipe.control_out(request::DNLOAD, FIRST_DATA_BLOCK, &[]).map_err(|error| step.pipe(error))?;
+        let _ = self.status(step);
+        Ok(())
+    }
+
+    fn command(&mut self, step: Step, command: u8) -> Result<(), DfuError> {
+        let [a, b, c, d] = step.address.to_le_bytes();
+        self.download(step, 0, &[command, a, b, c, d])
+    }
+
+    fn download(&mut self, step: Step, block: u16, data: &[u8]) -> Result<(), DfuError> {
+        let sent = self.pipe.control_out(request::DNLOAD, block, data);
+        sent.map_err(|error| self.refused(step, error))?;
+        self.finish(step)
+    }
+
+    /// Why a refused transfer was refused: that stands in the device's status.
+    fn refused(&mut self, step: Step, error: PipeError) -> DfuError {
+        let status = if error == PipeError::Stall { self.finish(step).err() } else { None };
+        status.unwrap_or_else(|| step.pipe(error))
+    }
+
+    /// Waits until the device has done what it was sent.
+    fn finish(&mut self, step: Step) -> Result<(), DfuError> {
+        let mut last = state::DOWNLOAD_BUSY;
+        for _ in 0..MOST_POLLS {
+            let status = self.status(step)?;
+            last = status.state;
+            match status.state {
+                state::DOWNLOAD_IDLE | state::IDLE => return Ok(()),
+                state::ERROR => {
+                    let _ = self.pipe.control_out(request::CLRSTATUS, 0, &[]);
+                    return Err(DfuError::Status { step: step.name, address: step.address, status: status.status });
+                }
+                _ => self.pipe.pause(status.poll.min(LONGEST_POLL)),
+            }
+        }
+        Err(step.state(last))
+    }
+
+    fn idle(&mut self, step: Step) -> Result<(), DfuError> {
+        let mut last = state::ERROR;
+        for _ in 0..MOST_POLLS {
+            let status = self.status(step)?;
+            last = status.state;
+            let request = match status.state {
+                state::IDLE => return Ok(()),
+                state::ERROR => request::CLRSTATUS,
+                state::DOWNLOAD_BUSY | state::MANIFEST => {
+                    self.pipe.pause(status.poll.min(LONGEST_POLL));
+                    continue;
+                }
+                _ => request::ABORT,
+            };
+            self.pipe.control_out(request, 0, &[]).map_err(|error| step.pipe(error))?;
+        }
+        Err(step.state(last))
+    }
+
+    fn status(&mut self, step: Step) -> Result<Status, DfuError> {
+        let answer = self.pipe.control_in(request::GETSTATUS, 0, 6).map_err(|error| step.pipe(error))?;
+        let &[status, low, middle, high, state, _] = answer.as_slice() else {
+            let text = format!("its status has {} bytes instead of 6", answer.len());
+            return Err(step.pipe(PipeError::Other(text)));
+        };
+        let milliseconds = u32::from_le_bytes([low, middle, high, 0]);
+        Ok(Status { status, state, poll: Duration::from_millis(u64::from(milliseconds)) })
+    }
+}

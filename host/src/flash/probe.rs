@@ -1,0 +1,138 @@
+//! A debug probe, through the program `probe-rs`, if it is installed.
+
+use era_shared::image::{CHIP_STM32G474, HEADER_LENGTH, HEADER_OFFSET, IMAGE_START, ImageHeader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Output, Stdio};
+
+/// The chip by the name that probe-rs gives it.
+pub const CHIP: &str = "STM32G474RETx";
+/// DBGMCU_IDCODE, whose low 12 bits are DEV_ID (RM0440, section 47.6.1).
+const IDCODE: u32 = 0xE004_2000;
+const DEV_ID: u32 = 0xFFF;
+
+/// Why the probe did not do it.
+#[derive(Debug, thiserror::Error)]
+pub enum ProbeError {
+    /// The program is missing.
+    #[error("probe-rs is not installed ({0}). Install it as https://probe.rs says, or use --dfu")]
+    NotInstalled(std::io::Error),
+    /// No probe.
+    #[error("probe-rs finds no debug probe. Connect one and check that this user may use it, or use --dfu")]
+    NoProbe,
+    /// It failed, and has said why.
+    #[error("{command} failed ({status}){}{}. An update that was broken off is repaired by running the same command again", if .said.is_empty() { "" } else { ": " }, .said)]
+    Failed {
+        /// What was run.
+        command: String,
+        /// How it ended.
+        status: ExitStatus,
+        /// What it wrote to standard error, where that was not shown.
+        said: String,
+    },
+    /// Another chip, or an answer that cannot be understood.
+    #[error(
+        "the chip at the probe has the number {found}, the STM32G474 has {CHIP_STM32G474:#05x}: nothing was changed"
+    )]
+    OtherChip {
+        /// As read.
+        found: String,
+    },
+}
+
+/// `probe-rs`. Which probe it uses, where there are several, the variable `PROBE_RS_PROBE` says.
+#[derive(Clone, Debug)]
+pub struct ProbeRs {
+    program: PathBuf,
+}
+
+impl Default for ProbeRs {
+    fn default() -> Self {
+        Self::new("probe-rs")
+    }
+}
+
+impl ProbeRs {
+    /// The program under another name or path.
+    pub fn new(program: impl Into<PathBuf>) -> Self {
+        Self { program: program.into() }
+    }
+
+    /// Finds a probe.
+    ///
+    /// # Errors
+    /// [`ProbeError::NotInstalled`], [`ProbeError::NoProbe`], [`ProbeError::Failed`].
+    pub fn find(&self) -> Result<(), ProbeError> {
+        let listed = self.answer(Command::new(&self.program).arg("list"))?;
+        // One line for each, as `[0]: STLink V3 -- 0483:374e:... (ST-LINK)`.
+        if listed.lines().any(|line| line.trim_start().starts_with('[')) { Ok(()) } else { Err(ProbeError::NoProbe) }
+    }
+
+    /// Checks that the chip is the right one.
+    ///
+    /// # Errors
+    /// [`ProbeError::OtherChip`] and those of running the program.
+    pub fn check_chip(&self) -> Result<(), ProbeError> {
+        let answer = self.read("b32", IDCODE, 1)?;
+        let code = answer.split_whitespace().last().and_then(|word| u32::from_str_radix(word, 16).ok());
+        match code.map(|code| code & DEV_ID) {
+            Some(id) if id == u32::from(CHIP_STM32G474) => Ok(()),
+            Some(id) => Err(ProbeError::OtherChip { found: format!("{id:#05x}") }),
+            None => Err(ProbeError::OtherChip { found: format!("{:?}", answer.trim()) }),
+        }
+    }
+
+    /// The header of the image on the board, if there is one.
+    ///
+    /// # Errors
+    /// Those of running the program.
+    pub fn header_on_board(&self) -> Result<Option<ImageHeader>, ProbeError> {
+        let answer = self.read("b8", IMAGE_START + HEADER_OFFSET, HEADER_LENGTH)?;
+        let bytes: Vec<u8> = answer.split_whitespace().filter_map(|word| u8::from_str_radix(word, 16).ok()).collect();
+        Ok(ImageHeader::parse(&bytes).ok())
+    }
+
+    /// Writes, reads back and starts the image; shows the program's own progress.
+    ///
+    /// # Errors
+    /// Those of running the program.
+    pub fn write(&self, image: &Path) -> Result<(), ProbeError> {
+        self.show(Command::new(&self.program).args(["download", "--chip", CHIP, "--verify"]).arg(image))?;
+        self.show(Command::new(&self.program).args(["reset", "--chip", CHIP]))
+    }
+
+    /// Shows the log until interrupted, without stopping the board.
+    ///
+    /// # Errors
+    /// Those of running the program.
+    pub fn attach(&self, image: &Path) -> Result<(), ProbeError> {
+        self.show(Command::new(&self.program).args(["attach", "--chip", CHIP]).arg(image))
+    }
+
+    fn read(&self, width: &str, address: u32, count: usize) -> Result<String, ProbeError> {
+        let (address, count) = (format!("{address:#010x}"), count.to_string());
+        self.answer(Command::new(&self.program).args(["read", "--chip", CHIP, width, &address, &count]))
+    }
+
+    fn answer(&self, command: &mut Command) -> Result<String, ProbeError> {
+        let Output { status, stdout, stderr } =
+            command.stdin(Stdio::null()).output().map_err(ProbeError::NotInstalled)?;
+        if status.success() {
+            return Ok(String::from_utf8_lossy(&stdout).into_owned());
+        }
+        let said = String::from_utf8_lossy(&stderr).trim().to_owned();
+        Err(ProbeError::Failed { command: shown(command), status, said })
+    }
+
+    fn show(&self, command: &mut Command) -> Result<(), ProbeError> {
+        let status = command.status().map_err(ProbeError::NotInstalled)?;
+        if status.success() {
+            return Ok(());
+        }
+        Err(ProbeError::Failed { command: shown(command), status, said: String::new() })
+    }
+}
+
+fn shown(command: &Command) -> String {
+    let words = std::iter::once(command.get_program()).chain(command.get_args());
+    words.map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,54 @@
+//! Which image may go to which board.
+
+use crate::elf::{flash_contents, version};
+use era::flash::check::{CheckError, OnBoard, check, check_idle};
+use era::flash::image::Image;
+use era_shared::protocol::{BoardKind, CURRENT_VERSION};
+use era_shared::safety::State;
+
+fn image(protocol: (u8, u8)) -> Image {
+    Image::from_flash(flash_contents(version(1, b"0123abcd"), protocol, 5000, 3)).unwrap()
+}
+
+fn board(board: Option<BoardKind>, protocol_current: u8) -> OnBoard {
+    OnBoard { board, firmware: version(9, b"ffffffff"), protocol_current }
+}
+
+#[test]
+fn only_this_board_gets_it() {
+    let header = image((1, CURRENT_VERSION)).header;
+    assert_eq!(check(&header, None, false), Ok(()));
+    // An older version of the firmware is no reason to refuse.
+    assert_eq!(check(&header, Some(&board(Some(BoardKind::Stm32G474), CURRENT_VERSION)), false), Ok(()));
+    for force in [false, true] {
+        let simulated = board(Some(BoardKind::Simulated), CURRENT_VERSION);
+        assert_eq!(check(&header, Some(&simulated), force), Err(CheckError::Simulated));
+        let unknown = check(&header, Some(&board(None, CURRENT_VERSION)), force);
+        assert!(matches!(unknown, Err(CheckError::Board { board: None, .. })));
+        let mut foreign = header;
+        foreign.board = None;
+        assert!(matches!(check(&foreign, None, force), Err(CheckError::Board { .. })));
+    }
+}
+
+#[test]
+fn a_step_back_in_the_protocol_needs_force() {
+    let header = image((1, CURRENT_VERSION)).header;
+    let newer = board(Some(BoardKind::Stm32G474), CURRENT_VERSION + 1);
+    let refused = check(&header, Some(&newer), false);
+    assert_eq!(refused, Err(CheckError::Downgrade { image: CURRENT_VERSION, board: CURRENT_VERSION + 1 }));
+    assert_eq!(check(&header, Some(&newer), true), Ok(()));
+
+    let future = image((CURRENT_VERSION + 1, CURRENT_VERSION + 2)).header;
+    let error = check(&future, None, false).unwrap_err();
+    assert!(matches!(error, CheckError::Unspoken { .. }) && error.to_string().contains("update this program"));
+    assert_eq!(check(&future, None, true), Ok(()));
+}
+
+#[test]
+fn a_board_that_is_in_use_is_left_alone() {
+    for state in State::ALL {
+        let off = matches!(state, State::Boot | State::Safe | State::Fault);
+        assert_eq!(check_idle(state).is_ok(), off, "{state:?}");
+    }
+}

@@ -1,0 +1,8 @@
+//! Writing the firmware: what is refused, what is written, and that there is a way back from every interruption.
+
+mod check;
+mod elf;
+mod interrupted;
+#[cfg(unix)]
+mod probe;
+mod rom;
