@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{firmware, fuzz, root};
+use crate::{firmware, fuzz, root, waveforms};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -18,6 +18,7 @@ pub fn test() -> Result<(), Error> {
     let root = root()?;
     step("firmware image", || firmware::command(&firmware::Options::default()))?;
     step("emulator", || run(Command::new("python3").arg("emulator/launch.py").arg("--setup-only").current_dir(&root)))?;
+    step("waveforms", || waveforms::command(&waveforms::Options::default()))?;
     step("tests", || run(cargo(&root).args(["test", "--workspace"])))?;
     // Optimised code may keep other roundings and no overflow checks: the extremes hold there too.
     let extremes = ["--test", "model_extremes", "--test", "transient", "--test", "sweep"];

@@ -7,6 +7,9 @@ use std::time::Duration;
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
+    /// A waveform is not as it must be.
+    #[error("a waveform is not as it must be; the table says which")]
+    Waveforms,
     /// This program is not in a checkout.
     #[error("{0} is not inside the repository")]
     NoRepository(PathBuf),

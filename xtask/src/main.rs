@@ -1,4 +1,4 @@
-//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `bench`.
+//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `waveforms`, `bench`.
 
 mod bench;
 mod check;
@@ -9,6 +9,7 @@ mod firmware;
 mod fuzz;
 mod process;
 mod target;
+mod waveforms;
 
 use clap::{Parser, Subcommand};
 use error::Error;
@@ -35,6 +36,8 @@ enum Command {
     Bench(bench::Options),
     /// Look for inputs that the decoder or the device logic cannot stand, with libFuzzer.
     Fuzz(fuzz::Options),
+    /// Check the electrodes' waveforms over the whole space of drives, from registers to edges
+    Waveforms(waveforms::Options),
     /// Build the firmware, run it on the emulated board and say hello to it.
     Emulate(emulate::Options),
 }
@@ -46,6 +49,7 @@ fn main() -> ExitCode {
         Command::Firmware(options) => firmware::command(&options),
         Command::Bench(options) => bench::command(&options),
         Command::Fuzz(options) => fuzz::command(&options),
+        Command::Waveforms(options) => waveforms::command(&options),
         Command::Emulate(options) => emulate::command(&options),
     };
     match result {

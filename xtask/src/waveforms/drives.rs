@@ -67,19 +67,26 @@ impl Tally {
             return;
         };
         let tick_s = windows.tick_s(limits.timer_clock_hz);
-        let limit_s = f64::from(limits.min_guard_ns) * 1e-9;
+        // In clocks, so that what is exactly long enough is.
+        let clocks = |ticks: u32| u64::from(ticks) * u64::from(windows.divider) * 1_000_000_000;
+        let limit = u64::from(limits.min_guard_ns) * u64::from(limits.timer_clock_hz);
         self.overlaps += u64::from(windows.overlap() > 0);
-        let guard_s = windows.guard().map_or(0.0, |ticks| f64::from(ticks) * tick_s);
-        self.short_guards += u64::from(guard_s < limit_s);
+        let guard = windows.guard().unwrap_or(0);
+        let guard_s = f64::from(guard) * tick_s;
+        self.short_guards += u64::from(clocks(guard) < limit);
         self.least_guard_us = self.least_guard_us.min(guard_s * 1e6);
         let end = |window: Window| window.start + window.length;
         let first = windows.a.start.min(windows.b.start);
         let last = windows.period.saturating_sub(end(windows.a).max(end(windows.b)));
-        self.short_half_guards += u64::from(f64::from(first.min(last)) * tick_s < limit_s / 2.0);
+        self.short_half_guards += u64::from(2 * clocks(first.min(last)) < limit);
 
         let frequency_hz = 1.0 / (f64::from(windows.period) * tick_s);
         let ppm = (frequency_hz / (f64::from(drive.frequency_millihertz) / 1e3) - 1.0).abs() * 1e6;
-        let worst = if drive.frequency_millihertz >= AUDIBLE_MILLIHERTZ { &mut self.worst_ppm } else { &mut self.worst_ppm_below };
+        let worst = if drive.frequency_millihertz >= AUDIBLE_MILLIHERTZ {
+            &mut self.worst_ppm
+        } else {
+            &mut self.worst_ppm_below
+        };
         *worst = worst.max(ppm);
         let told_hz = planned.achieved.frequency_nanohertz as f64 / 1e9;
         let told_guard_s = f64::from(planned.achieved.guard_ns) * 1e-9;

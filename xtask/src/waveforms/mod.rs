@@ -18,14 +18,20 @@ const WORST_PHASE_TICKS: f64 = 1.0;
 #[derive(Debug, clap::Args)]
 pub struct Options {
     /// Random drives to check
-    #[arg(long, default_value_t = 10_000_000)]
+    #[arg(long, default_value_t = Self::default().drives)]
     drives: u64,
     /// Random changes of drives on running timers to check
-    #[arg(long, default_value_t = 200_000)]
+    #[arg(long, default_value_t = Self::default().changes)]
     changes: u64,
     /// Seed of the random numbers
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = Self::default().seed)]
     seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { drives: 10_000_000, changes: 200_000, seed: 1 }
+    }
 }
 
 /// Checks and prints.
@@ -67,10 +73,16 @@ pub fn command(options: &Options) -> Result<(), Error> {
     println!("  drives at boundaries       {boundaries}");
     println!("  accepted / refused         {} / {}", drives.accepted, drives.refused);
     println!("  overlaps                   {}", drives.overlaps);
-    println!("  guards under the limit     {} (limit {guard_us} us, least {:.3} us)", drives.short_guards, drives.least_guard_us);
+    println!(
+        "  guards under the limit     {} (limit {guard_us} us, least {:.3} us)",
+        drives.short_guards, drives.least_guard_us
+    );
     println!("  half guards at a boundary under half the limit  {}", drives.short_half_guards);
     println!("  registers not as achieved  {}", drives.misreported);
-    println!("  worst frequency error      {:.2} ppm (20 Hz to 1 kHz; {:.2} ppm below)", drives.worst_ppm, drives.worst_ppm_below);
+    println!(
+        "  worst frequency error      {:.2} ppm (20 Hz to 1 kHz; {:.2} ppm below)",
+        drives.worst_ppm, drives.worst_ppm_below
+    );
     println!("  worst phase error          {:.3} ticks", drives.worst_phase_ticks);
     println!("changes on running timers, from the pulses at the pins");
     println!("  drives set                 {} in {} steps, pulses {}", changes.drives, changes.steps, changes.pulses);
@@ -78,7 +90,10 @@ pub fn command(options: &Options) -> Result<(), Error> {
     println!("  guards under the limit     {} (least {:.3} us)", changes.short_guards, changes.least_guard_us);
     println!("  pulses cut short           {}", changes.runts);
     println!("  boundaries not as computed {}", changes.misses);
-    println!("  worst phase error          {:.3} ticks between channels at one frequency ({} pairs)", changes.worst_phase_ticks, changes.pairs);
+    println!(
+        "  worst phase error          {:.3} ticks between channels at one frequency ({} pairs)",
+        changes.worst_phase_ticks, changes.pairs
+    );
 
     let good = drives.overlaps + drives.short_guards + drives.short_half_guards + drives.misreported == 0
         && changes.overlaps + changes.short_guards + changes.runts + changes.misses == 0
