@@ -187,6 +187,16 @@ fn the_rails_start_softly_and_serve_two_voltages() {
 }
 
 #[test]
+fn time_that_was_spent_off_is_no_drive() {
+    let mut bench = Bench::new();
+    bench.wait_ms(5_000);
+    bench.ask(&arm());
+    bench.ask(&both());
+    bench.wait_ms(30);
+    assert_eq!(bench.state(), State::Running);
+}
+
+#[test]
 fn bursts_end_and_must_rest() {
     let mut bench = Bench::new();
     bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(300) });

@@ -42,6 +42,9 @@ impl Device {
         if let Some(finding) = senses.trip {
             return Err(finding);
         }
+        // In every state: who is off earns and rests.
+        let driving = self.driving();
+        let spent = self.budget.step(now_us, driving);
         match self.state() {
             State::Boot | State::Fault => Ok(()),
             State::Safe => match charged(&senses) {
@@ -60,7 +63,10 @@ impl Device {
                 Some(_) => Ok(()),
             },
             State::Arming => self.test(board, now_us, &senses),
-            State::Armed | State::Running => self.supervise(board, now_us, &senses),
+            State::Armed | State::Running => {
+                self.end_spent(spent);
+                self.supervise(board, now_us, &senses)
+            }
         }
     }
 
@@ -90,7 +96,24 @@ impl Device {
         }
     }
 
-    /// Rails, budgets and plausibility while live.
+    /// Which channels' electrodes are in use.
+    fn driving(&self) -> [bool; MAX_CHANNELS] {
+        let sequencer = self.sequencer.as_ref();
+        core::array::from_fn(|channel| sequencer.is_some_and(|sequencer| sequencer.drives(channel)))
+    }
+
+    /// Ends the drives of channels that have driven for as long as they may.
+    fn end_spent(&mut self, spent: [bool; MAX_CHANNELS]) {
+        let Some(sequencer) = &mut self.sequencer else { return };
+        for ((channel, spent), active) in spent.into_iter().enumerate().zip(&mut self.active) {
+            if spent {
+                sequencer.end(channel);
+                *active = None;
+            }
+        }
+    }
+
+    /// Rails and plausibility while live.
     fn supervise(&mut self, board: &mut impl Board, now_us: u64, senses: &Senses) -> Result<(), Finding> {
         if let Some(finding) = self.watch.look(now_us, senses, &self.supply) {
             return Err(finding);
@@ -108,20 +131,10 @@ impl Device {
             sequencer
                 .set_strength(channel, strength(goal.program.voltage_millivolts, if excess { measured } else { aim }));
         }
-        let driving = core::array::from_fn(|channel| sequencer.drives(channel));
-        let spent = self.budget.step(now_us, driving);
-        for (channel, spent) in spent.into_iter().enumerate() {
-            if spent {
-                sequencer.end(channel);
-                if let Some(active) = self.active.get_mut(channel) {
-                    *active = None;
-                }
-            }
-        }
         let wanted = (0..MAX_CHANNELS).any(|channel| sequencer.goal(channel).is_some());
         if self.state() == State::Running && !wanted {
             let _ = self.step(board, Event::Rest, &Goals::default());
-        } else if self.state() == State::Armed && self.connected && !driving.contains(&true) {
+        } else if self.state() == State::Armed && self.connected && !self.driving().contains(&true) {
             self.connected = false;
             board.connect_electrodes(false).map_err(|code| (code, 0))?;
         }
