@@ -1,25 +1,44 @@
 //! The hardware behind the device logic of `era-shared`.
 
 use crate::clocks::TIMER_CLOCK_HZ;
-use crate::outputs;
 use crate::pins::CHANNELS;
-use crate::pwm;
-use embassy_time::Instant;
-use era_shared::board::{Board, BoardInfo, Measurements, Programs};
+use crate::{breaks, comparators, outputs, sense, supply, timers};
+use embassy_time::{Duration, Instant};
+use era_shared::board::{Board, BoardInfo};
 use era_shared::protocol::{ChannelLimits, FaultCode};
-use era_shared::waveform::{ChannelProgram, TimerProgram, TimerRegisters};
-use heapless::Vec;
+use era_shared::supply::{Finding, Senses, Supply};
+use era_shared::waveform::{IDLE, Period, Preload};
 
 /// What each channel can do.
 pub const CHANNEL_LIMITS: ChannelLimits = ChannelLimits::BOARD;
-// What the shared limits say must be what this board's clock tree and rail really are.
+// What the shared limits say must be what this board's clock tree really is.
 const _: () = assert!(CHANNEL_LIMITS.timer_clock_hz == TIMER_CLOCK_HZ);
-const _: () = assert!(CHANNEL_LIMITS.max_voltage_millivolts == outputs::RAIL_FULL_SCALE_MILLIVOLTS);
+
+/// Clocks in a us.
+const CLOCKS_PER_US: u64 = TIMER_CLOCK_HZ as u64 / 1_000_000;
+/// A preload nearer than this to its boundary, in us, is too late: writing it takes 2 us.
+const TOO_LATE_US: u64 = 5;
+/// Least time in which a counter is looked at again when it seems to stand.
+const COUNT_WAIT: Duration = Duration::from_micros(20);
+
+/// Detail of a finding about the comparators' settings, beyond all channels.
+const DETAIL_COMPARATORS: u32 = 10;
+
+/// A trip makes everything else fail that is done at the same time; it is then the reason.
+fn first_reason(code: FaultCode) -> FaultCode {
+    breaks::take_trip().map_or(code, |(code, _)| code)
+}
 
 /// The STM32G474 actuator board.
 pub struct Stm32Board {
     info: BoardInfo,
-    active: [Option<ChannelProgram>; CHANNELS],
+    /// When the timers were started, in us of the board's time.
+    started_us: u64,
+    /// What each timer's preload registers hold.
+    loaded: [Period; CHANNELS],
+    /// Each counter at the last look.
+    counts: [Option<u16>; CHANNELS],
+    connected: bool,
 }
 
 impl Stm32Board {
@@ -27,51 +46,50 @@ impl Stm32Board {
     pub fn new(mut info: BoardInfo) -> Self {
         info.channels = core::iter::repeat_n(CHANNEL_LIMITS, CHANNELS).collect();
         outputs::force_off();
-        Self { info, active: [None; CHANNELS] }
+        Self { info, started_us: 0, loaded: [IDLE; CHANNELS], counts: [None; CHANNELS], connected: false }
     }
 
-    /// Changes the running channels in place, if nothing but window widths and voltages changes and no channel starts.
-    fn retune(&mut self, wanted: &[Option<ChannelProgram>; CHANNELS]) -> bool {
-        let possible = self.active.iter().zip(wanted).all(|(now, then)| match (now, then) {
-            (_, None) => true,
-            (None, Some(_)) => false,
-            (Some(now), Some(then)) => pwm::can_retune(&now.timer, &then.timer),
-        });
-        if possible {
-            for (channel, program) in wanted.iter().enumerate() {
-                match program {
-                    Some(program) => pwm::retune(channel, &program.timer),
-                    None => outputs::electrode_pair_off(channel),
-                }
+    /// Whether a counter has moved since the last look.
+    fn moves(&mut self, channel: usize) -> bool {
+        let (Some(last), Some(period)) = (self.counts.get_mut(channel), self.loaded.get(channel)) else {
+            return false;
+        };
+        let now = timers::count(channel);
+        let Some(before) = last.replace(now) else { return true };
+        if now != before {
+            return true;
+        }
+        // A period that divides the time between two looks brings the counter back to where it was: two ticks decide.
+        let ticks = Duration::from_micros(u64::from(period.divider) * 2 / CLOCKS_PER_US);
+        let end = Instant::now() + ticks.max(COUNT_WAIT);
+        while Instant::now() <= end {
+            let now = timers::count(channel);
+            if now != before {
+                *last = Some(now);
+                return true;
             }
         }
-        possible
+        false
     }
 
-    /// Stops all channels, then starts those wanted from a common origin.
-    fn restart(wanted: &[Option<ChannelProgram>; CHANNELS]) {
-        outputs::electrodes_off();
-        let mut timers: [Option<TimerProgram>; CHANNELS] = [None; CHANNELS];
-        for (channel, (program, timer)) in wanted.iter().zip(&mut timers).enumerate() {
-            if let Some(program) = program {
-                pwm::load(channel, &program.timer);
-                // Still low: the timer's outputs are off and driven low until MOE.
-                outputs::connect_to_timer(channel);
-                *timer = Some(program.timer);
+    fn look_at_timers(&mut self) -> Result<(), Finding> {
+        if !comparators::hold() {
+            return Err((FaultCode::ReadBack, DETAIL_COMPARATORS));
+        }
+        if self.connected && !timers::WITH_BREAK.into_iter().all(timers::outputs_enabled) {
+            // A break whose interrupt has not run, or not been enabled.
+            return Err(breaks::cause());
+        }
+        for (channel, number) in (0..CHANNELS).zip(0..) {
+            if !timers::counts(channel) || !self.moves(channel) {
+                return Err((FaultCode::TimerStopped, number));
+            }
+            let loaded = self.loaded.get(channel).is_some_and(|it| timers::holds(channel, it, self.connected));
+            if !loaded {
+                return Err((FaultCode::ReadBack, number));
             }
         }
-        pwm::start(&timers);
-    }
-
-    fn verify(wanted: &[Option<ChannelProgram>; CHANNELS]) -> Result<(), FaultCode> {
-        let holds = wanted.iter().enumerate().all(|(channel, program)| match program {
-            Some(program) => {
-                pwm::read_back(channel) == TimerRegisters::running(&program.timer)
-                    && outputs::rail(channel) == program.rail_code
-            }
-            None => !pwm::read_back(channel).is_driving() && outputs::rail(channel) == 0,
-        });
-        if holds { Ok(()) } else { Err(FaultCode::ReadBack) }
+        Ok(())
     }
 }
 
@@ -86,37 +104,86 @@ impl Board for Stm32Board {
 
     fn outputs_off(&mut self) {
         outputs::force_off();
-        self.active = [None; CHANNELS];
+        self.connected = false;
     }
 
-    fn arm(&mut self) -> Result<(), FaultCode> {
-        let rails_at_zero = (0..CHANNELS).all(|channel| outputs::rail(channel) == 0);
-        if !outputs::electrodes_are_held_low() || !rails_at_zero {
-            return Err(FaultCode::ArmFailed);
+    fn sense(&mut self) -> Senses {
+        let measured = sense::measure();
+        Senses {
+            rail_millivolts: measured.rail_millivolts,
+            average_microamps: measured.average_microamps,
+            interlock_closed: comparators::interlock_closed(),
+            stop_released: comparators::stop_released(),
+            earth_bonded: measured.earth_bonded,
+            trip: breaks::take_trip(),
         }
-        outputs::enable_high_voltage(true);
-        if outputs::high_voltage_enabled() { Ok(()) } else { Err(FaultCode::ArmFailed) }
     }
 
-    fn apply(&mut self, programs: &Programs) -> Result<(), FaultCode> {
-        let (ours, beyond) = programs.split_at(CHANNELS);
-        let wanted: [Option<ChannelProgram>; CHANNELS] = ours.try_into().map_err(|_| FaultCode::DriveFailed)?;
-        if !outputs::high_voltage_enabled() || beyond.iter().any(Option::is_some) {
-            return Err(FaultCode::DriveFailed);
-        }
-        if !self.retune(&wanted) {
-            Self::restart(&wanted);
-        }
-        self.active = wanted;
-        for (channel, program) in wanted.iter().enumerate() {
-            outputs::set_rail(channel, program.map_or(0, |program| program.rail_code));
-        }
-        Self::verify(&wanted)
+    fn test_trips(&mut self) -> Result<(), Finding> {
+        if outputs::all_low() { breaks::test() } else { Err((FaultCode::ArmFailed, 0)) }
     }
 
-    fn measure(&mut self) -> Measurements {
-        let rail_millivolts: Vec<u32, { era_shared::MAX_CHANNELS }> =
-            self.active.iter().map(|program| program.map_or(0, |it| it.achieved.voltage_millivolts)).collect();
-        Measurements { acceleration_peak_mm_per_s2: None, rail_millivolts }
+    fn set_supply(&mut self, supply: &Supply) {
+        supply::set(supply);
     }
+
+    fn start_timers(&mut self) -> Result<(), FaultCode> {
+        self.loaded = [IDLE; CHANNELS];
+        self.counts = [None; CHANNELS];
+        // With interrupts masked, so that the time noted is that of the start.
+        cortex_m::interrupt::free(|_| {
+            let started = timers::start();
+            self.started_us = Instant::now().as_micros();
+            if started { Ok(()) } else { Err(FaultCode::ReadBack) }
+        })
+        .map_err(first_reason)
+    }
+
+    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
+        cortex_m::interrupt::free(|_| {
+            if let Some((code, _)) = breaks::take_trip() {
+                return Err(code);
+            }
+            if connected {
+                // Still low: outputs that MOE switches off are driven low, and TIM4 runs blank periods.
+                outputs::connect_electrodes(true);
+                timers::enable_outputs(true);
+            } else {
+                timers::enable_outputs(false);
+                outputs::connect_electrodes(false);
+            }
+            self.connected = connected;
+            Ok(())
+        })
+    }
+
+    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode> {
+        let Some(loaded) = self.loaded.get_mut(preload.channel) else { return Err(FaultCode::DriveFailed) };
+        // With interrupts masked for 2 us, so that nothing comes between the look at the clock and the last register.
+        cortex_m::interrupt::free(|_| {
+            let now_us = Instant::now().as_micros().saturating_sub(self.started_us);
+            if (now_us + TOO_LATE_US) * CLOCKS_PER_US > preload.at {
+                // Its place in time is lost, and with it the phase.
+                return Err(FaultCode::DriveFailed);
+            }
+            *loaded = preload.period;
+            if timers::preload(preload.channel, &preload.period) { Ok(()) } else { Err(FaultCode::ReadBack) }
+        })
+        .map_err(first_reason)
+    }
+
+    /// Detail: the channel, or [`DETAIL_COMPARATORS`].
+    fn check_timers(&mut self) -> Result<(), Finding> {
+        self.look_at_timers().map_err(|finding| breaks::take_trip().unwrap_or(finding))
+    }
+
+    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
+        None
+    }
+
+    fn take_log(&mut self, _out: &mut [u8]) -> usize {
+        0
+    }
+
+    fn enter_bootloader(&mut self) {}
 }

@@ -3,13 +3,17 @@
 use crate::board::Stm32Board;
 use crate::heartbeat::Heartbeat;
 use crate::links::{Arrival, INBOX, LINKS};
+use crate::watchdog::{self, Task};
 use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Ticker};
+use embassy_time::{Instant, Timer};
 use era_shared::device::{Device, Port};
 use era_shared::safety::LinkId;
 
-/// How often silence is looked for. The dead-man time is at least 50 ms, so this adds 2 % to it at most.
-const TICK: Duration = Duration::from_millis(1);
+/// How long the device sleeps at most, in us, whatever it wants: silence is looked for this often. The dead-man time is at
+/// least 50 ms, so this adds 2 % to it at most.
+const LONGEST_SLEEP_US: u64 = 1_000;
+/// How long it sleeps at least: thread mode gets its turn, whatever the device wants.
+const SHORTEST_SLEEP_US: u64 = 10;
 
 /// Runs the device for ever. Lives on the interrupt executor: no link, and nothing in thread mode, can hold it up.
 #[embassy_executor::task]
@@ -18,29 +22,29 @@ pub async fn run(mut board: Stm32Board) -> ! {
     device.start(&mut board);
     let mut ports: [Port; LINKS.len()] = core::array::from_fn(|index| Port::new(LinkId(index as u8)));
     let mut heartbeat = Heartbeat::new();
-    let mut ticker = Ticker::every(TICK);
     let mut state = device.state();
     defmt::info!("device is up, state {}", state.name());
     loop {
-        // The tick is looked at first, so that a flood of bytes cannot starve it.
-        match select(ticker.next(), INBOX.receive()).await {
-            Either::First(()) => {
-                device.poll(&mut board);
-                heartbeat.tick(device.state());
-            }
-            Either::Second((link, arrival)) => {
-                let (Some(port), Some(outbox)) = (ports.get_mut(link), LINKS.get(link)) else { continue };
-                match arrival {
-                    Arrival::Bytes(bytes) => {
-                        device.receive(&mut board, port, &bytes, |answer| outbox.send(answer));
-                    }
-                    Arrival::Reopened => port.reset(),
-                }
-            }
-        }
+        // First in every turn, so that a flood of bytes cannot starve it; what a frame has changed is done at once too.
+        let due_us = device.poll(&mut board);
+        watchdog::check_in(Task::Device);
+        watchdog::feed();
+        let now_us = Instant::now().as_micros();
+        heartbeat.show(device.state(), now_us);
         if device.state() != state {
             state = device.state();
             defmt::info!("state {}", state.name());
+        }
+        let due_us = due_us.clamp(now_us + SHORTEST_SLEEP_US, now_us + LONGEST_SLEEP_US);
+        if let Either::Second((link, arrival)) = select(Timer::at(Instant::from_micros(due_us)), INBOX.receive()).await
+        {
+            let (Some(port), Some(outbox)) = (ports.get_mut(link), LINKS.get(link)) else { continue };
+            match arrival {
+                Arrival::Bytes(bytes) => {
+                    device.receive(&mut board, port, &bytes, |answer| outbox.send(answer));
+                }
+                Arrival::Reopened => port.reset(),
+            }
         }
     }
 }

@@ -11,14 +11,11 @@ use cortex_m::peripheral::NVIC;
 use embassy_executor::raw::Executor;
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_stm32::interrupt;
-use embassy_stm32::interrupt::{Interrupt, InterruptExt, Priority};
+use embassy_stm32::interrupt::{Interrupt, InterruptExt};
 use static_cell::StaticCell;
 
 /// The interrupt of a peripheral that this board does not use carries the device's executor.
 const DEVICE_INTERRUPT: Interrupt = Interrupt::UART4;
-
-/// Below the drivers' interrupts (priority 0), which only move bytes, above thread mode.
-const DEVICE_PRIORITY: Priority = Priority::P5;
 
 /// Contexts given to the pender.
 const THREAD: usize = 1;
@@ -62,7 +59,7 @@ fn UART4() {
 pub fn start_device() -> SendSpawner {
     let executor = DEVICE_EXECUTOR.init(Executor::new(ptr::without_provenance_mut(DEVICE)));
     DEVICE_EXECUTOR_POINTER.store(executor, Ordering::Release);
-    DEVICE_INTERRUPT.set_priority(DEVICE_PRIORITY);
+    DEVICE_INTERRUPT.set_priority(crate::priorities::DEVICE);
     // SAFETY: the handler is ready, and no critical section relies on this interrupt being masked.
     unsafe { DEVICE_INTERRUPT.enable() };
     executor.spawner().make_send()

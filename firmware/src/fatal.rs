@@ -1,5 +1,8 @@
 //! The ways out when the firmware itself fails: outputs off before anything else, then a note for the next start, then
 //! a reset. Nothing here relies on what failed having been in order.
+//!
+//! Where not even these run (the stack is gone, the core locks up), the lock-up signal breaks the timers in hardware and
+//! the watchdog resets the chip.
 
 use crate::outputs::force_off;
 use core::cell::UnsafeCell;
@@ -8,24 +11,26 @@ use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use era_shared::protocol::FaultCode;
-
-/// Longest message kept over the reset.
-const MESSAGE: usize = 120;
+use embassy_stm32::pac::FLASH;
+use era_shared::protocol::{FAILURE_MESSAGE, FaultCode};
+use heapless::String;
 
 /// Marks a note as written by this code and not left over from power-on.
 const MAGIC: u32 = 0x4552_4146;
+
+/// [`Note::kind`] of a panic; everything else counts as a HardFault.
+const PANIC: u32 = 0;
+const EXCEPTION: u32 = 1;
 
 /// A note that survives a reset, in memory that the start-up code does not touch.
 #[derive(Clone, Copy)]
 #[repr(C)]
 struct Note {
     magic: u32,
-    /// 0: panic; 1: HardFault.
     kind: u32,
     detail: u32,
     length: u32,
-    message: [u8; MESSAGE],
+    message: [u8; FAILURE_MESSAGE],
     /// Bitwise complement of the sum of the words above, as memory decays slowly without supply.
     check: u32,
 }
@@ -46,8 +51,8 @@ impl Note {
     }
 }
 
-/// Takes the note that the previous run left, logs it and forgets it. To be called once, at boot.
-pub fn take_note() -> Option<(FaultCode, u32)> {
+/// Takes the note that the previous run left and forgets it: code, detail, message. To be called once, at boot.
+pub fn take_note() -> Option<(FaultCode, u32, String<FAILURE_MESSAGE>)> {
     let place = NOTE.0.get().cast::<Note>();
     // SAFETY: every bit pattern is a valid Note, and nothing else touches the memory at boot.
     let note = unsafe { place.read_volatile() };
@@ -56,14 +61,15 @@ pub fn take_note() -> Option<(FaultCode, u32)> {
     }
     // SAFETY: as above.
     unsafe { (&raw mut (*place).magic).write_volatile(0) };
-    let message = note.message.get(..note.length as usize).and_then(|bytes| core::str::from_utf8(bytes).ok());
-    defmt::error!("the previous run ended in a failure: {}", message.unwrap_or("(no message)"));
-    let code = if note.kind == 0 { FaultCode::Panic } else { FaultCode::HardFault };
-    Some((code, note.detail))
+    let length = usize::try_from(note.length).unwrap_or(0);
+    let message = note.message.get(..length).and_then(|bytes| core::str::from_utf8(bytes).ok()).unwrap_or("");
+    let code = if note.kind == PANIC { FaultCode::Panic } else { FaultCode::HardFault };
+    // The note's message is as long as the text can be.
+    Some((code, note.detail, String::try_from(message).unwrap_or_default()))
 }
 
 struct Text {
-    bytes: [u8; MESSAGE],
+    bytes: [u8; FAILURE_MESSAGE],
     length: usize,
 }
 
@@ -80,35 +86,56 @@ impl Write for Text {
 }
 
 fn leave(kind: u32, detail: u32, arguments: fmt::Arguments<'_>) -> ! {
-    let mut text = Text { bytes: [0; MESSAGE], length: 0 };
+    let mut text = Text { bytes: [0; FAILURE_MESSAGE], length: 0 };
     // Text takes everything, so there is no error to look at.
     let _ = text.write_fmt(arguments);
     let mut note = Note { magic: MAGIC, kind, detail, length: text.length as u32, message: text.bytes, check: 0 };
     note.check = note.sum();
     // SAFETY: interrupts are masked and nothing returns from here.
     unsafe { NOTE.0.get().cast::<Note>().write_volatile(note) };
-    defmt::error!("{}", core::str::from_utf8(text.bytes.get(..text.length).unwrap_or(&[])).unwrap_or(""));
     SCB::sys_reset()
 }
 
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
-    // One instruction, so that the device's interrupt cannot switch on again what the next line switches off.
+    // One instruction, so that no interrupt can switch on again what the next line switches off.
     cortex_m::interrupt::disable();
     force_off();
-    let line = info.location().map_or(0, |location| location.line());
-    leave(0, line, format_args!("{info}"))
+    let (file, line) = info.location().map_or(("", 0), |location| (location.file(), location.line()));
+    // The folders would leave no room for what happened.
+    let file = file.rsplit('/').next().unwrap_or(file);
+    leave(PANIC, line, format_args!("{file}:{line}: {}", info.message()))
 }
 
 #[exception(trampoline = true)]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    // Nothing but NMI can interrupt a HardFault, and NMI is not used.
+    // Only an NMI can interrupt this, and it ends here too.
     force_off();
-    // SAFETY: reading the fault status register has no effect; its address is fixed by the architecture.
-    let status = unsafe { (*SCB::PTR).cfsr.read() };
+    let status = fault_status();
     leave(
-        1,
+        EXCEPTION,
         frame.pc(),
         format_args!("HardFault at {:#010x}, lr {:#010x}, CFSR {status:#010x}", frame.pc(), frame.lr()),
     )
+}
+
+/// A flash word that cannot be corrected, or SRAM parity: the clock security system is not used (RM0440, section 3.3.4).
+#[exception]
+unsafe fn NonMaskableInt() -> ! {
+    force_off();
+    let flash = FLASH.eccr().read().0;
+    leave(EXCEPTION, flash, format_args!("NMI, FLASH_ECCR {flash:#010x}"))
+}
+
+/// An interrupt that nobody has enabled.
+#[exception]
+unsafe fn DefaultHandler(number: i16) -> ! {
+    cortex_m::interrupt::disable();
+    force_off();
+    leave(EXCEPTION, number.unsigned_abs().into(), format_args!("unexpected interrupt {number}"))
+}
+
+fn fault_status() -> u32 {
+    // SAFETY: reading the fault status register has no effect; its address is fixed by the architecture.
+    unsafe { (*SCB::PTR).cfsr.read() }
 }

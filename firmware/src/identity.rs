@@ -1,12 +1,13 @@
 //! Who this board is and why it started.
 
 use crate::image::FIRMWARE;
+use crate::{brown_out, fatal, watchdog};
 use embassy_stm32::pac::{RCC, RNG};
 use embassy_stm32::uid;
 use embassy_time::Instant;
 use era_shared::board::BoardInfo;
-use era_shared::protocol::{BoardKind, FaultCode, ResetCause};
-use heapless::Vec;
+use era_shared::protocol::{BoardKind, FAILURE_MESSAGE, FaultCode, ResetCause};
+use heapless::{String, Vec};
 
 /// Reads of the random number generator's status before giving up: a number takes about 50 of its 48 MHz clocks
 /// (RM0440, section 26.3.5), 200 reads of it.
@@ -33,16 +34,41 @@ pub fn take_reset_cause() -> ResetCause {
     }
 }
 
+/// What ended the previous run, if it was not the host: code, detail, and what it said. To be called once, at boot.
+pub fn previous_failure(reset_cause: ResetCause) -> Option<(FaultCode, u32, String<FAILURE_MESSAGE>)> {
+    // All are asked, so that each forgets.
+    let note = fatal::take_note();
+    let dipped = brown_out::ended_previous_run(reset_cause);
+    match note {
+        Some(note) => Some(note),
+        None if reset_cause == ResetCause::Watchdog => {
+            let (missing, text) = watchdog::missing_before_reset();
+            Some((FaultCode::Watchdog, missing, text))
+        }
+        None if dipped => Some((FaultCode::BrownOut, 0, String::new())),
+        None => None,
+    }
+}
+
 /// The facts about this board. The channels are added by the board itself.
-pub fn board_info(reset_cause: ResetCause, fault_before_reset: Option<(FaultCode, u32)>) -> BoardInfo {
+pub fn board_info(
+    reset_cause: ResetCause,
+    previous_failure: Option<(FaultCode, u32, String<FAILURE_MESSAGE>)>,
+) -> BoardInfo {
+    let (fault_before_reset, failure) = match previous_failure {
+        Some((code, detail, text)) => (Some((code, detail)), text),
+        None => (None, String::new()),
+    };
     BoardInfo {
         board: BoardKind::Stm32G474,
         board_id: uid::uid(),
         boot_id: random().unwrap_or_else(boot_id_without_generator),
         reset_cause,
+        image: String::try_from(env!("CARGO_PKG_NAME")).unwrap_or_default(),
         firmware: FIRMWARE,
         channels: Vec::new(),
         fault_before_reset,
+        failure,
     }
 }
 

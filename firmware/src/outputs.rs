@@ -1,115 +1,76 @@
-//! Everything that can energise something, as plain register writes: electrodes, rails, high-voltage enable.
+//! Everything that can energise something, as plain register writes.
 //!
-//! [`force_off`] needs nothing to have been set up and has no state, so the first line of `main`, the device and the
-//! panic and HardFault handlers all use the same one.
+//! [`force_off`] needs nothing to have been set up and has no state, so the first line of `main`, the device, the break
+//! interrupt and the panic, NMI and HardFault handlers all use the same one.
 
-use crate::pins::{CHANNELS, ELECTRODES, HIGH_VOLTAGE_ENABLE, Pin};
-use crate::pwm;
-use embassy_stm32::pac::dac::vals::Mode;
+use crate::pins::{ELECTRODES, HAZARDOUS, Pin};
+use crate::{rails, timers};
+use embassy_stm32::pac::RCC;
+use embassy_stm32::pac::gpio::regs;
 use embassy_stm32::pac::gpio::vals::{Moder, Ot, Pupdr};
-use embassy_stm32::pac::{DAC1, RCC};
 
-/// Full scale of the rail set-point in mV: 3.3 V at the converter's pin asks the high-voltage supply for 2000 V, the
-/// hard cap of an ERA whose gap of 0.5 mm breaks down near 2 kV once its mass has moved by 0.14 mm. The supply's own
-/// limit must not be above it.
-pub const RAIL_FULL_SCALE_MILLIVOLTS: u32 = 2_000_000;
-
-/// Converters for supplies clocked above 160 MHz (RM0440, section 22.7.16, HFSEL).
-const DAC_ABOVE_160_MHZ: u8 = 0b10;
-/// Converter connected to its pin, output buffer off: the buffered output cannot go below 0.2 V, which would be a rail
-/// of 120 V instead of none.
-const DAC_MODE: Mode = Mode::NORMAL_EXT_BUFDIS;
-
-/// Switches everything off, at once and whatever state the chip is in: electrodes low, rails to zero, high voltage
-/// disabled.
+/// Switches everything off, at once and whatever state the chip is in: electrodes low, high voltage disabled, discharge
+/// switches closed, then timers stopped and set-points at zero.
 pub fn force_off() {
     // After a reset the ports have no clock yet, and a write without one would be lost.
     RCC.ahb2enr().modify(|w| {
         w.set_gpioaen(true);
+        w.set_gpioben(true);
         w.set_gpiocen(true);
+        w.set_gpioden(true);
     });
-    electrodes_off();
-    set_low_output(HIGH_VOLTAGE_ENABLE);
-    for channel in 0..CHANNELS {
-        set_rail(channel, 0);
-    }
-}
-
-/// Both electrodes of every ERA low. The pins are taken from the timers, so that "off" does not depend on what a timer
-/// does.
-pub fn electrodes_off() {
-    for pins in &ELECTRODES {
-        set_low_output(pins.a);
-        set_low_output(pins.b);
-    }
-    pwm::stop_all();
-}
-
-/// Both electrodes of one ERA low.
-pub fn electrode_pair_off(channel: usize) {
-    if let Some(pins) = ELECTRODES.get(channel) {
-        set_low_output(pins.a);
-        set_low_output(pins.b);
-    }
-    pwm::stop(channel);
-}
-
-/// Starts the converters' clock and connects them to their pins, at zero.
-pub fn init_rails() {
-    RCC.ahb2enr().modify(|w| w.set_dac1en(true));
-    // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the read waits for it.
     let _ = RCC.ahb2enr().read();
-    DAC1.mcr().write(|w| {
-        w.set_mode(0, DAC_MODE);
-        w.set_mode(1, DAC_MODE);
-        w.set_hfsel(DAC_ABOVE_160_MHZ);
-    });
-    for channel in 0..CHANNELS {
-        set_rail(channel, 0);
+    // The pins are taken from the timers, so that "off" does not depend on what a timer does.
+    for (port, pins) in HAZARDOUS {
+        // The upper half resets.
+        port.bsrr().write_value(regs::Bsrr(u32::from(pins) << 16));
+        port.moder().modify(|w| w.0 = with_pairs(w.0, pins, Moder::OUTPUT as u32));
     }
-    DAC1.cr().write(|w| {
-        w.set_en(0, true);
-        w.set_en(1, true);
-    });
+    timers::stop();
+    rails::zero();
 }
 
-/// Sets the rail of one ERA: 0 to 4095 for 0 to [`RAIL_FULL_SCALE_MILLIVOLTS`].
-pub fn set_rail(channel: usize, code: u16) {
-    DAC1.dhr12r(channel).write(|w| w.set_dhr(code));
-}
-
-/// The set-point that the converter holds.
-pub fn rail(channel: usize) -> u16 {
-    DAC1.dhr12r(channel).read().dhr()
-}
-
-/// Enables or disables the high-voltage supply.
-pub fn enable_high_voltage(on: bool) {
-    let Pin { port, number } = HIGH_VOLTAGE_ENABLE;
-    port.bsrr().write(|w| if on { w.set_bs(number, true) } else { w.set_br(number, true) });
-}
-
-/// Whether the pin that enables the high-voltage supply is told to be high.
-pub fn high_voltage_enabled() -> bool {
-    is_high(HIGH_VOLTAGE_ENABLE)
-}
-
-/// Connects the electrodes of one ERA to its timer.
-pub fn connect_to_timer(channel: usize) {
-    let Some(pins) = ELECTRODES.get(channel) else { return };
-    for pin in [pins.a, pins.b] {
-        let (half, place) = (pin.number / 8, pin.number % 8);
-        pin.port.afr(half).modify(|w| w.set_afr(place, pins.alternate_function));
-        pin.port.moder().modify(|w| w.set_moder(pin.number, Moder::ALTERNATE));
+/// Makes the pins that can energise something push-pull outputs without pulls, low. Their reset values are that too.
+pub fn init() {
+    force_off();
+    for (port, pins) in HAZARDOUS {
+        port.otyper().modify(|w| w.0 &= !u32::from(pins));
+        port.pupdr().modify(|w| w.0 = with_pairs(w.0, pins, Pupdr::FLOATING as u32));
     }
 }
 
-/// Whether every electrode pin is held low by its port, with the timers disconnected.
-pub fn electrodes_are_held_low() -> bool {
-    ELECTRODES
-        .iter()
-        .flat_map(|pins| [pins.a, pins.b])
-        .all(|pin| pin.port.moder().read().moder(pin.number) == Moder::OUTPUT && !is_high(pin))
+/// Sets the two bits of every pin in `pins` to `value`.
+const fn with_pairs(mut word: u32, pins: u16, value: u32) -> u32 {
+    let mut number = 0;
+    while number < 16 {
+        if pins & (1 << number) != 0 {
+            word = word & !(0b11 << (2 * number)) | value << (2 * number);
+        }
+        number += 1;
+    }
+    word
+}
+
+/// Lets the timers reach the electrodes' pins, or takes the pins from them. To be called with interrupts masked: the break
+/// interrupt must not come between the read and the write of a port's mode.
+pub fn connect_electrodes(connected: bool) {
+    for electrode in ELECTRODES.iter().flatten() {
+        let Pin { port, number } = electrode.pin;
+        port.bsrr().write(|w| w.set_br(number, true));
+        port.afr(number / 8).modify(|w| w.set_afr(number % 8, electrode.function));
+        let mode = if connected { Moder::ALTERNATE } else { Moder::OUTPUT };
+        port.moder().modify(|w| w.set_moder(number, mode));
+    }
+}
+
+/// Whether every pin that can energise something is held low by its port.
+#[must_use]
+pub fn all_low() -> bool {
+    HAZARDOUS.iter().all(|(port, pins)| {
+        let outputs = with_pairs(0, *pins, 0b11);
+        port.moder().read().0 & outputs == with_pairs(0, *pins, Moder::OUTPUT as u32)
+            && port.odr().read().0 & u32::from(*pins) == 0
+    })
 }
 
 /// Makes a pin a push-pull output, low from the first moment.
@@ -120,6 +81,13 @@ pub fn set_low_output(pin: Pin) {
     pin.port.moder().modify(|w| w.set_moder(pin.number, Moder::OUTPUT));
 }
 
-fn is_high(pin: Pin) -> bool {
+/// Tells an output to be high or low.
+pub fn set_level(pin: Pin, high: bool) {
+    pin.port.bsrr().write(|w| if high { w.set_bs(pin.number, true) } else { w.set_br(pin.number, true) });
+}
+
+/// Whether an output is told to be high.
+#[must_use]
+pub fn is_high(pin: Pin) -> bool {
     pin.port.odr().read().0 & (1 << pin.number) != 0
 }

@@ -1,32 +1,59 @@
-//! The pin table. Every pin of the chip that the board uses is named here and nowhere else.
+//! The pin table, and what is outside. Every pin of the chip that the board uses is named here and nowhere else.
 //!
-//! | pin  | function               | direction  | at reset and when off                                    |
-//! |------|------------------------|------------|----------------------------------------------------------|
-//! | PA2  | LPUART1 TX             | out        | to the ST-LINK's virtual COM port                        |
-//! | PA3  | LPUART1 RX             | in         | from the ST-LINK's virtual COM port, pulled up           |
-//! | PA4  | DAC1 channel 1         | analogue   | rail set-point of ERA 1; 1 Mohm to ground outside        |
-//! | PA5  | DAC1 channel 2         | analogue   | rail set-point of ERA 2; 1 Mohm to ground outside        |
-//! | PA8  | ERA 1 electrode A      | out        | TIM1 channel 1; 10 kohm to ground outside                |
-//! | PA9  | ERA 1 electrode B      | out        | TIM1 channel 2; 10 kohm to ground outside                |
-//! | PA11 | USB D-                 | in and out |                                                          |
-//! | PA12 | USB D+                 | in and out |                                                          |
-//! | PC6  | ERA 2 electrode A      | out        | TIM8 channel 1; 10 kohm to ground outside                |
-//! | PC7  | ERA 2 electrode B      | out        | TIM8 channel 2; 10 kohm to ground outside                |
-//! | PC10 | high-voltage enable    | out        | high: supply on; 10 kohm to ground outside               |
-//! | PC12 | heartbeat LED          | out        | high: on                                                 |
+//! | pin  | function                  | direction  | outside; at reset and when off                              |
+//! |------|---------------------------|------------|-------------------------------------------------------------|
+//! | PA0  | voltage of rail 1         | analogue   | ADC1 input 1 and comparator 3; divider                      |
+//! | PA1  | voltage of rail 2         | analogue   | ADC1 input 2 and comparator 1; divider                      |
+//! | PA2  | LPUART1 TX                | out        | to the ST-LINK's virtual COM port                           |
+//! | PA3  | LPUART1 RX                | in         | from the ST-LINK's virtual COM port, pulled up inside       |
+//! | PA4  | set-point of rail 1       | analogue   | DAC1 channel 1; 1 Mohm to ground, then a follower           |
+//! | PA5  | set-point of rail 2       | analogue   | DAC1 channel 2; 1 Mohm to ground, then a follower           |
+//! | PA8  | ERA 1 electrode A         | out        | TIM1 channel 1; 10 kohm to ground                           |
+//! | PA10 | ERA 1 electrode B         | out        | TIM1 channel 3; 10 kohm to ground                           |
+//! | PA11 | USB D-                    | in and out |                                                             |
+//! | PA12 | USB D+                    | in and out |                                                             |
+//! | PB0  | momentary current         | analogue   | comparator 4; shunt of 165 ohm                              |
+//! | PB2  | ERA 3 electrode A         | out        | TIM20 channel 1; 10 kohm to ground                          |
+//! | PB6  | ERA 4 electrode A         | out        | TIM4 channel 1; 10 kohm to ground                           |
+//! | PB9  | ERA 4 electrode B         | out        | TIM4 channel 4; 10 kohm to ground                           |
+//! | PB13 | interlock loop            | analogue   | comparator 5; 3.3 V: closed; 10 kohm to ground              |
+//! | PB14 | emergency stop loop       | analogue   | comparator 7; 3.3 V: released; 10 kohm to ground            |
+//! | PC0  | earth bond                | analogue   | ADC1 input 6; 330 ohm to 3.3 V                              |
+//! | PC1  | average current           | analogue   | ADC1 input 7; shunt of 1.65 kohm                            |
+//! | PC6  | ERA 2 electrode A         | out        | TIM8 channel 1; 10 kohm to ground                           |
+//! | PC8  | ERA 3 electrode B         | out        | TIM20 channel 3; 10 kohm to ground                          |
+//! | PC9  | ERA 2 electrode B         | out        | TIM8 channel 4; 10 kohm to ground                           |
+//! | PC10 | high-voltage enable       | out        | high: supply on; 10 kohm to ground                          |
+//! | PC11 | discharge switch, rail 1  | out        | high: open; low or floating: closed; 10 kohm to ground      |
+//! | PC12 | heartbeat LED             | out        | high: on                                                    |
+//! | PD2  | discharge switch, rail 2  | out        | high: open; low or floating: closed; 10 kohm to ground      |
 //!
-//! The resistors outside matter: from reset until the first lines of `main`, and for as long as the chip has no
-//! supply, every pin floats. None of the outputs is on a pin that has a pull-up at reset (the debug pins PA13 to PA15,
-//! PB3, PB4) or that selects the boot mode (PB8). The converters drive their pins without a buffer, as the buffer cannot
-//! go below 0.2 V, so they need a follower with a high-impedance input. The user LED of the NUCLEO-G474RE is on PA5,
-//! which is needed as the second converter output: disconnect it (see the board's manual UM2505, solder bridges) and
-//! fit the heartbeat LED to PC12.
+//! The resistors to ground matter: from reset until the first lines of `main`, and for as long as the chip has no supply,
+//! every pin floats, and "low" must then mean "off" all the same. None of the outputs is on a pin that has a pull-up at
+//! reset (the debug pins PA13 to PA15, PB3, PB4) or that selects the boot mode (PB8). The converters drive their pins
+//! without a buffer, as the buffer cannot go below 0.2 V (a rail of 120 V instead of none), so a follower with a
+//! high-impedance input comes first. The user LED of the NUCLEO-G474RE is on PA5, which is a converter's output here:
+//! open its solder bridge (UM2505) and fit the LED to PC12.
+//!
+//! What the inputs carry, with 3.3 V as full scale and a clamp to 3.3 V at each:
+//!
+//! * Rails: 100 Mohm over 132 kohm, 3.30 V for 2500 V; the divider is the bleeder. 1 nF at the tap: 0.13 ms.
+//! * Average current: 1.65 kohm in the supply's return, 3.3 V for 2 mA, behind 10 kohm and 100 nF: 1 ms.
+//! * Momentary current: 165 ohm between the rails' capacitors and the electrodes' return, 3.3 V for 20 mA; not filtered but
+//!   by the 100 pF at the pin.
+//! * Interlock and emergency stop: 3.3 V through normally closed contacts in a loop, 1 kohm and 100 nF at the pin. A broken
+//!   wire reads as open.
+//! * Earth bond: 330 ohm from 3.3 V to one terminal on the panel, earth on another one. Through bonds of less than 17 ohm
+//!   in all, the pin is below 0.165 V.
+//! * Each electrode has its own 100 kohm in series with its switch, so that no fault stores or delivers more than its
+//!   100 pF at once.
 
 use embassy_stm32::pac;
 use embassy_stm32::pac::gpio::Gpio;
+use era_shared::MAX_CHANNELS;
 
 /// ERA channels of this board.
-pub const CHANNELS: usize = 2;
+pub const CHANNELS: usize = MAX_CHANNELS;
 
 /// One pin by its registers.
 #[derive(Clone, Copy)]
@@ -37,35 +64,45 @@ pub struct Pin {
     pub number: usize,
 }
 
-/// The pins of one ERA: they carry the timer's outputs 1 (electrode A) and 2 (electrode B).
-#[derive(Clone, Copy)]
-pub struct ElectrodePins {
-    /// Electrode A.
-    pub a: Pin,
-    /// Electrode B.
-    pub b: Pin,
-    /// Number of the alternate function that connects both to the timer (DS12288, table 13).
-    pub alternate_function: u8,
+const fn pin(port: Gpio, number: usize) -> Pin {
+    Pin { port, number }
 }
 
-/// Electrodes of both ERAs, in the order of the channels.
-pub const ELECTRODES: [ElectrodePins; CHANNELS] = [
-    // TIM1 channels 1 and 2.
-    ElectrodePins {
-        a: Pin { port: pac::GPIOA, number: 8 },
-        b: Pin { port: pac::GPIOA, number: 9 },
-        alternate_function: 6,
-    },
-    // TIM8 channels 1 and 2.
-    ElectrodePins {
-        a: Pin { port: pac::GPIOC, number: 6 },
-        b: Pin { port: pac::GPIOC, number: 7 },
-        alternate_function: 4,
-    },
+/// A pin that carries a timer's output.
+#[derive(Clone, Copy)]
+pub struct ElectrodePin {
+    /// The pin.
+    pub pin: Pin,
+    /// Number of the alternate function that connects it to the timer (DS12288, table 13).
+    pub function: u8,
+}
+
+const fn electrode(port: Gpio, number: usize, function: u8) -> ElectrodePin {
+    ElectrodePin { pin: pin(port, number), function }
+}
+
+/// Electrodes A and B of each ERA, in the order of the channels.
+pub const ELECTRODES: [[ElectrodePin; 2]; CHANNELS] = [
+    [electrode(pac::GPIOA, 8, 6), electrode(pac::GPIOA, 10, 6)],
+    [electrode(pac::GPIOC, 6, 4), electrode(pac::GPIOC, 9, 4)],
+    [electrode(pac::GPIOB, 2, 3), electrode(pac::GPIOC, 8, 6)],
+    [electrode(pac::GPIOB, 6, 2), electrode(pac::GPIOB, 9, 2)],
 ];
 
 /// High: the high-voltage supply is on.
-pub const HIGH_VOLTAGE_ENABLE: Pin = Pin { port: pac::GPIOC, number: 10 };
+pub const HIGH_VOLTAGE_ENABLE: Pin = pin(pac::GPIOC, 10);
+
+/// High: the discharge switch of the rail is open.
+pub const DISCHARGE_OPEN: [Pin; 2] = [pin(pac::GPIOC, 11), pin(pac::GPIOD, 2)];
 
 /// High: the LED is on.
-pub const HEARTBEAT: Pin = Pin { port: pac::GPIOC, number: 12 };
+pub const HEARTBEAT: Pin = pin(pac::GPIOC, 12);
+
+/// Every pin that can energise something, by port: low means off for all of them. The electrodes of ERA 4, whose timer has
+/// no break, are on the port that comes first.
+pub const HAZARDOUS: [(Gpio, u16); 4] = [
+    (pac::GPIOB, 1 << 2 | 1 << 6 | 1 << 9),
+    (pac::GPIOA, 1 << 8 | 1 << 10),
+    (pac::GPIOC, 1 << 6 | 1 << 8 | 1 << 9 | 1 << 10 | 1 << 11),
+    (pac::GPIOD, 1 << 2),
+];

@@ -1,6 +1,7 @@
 //! LPUART1, which the ST-LINK on the board shows to the host as a virtual COM port.
 
 use super::{ByteSink, ByteSource, CHUNK, Closed, UART};
+use crate::watchdog::{Task, watched};
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::peripherals::{LPUART1, PA2, PA3};
 use embassy_stm32::usart::{
@@ -44,13 +45,13 @@ pub fn open(
 /// Receives for ever.
 #[embassy_executor::task]
 pub async fn receive(rx: BufferedUartRx<'static>) -> ! {
-    super::receive(UART, rx).await
+    watched(Task::UartReceive, super::receive(UART, rx)).await
 }
 
 /// Transmits for ever.
 #[embassy_executor::task]
 pub async fn transmit(tx: BufferedUartTx<'static>) -> ! {
-    super::transmit(UART, tx).await
+    watched(Task::UartTransmit, super::transmit(UART, tx)).await
 }
 
 impl ByteSource for BufferedUartRx<'static> {

@@ -1,6 +1,7 @@
 //! USB full speed: the board as a CDC-ACM serial port.
 
 use super::{ByteSink, ByteSource, CHUNK, Closed, USB as USB_LINK};
+use crate::watchdog::{Task, watched};
 use embassy_stm32::peripherals::{PA11, PA12, USB};
 use embassy_stm32::usb::{Driver, InterruptHandler};
 use embassy_stm32::{Peri, interrupt, uid};
@@ -52,19 +53,19 @@ pub fn open(
 /// Answers the host's USB requests for ever.
 #[embassy_executor::task]
 pub async fn run(mut device: UsbDevice<'static, UsbDriver>) -> ! {
-    device.run().await
+    watched(Task::Usb, device.run()).await
 }
 
 /// Receives for ever.
 #[embassy_executor::task]
 pub async fn receive(receiver: Receiver<'static, UsbDriver>) -> ! {
-    super::receive(USB_LINK, receiver).await
+    watched(Task::UsbReceive, super::receive(USB_LINK, receiver)).await
 }
 
 /// Transmits for ever.
 #[embassy_executor::task]
 pub async fn transmit(sender: Sender<'static, UsbDriver>) -> ! {
-    super::transmit(USB_LINK, sender).await
+    watched(Task::UsbTransmit, super::transmit(USB_LINK, sender)).await
 }
 
 impl ByteSource for Receiver<'static, UsbDriver> {

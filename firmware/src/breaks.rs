@@ -1,0 +1,151 @@
+//! What switches off without asking the device: the breaks of the timers, and the interrupt that goes with them.
+//!
+//! A comparator that trips clears MOE of TIM1, TIM8 and TIM20 in some 10 ns, with no software in the way; so do a core that
+//! has locked up, a flash or SRAM word that cannot be read, and a supply below the voltage detector's threshold (SYSCFG
+//! CFGR2, locked until the next reset). TIM4 has no break: an over-current clears its outputs in hardware until its next
+//! update event, and for that as for all other reasons the interrupt below takes its pins away within about a us. A
+//! window begins at least half a guard time (100 us) after an update event, so that the outputs cannot be back before the
+//! interrupt has run.
+//!
+//! The interrupt is at the highest priority and everything else below it; it does the same as [`force_off`] and leaves the
+//! reason for the device ([`take_trip`]). It is enabled while the supply is.
+
+use crate::comparators::{COMPARATORS, Comparator, tripping};
+use crate::outputs::force_off;
+use crate::priorities::PROTECTION;
+use crate::timers::{self, WITH_BREAK};
+use core::sync::atomic::{AtomicU32, Ordering};
+use embassy_stm32::interrupt;
+use embassy_stm32::interrupt::{Interrupt, InterruptExt};
+use embassy_stm32::pac::{PWR, SYSCFG};
+use embassy_time::{Duration, Instant};
+use era_shared::protocol::FaultCode;
+use era_shared::supply::Finding;
+
+/// A comparator reaches the breaks within 0.1 us; waiting ends long after that.
+const TRIP_WAIT: Duration = Duration::from_micros(100);
+
+/// What is added to a comparator's number in the self-test's finding, by what went wrong.
+const DETAIL_TIMER: u32 = 10;
+const DETAIL_NOT_AT_REST: u32 = 100;
+const DETAIL_SETTINGS: u32 = 1_000;
+
+/// Why everything was switched off: 0 for no reason, else the code's number plus 1, and the detail in the upper half.
+static TRIP: AtomicU32 = AtomicU32::new(0);
+
+/// Leads the core's own failures to the breaks and starts the interrupt. To be called once, before the supply is enabled.
+pub fn init() {
+    SYSCFG.cfgr2().modify(|w| {
+        w.set_cll(true);
+        w.set_spl(true);
+        w.set_pvdl(true);
+        w.set_eccl(true);
+    });
+    Interrupt::TIM1_BRK_TIM15.set_priority(PROTECTION);
+    // SAFETY: the handler is ready. Critical sections mask it like all others; the longest takes some us.
+    unsafe { Interrupt::TIM1_BRK_TIM15.enable() };
+}
+
+#[interrupt]
+fn TIM1_BRK_TIM15() {
+    // Off before anything is looked at; it disables this interrupt too, whose cause may last.
+    force_off();
+    let (code, detail) = cause();
+    note(code, detail);
+}
+
+/// Notes a reason, unless there is one already: the first says most.
+pub fn note(code: FaultCode, detail: u32) {
+    let packed = u32::from(code.number()) + 1 | detail << 16;
+    // The other outcome is the one that is wanted too.
+    let _ = TRIP.compare_exchange(0, packed, Ordering::AcqRel, Ordering::Acquire);
+}
+
+/// Whether a reason waits to be taken.
+#[must_use]
+pub fn has_tripped() -> Option<FaultCode> {
+    unpack(TRIP.load(Ordering::Acquire)).map(|(code, _)| code)
+}
+
+/// Hands over why everything was switched off, once.
+pub fn take_trip() -> Option<Finding> {
+    unpack(TRIP.swap(0, Ordering::AcqRel))
+}
+
+fn unpack(packed: u32) -> Option<Finding> {
+    let number = (packed & 0xFFFF).checked_sub(1)?;
+    let code = FaultCode::ALL.into_iter().find(|code| u32::from(code.number()) == number)?;
+    Some((code, packed >> 16))
+}
+
+/// What has tripped, as well as it can still be seen.
+#[must_use]
+pub fn cause() -> Finding {
+    match tripping() {
+        Some(comparator) => (comparator.fault, 0),
+        None if PWR.sr2().read().pvdo() => (FaultCode::BrownOut, 0),
+        // Only a current can come and go within the interrupt's latency: all other inputs have filters.
+        None => (FaultCode::OverCurrent, 0),
+    }
+}
+
+/// Lets the interrupt happen; breaks that are over are forgotten, one that lasts raises it at once.
+pub fn watch() {
+    timers::clear_breaks();
+    timers::enable_break_interrupt(true);
+}
+
+/// Tries every comparator: with its polarity inverted, which turns what is rest into a trip whatever the input carries, it
+/// must clear MOE of all three timers, and with its polarity put back it must rest. That proves the comparator's output, its
+/// way to the breaks and their effect; that the thresholds are where they should be is proved by their registers alone here,
+/// and by raising the inputs when a board is brought up. The timers stand, no output is enabled, the pins are low.
+///
+/// # Errors
+/// [`FaultCode::SelfTest`] with the comparator's number; +10, 20, 30 if MOE of TIM1, TIM8 or TIM20 did not fall, +100 if the
+/// comparator or MOE did not go back, +1000 if a register does not hold its settings (number 0).
+pub fn test() -> Result<(), Finding> {
+    if !crate::comparators::hold() {
+        return Err((FaultCode::SelfTest, DETAIL_SETTINGS));
+    }
+    let result = COMPARATORS.iter().try_for_each(test_one);
+    timers::enable_outputs(false);
+    timers::clear_breaks();
+    result.map_err(|detail| (FaultCode::SelfTest, detail))
+}
+
+fn test_one(comparator: &Comparator) -> Result<(), u32> {
+    at_rest(comparator)?;
+    comparator.invert(true);
+    let tripped = wait(|| comparator.trips() && !WITH_BREAK.into_iter().any(timers::outputs_enabled));
+    let holding = (1..).zip(WITH_BREAK).find(|(_, timer)| timers::outputs_enabled(*timer)).map(|(number, _)| number);
+    comparator.invert(false);
+    if !tripped {
+        return Err(comparator.number + DETAIL_TIMER * holding.unwrap_or(0));
+    }
+    if !wait(|| !comparator.trips()) {
+        return Err(comparator.number + DETAIL_NOT_AT_REST);
+    }
+    at_rest(comparator)
+}
+
+/// Whether MOE can be set, which no active break allows.
+fn at_rest(comparator: &Comparator) -> Result<(), u32> {
+    let all_enabled = wait(|| {
+        timers::clear_breaks();
+        timers::enable_outputs(true);
+        WITH_BREAK.into_iter().all(timers::outputs_enabled)
+    });
+    if all_enabled { Ok(()) } else { Err(comparator.number + DETAIL_NOT_AT_REST) }
+}
+
+fn wait(mut is_so: impl FnMut() -> bool) -> bool {
+    let end = Instant::now() + TRIP_WAIT;
+    loop {
+        if is_so() {
+            return true;
+        }
+        if Instant::now() > end {
+            return false;
+        }
+    }
+}

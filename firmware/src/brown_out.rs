@@ -1,0 +1,67 @@
+//! The chip's own supply: the programmable voltage detector, and how a start after a dip is told from one after a rest.
+//!
+//! Below 2.9 V the detector clears the breaks' MOE in hardware (SYSCFG CFGR2.PVDL) and its interrupt switches off what the
+//! breaks do not. At the brown-out level the chip resets; that level is an option byte (BOR_LEV, delivered as 0: 1.7 V),
+//! which `docs` tells to set to 4: 2.8 V.
+
+use crate::breaks;
+use crate::outputs::force_off;
+use crate::priorities::PROTECTION;
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+use embassy_stm32::interrupt;
+use embassy_stm32::interrupt::{Interrupt, InterruptExt};
+use embassy_stm32::pac::exti::regs::Lines;
+use embassy_stm32::pac::{EXTI, PWR};
+use era_shared::protocol::{FaultCode, ResetCause};
+
+/// PWR_CR2.PLS: 2.9 V, the highest that a supply of 3.3 V less 5 % does not come near (DS12288, table 19: 2.84 to 3.00 V).
+const LEVEL: u8 = 6;
+/// Line of the detector (RM0440, table 103).
+const LINE: usize = 16;
+
+/// What the note holds while the firmware runs, with its complement: memory keeps it over a dip that resets the chip, and
+/// loses it while the supply is away.
+const RUNNING: u32 = 0x4552_4152;
+
+struct NoteCell(UnsafeCell<MaybeUninit<[u32; 2]>>);
+
+// SAFETY: accessed at boot only, before any task or interrupt.
+unsafe impl Sync for NoteCell {}
+
+#[unsafe(link_section = ".uninit.running_note")]
+static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
+
+/// Whether the start was due to a dip of the supply that memory has survived. To be called once, at boot.
+pub fn ended_previous_run(cause: ResetCause) -> bool {
+    let place = NOTE.0.get().cast::<[u32; 2]>();
+    // SAFETY: every bit pattern is valid, and nothing else accesses the memory.
+    let ran_before = unsafe { place.read_volatile() } == [RUNNING, !RUNNING];
+    // SAFETY: as above.
+    unsafe { place.write_volatile([RUNNING, !RUNNING]) };
+    // The flag of a brown-out reset is that of a power-on too.
+    cause == ResetCause::PowerOn && ran_before
+}
+
+/// Starts the detector and its interrupt. To be called once.
+pub fn init() {
+    PWR.cr2().modify(|w| {
+        w.set_pls(LEVEL);
+        w.set_pvde(true);
+    });
+    // Its output rises when the supply falls.
+    EXTI.rtsr(0).modify(|w| w.set_line(LINE, true));
+    EXTI.imr(0).modify(|w| w.set_line(LINE, true));
+    Interrupt::PVD_PVM.set_priority(PROTECTION);
+    // SAFETY: the handler is ready.
+    unsafe { Interrupt::PVD_PVM.enable() };
+}
+
+#[interrupt]
+fn PVD_PVM() {
+    force_off();
+    breaks::note(FaultCode::BrownOut, 0);
+    let mut line = Lines(0);
+    line.set_line(LINE, true);
+    EXTI.pr(0).write_value(line);
+}

@@ -1,0 +1,161 @@
+//! The five comparators that switch everything off in hardware, and the two loops that two of them watch.
+//!
+//! | comparator | input | against   | trips when                                     |
+//! |------------|-------|-----------|------------------------------------------------|
+//! | 1          | PA1   | DAC3 ch 1 | rail 2 is above the over-voltage limit         |
+//! | 3          | PA0   | DAC3 ch 1 | rail 1 is above the over-voltage limit         |
+//! | 4          | PB0   | DAC3 ch 2 | the momentary current is above its limit       |
+//! | 5          | PB13  | VREFINT   | the interlock loop is open (inverted)          |
+//! | 7          | PB14  | VREFINT   | the emergency stop is pressed (inverted)       |
+//!
+//! The input is the first of the two that each has (INPSEL = 0), the thresholds are those of RM0440, tables 197 and 198.
+//! A comparator's output is high when it trips; `timers.rs` leads it to the breaks.
+
+use crate::rails::ABOVE_160_MHZ;
+use embassy_stm32::pac::comp::Comp;
+use embassy_stm32::pac::comp::regs::Csr;
+use embassy_stm32::pac::comp::vals::{Hysteresis, Inm, Polarity};
+use embassy_stm32::pac::dac::vals::Mode;
+use embassy_stm32::pac::{COMP1, COMP3, COMP4, COMP5, COMP7, DAC3, RCC};
+use era_shared::limits::{OVER_VOLTAGE_MILLIVOLTS, TRIP_MICROAMPS};
+use era_shared::protocol::FaultCode;
+
+/// One comparator.
+#[derive(Clone, Copy)]
+pub struct Comparator {
+    /// Its number in the chip.
+    pub number: u32,
+    /// What it means when it trips.
+    pub fault: FaultCode,
+    registers: Comp,
+    input: Inm,
+    polarity: Polarity,
+}
+
+/// The loops are below the threshold when they are open.
+const INTERLOCK: Comparator = Comparator {
+    number: 5,
+    fault: FaultCode::InterlockOpen,
+    registers: COMP5,
+    input: Inm::VREF,
+    polarity: Polarity::INVERTED,
+};
+const EMERGENCY_STOP: Comparator = Comparator {
+    number: 7,
+    fault: FaultCode::EmergencyStop,
+    registers: COMP7,
+    input: Inm::VREF,
+    polarity: Polarity::INVERTED,
+};
+
+const fn against_converter(number: u32, fault: FaultCode, registers: Comp) -> Comparator {
+    Comparator { number, fault, registers, input: Inm::DACA, polarity: Polarity::NOT_INVERTED }
+}
+
+/// All that are used, those first whose reason says more if several have tripped: a person's stop before its consequences.
+pub const COMPARATORS: [Comparator; 5] = [
+    EMERGENCY_STOP,
+    INTERLOCK,
+    against_converter(4, FaultCode::OverCurrent, COMP4),
+    against_converter(3, FaultCode::OverVoltage, COMP3),
+    against_converter(1, FaultCode::OverVoltage, COMP1),
+];
+
+/// CSR.POL.
+const POLARITY: u32 = 1 << 15;
+
+/// Steps of the converter.
+const FULL_CODE: u64 = 4095;
+/// Threshold of the rails: 3.3 V is 2500 V.
+const OVER_VOLTAGE_CODE: u16 = (OVER_VOLTAGE_MILLIVOLTS as u64 * FULL_CODE / 2_500_000) as u16;
+/// Threshold of the momentary current: 3.3 V is 20 mA.
+const OVER_CURRENT_CODE: u16 = (TRIP_MICROAMPS as u64 * FULL_CODE / 20_000) as u16;
+const _: () = assert!(OVER_VOLTAGE_CODE < 4095 && OVER_CURRENT_CODE < 4095);
+
+/// DAC3 and the voltage scaler settle within 200 us (DS12288, tables 68 and 72: 7.5 us and 200 us); clocks of 170 MHz.
+const SETTLING_CLOCKS: u32 = 170 * 250;
+
+/// Starts DAC3 and the comparators, and waits until they have settled. To be called once.
+pub fn init() {
+    RCC.ahb2enr().modify(|w| w.set_dac3en(true));
+    // The comparators' registers are clocked with SYSCFG.
+    RCC.apb2enr().modify(|w| w.set_syscfgen(true));
+    // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the reads wait for it.
+    let _ = (RCC.ahb2enr().read(), RCC.apb2enr().read());
+    DAC3.mcr().write(|w| {
+        w.set_mode(0, Mode::NORMAL_INT_BUFDIS);
+        w.set_mode(1, Mode::NORMAL_INT_BUFDIS);
+        w.set_hfsel(ABOVE_160_MHZ);
+    });
+    DAC3.dhr12r(0).write(|w| w.set_dhr(OVER_VOLTAGE_CODE));
+    DAC3.dhr12r(1).write(|w| w.set_dhr(OVER_CURRENT_CODE));
+    DAC3.cr().write(|w| {
+        w.set_en(0, true);
+        w.set_en(1, true);
+    });
+    for comparator in COMPARATORS {
+        comparator.invert(false);
+    }
+    cortex_m::asm::delay(SETTLING_CLOCKS);
+}
+
+/// Whether every comparator and threshold is as [`init`] has set it.
+#[must_use]
+pub fn hold() -> bool {
+    DAC3.dor(0).read().dor() == OVER_VOLTAGE_CODE
+        && DAC3.dor(1).read().dor() == OVER_CURRENT_CODE
+        && COMPARATORS.iter().all(Comparator::holds)
+}
+
+/// The first comparator that trips now.
+#[must_use]
+pub fn tripping() -> Option<Comparator> {
+    COMPARATORS.into_iter().find(Comparator::trips)
+}
+
+/// Whether the enclosure is closed.
+#[must_use]
+pub fn interlock_closed() -> bool {
+    INTERLOCK.holds() && !INTERLOCK.trips()
+}
+
+/// Whether the emergency stop is released.
+#[must_use]
+pub fn stop_released() -> bool {
+    EMERGENCY_STOP.holds() && !EMERGENCY_STOP.trips()
+}
+
+impl Comparator {
+    /// Sets it up; `inverted` makes it trip where it should rest and rest where it should trip.
+    pub fn invert(&self, inverted: bool) {
+        let mut control = self.control();
+        if inverted {
+            control.0 ^= POLARITY;
+        }
+        self.registers.csr().write_value(control);
+    }
+
+    /// Whether it trips now.
+    #[must_use]
+    pub fn trips(&self) -> bool {
+        self.registers.csr().read().value()
+    }
+
+    fn control(&self) -> Csr {
+        let mut control = Csr(0);
+        control.set_en(true);
+        control.set_inmsel(self.input);
+        control.set_polarity(self.polarity);
+        // 20 mV: 15 V of a rail, 0.12 mA, and more than the noise at the pins.
+        control.set_hyst(Hysteresis::HYST20M);
+        // The scaler brings VREFINT to the comparator; its bridge stays off, as no fraction of it is used.
+        control.set_scalen(self.input.to_bits() == Inm::VREF.to_bits());
+        control
+    }
+
+    fn holds(&self) -> bool {
+        let mut now = self.registers.csr().read();
+        now.set_value(false);
+        now.0 == self.control().0
+    }
+}

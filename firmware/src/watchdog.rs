@@ -1,0 +1,125 @@
+//! The independent watchdog: it resets the chip unless every task has checked in lately.
+//!
+//! The counter runs on the chip's own 32 kHz oscillator (29.5 to 34 kHz) whatever happens to the other clocks, and nothing
+//! but a reset stops it. It is fed in one place, [`feed`], and only when each task has checked in since it was last fed. Who
+//! had not is kept over the reset.
+
+use core::cell::UnsafeCell;
+use core::fmt::Write;
+use core::future::Future;
+use core::mem::MaybeUninit;
+use core::pin::pin;
+use core::sync::atomic::{AtomicU32, Ordering};
+use embassy_futures::select::{Either, select};
+use embassy_stm32::pac::iwdg::vals::{Key, Pr};
+use embassy_stm32::pac::{DBGMCU, IWDG};
+use embassy_time::{Duration, Timer};
+use era_shared::protocol::FAILURE_MESSAGE;
+use heapless::String;
+
+/// Who must check in; the number is the bit in the mask.
+#[derive(Clone, Copy)]
+pub enum Task {
+    /// The device.
+    Device,
+    /// Receives from the UART.
+    UartReceive,
+    /// Transmits to the UART.
+    UartTransmit,
+    /// Answers the host's USB requests.
+    Usb,
+    /// Receives over USB.
+    UsbReceive,
+    /// Transmits over USB.
+    UsbTransmit,
+}
+
+const NAMES: [&str; 6] = ["device", "uart-rx", "uart-tx", "usb", "usb-rx", "usb-tx"];
+const ALL: u32 = (1 << NAMES.len()) - 1;
+
+/// How often a task that waits for something else checks in.
+const CHECK_IN: Duration = Duration::from_millis(20);
+
+/// The counter runs at 32 kHz / 32 = 1 kHz from here to 0: 94 to 109 ms, five times what the slowest task needs.
+const RELOAD: u16 = 99;
+/// A new reload value takes up to six clocks of the oscillator (RM0440, section 42.4.4), 0.2 ms; each read takes some 10
+/// clocks of 170 MHz.
+const UPDATE_READS: usize = 20_000;
+
+/// Tasks that have not checked in since the last feed, one bit each. In memory that the start-up code does not touch.
+#[unsafe(link_section = ".uninit.watchdog_missing")]
+static MISSING: Mask = Mask(UnsafeCell::new(MaybeUninit::uninit()));
+
+struct Mask(UnsafeCell<MaybeUninit<u32>>);
+
+// SAFETY: only used as an atomic.
+unsafe impl Sync for Mask {}
+
+impl Mask {
+    fn get(&self) -> &AtomicU32 {
+        // SAFETY: every bit pattern is a valid u32, the memory is aligned for it and lives for ever, and nothing accesses it
+        // in another way than through this.
+        unsafe { AtomicU32::from_ptr(self.0.get().cast()) }
+    }
+}
+
+/// The tasks that had not checked in when the watchdog reset the chip, and a text that names them. To be called after such
+/// a reset, before [`start`].
+pub fn missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
+    let missing = MISSING.get().load(Ordering::Relaxed) & ALL;
+    let mut text = String::new();
+    // The text has room for all names.
+    let _ = text.push_str("watchdog: no sign of");
+    for name in NAMES.iter().enumerate().filter(|(bit, _)| missing & (1 << bit) != 0).map(|(_, name)| name) {
+        let _ = write!(text, " {name}");
+    }
+    (missing, text)
+}
+
+/// Starts it; there is no way back. To be called once, right before the tasks start.
+pub fn start() {
+    MISSING.get().store(ALL, Ordering::Relaxed);
+    freeze_in_debug(true);
+    IWDG.kr().write(|w| w.set_key(Key::START));
+    IWDG.kr().write(|w| w.set_key(Key::ENABLE));
+    IWDG.pr().write(|w| w.set_pr(Pr::DIVIDE_BY32));
+    IWDG.rlr().write(|w| w.set_rl(RELOAD));
+    // Until the values have arrived, 512 ms would be loaded; that comes true if they never do.
+    let _ = (0..UPDATE_READS).any(|_| IWDG.sr().read().0 == 0);
+    IWDG.kr().write(|w| w.set_key(Key::RESET));
+}
+
+/// Notes that a task still does its work.
+pub fn check_in(task: Task) {
+    MISSING.get().fetch_and(!(1 << task as u32), Ordering::Relaxed);
+}
+
+/// Feeds the watchdog if every task has checked in since it was last fed.
+pub fn feed() {
+    let missing = MISSING.get();
+    if missing.compare_exchange(0, ALL, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
+        IWDG.kr().write(|w| w.set_key(Key::RESET));
+    }
+}
+
+/// Runs a task's work and checks in for it, also while it waits. The work is never cancelled.
+pub async fn watched<F: Future>(task: Task, work: F) -> F::Output {
+    let mut work = pin!(work);
+    loop {
+        check_in(task);
+        if let Either::First(output) = select(work.as_mut(), Timer::after(CHECK_IN)).await {
+            return output;
+        }
+    }
+}
+
+/// Whether the watchdog stands still while a debugger has halted the processor. Not while the supply is on: a breakpoint
+/// then ends in a reset, and everything is off 0.1 s later, while the breaks switch the electrodes off at once.
+pub fn freeze_in_debug(frozen: bool) {
+    DBGMCU.apb1lfzr().modify(|w| w.set_iwdg(frozen));
+    DBGMCU.apb2fzr().modify(|w| {
+        w.set_tim1(true);
+        w.set_tim8(true);
+        w.set_tim20(true);
+    });
+}
