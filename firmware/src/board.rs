@@ -2,7 +2,7 @@
 
 use crate::clocks::TIMER_CLOCK_HZ;
 use crate::pins::CHANNELS;
-use crate::{breaks, comparators, outputs, sense, supply, timers};
+use crate::{bootloader, breaks, comparators, log, outputs, sense, supply, timers};
 use embassy_time::{Duration, Instant};
 use era_shared::board::{Board, BoardInfo};
 use era_shared::protocol::{ChannelLimits, FaultCode};
@@ -181,9 +181,11 @@ impl Board for Stm32Board {
         None
     }
 
-    fn take_log(&mut self, _out: &mut [u8]) -> usize {
-        0
+    fn take_log(&mut self, out: &mut [u8]) -> usize {
+        log::take(out)
     }
 
-    fn enter_bootloader(&mut self) {}
+    fn enter_bootloader(&mut self) {
+        bootloader::request();
+    }
 }

@@ -36,7 +36,6 @@ const ANSWER_MS: u64 = 50;
 static REQUEST: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// Asks for the bootloader; returns at once, so that the request can be answered.
-#[expect(dead_code, reason = "for Board::enter_bootloader")]
 pub fn request() {
     REQUEST.signal(());
 }

@@ -56,7 +56,7 @@ fn TIM1_BRK_TIM15() {
 
 /// Notes a reason, unless there is one already: the first says most.
 pub fn note(code: FaultCode, detail: u32) {
-    let packed = u32::from(code.number()) + 1 | detail << 16;
+    let packed = (u32::from(code.number()) + 1) | (detail << 16);
     // The other outcome is the one that is wanted too.
     let _ = TRIP.compare_exchange(0, packed, Ordering::AcqRel, Ordering::Acquire);
 }

@@ -59,7 +59,6 @@ fn ring() -> LogRing<'static> {
 }
 
 /// Takes log bytes, oldest first, and says in the log how many frames were lost for lack of a reader.
-#[expect(dead_code, reason = "for Board::take_log")]
 pub fn take(buffer: &mut [u8]) -> usize {
     let count = critical_section::with(|_| ring().take(buffer));
     let lost = critical_section::with(|_| {

@@ -7,7 +7,7 @@ use crate::limits::{DISCHARGE_LIMIT_MS, DISCHARGED_MILLIVOLTS};
 use crate::protocol::{FaultCode, Refusal};
 use crate::safety::{Action, Event, SelfTest, State, Verdict};
 use crate::supply::{Finding, RAILS, Senses, rail_of};
-use crate::waveform::Sequencer;
+use crate::waveform::{FULL_STRENGTH, Sequencer};
 
 /// Between two looks at the senses, in us: the resolution of envelopes, and what the soft start's steps follow.
 const TICK_US: u64 = 1_000;
@@ -228,11 +228,15 @@ impl Device {
     }
 }
 
-/// The part of the full force that windows must make when `wanted` mV are to act and the rail has `there` mV.
-fn strength(wanted: u32, there: u32) -> f32 {
-    #[allow(clippy::cast_precision_loss, reason = "a ratio of millivolts; 24 bits are plenty")]
-    let ratio = if there > wanted { wanted as f32 / there as f32 } else { 1.0 };
-    ratio * ratio
+/// The part of the full force that windows must make when `wanted` mV are to act and the rail has `there` mV, in parts of
+/// [`FULL_STRENGTH`]: the force goes with the voltage's square.
+fn strength(wanted: u32, there: u32) -> u32 {
+    if there <= wanted {
+        return FULL_STRENGTH;
+    }
+    let full = u64::from(FULL_STRENGTH);
+    let ratio = u64::from(wanted) * full / u64::from(there);
+    u32::try_from(ratio * ratio / full).unwrap_or(FULL_STRENGTH)
 }
 
 /// The first rail that is not harmless: 10 000 x rail + volts, and mV.

@@ -30,7 +30,7 @@ mod registers;
 mod sequencer;
 
 pub use edges::{Electrode, Window, Windows, WindowsError};
-pub use envelope::{Effect, Envelope, FULL_LEVEL, SEGMENTS, Segment};
+pub use envelope::{Effect, Envelope, FULL_LEVEL, FULL_STRENGTH, SEGMENTS, Segment};
 pub use model::{ModelError, ModelTimers, Pulse, PulseCheck, TimerModel};
 pub use period::{CompareWindow, IDLE, Period};
 pub use program::{ChannelProgram, DriveError, program};

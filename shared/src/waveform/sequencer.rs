@@ -7,7 +7,7 @@
 //! Channels with one frequency (equal divider and ticks) have a common origin of phase. A channel whose next boundary is
 //! not where its phase wants it goes through a blank period of the length that is missing.
 
-use super::envelope::{Envelope, Playing, width_for};
+use super::envelope::{Envelope, FULL_STRENGTH, Playing, width_for};
 use super::period::{IDLE, Period};
 use super::program::ChannelProgram;
 use crate::MAX_CHANNELS;
@@ -58,7 +58,7 @@ struct Track {
     /// One of the boundaries at which the goal's phase is kept.
     lattice: u64,
     /// Part of the full force that the rail's voltage leaves to the window's width.
-    strength: f32,
+    strength: u32,
     queue: Vec<Envelope, QUEUE>,
     /// The next boundary was too near to be changed when it was last looked at.
     passing: bool,
@@ -72,7 +72,7 @@ impl Track {
             pending: None,
             goal: None,
             lattice: 0,
-            strength: 1.0,
+            strength: FULL_STRENGTH,
             queue: Vec::new(),
             passing: false,
         }
@@ -241,9 +241,9 @@ impl Sequencer {
         track.queue.insert(place, Envelope { effect: effect.clone(), start, begun: false }).is_ok()
     }
 
-    /// Part of the full force, 0 to 1, that the rail's voltage leaves to the window's width: the square of the voltage
+    /// Part of the full force, in parts of [`FULL_STRENGTH`], that the rail's voltage leaves to the window's width: the square of the voltage
     /// wanted over the one there is.
-    pub fn set_strength(&mut self, channel: usize, strength: f32) {
+    pub fn set_strength(&mut self, channel: usize, strength: u32) {
         if let Some(track) = self.tracks.get_mut(channel) {
             track.strength = strength;
         }
