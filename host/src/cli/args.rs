@@ -73,6 +73,26 @@ pub enum Command {
     /// Measure the time from a touch request to the last byte of its frame at the device
     #[command(after_help = "Example:\n  era latency --touches 200")]
     Latency(Latency),
+    /// Write the firmware to a board, through a debug probe or over USB (not yet tried on a real board)
+    #[command(after_help = "\
+Everything is checked before anything is erased: that the file is a firmware image for this chip and kind of board,
+and what runs on the board now. An update that was cut off is repaired by running the same command again.
+Switch the high-voltage supply off first: in its bootloader the chip drives pins of its own choosing.
+
+This has been tested against a bootloader in memory, not yet on a board.
+
+Examples:
+  era flash                               the image of this checkout, to the board that is connected
+  era flash firmware.elf --port /dev/ttyACM0 --dfu
+  PROBE_RS_PROBE=0483:374e:0012 era flash --probe")]
+    Flash(Flash),
+    /// Show the log of a board's firmware as it comes in
+    #[command(after_help = "\
+Examples:
+  era monitor                             over the link of the board that is connected
+  era monitor --port emulated             the firmware on the emulated board
+  era monitor --probe                     through a debug probe (not yet tried on a real board)")]
+    Monitor(Monitor),
 }
 
 /// The scene and how accurately to model it.
@@ -373,4 +393,44 @@ fn parse_counts(text: &str) -> Result<(usize, usize), String> {
     };
     let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form NX,NY"))?;
     Ok((count(x)?, count(y)?))
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Flash {
+    /// The image, an ELF file [default: what `cargo xtask firmware` has built]
+    pub image: Option<PathBuf>,
+    /// Through a debug probe, by the program probe-rs (the default if it is installed and finds one)
+    #[arg(long, conflicts_with = "dfu")]
+    pub probe: bool,
+    /// Over the board's own USB connector, by the chip's bootloader
+    #[arg(long)]
+    pub dfu: bool,
+    /// auto (the default), or the path of the board's serial port
+    #[arg(long, value_name = "PORT")]
+    pub port: Option<Target>,
+    /// Do not ask; the high-voltage supply is off
+    #[arg(short, long)]
+    pub yes: bool,
+    /// Also a step back in the protocol
+    #[arg(long)]
+    pub force: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Monitor {
+    /// auto (the default), emulated, or the path of the board's serial port
+    #[arg(long, value_name = "PORT", conflicts_with = "probe")]
+    pub port: Option<Target>,
+    /// Through a debug probe, by the program probe-rs
+    #[arg(long)]
+    pub probe: bool,
+    /// The image that the board runs [default: what `cargo xtask firmware` has built]
+    #[arg(long, value_name = "IMAGE")]
+    pub elf: Option<PathBuf>,
+    /// Print a line of JSON for each line of the log
+    #[arg(long)]
+    pub json: bool,
 }

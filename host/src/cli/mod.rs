@@ -6,7 +6,9 @@
 mod args;
 mod client;
 mod explain;
+mod flash;
 mod latency;
+mod monitor;
 mod panel;
 mod progress;
 mod serve;
@@ -85,6 +87,8 @@ fn run(arguments: args::Arguments) -> Outcome {
         Some(Command::Field(options)) => panel::field(&options),
         Some(Command::Verify(options)) => verify::run(&options),
         Some(Command::Latency(options)) => latency::run(&options),
+        Some(Command::Flash(options)) => flash::run(&options),
+        Some(Command::Monitor(options)) => monitor::run(&options),
     }
 }
 

@@ -79,6 +79,9 @@ pub enum TargetError {
     /// The emulator did not start.
     #[error(transparent)]
     Emulated(#[from] EmulatedError),
+    /// A simulation, where a board is wanted.
+    #[error("the simulated device runs no firmware: name a board's serial port, or auto")]
+    NoBoard,
 }
 
 /// How quickly a device answers, and so how long its host waits.
@@ -130,6 +133,17 @@ impl OpenDevice {
                 let path = sim.path().to_owned();
                 Ok(Self { kind: "sim", path, timing: REAL_TIME, keeper: Keeper::Sim(sim) })
             }
+            board => Self::open_board(board),
+        }
+    }
+
+    /// As [`Self::open`], for what runs the firmware: a board, or the emulated one.
+    ///
+    /// # Errors
+    /// [`TargetError`]; [`TargetError::NoBoard`] for [`Target::Sim`].
+    pub fn open_board(target: &Target) -> Result<Self, TargetError> {
+        match target {
+            Target::Sim => Err(TargetError::NoBoard),
             Target::Emulated => {
                 let board = EmulatedBoard::start()?;
                 let (path, timing) = (board.path().to_owned(), board.timing());

@@ -1,7 +1,7 @@
 //! Whether an image belongs on a board: asked before anything is erased.
 
 use era_shared::image::ImageHeader;
-use era_shared::protocol::{BoardKind, CURRENT_VERSION, FirmwareVersion, HelloReply, MIN_VERSION};
+use era_shared::protocol::{BoardKind, CURRENT_VERSION, FirmwareVersion, MIN_VERSION};
 use era_shared::safety::State;
 use std::fmt;
 
@@ -14,13 +14,6 @@ pub struct OnBoard {
     pub firmware: FirmwareVersion,
     /// Newest protocol version that it speaks.
     pub protocol_current: u8,
-}
-
-impl From<&HelloReply> for OnBoard {
-    fn from(hello: &HelloReply) -> Self {
-        let HelloReply { board, firmware, protocol_current, .. } = hello;
-        Self { board: Some(*board), firmware: *firmware, protocol_current: *protocol_current }
-    }
 }
 
 impl From<&ImageHeader> for OnBoard {

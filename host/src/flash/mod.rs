@@ -5,6 +5,7 @@
 //! None of this has been tried on a board yet; the tests run it against a bootloader in memory
 //! (`host/tests/flash/rom.rs`).
 
+pub mod board;
 pub mod check;
 pub mod dfuse;
 pub mod image;

@@ -10,6 +10,9 @@ pub const CHIP: &str = "STM32G474RETx";
 const IDCODE: u32 = 0xE004_2000;
 const DEV_ID: u32 = 0xFFF;
 
+/// The chip's unique identifier, 96 bits (RM0440, section 48.1).
+const UNIQUE_ID: u32 = 0x1FFF_7590;
+
 /// Why the probe did not do it.
 #[derive(Debug, thiserror::Error)]
 pub enum ProbeError {
@@ -86,9 +89,16 @@ impl ProbeRs {
     /// # Errors
     /// Those of running the program.
     pub fn header_on_board(&self) -> Result<Option<ImageHeader>, ProbeError> {
-        let answer = self.read("b8", IMAGE_START + HEADER_OFFSET, HEADER_LENGTH)?;
-        let bytes: Vec<u8> = answer.split_whitespace().filter_map(|word| u8::from_str_radix(word, 16).ok()).collect();
+        let bytes = self.read_bytes(IMAGE_START + HEADER_OFFSET, HEADER_LENGTH)?;
         Ok(ImageHeader::parse(&bytes).ok())
+    }
+
+    /// The chip's unique identifier, which a board's hello also tells.
+    ///
+    /// # Errors
+    /// Those of running the program.
+    pub fn board_id(&self) -> Result<Vec<u8>, ProbeError> {
+        self.read_bytes(UNIQUE_ID, 12)
     }
 
     /// Writes, reads back and starts the image; shows the program's own progress.
@@ -106,6 +116,11 @@ impl ProbeRs {
     /// Those of running the program.
     pub fn attach(&self, image: &Path) -> Result<(), ProbeError> {
         self.show(Command::new(&self.program).args(["attach", "--chip", CHIP]).arg(image))
+    }
+
+    fn read_bytes(&self, address: u32, count: usize) -> Result<Vec<u8>, ProbeError> {
+        let answer = self.read("b8", address, count)?;
+        Ok(answer.split_whitespace().filter_map(|word| u8::from_str_radix(word, 16).ok()).collect())
     }
 
     fn read(&self, width: &str, address: u32, count: usize) -> Result<String, ProbeError> {

@@ -1,0 +1,49 @@
+//! `era monitor`: the log of a board's firmware.
+
+use super::args::Monitor;
+use super::{Failure, Outcome, print_json, print_text};
+use crate::device::Target;
+use crate::flash::board::Board;
+use crate::flash::check::Version;
+use crate::flash::image::{Image, default_path};
+use crate::flash::probe::ProbeRs;
+use crate::monitor::LogTable;
+use std::time::Duration;
+
+/// Between two looks at an empty log: short for a person, long for a link that also carries drives.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
+
+pub fn run(options: &Monitor) -> Outcome {
+    let path = options.elf.clone().unwrap_or_else(default_path);
+    let (image, elf) = Image::read(&path).map_err(Failure::usage)?;
+    if options.probe {
+        return ProbeRs::default().attach(&path).map_err(Failure::failed);
+    }
+    let table = LogTable::from_elf(&elf).map_err(Failure::usage)?;
+    let target = options.port.clone().unwrap_or(Target::Auto);
+    let mut board = Board::open(&target).map_err(Failure::failed)?;
+    let running = board.welcome.firmware;
+    tracing::info!("log of firmware {} at {}", Version(running), board.path());
+    if running != image.header.firmware {
+        tracing::warn!(
+            "{} is {}, the board runs {}: lines may be missing or wrong; --elf names the right image, or era flash writes \
+             this one",
+            path.display(),
+            Version(image.header.firmware),
+            Version(running)
+        );
+    }
+    let mut decoder = table.decoder();
+    loop {
+        let bytes = board.log().map_err(Failure::failed)?;
+        if bytes.is_empty() {
+            std::thread::sleep(LOOK_AGAIN);
+            continue;
+        }
+        let mut lines = Vec::new();
+        decoder.feed(&bytes, |line| lines.push(line));
+        for line in lines {
+            if options.json { print_json(&line)? } else { print_text(&line.to_string())? }
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The board whose firmware runs: what it is, and its way to the bootloader.
+
+use super::check::{CheckError, OnBoard, check_idle};
+use crate::device::client::name;
+use crate::device::{Client, LinkError, OpenDevice, Target, TargetError};
+use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, MIN_VERSION, Reply, Request, Welcome};
+use std::time::{Duration, Instant};
+
+/// How long a board may take from its start until its USB port is there and it answers.
+const START: Duration = Duration::from_secs(10);
+/// Between two looks for it.
+const LOOK_AGAIN: Duration = Duration::from_millis(300);
+
+/// Why the board cannot be talked to.
+#[derive(Debug, thiserror::Error)]
+pub enum BoardError {
+    /// It cannot be opened or found.
+    #[error(transparent)]
+    Target(#[from] TargetError),
+    /// Its port cannot be opened.
+    #[error("cannot open serial port {path}: {source}")]
+    Port {
+        /// The port.
+        path: String,
+        /// Why.
+        source: serialport::Error,
+    },
+    /// It does not answer.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// It is in use.
+    #[error(transparent)]
+    Check(#[from] CheckError),
+    /// Its firmware is too old.
+    #[error(
+        "the board's firmware speaks ERA protocol version {0} and cannot be asked for its bootloader: hold the pin BOOT0 (PB8) high while it is powered, or use a debug probe"
+    )]
+    TooOld(u8),
+}
+
+/// A board that answers.
+pub struct Board {
+    /// What it said.
+    pub welcome: Welcome,
+    client: Client,
+    // Last, so that the emulated board ends after the port was closed.
+    device: OpenDevice,
+}
+
+impl Board {
+    /// Finds the board, and asks who it is.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub fn open(target: &Target) -> Result<Self, BoardError> {
+        let device = OpenDevice::open_board(target)?;
+        let port = |source| BoardError::Port { path: device.path().to_owned(), source };
+        let mut client = device.client().map_err(port)?;
+        let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
+        match client.request(&hello)? {
+            Reply::Welcome(welcome) => Ok(Self { welcome, client, device }),
+            other => Err(unexpected(&hello, &other)),
+        }
+    }
+
+    /// Waits for the board to start.
+    ///
+    /// # Errors
+    /// The last [`BoardError`] when it takes too long.
+    pub fn wait_for(target: &Target) -> Result<Self, BoardError> {
+        let until = Instant::now() + START;
+        loop {
+            match Self::open(target) {
+                Err(_) if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
+                result => return result,
+            }
+        }
+    }
+
+    /// The port.
+    #[must_use]
+    pub fn path(&self) -> &str {
+        self.device.path()
+    }
+
+    /// What runs on it.
+    #[must_use]
+    pub const fn on_board(&self) -> OnBoard {
+        let Welcome { board, firmware, protocol_current, .. } = &self.welcome;
+        OnBoard { board: Some(*board), firmware: *firmware, protocol_current: *protocol_current }
+    }
+
+    /// Makes sure that it can be taken out of service.
+    ///
+    /// # Errors
+    /// [`BoardError::Check`] if it is armed or drives, and those of the link.
+    pub fn check_idle(&mut self) -> Result<(), BoardError> {
+        match self.client.request(&Request::Status)? {
+            Reply::Status(status) => Ok(check_idle(status.state)?),
+            other => Err(unexpected(&Request::Status, &other)),
+        }
+    }
+
+    /// Sends it to its bootloader; its port then goes away.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub fn enter_bootloader(mut self) -> Result<(), BoardError> {
+        let request = Request::Bootloader { key: BOOTLOADER_KEY };
+        if self.welcome.protocol_current < request.since() {
+            return Err(BoardError::TooOld(self.welcome.protocol_current));
+        }
+        match self.client.request(&request)? {
+            Reply::Bootloader => Ok(()),
+            other => Err(unexpected(&request, &other)),
+        }
+    }
+
+    /// The next bytes of its log; none if there are none now.
+    ///
+    /// # Errors
+    /// [`BoardError::Link`].
+    pub fn log(&mut self) -> Result<Vec<u8>, BoardError> {
+        match self.client.request(&Request::Log)? {
+            Reply::Log { bytes } => Ok(bytes.to_vec()),
+            other => Err(unexpected(&Request::Log, &other)),
+        }
+    }
+}
+
+fn unexpected(request: &Request, reply: &Reply) -> BoardError {
+    LinkError::Unexpected { request: name(request), reply: format!("{reply:?}") }.into()
+}
