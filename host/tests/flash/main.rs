@@ -1,6 +1,8 @@
 //! Writing the firmware: what is refused, what is written, and that there is a way back from every interruption.
 
 mod check;
+#[cfg(unix)]
+mod command;
 mod elf;
 mod interrupted;
 #[cfg(unix)]

@@ -3,10 +3,10 @@
 use crate::elf::{HEADER_AT, flash_contents, version};
 use era::flash::probe::{ProbeError, ProbeRs};
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A `probe-rs` that notes what it was told in `calls` and answers as given.
-fn program(folder: &Path, probes: &str, idcode: &str, header: &[u8], write_status: u8) -> ProbeRs {
+pub fn script(folder: &Path, probes: &str, idcode: &str, header: &[u8], write_status: u8) -> PathBuf {
     let path = folder.join("probe-rs");
     let bytes: Vec<String> = header.iter().map(|byte| format!("{byte:02x}")).collect();
     let script = format!(
@@ -17,10 +17,14 @@ fn program(folder: &Path, probes: &str, idcode: &str, header: &[u8], write_statu
     );
     std::fs::write(&path, script).unwrap();
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
-    ProbeRs::new(path)
+    path
 }
 
-const ONE_PROBE: &str = "The following debug probes were found:\n[0]: STLink V3 -- 0483:374e:0012 (ST-LINK)";
+fn program(folder: &Path, probes: &str, idcode: &str, header: &[u8], write_status: u8) -> ProbeRs {
+    ProbeRs::new(script(folder, probes, idcode, header, write_status))
+}
+
+pub const ONE_PROBE: &str = "The following debug probes were found:\n[0]: STLink V3 -- 0483:374e:0012 (ST-LINK)";
 
 #[test]
 fn it_is_asked_for_the_chip_and_the_header_then_told_to_write() {

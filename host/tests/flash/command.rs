@@ -1,0 +1,82 @@
+//! `era flash` as a user runs it, with a script in the place of `probe-rs`.
+
+use crate::elf::{HEADER_AT, elf_file, flash_contents, version};
+use crate::probe::{ONE_PROBE, script};
+use era_shared::image::FLASH_START;
+use era_shared::protocol::CURRENT_VERSION;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+struct Bench {
+    folder: tempfile::TempDir,
+}
+
+impl Bench {
+    /// A folder with an image for this board and a `probe-rs` whose board holds `on_board`.
+    fn new(on_board: &[u8]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let contents = flash_contents(version(2, b"0123abcd"), (1, CURRENT_VERSION), 5000, 3);
+        std::fs::write(folder.path().join("image.elf"), elf_file(&[(FLASH_START, &contents)])).unwrap();
+        script(folder.path(), ONE_PROBE, "20036469", on_board, 0);
+        Self { folder }
+    }
+
+    fn flash(&self, arguments: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_era"))
+            .arg("flash")
+            .args(arguments)
+            .current_dir(self.folder.path())
+            .env("PATH", format!("{}:/usr/bin:/bin", self.folder.path().display()))
+            .stdin(Stdio::null())
+            .output()
+            .unwrap()
+    }
+
+    fn calls(&self) -> String {
+        std::fs::read_to_string(self.folder.path().join("calls")).unwrap_or_default()
+    }
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn without_a_word_on_the_high_voltage_supply_nothing_is_written() {
+    let old = flash_contents(version(1, b"01d01d01"), (1, 1), 5000, 9);
+    let bench = Bench::new(&old[HEADER_AT..HEADER_AT + 64]);
+    let output = bench.flash(&["image.elf", "--probe"]);
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("1.1.2 (commit 01d01d01), at the debug probe -> 2.1.2 (commit 0123abcd)"), "{said}");
+    assert!(said.contains("high-voltage supply") && said.contains("--yes"), "{said}");
+    assert!(bench.calls().contains("read") && !bench.calls().contains("download"), "{}", bench.calls());
+}
+
+#[test]
+fn a_step_back_in_the_protocol_is_refused_before_anything_is_written() {
+    let newer = flash_contents(version(1, b"01d01d01"), (1, CURRENT_VERSION + 1), 5000, 9);
+    let bench = Bench::new(&newer[HEADER_AT..HEADER_AT + 64]);
+    let output = bench.flash(&["image.elf", "--probe", "--yes"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said(&output).contains("--force"), "{}", said(&output));
+    assert!(!bench.calls().contains("download"));
+}
+
+#[test]
+fn what_cannot_be_flashed_is_bad_use() {
+    let bench = Bench::new(&[]);
+    std::fs::write(bench.folder.path().join("text.elf"), "text").unwrap();
+    for (arguments, expected) in [
+        (&["text.elf"][..], "no 32-bit ELF file"),
+        (&["missing.elf"], "cargo xtask firmware"),
+        (&["image.elf", "--port", "sim"], "only a board can be flashed"),
+        (&["image.elf", "--port", "emulated"], "only a board can be flashed"),
+        (&["image.elf", "--probe", "--dfu"], "cannot be used with"),
+    ] {
+        let output = bench.flash(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", said(&output));
+        assert!(said(&output).contains(expected), "{arguments:?}: {}", said(&output));
+    }
+    assert!(Path::new(&bench.folder.path().join("image.elf")).exists() && bench.calls().is_empty());
+}
