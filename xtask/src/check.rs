@@ -36,7 +36,7 @@ pub fn ci() -> Result<(), Error> {
         run(cargo(&firmware).args(["fmt", "--check"]))
     })?;
     // The image first: it makes sure of the compilation target, which the firmware's lints need too.
-    step("firmware image", || firmware::command(&firmware::Options::default()))?;
+    step("firmware image, budgets", || firmware::command(&firmware::Options::with_budget()))?;
     step("lints", || {
         run(cargo(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
         firmware::cargo("clippy", &["--", "-D", "warnings"])

@@ -1,6 +1,7 @@
 //! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `bench`.
 
 mod bench;
+mod budget;
 mod check;
 mod elf;
 mod emulate;
@@ -8,6 +9,7 @@ mod error;
 mod firmware;
 mod fuzz;
 mod process;
+mod stack;
 mod target;
 
 use clap::{Parser, Subcommand};
