@@ -84,6 +84,10 @@ impl Program {
             program.function(&image, &starts, address..end, names)?;
         }
         program.stored_addresses(&file, &starts)?;
+        // Only the processor enters handlers, wherever else their addresses are stored.
+        for handler in program.vectors.values() {
+            program.address_taken.remove(handler);
+        }
         Ok(program)
     }
 
@@ -96,7 +100,7 @@ impl Program {
     ) -> Result<(), StackError> {
         let unclear = |address| StackError::Unclear { function: names.join(", "), address };
         let mut function = Function { names: Vec::new(), frame: 0, calls: BTreeSet::new(), calls_indirectly: false };
-        let (mut cleared, mut low) = (None, BTreeMap::new());
+        let (mut cleared, mut low, mut leaves) = (None, BTreeMap::new(), false);
         let mut address = range.start;
         while address < range.end {
             if !image.is_code(address) {
@@ -125,6 +129,9 @@ impl Program {
                     let position = starts.partition_point(|start| *start <= to).checked_sub(1);
                     function.calls.insert(position.ok_or_else(|| unclear(address))?);
                 }
+                Effect::NewStack => leaves = true,
+                // Where another program begins, nothing of this one is on the stack any more.
+                Effect::GoIndirect if leaves => {}
                 Effect::GoIndirect => function.calls_indirectly = true,
                 Effect::Low { register, value } => drop(low.insert(register, value)),
                 Effect::High { register, value } => {

@@ -30,6 +30,8 @@ pub enum Effect {
         /// The half.
         value: u32,
     },
+    /// Sets the main stack pointer anew: another program begins.
+    NewStack,
     /// Changes the stack pointer in a way that this program does not follow.
     Unclear,
 }
@@ -101,6 +103,8 @@ fn long(address: u32, first: u32, second: u32) -> Effect {
         // LDR Rt, [Rn ...]: into sp, or a jump; from the stack it is a return.
         _ if first & 0xFF70 == 0xF850 && rt == SP => Effect::Unclear,
         _ if first & 0xFF70 == 0xF850 && rt == PC && rn != SP => Effect::GoIndirect,
+        // MSR MSP, Rn
+        _ if first & 0xFFF0 == 0xF380 && second & 0xFF == 8 => Effect::NewStack,
         _ if first & 0xF800 == 0xF000 && second & 0x8000 != 0 => branch(address, first, second),
         _ => Effect::None,
     }
@@ -119,7 +123,7 @@ fn branch(address: u32, first: u32, second: u32) -> Effect {
         let bits = sign << 19 | j2 << 18 | j1 << 17 | (first & 0x3F) << 11 | second & 0x7FF;
         return Effect::Go(relative(address, sign_extend(bits, 20) << 1));
     }
-    // MSR, barriers and hints share the rest. MSR MSP starts another stack, which is another program's.
+    // Barriers, hints and other special registers share the rest.
     Effect::None
 }
 
@@ -147,7 +151,7 @@ const fn relative(address: u32, offset: u32) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::Effect::{ClearLowBits, Go, GoIndirect, Grow, High, Low, None, SetStack, Unclear};
+    use super::Effect::{ClearLowBits, Go, GoIndirect, Grow, High, Low, NewStack, None, SetStack, Unclear};
     use super::*;
 
     /// Encodings as an assembler makes them.
@@ -184,7 +188,8 @@ mod tests {
             (0xF241, 0x2334, Low { register: 3, value: 0x1234 }, "movw r3, #0x1234"),
             (0xF6C0, 0x0301, High { register: 3, value: 0x0801 }, "movt r3, #0x0801"),
             (0xF3BF, 0x8F4F, None, "dsb"),
-            (0xF381, 0x8808, None, "msr msp, r1"),
+            (0xF381, 0x8808, NewStack, "msr msp, r1"),
+            (0xF381, 0x8810, None, "msr primask, r1"),
         ] {
             assert_eq!(effect(at, first, second), expected, "{text}");
         }
