@@ -35,8 +35,24 @@ def changed(elf, changes):
     return bytes(image)
 
 
+def address_of(elf, part):
+    """The address of the symbol whose mangled name has `part` in it."""
+    sections, = struct.unpack_from("<I", elf, 32)
+    count, = struct.unpack_from("<H", elf, 48)
+    headers = [struct.unpack_from("<10I", elf, sections + 40 * index) for index in range(count)]
+    for _, kind, _, _, start, size, link, _, _, _ in headers:
+        if kind != 2:  # SHT_SYMTAB
+            continue
+        names = headers[link][4]
+        for offset in range(start, start + size, 16):
+            name, value = struct.unpack_from("<2I", elf, offset)
+            if part in elf[names + name:elf.index(b"\0", names + name)]:
+                return value
+    raise KeyError(part)
+
+
 class FirstStageTest(unittest.TestCase):
-    def run_image(self, changes, before=None):
+    def run_image(self, changes, before=None, time="2us"):
         with open(os.environ["ERA_ELF"], "rb") as file:
             image = changed(file.read(), changes)
         with tempfile.NamedTemporaryFile(suffix=".elf") as file:
@@ -46,7 +62,7 @@ class FirstStageTest(unittest.TestCase):
         self.addCleanup(sim.close)
         if before:
             before(sim)
-        sim.run_for("2us")
+        sim.run_for(time)
         return sim
 
     def assert_bootloader(self, sim):
@@ -66,6 +82,17 @@ class FirstStageTest(unittest.TestCase):
     def test_missing_header_starts_the_bootloader(self):
         for address in (HEADER, HEADER + 4):
             self.assert_bootloader(self.run_image({address: 0xFFFF_FFFF}))
+
+    def test_firmware_goes_to_the_bootloader_when_asked_before_the_reset(self):
+        asked = 0x4446_5521
+        with open(os.environ["ERA_ELF"], "rb") as file:
+            note = address_of(file.read(), b"bootloader4NOTE")
+
+        def ask(sim):
+            sim.write_u32(note, asked)
+            sim.write_u32(note + 4, asked ^ 0xFFFF_FFFF)
+
+        self.assert_bootloader(self.run_image({}, before=ask, time="150us"))
 
     def test_start_by_the_bootloader_resets_first(self):
         sim = self.run_image({}, before=lambda sim: sim.write_u32(RCC_CRRCR, 1))
