@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{firmware, fuzz, root};
+use crate::{firmware, fuzz, miri, root};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -46,6 +46,7 @@ pub fn ci() -> Result<(), Error> {
     })?;
     step("dependencies", || deny(&root))?;
     test()?;
+    step("miri", miri::if_here)?;
     step("fuzzing", || fuzz::command(&fuzz::Options::bounded(FUZZ_S)))
 }
 

@@ -61,6 +61,9 @@ pub enum Error {
         /// What is wrong.
         reason: String,
     },
+    /// Miri is not installed.
+    #[error("Miri is not installed; `{0}` gets it")]
+    NoMiri(&'static str),
     /// The image's stack cannot be bounded.
     #[error("no bound for the stack of {path}")]
     Stack {

@@ -1,4 +1,4 @@
-//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `bench`.
+//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `bench`.
 
 mod bench;
 mod budget;
@@ -8,6 +8,7 @@ mod emulate;
 mod error;
 mod firmware;
 mod fuzz;
+mod miri;
 mod process;
 mod stack;
 mod target;
@@ -37,6 +38,8 @@ enum Command {
     Bench(bench::Options),
     /// Look for inputs that the decoder or the device logic cannot stand, with libFuzzer.
     Fuzz(fuzz::Options),
+    /// Run the tests of the shared crate under Miri, which needs a nightly compiler with that component.
+    Miri,
     /// Build the firmware, run it on the emulated board and say hello to it.
     Emulate(emulate::Options),
 }
@@ -48,6 +51,7 @@ fn main() -> ExitCode {
         Command::Firmware(options) => firmware::command(&options),
         Command::Bench(options) => bench::command(&options),
         Command::Fuzz(options) => fuzz::command(&options),
+        Command::Miri => miri::command(),
         Command::Emulate(options) => emulate::command(&options),
     };
     match result {
