@@ -65,8 +65,9 @@ def main():
         if elf is None:
             say("--self-test needs --elf PATH")
             sys.exit(2)
-        environment = {**os.environ, "ERA_ELF": elf}
-        os.execve(PYTHON, [str(PYTHON), str(HERE / "test_board.py")], environment)
+        environment = {**os.environ, "ERA_ELF": os.path.abspath(elf)}
+        os.chdir(HERE)
+        os.execve(PYTHON, [str(PYTHON), "-m", "unittest", "test_board", "test_first_stage"], environment)
     if "--setup-only" not in arguments:
         os.execv(PYTHON, [str(PYTHON), str(HERE / "bridge.py"), *arguments])
 

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{firmware, fuzz, root, waveforms};
+use crate::{firmware, fuzz, miri, root, waveforms};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -37,7 +37,7 @@ pub fn ci() -> Result<(), Error> {
         run(cargo(&firmware).args(["fmt", "--check"]))
     })?;
     // The image first: it makes sure of the compilation target, which the firmware's lints need too.
-    step("firmware image", || firmware::command(&firmware::Options::default()))?;
+    step("firmware image, budgets", || firmware::command(&firmware::Options::with_budget()))?;
     step("lints", || {
         run(cargo(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
         firmware::cargo("clippy", &["--", "-D", "warnings"])
@@ -47,6 +47,7 @@ pub fn ci() -> Result<(), Error> {
     })?;
     step("dependencies", || deny(&root))?;
     test()?;
+    step("miri", miri::if_here)?;
     step("fuzzing", || fuzz::command(&fuzz::Options::bounded(FUZZ_S)))
 }
 

@@ -64,6 +64,28 @@ pub enum Error {
         /// What is wrong.
         reason: String,
     },
+    /// Miri is not installed.
+    #[error("Miri is not installed; `{0}` gets it")]
+    NoMiri(&'static str),
+    /// The image's stack cannot be bounded.
+    #[error("no bound for the stack of {path}")]
+    Stack {
+        /// The image.
+        path: PathBuf,
+        /// Why.
+        source: crate::stack::StackError,
+    },
+    /// The file of budgets is not what it should be.
+    #[error("{path} holds no budgets")]
+    Budget {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<toml::de::Error>,
+    },
+    /// Something takes more than it may.
+    #[error("over the budget of firmware/budget.toml: {0}")]
+    OverBudget(String),
     /// The emulator bridge ended or said something unexpected.
     #[error("the emulator bridge: {0}")]
     Bridge(String),

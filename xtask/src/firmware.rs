@@ -1,12 +1,14 @@
-//! `cargo xtask firmware`: builds the image and says how big it is.
+//! `cargo xtask firmware`: builds the image, says how big it is, and compares that with its budget.
 
+use crate::budget::{self, Budget, Row};
 use crate::error::Error;
 use crate::process::{run, shown};
 use crate::target::{TARGET, Way};
-use crate::{elf, root, target};
+use crate::{elf, root, stack, target};
 use serde::Deserialize;
+use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// Name of the executable.
@@ -21,6 +23,19 @@ pub struct Options {
     /// Print only the path of the image, for scripts.
     #[arg(long)]
     print_path: bool,
+    /// Compare flash, RAM and worst-case stack with firmware/budget.toml, and fail over it.
+    #[arg(long)]
+    budget: bool,
+    /// With --budget: show the chains of calls that take the most stack.
+    #[arg(long, requires = "budget")]
+    chains: bool,
+}
+
+impl Options {
+    /// With the comparison.
+    pub fn with_budget() -> Self {
+        Self { budget: true, ..Self::default() }
+    }
 }
 
 /// Builds and reports.
@@ -48,7 +63,35 @@ pub fn command(options: &Options) -> Result<(), Error> {
         percent(usage.ram, usage.ram_total)
     );
     println!("image   {}", image.display());
-    Ok(())
+    if options.budget { against_budget(&image, &usage, options.chains) } else { Ok(()) }
+}
+
+/// Prints the image's use of the chip against its budget.
+fn against_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result<(), Error> {
+    let budget = Budget::read(&root()?)?;
+    let data =
+        fs::read(image).map_err(|source| Error::File { what: "cannot read", path: image.to_path_buf(), source })?;
+    let rules = stack::Rules {
+        executors: &budget.stack.executors,
+        recursion: budget.stack.recursion,
+        priorities: &budget.stack.priorities,
+    };
+    let levels = stack::Program::read(&data)
+        .and_then(|program| stack::worst_case(&program, &rules))
+        .map_err(|source| Error::Stack { path: image.to_path_buf(), source })?;
+    println!("stack, at most, each on top of the one before:");
+    for level in &levels {
+        println!("  {:>7} bytes  {}", level.bytes, level.name);
+        for (function, bytes) in level.chain.iter().filter(|_| chains) {
+            println!("    {bytes:>7}  {function}");
+        }
+    }
+    let stack: u32 = levels.iter().map(|level| level.bytes).sum();
+    budget::judge(&[
+        Row::bytes("flash", usage.flash, budget.flash.bytes),
+        Row::bytes("RAM", usage.ram, budget.ram.bytes),
+        Row::bytes("stack", stack, budget.stack.bytes),
+    ])
 }
 
 /// Builds the image and returns its path, and how the target was had.

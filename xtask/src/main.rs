@@ -1,13 +1,16 @@
-//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `waveforms`, `bench`.
+//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `bench`.
 
 mod bench;
+mod budget;
 mod check;
 mod elf;
 mod emulate;
 mod error;
 mod firmware;
 mod fuzz;
+mod miri;
 mod process;
+mod stack;
 mod target;
 mod waveforms;
 
@@ -38,6 +41,8 @@ enum Command {
     Fuzz(fuzz::Options),
     /// Check the electrodes' waveforms over the whole space of drives, from registers to edges
     Waveforms(waveforms::Options),
+    /// Run the tests of the shared crate under Miri, which needs a nightly compiler with that component.
+    Miri,
     /// Build the firmware, run it on the emulated board and say hello to it.
     Emulate(emulate::Options),
 }
@@ -50,6 +55,7 @@ fn main() -> ExitCode {
         Command::Bench(options) => bench::command(&options),
         Command::Fuzz(options) => fuzz::command(&options),
         Command::Waveforms(options) => waveforms::command(&options),
+        Command::Miri => miri::command(),
         Command::Emulate(options) => emulate::command(&options),
     };
     match result {

@@ -1,0 +1,203 @@
+//! The longest chain of calls.
+
+use super::{Program, StackError};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What an exception saves: 26 words with floating point (ARMv7-M, B1.5.7), and one word to align the stack.
+const EXCEPTION_FRAME: u32 = 27 * 4;
+/// Vectors: reset, NMI, HardFault, and the first interrupt.
+const RESET: usize = 1;
+const HARD_FAULT: usize = 3;
+const FIRST_INTERRUPT: usize = 16;
+/// Name of every program's panic handler. It masks interrupts and never returns, so it is a level of its own.
+const PANIC_HANDLER: &str = "__rustc::rust_begin_unwind";
+
+/// What the code alone does not tell.
+#[derive(Clone, Debug)]
+pub struct Rules<'a> {
+    /// Names of the functions that call tasks.
+    pub executors: &'a [String],
+    /// How often each function of a circle of calls is on the stack at once.
+    pub recursion: u32,
+    /// Handlers of interrupts whose priority is not 0.
+    pub priorities: &'a BTreeMap<String, u8>,
+}
+
+/// One level of the nesting.
+#[derive(Clone, Debug)]
+pub struct Level {
+    /// What runs there.
+    pub name: String,
+    /// Bytes, with the exception frame that leads to it.
+    pub bytes: u32,
+    /// The chain of calls, each with what it has on the stack.
+    pub chain: Vec<(String, u32)>,
+}
+
+/// What a function is, as far as calls through pointers go.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Class {
+    Task,
+    Formatting,
+    Logging,
+    Executor,
+    Other,
+}
+
+/// The levels that can be on the stack at once, the lowest first.
+///
+/// # Errors
+/// [`StackError::NoFunction`] if the rules name what the image does not have.
+pub fn worst_case(program: &Program, rules: &Rules<'_>) -> Result<Vec<Level>, StackError> {
+    let find = |name: &str| program.functions.iter().position(|function| function.names.iter().any(|own| own == name));
+    let known = |name: &String| find(name).ok_or_else(|| StackError::NoFunction(name.clone()));
+    let executors = rules.executors.iter().map(known).collect::<Result<BTreeSet<_>, _>>()?;
+    let priorities = rules
+        .priorities
+        .iter()
+        .map(|(name, priority)| Ok((known(name)?, *priority)))
+        .collect::<Result<BTreeMap<_, _>, StackError>>()?;
+
+    let panic = find(PANIC_HANDLER).ok_or_else(|| StackError::NoFunction(PANIC_HANDLER.to_owned()))?;
+
+    let mut calls = resolved(program, &executors);
+    for callees in &mut calls {
+        callees.remove(&panic);
+    }
+    let mut depths = Depths::new(program, &calls, rules.recursion);
+    let mut level = |name: String, position: usize, frame: u32| {
+        let (bytes, chain) = depths.of(position);
+        Level { name, bytes: bytes + frame, chain }
+    };
+
+    let mut levels = Vec::new();
+    if let Some(reset) = program.vectors.get(&RESET) {
+        levels.push(level("thread mode".to_owned(), *reset, 0));
+    }
+    // By priority, highest number (lowest urgency) first: the deepest handler of each.
+    let mut handlers: BTreeMap<u8, Level> = BTreeMap::new();
+    for (_, position) in program.vectors.range(FIRST_INTERRUPT..) {
+        let priority = priorities.get(position).copied().unwrap_or(0);
+        let names = program.functions.get(*position).map(|function| function.names.join(", ")).unwrap_or_default();
+        // Interrupts without a handler share one that does nothing, whose many names would tell nothing.
+        let name = if names.contains("DefaultHandler") { "no handler".to_owned() } else { names };
+        let found = level(format!("priority {priority}: {name}"), *position, EXCEPTION_FRAME);
+        let place = handlers.entry(priority).or_insert_with(|| found.clone());
+        if found.bytes > place.bytes {
+            *place = found;
+        }
+    }
+    levels.extend(handlers.into_values().rev());
+    levels.push(level("a panic".to_owned(), panic, 0));
+    if let Some(fault) = program.vectors.get(&HARD_FAULT) {
+        levels.push(level("a HardFault".to_owned(), *fault, EXCEPTION_FRAME));
+    }
+    Ok(levels)
+}
+
+fn class(names: &[String], is_executor: bool) -> Class {
+    let any = |test: fn(&str) -> bool| names.iter().any(|name| test(name));
+    if is_executor {
+        Class::Executor
+    } else if any(|name| name.contains("TaskStorage<") && name.ends_with("::poll")) {
+        Class::Task
+    } else if any(|name| name.contains("core::fmt::")) {
+        Class::Formatting
+    } else if any(|name| name.contains("_defmt_") || name.contains("defmt_rtt::")) {
+        Class::Logging
+    } else {
+        Class::Other
+    }
+}
+
+/// Direct calls, and what calls through pointers may reach.
+fn resolved(program: &Program, executors: &BTreeSet<usize>) -> Vec<BTreeSet<usize>> {
+    let classes: Vec<Class> = program
+        .functions
+        .iter()
+        .enumerate()
+        .map(|(position, function)| class(&function.names, executors.contains(&position)))
+        .collect();
+    let of = |position: usize| classes.get(position).copied().unwrap_or(Class::Other);
+    let calls = program.functions.iter().enumerate().map(|(position, function)| {
+        let mut calls = function.calls.clone();
+        if function.calls_indirectly {
+            calls.extend(program.address_taken.iter().filter(|target| match of(position) {
+                Class::Executor => true,
+                own @ (Class::Formatting | Class::Logging) => of(**target) == own,
+                Class::Task | Class::Other => !matches!(of(**target), Class::Task | Class::Logging),
+            }));
+        }
+        calls
+    });
+    calls.collect()
+}
+
+/// Depths of functions, each computed once. Functions that call one another in a circle are one node.
+struct Depths<'a> {
+    program: &'a Program,
+    calls: &'a [BTreeSet<usize>],
+    recursion: u32,
+    /// By function: the members of its circle, or itself alone.
+    circles: Vec<Vec<usize>>,
+    /// By the first function of a circle.
+    known: BTreeMap<usize, (u32, Vec<(String, u32)>)>,
+}
+
+impl<'a> Depths<'a> {
+    fn new(program: &'a Program, calls: &'a [BTreeSet<usize>], recursion: u32) -> Self {
+        // With a few hundred functions, who reaches whom is found by plain search.
+        let reached: Vec<BTreeSet<usize>> = (0..calls.len()).map(|start| reach(calls, start)).collect();
+        let reaches = |from: usize, to: usize| reached.get(from).is_some_and(|set| set.contains(&to));
+        let circle = |position: usize| {
+            let mut members: Vec<usize> =
+                (0..calls.len()).filter(|other| reaches(position, *other) && reaches(*other, position)).collect();
+            if members.is_empty() {
+                members.push(position);
+            }
+            members
+        };
+        let circles = (0..calls.len()).map(circle).collect();
+        Self { program, calls, recursion, circles, known: BTreeMap::new() }
+    }
+
+    /// Bytes below and including this function, and the chain.
+    fn of(&mut self, position: usize) -> (u32, Vec<(String, u32)>) {
+        let members = self.circles.get(position).cloned().unwrap_or_default();
+        let first = members.first().copied().unwrap_or(position);
+        if let Some(known) = self.known.get(&first) {
+            return known.clone();
+        }
+        let frames = members.iter().filter_map(|member| self.program.functions.get(*member));
+        let sum: u32 = frames.map(|function| function.frame).sum();
+        let calls = |member: &usize| self.calls.get(*member);
+        let in_circle = members.iter().any(|member| calls(member).is_some_and(|set| set.contains(&first)));
+        let own = if in_circle { sum * self.recursion } else { sum };
+        let name = self.program.functions.get(position).and_then(|function| function.names.first());
+        let mut name = name.cloned().unwrap_or_default();
+        if in_circle {
+            name = format!("{} times a circle of {} functions with {name}", self.recursion, members.len());
+        }
+        let outside: BTreeSet<usize> =
+            members.iter().filter_map(calls).flatten().copied().filter(|callee| !members.contains(callee)).collect();
+        let deepest = outside.into_iter().map(|callee| self.of(callee)).max_by_key(|(bytes, _)| *bytes);
+        let (below, rest) = deepest.unwrap_or_default();
+        let result = (own + below, [vec![(name, own)], rest].concat());
+        self.known.insert(first, result.clone());
+        result
+    }
+}
+
+/// What can be reached from `start` by at least one call.
+fn reach(calls: &[BTreeSet<usize>], start: usize) -> BTreeSet<usize> {
+    let mut reached = BTreeSet::new();
+    let mut open = vec![start];
+    while let Some(position) = open.pop() {
+        for callee in calls.get(position).into_iter().flatten() {
+            if reached.insert(*callee) {
+                open.push(*callee);
+            }
+        }
+    }
+    reached
+}

@@ -1,0 +1,38 @@
+//! The worst-case stack of an image, from the code that would be flashed: frames along the longest chain of calls, for
+//! thread mode and, on top of it, for one handler of every interrupt priority, a panic, and a HardFault during that.
+//!
+//! It is an upper bound under these assumptions:
+//! - A function's frame is the sum of all that it pushes and reserves, whichever way it is gone through.
+//! - A call through a pointer may reach every function whose address is stored or computed anywhere, with two limits:
+//!   tasks are only called by the executors (named in the budget), and formatting code only calls formatting code.
+//! - Functions that may call one another in a circle do so as often as the budget says, which is as deep as formatting
+//!   nests.
+//! - A panic does not panic again: its handler writes the outputs off before it formats anything.
+//! - Interrupts nest once per priority (the budget names those that are not 0; the emulated board is asked whether that
+//!   is true), and every exception saves the floating-point registers too.
+
+mod chain;
+mod program;
+mod thumb;
+
+pub use chain::{Rules, worst_case};
+pub use program::Program;
+
+/// Why an image's stack cannot be bounded.
+#[derive(Debug, thiserror::Error)]
+pub enum StackError {
+    /// It is no executable that this program reads.
+    #[error("not a 32-bit ARM executable: {0}")]
+    Malformed(#[from] object::read::Error),
+    /// Code that changes the stack pointer in an unforeseen way.
+    #[error("at {address:#010x} in {function}: what happens to the stack pointer, or where this jumps, is not clear")]
+    Unclear {
+        /// Names of the function.
+        function: String,
+        /// Of the instruction.
+        address: u32,
+    },
+    /// The budget names a function that the image does not have.
+    #[error("the image has no function named {0}, which the budget speaks of")]
+    NoFunction(String),
+}
