@@ -101,13 +101,14 @@ impl ProbeRs {
         self.read_bytes(UNIQUE_ID, 12)
     }
 
-    /// Writes, reads back and starts the image; shows the program's own progress.
+    /// Writes, reads back and starts the image; shows the program's own progress on standard error.
     ///
     /// # Errors
     /// Those of running the program.
     pub fn write(&self, image: &Path) -> Result<(), ProbeError> {
-        self.show(Command::new(&self.program).args(["download", "--chip", CHIP, "--verify"]).arg(image))?;
-        self.show(Command::new(&self.program).args(["reset", "--chip", CHIP]))
+        let download = ["download", "--chip", CHIP, "--verify"];
+        self.show(Command::new(&self.program).args(download).arg(image).stdout(std::io::stderr()))?;
+        self.show(Command::new(&self.program).args(["reset", "--chip", CHIP]).stdout(std::io::stderr()))
     }
 
     /// Shows the log until interrupted, without stopping the board.

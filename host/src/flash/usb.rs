@@ -28,7 +28,7 @@ pub enum UsbError {
     Bus(nusb::Error),
     /// Nobody there.
     #[error(
-        "no board in its bootloader (USB {VENDOR:04x}:{PRODUCT:04x}) is connected. Connect the board's own USB connector (not only that of a debug probe), then run the same command again; a board that does not come up by itself comes up in its bootloader if the pin BOOT0 (PB8) is high while it is powered"
+        "no board in its bootloader (USB {VENDOR:04x}:{PRODUCT:04x}) is connected. Connect the board's own USB connector (not only that of a debug probe), then run the same command again. A daemon that has the board's port open must be stopped first. A board that does not come up by itself comes up in its bootloader if the pin BOOT0 (PB8) is high while it is powered"
     )]
     None,
     /// More than one.
