@@ -9,9 +9,9 @@ ELECTRODES = {
     "era3": ("TIM20", ("B", 2, 3), ("C", 8, 6)),
     "era4": ("TIM4", ("B", 6, 2), ("B", 9, 2)),
 }
-HIGH_VOLTAGE_ENABLE = ("C", 10)
+HIGH_VOLTAGE_ENABLE = ("C", 3)
 # High: the discharge switch of the rail is open.
-DISCHARGE_OPEN = (("C", 11), ("D", 2))
+DISCHARGE_OPEN = (("C", 2), ("D", 2))
 OTHERS = {
     "high_voltage_enable": HIGH_VOLTAGE_ENABLE, "discharge1": DISCHARGE_OPEN[0], "discharge2": DISCHARGE_OPEN[1],
     "heartbeat": ("C", 12),

@@ -20,11 +20,11 @@
 //! | PB14 | emergency stop loop       | analogue   | comparator 7; 3.3 V: released; 10 kohm to ground            |
 //! | PC0  | earth bond                | analogue   | ADC1 input 6; 330 ohm to 3.3 V                              |
 //! | PC1  | average current           | analogue   | ADC1 input 7; shunt of 1.65 kohm                            |
+//! | PC2  | discharge switch, rail 1  | out        | high: open; low or floating: closed; 10 kohm to ground      |
+//! | PC3  | high-voltage enable       | out        | high: supply on; 10 kohm to ground                          |
 //! | PC6  | ERA 2 electrode A         | out        | TIM8 channel 1; 10 kohm to ground                           |
 //! | PC8  | ERA 3 electrode B         | out        | TIM20 channel 3; 10 kohm to ground                          |
 //! | PC9  | ERA 2 electrode B         | out        | TIM8 channel 4; 10 kohm to ground                           |
-//! | PC10 | high-voltage enable       | out        | high: supply on; 10 kohm to ground                          |
-//! | PC11 | discharge switch, rail 1  | out        | high: open; low or floating: closed; 10 kohm to ground      |
 //! | PC12 | heartbeat LED             | out        | high: on                                                    |
 //! | PD2  | discharge switch, rail 2  | out        | high: open; low or floating: closed; 10 kohm to ground      |
 //!
@@ -45,8 +45,8 @@
 //!   wire reads as open.
 //! * Earth bond: 330 ohm from 3.3 V to one terminal on the panel, earth on another one. Through bonds of less than 17 ohm
 //!   in all, the pin is below 0.165 V.
-//! * Each electrode has its own 100 kohm in series with its switch, so that no fault stores or delivers more than its
-//!   100 pF at once.
+//! * Each electrode is charged through 1 Mohm, so that a fault to earth draws 2 mA at 2 kV even if everything else fails, and
+//!   discharged through 100 kohm by its own lower switch: 100 pF take 0.1 ms and 0.01 ms.
 
 use embassy_stm32::pac;
 use embassy_stm32::pac::gpio::Gpio;
@@ -89,11 +89,12 @@ pub const ELECTRODES: [[ElectrodePin; 2]; CHANNELS] = [
     [electrode(pac::GPIOB, 6, 2), electrode(pac::GPIOB, 9, 2)],
 ];
 
-/// High: the high-voltage supply is on.
-pub const HIGH_VOLTAGE_ENABLE: Pin = pin(pac::GPIOC, 10);
+/// High: the high-voltage supply is on. Like the discharge switches on a pin that the chip's ROM bootloader leaves alone:
+/// its USART3 would drive PC10 high (AN2606, section "STM32G47xxx/48xxx devices").
+pub const HIGH_VOLTAGE_ENABLE: Pin = pin(pac::GPIOC, 3);
 
 /// High: the discharge switch of the rail is open.
-pub const DISCHARGE_OPEN: [Pin; 2] = [pin(pac::GPIOC, 11), pin(pac::GPIOD, 2)];
+pub const DISCHARGE_OPEN: [Pin; 2] = [pin(pac::GPIOC, 2), pin(pac::GPIOD, 2)];
 
 /// High: the LED is on.
 pub const HEARTBEAT: Pin = pin(pac::GPIOC, 12);
@@ -103,6 +104,6 @@ pub const HEARTBEAT: Pin = pin(pac::GPIOC, 12);
 pub const HAZARDOUS: [(Gpio, u16); 4] = [
     (pac::GPIOB, 1 << 2 | 1 << 6 | 1 << 9),
     (pac::GPIOA, 1 << 8 | 1 << 10),
-    (pac::GPIOC, 1 << 6 | 1 << 8 | 1 << 9 | 1 << 10 | 1 << 11),
+    (pac::GPIOC, 1 << 2 | 1 << 3 | 1 << 6 | 1 << 8 | 1 << 9),
     (pac::GPIOD, 1 << 2),
 ];

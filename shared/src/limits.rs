@@ -50,7 +50,7 @@ pub const OVER_CURRENT_AFTER_MS: u32 = 10;
 pub const TRIP_MICROAMPS: u32 = 10_000;
 
 /// Both electrodes of an ERA are off for at least this long between two windows, in ns, whatever is configured: three time
-/// constants of an electrode's discharge through its series resistor take less (100 pF, 100 kohm: 30 us).
+/// constants of an electrode's discharge by its lower switch take less (100 pF, 100 kohm: 30 us).
 pub const LEAST_GUARD_NANOSECONDS: u32 = 50_000;
 /// The guard time that the board keeps, in ns: the default between 50 us and 1 ms; it costs 0.07 dB of force at 200 Hz.
 pub const GUARD_NANOSECONDS: u32 = 200_000;
