@@ -153,7 +153,7 @@ class BoardTest(unittest.TestCase):
         self.assertFalse(cleared["TIM4"])
 
     def test_converter_and_rails(self):
-        self.sim.write_u32(GPIO["C"], 0x0550_0000)
+        self.sim.write_u32(GPIO["C"], 0x0550_0050)
         self.sim.write_u32(GPIO["C"] + ODR, 0b11 << 2)
         self.sim.write_u32(DAC1, 1)
         self.sim.write_u32(DAC1 + 0x08, 2048)
