@@ -12,7 +12,7 @@ use core::mem::MaybeUninit;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{Interrupt, InterruptExt};
 use embassy_stm32::pac::exti::regs::Lines;
-use embassy_stm32::pac::{EXTI, PWR};
+use embassy_stm32::pac::{EXTI, PWR, RCC};
 use era_shared::protocol::{FaultCode, ResetCause};
 
 /// PWR_CR2.PLS: 2.9 V, the highest that a supply of 3.3 V less 5 % does not come near (DS12288, table 19: 2.84 to 3.00 V).
@@ -45,6 +45,9 @@ pub fn ended_previous_run(cause: ResetCause) -> bool {
 
 /// Starts the detector and its interrupt. To be called once.
 pub fn init() {
+    RCC.apb1enr1().modify(|w| w.set_pwren(true));
+    // A peripheral takes writes from the second clock after its enable (RM0440, section 7.2.18); the read waits for it.
+    let _ = RCC.apb1enr1().read();
     PWR.cr2().modify(|w| {
         w.set_pls(LEVEL);
         w.set_pvde(true);

@@ -3,11 +3,45 @@
 //! [`force_off`] needs nothing to have been set up and has no state, so the first line of `main`, the device, the break
 //! interrupt and the panic, NMI and HardFault handlers all use the same one.
 
-use crate::pins::{ELECTRODES, HAZARDOUS, Pin};
+use crate::pins::{self, ELECTRODES, Pin};
 use crate::{rails, timers};
 use embassy_stm32::pac::RCC;
-use embassy_stm32::pac::gpio::regs;
 use embassy_stm32::pac::gpio::vals::{Moder, Ot, Pupdr};
+use embassy_stm32::pac::gpio::{Gpio, regs};
+
+/// The pins of a port that can energise something.
+struct Hazardous {
+    port: Gpio,
+    /// One bit each.
+    pins: u32,
+    /// Their bits in registers that have two for each pin.
+    pairs: u32,
+    /// Those that make them outputs.
+    outputs: u32,
+}
+
+/// Worked out beforehand: the break interrupt has no time for it.
+const HAZARDOUS: [Hazardous; pins::HAZARDOUS.len()] = {
+    let mut ports = [const { Hazardous { port: pins::HAZARDOUS[0].0, pins: 0, pairs: 0, outputs: 0 } }; _];
+    let mut place = 0;
+    while place < ports.len() {
+        let (port, pins) = pins::HAZARDOUS[place];
+        let ones = every_second_bit(pins);
+        ports[place] = Hazardous { port, pins: pins as u32, pairs: ones * 0b11, outputs: ones * Moder::OUTPUT as u32 };
+        place += 1;
+    }
+    ports
+};
+
+/// Bit n of `pins` as bit 2 n.
+const fn every_second_bit(pins: u16) -> u32 {
+    let (mut word, mut number) = (0, 0);
+    while number < u16::BITS {
+        word |= ((pins >> number) as u32 & 1) << (2 * number);
+        number += 1;
+    }
+    word
+}
 
 /// Switches everything off, at once and whatever state the chip is in: electrodes low, high voltage disabled, discharge
 /// switches closed, then timers stopped and set-points at zero.
@@ -21,10 +55,10 @@ pub fn force_off() {
     });
     let _ = RCC.ahb2enr().read();
     // The pins are taken from the timers, so that "off" does not depend on what a timer does.
-    for (port, pins) in HAZARDOUS {
+    for Hazardous { port, pins, pairs, outputs } in HAZARDOUS {
         // The upper half resets.
-        port.bsrr().write_value(regs::Bsrr(u32::from(pins) << 16));
-        port.moder().modify(|w| w.0 = with_pairs(w.0, pins, Moder::OUTPUT as u32));
+        port.bsrr().write_value(regs::Bsrr(pins << 16));
+        port.moder().modify(|w| w.0 = w.0 & !pairs | outputs);
     }
     timers::stop();
     rails::zero();
@@ -33,22 +67,10 @@ pub fn force_off() {
 /// Makes the pins that can energise something push-pull outputs without pulls, low. Their reset values are that too.
 pub fn init() {
     force_off();
-    for (port, pins) in HAZARDOUS {
-        port.otyper().modify(|w| w.0 &= !u32::from(pins));
-        port.pupdr().modify(|w| w.0 = with_pairs(w.0, pins, Pupdr::FLOATING as u32));
+    for Hazardous { port, pins, pairs, .. } in HAZARDOUS {
+        port.otyper().modify(|w| w.0 &= !pins);
+        port.pupdr().modify(|w| w.0 &= !pairs);
     }
-}
-
-/// Sets the two bits of every pin in `pins` to `value`.
-const fn with_pairs(mut word: u32, pins: u16, value: u32) -> u32 {
-    let mut number = 0;
-    while number < 16 {
-        if pins & (1 << number) != 0 {
-            word = word & !(0b11 << (2 * number)) | value << (2 * number);
-        }
-        number += 1;
-    }
-    word
 }
 
 /// Lets the timers reach the electrodes' pins, or takes the pins from them. To be called with interrupts masked: the break
@@ -66,10 +88,8 @@ pub fn connect_electrodes(connected: bool) {
 /// Whether every pin that can energise something is held low by its port.
 #[must_use]
 pub fn all_low() -> bool {
-    HAZARDOUS.iter().all(|(port, pins)| {
-        let outputs = with_pairs(0, *pins, 0b11);
-        port.moder().read().0 & outputs == with_pairs(0, *pins, Moder::OUTPUT as u32)
-            && port.odr().read().0 & u32::from(*pins) == 0
+    HAZARDOUS.iter().all(|Hazardous { port, pins, pairs, outputs }| {
+        port.moder().read().0 & pairs == *outputs && port.odr().read().0 & pins == 0
     })
 }
 

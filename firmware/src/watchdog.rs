@@ -1,8 +1,8 @@
 //! The independent watchdog: it resets the chip unless every task has checked in lately.
 //!
 //! The counter runs on the chip's own 32 kHz oscillator (29.5 to 34 kHz) whatever happens to the other clocks, and nothing
-//! but a reset stops it. It is fed in one place, [`feed`], and only when each task has checked in since it was last fed. Who
-//! had not is kept over the reset.
+//! but a reset stops it. It is fed in one place, [`feed`], and only when each task has checked in since it was last fed. When each last did
+//! is kept over the reset.
 
 use core::cell::UnsafeCell;
 use core::fmt::Write;
@@ -13,7 +13,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use embassy_futures::select::{Either, select};
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 use embassy_stm32::pac::{DBGMCU, IWDG};
-use embassy_time::{Duration, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use era_shared::protocol::FAILURE_MESSAGE;
 use heapless::String;
 
@@ -40,45 +40,64 @@ const ALL: u32 = (1 << NAMES.len()) - 1;
 /// How often a task that waits for something else checks in.
 const CHECK_IN: Duration = Duration::from_millis(20);
 
-/// The counter runs at 32 kHz / 32 = 1 kHz from here to 0: 94 to 109 ms, five times what the slowest task needs.
+/// The counter runs at 32 kHz / 32 = 1 kHz from here to 0: in 94 to 109 ms, five times what the slowest task needs.
 const RELOAD: u16 = 99;
 /// A new reload value takes up to six clocks of the oscillator (RM0440, section 42.4.4), 0.2 ms; each read takes some 10
 /// clocks of 170 MHz.
 const UPDATE_READS: usize = 20_000;
 
-/// Tasks that have not checked in since the last feed, one bit each. In memory that the start-up code does not touch.
-#[unsafe(link_section = ".uninit.watchdog_missing")]
-static MISSING: Mask = Mask(UnsafeCell::new(MaybeUninit::uninit()));
+/// Tasks that have not checked in since the last feed, one bit each.
+static MISSING: AtomicU32 = AtomicU32::new(ALL);
 
-struct Mask(UnsafeCell<MaybeUninit<u32>>);
-
-// SAFETY: only used as an atomic.
-unsafe impl Sync for Mask {}
-
-impl Mask {
-    fn get(&self) -> &AtomicU32 {
-        // SAFETY: every bit pattern is a valid u32, the memory is aligned for it and lives for ever, and nothing accesses it
-        // in another way than through this.
-        unsafe { AtomicU32::from_ptr(self.0.get().cast()) }
-    }
+/// When the last feed was and when each task last checked in, in units of [`now`]; in memory that the start-up code does not
+/// touch, for the run after a reset.
+struct Record {
+    fed: AtomicU32,
+    seen: [AtomicU32; NAMES.len()],
 }
 
-/// The tasks that had not checked in when the watchdog reset the chip, and a text that names them. To be called after such
-/// a reset, before [`start`].
+struct RecordCell(UnsafeCell<MaybeUninit<Record>>);
+
+// SAFETY: only used as the atomics that it consists of.
+unsafe impl Sync for RecordCell {}
+
+#[unsafe(link_section = ".uninit.watchdog_record")]
+static RECORD: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));
+
+fn record() -> &'static Record {
+    // SAFETY: every bit pattern is a valid Record, and nothing accesses it in another way than through this.
+    unsafe { &*RECORD.0.get().cast::<Record>() }
+}
+
+/// Time in units of 1.024 ms.
+fn now() -> u32 {
+    // Wraps around after 50 days, which differences do not notice.
+    (Instant::now().as_micros() >> 10) as u32
+}
+
+/// A task that has checked in so long after the last feed was alive when the reset came, 94 to 109 ms after that feed.
+const ALIVE: u32 = 60;
+
+/// The tasks that gave no sign when the watchdog reset the chip, and a text that names them. To be called after such a
+/// reset, before [`start`].
 pub fn missing_before_reset() -> (u32, String<FAILURE_MESSAGE>) {
-    let missing = MISSING.get().load(Ordering::Relaxed) & ALL;
-    let mut text = String::new();
+    let fed = record().fed.load(Ordering::Relaxed);
+    let (mut missing, mut text) = (0, String::new());
     // The text has room for all names.
     let _ = text.push_str("watchdog: no sign of");
-    for name in NAMES.iter().enumerate().filter(|(bit, _)| missing & (1 << bit) != 0).map(|(_, name)| name) {
-        let _ = write!(text, " {name}");
+    for ((bit, name), seen) in NAMES.iter().enumerate().zip(&record().seen) {
+        let since_feed = seen.load(Ordering::Relaxed).wrapping_sub(fed).cast_signed();
+        if since_feed < ALIVE.cast_signed() {
+            missing |= 1 << bit;
+            let _ = write!(text, " {name}");
+        }
     }
     (missing, text)
 }
 
 /// Starts it; there is no way back. To be called once, right before the tasks start.
 pub fn start() {
-    MISSING.get().store(ALL, Ordering::Relaxed);
+    fed();
     freeze_in_debug(true);
     IWDG.kr().write(|w| w.set_key(Key::START));
     IWDG.kr().write(|w| w.set_key(Key::ENABLE));
@@ -91,15 +110,23 @@ pub fn start() {
 
 /// Notes that a task still does its work.
 pub fn check_in(task: Task) {
-    MISSING.get().fetch_and(!(1 << task as u32), Ordering::Relaxed);
+    MISSING.fetch_and(!(1 << task as u32), Ordering::Relaxed);
+    if let Some(seen) = record().seen.get(task as usize) {
+        seen.store(now(), Ordering::Relaxed);
+    }
 }
 
 /// Feeds the watchdog if every task has checked in since it was last fed.
 pub fn feed() {
-    let missing = MISSING.get();
-    if missing.compare_exchange(0, ALL, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
+    if MISSING.load(Ordering::Relaxed) == 0 {
+        fed();
         IWDG.kr().write(|w| w.set_key(Key::RESET));
     }
+}
+
+fn fed() {
+    MISSING.store(ALL, Ordering::Relaxed);
+    record().fed.store(now(), Ordering::Relaxed);
 }
 
 /// Runs a task's work and checks in for it, also while it waits. The work is never cancelled.
