@@ -5,6 +5,7 @@
 //! through the register STIR, which the emulator that runs this image does not have, while ISPR works on both; and with
 //! an idle loop of our own the one place where the processor sleeps is known, which [`ERA_CPU_IDLE`] shows.
 
+use crate::watchdog;
 use core::ptr;
 use core::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
 use cortex_m::peripheral::NVIC;
@@ -69,20 +70,30 @@ pub fn start_device() -> SendSpawner {
 pub fn run_thread(spawn: impl FnOnce(Spawner)) -> ! {
     let executor: &'static Executor = THREAD_EXECUTOR.init(Executor::new(ptr::without_provenance_mut(THREAD)));
     spawn(executor.spawner());
+    let mut knocked = 0;
     loop {
         // SAFETY: polled here only, in thread mode, not from within a task.
         unsafe { executor.poll() };
         ERA_CPU_IDLE.store(true, Ordering::Relaxed);
-        while !THREAD_WORK.swap(false, Ordering::AcqRel) {
-            // With interrupts masked, WFI still wakes for one that is pending, so work that arrives between the test
-            // and the sleep is not slept over.
-            cortex_m::interrupt::disable();
-            if !THREAD_WORK.load(Ordering::Acquire) {
-                cortex_m::asm::wfi();
-            }
-            // SAFETY: no critical section is open here.
-            unsafe { cortex_m::interrupt::enable() };
+        while !take_thread_work() {
+            watchdog::knock(&mut knocked);
         }
         ERA_CPU_IDLE.store(false, Ordering::Relaxed);
     }
+}
+
+/// Whether there is work for thread mode, which is then taken; sleeps until the next interrupt if not.
+fn take_thread_work() -> bool {
+    // With interrupts masked, WFI still wakes for one that is pending, so work that arrives between the test and the sleep is
+    // not slept over. A plain load and store are enough: nothing can come between them.
+    cortex_m::interrupt::disable();
+    let work = THREAD_WORK.load(Ordering::Acquire);
+    if work {
+        THREAD_WORK.store(false, Ordering::Release);
+    } else {
+        cortex_m::asm::wfi();
+    }
+    // SAFETY: no critical section is open here.
+    unsafe { cortex_m::interrupt::enable() };
+    work
 }

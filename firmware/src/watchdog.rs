@@ -6,14 +6,14 @@
 
 use core::cell::UnsafeCell;
 use core::fmt::Write;
-use core::future::Future;
+use core::future::{Future, poll_fn};
 use core::mem::MaybeUninit;
 use core::pin::pin;
 use core::sync::atomic::{AtomicU32, Ordering};
-use embassy_futures::select::{Either, select};
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 use embassy_stm32::pac::{DBGMCU, IWDG};
-use embassy_time::{Duration, Instant, Timer};
+use embassy_sync::waitqueue::AtomicWaker;
+use embassy_time::Instant;
 use era_shared::protocol::FAILURE_MESSAGE;
 use heapless::String;
 
@@ -37,8 +37,11 @@ pub enum Task {
 const NAMES: [&str; 6] = ["device", "uart-rx", "uart-tx", "usb", "usb-rx", "usb-tx"];
 const ALL: u32 = (1 << NAMES.len()) - 1;
 
-/// How often a task that waits for something else checks in.
-const CHECK_IN: Duration = Duration::from_millis(20);
+/// How often a task that waits for something else checks in, in units of [`now`].
+const CHECK_IN: u32 = 20;
+
+/// Who waits for a knock.
+static WAITING: [AtomicWaker; NAMES.len()] = [const { AtomicWaker::new() }; NAMES.len()];
 
 /// The counter runs at 32 kHz / 32 = 1 kHz from here to 0: in 94 to 109 ms, five times what the slowest task needs.
 const RELOAD: u16 = 99;
@@ -129,14 +132,24 @@ fn fed() {
     record().fed.store(now(), Ordering::Relaxed);
 }
 
-/// Runs a task's work and checks in for it, also while it waits. The work is never cancelled.
+/// Runs a task's work and checks in for it whenever it is polled. A task that waits is woken to that end by [`knock`].
 pub async fn watched<F: Future>(task: Task, work: F) -> F::Output {
     let mut work = pin!(work);
-    loop {
-        check_in(task);
-        if let Either::First(output) = select(work.as_mut(), Timer::after(CHECK_IN)).await {
-            return output;
+    poll_fn(|context| {
+        if let Some(waiting) = WAITING.get(task as usize) {
+            waiting.register(context.waker());
         }
+        check_in(task);
+        work.as_mut().poll(context)
+    })
+    .await
+}
+
+/// Wakes every task whose work is watched, if it is time. To be called at least every ms or two, in thread mode.
+pub fn knock(last: &mut u32) {
+    if now().wrapping_sub(*last) >= CHECK_IN {
+        *last = now();
+        WAITING.iter().for_each(AtomicWaker::wake);
     }
 }
 
