@@ -30,6 +30,8 @@ fn a_session_from_hello_to_disarm() {
     bench.wait_ms(10);
     assert_eq!(bench.state(), State::Armed);
     assert_eq!(bench.board.log[2..], [Did::TestTrips, Did::Start]);
+    // Amid the idle periods of 1 ms: at their boundaries nothing is preloaded.
+    bench.board.now_us += 500;
     let Reply::DrivesSet { achieved } = bench.ask(&both()) else { panic!() };
     assert_eq!(achieved.len(), 2);
     assert_eq!(bench.state(), State::Running);
@@ -359,6 +361,7 @@ fn failing_hardware_ends_off_with_the_reason() {
     let mut bench = Bench::new();
     bench.arm();
     bench.board.fail_preload = true;
+    bench.board.now_us += 500;
     let Reply::Refused(Refusal::Fault(fault)) = bench.ask(&both()) else { panic!() };
     assert_eq!(fault.code, FaultCode::ReadBack);
     assert_eq!((bench.state(), bench.board.live()), (State::Fault, false));

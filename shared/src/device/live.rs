@@ -144,10 +144,11 @@ impl Device {
     /// Writes what the timers must do next.
     pub(super) fn sequence(&mut self, board: &mut impl Board) -> Result<(), Finding> {
         let Some(sequencer) = &mut self.sequencer else { return Ok(()) };
-        // Read anew: what came before this may have taken its time, and the margin before a boundary is 50 us.
-        let now_us = board.now_us();
-        for preload in sequencer.poll(now_us) {
-            board.preload(&preload).map_err(|code| (code, u32::try_from(preload.channel).unwrap_or(0)))?;
+        for channel in 0..MAX_CHANNELS {
+            // Read anew for each: working out the one before took its time, and the margin before a boundary is short.
+            if let Some(preload) = sequencer.next(channel, board.now_us()) {
+                board.preload(&preload).map_err(|code| (code, u32::try_from(channel).unwrap_or(0)))?;
+            }
         }
         Ok(())
     }

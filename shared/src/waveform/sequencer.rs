@@ -13,14 +13,17 @@ use super::program::ChannelProgram;
 use crate::MAX_CHANNELS;
 use heapless::Vec;
 
-/// A boundary nearer than this, in us, is left to pass: working out what four timers must do takes 50 us at most, writing
-/// their registers 10 us, and an interrupt in between 20 us.
+/// A boundary nearer than this, in us, is left to pass: working out what a timer must do takes 20 us, writing its registers
+/// 2 us, and interrupts in between 20 us.
 const MARGIN_US: u64 = 100;
+/// A boundary is taken to have passed this long after it should have, in us: the moment of the start is known to 1 us on the
+/// board, and to 5 us where timers are simulated in steps. What is written before a boundary takes effect at it.
+const CERTAIN_US: u64 = 20;
 /// Least length of a blank period, in us: longer than the ms between two looks and the margin, so that what follows it is
 /// written in time. If it is not, the blank period is simply repeated.
 const LEAST_GAP_US: u64 = 1_500;
 /// Dividers tried for the blank period: one of them divides its length, or nearly.
-const DIVIDERS_TRIED: u64 = 16;
+const DIVIDERS_TRIED: u32 = 16;
 /// Later chances of the lattice that are tried, if none of the dividers fits the first.
 const CHANCES: u64 = 3;
 /// Envelopes that wait for one channel, the one that plays included.
@@ -142,13 +145,15 @@ impl Track {
 /// many clocks it really has.
 fn gap(missing: u64, clocks: u64, least: u64) -> (Period, u64) {
     let first = missing + least.saturating_sub(missing).div_ceil(clocks) * clocks;
-    let mut best = (u64::MAX, 1, 2);
-    for length in (0..CHANCES).map(|chance| first + chance * clocks) {
-        let coarsest = length.div_ceil(u64::from(Period::MOST_TICKS)).max(1);
+    // In 32 bits, which hold 25 s: the processor of the board divides them in hardware.
+    let number = |value: u64| u32::try_from(value).unwrap_or(u32::MAX / 2);
+    let mut best = (u32::MAX, 1, 2);
+    for length in (0..CHANCES).map(|chance| number(first + chance * clocks)) {
+        let coarsest = length.div_ceil(Period::MOST_TICKS).max(1);
         for divider in coarsest..coarsest + DIVIDERS_TRIED {
             let ticks = (length + divider / 2) / divider;
             let error = (ticks * divider).abs_diff(length);
-            if error < best.0 && ticks <= u64::from(Period::MOST_TICKS) {
+            if error < best.0 && ticks <= Period::MOST_TICKS {
                 best = (error, divider, ticks);
             }
             if error == 0 {
@@ -160,9 +165,7 @@ fn gap(missing: u64, clocks: u64, least: u64) -> (Period, u64) {
         }
     }
     let (_, divider, ticks) = best;
-    // Both are below 2^16 for every length up to 2^32 clocks, 25 s.
-    let number = |value: u64| u32::try_from(value).unwrap_or(u32::MAX);
-    (Period::blank(number(divider), number(ticks)), divider * ticks)
+    (Period::blank(divider, ticks), u64::from(divider) * u64::from(ticks))
 }
 
 /// All channels of a board.
@@ -191,8 +194,9 @@ impl Sequencer {
     /// goes on undisturbed. Envelopes that wait are forgotten.
     pub fn set_goals(&mut self, goals: &[Option<Goal>; MAX_CHANNELS], now_us: u64) {
         let (now, margin) = (self.clocks_at(now_us), MARGIN_US * self.clocks_per_us);
+        let passed = self.certainly_passed(now);
         for track in &mut self.tracks {
-            track.settle(now);
+            track.settle(passed);
             track.queue.clear();
         }
         let before: [Option<(Goal, u64)>; MAX_CHANNELS] =
@@ -269,26 +273,33 @@ impl Sequencer {
         self.tracks.get(channel).is_some_and(|track| !track.active.is_blank() || !track.preloaded().is_blank())
     }
 
-    /// What must be written to the preload registers now. To be called at least every ms, and again at
-    /// [`Self::due_us`].
-    pub fn poll(&mut self, now_us: u64) -> Vec<Preload, MAX_CHANNELS> {
-        let (now, margin) = (self.clocks_at(now_us), MARGIN_US * self.clocks_per_us);
-        let mut preloads = Vec::new();
-        for (channel, track) in self.tracks.iter_mut().enumerate() {
-            track.settle(now);
-            let at = track.next_boundary();
-            track.passing = at < now + margin;
-            if track.passing {
-                continue;
-            }
-            let wanted = track.wanted(at, self.clocks_per_us);
-            if wanted != track.preloaded() {
-                track.pending = Some((wanted, at));
-                // As long as there are channels.
-                let _ = preloads.push(Preload { channel, period: wanted, at });
-            }
+    /// What must be written to a channel's preload registers now, if anything. To be asked of every channel at least every
+    /// ms, and again at [`Self::due_us`].
+    pub fn next(&mut self, channel: usize, now_us: u64) -> Option<Preload> {
+        let (now, clocks_per_us) = (self.clocks_at(now_us), self.clocks_per_us);
+        let passed = self.certainly_passed(now);
+        let track = self.tracks.get_mut(channel)?;
+        track.settle(passed);
+        let at = track.next_boundary();
+        track.passing = at < now + MARGIN_US * clocks_per_us;
+        if track.passing {
+            return None;
         }
-        preloads
+        let period = track.wanted(at, clocks_per_us);
+        if period == track.preloaded() {
+            return None;
+        }
+        track.pending = Some((period, at));
+        Some(Preload { channel, period, at })
+    }
+
+    /// What must be written to all channels' preload registers now.
+    pub fn poll(&mut self, now_us: u64) -> Vec<Preload, MAX_CHANNELS> {
+        (0..MAX_CHANNELS).filter_map(|channel| self.next(channel, now_us)).collect()
+    }
+
+    const fn certainly_passed(&self, now: u64) -> u64 {
+        now.saturating_sub(CERTAIN_US * self.clocks_per_us)
     }
 
     /// When the sequencer wants to be asked again, if that is before the next ms: right after the next boundary of a
@@ -298,6 +309,6 @@ impl Sequencer {
     pub fn due_us(&self) -> Option<u64> {
         let waits = |track: &&Track| track.passing || !track.queue.is_empty() && track.goal.is_some();
         let next = self.tracks.iter().filter(waits).map(Track::next_boundary).min()?;
-        Some(self.started_us + next / self.clocks_per_us + 1)
+        Some(self.started_us + next / self.clocks_per_us + CERTAIN_US + 1)
     }
 }

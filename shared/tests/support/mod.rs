@@ -251,7 +251,12 @@ impl Bench {
 
     pub fn wait_ms(&mut self, ms: u64) {
         for _ in 0..ms {
-            self.board.now_us += 1_000;
+            let end_us = self.board.now_us + 1_000;
+            // As the firmware does: whenever the device wants, and every ms.
+            while self.board.now_us < end_us {
+                let due_us = self.device.poll(&mut self.board);
+                self.board.now_us = due_us.clamp(self.board.now_us + 1, end_us);
+            }
             self.device.poll(&mut self.board);
         }
     }
