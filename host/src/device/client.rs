@@ -127,6 +127,12 @@ impl Client {
         sorted.get(sorted.len() / 2).copied()
     }
 
+    /// Longest of the last round trips.
+    #[must_use]
+    pub fn round_trip_worst(&self) -> Option<Duration> {
+        self.round_trips.iter().copied().max()
+    }
+
     /// When the last byte of the last frame was handed to the port.
     #[must_use]
     pub const fn last_frame_written(&self) -> Option<Instant> {
@@ -160,7 +166,12 @@ impl Client {
                     self.version = common;
                     return self.request(request);
                 }
-                Err(LinkError::Version { host_min: MIN_VERSION, host_current: CURRENT_VERSION, device_min, device_current })
+                Err(LinkError::Version {
+                    host_min: MIN_VERSION,
+                    host_current: CURRENT_VERSION,
+                    device_min,
+                    device_current,
+                })
             }
             Reply::Refused(refusal) => Err(LinkError::Refused(refusal)),
             reply => Ok(reply),

@@ -22,6 +22,7 @@ const TIMING: Timing = Timing {
     reply_timeout: Duration::from_secs(5),
     keep_alive: Duration::from_millis(50),
     status: Duration::from_millis(250),
+    arming: Duration::from_secs(15),
 };
 
 /// Why the emulated board did not start or answer.

@@ -140,7 +140,7 @@ impl Loop {
 
     fn run(mut self, terminal: &mut TTYPort) {
         let mut buffer = [0_u8; 512];
-        let mut due_us = 0;
+        let mut due_us = 0_u64;
         loop {
             // A port waits for whole milliseconds; while an envelope plays the board wants to be asked in between.
             let wait_us = due_us.saturating_sub(self.board.now_us());
@@ -148,7 +148,11 @@ impl Loop {
             if wait.is_zero() {
                 std::thread::sleep(Duration::from_micros(wait_us));
             }
-            let length = match terminal.set_timeout(wait).map_err(std::io::Error::from).and_then(|()| terminal.read(&mut buffer)) {
+            let length = match terminal
+                .set_timeout(wait)
+                .map_err(std::io::Error::from)
+                .and_then(|()| terminal.read(&mut buffer))
+            {
                 Ok(length) => length,
                 Err(error)
                     if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
