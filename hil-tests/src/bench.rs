@@ -1,10 +1,13 @@
 //! A device under test: a client on its link, and what can be done to it from outside.
 
-use era::device::sim::{Knobs, ModalSystem, Panel, SimControl};
+use era::device::emulated::CHANNEL_TIMERS;
+use era::device::sim::{Defects, Knobs, ModalSystem, Panel, SimControl};
 use era::device::{Client, LinkError, OpenDevice, Target};
+use era_shared::MAX_CHANNELS;
+use era_shared::limits::REST_MS;
 use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{
-    AchievedDrive, CURRENT_VERSION, ChannelDrive, MIN_VERSION, Refusal, Reply, Request, StatusReply,
+    AchievedDrive, CURRENT_VERSION, ChannelDrive, Details, MIN_VERSION, Refusal, Reply, Request, StatusReply, Welcome,
 };
 use era_shared::safety::State;
 use era_shared::waveform::TimerRegisters;
@@ -28,14 +31,14 @@ pub struct Bench {
 impl Bench {
     /// A simulated device over a panel of one mode.
     pub(crate) fn sim() -> Result<Self, String> {
-        // 100 Hz, 5 % damping, two forces: the suite is about the device, not about the panel.
+        // 100 Hz, 5 % damping, a force for each channel: the suite is about the device, not about the panel.
         let omega = std::f64::consts::TAU * 100.0;
         let system = ModalSystem {
             lambda: DVector::from_element(1, omega * omega),
             damping: DMatrix::from_element(1, 1, 0.1 * omega),
-            force: DMatrix::from_element(1, 2, 1.0),
+            force: DMatrix::from_element(1, MAX_CHANNELS, 1.0),
         };
-        let panel = || (Panel::new(&system, vec![3e-8; 2]), vec![2000.0; 2]);
+        let panel = || (Panel::new(&system, vec![3e-8; MAX_CHANNELS]), vec![2000.0; MAX_CHANNELS]);
         Self::open(&Target::Sim, panel)
     }
 
@@ -51,7 +54,7 @@ impl Bench {
         Ok(Self { device: OpenDevice::open(target, panel).map_err(|error| error.to_string())? })
     }
 
-    /// A fresh client, on a device that is safe and without a fault.
+    /// A fresh client, on a device that is safe, rested and without a fault.
     ///
     /// # Errors
     /// If the device does not answer.
@@ -59,9 +62,36 @@ impl Bench {
         let mut session = Session { client: self.client()?, bench: self };
         session.ask(&Request::Stop)?;
         match session.client.request(&Request::ClearFaults) {
-            Ok(Reply::FaultsCleared) => Ok(session),
-            other => Err(format!("clear-faults was answered {other:?}")),
+            Ok(Reply::FaultsCleared) => {}
+            other => return Err(format!("clear-faults was answered {other:?}")),
         }
+        session.await_state(State::Safe)?;
+        // What was driven in an earlier case does not count as part of this one's burst.
+        self.be_silent(Duration::from_millis(u64::from(REST_MS) + 20))?;
+        Ok(session)
+    }
+
+    /// Breaks the hardware in one way: on the simulated device by its knobs, on the emulated board by faults injected into
+    /// it.
+    ///
+    /// # Errors
+    /// If the emulator fails, or the target's hardware cannot be broken from here.
+    pub fn break_it(&self, breakage: Breakage) -> Result<Broken<'_>, String> {
+        if let Some(control) = self.device.sim() {
+            control.set_knobs(Knobs { defects: breakage.defects(), ..Knobs::default() });
+            // The device looks at its knobs every ms.
+            std::thread::sleep(Duration::from_millis(20));
+        } else {
+            self.inject(&breakage.fault())?;
+        }
+        Ok(Broken(self))
+    }
+
+    fn inject(&self, fault: &serde_json::Value) -> Outcome {
+        let board = self.device.emulated().ok_or("this target's hardware cannot be broken from here")?;
+        let mut command = fault.clone();
+        command["op"] = "inject".into();
+        board.ask(&command).map(|_| ()).map_err(|error| error.to_string())
     }
 
     fn client(&self) -> Result<Client, String> {
@@ -104,6 +134,21 @@ impl Bench {
         self.device.emulated().map(|board| board.timers().map_err(|error| error.to_string())).transpose()
     }
 
+    /// Counter and ticks in a period of each channel's timer, all at one moment, where they can be seen: in the emulator.
+    ///
+    /// # Errors
+    /// If the emulator fails.
+    pub fn counts(&self) -> Result<Option<Vec<(u32, u32)>>, String> {
+        let Some(board) = self.device.emulated() else { return Ok(None) };
+        let answer = board.ask(&json!({"op": "timers"})).map_err(|error| error.to_string())?;
+        let register = |timer: &str, key: &str| {
+            let value = answer["timers"][timer][key].as_u64().and_then(|value| u32::try_from(value).ok());
+            value.ok_or_else(|| format!("no register {key} of {timer}"))
+        };
+        let count = |timer: &&str| Ok((register(timer, "cnt")?, register(timer, "arr")? + 1));
+        CHANNEL_TIMERS.iter().map(count).collect::<Result<Vec<_>, String>>().map(Some)
+    }
+
     /// How each electrode's pin is driven, where it can be seen.
     ///
     /// # Errors
@@ -128,6 +173,14 @@ impl Bench {
                 Ok(())
             }
         }
+    }
+
+    /// Lets `time` pass where the timers can be looked at, and where a slow drive would otherwise be looked at too early.
+    ///
+    /// # Errors
+    /// If the emulator fails.
+    pub fn let_pass(&self, time: Duration) -> Outcome {
+        if self.device.emulated().is_some() { self.be_silent(time) } else { Ok(()) }
     }
 
     /// Writes bytes to the device's port and returns the frames that come back until it is quiet.
@@ -169,6 +222,65 @@ fn no_panel() -> (Panel, Vec<f64>) {
     (Panel::new(&none, Vec::new()), Vec::new())
 }
 
+/// A way to break the hardware.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Breakage {
+    /// The enclosure is opened.
+    Interlock,
+    /// The emergency stop is pressed.
+    EmergencyStop,
+    /// The bond to protective earth breaks.
+    Earth,
+    /// The first rail does not come up.
+    Short,
+    /// The supply delivers 1 mA on average.
+    Leakage,
+    /// The timer of the second channel stands still.
+    StoppedTimer,
+}
+
+impl Breakage {
+    fn defects(self) -> Defects {
+        let none = Defects::default();
+        match self {
+            Breakage::Interlock => Defects { interlock_open: true, ..none },
+            Breakage::EmergencyStop => Defects { stop_pressed: true, ..none },
+            Breakage::Earth => Defects { earth_open: true, ..none },
+            Breakage::Short => Defects { shorted_rail: Some(0), ..none },
+            Breakage::Leakage => Defects { leakage_microamps: 1_000, ..none },
+            Breakage::StoppedTimer => Defects { stopped_timer: Some(1), ..none },
+        }
+    }
+
+    /// As the emulator's `inject` takes it.
+    fn fault(self) -> serde_json::Value {
+        match self {
+            Breakage::Interlock => json!({"interlock": "open"}),
+            Breakage::EmergencyStop => json!({"estop": "pressed"}),
+            Breakage::Earth => json!({"earth": "open"}),
+            Breakage::Short => json!({"rail_fault": {"rail": 1, "volts": 0}}),
+            Breakage::Leakage => json!({"average_ma": 1.0}),
+            Breakage::StoppedTimer => json!({"stall": {"timer": "TIM8", "on": true}}),
+        }
+    }
+}
+
+/// Mends the hardware when it is dropped.
+#[derive(Debug)]
+pub struct Broken<'a>(&'a Bench);
+
+impl Drop for Broken<'_> {
+    fn drop(&mut self) {
+        if let Some(control) = self.0.device.sim() {
+            control.set_knobs(Knobs::default());
+            std::thread::sleep(Duration::from_millis(20));
+        } else if let Err(error) = self.0.inject(&json!({"heal": true})) {
+            // The next case will find the board broken, and say so.
+            eprintln!("the emulated board could not be mended: {error}");
+        }
+    }
+}
+
 /// Puts the knobs back.
 #[derive(Debug)]
 pub struct KnobsGuard<'a>(&'a SimControl);
@@ -206,15 +318,88 @@ impl Session<'_> {
         }
     }
 
-    /// Arms with the longest dead-man time, so that a slow machine does not end the session.
+    /// Arms with the longest dead-man time, so that a slow machine does not end the session, and waits for the self-test.
+    ///
+    /// # Errors
+    /// As the link, or if the self-test fails.
+    pub fn arm(&mut self) -> Outcome {
+        match self.ask(&Request::Arm { deadman_ms: Some(1000) })? {
+            Reply::Armed { deadman_ms: 1000 } => {}
+            other => return Err(format!("arm was answered {other:?}")),
+        }
+        self.await_state(State::Armed)
+    }
+
+    /// Waits for a state, over those that pass by themselves: self-test and discharge.
+    ///
+    /// # Errors
+    /// If another state comes, or none within the time that an emulated board may need.
+    pub fn await_state(&mut self, wanted: State) -> Outcome {
+        self.await_over(wanted, |state| matches!(state, State::Boot | State::Arming | State::Discharging))
+    }
+
+    /// Waits for a fault, over everything else.
+    ///
+    /// # Errors
+    /// If none comes within the time that an emulated board may need.
+    pub fn await_fault(&mut self) -> Outcome {
+        self.await_over(State::Fault, |_| true)
+    }
+
+    fn await_over(&mut self, wanted: State, passing: impl Fn(State) -> bool) -> Outcome {
+        let begun = Instant::now();
+        loop {
+            let state = match self.ask(&Request::KeepAlive)? {
+                Reply::Alive { state } => state,
+                other => return Err(format!("keep-alive was answered {other:?}")),
+            };
+            if state == wanted {
+                return Ok(());
+            }
+            if !passing(state) || begun.elapsed() > Duration::from_secs(20) {
+                return Err(format!("waited for {}, but the device is {}", wanted.name(), state.name()));
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// What is measured, and what is still allowed.
     ///
     /// # Errors
     /// As the link.
-    pub fn arm(&mut self) -> Outcome {
-        match self.ask(&Request::Arm { deadman_ms: Some(1000) })? {
-            Reply::Armed { deadman_ms: 1000 } => Ok(()),
-            other => Err(format!("arm was answered {other:?}")),
+    pub fn details(&mut self) -> Result<Details, String> {
+        match self.ask(&Request::Details)? {
+            Reply::Details(details) => Ok(details),
+            other => Err(format!("details was answered {other:?}")),
         }
+    }
+
+    /// The board's time in us.
+    ///
+    /// # Errors
+    /// As the link.
+    pub fn clock_us(&mut self) -> Result<u64, String> {
+        match self.ask(&Request::Clock)? {
+            Reply::Clock { now_us } => Ok(now_us),
+            other => Err(format!("clock was answered {other:?}")),
+        }
+    }
+
+    /// Number of channels of the device.
+    ///
+    /// # Errors
+    /// As the link.
+    pub fn channels(&mut self) -> Result<u8, String> {
+        u8::try_from(self.hello()?.channels.len()).map_err(|error| error.to_string())
+    }
+
+    /// Disarms, or stops with [`Session::ask`], and waits until the device says that it is safe.
+    ///
+    /// # Errors
+    /// As the link, or if it does not become safe.
+    pub fn disarm(&mut self) -> Outcome {
+        self.ask(&Request::Disarm)?;
+        self.await_state(State::Safe)
     }
 
     /// Sets drives and returns what is achieved.
@@ -249,6 +434,10 @@ impl Session<'_> {
         equal("state", status.state, wanted)?;
         let driving = status.channels.iter().any(|channel| channel.drive.is_some());
         equal("some channel drives", driving, wanted == State::Running)?;
+        if wanted == State::Armed {
+            // Drives that were taken off end with their periods; the electrodes are then disconnected.
+            self.bench.be_silent(Duration::from_millis(20))?;
+        }
         if let Some(timers) = self.bench.timers()? {
             let energised = timers.iter().any(TimerRegisters::is_driving);
             equal("some timer energises electrodes", energised, wanted == State::Running)?;
@@ -260,9 +449,9 @@ impl Session<'_> {
     ///
     /// # Errors
     /// As the link.
-    pub fn hello(&mut self) -> Result<era_shared::protocol::HelloReply, String> {
+    pub fn hello(&mut self) -> Result<Welcome, String> {
         match self.ask(&Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION })? {
-            Reply::Hello(hello) => Ok(hello),
+            Reply::Welcome(welcome) => Ok(welcome),
             other => Err(format!("hello was answered {other:?}")),
         }
     }

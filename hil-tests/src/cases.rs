@@ -1,8 +1,11 @@
-//! The suite: what a device does with arm, drive, stop, silence, restart. `link_cases` has what it does with bytes.
+//! The suite: what a device does with arm, drive, stop, silence, restart. `link_cases` has what it does with bytes,
+//! `play_cases` effects and clocks, `safety_cases` self-test, faults and budgets, `version_cases` older hosts.
 
 use crate::bench::{Bench, Outcome, drive, equal};
-use crate::link_cases;
-use era_shared::protocol::{AchievedDrive, BoardKind, ChannelDrive, FaultCode, Refusal, Reply, Request};
+use crate::{link_cases, play_cases, safety_cases, version_cases};
+use era_shared::protocol::{
+    AchievedDrive, BoardKind, CURRENT_VERSION, ChannelDrive, FaultCode, Refusal, Reply, Request,
+};
 use era_shared::safety::{Event, State};
 use era_shared::waveform::{DriveError, Windows};
 use std::time::Duration;
@@ -16,6 +19,8 @@ pub enum Needs {
     Reset,
     /// The simulated device's knobs.
     Knobs,
+    /// Hardware that can be broken on demand.
+    Breaking,
 }
 
 /// One case of the suite.
@@ -49,6 +54,20 @@ pub const CASES: &[Case] = &[
     case("keep_alive_holds", keep_alive_holds),
     case("garbage", link_cases::garbage),
     case("frames_in_pieces", link_cases::frames_in_pieces),
+    case("clock", play_cases::clock),
+    case("details", safety_cases::details),
+    case("effect_on_all_channels", play_cases::effect_on_all_channels),
+    case("effects_queue", play_cases::effects_queue),
+    case("late_and_early_effects", play_cases::late_and_early_effects),
+    case("drives_set_while_arming", safety_cases::drives_set_while_arming),
+    case("burst_limit", safety_cases::burst_limit),
+    case("version_1_session", version_cases::version_1_session),
+    Case { name: "arming_tests_every_loop", needs: Needs::Breaking, run: safety_cases::arming_tests_every_loop },
+    Case {
+        name: "live_board_sees_what_breaks",
+        needs: Needs::Breaking,
+        run: safety_cases::live_board_sees_what_breaks,
+    },
     Case { name: "restart", needs: Needs::Reset, run: restart },
     Case { name: "silent_device", needs: Needs::Knobs, run: link_cases::silent_device },
     Case { name: "slow_device", needs: Needs::Knobs, run: link_cases::slow_device },
@@ -59,8 +78,9 @@ fn hello(bench: &Bench) -> Outcome {
     let hello = bench.session()?.hello()?;
     let wanted = if bench.knobs().is_some() { BoardKind::Simulated } else { BoardKind::Stm32G474 };
     equal("board", hello.board, wanted)?;
-    equal("channels", hello.channels.len(), 2)?;
-    equal("default dead-man time", hello.default_deadman_ms, 250)?;
+    equal("channels", hello.channels.len(), 4)?;
+    equal("newest version", hello.protocol_current, CURRENT_VERSION)?;
+    equal("the image has a name", hello.image.is_empty(), false)?;
     for limits in &hello.channels {
         equal("guard time is at least 50 us", limits.min_guard_ns >= 50_000, true)?;
         equal("voltage limit is at most 2 kV", limits.max_voltage_millivolts <= 2_000_000, true)?;
@@ -83,6 +103,7 @@ fn arm_and_disarm(bench: &Bench) -> Outcome {
     session.arm()?;
     session.expect_state(State::Armed)?;
     equal("disarm", session.ask(&Request::Disarm)?, Reply::Disarmed)?;
+    session.await_state(State::Safe)?;
     session.expect_state(State::Safe)?;
     let refusal = session.refused(&Request::Arm { deadman_ms: Some(5) })?;
     equal("refusal", refusal, Refusal::Deadman { requested_ms: 5, min_ms: 50, max_ms: 1000 })?;
@@ -114,8 +135,7 @@ fn change_drives(bench: &Bench) -> Outcome {
     }
     session.drive(&[])?;
     session.expect_state(State::Armed)?;
-    session.ask(&Request::Disarm)?;
-    Ok(())
+    session.disarm()
 }
 
 /// Frequencies at the ends and in the middle of the range, all within the timers' own step.
@@ -147,6 +167,7 @@ fn equal_frequencies_keep_their_phase(bench: &Bench) -> Outcome {
         equal("equal frequencies", achieved[0].frequency_nanohertz, achieved[1].frequency_nanohertz)?;
         let off = (i64::from(achieved[1].phase_microturns) - i64::from(phase_microturns)).rem_euclid(1_000_000);
         equal("phase within a tick", off.min(1_000_000 - off) <= 16, true)?;
+        check_phase(bench, &achieved)?;
     }
     session.ask(&Request::Stop)?;
     Ok(())
@@ -170,7 +191,7 @@ fn refused_drives_change_nothing(bench: &Bench) -> Outcome {
         match session.refused(&Request::SetDrives { drives })? {
             Refusal::Drive { channel, error } => {
                 equal(what, channel, bad.channel)?;
-                equal(what, matches!(error, DriveError::NoSuchChannel { channels: 2 }), bad.channel == 9)?;
+                equal(what, matches!(error, DriveError::NoSuchChannel { channels: 4 }), bad.channel == 9)?;
             }
             other => return Err(format!("{what}: refused with {other:?}")),
         }
@@ -188,8 +209,9 @@ fn stop(bench: &Bench) -> Outcome {
     session.arm()?;
     session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
     equal("stop", session.ask(&Request::Stop)?, Reply::Stopped)?;
-    session.expect_state(State::Safe)?;
     check_pins_low(bench)?;
+    session.await_state(State::Safe)?;
+    session.expect_state(State::Safe)?;
     equal("stop again", session.ask(&Request::Stop)?, Reply::Stopped)?;
     Ok(())
 }
@@ -197,6 +219,7 @@ fn stop(bench: &Bench) -> Outcome {
 fn silence(bench: &Bench) -> Outcome {
     let mut session = bench.session()?;
     equal("default dead-man time", session.ask(&Request::Arm { deadman_ms: None })?, Reply::Armed { deadman_ms: 250 })?;
+    session.await_state(State::Armed)?;
     session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
     // Twice the time, for a real board whose clock nobody can stop; to the millisecond in the emulator's report.
     bench.be_silent(Duration::from_millis(500))?;
@@ -208,9 +231,10 @@ fn silence(bench: &Bench) -> Outcome {
     let refusal = session.refused(&Request::Arm { deadman_ms: None })?;
     equal("refusal", refusal, Refusal::State { state: State::Fault, event: Event::Arm })?;
     equal("clear", session.ask(&Request::ClearFaults)?, Reply::FaultsCleared)?;
+    session.await_state(State::Safe)?;
     session.expect_state(State::Safe)?;
     session.arm()?;
-    session.ask(&Request::Disarm)?;
+    session.disarm()?;
     Ok(())
 }
 
@@ -218,7 +242,8 @@ fn keep_alive_holds(bench: &Bench) -> Outcome {
     let mut session = bench.session()?;
     session.arm()?;
     session.drive(&[drive(0, 150_000)])?;
-    for _ in 0..8 {
+    // Longer than the dead-man time, shorter than the longest burst.
+    for _ in 0..6 {
         bench.be_silent(Duration::from_millis(250))?;
         equal("keep-alive", session.ask(&Request::KeepAlive)?, Reply::Alive { state: State::Running })?;
     }
@@ -233,22 +258,27 @@ fn restart(bench: &Bench) -> Outcome {
     session.arm()?;
     session.drive(&[drive(0, 150_000), drive(1, 270_500)])?;
     bench.restart()?;
+    session.await_state(State::Safe)?;
     let status = session.expect_state(State::Safe)?;
     equal("a new boot identifier", status.boot_id != before, true)?;
     check_pins_low(bench)?;
     Ok(())
 }
 
-/// In the emulator: the timers do what was achieved, to the last tick, and no two electrodes of one ERA are on together.
-fn check_timers(bench: &Bench, achieved: &[AchievedDrive]) -> Outcome {
+/// In the emulator: the timers come to do what was achieved, to the last tick, and no two electrodes of one ERA are on
+/// together.
+pub(crate) fn check_timers(bench: &Bench, achieved: &[AchievedDrive]) -> Outcome {
+    // A change takes effect at a boundary, or after a gap until its phase comes: two periods of the slowest drive.
+    let slowest = achieved.iter().map(|drive| drive.frequency_nanohertz).min().unwrap_or(u64::MAX);
+    bench.let_pass(Duration::from_secs_f64(2.5e9 / slowest as f64 + 0.01))?;
     let Some(timers) = bench.timers()? else { return Ok(()) };
     for (channel, registers) in (0_u8..).zip(&timers) {
-        let Some(drive) = achieved.iter().find(|drive| drive.channel == channel) else {
-            equal(&format!("channel {channel} energises nothing"), registers.is_driving(), false)?;
-            continue;
-        };
         let windows = Windows::from_registers(registers).map_err(|error| format!("channel {channel}: {error:?}"))?;
         equal("ticks with both electrodes on", windows.overlap(), 0)?;
+        let Some(drive) = achieved.iter().find(|drive| drive.channel == channel) else {
+            equal(&format!("channel {channel} energises nothing"), windows.a.length + windows.b.length, 0)?;
+            continue;
+        };
         equal("both electrodes are used", windows.a.length == windows.b.length && windows.a.length > 0, true)?;
         let tick_s = windows.tick_s(170_000_000);
         let frequency_hz = 1.0 / (f64::from(windows.period) * tick_s);
@@ -260,12 +290,22 @@ fn check_timers(bench: &Bench, achieved: &[AchievedDrive]) -> Outcome {
     Ok(())
 }
 
+/// In the emulator: the counters of two drives of one frequency are as far apart as their phases, to a tick each for the
+/// two roundings and one for the phase's.
+fn check_phase(bench: &Bench, achieved: &[AchievedDrive]) -> Outcome {
+    let (Some(counts), [first, second, ..]) = (bench.counts()?, achieved) else { return Ok(()) };
+    let [(first_count, ticks), (second_count, _), ..] = counts[..] else { return Err("two counters".into()) };
+    let turn = 1e-6 * (f64::from(second.phase_microturns) - f64::from(first.phase_microturns));
+    let off = (f64::from(second_count) - f64::from(first_count)) / f64::from(ticks) - turn;
+    let off_ticks = (off - off.round()).abs() * f64::from(ticks);
+    equal(&format!("{off_ticks} ticks off the phase"), off_ticks <= 3.0, true)
+}
+
 /// In the emulator: no electrode's pin is left to a timer, and none is high.
-fn check_pins_low(bench: &Bench) -> Outcome {
+pub(crate) fn check_pins_low(bench: &Bench) -> Outcome {
     let Some(pins) = bench.pins()? else { return Ok(()) };
-    let electrodes = ["era1_a", "era1_b", "era2_a", "era2_b"];
-    for name in electrodes {
-        let pin = &pins["pins"][name];
+    for name in (1..=4).flat_map(|era| [format!("era{era}_a"), format!("era{era}_b")]) {
+        let pin = &pins["pins"][&name];
         equal(&format!("{name} is an output held low: {pin}"), pin["mode"] == "output" && pin["high"] == false, true)?;
     }
     Ok(())

@@ -7,4 +7,7 @@
 pub mod bench;
 pub mod cases;
 mod link_cases;
+mod play_cases;
+mod safety_cases;
 pub mod targets;
+mod version_cases;

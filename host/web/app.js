@@ -92,8 +92,9 @@ async function stop() {
     if (attempt === stopping) show("stop-result", "stopped, confirmed by the daemon");
   } catch (problem) {
     // The socket may have carried it although HTTP did not, and then it also brought the device's state.
-    if (link.open && document.body.dataset.state === "safe") {
-      show("stop-result", "stopped, the device reports it is safe");
+    const { state } = document.body.dataset;
+    if (link.open && (state === "safe" || state === "discharging")) {
+      show("stop-result", `stopped, the device reports it is ${state}`);
       return;
     }
     show("stop-result", "STOP not confirmed");

@@ -45,6 +45,8 @@ const boundInWords = ({ error_bound }) =>
 const STATE_WORDS = {
   boot: "starting",
   safe: "safe, all off",
+  discharging: "off, discharging",
+  arming: "testing itself",
   armed: "armed, not driving",
   running: "running",
   fault: "fault, all off",

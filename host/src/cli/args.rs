@@ -174,6 +174,9 @@ pub struct Touch {
     /// How long, in ms
     #[arg(long, value_name = "T")]
     pub duration_ms: Option<u32>,
+    /// Play an effect instead, timed by the board itself
+    #[arg(long, value_name = "NAME", conflicts_with = "duration_ms")]
+    pub effect: Option<crate::device::NamedEffect>,
     #[command(flatten)]
     pub daemon: Daemon,
 }

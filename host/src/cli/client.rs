@@ -14,6 +14,7 @@ pub fn touch(options: &Touch) -> Outcome {
     if let Some(map) = body.as_object_mut() {
         map.extend(options.intensity_g.map(|value| ("intensity_g".to_owned(), value.into())));
         map.extend(options.duration_ms.map(|value| ("duration_ms".to_owned(), value.into())));
+        map.extend(options.effect.map(|effect| ("effect".to_owned(), json!(effect))));
     }
     let answer = call(&options.daemon, "POST", "/v1/touch", Some(body))?;
     if options.daemon.json {
@@ -36,6 +37,10 @@ pub fn touch(options: &Touch) -> Outcome {
         number(&predicted["target_peak_g"]),
         number(&predicted["contrast_db"]),
     );
+    let effect = &answer["device"]["effect"];
+    if let Some(name) = effect["name"].as_str() {
+        let _ = write!(text, "\n{name} of {:.0} ms", number(&effect["duration_ms"]));
+    }
     if let Some(limit) = answer["limited_by"].as_str() {
         let _ = write!(text, "; limited by {limit}");
     }
@@ -65,6 +70,16 @@ fn show_state(options: &Daemon, answer: &Value) -> Outcome {
     }
     if !device["fault"].is_null() {
         let _ = write!(text, "\nfault {}: {}", device["fault"]["code"], text_of(&device["fault"]["message"]));
+    }
+    let clock = &device["clock"];
+    if !clock.is_null() {
+        let _ = write!(
+            text,
+            "\nclock of the board: {:+.1} ppm, known to {:.0} us rms ({:.0} us at worst)",
+            number(&clock["rate_ppm"]),
+            number(&clock["residual_rms_us"]),
+            number(&clock["residual_worst_us"]),
+        );
     }
     for channel in answer["telemetry"]["channels"].as_array().into_iter().flatten() {
         let name = text_of(&channel["actuator"]);

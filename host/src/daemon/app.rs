@@ -6,7 +6,7 @@ use super::problem::Problem;
 use super::view::{FieldView, PlanView, SceneView, TouchView};
 use crate::device::convert::{SiDrive, to_wire};
 use crate::device::sim::SimControl;
-use crate::device::{DriveOrder, OpenDevice, Session, SessionError, Snapshot};
+use crate::device::{DriveOrder, EffectOrder, NamedEffect, OpenDevice, Session, SessionError, Snapshot};
 use crate::planner::{Plan, PlanTable, Target};
 use serde::Deserialize;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,6 +34,17 @@ pub struct TouchRequest {
     pub intensity_g: Option<f64>,
     /// How long, in ms; any number in the range.
     pub duration_ms: Option<f64>,
+    /// Plays this instead of a drive of `duration_ms`.
+    pub effect: Option<NamedEffect>,
+}
+
+/// For how long, and how, a plan is driven.
+#[derive(Clone, Copy, Debug)]
+pub enum Manner {
+    /// Evenly, for as long.
+    Hold(Duration),
+    /// As the board plays an effect.
+    Effect(NamedEffect),
 }
 
 /// The current plan and what goes with it.
@@ -144,15 +155,30 @@ impl App {
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
     pub async fn touch(&self, request: TouchRequest) -> Result<(Arc<Active>, serde_json::Value), Problem> {
-        let duration_ms = request.duration_ms.unwrap_or_else(|| f64::from(DEFAULT_DURATION_MS));
-        if !(f64::from(MIN_DURATION_MS)..=f64::from(MAX_DURATION_MS)).contains(&duration_ms) {
-            return Err(Problem::range("duration_ms", duration_ms, MIN_DURATION_MS, MAX_DURATION_MS));
-        }
         let touch = TouchView { id: 0, x_px: request.x_px, y_px: request.y_px };
-        self.touch_all(vec![touch], request.intensity_g, Duration::from_secs_f64(duration_ms / 1e3)).await
+        let manner = match (request.effect, request.duration_ms) {
+            (Some(_), Some(duration_ms)) => {
+                let detail = "an effect has its own duration: give one of effect and duration_ms";
+                return Err(Problem::body(detail.into()).at(
+                    "duration_ms",
+                    duration_ms.into(),
+                    "absent with an effect".into(),
+                    None,
+                ));
+            }
+            (Some(effect), None) => Manner::Effect(effect),
+            (None, duration_ms) => {
+                let duration_ms = duration_ms.unwrap_or_else(|| f64::from(DEFAULT_DURATION_MS));
+                if !(f64::from(MIN_DURATION_MS)..=f64::from(MAX_DURATION_MS)).contains(&duration_ms) {
+                    return Err(Problem::range("duration_ms", duration_ms, MIN_DURATION_MS, MAX_DURATION_MS));
+                }
+                Manner::Hold(Duration::from_secs_f64(duration_ms / 1e3))
+            }
+        };
+        self.touch_all(vec![touch], request.intensity_g, manner).await
     }
 
-    /// Plans for all fingers at once and drives them for `hold`.
+    /// Plans for all fingers at once and drives them as `manner` says.
     ///
     /// # Errors
     /// As [`App::touch`].
@@ -160,9 +186,9 @@ impl App {
         &self,
         touches: Vec<TouchView>,
         intensity_g: Option<f64>,
-        hold: Duration,
+        manner: Manner,
     ) -> Result<(Arc<Active>, serde_json::Value), Problem> {
-        let result = self.try_touch(touches, intensity_g, hold).await;
+        let result = self.try_touch(touches, intensity_g, manner).await;
         self.metrics.count_touch(result.is_ok());
         result
     }
@@ -171,7 +197,7 @@ impl App {
         &self,
         touches: Vec<TouchView>,
         intensity_g: Option<f64>,
-        hold: Duration,
+        manner: Manner,
     ) -> Result<(Arc<Active>, serde_json::Value), Problem> {
         // A stop from here on means that this is not driven any more.
         let stops = self.session.stops();
@@ -193,9 +219,17 @@ impl App {
             *next += 1;
             *next
         };
-        let driven = self.session.drive(DriveOrder { id, stops, drives, hold }).await?;
-        let until = Instant::now() + hold;
-        let achieved = super::view::achieved(&plan, &driven.achieved);
+        let (achieved, until) = match manner {
+            Manner::Hold(hold) => {
+                let driven = self.session.drive(DriveOrder { id, stops, drives, hold }).await?;
+                (super::view::achieved(&plan, &driven.achieved), Instant::now() + hold)
+            }
+            Manner::Effect(named) => {
+                let order = EffectOrder { id, stops, drives, effect: named.effect(), start: None };
+                let played = self.session.play(order).await?;
+                (super::view::played(&plan, named, &played), played.start + played.length)
+            }
+        };
         let active = tokio::task::block_in_place(|| {
             let field = FieldView::new(&self.table, Some(&plan), id);
             Arc::new(Active { id, plan: PlanView::new(plan), field, touches })

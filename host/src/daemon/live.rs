@@ -1,6 +1,6 @@
 //! The WebSocket: touches in, state, plans and telemetry out.
 
-use super::app::{App, MAX_DURATION_MS, Update};
+use super::app::{App, MAX_DURATION_MS, Manner, Update};
 use super::problem::Problem;
 use super::view::{self, TouchView};
 use axum::extract::State;
@@ -150,7 +150,7 @@ async fn drive(app: Arc<App>, mut newest: watch::Receiver<Fingers>, outbox: mpsc
             continue;
         }
         let hold = Duration::from_millis(u64::from(MAX_DURATION_MS));
-        match app.touch_all(touches, intensity_g, hold).await {
+        match app.touch_all(touches, intensity_g, Manner::Hold(hold)).await {
             Ok((active, _)) => down = Some((down.map_or_else(Instant::now, |(since, _)| since), active.id)),
             Err(problem) => {
                 let _ = outbox.send(error_message(&problem)).await;

@@ -63,6 +63,16 @@ impl Metrics {
             let name = "era_link_round_trip_seconds";
             metric(name, "gauge", "Median of the last round trips.", &round_trip.as_secs_f64());
         }
+        if let Some(clock) = device.clock {
+            let help = "Root mean square of the board clock's prediction errors.";
+            metric("era_clock_residual_rms_seconds", "gauge", help, &clock.residual_rms_s);
+            let help = "Largest of the last 32 prediction errors of the board's clock.";
+            metric("era_clock_residual_worst_seconds", "gauge", help, &clock.residual_worst_s);
+            let help = "How much faster the board's clock runs than the host's, in parts per million.";
+            metric("era_clock_rate_ppm", "gauge", help, &clock.rate_ppm);
+            let help = "Samples of the board's clock left out as late.";
+            metric("era_clock_outliers", "gauge", help, &clock.outliers);
+        }
         let _ =
             writeln!(out, "# HELP era_device_state 1 for the state the device is in.\n# TYPE era_device_state gauge");
         for state in State::ALL {

@@ -175,7 +175,7 @@ impl From<SessionError> for Problem {
                 "The device is in a fault",
                 format!("{detail} (POST /v1/faults/clear clears it)"),
             ),
-            SessionError::Link(LinkError::Refused(_)) => {
+            SessionError::Link(LinkError::Refused(_) | LinkError::TooOld { .. }) | SessionError::NotArmed { .. } => {
                 Self::new(StatusCode::CONFLICT, "device-refused", "The device refused", detail)
             }
             SessionError::Link(_) | SessionError::Disconnected { .. } => {

@@ -93,7 +93,7 @@ fn from_body<T: DeserializeOwned>(
 }
 
 async fn touch(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
-    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "duration_ms"?: number}"#;
+    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "swell" | "pulse_train"}"#;
     let request: TouchRequest = from_body(body, MAX_BODY, wanted)?;
     let (active, achieved) = app.touch(request).await?;
     Ok(Json(view::touched(&active, achieved)).into_response())

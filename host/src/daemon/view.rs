@@ -2,9 +2,11 @@
 
 use super::app::{Active, App};
 use crate::device::convert::from_wire;
+use crate::device::session::Played;
+use crate::device::{Identity, NamedEffect};
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
 use crate::scene::Scene;
-use era_shared::protocol::{AchievedDrive, HelloReply};
+use era_shared::protocol::AchievedDrive;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -148,6 +150,20 @@ pub fn achieved(plan: &Plan, achieved: &[AchievedDrive]) -> Value {
     json!({ "acknowledged": true, "achieved": list })
 }
 
+/// The same for an effect, with when it begins and how long it lasts.
+#[must_use]
+pub fn played(plan: &Plan, effect: NamedEffect, played: &Played) -> Value {
+    let mut answer = achieved(plan, &played.achieved);
+    if let Some(map) = answer.as_object_mut() {
+        let duration_ms = played.length.as_secs_f64() * 1e3;
+        map.insert(
+            "effect".into(),
+            json!({ "name": effect, "start_board_us": played.start_us, "duration_ms": duration_ms }),
+        );
+    }
+    answer
+}
+
 /// The answer to a touch: the plan, and the device's acknowledgement.
 #[must_use]
 pub fn touched(active: &Active, device: Value) -> Value {
@@ -215,14 +231,34 @@ pub fn state(app: &App) -> Value {
             "channels": channels,
         })
     });
-    let hello = device.hello.as_ref();
+    let identity = device.identity.as_ref();
+    let supply = device.details.as_ref().map(|details| {
+        let volts = |values: &[u32]| values.iter().map(|millivolts| f64::from(*millivolts) / 1e3).collect::<Vec<_>>();
+        json!({
+            "set_point_v": volts(&details.set_point_millivolts), "rail_v": volts(&details.rail_millivolts),
+            "average_current_ma": f64::from(details.average_microamps) / 1e3,
+            "interlock_closed": details.interlock_closed, "stop_released": details.stop_released,
+            "earth_bonded": details.earth_bonded,
+            "credit_s": details.credit_ms.iter().map(|ms| f64::from(*ms) / 1e3).collect::<Vec<_>>(),
+        })
+    });
+    let clock = device.clock.map(|clock| {
+        json!({
+            "rate_ppm": clock.rate_ppm, "half_round_trip_us": clock.half_round_trip_s * 1e6,
+            "residual_rms_us": clock.residual_rms_s * 1e6, "residual_worst_us": clock.residual_worst_s * 1e6,
+            "samples": clock.samples, "outliers": clock.outliers,
+        })
+    });
     json!({
         "device": {
             "kind": device.kind, "port": device.path, "connected": device.connected, "problem": device.problem,
             "state": status.map(|status| status.state.name()), "fault": fault,
-            "firmware": hello.map(firmware), "protocol": hello.map(|hello| hello.protocol_current),
-            "board_id": hello.map(board_id), "boot_id": hello.map(|hello| hello.boot_id),
-            "reset_cause": hello.map(|hello| format!("{:?}", hello.reset_cause)), "restarts": device.restarts,
+            "firmware": identity.map(Identity::firmware_text), "image": identity.map(|known| known.image.as_str()),
+            "protocol": device.protocol,
+            "board_id": identity.map(board_id), "boot_id": identity.map(|known| known.boot_id),
+            "reset_cause": identity.map(|known| format!("{:?}", known.reset_cause)),
+            "failure": identity.map(|known| known.failure.as_str()).filter(|failure| !failure.is_empty()),
+            "restarts": device.restarts, "supply": supply, "clock": clock,
         },
         "plan": active.as_ref().map(|active| &active.plan),
         "plan_id": active.as_ref().map(|active| active.id),
@@ -237,13 +273,6 @@ pub fn state(app: &App) -> Value {
     })
 }
 
-fn firmware(hello: &HelloReply) -> String {
-    let version = hello.firmware;
-    let commit = std::str::from_utf8(&version.commit).ok().filter(|commit| *commit != "00000000");
-    let numbers = format!("{}.{}.{}", version.major, version.minor, version.patch);
-    commit.map_or(numbers.clone(), |commit| format!("{numbers}+{commit}"))
-}
-
-fn board_id(hello: &HelloReply) -> String {
-    hello.board_id.iter().map(|byte| format!("{byte:02x}")).collect()
+fn board_id(identity: &Identity) -> String {
+    identity.board_id.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -30,6 +30,18 @@ pub enum LinkError {
         /// How often it was sent.
         attempts: u32,
     },
+    /// The device is too old for this request; everything else goes on.
+    #[error(
+        "{request} needs ERA protocol version {needed}, and this device speaks {spoken}: update the board's firmware"
+    )]
+    TooOld {
+        /// The request's name.
+        request: &'static str,
+        /// Oldest version that has it.
+        needed: u8,
+        /// Version spoken with this device.
+        spoken: u8,
+    },
     /// The two sides have no protocol version in common.
     #[error("this program speaks ERA protocol versions {host_min} to {host_current}, the device {device_min} to {device_current}: update {}", if device_current < host_min { "the board's firmware" } else { "this program" })]
     Version {
@@ -75,10 +87,13 @@ pub struct Client {
     transport: Box<dyn Transport>,
     decoder: Decoder,
     sequence: u16,
+    /// The version in use: the newest, until the device says that it is older.
+    version: u8,
     timeout: Duration,
     statistics: LinkStatistics,
     round_trips: VecDeque<Duration>,
     last_frame_written: Option<Instant>,
+    last_reply_read: Option<Instant>,
 }
 
 impl Client {
@@ -89,10 +104,12 @@ impl Client {
             transport,
             decoder: Decoder::new(),
             sequence: 0,
+            version: CURRENT_VERSION,
             timeout,
             statistics: LinkStatistics::default(),
             round_trips: VecDeque::new(),
             last_frame_written: None,
+            last_reply_read: None,
         }
     }
 
@@ -110,18 +127,61 @@ impl Client {
         sorted.get(sorted.len() / 2).copied()
     }
 
+    /// Longest of the last round trips.
+    #[must_use]
+    pub fn round_trip_worst(&self) -> Option<Duration> {
+        self.round_trips.iter().copied().max()
+    }
+
     /// When the last byte of the last frame was handed to the port.
     #[must_use]
     pub const fn last_frame_written(&self) -> Option<Instant> {
         self.last_frame_written
     }
 
-    /// Sends `request` and waits for its reply; a refusal is an error.
+    /// When the answer to the last request had been read.
+    #[must_use]
+    pub const fn last_reply_read(&self) -> Option<Instant> {
+        self.last_reply_read
+    }
+
+    /// Protocol version in use.
+    #[must_use]
+    pub const fn version(&self) -> u8 {
+        self.version
+    }
+
+    /// Sends `request` and waits for its reply; a refusal is an error. With a device that is older than this program its
+    /// version is spoken from its first refusal on.
     ///
     /// # Errors
     /// [`LinkError`]; after [`LinkError::Silent`] and [`LinkError::Io`] it is not known whether the request was carried
     /// out.
     pub fn request(&mut self, request: &Request) -> Result<Reply, LinkError> {
+        match self.try_request(request)? {
+            Reply::Refused(Refusal::Version { device_min, device_current, .. }) => {
+                let common = device_current.min(CURRENT_VERSION);
+                if common >= device_min.max(MIN_VERSION) && common != self.version {
+                    tracing::info!(version = common, "the device speaks an older protocol version");
+                    self.version = common;
+                    return self.request(request);
+                }
+                Err(LinkError::Version {
+                    host_min: MIN_VERSION,
+                    host_current: CURRENT_VERSION,
+                    device_min,
+                    device_current,
+                })
+            }
+            Reply::Refused(refusal) => Err(LinkError::Refused(refusal)),
+            reply => Ok(reply),
+        }
+    }
+
+    fn try_request(&mut self, request: &Request) -> Result<Reply, LinkError> {
+        if request.since() > self.version {
+            return Err(LinkError::TooOld { request: name(request), needed: request.since(), spoken: self.version });
+        }
         for attempt in 0..ATTEMPTS {
             self.sequence = self.sequence.wrapping_add(1);
             if attempt > 0 {
@@ -133,17 +193,10 @@ impl Client {
             let sent = Instant::now();
             self.send(request)?;
             if let Some(reply) = self.wait(sent + self.timeout)? {
-                self.note_round_trip(sent.elapsed());
-                return match reply {
-                    Reply::Refused(Refusal::Version { device_min, device_current, .. }) => Err(LinkError::Version {
-                        host_min: MIN_VERSION,
-                        host_current: CURRENT_VERSION,
-                        device_min,
-                        device_current,
-                    }),
-                    Reply::Refused(refusal) => Err(LinkError::Refused(refusal)),
-                    reply => Ok(reply),
-                };
+                let read = Instant::now();
+                self.last_reply_read = Some(read);
+                self.note_round_trip(read - sent);
+                return Ok(reply);
             }
         }
         Err(LinkError::Silent { request: name(request), timeout: self.timeout, attempts: ATTEMPTS })
@@ -151,7 +204,7 @@ impl Client {
 
     fn send(&mut self, request: &Request) -> Result<(), LinkError> {
         let mut frame = [0; MAX_ENCODED];
-        let length = encode(CURRENT_VERSION, Kind::Request, self.sequence, request, &mut frame)
+        let length = encode(self.version, Kind::Request, self.sequence, request, &mut frame)
             .map_err(|error| std::io::Error::new(ErrorKind::InvalidInput, format!("{error:?}")))?;
         self.transport.write_all(frame.get(..length).unwrap_or_default())?;
         self.transport.flush()?;
@@ -217,5 +270,12 @@ pub const fn name(request: &Request) -> &'static str {
         Request::Faults => "faults",
         Request::ClearFaults => "clear-faults",
         Request::Telemetry => "telemetry",
+        Request::ArmWith { .. } => "arm-with",
+        Request::Prepare { .. } => "prepare",
+        Request::Play { .. } => "play",
+        Request::Clock => "clock",
+        Request::Details => "details",
+        Request::Log => "log",
+        Request::Bootloader { .. } => "bootloader",
     }
 }

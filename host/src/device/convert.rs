@@ -64,6 +64,24 @@ pub fn refusal_text(refusal: &Refusal) -> String {
         Refusal::Fault(fault) => {
             format!("fault {} ({}): {}", fault.code.number(), fault.code.name(), fault.code.advice())
         }
+        Refusal::Duty { channel, wait_ms } => {
+            format!("channel {channel} has driven for as long as it may; it can drive again in {wait_ms} ms")
+        }
+        Refusal::StillThere(code) => {
+            format!("the cause of fault {} ({}) is still there. {}", code.number(), code.name(), code.advice())
+        }
+        Refusal::NoDrive { channel } => format!("channel {channel} has no drive that an effect could shape"),
+        Refusal::Start { start_us, now_us } => {
+            format!("the start at {start_us} us of the board's time is too far from its now, {now_us} us")
+        }
+        Refusal::Effect => {
+            "the effect has no segments, a level beyond 1000, or is to be played 0 or more than 1000 times".into()
+        }
+        Refusal::QueueFull { channel } => format!("as many effects wait for channel {channel} as can"),
+        Refusal::Burst { requested_ms, min_ms, max_ms } => {
+            format!("burst_ms {requested_ms} is outside {min_ms} to {max_ms}")
+        }
+        Refusal::Live(state) => format!("not in state {}: high voltage may be on", state.name()),
     }
 }
 

@@ -12,7 +12,9 @@ use std::time::Duration;
 /// Where the source was when this program was built; the emulator and the firmware are built and run from it.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 /// Timers of the board's channels, in order.
-pub const CHANNEL_TIMERS: [&str; 2] = ["TIM1", "TIM8"];
+pub const CHANNEL_TIMERS: [&str; 4] = ["TIM1", "TIM8", "TIM20", "TIM4"];
+/// BDTR.MOE, which TIM4 has not.
+const MAIN_OUTPUT: u32 = 1 << 15;
 
 /// Emulated time may run ten times slower than real time on a busy machine, so its host waits longer; the board's
 /// dead-man timer runs in its own time, and a sign of life every 50 ms keeps it content either way.
@@ -20,6 +22,7 @@ const TIMING: Timing = Timing {
     reply_timeout: Duration::from_secs(5),
     keep_alive: Duration::from_millis(50),
     status: Duration::from_millis(250),
+    arming: Duration::from_secs(15),
 };
 
 /// Why the emulated board did not start or answer.
@@ -109,31 +112,35 @@ impl EmulatedBoard {
         TIMING
     }
 
-    /// The registers of the channels' timers, as they are now.
+    /// The registers of the channels' timers, as they are now. TIM4 has no main output enable: whether its outputs reach
+    /// the electrodes is up to the pins, and is told in its BDTR.
     ///
     /// # Errors
     /// [`EmulatedError::Control`].
     pub fn timers(&self) -> Result<Vec<TimerRegisters>, EmulatedError> {
         let answer = self.ask(&json!({"op": "timers"}))?;
-        CHANNEL_TIMERS
-            .iter()
-            .map(|name| {
+        let pins = self.ask(&json!({"op": "pins"}))?;
+        (1..)
+            .zip(CHANNEL_TIMERS)
+            .map(|(era, name)| {
                 let register = |key: &str| {
-                    let value = answer["timers"][*name][key].as_u64().and_then(|value| u32::try_from(value).ok());
+                    let value = answer["timers"][name][key].as_u64().and_then(|value| u32::try_from(value).ok());
                     value.ok_or_else(|| EmulatedError::Control {
                         op: "timers".into(),
                         reason: format!("no register {key} of {name} in {answer}"),
                     })
                 };
+                let at_pins = ["a", "b"].iter().any(|side| pins["pins"][format!("era{era}_{side}")]["mode"] == "timer");
+                let pins_open = if at_pins { MAIN_OUTPUT } else { 0 };
                 Ok(TimerRegisters {
                     cr1: register("cr1")?,
                     ccmr1: register("ccmr1")?,
+                    ccmr2: register("ccmr2")?,
                     ccer: register("ccer")?,
                     psc: register("psc")?,
                     arr: register("arr")?,
-                    ccr1: register("ccr1")?,
-                    ccr2: register("ccr2")?,
-                    bdtr: register("bdtr")?,
+                    ccr: [register("ccr1")?, register("ccr2")?, register("ccr3")?, register("ccr4")?],
+                    bdtr: if name == "TIM4" { pins_open } else { register("bdtr")? & !(MAIN_OUTPUT ^ pins_open) },
                 })
             })
             .collect()

@@ -1,16 +1,22 @@
 //! Devices: how to reach one ([`target`]), how to talk to it ([`client`]), how to keep a session with it
-//! ([`session`]), and the simulated one ([`sim`]).
+//! ([`session`]), how its clock and ours agree ([`clock`]), and the simulated one ([`sim`]).
 //!
 //! Whatever the device is, the daemon opens a serial port and exchanges frames: the simulated device stands behind a
 //! real pseudo-terminal, the emulated board's UART is bridged to one.
 
 pub mod client;
+pub mod clock;
 pub mod convert;
+pub mod effect;
 pub mod emulated;
+pub mod identity;
 pub mod session;
 pub mod sim;
 pub mod target;
 
 pub use client::{Client, LinkError};
-pub use session::{DriveOrder, Session, SessionError, Snapshot};
+pub use clock::{ClockQuality, ClockSync};
+pub use effect::NamedEffect;
+pub use identity::Identity;
+pub use session::{DriveOrder, EffectOrder, Session, SessionError, Snapshot};
 pub use target::{OpenDevice, Target, TargetError};

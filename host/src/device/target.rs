@@ -93,6 +93,8 @@ pub struct Timing {
     pub keep_alive: Duration,
     /// Between two looks at the state.
     pub status: Duration,
+    /// Longest wait for the self-test before arming: a second for rails that still discharge, and then some 70 ms.
+    pub arming: Duration,
 }
 
 /// Real boards and the simulated one: an answer takes a few ms, of which 115 200 baud costs 20 for the longest frames.
@@ -100,6 +102,7 @@ const REAL_TIME: Timing = Timing {
     reply_timeout: Duration::from_millis(150),
     keep_alive: Duration::from_millis(50),
     status: Duration::from_millis(100),
+    arming: Duration::from_millis(1500),
 };
 
 /// What keeps a device alive while it is used.

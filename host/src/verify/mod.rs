@@ -7,11 +7,14 @@ use crate::device::sim::{Accelerometer, Clock, STEP_S, SimBoard, attenuation};
 use crate::planner::{Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
 use era_shared::device::{Device, Port};
+use era_shared::limits::BURST_MAX_MS;
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
 use era_shared::safety::LinkId;
+use era_shared::supply::{RAILS, rail_of};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 mod waveform;
 
@@ -22,8 +25,12 @@ const SETTLED: f64 = 1e-4;
 /// Part at which the longest settling time will do; less than half the difference that is allowed, as all modes are taken to
 /// add up.
 const NEARLY_SETTLED: f64 = 2e-2;
-/// Longest settling time in s: a mode at 40 Hz with a damping ratio of 2e-3 has 4e-5 left.
-const LONGEST_SETTLE_S: f64 = 20.0;
+/// Longest settling time in s: with soft start and record it fills the longest burst that the board drives, 10 s. A mode at
+/// 40 Hz with a damping ratio of 2e-3 has 1.4e-2 left.
+const LONGEST_SETTLE_S: f64 = 8.5;
+/// From the drives' frame to steady drives, in s: the self-test takes 10 ms, the soft start to 2 kV 100 ms, the supply's own
+/// 2 ms leave nothing after 40 more, and a channel at 20 Hz may wait for its phase for 150 ms.
+const SOFT_START_S: f64 = 0.3;
 /// Shortest settling time in s, for the accelerometer's own low-pass.
 const SHORTEST_SETTLE_S: f64 = 0.1;
 /// Length of the record in s: several dozen periods, twenty beats at the least spacing of 20 Hz, and two common periods of
@@ -44,7 +51,7 @@ pub enum VerifyError {
     /// There is no steady state to compare with.
     #[error(
         "{LONGEST_SETTLE_S} s after it was switched on the panel's motion has not settled, so that there is no steady state \
-         to compare with: give the scene more damping (surface.damping.loss_factor, say)"
+         to compare with, as the board drives no longer than 10 s: give the scene more damping (surface.damping.loss_factor, say)"
     )]
     NeverSettles,
     /// The simulated device did not do as told.
@@ -125,7 +132,7 @@ pub fn spread(count: u32, length_m: f64, width_m: f64) -> Vec<(f64, f64)> {
 
 /// What the device did.
 struct Record {
-    /// The drives as its registers achieve them; all start at time zero.
+    /// The drives as its registers achieve them, their phases counted from the panel's time zero.
     achieved: Vec<SiDrive>,
     /// What the frequency domain has for the peak over the same window, in m/s^2.
     predicted_peak: f64,
@@ -142,12 +149,14 @@ fn run(
 ) -> Result<Record, VerifyError> {
     let volts: Vec<f64> = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     let mut bench = Bench::new(SimBoard::new(panel, &volts, Clock::Manual(0)));
-    bench.ask(&Request::Arm { deadman_ms: None })?;
+    bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
     let drives = wire_drives(plan).iter().map(to_wire).collect();
     let Reply::DrivesSet { achieved } = bench.ask(&Request::SetDrives { drives })? else {
         return Err(VerifyError::Device("something else than the drives it has set".into()));
     };
-    let achieved: Vec<SiDrive> = achieved.iter().map(from_wire).collect();
+    // The device holds the drives until its self-test has passed, and brings the rails up.
+    bench.run_for(SOFT_START_S)?;
+    let achieved = bench.in_time(&on_rails(achieved.iter().map(from_wire).collect()))?;
     let waveform = Waveform::new(&table.model, &table.electrodes, shape, &achieved)?;
     // From rest, the motion is the steady one and a free one that cancels it at first.
     let peak = waveform.peak(0.0, STEP_S, samples_of(RECORD_S));
@@ -169,6 +178,26 @@ fn run(
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a second or so")]
 fn samples_of(seconds: f64) -> usize {
     (seconds / STEP_S) as usize
+}
+
+/// The drives as they are once channels share rails: a rail stands at the highest voltage of its channels, and the others
+/// get windows of the same fundamental force, (V / V_rail)^2 sin(pi w / 2) = sin(pi w' / 2).
+fn on_rails(drives: Vec<SiDrive>) -> Vec<SiDrive> {
+    let mut rails_v = [0.0_f64; RAILS];
+    for drive in &drives {
+        if let Some(rail_v) = rails_v.get_mut(rail_of(usize::from(drive.channel))) {
+            *rail_v = rail_v.max(drive.voltage_v);
+        }
+    }
+    let shared = |drive: SiDrive| {
+        let rail_v = rails_v.get(rail_of(usize::from(drive.channel))).copied().unwrap_or(drive.voltage_v);
+        if rail_v <= drive.voltage_v {
+            return drive;
+        }
+        let part = (drive.voltage_v / rail_v).powi(2) * (FRAC_PI_2 * drive.pulse_width).sin();
+        SiDrive { voltage_v: rail_v, pulse_width: part.asin() / FRAC_PI_2, ..drive }
+    };
+    drives.into_iter().map(shared).collect()
 }
 
 /// A device and a host in one thread, on a clock that is set by hand.
@@ -195,13 +224,42 @@ impl Bench {
     fn run_for(&mut self, seconds: f64) -> Result<(), VerifyError> {
         let end_us = self.time_us + (seconds * 1e6) as u64;
         while self.time_us < end_us {
-            self.time_us = (self.time_us + KEEP_ALIVE_US).min(end_us);
-            self.board.set_time_us(self.time_us);
+            let keep_alive_us = (self.time_us + KEEP_ALIVE_US).min(end_us);
+            while self.time_us < keep_alive_us {
+                let due_us = self.device.poll(&mut self.board);
+                self.time_us = due_us.clamp(self.time_us + 1, keep_alive_us);
+                self.board.set_time_us(self.time_us);
+            }
             self.device.poll(&mut self.board);
             self.board.advance();
             self.ask(&Request::KeepAlive)?;
         }
         Ok(())
+    }
+
+    /// The drives with their phases counted from the panel's time zero. Equal frequencies have a common origin, which the
+    /// first of them shows: where its windows lie is taken from the timers, and the phases of the others from the plan.
+    fn in_time(&mut self, drives: &[SiDrive]) -> Result<Vec<SiDrive>, VerifyError> {
+        let mut origins: Vec<(f64, f64)> = Vec::new();
+        let mut found = Vec::with_capacity(drives.len());
+        for drive in drives {
+            let frequency_hz = drive.frequency_hz;
+            let known = origins.iter().find(|(of, _)| (of - frequency_hz).abs() < 1e-9).map(|(_, origin_s)| *origin_s);
+            let origin_s = match known {
+                Some(origin_s) => origin_s,
+                None => {
+                    let source = self.board.panel_mut().source_mut(usize::from(drive.channel));
+                    let peak_s = source.and_then(|source| source.peak_s());
+                    let peak_s =
+                        peak_s.ok_or_else(|| VerifyError::Device("no drive on a channel of the plan".into()))?;
+                    let origin_s = peak_s + drive.phase_rad / (TAU * frequency_hz);
+                    origins.push((frequency_hz, origin_s));
+                    origin_s
+                }
+            };
+            found.push(SiDrive { phase_rad: drive.phase_rad - TAU * (frequency_hz * origin_s).fract(), ..*drive });
+        }
+        Ok(found)
     }
 
     fn ask(&mut self, request: &Request) -> Result<Reply, VerifyError> {
@@ -235,7 +293,7 @@ fn amplitudes(record: &[f64], frequencies_hz: &[f64]) -> Vec<f64> {
     let mut row = DVector::<f64>::zeros(columns);
     for (i, value) in record.iter().enumerate() {
         for (k, frequency_hz) in frequencies_hz.iter().enumerate() {
-            let (sin, cos) = (std::f64::consts::TAU * frequency_hz * i as f64 * STEP_S).sin_cos();
+            let (sin, cos) = (TAU * frequency_hz * i as f64 * STEP_S).sin_cos();
             row[2 * k] = cos;
             row[2 * k + 1] = sin;
         }

@@ -1,9 +1,12 @@
-//! The simulated board: timers and rails as numbers, the panel in their place.
+//! The simulated board: timers, rails and loops as numbers, the panel in the electrodes' place.
 
 use super::panel::Panel;
+use super::rails::Rail;
 use super::source::Source;
-use era_shared::board::{Board, BoardInfo, Measurements, Programs};
+use era_shared::board::{Board, BoardInfo};
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
+use era_shared::supply::{Finding, RAILS, Senses, Supply};
+use era_shared::waveform::Preload;
 use std::time::Instant;
 
 /// Where the board's time comes from.
@@ -15,15 +18,36 @@ pub enum Clock {
     Manual(u64),
 }
 
+/// What is wrong with the hardware.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Defects {
+    /// The enclosure is open.
+    pub interlock_open: bool,
+    /// The emergency stop is pressed.
+    pub stop_pressed: bool,
+    /// The bond to protective earth is broken.
+    pub earth_open: bool,
+    /// This rail, counted from 0, is shorted.
+    pub shorted_rail: Option<usize>,
+    /// Average current of the supply in uA, over what the electrodes take (which counts as nothing).
+    pub leakage_microamps: u32,
+    /// The comparator or break that does not trip, by its number in the troubleshooting table.
+    pub dead_trip: Option<u32>,
+    /// The channel whose timer stands still.
+    pub stopped_timer: Option<u32>,
+}
+
 /// A board without hardware.
 #[derive(Debug)]
 pub struct SimBoard {
     info: BoardInfo,
     clock: Clock,
     panel: Panel,
-    rails_millivolts: Vec<u32>,
-    live: bool,
-    applied: bool,
+    supply: Supply,
+    defects: Defects,
+    /// The timers run since this time in us.
+    started_us: Option<u64>,
+    leaving: bool,
 }
 
 impl SimBoard {
@@ -46,6 +70,8 @@ impl SimBoard {
                 board_id: *b"sim-board-01",
                 boot_id: 1,
                 reset_cause: ResetCause::PowerOn,
+                // Shorter than the longest name there can be.
+                image: "simulated".try_into().unwrap_or_default(),
                 firmware: FirmwareVersion {
                     major: number(env!("CARGO_PKG_VERSION_MAJOR")),
                     minor: number(env!("CARGO_PKG_VERSION_MINOR")),
@@ -54,12 +80,14 @@ impl SimBoard {
                 },
                 channels,
                 fault_before_reset: None,
+                failure: heapless::String::new(),
             },
             clock,
             panel,
-            rails_millivolts: vec![0; max_voltages_v.len()],
-            live: false,
-            applied: false,
+            supply: Supply { discharge: [true; RAILS], ..Supply::default() },
+            defects: Defects::default(),
+            started_us: None,
+            leaving: false,
         }
     }
 
@@ -68,16 +96,22 @@ impl SimBoard {
         &mut self.panel
     }
 
-    /// What the reset pin does: drives end and everything but the panel's motion is forgotten.
+    /// What the reset pin does: drives end and everything but the panel's motion and the rails' charge is forgotten.
     pub fn restart(&mut self) {
         self.outputs_off();
+        let now_s = self.time_s();
+        let volts: [f64; RAILS] = std::array::from_fn(|rail| self.panel.rail(rail).volts_at(now_s));
         self.info.boot_id = self.info.boot_id.wrapping_add(1);
         self.info.reset_cause = ResetCause::Pin;
+        self.leaving = false;
         self.clock = match self.clock {
             Clock::Wall(_) => Clock::Wall(Instant::now()),
             Clock::Manual(_) => Clock::Manual(0),
         };
         self.panel.restart_clock();
+        for (rail, volts) in volts.into_iter().enumerate() {
+            self.panel.set_rail(rail, Rail::discharging(volts, 0.0));
+        }
     }
 
     /// Sets a [`Clock::Manual`].
@@ -85,9 +119,18 @@ impl SimBoard {
         self.clock = Clock::Manual(time_us);
     }
 
-    /// Whether drives were set since this was last asked.
-    pub const fn take_applied(&mut self) -> bool {
-        std::mem::replace(&mut self.applied, false)
+    /// Breaks or mends the hardware.
+    pub fn set_defects(&mut self, defects: Defects) {
+        if defects != self.defects {
+            self.defects = defects;
+            self.follow_supply();
+        }
+    }
+
+    /// Whether the board has left for its bootloader; it has none, so its owner restarts it.
+    #[must_use]
+    pub const fn is_leaving(&self) -> bool {
+        self.leaving
     }
 
     /// Lets the panel move up to now.
@@ -101,11 +144,21 @@ impl SimBoard {
         self.now_us() as f64 / 1e6
     }
 
-    fn silence_sources(&mut self) {
-        for channel in 0..era_shared::MAX_CHANNELS {
-            self.panel.set_source(channel, None);
+    /// Brings the rails onto their way to what the supply was told. The panel has felt them as they were up to now.
+    fn follow_supply(&mut self) {
+        self.advance();
+        let now_s = self.time_s();
+        for rail in 0..RAILS {
+            let mut state = self.panel.rail(rail);
+            state.follow(now_s, &self.supply, rail, self.defects.shorted_rail == Some(rail));
+            self.panel.set_rail(rail, state);
         }
-        self.rails_millivolts.fill(0);
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    fn rail_millivolts(&mut self) -> [u32; RAILS] {
+        let now_s = self.time_s();
+        std::array::from_fn(|rail| (self.panel.rail(rail).volts_at(now_s) * 1e3).round() as u32)
     }
 }
 
@@ -128,41 +181,76 @@ impl Board for SimBoard {
     fn outputs_off(&mut self) {
         // The panel has felt the old drives up to now.
         self.advance();
-        self.silence_sources();
-        self.live = false;
-    }
-
-    fn arm(&mut self) -> Result<(), FaultCode> {
-        self.live = true;
-        Ok(())
-    }
-
-    fn apply(&mut self, programs: &Programs) -> Result<(), FaultCode> {
-        if !self.live {
-            return Err(FaultCode::DriveFailed);
+        self.started_us = None;
+        self.panel.connect(false);
+        for channel in 0..era_shared::MAX_CHANNELS {
+            self.panel.set_source(channel, None);
         }
+        self.set_supply(&Supply { discharge: [true; RAILS], ..Supply::default() });
+    }
+
+    fn sense(&mut self) -> Senses {
         self.advance();
-        self.silence_sources();
-        self.applied = true;
+        Senses {
+            rail_millivolts: self.rail_millivolts(),
+            average_microamps: self.defects.leakage_microamps,
+            interlock_closed: !self.defects.interlock_open,
+            stop_released: !self.defects.stop_pressed,
+            earth_bonded: !self.defects.earth_open,
+            trip: None,
+        }
+    }
+
+    fn test_trips(&mut self) -> Result<(), Finding> {
+        self.defects.dead_trip.map_or(Ok(()), |which| Err((FaultCode::SelfTest, which)))
+    }
+
+    fn set_supply(&mut self, supply: &Supply) {
+        self.supply = *supply;
+        self.follow_supply();
+    }
+
+    fn start_timers(&mut self) -> Result<(), FaultCode> {
+        self.started_us = Some(self.now_us());
         let now_s = self.time_s();
-        for (channel, program) in programs.iter().enumerate() {
-            let Some(program) = program else { continue };
-            let scale = self.panel.newtons_per_volt_squared(channel).ok_or(FaultCode::DriveFailed)?;
-            let source = Source::new(program, now_s, scale).map_err(|_| FaultCode::DriveFailed)?;
+        for channel in 0..self.info.channels.len() {
+            let source = Source::new(now_s).map_err(|_| FaultCode::ArmFailed)?;
             self.panel.set_source(channel, Some(source));
-            if let Some(rail) = self.rails_millivolts.get_mut(channel) {
-                *rail = program.achieved.voltage_millivolts;
-            }
         }
         Ok(())
+    }
+
+    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
+        self.advance();
+        self.panel.connect(connected);
+        Ok(())
+    }
+
+    #[allow(clippy::cast_precision_loss, reason = "clocks in an f64 are exact for 600 days")]
+    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode> {
+        let started_us = self.started_us.ok_or(FaultCode::DriveFailed)?;
+        let clocks_per_s = f64::from(ChannelLimits::BOARD.timer_clock_hz);
+        let from_s = started_us as f64 / 1e6 + preload.at as f64 / clocks_per_s;
+        let done_s = self.panel.time_s();
+        let source = self.panel.source_mut(preload.channel).ok_or(FaultCode::DriveFailed)?;
+        source.preload(&preload.period, from_s, done_s).map_err(|_| FaultCode::ReadBack)
+    }
+
+    fn check_timers(&mut self) -> Result<(), Finding> {
+        self.defects.stopped_timer.map_or(Ok(()), |channel| Err((FaultCode::TimerStopped, channel)))
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
-    fn measure(&mut self) -> Measurements {
+    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
         self.advance();
-        Measurements {
-            acceleration_peak_mm_per_s2: Some((self.panel.accelerometer.peak_m_per_s2() * 1e3).round() as u32),
-            rail_millivolts: self.rails_millivolts.iter().copied().take(era_shared::MAX_CHANNELS).collect(),
-        }
+        Some((self.panel.accelerometer.peak_m_per_s2() * 1e3).round() as u32)
+    }
+
+    fn take_log(&mut self, _out: &mut [u8]) -> usize {
+        0
+    }
+
+    fn enter_bootloader(&mut self) {
+        self.leaving = true;
     }
 }

@@ -8,11 +8,13 @@
 mod accelerometer;
 mod board;
 mod panel;
+mod rails;
 mod source;
 mod terminal;
 
 pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, attenuation, low_pass};
-pub use board::{Clock, SimBoard};
+pub use board::{Clock, Defects, SimBoard};
 pub use panel::{ModalSystem, Panel, STEP_S};
+pub use rails::Rail;
 pub use source::Source;
 pub use terminal::{Knobs, SimControl, SimDevice};

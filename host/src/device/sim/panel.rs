@@ -1,11 +1,13 @@
 //! The panel in time: modal equations of motion, integrated exactly from step to step.
 
 use super::accelerometer::Accelerometer;
+use super::rails::Rail;
 use super::source::Source;
 use crate::model::ReducedModel;
 use crate::planner::PlanTable;
 use crate::planner::limits::Electrodes;
 use era_shared::MAX_CHANNELS;
+use era_shared::supply::{RAILS, rail_of};
 use nalgebra::{DMatrix, DVector};
 
 /// Step of the integration in s. The step itself is exact for any length; 25 us is what the accelerometer needs: the mean
@@ -90,6 +92,9 @@ pub struct Panel {
     next: DVector<f64>,
     forces: DVector<f64>,
     sources: [Option<Source>; MAX_CHANNELS],
+    rails: [Rail; RAILS],
+    connected: bool,
+    /// Force of 1 V^2 at each actuator in N: eps0 S / (2 g^2).
     newtons_per_volt_squared: Vec<f64>,
     probe: DVector<f64>,
     probe_velocity: f64,
@@ -118,7 +123,9 @@ impl Panel {
             state: DVector::zeros(2 * n),
             next: DVector::zeros(2 * n),
             forces: DVector::zeros(system.force.ncols()),
-            sources: [None; MAX_CHANNELS],
+            sources: [const { None }; MAX_CHANNELS],
+            rails: [Rail::discharging(0.0, 0.0); RAILS],
+            connected: false,
             newtons_per_volt_squared,
             probe: DVector::zeros(n),
             probe_velocity: 0.0,
@@ -181,16 +188,33 @@ impl Panel {
         }
     }
 
-    /// Force of 1 V^2 at each actuator in N: eps0 S / (2 g^2).
-    #[must_use]
-    pub fn newtons_per_volt_squared(&self, channel: usize) -> Option<f64> {
-        self.newtons_per_volt_squared.get(channel).copied()
-    }
-
-    /// Sets, or ends, what drives a channel.
+    /// Sets, or ends, the timer of a channel.
     pub fn set_source(&mut self, channel: usize, source: Option<Source>) {
         if let Some(place) = self.sources.get_mut(channel) {
             *place = source;
+        }
+    }
+
+    /// The timer of a channel.
+    pub fn source_mut(&mut self, channel: usize) -> Option<&mut Source> {
+        self.sources.get_mut(channel).and_then(Option::as_mut)
+    }
+
+    /// Lets the timers reach the electrodes, or keeps them from it.
+    pub const fn connect(&mut self, connected: bool) {
+        self.connected = connected;
+    }
+
+    /// A rail, counted from 0; one that there is not is at zero.
+    #[must_use]
+    pub fn rail(&self, rail: usize) -> Rail {
+        self.rails.get(rail).copied().unwrap_or(Rail::discharging(0.0, 0.0))
+    }
+
+    /// Changes the course of a rail.
+    pub fn set_rail(&mut self, rail: usize, state: Rail) {
+        if let Some(place) = self.rails.get_mut(rail) {
+            *place = state;
         }
     }
 
@@ -216,11 +240,21 @@ impl Panel {
     fn step(&mut self) {
         let from_s = self.time_s();
         self.steps += 1;
+        // Over a step of 25 us the square of a rail's voltage is its value in the middle to 1e-5.
+        let middle_s = from_s + 0.5 * STEP_S;
+        let volts: [f64; RAILS] =
+            if self.connected { self.rails.map(|rail| rail.volts_at(middle_s)) } else { [0.0; RAILS] };
         let mut driven = false;
         for (channel, force) in self.forces.iter_mut().enumerate() {
-            let source = self.sources.get(channel).and_then(Option::as_ref);
-            driven |= source.is_some();
-            *force = source.map_or(0.0, |source| source.mean_force_n(from_s, STEP_S));
+            let source = self.sources.get(channel).and_then(Option::as_ref).filter(|source| !source.is_blank());
+            let (volts, scale) = (volts.get(rail_of(channel)), self.newtons_per_volt_squared.get(channel));
+            *force = match (source, volts, scale) {
+                (Some(source), Some(volts), Some(scale)) if *volts > 0.0 => {
+                    driven = true;
+                    scale * volts * volts * source.mean_balance(from_s, STEP_S)
+                }
+                _ => 0.0,
+            };
         }
         if driven || self.is_moving() {
             self.next.gemv(1.0, &self.stepper.propagate, &self.state, 0.0);

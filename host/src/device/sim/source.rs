@@ -1,46 +1,107 @@
-//! One ERA's electrostatic force as its timer makes it.
+//! One ERA's electrode windows in time, as its timer makes them.
 
 use era_shared::protocol::ChannelLimits;
-use era_shared::waveform::{ChannelProgram, TimerRegisters, Window, Windows, WindowsError};
+use era_shared::waveform::{IDLE, OutputPair, Period, TimerRegisters, Window, Windows, WindowsError};
+use std::collections::VecDeque;
 
-/// A running channel: electrode windows, and the force while an electrode is on.
+/// Outputs of the simulated timers: the first channel of each pair.
+const OUTPUTS: OutputPair = OutputPair { a: 1, b: 3 };
+
+/// Equal periods from one boundary on.
 #[derive(Clone, Copy, Debug)]
-pub struct Source {
+struct Stretch {
+    from_s: f64,
     windows: Windows,
     tick_s: f64,
-    start_ticks: f64,
-    started_s: f64,
-    force_n: f64,
+}
+
+impl Stretch {
+    fn new(from_s: f64, period: &Period) -> Result<Self, WindowsError> {
+        let windows = Windows::from_registers(&TimerRegisters::running(period, OUTPUTS))?;
+        Ok(Self { from_s, windows, tick_s: windows.tick_s(ChannelLimits::BOARD.timer_clock_hz) })
+    }
+
+    fn is_blank(&self) -> bool {
+        self.windows.a.length == 0 && self.windows.b.length == 0
+    }
+
+    /// How much longer A than B is on from `from_s` to `to_s`, in s.
+    fn balance_s(&self, from_s: f64, to_s: f64) -> f64 {
+        let (from, to) = ((from_s - self.from_s) / self.tick_s, (to_s - self.from_s) / self.tick_s);
+        let period = self.windows.period;
+        let on = |window: Window| on_ticks_until(window, period, to) - on_ticks_until(window, period, from);
+        (on(self.windows.a) - on(self.windows.b)) * self.tick_s
+    }
+}
+
+/// A running timer: what it does now, and what it will do from the boundaries on at which its preloaded registers take
+/// effect.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// In order of time; each lasts until the next begins. Never empty.
+    stretches: VecDeque<Stretch>,
 }
 
 impl Source {
-    /// A channel that starts at `started_s` and pulls with `newtons_per_volt_squared` V^2 (eps0 S / (2 g^2), the force at
-    /// the rest position) while electrode A is on, with the opposite force while B is on.
+    /// A timer that starts, blank, at `started_s`.
     ///
     /// # Errors
-    /// [`WindowsError`] if the registers do not describe alternating windows.
-    pub fn new(program: &ChannelProgram, started_s: f64, newtons_per_volt_squared: f64) -> Result<Self, WindowsError> {
-        let windows = Windows::from_registers(&TimerRegisters::running(&program.timer))?;
-        let voltage_v = f64::from(program.achieved.voltage_millivolts) / 1e3;
-        Ok(Self {
-            windows,
-            tick_s: windows.tick_s(ChannelLimits::BOARD.timer_clock_hz),
-            start_ticks: f64::from(program.timer.start_count),
-            started_s,
-            force_n: newtons_per_volt_squared * voltage_v * voltage_v,
-        })
+    /// [`WindowsError`] if the idle period is not one.
+    pub fn new(started_s: f64) -> Result<Self, WindowsError> {
+        Ok(Self { stretches: VecDeque::from([Stretch::new(started_s, &IDLE)?]) })
     }
 
-    /// Mean force in N from `from_s` to `from_s + step_s`. The mean, not a sample: edges fall anywhere within a step,
-    /// and their exact area is what moves the panel.
+    /// From the boundary at `from_s` on, periods are like `period`; what was preloaded for then or later is overwritten.
+    /// What ended before `done_s` is forgotten.
+    ///
+    /// # Errors
+    /// [`WindowsError`] if the registers of `period` do not describe alternating windows.
+    pub fn preload(&mut self, period: &Period, from_s: f64, done_s: f64) -> Result<(), WindowsError> {
+        let next = Stretch::new(from_s, period)?;
+        // Half a tick of the fastest timer: boundaries are the same if they are nearer.
+        self.stretches.retain(|stretch| stretch.from_s < from_s - 3e-9);
+        while self.stretches.get(1).is_some_and(|second| second.from_s <= done_s) {
+            self.stretches.pop_front();
+        }
+        self.stretches.push_back(next);
+        Ok(())
+    }
+
+    /// Whether no electrode is on, now or after what is preloaded.
     #[must_use]
-    pub fn mean_force_n(&self, from_s: f64, step_s: f64) -> f64 {
-        let from = self.start_ticks + (from_s - self.started_s) / self.tick_s;
-        let to = from + step_s / self.tick_s;
-        let on = |window: Window| {
-            on_ticks_until(window, self.windows.period, to) - on_ticks_until(window, self.windows.period, from)
-        };
-        self.force_n * (on(self.windows.a) - on(self.windows.b)) * self.tick_s / step_s
+    pub fn is_blank(&self) -> bool {
+        self.stretches.iter().all(Stretch::is_blank)
+    }
+
+    /// The part of the time from `from_s` to `from_s + step_s` for which electrode A is on, less that of B. The mean, not a
+    /// sample: edges fall anywhere within a step, and their exact area is what moves the panel.
+    #[must_use]
+    pub fn mean_balance(&self, from_s: f64, step_s: f64) -> f64 {
+        let to_s = from_s + step_s;
+        let mut sum_s = 0.0;
+        let mut end_s = to_s;
+        for stretch in self.stretches.iter().rev() {
+            let begin_s = stretch.from_s.max(from_s);
+            if begin_s < end_s {
+                if !stretch.is_blank() {
+                    sum_s += stretch.balance_s(begin_s, end_s);
+                }
+                end_s = begin_s;
+            }
+            if end_s <= from_s {
+                break;
+            }
+        }
+        sum_s / step_s
+    }
+
+    /// A time in s at which the force is at its greatest, the middle of a window of A, in the stretch that was preloaded
+    /// last; `None` if that is blank.
+    #[must_use]
+    pub fn peak_s(&self) -> Option<f64> {
+        let last = self.stretches.back().filter(|stretch| !stretch.is_blank())?;
+        let window = last.windows.a;
+        Some(last.from_s + (f64::from(window.start) + f64::from(window.length) / 2.0) * last.tick_s)
     }
 }
 
@@ -50,4 +111,31 @@ fn on_ticks_until(window: Window, period: u32, ticks: f64) -> f64 {
     let since_start = ticks - f64::from(window.start);
     let periods = (since_start / period).floor();
     periods * length + (since_start - periods * period).min(length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_preload_takes_effect_at_its_boundary_and_not_before() {
+        // 1 ms periods with windows of 0.25 ms, each in the middle of its half: A from 0.125 to 0.375 ms.
+        let period = Period::driving(17, 10_000, 2_500, false);
+        let mut source = Source::new(0.0).expect("idle");
+        source.preload(&period, 2e-3, 0.0).expect("a period");
+        assert!(source.mean_balance(0.0, 2e-3).abs() < 1e-12);
+        let balance = |from_s: f64, step_s: f64| source.mean_balance(from_s, step_s);
+        assert!((balance(2e-3, 0.5e-3) - 0.5).abs() < 1e-9, "A is on for half of its half period");
+        assert!((balance(2.5e-3, 0.5e-3) + 0.5).abs() < 1e-9, "then B");
+        assert!((balance(1e-3, 1.5e-3) - 0.25 / 1.5).abs() < 1e-9, "a step over the boundary has its part");
+        assert!((source.peak_s().expect("it drives") - 2.25e-3).abs() < 1e-12);
+
+        // Overwritten before it takes effect; then silent again.
+        let mut changed = source.clone();
+        changed.preload(&Period::driving(17, 10_000, 2_500, true), 2e-3, 0.0).expect("a period");
+        changed.preload(&IDLE, 5e-3, 4e-3).expect("idle");
+        assert!((changed.mean_balance(2e-3, 0.5e-3) + 0.5).abs() < 1e-9, "reversed");
+        assert!(changed.mean_balance(5e-3, 1.0).abs() < 1e-12);
+        assert!(changed.peak_s().is_none() && !changed.is_blank());
+    }
 }

@@ -1,8 +1,11 @@
 //! The simulated device behind a pseudo-terminal, with the knobs that tests turn.
 
-use super::board::{Clock, SimBoard};
+use super::board::{Clock, Defects, SimBoard};
 use super::panel::Panel;
+use era_shared::board::Board;
 use era_shared::device::{Device, Port};
+use era_shared::link::{Decoder, Kind};
+use era_shared::protocol::Request;
 use era_shared::safety::LinkId;
 use nalgebra::DVector;
 use serialport::{SerialPort, TTYPort};
@@ -23,6 +26,8 @@ pub struct Knobs {
     pub reply_delay: Duration,
     /// Changes one byte of every n-th answer.
     pub corrupt_every: Option<u32>,
+    /// What is wrong with its hardware.
+    pub defects: Defects,
 }
 
 #[derive(Debug, Default)]
@@ -119,6 +124,8 @@ struct Loop {
     device: Device,
     board: SimBoard,
     port: Port,
+    /// Listens along for frames that ask for drives.
+    listener: Decoder,
     control: SimControl,
     answers: u32,
 }
@@ -128,13 +135,24 @@ impl Loop {
         let mut board = SimBoard::new(panel, max_voltages_v, Clock::Wall(Instant::now()));
         let mut device = Device::new();
         device.start(&mut board);
-        Self { device, board, port: Port::new(LinkId(0)), control, answers: 0 }
+        Self { device, board, port: Port::new(LinkId(0)), listener: Decoder::new(), control, answers: 0 }
     }
 
     fn run(mut self, terminal: &mut TTYPort) {
         let mut buffer = [0_u8; 512];
+        let mut due_us = 0_u64;
         loop {
-            let length = match terminal.read(&mut buffer) {
+            // A port waits for whole milliseconds; while an envelope plays the board wants to be asked in between.
+            let wait_us = due_us.saturating_sub(self.board.now_us());
+            let wait = if wait_us < 500 { Duration::ZERO } else { TICK };
+            if wait.is_zero() {
+                std::thread::sleep(Duration::from_micros(wait_us));
+            }
+            let length = match terminal
+                .set_timeout(wait)
+                .map_err(std::io::Error::from)
+                .and_then(|()| terminal.read(&mut buffer))
+            {
                 Ok(length) => length,
                 Err(error)
                     if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
@@ -165,7 +183,8 @@ impl Loop {
                 knobs
             };
             let received_at = Instant::now();
-            self.device.poll(&mut self.board);
+            self.board.set_defects(knobs.defects);
+            due_us = self.device.poll(&mut self.board);
             self.board.advance();
             if length == 0 || knobs.silent {
                 continue;
@@ -173,7 +192,12 @@ impl Loop {
             let mut answers: Vec<Vec<u8>> = Vec::new();
             let received = buffer.get(..length).unwrap_or_default();
             self.device.receive(&mut self.board, &mut self.port, received, |answer| answers.push(answer.to_vec()));
-            if self.board.take_applied() {
+            // The request may have changed what is due.
+            due_us = self.device.poll(&mut self.board);
+            if self.board.is_leaving() {
+                self.restart();
+            }
+            if self.asks_for_drives(received) {
                 self.control.lock().drives_received = Some(received_at);
             }
             for answer in answers {
@@ -195,6 +219,19 @@ impl Loop {
         if let Err(error) = terminal.write_all(&answer) {
             tracing::debug!(%error, "the simulated device could not answer");
         }
+    }
+
+    /// Whether a frame that sets drives has just become complete.
+    fn asks_for_drives(&mut self, bytes: &[u8]) -> bool {
+        let mut found = false;
+        self.listener.feed(bytes, |result| {
+            let frame = result.ok().filter(|frame| frame.kind == Kind::Request as u8);
+            found |= match frame.and_then(|frame| postcard::from_bytes(frame.body).ok()) {
+                Some(Request::SetDrives { drives } | Request::Prepare { drives }) => !drives.is_empty(),
+                _ => false,
+            };
+        });
+        found
     }
 
     /// The same panel under a board that has just started.

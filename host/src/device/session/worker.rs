@@ -1,230 +1,58 @@
-//! A session with a device: one thread that owns the link, keeps it alive while armed, ends drives in time, notices
-//! restarts and lost cables, and publishes what it sees.
-//!
-//! The device's own dead-man timer is what makes this safe: whatever happens to this thread or its process, the board
-//! switches off by itself.
+//! The session's thread.
 
-use super::client::{Client, LinkError, LinkStatistics};
-use super::target::OpenDevice;
-use era_shared::protocol::{
-    AchievedDrive, CURRENT_VERSION, ChannelDrive, HelloReply, MIN_VERSION, Reply, Request, StatusReply, TelemetryReply,
-};
+use super::{Command, DriveOrder, Driven, SessionError, Snapshot};
+use crate::device::client::{Client, LinkError, LinkStatistics};
+use crate::device::clock::ClockSync;
+use crate::device::identity::Identity;
+use crate::device::target::OpenDevice;
+use era_shared::limits::BURST_MAX_MS;
+use era_shared::protocol::{CURRENT_VERSION, Details, MIN_VERSION, Reply, Request};
 use era_shared::safety::State;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
-use tokio::sync::{oneshot, watch};
+use tokio::sync::watch;
 
 /// Between two tries to open a lost port.
 const REOPEN: Duration = Duration::from_millis(500);
 /// Idle time after which the session disarms: high voltage is not kept ready for a touch that may never come.
 const DISARM_AFTER: Duration = Duration::from_secs(5);
+/// Between two looks at a device that arms or discharges: both take some 20 ms.
+const TRANSITION: Duration = Duration::from_millis(20);
+/// Between two questions whether the self-test has ended.
+const ARMING_POLL: Duration = Duration::from_millis(2);
+/// Longest burst that is asked for in ms: the longest touch that the daemon takes.
+const BURST_MS: u16 = BURST_MAX_MS;
+/// Between two samples of the board's clock, as Klipper has it: a second, ...
+const CLOCK: Duration = Duration::from_secs(1);
+/// ... and 50 ms for the first few.
+const QUICK_CLOCK: Duration = Duration::from_millis(50);
+/// How many come so quickly.
+const QUICK_SAMPLES: u32 = 8;
 
-/// Why a command was not carried out.
-#[derive(Debug, thiserror::Error)]
-pub enum SessionError {
-    /// The link failed, or the device refused.
-    #[error(transparent)]
-    Link(#[from] LinkError),
-    /// The device is in a fault that must be cleared first.
-    #[error("the device is in fault {number} ({name}): {advice}")]
-    Fault {
-        /// Its number.
-        number: u8,
-        /// Its name.
-        name: &'static str,
-        /// What to do.
-        advice: &'static str,
-    },
-    /// There is no device at the moment.
-    #[error("the device at {path} is not connected: {reason}")]
-    Disconnected {
-        /// The port.
-        path: String,
-        /// Since what.
-        reason: String,
-    },
-    /// Everything was stopped after this drive had been asked for.
-    #[error("everything was stopped while this was being planned")]
-    Stopped,
-    /// The session has ended.
-    #[error("the daemon is shutting down")]
-    Closed,
-}
-
-/// What a drive command did.
-#[derive(Clone, Debug)]
-pub struct Driven {
-    /// What the device achieves.
-    pub achieved: Vec<AchievedDrive>,
-    /// When the last byte of the drive's frame was handed to the port.
-    pub frame_written: Option<Instant>,
-}
-
-/// What is known of the device.
-#[derive(Clone, Debug, Default)]
-pub struct Snapshot {
-    /// `sim`, `emulated` or `serial`.
-    pub kind: &'static str,
-    /// The serial port.
-    pub path: String,
-    /// Whether it answers.
-    pub connected: bool,
-    /// Why it does not.
-    pub problem: Option<String>,
-    /// Who it is.
-    pub hello: Option<HelloReply>,
-    /// Its state as last seen.
-    pub status: Option<StatusReply>,
-    /// Its measurements as last seen.
-    pub telemetry: Option<TelemetryReply>,
-    /// Median round trip.
-    pub round_trip: Option<Duration>,
-    /// Frames and errors.
-    pub link: LinkStatistics,
-    /// Restarts noticed since the session began.
-    pub restarts: u32,
-}
-
-impl Snapshot {
-    /// The safety state as last seen.
-    #[must_use]
-    pub fn state(&self) -> Option<State> {
-        self.status.as_ref().map(|status| status.state)
-    }
-}
-
-/// What to drive, and until when.
-#[derive(Clone, Debug)]
-pub struct DriveOrder {
-    /// Names the drive for [`Session::end_at`].
-    pub id: u64,
-    /// [`Session::stops`] as it was when the drive was asked for: a stop since then refuses it.
-    pub stops: u64,
-    /// What every channel does.
-    pub drives: Vec<ChannelDrive>,
-    /// How long.
-    pub hold: Duration,
-}
-
-enum Command {
-    Drive { order: DriveOrder, answer: oneshot::Sender<Result<Driven, SessionError>> },
-    Stop { answer: oneshot::Sender<Result<(), SessionError>> },
-    EndAt { id: u64, when: Instant },
-    Clear { answer: oneshot::Sender<Result<(), SessionError>> },
-    Close,
-}
-
-/// A session; it stops and disarms the device when it is dropped.
-#[derive(Debug)]
-pub struct Session {
-    commands: Sender<Command>,
-    snapshot: watch::Receiver<Snapshot>,
-    stops: Arc<AtomicU64>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Session {
-    /// Starts the session's thread.
-    ///
-    /// # Errors
-    /// If the system gives no thread.
-    pub fn start(device: OpenDevice) -> std::io::Result<Self> {
-        let (commands, inbox) = channel();
-        let first = Snapshot { kind: device.kind(), path: device.path().to_owned(), ..Snapshot::default() };
-        let (publish, snapshot) = watch::channel(first);
-        let stops = Arc::new(AtomicU64::new(0));
-        let worker = Worker::new(device, publish, Arc::clone(&stops));
-        let thread = std::thread::Builder::new().name("device-session".into()).spawn(move || worker.run(&inbox))?;
-        Ok(Self { commands, snapshot, stops, thread: Some(thread) })
-    }
-
-    /// What is known of the device, kept up to date.
-    #[must_use]
-    pub fn snapshots(&self) -> watch::Receiver<Snapshot> {
-        self.snapshot.clone()
-    }
-
-    /// How often everything was stopped so far.
-    #[must_use]
-    pub fn stops(&self) -> u64 {
-        self.stops.load(Ordering::SeqCst)
-    }
-
-    /// Arms if need be, sets the drives and ends them after a while.
-    ///
-    /// # Errors
-    /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since the order's count was read; nothing is
-    /// driven then.
-    pub async fn drive(&self, order: DriveOrder) -> Result<Driven, SessionError> {
-        let (answer, reply) = oneshot::channel();
-        self.send(Command::Drive { order, answer })?;
-        reply.await.map_err(|_| SessionError::Closed)?
-    }
-
-    /// Everything off, session disarmed.
-    ///
-    /// # Errors
-    /// [`SessionError`]; the device's dead-man timer then does it within 250 ms.
-    pub async fn stop(&self) -> Result<(), SessionError> {
-        // Before anything else: what is planned meanwhile must not be driven. A drive that the worker has already begun is
-        // ended by the command behind it.
-        self.stops.fetch_add(1, Ordering::SeqCst);
-        let (answer, reply) = oneshot::channel();
-        self.send(Command::Stop { answer })?;
-        reply.await.map_err(|_| SessionError::Closed)?
-    }
-
-    /// Ends the drive named `id` at `when`, if it does not end before; another one goes on.
-    pub fn end_at(&self, id: u64, when: Instant) {
-        // A session that has ended has ended its drives.
-        let _ = self.send(Command::EndAt { id, when });
-    }
-
-    /// Clears the latched fault.
-    ///
-    /// # Errors
-    /// [`SessionError`].
-    pub async fn clear_faults(&self) -> Result<(), SessionError> {
-        let (answer, reply) = oneshot::channel();
-        self.send(Command::Clear { answer })?;
-        reply.await.map_err(|_| SessionError::Closed)?
-    }
-
-    fn send(&self, command: Command) -> Result<(), SessionError> {
-        self.commands.send(command).map_err(|_| SessionError::Closed)
-    }
-}
-
-impl Drop for Session {
-    fn drop(&mut self) {
-        let _ = self.commands.send(Command::Close);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
-struct Worker {
-    device: OpenDevice,
-    client: Option<Client>,
+pub(super) struct Worker {
+    pub(super) device: OpenDevice,
+    pub(super) client: Option<Client>,
     publish: watch::Sender<Snapshot>,
-    stops: Arc<AtomicU64>,
+    pub(super) stops: Arc<AtomicU64>,
     /// The drive that was set last.
-    drive_id: u64,
+    pub(super) drive_id: u64,
     boot_id: Option<u32>,
     armed: bool,
-    drive_until: Option<Instant>,
-    idle_since: Instant,
+    pub(super) drive_until: Option<Instant>,
+    pub(super) idle_since: Instant,
     last_heard: Instant,
+    pub(super) clock: ClockSync,
+    next_clock: Instant,
+    /// Samples of the clock that still come quickly.
+    quick_samples: u32,
     next_status: Instant,
     next_open: Instant,
 }
 
 impl Worker {
-    fn new(device: OpenDevice, publish: watch::Sender<Snapshot>, stops: Arc<AtomicU64>) -> Self {
+    pub(super) fn new(device: OpenDevice, publish: watch::Sender<Snapshot>, stops: Arc<AtomicU64>) -> Self {
         let now = Instant::now();
         Self {
             device,
@@ -237,17 +65,23 @@ impl Worker {
             drive_until: None,
             idle_since: now,
             last_heard: now,
+            clock: ClockSync::new(now),
+            next_clock: now,
+            quick_samples: QUICK_SAMPLES,
             next_status: now,
             next_open: now,
         }
     }
 
-    fn run(mut self, inbox: &Receiver<Command>) {
+    pub(super) fn run(mut self, inbox: &Receiver<Command>) {
         loop {
             self.attend();
             match inbox.recv_timeout(self.until_next_duty()) {
                 Ok(Command::Drive { order, answer }) => {
                     let _ = answer.send(self.drive(order));
+                }
+                Ok(Command::Play { order, answer }) => {
+                    let _ = answer.send(self.play(order));
                 }
                 Ok(Command::Stop { answer }) => {
                     let _ = answer.send(self.stop());
@@ -281,6 +115,9 @@ impl Worker {
         if let Some(until) = self.drive_until {
             next = next.min(until);
         }
+        if self.client.is_some() {
+            next = next.min(self.next_clock);
+        }
         next.saturating_duration_since(Instant::now())
     }
 
@@ -302,6 +139,8 @@ impl Worker {
             self.keep_alive()
         } else if now >= self.next_status {
             self.look()
+        } else if now >= self.next_clock {
+            self.sample_clock()
         } else {
             Ok(())
         };
@@ -323,11 +162,19 @@ impl Worker {
 
     fn greet(&mut self) -> Result<(), LinkError> {
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        let Reply::Hello(hello) = self.ask(&hello)? else { return Err(unexpected("hello")) };
-        self.boot_id = Some(hello.boot_id);
+        let identity = Identity::from_reply(self.ask(&hello)?).ok_or_else(|| unexpected("hello"))?;
+        if self.boot_id != Some(identity.boot_id) {
+            self.clock.reset();
+        }
+        self.boot_id = Some(identity.boot_id);
         self.armed = false;
         self.drive_until = None;
-        self.publish.send_modify(|snapshot| snapshot.hello = Some(hello));
+        (self.next_clock, self.quick_samples) = (Instant::now(), QUICK_SAMPLES);
+        let protocol = self.client.as_ref().map(Client::version);
+        self.publish.send_modify(|snapshot| {
+            (snapshot.identity, snapshot.protocol) = (Some(identity), protocol);
+            (snapshot.details, snapshot.clock) = (None, None);
+        });
         self.look()
     }
 
@@ -341,10 +188,42 @@ impl Worker {
         Ok(())
     }
 
+    /// Whether the device speaks version 2 or later.
+    pub(super) fn is_modern(&self) -> bool {
+        self.client.as_ref().is_some_and(|client| client.version() >= 2)
+    }
+
+    /// Asks for the board's time, quickly at first and then now and then.
+    pub(super) fn sample_clock(&mut self) -> Result<(), LinkError> {
+        self.quick_samples = self.quick_samples.saturating_sub(1);
+        self.next_clock = Instant::now() + if self.quick_samples > 0 { QUICK_CLOCK } else { CLOCK };
+        if !self.is_modern() {
+            return Ok(());
+        }
+        let Reply::Clock { now_us } = self.ask(&Request::Clock)? else { return Err(unexpected("clock")) };
+        let times = self.client.as_ref().and_then(|client| client.last_frame_written().zip(client.last_reply_read()));
+        if let Some((sent, received)) = times {
+            self.clock.sample(sent, received, now_us);
+        }
+        let quality = self.clock.quality();
+        self.publish.send_modify(|snapshot| snapshot.clock = quality);
+        Ok(())
+    }
+
+    pub(super) fn details(&mut self) -> Result<Details, LinkError> {
+        let Reply::Details(details) = self.ask(&Request::Details)? else { return Err(unexpected("details")) };
+        Ok(details)
+    }
+
     fn look(&mut self) -> Result<(), LinkError> {
         self.next_status = Instant::now() + self.device.timing().status;
         let Reply::Status(status) = self.ask(&Request::Status)? else { return Err(unexpected("status")) };
         let Reply::Telemetry(telemetry) = self.ask(&Request::Telemetry)? else { return Err(unexpected("telemetry")) };
+        let details = if self.is_modern() { Some(self.details()?) } else { None };
+        if matches!(status.state, State::Arming | State::Discharging) {
+            // It is about to change.
+            self.next_status = Instant::now() + self.device.timing().status.min(TRANSITION);
+        }
         let restarted = self.boot_id.is_some_and(|known| known != status.boot_id);
         if !status.state.is_live() {
             self.armed = false;
@@ -359,6 +238,7 @@ impl Worker {
             snapshot.problem = None;
             snapshot.status = Some(status);
             snapshot.telemetry = Some(telemetry);
+            snapshot.details = details;
             snapshot.round_trip = round_trip;
             snapshot.link = link;
             snapshot.restarts += u32::from(restarted);
@@ -384,40 +264,86 @@ impl Worker {
             return Err(SessionError::Stopped);
         }
         self.connected()?;
-        if !self.armed {
-            let status = self.publish.borrow().status.clone();
-            if let Some(fault) = status.and_then(|status| status.fault) {
-                return Err(SessionError::Fault {
-                    number: fault.code.number(),
-                    name: fault.code.name(),
-                    advice: fault.code.advice(),
-                });
-            }
-            self.ask(&Request::Arm { deadman_ms: None })?;
-            self.armed = true;
-        }
+        let fresh = self.arm()?;
         let drives: heapless::Vec<_, _> = drives.into_iter().take(era_shared::MAX_CHANNELS).collect();
         let state = if drives.is_empty() { State::Armed } else { State::Running };
         let Reply::DrivesSet { achieved } = self.ask(&Request::SetDrives { drives })? else {
             return Err(unexpected("set-drives").into());
         };
         let frame_written = self.client.as_ref().and_then(Client::last_frame_written);
+        if fresh {
+            // The device holds the drives until its self-test has passed; what is acknowledged is driven.
+            self.await_armed(stops)?;
+        }
         let now = Instant::now();
         self.drive_id = id;
         self.drive_until = Some(now + hold);
         self.idle_since = now + hold;
-        // The acknowledgement tells the state; who asks right after its answer must not read an older one. The rest of the
-        // status follows at once.
+        self.show(state);
+        Ok(Driven { achieved: achieved.to_vec(), frame_written })
+    }
+
+    /// The acknowledgement tells the state; who asks right after its answer must not read an older one. The rest of the
+    /// status follows at once.
+    pub(super) fn show(&mut self, state: State) {
         self.publish.send_modify(|snapshot| {
             if let Some(status) = &mut snapshot.status {
                 status.state = state;
             }
         });
-        self.next_status = now;
-        Ok(Driven { achieved: achieved.to_vec(), frame_written })
+        self.next_status = Instant::now();
     }
 
-    fn rest(&mut self) -> Result<(), LinkError> {
+    /// Arms, unless that has been done; says whether it has only begun to.
+    pub(super) fn arm(&mut self) -> Result<bool, SessionError> {
+        if self.armed {
+            return Ok(false);
+        }
+        self.check_fault()?;
+        let arm = match self.is_modern() {
+            // A touch may be held for longer than the board's default burst.
+            true => Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MS) },
+            false => Request::Arm { deadman_ms: None },
+        };
+        self.ask(&arm)?;
+        self.armed = true;
+        Ok(true)
+    }
+
+    /// Waits until the self-test has ended.
+    pub(super) fn await_armed(&mut self, stops: u64) -> Result<(), SessionError> {
+        let begun = Instant::now();
+        loop {
+            if stops != self.stops.load(Ordering::SeqCst) {
+                return Err(SessionError::Stopped);
+            }
+            let Reply::Alive { state } = self.ask(&Request::KeepAlive)? else {
+                return Err(unexpected("keep-alive").into());
+            };
+            if matches!(state, State::Armed | State::Running) {
+                return Ok(());
+            }
+            if state != State::Arming || begun.elapsed() > self.device.timing().arming {
+                self.look()?;
+                self.check_fault()?;
+                return Err(SessionError::NotArmed { waited: begun.elapsed(), state: state.name() });
+            }
+            std::thread::sleep(ARMING_POLL);
+        }
+    }
+
+    fn check_fault(&self) -> Result<(), SessionError> {
+        match self.publish.borrow().status.as_ref().and_then(|status| status.fault) {
+            None => Ok(()),
+            Some(fault) => Err(SessionError::Fault {
+                number: fault.code.number(),
+                name: fault.code.name(),
+                advice: fault.code.advice(),
+            }),
+        }
+    }
+
+    pub(super) fn rest(&mut self) -> Result<(), LinkError> {
         self.drive_until = None;
         self.idle_since = Instant::now();
         self.ask(&Request::SetDrives { drives: heapless::Vec::new() })?;
@@ -441,7 +367,7 @@ impl Worker {
         Ok(self.look()?)
     }
 
-    fn connected(&self) -> Result<(), SessionError> {
+    pub(super) fn connected(&self) -> Result<(), SessionError> {
         if self.client.is_some() {
             return Ok(());
         }
@@ -449,7 +375,7 @@ impl Worker {
         Err(SessionError::Disconnected { path: self.device.path().to_owned(), reason })
     }
 
-    fn ask(&mut self, request: &Request) -> Result<Reply, LinkError> {
+    pub(super) fn ask(&mut self, request: &Request) -> Result<Reply, LinkError> {
         let client = self.client.as_mut().ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotConnected))?;
         let reply = client.request(request)?;
         self.last_heard = Instant::now();
@@ -457,7 +383,7 @@ impl Worker {
     }
 
     /// A refusal leaves the link as it is, after a look at the device's state; anything else closes it, to be opened anew.
-    fn note_trouble(&mut self, error: &LinkError) {
+    pub(super) fn note_trouble(&mut self, error: &LinkError) {
         if matches!(error, LinkError::Refused(_)) {
             self.next_status = Instant::now();
             tracing::warn!(%error, "refused");
@@ -478,6 +404,6 @@ impl Worker {
     }
 }
 
-fn unexpected(request: &'static str) -> LinkError {
+pub(super) fn unexpected(request: &'static str) -> LinkError {
     LinkError::Unexpected { request, reply: "another kind of answer".into() }
 }

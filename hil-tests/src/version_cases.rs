@@ -1,0 +1,72 @@
+//! A host of protocol version 1.
+
+use crate::bench::{Bench, Outcome, equal};
+use era_shared::protocol::{FaultCode, Refusal, Reply};
+use era_shared::safety::State;
+
+/// Requests as a host of version 1 sends them, to the byte; `shared/tests/golden_v1.rs` has them too. Arming and driving
+/// come so close together that the self-test ends neither before `Stop` nor, on a real board, at a voltage above its own.
+const REQUESTS: [(&str, &str); 14] = [
+    ("stop", "0a01013412044e40051f00"),
+    ("clear-faults", "0a0101341208650cb31600"),
+    ("hello", "0501013412070101ea87ea3000"),
+    ("status", "0a010134120662210bf100"),
+    ("arm", "060101341201051f720e3e00"),
+    ("arm 250", "0d010134120101fa01e9611eaa00"),
+    ("set-drives", "0701013412030207f09309abd8280bc0843d01f09309abd82808c0843dc6560fc800"),
+    ("keep-alive", "0a0101341205d870026800"),
+    ("telemetry", "0a0101341209f33cb46100"),
+    ("status", "0a010134120662210bf100"),
+    ("faults", "0a0101341207f4110c8600"),
+    ("disarm", "0a01013412027be566f600"),
+    ("keep-alive", "0a0101341205d870026800"),
+    ("set-drives", "0701013412030207f09309abd8280bc0843d01f09309abd82808c0843dc6560fc800"),
+];
+
+fn bytes(hex: &str) -> Result<Vec<u8>, String> {
+    let digits: Vec<char> = hex.chars().filter(|digit| !digit.is_whitespace()).collect();
+    digits
+        .chunks(2)
+        .map(|pair| u8::from_str_radix(&pair.iter().collect::<String>(), 16).map_err(|error| error.to_string()))
+        .collect()
+}
+
+/// Whether version 1 has this state.
+const fn known_state(state: State) -> bool {
+    matches!(state, State::Boot | State::Safe | State::Armed | State::Running | State::Fault)
+}
+
+pub(crate) fn version_1_session(bench: &Bench) -> Outcome {
+    bench.session()?;
+    let frames = REQUESTS.iter().map(|(_, hex)| bytes(hex)).collect::<Result<Vec<_>, _>>()?;
+    let replies = bench.raw(&[&frames.concat()])?;
+    equal("answers", replies.len(), REQUESTS.len())?;
+    for ((name, _), (version, sequence, reply)) in REQUESTS.iter().zip(&replies) {
+        equal(&format!("{name}: version and sequence"), (*version, *sequence), (1, 0x1234))?;
+        let known = match (*name, reply) {
+            ("stop", Reply::Stopped)
+            | ("clear-faults", Reply::FaultsCleared)
+            | ("arm" | "arm 250", Reply::Armed { deadman_ms: 250 })
+            | ("faults", Reply::Faults { latched: None })
+            | ("disarm", Reply::Disarmed) => true,
+            ("hello", Reply::Hello(hello)) => hello.protocol_min == 1 && hello.default_deadman_ms == 250,
+            ("keep-alive", Reply::Alive { state }) => known_state(*state),
+            ("telemetry", Reply::Telemetry(telemetry)) => known_state(telemetry.state),
+            ("status", Reply::Status(status)) => {
+                let fault_known = status.fault.is_none_or(|fault| fault.code.number() <= FaultCode::ReadBack.number());
+                known_state(status.state) && fault_known
+            }
+            ("set-drives", Reply::DrivesSet { achieved }) => achieved.len() == 2,
+            ("set-drives", Reply::Refused(Refusal::State { state, .. })) => known_state(*state),
+            _ => false,
+        };
+        equal(&format!("{name} was answered with what version 1 knows, {reply:?}"), known, true)?;
+    }
+    let answer = |place: usize| replies.get(place).map(|(_, _, reply)| reply);
+    // What tests itself may be live; what discharges is not called safe.
+    let armed = matches!(answer(7), Some(Reply::Alive { state: State::Armed | State::Running }));
+    equal("while armed", armed, true)?;
+    equal("drives are set while armed", matches!(answer(6), Some(Reply::DrivesSet { .. })), true)?;
+    let refused = matches!(answer(13), Some(Reply::Refused(Refusal::State { .. })));
+    equal("and not any more after that", refused, true)
+}

@@ -1,0 +1,263 @@
+//! A session with a device: one thread that owns the link, keeps it alive while armed, ends drives in time, notices
+//! restarts and lost cables, and publishes what it sees.
+//!
+//! The device's own dead-man timer is what makes this safe: whatever happens to this thread or its process, the board
+//! switches off by itself.
+
+mod play;
+mod worker;
+
+use super::client::{LinkError, LinkStatistics};
+use super::clock::ClockQuality;
+use super::identity::Identity;
+use super::target::OpenDevice;
+use era_shared::protocol::{AchievedDrive, ChannelDrive, Details, StatusReply, TelemetryReply};
+use era_shared::safety::State;
+use era_shared::waveform::Effect;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use tokio::sync::{oneshot, watch};
+use worker::Worker;
+
+/// Why a command was not carried out.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The link failed, or the device refused.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The device is in a fault that must be cleared first.
+    #[error("the device is in fault {number} ({name}): {advice}")]
+    Fault {
+        /// Its number.
+        number: u8,
+        /// Its name.
+        name: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// There is no device at the moment.
+    #[error("the device at {path} is not connected: {reason}")]
+    Disconnected {
+        /// The port.
+        path: String,
+        /// Since what.
+        reason: String,
+    },
+    /// The self-test before arming has not come to an end.
+    #[error("the device's self-test before arming has not ended within {waited:?}; it is {state}")]
+    NotArmed {
+        /// How long was waited.
+        waited: Duration,
+        /// Its state's name.
+        state: &'static str,
+    },
+    /// Everything was stopped after this drive had been asked for.
+    #[error("everything was stopped while this was being planned")]
+    Stopped,
+    /// The session has ended.
+    #[error("the daemon is shutting down")]
+    Closed,
+}
+
+/// What a drive command did.
+#[derive(Clone, Debug)]
+pub struct Driven {
+    /// What the device achieves.
+    pub achieved: Vec<AchievedDrive>,
+    /// When the last byte of the drive's frame was handed to the port.
+    pub frame_written: Option<Instant>,
+}
+
+/// What an effect command did.
+#[derive(Clone, Debug)]
+pub struct Played {
+    /// The drives that the effect shapes, as the device achieves them.
+    pub achieved: Vec<AchievedDrive>,
+    /// When it begins, in us of the board's time.
+    pub start_us: u64,
+    /// The same in the host's time.
+    pub start: Instant,
+    /// How long it lasts on the channel on which it lasts longest.
+    pub length: Duration,
+}
+
+/// What is known of the device.
+#[derive(Clone, Debug, Default)]
+pub struct Snapshot {
+    /// `sim`, `emulated` or `serial`.
+    pub kind: &'static str,
+    /// The serial port.
+    pub path: String,
+    /// Whether it answers.
+    pub connected: bool,
+    /// Why it does not.
+    pub problem: Option<String>,
+    /// Who it is.
+    pub identity: Option<Identity>,
+    /// Protocol version spoken with it.
+    pub protocol: Option<u8>,
+    /// Its state as last seen.
+    pub status: Option<StatusReply>,
+    /// Its measurements as last seen.
+    pub telemetry: Option<TelemetryReply>,
+    /// Supply, loops and budgets as last seen; a device of version 1 does not tell.
+    pub details: Option<Details>,
+    /// How well its clock is known.
+    pub clock: Option<ClockQuality>,
+    /// Median round trip.
+    pub round_trip: Option<Duration>,
+    /// Frames and errors.
+    pub link: LinkStatistics,
+    /// Restarts noticed since the session began.
+    pub restarts: u32,
+}
+
+impl Snapshot {
+    /// The safety state as last seen.
+    #[must_use]
+    pub fn state(&self) -> Option<State> {
+        self.status.as_ref().map(|status| status.state)
+    }
+}
+
+/// What to drive, and until when.
+#[derive(Clone, Debug)]
+pub struct DriveOrder {
+    /// Names the drive for [`Session::end_at`].
+    pub id: u64,
+    /// [`Session::stops`] as it was when the drive was asked for: a stop since then refuses it.
+    pub stops: u64,
+    /// What every channel does.
+    pub drives: Vec<ChannelDrive>,
+    /// How long.
+    pub hold: Duration,
+}
+
+/// What to play on which drives, and when.
+#[derive(Clone, Debug)]
+pub struct EffectOrder {
+    /// Names the effect for [`Session::end_at`].
+    pub id: u64,
+    /// As [`DriveOrder::stops`].
+    pub stops: u64,
+    /// What every channel does at full level.
+    pub drives: Vec<ChannelDrive>,
+    /// What is played on all of them, from the same moment on.
+    pub effect: Effect,
+    /// When to begin; `None` is as soon as all of it can be on the board.
+    pub start: Option<Instant>,
+}
+
+enum Command {
+    Play { order: EffectOrder, answer: oneshot::Sender<Result<Played, SessionError>> },
+    Drive { order: DriveOrder, answer: oneshot::Sender<Result<Driven, SessionError>> },
+    Stop { answer: oneshot::Sender<Result<(), SessionError>> },
+    EndAt { id: u64, when: Instant },
+    Clear { answer: oneshot::Sender<Result<(), SessionError>> },
+    Close,
+}
+
+/// A session; it stops and disarms the device when it is dropped.
+#[derive(Debug)]
+pub struct Session {
+    commands: Sender<Command>,
+    snapshot: watch::Receiver<Snapshot>,
+    stops: Arc<AtomicU64>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Session {
+    /// Starts the session's thread.
+    ///
+    /// # Errors
+    /// If the system gives no thread.
+    pub fn start(device: OpenDevice) -> std::io::Result<Self> {
+        let (commands, inbox) = channel();
+        let first = Snapshot { kind: device.kind(), path: device.path().to_owned(), ..Snapshot::default() };
+        let (publish, snapshot) = watch::channel(first);
+        let stops = Arc::new(AtomicU64::new(0));
+        let worker = Worker::new(device, publish, Arc::clone(&stops));
+        let thread = std::thread::Builder::new().name("device-session".into()).spawn(move || worker.run(&inbox))?;
+        Ok(Self { commands, snapshot, stops, thread: Some(thread) })
+    }
+
+    /// What is known of the device, kept up to date.
+    #[must_use]
+    pub fn snapshots(&self) -> watch::Receiver<Snapshot> {
+        self.snapshot.clone()
+    }
+
+    /// How often everything was stopped so far.
+    #[must_use]
+    pub fn stops(&self) -> u64 {
+        self.stops.load(Ordering::SeqCst)
+    }
+
+    /// Arms if need be, sets the drives and ends them after a while.
+    ///
+    /// # Errors
+    /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since the order's count was read; nothing is
+    /// driven then.
+    pub async fn drive(&self, order: DriveOrder) -> Result<Driven, SessionError> {
+        let (answer, reply) = oneshot::channel();
+        self.send(Command::Drive { order, answer })?;
+        reply.await.map_err(|_| SessionError::Closed)?
+    }
+
+    /// Arms if need be, brings the rails up, and has the board play an effect by its own clock, so that how late this
+    /// process or the link are does not show. It begins at the time that was asked for, or later if that is sooner than the
+    /// link allows.
+    ///
+    /// # Errors
+    /// As [`Session::drive`], and [`LinkError::TooOld`] with a device that cannot play effects.
+    pub async fn play(&self, order: EffectOrder) -> Result<Played, SessionError> {
+        let (answer, reply) = oneshot::channel();
+        self.send(Command::Play { order, answer })?;
+        reply.await.map_err(|_| SessionError::Closed)?
+    }
+
+    /// Everything off, session disarmed.
+    ///
+    /// # Errors
+    /// [`SessionError`]; the device's dead-man timer then does it within 250 ms.
+    pub async fn stop(&self) -> Result<(), SessionError> {
+        // Before anything else: what is planned meanwhile must not be driven. A drive that the worker has already begun is
+        // ended by the command behind it.
+        self.stops.fetch_add(1, Ordering::SeqCst);
+        let (answer, reply) = oneshot::channel();
+        self.send(Command::Stop { answer })?;
+        reply.await.map_err(|_| SessionError::Closed)?
+    }
+
+    /// Ends the drive named `id` at `when`, if it does not end before; another one goes on.
+    pub fn end_at(&self, id: u64, when: Instant) {
+        // A session that has ended has ended its drives.
+        let _ = self.send(Command::EndAt { id, when });
+    }
+
+    /// Clears the latched fault.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub async fn clear_faults(&self) -> Result<(), SessionError> {
+        let (answer, reply) = oneshot::channel();
+        self.send(Command::Clear { answer })?;
+        reply.await.map_err(|_| SessionError::Closed)?
+    }
+
+    fn send(&self, command: Command) -> Result<(), SessionError> {
+        self.commands.send(command).map_err(|_| SessionError::Closed)
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        let _ = self.commands.send(Command::Close);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

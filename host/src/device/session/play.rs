@@ -1,0 +1,107 @@
+//! Effects: given to the board with a start in its own time, early enough that all of it has arrived by then.
+
+use super::worker::{Worker, unexpected};
+use super::{EffectOrder, Played, SessionError};
+use crate::device::client::{Client, LinkError};
+use crate::device::effect::length;
+use era_shared::protocol::{AchievedDrive, Reply, Request};
+use era_shared::safety::State;
+use era_shared::supply::rail_of;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// A rail is up when it has this part of the voltage wanted, in per cent: 0.9 dB of force.
+const RAIL_UP_PERCENT: u64 = 95;
+/// Longest wait for the rails: the soft start to 2 kV takes 100 ms. The board itself sees to rails that do not come.
+const RAILS_WAIT: Duration = Duration::from_millis(300);
+/// Between two looks at the rails.
+const RAILS_POLL: Duration = Duration::from_millis(5);
+/// Added to the time that the frames take: the board looks for what is due every ms, and writes a period ahead.
+const LEAD: Duration = Duration::from_millis(3);
+/// The drive ends this long after its effect: what is left of a period, and the next look.
+const AFTER: Duration = Duration::from_millis(50);
+/// Samples of the clock that an effect needs.
+const CLOCK_SAMPLES: u64 = 3;
+
+impl Worker {
+    pub(super) fn play(&mut self, order: EffectOrder) -> Result<Played, SessionError> {
+        let result = self.try_play(order);
+        if let Err(SessionError::Link(error)) = &result {
+            self.note_trouble(error);
+        }
+        result
+    }
+
+    fn try_play(&mut self, order: EffectOrder) -> Result<Played, SessionError> {
+        let EffectOrder { id, stops, drives, effect, start } = order;
+        self.check_stops(stops)?;
+        self.connected()?;
+        let prepare = Request::Prepare { drives: drives.into_iter().take(era_shared::MAX_CHANNELS).collect() };
+        if !self.is_modern() {
+            let spoken = self.client.as_ref().map_or(0, Client::version);
+            return Err(LinkError::TooOld { request: "play", needed: prepare.since(), spoken }.into());
+        }
+        if self.arm()? {
+            self.await_armed(stops)?;
+        }
+        let Reply::Prepared { achieved } = self.ask(&prepare)? else { return Err(unexpected("prepare").into()) };
+        self.drive_id = id;
+        self.show(State::Running);
+        // Whatever comes in between, these drives end.
+        self.drive_until = Some(Instant::now() + RAILS_WAIT);
+        self.await_rails(&achieved, stops)?;
+        while self.clock.quality().is_none_or(|quality| quality.samples < CLOCK_SAMPLES) {
+            self.sample_clock()?;
+        }
+        let soonest = Instant::now() + self.lead(achieved.len());
+        let start = start.map_or(soonest, |start| start.max(soonest));
+        let start_us = self.clock.board_us_at(start).ok_or_else(|| unexpected("clock"))?;
+        for drive in &achieved {
+            let play = Request::Play { channel: drive.channel, start_us, effect: effect.clone() };
+            if let Err(error) = self.ask(&play) {
+                // None or all: what waits already is forgotten.
+                if matches!(error, LinkError::Refused(_)) {
+                    self.rest()?;
+                }
+                return Err(error.into());
+            }
+        }
+        let length = achieved.iter().map(|drive| length(&effect, drive)).max().unwrap_or_default();
+        let end = start + length + AFTER;
+        self.drive_until = Some(end);
+        self.idle_since = end;
+        Ok(Played { achieved: achieved.to_vec(), start_us, start, length })
+    }
+
+    pub(super) fn check_stops(&self, stops: u64) -> Result<(), SessionError> {
+        if stops == self.stops.load(Ordering::SeqCst) { Ok(()) } else { Err(SessionError::Stopped) }
+    }
+
+    /// Waits until the rails have the voltages of the drives: an effect does not wait for them.
+    fn await_rails(&mut self, drives: &[AchievedDrive], stops: u64) -> Result<(), SessionError> {
+        let begun = Instant::now();
+        while begun.elapsed() < RAILS_WAIT {
+            self.check_stops(stops)?;
+            let measured = self.details()?.rail_millivolts;
+            let is_up = |drive: &AchievedDrive| {
+                let rail = measured.get(rail_of(usize::from(drive.channel))).copied().unwrap_or(0);
+                u64::from(rail) * 100 >= u64::from(drive.voltage_millivolts) * RAIL_UP_PERCENT
+            };
+            if drives.iter().all(is_up) {
+                break;
+            }
+            std::thread::sleep(RAILS_POLL);
+        }
+        Ok(())
+    }
+
+    /// How far ahead a start must be so that `frames` requests have arrived by then, one after the other and the last as
+    /// late as any of late was.
+    fn lead(&self, frames: usize) -> Duration {
+        let trips = self.client.as_ref().and_then(|client| client.round_trip_median().zip(client.round_trip_worst()));
+        let (median, worst) = trips.unwrap_or_default();
+        let clock = self.clock.quality().map_or(0.0, |quality| quality.residual_worst_s);
+        let frames = u32::try_from(frames).unwrap_or(u32::MAX);
+        median * frames + worst + Duration::from_secs_f64(clock) + LEAD
+    }
+}

@@ -1,0 +1,79 @@
+//! The simulated high-voltage rails: first-order, exact in time.
+
+use era_shared::supply::{RAILS, Supply};
+
+/// Time constant in s with which the supply brings a rail up to its set-point: a common module's rise time of 5 ms.
+const RISE_S: f64 = 2e-3;
+/// Time constant of the closed discharge switch in s: 2 kV are below 60 V after 17.5 ms.
+const DISCHARGE_S: f64 = 5e-3;
+/// Time constant of the bleeder alone in s: 1 nF and 100 Mohm.
+const BLEED_S: f64 = 0.1;
+/// Time constant of a short in s: 1 nF through 10 kohm of series resistor.
+const SHORT_S: f64 = 1e-5;
+
+/// A voltage on its way, exponentially, to where it is drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Rail {
+    from_s: f64,
+    from_v: f64,
+    target_v: f64,
+    tau_s: f64,
+}
+
+impl Rail {
+    /// A rail that stands at `volts` from `time_s` on and discharges.
+    #[must_use]
+    pub const fn discharging(volts: f64, time_s: f64) -> Self {
+        Self { from_s: time_s, from_v: volts, target_v: 0.0, tau_s: DISCHARGE_S }
+    }
+
+    /// Voltage at `time_s`, which must not be before the last change.
+    #[must_use]
+    pub fn volts_at(&self, time_s: f64) -> f64 {
+        let left = (-(time_s - self.from_s).max(0.0) / self.tau_s).exp();
+        self.target_v + (self.from_v - self.target_v) * left
+    }
+
+    /// From `time_s` on the rail follows what the supply was told; a short takes it to zero whatever that is.
+    pub fn follow(&mut self, time_s: f64, supply: &Supply, rail: usize, shorted: bool) {
+        let volts = self.volts_at(time_s);
+        let of = |values: &[bool; RAILS]| values.get(rail).copied().unwrap_or(true);
+        let set_v = f64::from(supply.set_point_millivolts.get(rail).copied().unwrap_or(0)) / 1e3;
+        let (target_v, tau_s) = match () {
+            () if shorted => (0.0, SHORT_S),
+            () if of(&supply.discharge) => (0.0, DISCHARGE_S),
+            () if !supply.enabled => (0.0, BLEED_S),
+            // A supply can only push: downwards the bleeder has to do it.
+            () if set_v < volts => (set_v, BLEED_S),
+            () => (set_v, RISE_S),
+        };
+        if (target_v, tau_s) != (self.target_v, self.tau_s) {
+            *self = Self { from_s: time_s, from_v: volts, target_v, tau_s };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn supply(enabled: bool, discharge: bool, volts: u32) -> Supply {
+        Supply { enabled, discharge: [discharge; RAILS], set_point_millivolts: [volts * 1000; RAILS] }
+    }
+
+    #[test]
+    fn rails_rise_bleed_and_discharge() {
+        let mut rail = Rail::discharging(0.0, 0.0);
+        rail.follow(0.0, &supply(true, false, 1000), 0, false);
+        assert!((rail.volts_at(RISE_S) - 1000.0 * (1.0 - (-1.0_f64).exp())).abs() < 1e-9);
+        // Told the same again, it goes on as before.
+        rail.follow(RISE_S, &supply(true, false, 1000), 0, false);
+        assert!((rail.volts_at(2.0 * RISE_S) - 1000.0 * (1.0 - (-2.0_f64).exp())).abs() < 1e-9);
+        rail.follow(1.0, &supply(true, false, 500), 0, false);
+        assert!((rail.volts_at(1.0 + BLEED_S) - (500.0 + 500.0 * (-1.0_f64).exp())).abs() < 1e-6);
+        rail.follow(2.0, &supply(false, true, 0), 0, false);
+        assert!(rail.volts_at(2.0 + 0.0175) < 60.0);
+        rail.follow(3.0, &supply(true, false, 1000), 0, true);
+        assert!(rail.volts_at(3.1) < 1e-3);
+    }
+}
