@@ -1,12 +1,13 @@
 """Runs the firmware image on the emulated board and bridges its UART to a pseudo-terminal.
 
-usage: bridge.py --elf PATH [--free]
+usage: bridge.py --elf PATH [--free | --paused]
 
 The first line on stdout is {"pty": "/dev/pts/N", ...}; a host opens that like a serial port. Then every line on stdin
 is a command and every line on stdout its answer: {"id": 1, "op": "timers"} gets {"id": 1, "ok": true, ...} or
 {"id": 1, "ok": false, "error": "..."}. The bridge ends with its stdin.
 
-Virtual time follows the clock on the wall as well as it can; with --free it runs ahead as fast as it can.
+Virtual time follows the clock on the wall as well as it can; with --free it runs ahead as fast as it can,
+with --paused it stands still but for what `run_for`, `exchange` and `load` make it run.
 
 op        further keys         answer
 time                           virtual_s, clock (since power-up, 170 MHz), wall_s, cycles (carried out), idle
@@ -27,6 +28,8 @@ read      address              value: a 32-bit word
 write     address, value       (for fault injection)
 symbol    name                 address
 run_for   seconds              virtual_s; at once, also while paused
+exchange  hex, seconds         hex: what the board's UART answers to these bytes, up to the end of the first frame, within
+                               so much virtual time; virtual_s. Nothing of it passes the pseudo-terminal
 pause, resume
 restart                        power off and on; the pseudo-terminal stays
 quit
@@ -53,11 +56,11 @@ LEAD_S = 0.002
 
 
 class Bridge:
-    def __init__(self, elf, free):
+    def __init__(self, elf, free, paused):
         self.elf = elf
         self.free = free
         self.machine = Machine(elf)
-        self.paused = False
+        self.paused = paused
         self.running = True
         self.started = time.monotonic()
         self.wall_zero = self.started
@@ -198,6 +201,18 @@ class Bridge:
         self.anchor()
         return {"virtual_s": self.machine.time_s}
 
+    def op_exchange(self, command):
+        end = self.machine.time_s + float(command["seconds"])
+        self.to_host()
+        self.machine.receive(bytes.fromhex(command["hex"]))
+        answer = b""
+        # A frame ends with a zero; a zero without anything before it is none.
+        while self.machine.time_s < end and 0 not in answer.lstrip(b"\0"):
+            self.machine.advance(end)
+            answer += self.machine.transmitted()
+        self.anchor()
+        return {"hex": answer.hex(), "virtual_s": self.machine.time_s}
+
     def op_pause(self, _):
         self.paused = True
         return {"virtual_s": self.machine.time_s}
@@ -227,10 +242,12 @@ def say(message):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--elf", required=True, help="firmware image")
-    parser.add_argument("--free", action="store_true", help="do not wait for the clock on the wall")
+    pace = parser.add_mutually_exclusive_group()
+    pace.add_argument("--free", action="store_true", help="do not wait for the clock on the wall")
+    pace.add_argument("--paused", action="store_true", help="run only when told to")
     arguments = parser.parse_args()
     try:
-        Bridge(arguments.elf, arguments.free).run()
+        Bridge(arguments.elf, arguments.free, arguments.paused).run()
     except (KeyboardInterrupt, BrokenPipeError):
         pass
 

@@ -21,9 +21,10 @@ DAC3 = 0x5000_1000
 RNG_DATA = 0x5006_0808
 NVIC_ISER, NVIC_ICER, NVIC_ISPR, NVIC_IPR = 0xE000_E100, 0xE000_E180, 0xE000_E200, 0xE000_E400
 ICSR = 0xE000_ED04
+VTOR = 0xE000_ED08
 AIRCR = 0xE000_ED0C
-# Words of enable and pending bits for the chip's 102 interrupts.
-NVIC_WORDS = 4
+# Interrupts, and words of enable and pending bits for them.
+INTERRUPTS, NVIC_WORDS = 102, 4
 
 # Reset flags in RCC_CSR (section 7.4.29). Every reset pulls the pin low, so PINRSTF comes with each of them.
 RESET_FLAGS = {
@@ -36,6 +37,8 @@ RESET_FLAGS = {
 # Cortex-M4, AIRCR.SYSRESETREQ; ICSR.VECTACTIVE.
 SYSRESETREQ = 1 << 2
 VECTACTIVE = 0x1FF
+# The processor's own exceptions; the first interrupt comes after them.
+EXCEPTIONS = 16
 
 # General-purpose ports, section 9.4.
 MODER, ODR, AFRL = 0x00, 0x14, 0x20

@@ -12,6 +12,7 @@ discharge       "fails" | "works"                                the discharge s
 overcurrent_ma  mA                                               through the fast shunt, until set to 0
 average_ma      mA | null                                        the measured average current (null: the true one)
 pvd             "low" | "ok"                                     the board's 3.3 V against the voltage detector
+comparator      {"number": n, "stuck": true | false | null}      its output stays there (null: no more)
 stall           {"timer": "TIM8", "on": true | false}            the timer's counter stands still
 handler         {"runs": "loop" | "undefined" | name of a        an interrupt that nobody asked for: its handler loops for
                  function, "priority": 0 to 15}                  ever (15: thread mode hangs; 5: the device's task too; 0:
@@ -24,12 +25,10 @@ heal            true                                             all but the las
 `handler` and `time_base` last until the chip restarts.
 """
 
-from chip import FLASH, FLASH_BYTES, IRQ_TIM2, IRQ_UNUSED, NVIC_ICER, NVIC_IPR, NVIC_ISER, pend
+from chip import EXCEPTIONS, FLASH, FLASH_BYTES, IRQ_TIM2, IRQ_UNUSED, NVIC_ICER, NVIC_IPR, NVIC_ISER, VTOR, pend
 
 # Code of two handlers, put into the last words of the flash, which no image reaches: Thumb `b .` and `udf #0`, twice each.
 HANDLERS = {"loop": (FLASH + FLASH_BYTES - 8, 0xE7FE_E7FE), "undefined": (FLASH + FLASH_BYTES - 4, 0xDE00_DE00)}
-# The vectors of the interrupts begin behind those of the processor's own 16 exceptions.
-EXCEPTIONS = 16
 
 
 class Faults:
@@ -72,6 +71,13 @@ class Faults:
     def do_pvd(self, value):
         self.machine.protection.supply_low = one_of(value, "low", "ok") == "low"
 
+    def do_comparator(self, value):
+        number, stuck = one_of(value["number"], *self.machine.protection.outputs), one_of(value["stuck"], True, False, None)
+        if stuck is None:
+            self.machine.protection.stuck.pop(number, None)
+        else:
+            self.machine.protection.stuck[number] = stuck
+
     def do_stall(self, value):
         self.machine.timers.timers[value["timer"]].stalled = bool(value.get("on", True))
 
@@ -82,7 +88,7 @@ class Faults:
             sim.write_u32(address, code)
         else:
             address = sim.symbol(runs)
-        sim.write_u32(FLASH + 4 * (EXCEPTIONS + IRQ_UNUSED), address | 1)
+        sim.write_u32(sim.read_u32(VTOR) + 4 * (EXCEPTIONS + IRQ_UNUSED), address | 1)
         word, byte = divmod(IRQ_UNUSED, 4)
         priorities = sim.read_u32(NVIC_IPR + 4 * word) & ~(0xFF << 8 * byte)
         sim.write_u32(NVIC_IPR + 4 * word, priorities | int(value["priority"]) << 4 + 8 * byte)
@@ -99,6 +105,7 @@ class Faults:
     def do_heal(self, _):
         self.machine.supply.heal()
         self.machine.protection.supply_low = False
+        self.machine.protection.stuck.clear()
         for timer in self.machine.timers.timers.values():
             timer.stalled = False
 

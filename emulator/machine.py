@@ -12,9 +12,10 @@ import pathlib
 from labwired import Sim
 
 from chip import (
-    AIRCR, CLOCK_HZ, ICSR, IRQ_LPUART1, LPUART1, NVIC_ISER, NVIC_ISPR, NVIC_WORDS, RAM, RAM_BYTES, RCC_CSR, RESET_FLAGS,
-    RNG_DATA, SYSRESETREQ, TIM2, VECTACTIVE, pend,
+    AIRCR, CLOCK_HZ, EXCEPTIONS, ICSR, IRQ_LPUART1, IRQ_TIM2, IRQ_UNUSED, LPUART1, NVIC_ISER, NVIC_ISPR, NVIC_WORDS, RAM,
+    RAM_BYTES, RCC_CSR, RESET_FLAGS, RNG_DATA, SYSRESETREQ, TIM2, VECTACTIVE, pend,
 )
+from entry import align_stack
 from pins import Pins
 from protection import Protection
 from sensing import Sensing
@@ -27,8 +28,12 @@ BOARD = pathlib.Path(__file__).resolve().parent / "board" / "system.yaml"
 # What runs at a time before the machine is looked at again. Longer than one tick of the firmware's device task takes,
 # so that most ticks need one slice.
 SLICE = "5us"
-# The same while the load is measured, which is the resolution of that.
-FINE_SLICE = "200ns"
+# The same while bytes come in: what the UART's interrupt takes.
+RECEIVING_SLICE = "2us"
+# The same while the load is measured, which is the resolution of that, and how many of them make a slice.
+FINE_SLICE, FINE_SLICES = "500ns", 10
+# What is passed over at a time while the processor hangs, in ticks of the time base.
+HANGING_TICKS = 100
 
 # The firmware is up within a millisecond; one that is not hangs.
 BOOT_LIMIT_S = 0.1
@@ -70,6 +75,7 @@ class Machine:
         """A chip that has just been reset, on the board as it is."""
         self.sim = Sim(self.elf, system=BOARD, uart="lpuart1")
         self.sim.write_u32(RCC_CSR, RESET_FLAGS[cause])
+        align_stack(self.sim)
         self.stir()
         self.idle_address = self.sim.symbol("ERA_CPU_IDLE")
         self.timers = Timers(self.sim, self.history)
@@ -79,6 +85,8 @@ class Machine:
         self.sensing.clock = self.clock
         self.protection = Protection(self.sim, self.sensing, self.supply, self.timers)
         self.watchdog = Watchdog(self.sim)
+        # Whether an event of the time base was already due at the end of the last slice.
+        self.due_before = False
 
     def reset(self, cause):
         """Resets the chip; RAM is kept, flash is as it was built."""
@@ -154,29 +162,48 @@ class Machine:
         """Bytes that the board's UART has sent since the last call."""
         return self.sim.read_uart_bytes()
 
-    def advance(self, until_s, slice=SLICE):
+    def advance(self, until_s):
         """Runs one slice, then passes over idle time, but not beyond `until_s`."""
-        if self.waiting:
-            # The UART model takes a byte but raises no interrupt, so it is raised here, byte by byte. The next byte
-            # waits until the firmware has taken this one, so a burst never overruns it; this is faster than a real line
-            # at 115 200 baud, which would take 87 us for each.
-            if not self.sim.read_u32(LPUART1_ISR) & RXNE:
-                self.sim.send_bytes(self.waiting[:1])
-                del self.waiting[0]
-            pend(self.sim, IRQ_LPUART1)
-        self.run_slice(slice)
-        if not self.waiting and self.is_idle():
-            self.pass_over_idle_time(until_s)
-            self.stir()
+        self.run_slice(RECEIVING_SLICE if self.feed() else SLICE)
+        self.pass_over(until_s)
+
+    def feed(self):
+        """Hands the next byte to the UART; whether there is one."""
+        if not self.waiting:
+            return False
+        # The UART model takes a byte but raises no interrupt, so it is raised here, byte by byte. The next byte
+        # waits until the firmware has taken this one, so a burst never overruns it; this is faster than a real line
+        # at 115 200 baud, which would take 87 us for each.
+        if not self.sim.read_u32(LPUART1_ISR) & RXNE:
+            self.sim.send_bytes(self.waiting[:1])
+            del self.waiting[0]
+        pend(self.sim, IRQ_LPUART1)
+        return True
 
     def run_slice(self, length):
         self.sim.run_for(length)
-        if self.sim.read_u32(AIRCR) & SYSRESETREQ:
-            self.reset("software")
         self.step_board()
+
+    def pass_over(self, until_s):
+        """Passes over time in which nothing happens."""
+        if self.waiting:
+            return
+        if self.is_idle():
+            self.pass_over_idle_time(until_s)
+            self.stir()
+        elif self.hangs():
+            due = self.event_is_due()
+            if not due:
+                self.pass_over_idle_time(until_s)
+            elif self.due_before:
+                # Nobody serves it.
+                self.pass_over_ticks(min(HANGING_TICKS, self.ticks_until(until_s)))
+            self.due_before = due
 
     def step_board(self):
         """Lets the board around the processor catch up with it."""
+        if self.sim.read_u32(AIRCR) & SYSRESETREQ:
+            self.reset("software")
         clock = self.clock
         self.pins.step(self.timers, clock)
         self.timers.step(clock)
@@ -192,18 +219,34 @@ class Machine:
             return False
         return not any(read(NVIC_ISER + 4 * word) & read(NVIC_ISPR + 4 * word) for word in range(NVIC_WORDS))
 
+    def hangs(self):
+        """Whether the processor is in the endless handler that faults.py has put there, with nothing to interrupt it."""
+        return self.sim.read_u32(ICSR) & VECTACTIVE == EXCEPTIONS + IRQ_UNUSED
+
+    def event_is_due(self):
+        return bool(self.sim.read_u32(TIM2 + SR) & self.sim.read_u32(TIM2 + DIER))
+
+    def ticks_until(self, until_s):
+        return int((until_s - self.time_s) / TICK_S)
+
     def pass_over_idle_time(self, until_s):
         read = self.sim.read_u32
-        enabled = read(TIM2 + DIER)
-        if read(TIM2 + SR) & enabled:
-            return  # An event is about to be served.
+        ticks = self.ticks_until(until_s)
+        if self.event_is_due():
+            if read(NVIC_ISER + 4 * (IRQ_TIM2 // 32)) >> IRQ_TIM2 % 32 & 1:
+                return  # It is about to be served.
+            self.pass_over_ticks(min(HANGING_TICKS, ticks))
+            return
         count = read(TIM2 + CNT) & 0xFFFF
         events = [HALF_COUNT, FULL_COUNT]
-        if enabled & ALARM_ENABLED:
+        if read(TIM2 + DIER) & ALARM_ENABLED:
             events.append(read(TIM2 + CCR2) & 0xFFFF)
         distance = min((event - count) % FULL_COUNT or FULL_COUNT for event in events)
-        ticks = min(distance - MARGIN_TICKS, int((until_s - self.time_s) / TICK_S))
+        self.pass_over_ticks(min(distance - MARGIN_TICKS, ticks))
+
+    def pass_over_ticks(self, ticks):
         if ticks > 0:
+            count = self.sim.read_u32(TIM2 + CNT) & 0xFFFF
             self.sim.write_u32(TIM2 + CNT, (count + ticks) % FULL_COUNT)
             self.clock_base += ticks * TICK_CLOCKS
             self.step_board()
@@ -213,10 +256,16 @@ class Machine:
         begin, busy = self.clock, 0
         end_s = self.time_s + seconds
         while self.time_s < end_s:
-            before, was_busy = self.cycles, not self.is_idle()
-            self.advance(end_s, FINE_SLICE)
-            # A slice at whose beginning or end it slept counts half.
-            busy += (self.cycles - before) * (was_busy + (not self.is_idle())) / 2
+            for _ in range(FINE_SLICES):
+                before, was_busy = self.cycles, not self.is_idle()
+                self.sim.run_for(FINE_SLICE)
+                is_busy = not self.is_idle()
+                # A slice at whose beginning or end it slept counts half.
+                busy += (self.cycles - before) * (was_busy + is_busy) / 2
+                if not was_busy and not is_busy:
+                    break
+            self.step_board()
+            self.pass_over(end_s)
         return busy, self.clock - begin
 
     def rails(self):

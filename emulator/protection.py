@@ -46,6 +46,8 @@ class Protection:
         self.low_before = False
         # Comparator -> its output.
         self.outputs = dict.fromkeys(range(1, 8), False)
+        # Comparator -> the output that a broken one has.
+        self.stuck = {}
         # Timers that are cleared until an update event finds the trip gone: name -> origin at the trip.
         self.cleared_at = {}
 
@@ -79,6 +81,7 @@ class Protection:
             output = False
             if control & ENABLED:
                 output = (volts > self.threshold(comparator, control)) != bool(control & POLARITY)
+                output = self.stuck.get(comparator, output)
             self.outputs[comparator] = output
             value = control & ~VALUE | (VALUE if output else 0)
             if value != control:

@@ -1,4 +1,4 @@
-"""Tests of the board around the chip: registers are written from outside, while the firmware idles.
+"""Tests of the board around the chip: registers are written from outside, before the firmware has got anywhere.
 
 usage: launch.py --self-test --elf PATH
 """
@@ -40,7 +40,6 @@ class BoardTest(unittest.TestCase):
     def setUp(self):
         self.machine = Machine(os.environ["ERA_ELF"])
         self.addCleanup(lambda: self.machine.close())
-        self.machine.boot()
         self.sim = self.machine.sim
         self.faults = Faults(self.machine)
         for register in (RCC_AHB2ENR, RCC_APB1ENR1, RCC_APB2ENR):
@@ -87,6 +86,20 @@ class BoardTest(unittest.TestCase):
         self.assertEqual(timer.read("sr") & 1, 1)
         timer.write("sr", 0)
         self.assertEqual(timer.read("sr"), 0)
+
+    def test_start_is_known_to_the_clock(self):
+        timer = self.start("TIM8")
+        self.sim.write_u32(TIM3 + 0x04, 0b001 << 4)
+        for _ in range(2):
+            begin = self.machine.clock
+            self.sim.write_u32(TIM3, 1)
+            self.sim.run_for("3us")
+            self.machine.step_board()
+            self.assertAlmostEqual(timer.origin, begin, delta=3)
+            self.sim.write_u32(TIM3, 0)
+            timer.write("cr1", 1 << 7)
+            timer.write("cnt", 0)
+            self.spend(100)
 
     def test_compare_modes_keep_their_fourth_bit(self):
         self.assertEqual(self.start("TIM20").read("ccmr1"), 0x0868_09E8 | 1 << 16)

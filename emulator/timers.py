@@ -4,8 +4,8 @@ The chip description only holds their registers. This module follows RM0440, sec
 uses it: counting up, edge-aligned, the preloaded PSC, ARR and CCR1 to CCR4 taken over together at the update event, slaves
 that start with their master's TRGO, EGR.UG. The registers read back the preload values, as on the chip.
 
-It looks at the registers once in a slice (5 us), so a register written within 5 us of an update event may be taken over one
-event early, and a start may be recorded that much late; timers that start together always start in the same clock.
+It looks at the registers once in a slice (5 us), so a register written within 5 us after an update event may be taken over
+one event early. The start of timers that TIM3 starts is known to the clock.
 """
 
 from collections import deque
@@ -89,11 +89,7 @@ class Timer:
         """Lets the timer count up to `clock`; calls `on_update(self, clock)` after each update event that changed
         something or may have to be noted."""
         cr1 = self.read("cr1")
-        if self.sim.read_u32(self.base + EGR) & UG:
-            self.sim.write_u32(self.base + EGR, 0)
-            self.take_over()
-            self.origin = clock
-            self.write("cnt", 0)
+        self.settle(clock)
         if not cr1 & CEN:
             if self.running:
                 self.running = False
@@ -113,8 +109,16 @@ class Timer:
         if clock >= self.origin:
             self.write("cnt", (clock - self.origin) // (self.shadow["psc"] + 1))
 
+    def settle(self, clock):
+        """Carries out EGR.UG."""
+        if self.sim.read_u32(self.base + EGR) & UG:
+            self.sim.write_u32(self.base + EGR, 0)
+            self.take_over()
+            self.origin = clock
+            self.write("cnt", 0)
+
     def start(self, clock):
-        """The counter goes on from the count that it holds."""
+        """The counter goes on from the count that it holds; `clock` is when."""
         self.take_over_unbuffered(self.read("cr1"))
         self.origin = clock - (self.read("cnt") & 0xFFFF) * (self.shadow["psc"] + 1)
         self.running = True
@@ -127,6 +131,8 @@ class Timers:
         self.sim = sim
         self.timers = {name: Timer(sim, name, base) for name, base in TIMERS.items()}
         self.master_runs = False
+        # Its count when it last stood: it goes on from there.
+        self.master_count = 0
         self.history = deque(maxlen=HISTORY_LIMIT) if history is None else history
         self.lost = 0
         # Name of a timer -> whether its outputs are cleared by a trip; set by protection.py.
@@ -140,18 +146,26 @@ class Timers:
     def step(self, clock):
         enabled = bool(self.sim.read_u32(TIM3) & CEN)
         if enabled and not self.master_runs:
-            self.trigger()
+            self.trigger(clock)
+        elif not enabled:
+            self.master_count = self.sim.read_u32(TIM3 + OFFSETS["cnt"])
         self.master_runs = enabled
         for timer in self.timers.values():
             timer.step(clock, self.updated)
 
-    def trigger(self):
+    def trigger(self, clock):
         """The master has started: every slave in trigger mode starts in the same clock."""
-        if self.sim.read_u32(TIM3 + OFFSETS["cr2"]) & MASTER_MASK != MASTER_TELLS_ENABLE:
+        read = self.sim.read_u32
+        if read(TIM3 + OFFSETS["cr2"]) & MASTER_MASK != MASTER_TELLS_ENABLE:
             return
+        counted = (read(TIM3 + OFFSETS["cnt"]) - self.master_count) % (read(TIM3 + OFFSETS["arr"]) + 1)
+        started = clock - (read(TIM3 + OFFSETS["psc"]) + 1) * counted
         for timer in self.timers.values():
-            if timer.read("smcr") & SLAVE_MASK == SLAVE_OF_TIM3:
+            if timer.read("smcr") & SLAVE_MASK == SLAVE_OF_TIM3 and not timer.running:
+                timer.settle(clock)
                 timer.write("cr1", timer.read("cr1") | CEN)
+                timer.start(started)
+                self.note(timer, started)
 
     def updated(self, timer, clock):
         if timer.running:

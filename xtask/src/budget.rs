@@ -96,7 +96,6 @@ impl Row {
     }
 
     /// The row of the processor's load with four channels running, in per cent.
-    #[allow(dead_code, reason = "TEMP")]
     pub fn cpu(used_percent: f64, budget: &Budget) -> Self {
         Self { name: "CPU", unit: "%", used: used_percent, budget: budget.cpu.percent }
     }

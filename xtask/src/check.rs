@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{firmware, fuzz, miri, root, waveforms};
+use crate::{emulate, firmware, fuzz, miri, root, waveforms};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -19,6 +19,7 @@ pub fn test() -> Result<(), Error> {
     step("firmware image", || firmware::command(&firmware::Options::default()))?;
     step("emulator", || run(Command::new("python3").arg("emulator/launch.py").arg("--setup-only").current_dir(&root)))?;
     step("waveforms", || waveforms::command(&waveforms::Options::default()))?;
+    step("report from the emulated board", emulate::test)?;
     step("tests", || run(cargo(&root).args(["test", "--workspace"])))?;
     // Optimised code may keep other roundings and no overflow checks: the extremes hold there too.
     let extremes = ["--test", "model_extremes", "--test", "transient", "--test", "sweep"];

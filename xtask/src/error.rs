@@ -105,6 +105,12 @@ pub enum Error {
         /// All that the engine said.
         log: PathBuf,
     },
+    /// The emulated board did not reply to a request in its own time.
+    #[error("the emulated board did not reply to {0}")]
+    NoReply(String),
+    /// The report found differences.
+    #[error("{0} of the report's steps are not as expected")]
+    Report(usize),
     /// A message could not be put into a frame.
     #[error("cannot encode the request: {0:?}")]
     Encode(era_shared::link::EncodeError),

@@ -1,0 +1,105 @@
+//! `cargo xtask emulate`: the firmware image on the emulated board.
+
+mod bridge;
+mod link;
+mod report;
+mod terminal;
+
+use crate::error::Error;
+use crate::process::run;
+use crate::{elf, firmware, root};
+use bridge::{Bridge, Pace};
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::Instant;
+use terminal::Terminal;
+
+/// Options of `cargo xtask emulate`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Say hello this many times, print how long the answers took, and end.
+    #[arg(long, value_name = "TIMES", conflicts_with = "report")]
+    measure: Option<usize>,
+    /// Take the image through everything it can do and every fault, print what its registers should hold and do hold, and
+    /// fail on any difference.
+    #[arg(long)]
+    report: bool,
+    /// Run this image instead of building one.
+    #[arg(long, value_name = "ELF")]
+    image: Option<PathBuf>,
+}
+
+/// Builds, starts the bridge, says hello, then hands the bridge's control channel to the terminal until it is closed.
+///
+/// # Errors
+/// What went wrong on the way; [`Error::Report`] if the report found a difference.
+pub fn command(options: &Options) -> Result<(), Error> {
+    let image = match &options.image {
+        Some(image) => image.clone(),
+        None => firmware::build(false)?.0,
+    };
+    let usage = elf::usage(&image)?;
+    eprintln!("emulate: image of {} bytes, {}", usage.flash, image.display());
+    if options.report {
+        return report::run(&image);
+    }
+    let mut bridge = Bridge::start(&image, Pace::Wall)?;
+    println!("{}", bridge.terminal().display());
+    let mut terminal = Terminal::open(bridge.terminal())?;
+    hello(&mut terminal)?;
+    if let Some(times) = options.measure {
+        return measure(&mut bridge, &mut terminal, times);
+    }
+    drop(terminal);
+    eprintln!("emulate: commands of the bridge can be typed here, one JSON object a line; Ctrl-D ends it");
+    bridge.hand_over()
+}
+
+/// The tests of the emulated board itself, then the report.
+///
+/// # Errors
+/// As [`command`].
+pub fn test() -> Result<(), Error> {
+    let image = firmware::build(false)?.0;
+    run(Command::new("python3").arg(root()?.join("emulator/launch.py")).args(["--self-test", "--elf"]).arg(&image))?;
+    report::run(&image)
+}
+
+fn hello(terminal: &mut Terminal) -> Result<(), Error> {
+    let started = Instant::now();
+    let hello = terminal.hello()?;
+    let version = hello.firmware;
+    eprintln!(
+        "emulate: hello from board {} after {:.0} ms: firmware {}.{}.{}, protocol {} to {}, {} channels",
+        String::from_utf8_lossy(&hello.board_id),
+        started.elapsed().as_secs_f64() * 1e3,
+        version.major,
+        version.minor,
+        version.patch,
+        hello.protocol_min,
+        hello.protocol_current,
+        hello.channels.len()
+    );
+    Ok(())
+}
+
+fn measure(bridge: &mut Bridge, terminal: &mut Terminal, times: usize) -> Result<(), Error> {
+    let mut milliseconds = Vec::with_capacity(times);
+    let before = bridge.time()?;
+    for _ in 0..times {
+        let started = Instant::now();
+        terminal.hello()?;
+        milliseconds.push(started.elapsed().as_secs_f64() * 1e3);
+    }
+    let after = bridge.time()?;
+    milliseconds.sort_by(f64::total_cmp);
+    let at = |fraction: f64| {
+        let index = (fraction * (milliseconds.len().max(1) - 1) as f64).round() as usize;
+        milliseconds.get(index).copied().unwrap_or(f64::NAN)
+    };
+    println!("round trips     {times}");
+    println!("median          {:.1} ms", at(0.5));
+    println!("99 % within     {:.1} ms", at(0.99));
+    println!("virtual / wall  {:.2}", (after.virtual_s - before.virtual_s) / (after.wall_s - before.wall_s));
+    Ok(())
+}

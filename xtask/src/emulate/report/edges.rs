@@ -1,0 +1,141 @@
+//! What the electrodes' pins did, rebuilt from the registers that counted.
+
+use super::expected::CHANNELS;
+use crate::error::Error;
+use era_shared::waveform::{Electrode, Pulse, PulseCheck, TimerModel, TimerRegisters};
+use serde::Deserialize;
+
+/// A change of what a timer's outputs do, from the bridge's op `history`.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Record {
+    timer: String,
+    /// When, in clocks since power-up.
+    clock: u64,
+    /// When the counter was zero, with these registers.
+    origin: u64,
+    /// Whether the outputs reach the pins.
+    outputs: bool,
+    psc: u32,
+    arr: u32,
+    ccr: [u32; 4],
+    cr1: u32,
+    ccmr1: u32,
+    ccmr2: u32,
+    ccer: u32,
+}
+
+impl Record {
+    fn registers(&self) -> TimerRegisters {
+        /// BDTR.MOE.
+        const MOE: u32 = 1 << 15;
+        TimerRegisters {
+            cr1: self.cr1,
+            ccmr1: self.ccmr1,
+            ccmr2: self.ccmr2,
+            ccer: self.ccer,
+            psc: self.psc,
+            arr: self.arr,
+            ccr: self.ccr,
+            bdtr: if self.outputs { MOE } else { 0 },
+        }
+    }
+}
+
+/// One channel's pins.
+#[derive(Debug, Default)]
+pub struct Track {
+    current: Option<(Record, TimerModel)>,
+    /// What its pulses were like since the last [`Edges::begin`].
+    pub check: PulseCheck,
+    /// Every pulse since then; one that was cut in two by the end of a look is told in two parts that touch.
+    pub pulses: Vec<Pulse>,
+    /// Since when the outputs have been off, in clocks; `None` while they are on.
+    pub off_since: Option<u64>,
+}
+
+impl Track {
+    /// Origin of the counting and clocks in a tick and in a period, of the registers that count now.
+    pub fn lattice(&self) -> Option<(u64, u64, u64)> {
+        let (record, _) = self.current.as_ref()?;
+        let divider = u64::from(record.psc) + 1;
+        Some((record.origin, divider, divider * (u64::from(record.arr) + 1)))
+    }
+
+    fn run(&mut self, until: u64) -> Result<(), Error> {
+        let Some((record, model)) = &mut self.current else { return Ok(()) };
+        if !record.outputs {
+            return Ok(());
+        }
+        let (check, pulses, from) = (&mut self.check, &mut self.pulses, record.clock);
+        let told = model.run(until, |pulse| {
+            // The outputs were not yet connected in what lies before.
+            let pulse = Pulse { from: pulse.from.max(from), ..pulse };
+            if pulse.from < pulse.to {
+                check.pulse(pulse);
+                pulses.push(pulse);
+            }
+        });
+        told.map_err(|error| Error::NoReply(format!("windows of {}: {error:?}", record.timer)))
+    }
+
+    fn change(&mut self, record: &Record) -> Result<(), Error> {
+        self.run(record.clock)?;
+        self.off_since = if record.outputs { None } else { Some(self.off_since.unwrap_or(record.clock)) };
+        self.current = Some((record.clone(), TimerModel::new(record.registers(), record.origin)));
+        Ok(())
+    }
+}
+
+/// All channels.
+#[derive(Debug, Default)]
+pub struct Edges {
+    /// In the order of the channels.
+    pub tracks: [Track; 4],
+}
+
+impl Edges {
+    /// Takes note of changes, and of what happened up to `now`.
+    ///
+    /// # Errors
+    /// [`Error::NoReply`] if registers made something else than windows.
+    pub fn follow(&mut self, records: &[Record], now: u64) -> Result<(), Error> {
+        for record in records {
+            let place = CHANNELS.iter().position(|channel| channel.timer == record.timer);
+            if let Some(track) = place.and_then(|place| self.tracks.get_mut(place)) {
+                track.change(record)?;
+            }
+        }
+        self.tracks.iter_mut().try_for_each(|track| track.run(now))
+    }
+
+    /// Forgets the pulses so far.
+    pub fn begin(&mut self) {
+        for track in &mut self.tracks {
+            track.check = PulseCheck::default();
+            track.pulses.clear();
+        }
+    }
+
+    /// When the last of the outputs went off, if all are off.
+    pub fn all_off_since(&self) -> Option<u64> {
+        self.tracks.iter().map(|track| track.off_since).try_fold(0, |latest, off| off.map(|off| latest.max(off)))
+    }
+
+    /// Overlap, least guard and number of pulses over all channels.
+    pub fn total(&self) -> (u64, Option<u64>, u64) {
+        let checks = || self.tracks.iter().map(|track| &track.check);
+        (
+            checks().map(|check| check.overlap).sum(),
+            checks().filter_map(|check| check.least_guard).min(),
+            checks().map(|check| check.pulses).sum(),
+        )
+    }
+}
+
+/// Whether electrode A or B, as a letter.
+pub fn letter(electrode: Electrode) -> char {
+    match electrode {
+        Electrode::A => 'A',
+        Electrode::B => 'B',
+    }
+}

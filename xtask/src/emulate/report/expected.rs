@@ -1,0 +1,123 @@
+//! What the registers should hold, in the words of the table.
+
+use super::bench::{Bench, Pin, Registers};
+use crate::error::Error;
+use era_shared::protocol::{ChannelDrive, ChannelLimits};
+use era_shared::supply::rail_code;
+use era_shared::waveform::{ChannelProgram, IDLE, OutputPair, Period, TimerRegisters, program};
+use std::collections::BTreeMap;
+
+/// A channel's timer (the pin table in `firmware/src/pins.rs`).
+#[derive(Clone, Copy, Debug)]
+pub struct Channel {
+    /// Its timer.
+    pub timer: &'static str,
+    /// Which of the timer's channels are connected to the electrodes.
+    pub outputs: OutputPair,
+    /// Whether it has a main output enable and a break.
+    pub has_break: bool,
+}
+
+/// In the order of the channels.
+pub const CHANNELS: [Channel; 4] = [
+    Channel { timer: "TIM1", outputs: OutputPair { a: 1, b: 3 }, has_break: true },
+    Channel { timer: "TIM8", outputs: OutputPair { a: 1, b: 4 }, has_break: true },
+    Channel { timer: "TIM20", outputs: OutputPair { a: 1, b: 3 }, has_break: true },
+    Channel { timer: "TIM4", outputs: OutputPair { a: 1, b: 4 }, has_break: false },
+];
+
+/// CR1.CEN, BDTR.MOE.
+const CEN: u32 = 1;
+const MOE: u32 = 1 << 15;
+
+/// What a board with everything off looks like.
+pub const ALL_OFF: &str = "CEN 0000 MOE 000 electrodes low 8 HV 0 discharge 00 DAC 0/0";
+
+/// The same of the board as it is.
+///
+/// # Errors
+/// [`Error::Bridge`].
+pub fn off_as_seen(bench: &mut Bench) -> Result<String, Error> {
+    let timers = bench.timers()?;
+    let bit = |registers: &Registers, name: &str, mask: u32| u8::from(value(registers, name) & mask != 0);
+    let counting: String = timers.iter().map(|timer| bit(timer, "cr1", CEN).to_string()).collect();
+    let enabled: String = timers
+        .iter()
+        .zip(CHANNELS)
+        .filter(|(_, channel)| channel.has_break)
+        .map(|(timer, _)| bit(timer, "bdtr", MOE).to_string())
+        .collect();
+    let pins = bench.pins()?;
+    let low = pins.iter().filter(|(name, pin)| name.starts_with("era") && is_low(pin)).count();
+    let [one, two] = bench.rails()?.rails;
+    Ok(format!("CEN {counting} MOE {enabled} electrodes low {low} {} DAC {one}/{two}", switches(&pins)))
+}
+
+/// Supply and discharge as `HV 1 discharge 11`: high means that it is on, and that a switch is open.
+pub fn switches(pins: &BTreeMap<String, Pin>) -> String {
+    let high = |name: &str| u8::from(pins.get(name).is_some_and(|pin| pin.high == Some(true)));
+    format!("HV {} discharge {}{}", high("high_voltage_enable"), high("discharge1"), high("discharge2"))
+}
+
+fn is_low(pin: &Pin) -> bool {
+    pin.mode == "output" && pin.high == Some(false)
+}
+
+/// What a drive comes to.
+///
+/// # Errors
+/// [`Error::NoReply`] if the drive is none: a mistake in this report.
+pub fn programmed(drive: &ChannelDrive) -> Result<ChannelProgram, Error> {
+    program(&ChannelLimits::BOARD, drive).map_err(|error| Error::NoReply(format!("{drive:?}: {error:?}")))
+}
+
+/// A timer's registers with a drive at full level, or idle.
+pub fn registers(channel: Channel, drive: Option<&ChannelDrive>) -> Result<TimerRegisters, Error> {
+    let period: Period = match drive {
+        Some(drive) => programmed(drive)?.full(),
+        None => IDLE,
+    };
+    let registers = TimerRegisters::running(&period, channel.outputs);
+    Ok(if channel.has_break { registers } else { registers.with_clear() })
+}
+
+/// The code of a rail's set-point.
+pub fn code(millivolts: u32) -> u16 {
+    rail_code(millivolts)
+}
+
+/// Registers in the words of the table, those that differ from drive to drive first.
+pub fn told(channel: Channel, registers: &TimerRegisters, main_output: bool) -> String {
+    let [one, two, three, four] = registers.ccr;
+    let enabled = if channel.has_break { u8::from(main_output).to_string() } else { "-".to_owned() };
+    format!(
+        "{} PSC {} ARR {} CCR {one}/{two}/{three}/{four} CCMR {:x}/{:x} CCER {:x} CEN {} MOE {enabled}",
+        channel.timer,
+        registers.psc,
+        registers.arr,
+        registers.ccmr1,
+        registers.ccmr2,
+        registers.ccer,
+        registers.cr1 & CEN,
+    )
+}
+
+/// The same of what was read back.
+pub fn told_as_seen(channel: Channel, registers: &Registers) -> String {
+    let ccr = ["ccr1", "ccr2", "ccr3", "ccr4"].map(|name| value(registers, name));
+    let read = TimerRegisters {
+        cr1: value(registers, "cr1"),
+        ccmr1: value(registers, "ccmr1"),
+        ccmr2: value(registers, "ccmr2"),
+        ccer: value(registers, "ccer"),
+        psc: value(registers, "psc"),
+        arr: value(registers, "arr"),
+        ccr,
+        bdtr: value(registers, "bdtr"),
+    };
+    told(channel, &read, read.main_output())
+}
+
+fn value(registers: &Registers, name: &str) -> u32 {
+    registers.get(name).copied().unwrap_or(0)
+}

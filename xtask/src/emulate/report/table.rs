@@ -1,0 +1,80 @@
+//! The table that the report prints.
+
+use crate::error::Error;
+
+/// Widths of the first two columns in characters; what is longer pushes the rest to the right.
+const STEP: usize = 34;
+const EXPECTED: usize = 62;
+
+/// Rows so far, printed as they come, and figures for the end.
+#[derive(Debug)]
+pub struct Table {
+    rows: usize,
+    wrong: Vec<String>,
+    figures: Vec<(String, String)>,
+}
+
+impl Table {
+    /// Prints the head.
+    pub fn new() -> Self {
+        println!("{:<STEP$} | {:<EXPECTED$} | seen | ", "step", "expected");
+        Self { rows: 0, wrong: Vec::new(), figures: Vec::new() }
+    }
+
+    /// One row that is right if both columns are the same.
+    pub fn same(&mut self, step: &str, expected: &str, seen: &str) {
+        self.row(step, expected, seen, expected == seen);
+    }
+
+    /// One row.
+    pub fn row(&mut self, step: &str, expected: &str, seen: &str, right: bool) {
+        self.rows += 1;
+        let verdict = if right { "ok" } else { "WRONG" };
+        println!("{step:<STEP$} | {expected:<EXPECTED$} | {seen} | {verdict}");
+        if !right {
+            self.wrong.push(step.to_owned());
+        }
+    }
+
+    /// A step that must not take longer than `limit_ms`.
+    pub fn within(&mut self, step: &str, limit_ms: f64, seen_ms: Option<f64>) {
+        let seen = seen_ms.map_or("never".to_owned(), |ms| format!("{ms:.3} ms"));
+        self.row(
+            step,
+            &format!("within {limit_ms} ms"),
+            &seen,
+            seen_ms.is_some_and(|ms| (0.0..=limit_ms).contains(&ms)),
+        );
+    }
+
+    /// A part of the report that is wrong as a whole if it cannot be carried out; whether it could.
+    pub fn part(&mut self, name: &str, work: impl FnOnce(&mut Self) -> Result<(), Error>) -> bool {
+        let result = work(self);
+        if let Err(error) = &result {
+            self.row(name, "carried out", &error.to_string(), false);
+        }
+        result.is_ok()
+    }
+
+    /// A figure for the end.
+    pub fn figure(&mut self, name: &str, value: String) {
+        self.figures.push((name.to_owned(), value));
+    }
+
+    /// Prints the figures and what was wrong.
+    pub fn summary(&self) {
+        println!();
+        for (name, value) in &self.figures {
+            println!("{name:<60} {value}");
+        }
+        println!("{} rows, {} wrong", self.rows, self.wrong.len());
+        for step in &self.wrong {
+            println!("wrong: {step}");
+        }
+    }
+
+    /// How many rows are wrong.
+    pub fn wrong(&self) -> usize {
+        self.wrong.len()
+    }
+}
