@@ -83,6 +83,7 @@ class Faults:
 
     def do_handler(self, value):
         sim, runs = self.machine.sim, value["runs"]
+        self.machine.looping = runs == "loop"
         if runs in HANDLERS:
             address, code = HANDLERS[runs]
             sim.write_u32(address, code)

@@ -85,6 +85,8 @@ class Machine:
         self.sensing.clock = self.clock
         self.protection = Protection(self.sim, self.sensing, self.supply, self.timers)
         self.watchdog = Watchdog(self.sim)
+        # Whether faults.py has made an endless handler.
+        self.looping = False
         # Whether an event of the time base was already due at the end of the last slice.
         self.due_before = False
 
@@ -102,6 +104,8 @@ class Machine:
             word = int.from_bytes(ram[address : address + 4], "little")
             if word:
                 self.sim.write_u32(RAM + address, word)
+        # What the last life said of itself is over, before the start-up code gets to clear it.
+        self.sim.write_u32(self.idle_address & ~3, 0)
         self.resets.append({"virtual_s": self.time_s, "cause": cause})
         self.timers.note_all(self.clock)
 
@@ -221,7 +225,7 @@ class Machine:
 
     def hangs(self):
         """Whether the processor is in the endless handler that faults.py has put there, with nothing to interrupt it."""
-        return self.sim.read_u32(ICSR) & VECTACTIVE == EXCEPTIONS + IRQ_UNUSED
+        return self.looping and self.sim.read_u32(ICSR) & VECTACTIVE == EXCEPTIONS + IRQ_UNUSED
 
     def event_is_due(self):
         return bool(self.sim.read_u32(TIM2 + SR) & self.sim.read_u32(TIM2 + DIER))

@@ -153,6 +153,7 @@ fn silence(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
     table.same("silence: drives set", "None", &format!("{refused:?}"));
     bench.keep_alive(0.2)?;
     let last = bench.clock()?;
+    bench.request(&Request::KeepAlive)?;
     bench.run(2.0 * f64::from(DEADMAN_DEFAULT_MS) / 1e3)?;
     bench.follow_edges()?;
     let off = bench.edges.all_off_since().map(|off| off.saturating_sub(last) as f64 / CLOCKS_PER_MS);
