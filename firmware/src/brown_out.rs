@@ -2,7 +2,7 @@
 //!
 //! Below 2.9 V the detector clears the breaks' MOE in hardware (SYSCFG CFGR2.PVDL) and its interrupt switches off what the
 //! breaks do not. At the brown-out level the chip resets; that level is an option byte (BOR_LEV, delivered as 0: 1.7 V),
-//! which `docs` tells to set to 4: 2.8 V.
+//! to be set to 4, 2.8 V, when a board is brought up.
 
 use crate::breaks;
 use crate::outputs::force_off;
@@ -15,9 +15,9 @@ use embassy_stm32::pac::exti::regs::Lines;
 use embassy_stm32::pac::{EXTI, PWR, RCC};
 use era_shared::protocol::{FaultCode, ResetCause};
 
-/// PWR_CR2.PLS: 2.9 V, the highest that a supply of 3.3 V less 5 % does not come near (DS12288, table 19: 2.84 to 3.00 V).
+/// PWR_CR2.PLS: 2.9 V, the highest that a supply of 3.3 V less 5 % does not come near (DS12288, reset and power control block).
 const LEVEL: u8 = 6;
-/// Line of the detector (RM0440, table 103).
+/// Line of the detector (RM0440, EXTI lines connections).
 const LINE: usize = 16;
 
 /// What the note holds while the firmware runs, with its complement: memory keeps it over a dip that resets the chip, and

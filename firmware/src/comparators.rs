@@ -8,7 +8,7 @@
 //! | 5          | PB13  | VREFINT   | the interlock loop is open (inverted)          |
 //! | 7          | PB14  | VREFINT   | the emergency stop is pressed (inverted)       |
 //!
-//! The input is the first of the two that each has (INPSEL = 0), the thresholds are those of RM0440, tables 197 and 198.
+//! The input is the first of the two that each has (INPSEL = 0), the thresholds are connected as RM0440 tells (inputs of the comparators).
 //! A comparator's output is high when it trips; `timers.rs` leads it to the breaks.
 
 use crate::rails::ABOVE_160_MHZ;
@@ -72,7 +72,7 @@ const OVER_VOLTAGE_CODE: u16 = (OVER_VOLTAGE_MILLIVOLTS as u64 * FULL_CODE / 2_5
 const OVER_CURRENT_CODE: u16 = (TRIP_MICROAMPS as u64 * FULL_CODE / 20_000) as u16;
 const _: () = assert!(OVER_VOLTAGE_CODE < 4095 && OVER_CURRENT_CODE < 4095);
 
-/// DAC3 and the voltage scaler settle within 200 us (DS12288, tables 68 and 72: 7.5 us and 200 us); clocks of 170 MHz.
+/// DAC3 and the voltage scaler settle within 200 us (DS12288, DAC and comparator characteristics); clocks of 170 MHz.
 const SETTLING_CLOCKS: u32 = 170 * 250;
 
 /// Starts DAC3 and the comparators, and waits until they have settled. To be called once.

@@ -7,7 +7,7 @@ use embassy_stm32::pac::adc::vals::{Exten, SampleTime};
 use embassy_stm32::pac::adccommon::vals::Ckmode;
 use embassy_stm32::pac::{ADC1, ADC12_COMMON, RCC};
 
-/// Inputs in the order of the sequence: rail 1, rail 2, average current, earth bond (DS12288, table 12).
+/// Inputs in the order of the sequence: rail 1, rail 2, average current, earth bond (DS12288, pin table).
 const INPUTS: [usize; 4] = [1, 2, 7, 6];
 
 /// Largest code: 3.3 V at the input.
@@ -24,9 +24,9 @@ const BONDED_BELOW: u16 = 205;
 const CONVERSION_READS: usize = 800;
 /// Likewise at boot: calibration takes 116 ADC clocks, or 2.7 us, and the start less.
 const START_READS: usize = 10_000;
-/// The regulator needs 20 us (DS12288, table 66); clocks of 170 MHz.
+/// The regulator needs 20 us (DS12288, ADC characteristics); clocks of 170 MHz.
 const REGULATOR_CLOCKS: u32 = 170 * 20;
-/// Between the calibration and the enable there must be four ADC clocks (RM0440, section 21.4.8), here of four clocks each.
+/// Between the calibration and the enable there must be four ADC clocks (RM0440, ADC calibration), here of four clocks each.
 const AFTER_CALIBRATION_CLOCKS: u32 = 16;
 
 /// One measurement.

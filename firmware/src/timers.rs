@@ -2,7 +2,7 @@
 //!
 //! [`era_shared::waveform`] explains the counting and holds the bits of the registers. All four get the core clock, are
 //! loaded with a blank period while they stand, and start in the same clock: each is a slave in trigger mode of TIM3, whose
-//! own start is the trigger (RM0440, sections 28.3.26 and 29.3.20). From then on they only get new preload values.
+//! own start is the trigger (RM0440, timer synchronisation). From then on they only get new preload values.
 //!
 //! The routing of the breaks, the idle levels and the compare modes are written once, at boot, and locked until the next
 //! reset (BDTR.LOCK = 3): firmware that has run astray cannot unhook them. Hence nothing may write BDTR before [`init`].
@@ -26,7 +26,7 @@ const CR1_CEN: u32 = 1;
 const CR1_UDIS: u32 = 1 << 1;
 /// CR2.MMS = 001: the trigger output tells CEN.
 const CR2_TRIGGER_IS_ENABLE: u32 = 0b001 << 4;
-/// SMCR.TS = ITR2, which is TIM3 for all four (RM0440, table 259), and SMS = 0110, trigger mode.
+/// SMCR.TS = ITR2, which is TIM3 for all four (RM0440, internal trigger connections), and SMS = 0110, trigger mode.
 const SMCR_START_WITH_TIM3: u32 = 0b010 << 4 | 0b110;
 /// AF2.OCRSEL = 011: comparator 4, the momentary current, clears the outputs of TIM4, which has no break. SMCR.OCCS is 0, so
 /// that this input is used.
@@ -44,8 +44,8 @@ const DIER_BIE: u32 = 1 << 7;
 /// A timer's registers other than BDTR. `None` if there is no such channel.
 fn timer(channel: usize) -> Option<TimGp16> {
     match (WITH_BREAK.get(channel), channel) {
-        // SAFETY: an advanced timer has the registers of a general-purpose one at the same offsets (RM0440, sections
-        // 28.6.33 and 29.5.28).
+        // SAFETY: an advanced timer has the registers of a general-purpose one at the same offsets (RM0440, register
+        // maps).
         (Some(timer), _) => Some(unsafe { TimGp16::from_ptr(timer.as_ptr()) }),
         (None, 3) => Some(pac::TIM4),
         _ => None,

@@ -45,7 +45,7 @@ static WAITING: [AtomicWaker; NAMES.len()] = [const { AtomicWaker::new() }; NAME
 
 /// The counter runs at 32 kHz / 32 = 1 kHz from here to 0: in 94 to 109 ms, five times what the slowest task needs.
 const RELOAD: u16 = 99;
-/// A new reload value takes up to six clocks of the oscillator (RM0440, section 42.4.4), 0.2 ms; each read takes some 10
+/// A new reload value takes up to six clocks of the oscillator (RM0440, IWDG_RLR and IWDG_SR), 0.2 ms; each read takes some 10
 /// clocks of 170 MHz.
 const UPDATE_READS: usize = 20_000;
 
