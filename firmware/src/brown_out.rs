@@ -32,7 +32,8 @@ unsafe impl Sync for NoteCell {}
 #[unsafe(link_section = ".uninit.running_note")]
 static NOTE: NoteCell = NoteCell(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// Whether the start was due to a dip of the supply that memory has survived. To be called once, at boot.
+/// Whether the start was due to a dip of the supply that memory has survived. A quick power-down and up counts as one: the
+/// chip cannot tell them apart. To be called once, at boot.
 pub fn ended_previous_run(cause: ResetCause) -> bool {
     let place = NOTE.0.get().cast::<[u32; 2]>();
     // SAFETY: every bit pattern is valid, and nothing else accesses the memory.

@@ -45,8 +45,8 @@ pub trait Board {
     /// Measures rails, current and loops, and tells what tripped since the last call.
     fn sense(&mut self) -> Senses;
 
-    /// Tries every comparator and break that has to switch off in hardware: each must trip with its threshold moved, and
-    /// rest with it put back. Electrodes stay off.
+    /// Tries every comparator and break that has to switch off in hardware: each must trip when made to, and
+    /// rest afterwards. Electrodes stay off.
     ///
     /// # Errors
     /// The first that did not do so.
