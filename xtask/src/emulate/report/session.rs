@@ -1,7 +1,7 @@
 //! The image in good health: boot, hello, refusals, arm, drive, change, envelope, stop, silence.
 
 use super::bench::{Bench, CLOCKS_PER_MS};
-use super::drives::{self, change, drives_in_force, show};
+use super::drives::{self, change, drives_in_force, many_changes, show};
 use super::effects;
 use super::expected::{ALL_OFF, CHANNELS, off_as_seen, registers, switches, told, told_as_seen};
 use super::table::Table;
@@ -128,7 +128,7 @@ fn drive(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
     bench.keep_alive(0.5)?;
     bench.follow_edges()?;
     drives_in_force(bench, table, "half a second later", &now)?;
-    Ok(())
+    many_changes(bench, table, &now)
 }
 
 fn stop(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
