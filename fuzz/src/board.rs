@@ -1,35 +1,84 @@
-//! A board that panics when it is asked for what must never be asked of a board.
+//! A board that panics when it is asked for what must never be asked of a board. Its timers are modelled up to the pins.
 
-use era_shared::board::{Board, BoardInfo, Measurements, Programs};
+use era_shared::MAX_CHANNELS;
+use era_shared::board::{Board, BoardInfo};
+use era_shared::limits::{GUARD_NANOSECONDS, MAX_RAIL_MILLIVOLTS};
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
+use era_shared::supply::{Finding, RAILS, Senses, Supply};
+use era_shared::waveform::{IDLE, OutputPair, Preload, PulseCheck, TimerModel, TimerRegisters};
 
-/// Least guard time that any waveform may have, in ns: the product's floor, whatever the limits of a channel say.
-const GUARD_FLOOR_NS: u32 = 50_000;
+/// Clock of the timers in MHz.
+const CLOCK_MHZ: u32 = 170;
+/// A preload is for a boundary at least this far away, in us.
+const MARGIN_US: u64 = 50;
+/// Least guard time between two pulses in clocks.
+const GUARD_CLOCKS: u64 = GUARD_NANOSECONDS as u64 * CLOCK_MHZ as u64 / 1_000;
+/// Which outputs of each timer are the electrodes'.
+const OUTPUTS: OutputPair = OutputPair { a: 1, b: 3 };
+
+/// What the hardware refuses, as bits of [`crate::step::Step::Hardware`].
+pub mod refuses {
+    /// A comparator does not trip when it is tried.
+    pub const TRIPS: u8 = 1;
+    /// The timers do not start.
+    pub const START: u8 = 2;
+    /// A preload register does not hold its value.
+    pub const PRELOAD: u8 = 4;
+    /// The pins are not given to the timers.
+    pub const CONNECT: u8 = 8;
+    /// A timer stands still.
+    pub const COUNTING: u8 = 16;
+}
+
+/// What is wrong outside, as bits of [`crate::step::Step::Outside`].
+pub mod outside {
+    /// The enclosure is open.
+    pub const INTERLOCK: u8 = 1;
+    /// The emergency stop is pressed.
+    pub const STOP: u8 = 2;
+    /// The bond to earth is missing.
+    pub const EARTH: u8 = 4;
+    /// Rail 1 stays at 1 kV whatever it is told; rail 2 at 0.
+    pub const RAILS: u8 = 8;
+    /// Too much current flows.
+    pub const CURRENT: u8 = 16;
+    /// All loops that must be closed for anything to be live.
+    pub const LOOPS: u8 = INTERLOCK | STOP | EARTH;
+}
+
+struct Timers {
+    started_us: u64,
+    models: [TimerModel; MAX_CHANNELS],
+    checks: [PulseCheck; MAX_CHANNELS],
+}
 
 /// What a fuzzed device drives.
 pub struct WatchedBoard {
     info: BoardInfo,
     /// Time since boot.
     pub now_us: u64,
-    /// Whether high voltage is enabled. As at power-on it counts as on until it was switched off.
-    pub live: bool,
-    /// What the channels do.
-    pub programs: Programs,
-    /// Whether the hardware refuses to be armed.
-    pub refuses_arming: bool,
-    /// Whether the hardware refuses to be driven.
-    pub refuses_drives: bool,
+    /// As at power-on it counts as on until it was switched off.
+    pub supply: Supply,
+    timers: Option<Timers>,
+    /// Whether the timers reach the electrodes.
+    pub connected: bool,
+    /// Bits of [`refuses`].
+    pub refused: u8,
+    /// Bits of [`outside`].
+    pub wrong: u8,
+    /// What the hardware switched off for, until it is asked.
+    pub trip: Option<Finding>,
 }
 
-impl WatchedBoard {
+impl Default for WatchedBoard {
     /// A board with as many channels as the protocol has room for.
-    pub fn new() -> Self {
+    fn default() -> Self {
         let limits = ChannelLimits {
             min_frequency_millihertz: 1_000,
             max_frequency_millihertz: 1_000_000,
-            max_voltage_millivolts: 2_000_000,
-            min_guard_ns: 200_000,
-            timer_clock_hz: 170_000_000,
+            max_voltage_millivolts: MAX_RAIL_MILLIVOLTS,
+            min_guard_ns: GUARD_NANOSECONDS,
+            timer_clock_hz: CLOCK_MHZ * 1_000_000,
         };
         Self {
             info: BoardInfo {
@@ -37,21 +86,59 @@ impl WatchedBoard {
                 board_id: *b"fuzzed board",
                 boot_id: 1,
                 reset_cause: ResetCause::PowerOn,
+                image: heapless::String::new(),
                 firmware: FirmwareVersion { major: 0, minor: 1, patch: 0, commit: *b"00000000" },
-                channels: std::iter::repeat_n(limits, era_shared::MAX_CHANNELS).collect(),
+                channels: std::iter::repeat_n(limits, MAX_CHANNELS).collect(),
                 fault_before_reset: None,
+                failure: heapless::String::new(),
             },
             now_us: 0,
-            live: true,
-            programs: Programs::default(),
-            refuses_arming: false,
-            refuses_drives: false,
+            supply: Supply { enabled: true, ..Supply::default() },
+            timers: None,
+            connected: false,
+            refused: 0,
+            wrong: 0,
+            trip: None,
         }
     }
+}
 
-    /// Whether nothing is energised and nothing is driven.
+impl WatchedBoard {
+    /// Whether nothing is energised, nothing is driven, and what was charged is being discharged.
     pub fn is_off(&self) -> bool {
-        !self.live && self.programs.iter().all(Option::is_none)
+        let Supply { enabled, discharge, set_point_millivolts } = self.supply;
+        !enabled && discharge == [true; RAILS] && set_point_millivolts == [0; RAILS] && !self.drives()
+    }
+
+    /// Whether the timers can reach the electrodes.
+    pub fn drives(&self) -> bool {
+        self.connected || self.timers.is_some()
+    }
+
+    /// What the rails are at: they follow at once, unless something is wrong with them.
+    pub fn rails(&self) -> [u32; RAILS] {
+        if self.wrong & outside::RAILS != 0 {
+            return [1_000_000, 0];
+        }
+        std::array::from_fn(|rail| {
+            let fed = self.supply.enabled && !self.supply.discharge[rail];
+            if fed { self.supply.set_point_millivolts[rail] } else { 0 }
+        })
+    }
+
+    fn refuses(&self, bit: u8) -> bool {
+        self.refused & bit != 0
+    }
+
+    /// Lets the pins move up to now and looks at what they did.
+    fn run(&mut self) {
+        let Some(timers) = &mut self.timers else { return };
+        let now = (self.now_us - timers.started_us) * u64::from(CLOCK_MHZ);
+        for (model, check) in timers.models.iter_mut().zip(&mut timers.checks) {
+            model.run(now, |pulse| check.pulse(pulse)).expect("registers that make windows");
+            assert_eq!(check.overlap, 0, "both electrodes on");
+            assert!(check.least_guard.is_none_or(|guard| guard >= GUARD_CLOCKS), "guard of {:?}", check.least_guard);
+        }
     }
 }
 
@@ -65,35 +152,87 @@ impl Board for WatchedBoard {
     }
 
     fn outputs_off(&mut self) {
-        self.live = false;
-        self.programs = Programs::default();
+        self.run();
+        self.timers = None;
+        self.connected = false;
+        self.supply = Supply { discharge: [true; RAILS], ..Supply::default() };
     }
 
-    fn arm(&mut self) -> Result<(), FaultCode> {
-        assert!(self.is_off(), "armed while something was on");
-        if self.refuses_arming {
+    fn sense(&mut self) -> Senses {
+        Senses {
+            rail_millivolts: self.rails(),
+            average_microamps: if self.wrong & outside::CURRENT != 0 { 5_000 } else { 0 },
+            interlock_closed: self.wrong & outside::INTERLOCK == 0,
+            stop_released: self.wrong & outside::STOP == 0,
+            earth_bonded: self.wrong & outside::EARTH == 0,
+            trip: self.trip.take(),
+        }
+    }
+
+    fn test_trips(&mut self) -> Result<(), Finding> {
+        assert!(self.is_off(), "comparators tried while something was on");
+        if self.refuses(refuses::TRIPS) { Err((FaultCode::SelfTest, 1)) } else { Ok(()) }
+    }
+
+    fn set_supply(&mut self, supply: &Supply) {
+        let highest = supply.set_point_millivolts.into_iter().max();
+        assert!(highest <= Some(MAX_RAIL_MILLIVOLTS), "set to {highest:?} mV");
+        self.supply = *supply;
+    }
+
+    fn start_timers(&mut self) -> Result<(), FaultCode> {
+        assert!(!self.drives(), "timers started twice, or under connected electrodes");
+        if self.refuses(refuses::START) {
             return Err(FaultCode::ArmFailed);
         }
-        self.live = true;
+        let model = TimerModel::new(TimerRegisters::running(&IDLE, OUTPUTS), 0);
+        self.timers = Some(Timers {
+            started_us: self.now_us,
+            models: std::array::from_fn(|_| model.clone()),
+            checks: Default::default(),
+        });
         Ok(())
     }
 
-    fn apply(&mut self, programs: &Programs) -> Result<(), FaultCode> {
-        assert!(self.live, "driven without being armed");
-        if self.refuses_drives {
+    fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
+        assert!(self.timers.is_some() && self.supply.enabled, "electrodes connected without being armed");
+        if self.refuses(refuses::CONNECT) {
             return Err(FaultCode::DriveFailed);
         }
-        for (program, limits) in programs.iter().zip(&self.info.channels) {
-            let Some(program) = program else { continue };
-            let achieved = program.achieved;
-            assert!(achieved.guard_ns >= limits.min_guard_ns.max(GUARD_FLOOR_NS), "guard: {program:?}");
-            assert!(achieved.voltage_millivolts <= limits.max_voltage_millivolts, "voltage: {program:?}");
-        }
-        self.programs = *programs;
+        self.connected = connected;
         Ok(())
     }
 
-    fn measure(&mut self) -> Measurements {
-        Measurements::default()
+    fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode> {
+        assert!(self.connected || preload.period.is_blank(), "windows for electrodes that are not connected");
+        self.run();
+        let timers = self.timers.as_mut().expect("timers that run");
+        let model = timers.models.get_mut(preload.channel).expect("a channel that is there");
+        let earliest = (self.now_us - timers.started_us + MARGIN_US) * u64::from(CLOCK_MHZ);
+        assert!(preload.at >= earliest, "preloaded too near to the boundary");
+        assert_eq!(preload.at, model.next_update(), "preloaded for another boundary than the next");
+        if self.refused & refuses::PRELOAD != 0 {
+            return Err(FaultCode::ReadBack);
+        }
+        model.write(TimerRegisters::running(&preload.period, OUTPUTS));
+        Ok(())
+    }
+
+    fn check_timers(&mut self) -> Result<(), Finding> {
+        assert!(self.timers.is_some(), "timers looked at that do not run");
+        if self.refuses(refuses::COUNTING) { Err((FaultCode::TimerStopped, 0)) } else { Ok(()) }
+    }
+
+    fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
+        None
+    }
+
+    fn take_log(&mut self, out: &mut [u8]) -> usize {
+        out.fill(0xA5);
+        out.len()
+    }
+
+    fn enter_bootloader(&mut self) {
+        assert!(self.is_off(), "left for the bootloader while something was on");
     }
 }

@@ -1,13 +1,14 @@
 //! The device logic through any script of frames, noise, time and faults on two links, with a watcher that checks after
 //! every step what must hold of any device.
 
-use crate::board::WatchedBoard;
+use crate::board::{WatchedBoard, outside};
 use crate::decoder::encoded;
 use crate::step::{LINKS, Step};
 use era_shared::device::{Device, Port};
+use era_shared::limits::{DEADMAN_MAX_MS, DISCHARGED_MILLIVOLTS};
 use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED};
-use era_shared::protocol::{CURRENT_VERSION, Fault, FaultCode, Refusal, Reply, Request, speaks};
-use era_shared::safety::{DEADMAN_MAX_MS, LinkId, State};
+use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, Fault, FaultCode, Refusal, Reply, Request, speaks};
+use era_shared::safety::{Event, LinkId, State};
 
 /// The watcher's own link: its questions keep nobody's session alive, as only the link that armed does.
 const WATCHER: LinkId = LinkId(0xFE);
@@ -50,7 +51,7 @@ impl Bench {
     fn new() -> Self {
         let mut bench = Self {
             device: Device::new(),
-            board: WatchedBoard::new(),
+            board: WatchedBoard::default(),
             ports: std::array::from_fn(|index| Port::new(LinkId(index as u8))),
             sequence: 0,
             fault: None,
@@ -75,12 +76,12 @@ impl Bench {
                 order = Order { heard: true, anything: true, request: None };
             }
             Step::Wait { ms } => {
-                self.device.poll(&mut self.board);
-                for _ in 0..*ms {
-                    self.board.now_us += 1_000;
-                    self.device.poll(&mut self.board);
-                }
+                self.wait(u64::from(*ms) * 1_000);
                 assert!(!self.is_silent_too_long() || self.board.is_off(), "live after the dead-man time");
+                let open = self.board.wrong & outside::LOOPS != 0;
+                assert!(*ms < 2 || !open || self.board.is_off(), "live with an open loop");
+                let charged = self.board.rails().iter().any(|millivolts| *millivolts >= DISCHARGED_MILLIVOLTS);
+                assert!(*ms < 2 || !charged || self.device.state() != State::Safe, "called safe with charged rails");
             }
             Step::Late { ms } => {
                 self.board.now_us += u64::from(*ms) * 1_000;
@@ -88,18 +89,13 @@ impl Bench {
                 return;
             }
             Step::Fault { code, detail } => {
-                // Silence is the device's own finding, the rest may be a board's.
-                let of_boards = FaultCode::ALL.iter().filter(|code| **code != FaultCode::HostSilent);
-                if let Some(code) = of_boards.cycle().nth(usize::from(*code)) {
-                    let now_us = self.board.now_us;
-                    self.device.raise(&mut self.board, *code, u32::from(*detail), now_us);
-                    assert_eq!(self.device.state(), State::Fault, "{code:?} is a fault in every state");
-                }
+                let (code, now_us) = (found_by_boards(*code), self.board.now_us);
+                self.device.raise(&mut self.board, code, u32::from(*detail), now_us);
+                assert_eq!(self.device.state(), State::Fault, "{code:?} is a fault in every state");
             }
-            Step::Hardware { refuses } => {
-                self.board.refuses_arming = refuses & 1 != 0;
-                self.board.refuses_drives = refuses & 2 != 0;
-            }
+            Step::Hardware { refuses } => self.board.refused = *refuses,
+            Step::Outside { wrong } => self.board.wrong = *wrong,
+            Step::Trip { code } => self.board.trip = Some((found_by_boards(*code), 0)),
             Step::Reopen { link } => {
                 if let Some(port) = self.ports.get_mut(*link) {
                     port.reset();
@@ -116,13 +112,11 @@ impl Bench {
     fn check(&mut self, before: State, order: &Order) {
         let state = self.device.state();
         assert!(state.is_live() || self.board.is_off(), "energised in state {state:?}");
+        assert!(state != State::Running || self.board.connected, "running with the electrodes disconnected");
         assert!(
-            state != State::Running || self.board.programs.iter().any(Option::is_some),
-            "running without a channel that runs"
+            order.heard || before.is_live() || !state.is_live(),
+            "from {before:?} to {state:?} without being asked"
         );
-        if !order.heard {
-            assert!(state == before || !state.is_live(), "from {before:?} to {state:?} without being asked");
-        }
         let fault = self.latched();
         // The question is a poll too: silence after a late step may have come to light by it.
         let state = self.device.state();
@@ -154,9 +148,10 @@ impl Bench {
     fn frame(&mut self, link: usize, version: u8, kind: u8, body: &[u8]) -> Order {
         let body = body.get(..body.len().min(era_shared::link::MAX_BODY)).unwrap_or(body);
         let request = postcard::from_bytes::<Request>(body).ok();
-        let request = request.filter(|_| speaks(version) && kind == Kind::Request as u8);
+        let request =
+            request.filter(|request| speaks(version) && kind == Kind::Request as u8 && request.since() <= version);
         self.sequence = self.sequence.wrapping_add(1);
-        let (programs, state) = (self.board.programs, self.device.state());
+        let state = self.device.state();
         let too_late = state.is_live() && self.is_silent_too_long();
         // A zero first ends whatever the line held.
         let bytes = [&[0][..], &encoded(version, kind, self.sequence, body)].concat();
@@ -175,9 +170,8 @@ impl Bench {
         if let Some(request) = &request {
             self.judge(request, &reply);
         }
-        // What is refused changes nothing, but for a fault that came to light.
-        if refused && !matches!(reply, Reply::Refused(Refusal::Fault(_))) && self.device.state() == state {
-            assert_eq!(self.board.programs, programs, "changed by what was refused: {reply:?}");
+        if version == 1 {
+            assert!(known_to_1(&reply), "{reply:?} to a host of version 1");
         }
         Order { heard: true, request, anything: false }
     }
@@ -187,31 +181,53 @@ impl Bench {
         let state = self.device.state();
         match (request, reply) {
             (_, Reply::Refused(refusal)) => {
-                assert_ne!(*refusal, Refusal::Malformed, "to {request:?}");
+                let wrong_key = matches!(request, Request::Bootloader { key } if *key != BOOTLOADER_KEY);
+                assert!(wrong_key || *refusal != Refusal::Malformed, "to {request:?}");
                 assert!(!matches!(refusal, Refusal::Version { .. }), "to {request:?}");
                 if matches!(refusal, Refusal::Fault(_)) {
                     assert!(self.board.is_off(), "a fault, and still on");
                 }
             }
-            (Request::Hello { .. }, Reply::Hello(_))
+            (Request::Hello { .. }, Reply::Hello(_) | Reply::Welcome(_))
             | (Request::KeepAlive, Reply::Alive { .. })
             | (Request::Status, Reply::Status(_))
             | (Request::Faults, Reply::Faults { .. })
-            | (Request::Telemetry, Reply::Telemetry(_)) => {}
-            (Request::Arm { .. }, Reply::Armed { deadman_ms }) => {
-                assert!(state.is_live() && self.board.live, "armed, but {state:?}");
+            | (Request::Telemetry, Reply::Telemetry(_))
+            | (Request::Clock, Reply::Clock { .. })
+            | (Request::Details, Reply::Details(_))
+            | (Request::Log, Reply::Log { .. }) => {}
+            (Request::Arm { .. }, Reply::Armed { deadman_ms })
+            | (Request::ArmWith { .. }, Reply::ArmedWith { deadman_ms, .. }) => {
+                assert!(state.is_live(), "armed, but {state:?}");
                 self.deadman_ms = *deadman_ms;
             }
-            (Request::Disarm, Reply::Disarmed) | (Request::Stop, Reply::Stopped) => {
+            (Request::Disarm, Reply::Disarmed)
+            | (Request::Stop, Reply::Stopped)
+            | (Request::Bootloader { .. }, Reply::Bootloader) => {
                 assert!(!state.is_live() && self.board.is_off(), "not off after {request:?}");
             }
-            (Request::SetDrives { drives }, Reply::DrivesSet { achieved }) => {
+            (Request::SetDrives { drives }, Reply::DrivesSet { achieved })
+            | (Request::Prepare { drives }, Reply::Prepared { achieved }) => {
                 assert_eq!(achieved.len(), drives.len());
-                assert_eq!(self.board.programs.iter().flatten().count(), drives.len());
-                assert_eq!(state, if drives.is_empty() { State::Armed } else { State::Running });
+                assert!(state.is_live(), "drives set, but {state:?}");
             }
+            (Request::Play { .. }, Reply::Playing) => assert!(state.is_live(), "playing, but {state:?}"),
             (Request::ClearFaults, Reply::FaultsCleared) => assert_ne!(state, State::Fault),
             (request, reply) => panic!("{reply:?} to {request:?}"),
+        }
+    }
+
+    /// Polls the device whenever it wants to be polled.
+    fn wait(&mut self, us: u64) {
+        let end_us = self.board.now_us + us;
+        loop {
+            let due_us = self.device.poll(&mut self.board);
+            if self.board.now_us >= end_us {
+                return;
+            }
+            assert!(due_us <= self.board.now_us + 1_000, "the device wants to be left alone until {due_us}");
+            // A wish that lies in the past is granted a little later, or time would stand still.
+            self.board.now_us = due_us.max(self.board.now_us + 10).min(end_us);
         }
     }
 
@@ -226,6 +242,43 @@ impl Bench {
             self.device.receive(&mut self.board, port, bytes, |answer| answers.push(answer.to_vec()));
         }
         answers
+    }
+}
+
+/// A fault that a board can find; silence is the device's own finding.
+fn found_by_boards(code: u8) -> FaultCode {
+    let of_boards = FaultCode::ALL.into_iter().filter(|code| *code != FaultCode::HostSilent);
+    of_boards.cycle().nth(usize::from(code)).unwrap_or(FaultCode::ReadBack)
+}
+
+/// Whether a host of version 1 has every word of this reply: its last variants were these.
+fn known_to_1(reply: &Reply) -> bool {
+    let state = |state: State| !matches!(state, State::Arming | State::Discharging);
+    let fault = |fault: &Fault| fault.code.number() <= FaultCode::ReadBack.number();
+    match reply {
+        Reply::Alive { state: now } => state(*now),
+        Reply::Status(status) => state(status.state) && status.fault.iter().all(fault),
+        Reply::Telemetry(telemetry) => state(telemetry.state),
+        Reply::Faults { latched } => latched.iter().all(fault),
+        Reply::Refused(Refusal::Fault(latched)) => fault(latched),
+        Reply::Refused(Refusal::State { state: now, event }) => {
+            state(*now) && !matches!(event, Event::Discharged | Event::TestPassed)
+        }
+        Reply::Refused(
+            Refusal::Version { .. }
+            | Refusal::Malformed
+            | Refusal::Drive { .. }
+            | Refusal::DuplicateChannel { .. }
+            | Refusal::OtherLink
+            | Refusal::Deadman { .. },
+        )
+        | Reply::Hello(_)
+        | Reply::Armed { .. }
+        | Reply::Disarmed
+        | Reply::DrivesSet { .. }
+        | Reply::Stopped
+        | Reply::FaultsCleared => true,
+        _ => false,
     }
 }
 

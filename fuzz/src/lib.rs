@@ -3,7 +3,7 @@
 //! `fuzz_targets` puts libFuzzer over them; `cargo xtask fuzz` builds and runs that on the project's own toolchain.
 //! `corpus` holds the seeds, which are those of [`seeds`] and whatever inputs ever found something.
 
-mod board;
+pub mod board;
 pub mod decoder;
 pub mod handle_frame;
 pub mod seeds;

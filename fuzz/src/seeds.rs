@@ -1,9 +1,11 @@
 //! The seeds: frames as they are on the wire, and the sessions that a person would try first.
 
+use crate::board::outside;
 use crate::decoder::encoded;
 use crate::step::Step;
 use era_shared::link::{Kind, MAX_BODY, MAX_ENCODED, encode};
-use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, MIN_VERSION, Request};
+use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, ChannelDrive, MIN_VERSION, Request};
+use era_shared::waveform::{Effect, Segment};
 
 /// Name of a seed, which is that of its file, and its bytes.
 pub type Seed = (&'static str, Vec<u8>);
@@ -38,54 +40,104 @@ pub fn decoder() -> Vec<Seed> {
 pub fn handle_frame() -> Vec<Seed> {
     let session = [
         ask(0, &Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION }),
+        ARMING,
         ask(0, &Request::Arm { deadman_ms: Some(100) }),
         ask(0, &set([drive(0, 150_000), drive(1, 151_500)])),
-        Step::Wait { ms: 60 },
+        ARMING,
         ask(0, &Request::KeepAlive),
-        ask(0, &set([drive(3, 20_000), drive(2, 1_000_000)])),
+        ask(0, &set([drive(3, 20_000), drive(2, 1_000_000), drive(0, 150_000), drive(1, 150_000)])),
+        Step::Wait { ms: 60 },
         ask(0, &Request::Status),
         ask(0, &Request::Telemetry),
         ask(0, &set([])),
+        Step::Wait { ms: 60 },
         ask(0, &Request::Stop),
+        ARMING,
         ask(0, &Request::Disarm),
     ];
+    let effects = [
+        ARMING,
+        ask(0, &Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(500) }),
+        ARMING,
+        ask(0, &Request::Prepare { drives: [drive(0, 200_000), drive(1, 90_000)].into_iter().collect() }),
+        ask(0, &Request::Play { channel: 0, start_us: 0, effect: Effect::click(3, 2) }),
+        ask(0, &Request::Play { channel: 1, start_us: 50_000, effect: every_segment() }),
+        Step::Wait { ms: 200 },
+        ask(0, &Request::Play { channel: 0, start_us: 0, effect: every_segment() }),
+        ask(0, &set([drive(0, 201_000)])),
+        Step::Wait { ms: 600 },
+        ask(0, &Request::Clock),
+        ask(0, &Request::Details),
+        ask(0, &Request::Log),
+        ask(0, &Request::Bootloader { key: BOOTLOADER_KEY }),
+        ask(0, &Request::Disarm),
+        ask(0, &Request::Bootloader { key: BOOTLOADER_KEY }),
+        ask(0, &Request::Bootloader { key: 1 }),
+    ];
     let silence = [
+        ARMING,
         ask(0, &Request::Arm { deadman_ms: None }),
+        ARMING,
         ask(0, &set([drive(0, 80_000)])),
         Step::Wait { ms: 300 },
         ask(0, &Request::Faults),
         ask(0, &Request::Arm { deadman_ms: None }),
         ask(0, &Request::ClearFaults),
+        ARMING,
         ask(0, &Request::Arm { deadman_ms: Some(50) }),
         Step::Late { ms: 51 },
         ask(0, &Request::KeepAlive),
     ];
     let two_links = [
+        ARMING,
         ask(0, &Request::Arm { deadman_ms: Some(1_000) }),
+        ARMING,
         ask(1, &Request::Arm { deadman_ms: None }),
         ask(1, &set([drive(0, 100_000)])),
         ask(0, &set([drive(0, 100_000)])),
         ask(1, &Request::KeepAlive),
         ask(1, &Request::Stop),
+        ARMING,
         ask(1, &Request::Arm { deadman_ms: None }),
         Step::Wait { ms: 1_001 },
     ];
     let faults = [
+        ARMING,
         ask(0, &Request::Arm { deadman_ms: None }),
         Step::Fault { code: 5, detail: 2 },
         Step::Fault { code: 2, detail: 3 },
         ask(0, &Request::ClearFaults),
-        Step::Hardware { refuses: 1 },
+        ARMING,
+        Step::Outside { wrong: outside::INTERLOCK },
         ask(0, &Request::Arm { deadman_ms: None }),
+        ARMING,
         ask(0, &Request::ClearFaults),
-        Step::Hardware { refuses: 2 },
-        ask(0, &Request::Arm { deadman_ms: None }),
-        ask(0, &set([drive(0, 100_000)])),
-        Step::Hardware { refuses: 0 },
+        Step::Outside { wrong: 0 },
+        ask(0, &Request::ClearFaults),
+        ARMING,
+        Step::Trip { code: 7 },
+        ARMING,
+        ask(0, &Request::ClearFaults),
+        Step::Outside { wrong: outside::RAILS },
+        Step::Wait { ms: 1_100 },
     ];
+    // Each kind of hardware that refuses, from arming to driving.
+    let hardware = (0..5).flat_map(|bit| {
+        [
+            Step::Hardware { refuses: 1 << bit },
+            ask(0, &Request::ClearFaults),
+            ARMING,
+            ask(0, &Request::Arm { deadman_ms: None }),
+            ARMING,
+            ask(0, &set([drive(0, 100_000)])),
+            ARMING,
+        ]
+    });
     let out_of_range = [
+        ARMING,
         ask(0, &Request::Arm { deadman_ms: Some(7) }),
         ask(0, &Request::Arm { deadman_ms: None }),
+        ARMING,
         ask(0, &set([drive(9, 100_000)])),
         ask(0, &set([drive(0, 2_000_000)])),
         ask(0, &set([drive(0, 100_000), drive(0, 100_000)])),
@@ -109,11 +161,19 @@ pub fn handle_frame() -> Vec<Seed> {
     ];
     // Every version that is spoken gets the same session.
     let versions = (MIN_VERSION..=CURRENT_VERSION).flat_map(|version| {
-        [Request::Arm { deadman_ms: None }, set([drive(0, 150_000)]), Request::Status, Request::Disarm]
-            .map(|request| Step::Frame { link: 0, version, kind: Kind::Request as u8, body: body(&request) })
+        let say = move |request: Request| {
+            [Step::Frame { link: 0, version, kind: Kind::Request as u8, body: body(&request) }, ARMING]
+        };
+        let hello = Request::Hello { host_min: version, host_current: version };
+        let arm = Request::Arm { deadman_ms: None };
+        [hello, arm, set([drive(0, 150_000)]), Request::Status, Request::Clock, Request::Disarm]
+            .into_iter()
+            .flat_map(say)
     });
     vec![
         ("session", script(session)),
+        ("effects", script(effects)),
+        ("hardware", script(hardware)),
         ("silence", script(silence)),
         ("two_links", script(two_links)),
         ("faults", script(faults)),
@@ -121,6 +181,20 @@ pub fn handle_frame() -> Vec<Seed> {
         ("noise", script(noise)),
         ("versions", script(versions)),
     ]
+}
+
+/// Time for rails to be seen as discharged, or for a self-test to be done.
+const ARMING: Step = Step::Wait { ms: 20 };
+
+/// An effect with each kind of segment.
+fn every_segment() -> Effect {
+    let segments = [
+        Segment::Ramp { from: 0, to: 1_000, milliseconds: 20 },
+        Segment::Hold { level: 500, milliseconds: 10 },
+        Segment::Cycles { level: -1_000, count: 2 },
+        Segment::Hold { level: 0, milliseconds: 5 },
+    ];
+    Effect { segments: segments.into_iter().collect(), times: 3 }
 }
 
 fn script(steps: impl IntoIterator<Item = Step>) -> Vec<u8> {
@@ -148,12 +222,12 @@ fn set(drives: impl IntoIterator<Item = ChannelDrive>) -> Request {
     Request::SetDrives { drives: drives.into_iter().collect() }
 }
 
-/// Two thirds wide, 1 kV.
+/// Half a half period wide, so that 1 kHz is possible; 1 kV.
 fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
     ChannelDrive {
         channel,
         frequency_millihertz,
-        pulse_width_ppm: 600_000,
+        pulse_width_ppm: 500_000,
         phase_microturns: 0,
         voltage_millivolts: 1_000_000,
     }

@@ -31,9 +31,9 @@ pub enum Step {
         /// At most 255.
         bytes: Vec<u8>,
     },
-    /// Time passes, with the device polled every millisecond.
+    /// Time passes, with the device polled whenever it wants to be.
     Wait {
-        /// At most 4 s: longer adds nothing, the longest dead-man time is 1 s.
+        /// At most 1.2 s: the longest dead-man time is 1 s, and steps can follow each other.
         ms: u16,
     },
     /// Time passes, and the device's task is late.
@@ -48,10 +48,20 @@ pub enum Step {
         /// Goes with it.
         detail: u8,
     },
-    /// From here on the hardware refuses what the bits say: 1 to be armed, 2 to be driven.
+    /// From here on the hardware refuses what the bits say.
     Hardware {
-        /// The bits.
+        /// Bits of [`crate::board::refuses`].
         refuses: u8,
+    },
+    /// From here on something outside is as the bits say.
+    Outside {
+        /// Bits of [`crate::board::outside`].
+        wrong: u8,
+    },
+    /// The hardware switches off by itself: a comparator, the voltage detector.
+    Trip {
+        /// As in [`Step::Fault`].
+        code: u8,
     },
     /// A link is closed and opened again.
     Reopen {
@@ -61,9 +71,9 @@ pub enum Step {
 }
 
 /// Longest time in one step, in ms.
-const LONGEST_MS: u16 = 4_000;
+const LONGEST_MS: u16 = 1_200;
 /// Kinds of steps.
-const KINDS: u8 = 8;
+const KINDS: u8 = 10;
 
 impl Step {
     /// The steps in `bytes`, up to where one is incomplete. Every input is a script, so that the engine wastes none.
@@ -82,7 +92,9 @@ impl Step {
             4 => Step::Late { ms: time(rest)? },
             5 => Step::Fault { code: byte(rest)?, detail: byte(rest)? },
             6 => Step::Hardware { refuses: byte(rest)? },
-            _ => Step::Reopen { link: link(rest)? },
+            7 => Step::Reopen { link: link(rest)? },
+            8 => Step::Outside { wrong: byte(rest)? },
+            _ => Step::Trip { code: byte(rest)? },
         })
     }
 
@@ -106,6 +118,8 @@ impl Step {
             Step::Fault { code, detail } => out.extend([5, *code, *detail]),
             Step::Hardware { refuses } => out.extend([6, *refuses]),
             Step::Reopen { link } => out.extend([7, *link as u8]),
+            Step::Outside { wrong } => out.extend([8, *wrong]),
+            Step::Trip { code } => out.extend([9, *code]),
         }
     }
 }

@@ -59,7 +59,7 @@ fn the_longest_body_fits_and_one_byte_more_does_not() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(512))]
+    #![proptest_config(ProptestConfig::with_cases(if cfg!(miri) { 10 } else { 512 }))]
 
     /// No bytes make the decoder panic, and how they are cut makes no difference.
     #[test]

@@ -48,7 +48,7 @@ pub fn ci() -> Result<(), Error> {
     })?;
     step("dependencies", || deny(&root))?;
     test()?;
-    step("miri", miri::if_here)?;
+    step("miri", miri::short)?;
     step("fuzzing", || fuzz::command(&fuzz::Options::bounded(FUZZ_S)))
 }
 

@@ -4,7 +4,7 @@ use crate::budget::{self, Budget, Row};
 use crate::error::Error;
 use crate::process::{run, shown};
 use crate::target::{TARGET, Way};
-use crate::{elf, root, stack, target};
+use crate::{elf, emulate, root, stack, target};
 use serde::Deserialize;
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -76,10 +76,10 @@ fn against_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result<(), 
         recursion: budget.stack.recursion,
         priorities: &budget.stack.priorities,
     };
-    let levels = stack::Program::read(&data)
-        .and_then(|program| stack::worst_case(&program, &rules))
-        .map_err(|source| Error::Stack { path: image.to_path_buf(), source })?;
-    println!("stack, at most, each on top of the one before:");
+    let unbounded = |source| Error::Stack { path: image.to_path_buf(), source };
+    let program = stack::Program::read(&data).map_err(unbounded)?;
+    let levels = stack::worst_case(&program, &rules).map_err(unbounded)?;
+    println!("stack, at most, each level on top of the one before:");
     for level in &levels {
         println!("  {:>7} bytes  {}", level.bytes, level.name);
         for (function, bytes) in level.chain.iter().filter(|_| chains) {
@@ -87,6 +87,15 @@ fn against_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result<(), 
         }
     }
     let stack: u32 = levels.iter().map(|level| level.bytes).sum();
+    if emulate::is_possible() {
+        let seen = stack::seen(image, &program, &budget.stack.priorities)?;
+        println!("stack, seen in use on the emulated board: {seen} bytes");
+        if seen > stack {
+            return Err(unbounded(stack::StackError::BeyondBound { seen, bound: stack }));
+        }
+    } else {
+        println!("skipped: stack in use on the emulated board (python3 with venv is not installed)");
+    }
     budget::judge(&[
         Row::bytes("flash", usage.flash, budget.flash.bytes),
         Row::bytes("RAM", usage.ram, budget.ram.bytes),

@@ -9,37 +9,44 @@ use std::process::{Command, Stdio};
 /// What gets the component where rustup has it.
 const HINT: &str = "rustup toolchain install nightly --component miri --component rust-src";
 
-/// Runs the tests, or says what is missing. Nothing is installed: Miri goes with a nightly compiler, which is not this
+/// Tests that reach every message and the device logic, in seconds; all of them take the better part of an hour.
+const SHORT: [&[&str]; 2] = [
+    &["--test", "golden_v1", "--test", "golden_v2"],
+    &["--test", "device", "--", "--exact", "a_session_from_hello_to_disarm"],
+];
+
+/// Runs all tests, or says what is missing. Nothing is installed: Miri goes with a nightly compiler, which is not this
 /// project's.
 ///
 /// # Errors
 /// [`Error::NoMiri`] if there is none, and what the tests end with.
 pub fn command() -> Result<(), Error> {
-    if !is_here() {
-        return Err(Error::NoMiri(HINT));
+    if is_here() { tests(&[]) } else { Err(Error::NoMiri(HINT)) }
+}
+
+/// Runs a few tests, or says that there is no Miri and goes on.
+///
+/// # Errors
+/// What the tests end with.
+pub fn short() -> Result<(), Error> {
+    if is_here() {
+        return SHORT.into_iter().try_for_each(tests);
     }
+    println!("skipped: miri (not installed; {HINT})");
+    Ok(())
+}
+
+fn tests(which: &[&str]) -> Result<(), Error> {
     let root = root()?;
     run(Command::new("cargo")
         .args(["+nightly", "miri", "test", "-p", "era-shared"])
+        .args(which)
         .current_dir(&root)
         .env("CARGO_TARGET_DIR", root.join("target/miri"))
         // Property tests look for files with failures of before, which Miri would keep from them.
         .env("MIRIFLAGS", "-Zmiri-disable-isolation")
         // Miri is a thousand times slower; tests that set their own number of cases know that.
         .env("PROPTEST_CASES", "10"))
-}
-
-/// As [`command`], but where there is no Miri it says so and goes on.
-///
-/// # Errors
-/// What the tests end with.
-pub fn if_here() -> Result<(), Error> {
-    if is_here() {
-        command()
-    } else {
-        println!("skipped: miri (not installed; {HINT})");
-        Ok(())
-    }
 }
 
 /// Whether both components are there: without the sources, Miri would fetch them.

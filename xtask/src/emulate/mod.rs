@@ -1,7 +1,7 @@
 //! `cargo xtask emulate`: the firmware image on the emulated board.
 
-mod bridge;
-mod link;
+pub mod bridge;
+pub mod link;
 mod report;
 mod terminal;
 
@@ -10,7 +10,7 @@ use crate::process::run;
 use crate::{elf, firmware, root};
 use bridge::{Bridge, Pace};
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Instant;
 use terminal::Terminal;
 
@@ -63,6 +63,13 @@ pub fn test() -> Result<(), Error> {
     let image = firmware::build(false)?.0;
     run(Command::new("python3").arg(root()?.join("emulator/launch.py")).args(["--self-test", "--elf"]).arg(&image))?;
     report::run(&image)
+}
+
+/// Whether this machine has what the emulator needs.
+pub fn is_possible() -> bool {
+    let mut python = Command::new("python3");
+    python.args(["-c", "import venv, ensurepip"]).stdout(Stdio::null()).stderr(Stdio::null());
+    python.status().is_ok_and(|status| status.success())
 }
 
 fn hello(terminal: &mut Terminal) -> Result<(), Error> {

@@ -201,3 +201,58 @@ fn reach(calls: &[BTreeSet<usize>], start: usize) -> BTreeSet<usize> {
     }
     reached
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stack::program::Function;
+
+    fn function(name: &str, frame: u32, calls: &[usize], calls_indirectly: bool) -> Function {
+        Function { names: vec![name.to_owned()], frame, calls: calls.iter().copied().collect(), calls_indirectly }
+    }
+
+    fn program() -> Program {
+        let functions = vec![
+            function("Reset", 8, &[1], false),
+            function("run", 100, &[2, 7], true),
+            function("shallow", 10, &[], false),
+            function("embassy_executor::raw::TaskStorage<F>::poll", 1000, &[4], true),
+            function("core::fmt::write", 40, &[7], true),
+            function("<&T as core::fmt::Display>::fmt", 20, &[4], false),
+            function("Tick", 30, &[8], true),
+            function(PANIC_HANDLER, 64, &[4], false),
+            function("wake", 16, &[], false),
+            function("Slow", 500, &[], false),
+            function("HardFault", 48, &[], false),
+        ];
+        Program {
+            functions,
+            address_taken: [3, 5, 8].into(),
+            vectors: [(RESET, 0), (HARD_FAULT, 10), (FIRST_INTERRUPT, 6), (FIRST_INTERRUPT + 1, 9)].into(),
+        }
+    }
+
+    #[test]
+    fn the_longest_chain_of_each_level_is_found() {
+        let executors = ["run".to_owned()];
+        let rules = Rules { executors: &executors, recursion: 3, priorities: &BTreeMap::new() };
+        let levels = worst_case(&program(), &rules).expect("a bound");
+        let bytes: Vec<u32> = levels.iter().map(|level| level.bytes).collect();
+        // The executor calls the task, which formats: write and fmt call each other, counted three times each. Nobody
+        // but the executor calls tasks, so the interrupt reaches formatting at most, and is less deep than the slow one.
+        let circle = 3 * (40 + 20);
+        assert_eq!(bytes, [8 + 100 + 1000 + circle, 500 + EXCEPTION_FRAME, 64 + circle, 48 + EXCEPTION_FRAME]);
+        assert!(levels[1].name.contains("Slow"), "{levels:?}");
+    }
+
+    #[test]
+    fn each_priority_is_a_level_of_its_own() {
+        let priorities = [("Slow".to_owned(), 5)].into();
+        let levels = worst_case(&program(), &Rules { executors: &[], recursion: 1, priorities: &priorities });
+        let names: Vec<String> = levels.expect("a bound").into_iter().map(|level| level.name).collect();
+        assert_eq!(names, ["thread mode", "priority 5: Slow", "priority 0: Tick", "a panic", "a HardFault"]);
+        let unknown = ["gone".to_owned()];
+        let rules = Rules { executors: &unknown, recursion: 1, priorities: &BTreeMap::new() };
+        assert!(matches!(worst_case(&program(), &rules), Err(StackError::NoFunction(name)) if name == "gone"));
+    }
+}

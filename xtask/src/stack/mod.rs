@@ -13,10 +13,12 @@
 
 mod chain;
 mod program;
+mod seen;
 mod thumb;
 
 pub use chain::{Rules, worst_case};
 pub use program::Program;
+pub use seen::seen;
 
 /// Why an image's stack cannot be bounded.
 #[derive(Debug, thiserror::Error)]
@@ -35,4 +37,29 @@ pub enum StackError {
     /// The budget names a function that the image does not have.
     #[error("the image has no function named {0}, which the budget speaks of")]
     NoFunction(String),
+    /// An interrupt has another priority than the one that was counted with.
+    #[error(
+        "interrupt {number} ({handler}) has priority {found} on the emulated board, and {budget} in firmware/budget.toml"
+    )]
+    Priority {
+        /// Names of its handler.
+        handler: String,
+        /// Of the interrupt.
+        number: usize,
+        /// On the board.
+        found: u32,
+        /// In the budget.
+        budget: u8,
+    },
+    /// The emulated board could not be asked.
+    #[error("the emulated board: {0}")]
+    Board(String),
+    /// More was in use than can be, so the analysis is wrong.
+    #[error("{seen} bytes were in use on the emulated board, more than the {bound} that are possible")]
+    BeyondBound {
+        /// Bytes in use.
+        seen: u32,
+        /// Bytes that the analysis says.
+        bound: u32,
+    },
 }

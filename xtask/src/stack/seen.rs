@@ -1,0 +1,123 @@
+//! What the stack really held: the most that was in use on the emulated board through a session that does everything, and
+//! whether its interrupts have the priorities that the analysis counts with.
+
+use super::{Program, StackError};
+use crate::emulate::bridge::{Bridge, Pace};
+use crate::emulate::link::{Link, encoded, exchange};
+use crate::error::Error;
+use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, Request};
+use era_shared::waveform::Effect;
+use serde::Deserialize;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Interrupt set-enable registers and priority registers (ARMv7-M, B3.4.4 and B3.4.9).
+const NVIC_ISER: usize = 0xE000_E100;
+const NVIC_IPR: usize = 0xE000_E400;
+/// Of a priority's byte, this chip has the upper four bits.
+const PRIORITY_SHIFT: usize = 4;
+/// First interrupt in the vector table.
+const FIRST_INTERRUPT: usize = 16;
+/// Longest wait for the rails' discharge and for a self-test, in s.
+const READY_S: f64 = 0.1;
+
+#[derive(Deserialize)]
+struct Used {
+    used: u32,
+}
+
+#[derive(Deserialize)]
+struct Word {
+    value: u32,
+}
+
+/// Runs the image through the session and returns the most bytes of stack that were in use, start-up included.
+///
+/// # Errors
+/// What the bridge says, or [`StackError::Priority`].
+pub fn seen(image: &Path, program: &Program, priorities: &BTreeMap<String, u8>) -> Result<u32, Error> {
+    let mut bridge = Bridge::start(image, Pace::Paused)?;
+    session(&mut bridge)?;
+    check_priorities(&mut bridge, program, priorities)
+        .map_err(|source| Error::Stack { path: image.to_path_buf(), source })?;
+    let Used { used } = bridge.ask_for(&json!({"op": "stack"}))?;
+    Ok(used)
+}
+
+/// Every request, four channels at the highest frequency and with effects, noise while they run, silence, and a fault cleared.
+fn session(bridge: &mut Bridge) -> Result<(), Error> {
+    let mut link = Link::default();
+    let drives = |frequency_millihertz| Request::SetDrives {
+        drives: (0..4).map(|channel| drive(channel, frequency_millihertz)).collect(),
+    };
+    let play = |channel| Request::Play { channel, start_us: 0, effect: Effect::swell(20, 20, 20) };
+    let questions =
+        [Request::Status, Request::Telemetry, Request::Faults, Request::Clock, Request::Details, Request::Log];
+    let mut ask = |bridge: &mut Bridge, request: &Request| link.request(bridge, request).map(drop);
+
+    ask(bridge, &Request::Hello { host_min: 1, host_current: CURRENT_VERSION })?;
+    run_for(bridge, READY_S)?;
+    ask(bridge, &Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None })?;
+    run_for(bridge, READY_S)?;
+    for frequency_millihertz in [1_000_000, 150_000, 999_999] {
+        ask(bridge, &drives(frequency_millihertz))?;
+        run_for(bridge, 0.1)?;
+    }
+    for channel in 0..4 {
+        ask(bridge, &play(channel))?;
+    }
+    for question in &questions {
+        ask(bridge, question)?;
+    }
+    exchange(bridge, &[0xA5; 600], 0.05)?;
+    exchange(bridge, &encoded(u8::MAX, 1, &Request::Status)?, 0.05)?;
+    run_for(bridge, 0.1)?;
+    ask(bridge, &drives(20_000))?;
+    // The dead-man time is 1 s.
+    run_for(bridge, 1.2)?;
+    ask(bridge, &Request::Faults)?;
+    ask(bridge, &Request::ClearFaults)?;
+    ask(bridge, &Request::Stop)
+}
+
+/// Half of the half period wide, as 1 kHz with its guards allows.
+const fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
+    ChannelDrive {
+        channel,
+        frequency_millihertz,
+        pulse_width_ppm: 500_000,
+        phase_microturns: 0,
+        voltage_millivolts: 200_000,
+    }
+}
+
+fn run_for(bridge: &mut Bridge, seconds: f64) -> Result<(), Error> {
+    bridge.ask(&json!({"op": "run_for", "seconds": seconds})).map(drop)
+}
+
+/// Every interrupt that is enabled must have the priority that the budget says, 0 where it says nothing.
+fn check_priorities(
+    bridge: &mut Bridge,
+    program: &Program,
+    priorities: &BTreeMap<String, u8>,
+) -> Result<(), StackError> {
+    let mut word = |address: usize| {
+        let answer = bridge.ask_for(&json!({"op": "read", "address": address}));
+        answer.map(|Word { value }| value).map_err(|error| StackError::Board(error.to_string()))
+    };
+    for (vector, position) in program.vectors.range(FIRST_INTERRUPT..) {
+        let number = vector - FIRST_INTERRUPT;
+        if word(NVIC_ISER + number / 32 * 4)? >> (number % 32) & 1 == 0 {
+            continue;
+        }
+        let names = program.functions.get(*position).map(|function| &function.names[..]).unwrap_or_default();
+        let budget = names.iter().find_map(|name| priorities.get(name)).copied().unwrap_or(0);
+        let byte = word(NVIC_IPR + number / 4 * 4)? >> (number % 4 * 8) & 0xFF;
+        let found = byte >> PRIORITY_SHIFT;
+        if found != u32::from(budget) {
+            return Err(StackError::Priority { handler: names.join(", "), number, found, budget });
+        }
+    }
+    Ok(())
+}
