@@ -1,7 +1,7 @@
 //! A device under test: a client on its link, and what can be done to it from outside.
 
 use era::device::emulated::CHANNEL_TIMERS;
-use era::device::sim::{Defects, Knobs, ModalSystem, Panel, SimControl};
+use era::device::sim::{Knobs, ModalSystem, Panel, SimControl};
 use era::device::{Client, LinkError, OpenDevice, Target};
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::REST_MS;
@@ -25,7 +25,7 @@ pub const VOLTAGE_MILLIVOLTS: u32 = 50_000;
 /// A device under test.
 #[derive(Debug)]
 pub struct Bench {
-    device: OpenDevice,
+    pub(crate) device: OpenDevice,
 }
 
 impl Bench {
@@ -69,29 +69,6 @@ impl Bench {
         // What was driven in an earlier case does not count as part of this one's burst.
         self.be_silent(Duration::from_millis(u64::from(REST_MS) + 20))?;
         Ok(session)
-    }
-
-    /// Breaks the hardware in one way: on the simulated device by its knobs, on the emulated board by faults injected into
-    /// it.
-    ///
-    /// # Errors
-    /// If the emulator fails, or the target's hardware cannot be broken from here.
-    pub fn break_it(&self, breakage: Breakage) -> Result<Broken<'_>, String> {
-        if let Some(control) = self.device.sim() {
-            control.set_knobs(Knobs { defects: breakage.defects(), ..Knobs::default() });
-            // The device looks at its knobs every ms.
-            std::thread::sleep(Duration::from_millis(20));
-        } else {
-            self.inject(&breakage.fault())?;
-        }
-        Ok(Broken(self))
-    }
-
-    fn inject(&self, fault: &serde_json::Value) -> Outcome {
-        let board = self.device.emulated().ok_or("this target's hardware cannot be broken from here")?;
-        let mut command = fault.clone();
-        command["op"] = "inject".into();
-        board.ask(&command).map(|_| ()).map_err(|error| error.to_string())
     }
 
     fn client(&self) -> Result<Client, String> {
@@ -220,65 +197,6 @@ impl Bench {
 fn no_panel() -> (Panel, Vec<f64>) {
     let none = ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 0) };
     (Panel::new(&none, Vec::new()), Vec::new())
-}
-
-/// A way to break the hardware.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Breakage {
-    /// The enclosure is opened.
-    Interlock,
-    /// The emergency stop is pressed.
-    EmergencyStop,
-    /// The bond to protective earth breaks.
-    Earth,
-    /// The first rail does not come up.
-    Short,
-    /// The supply delivers 1 mA on average.
-    Leakage,
-    /// The timer of the second channel stands still.
-    StoppedTimer,
-}
-
-impl Breakage {
-    fn defects(self) -> Defects {
-        let none = Defects::default();
-        match self {
-            Breakage::Interlock => Defects { interlock_open: true, ..none },
-            Breakage::EmergencyStop => Defects { stop_pressed: true, ..none },
-            Breakage::Earth => Defects { earth_open: true, ..none },
-            Breakage::Short => Defects { shorted_rail: Some(0), ..none },
-            Breakage::Leakage => Defects { leakage_microamps: 1_000, ..none },
-            Breakage::StoppedTimer => Defects { stopped_timer: Some(1), ..none },
-        }
-    }
-
-    /// As the emulator's `inject` takes it.
-    fn fault(self) -> serde_json::Value {
-        match self {
-            Breakage::Interlock => json!({"interlock": "open"}),
-            Breakage::EmergencyStop => json!({"estop": "pressed"}),
-            Breakage::Earth => json!({"earth": "open"}),
-            Breakage::Short => json!({"rail_fault": {"rail": 1, "volts": 0}}),
-            Breakage::Leakage => json!({"average_ma": 1.0}),
-            Breakage::StoppedTimer => json!({"stall": {"timer": "TIM8", "on": true}}),
-        }
-    }
-}
-
-/// Mends the hardware when it is dropped.
-#[derive(Debug)]
-pub struct Broken<'a>(&'a Bench);
-
-impl Drop for Broken<'_> {
-    fn drop(&mut self) {
-        if let Some(control) = self.0.device.sim() {
-            control.set_knobs(Knobs::default());
-            std::thread::sleep(Duration::from_millis(20));
-        } else if let Err(error) = self.0.inject(&json!({"heal": true})) {
-            // The next case will find the board broken, and say so.
-            eprintln!("the emulated board could not be mended: {error}");
-        }
-    }
 }
 
 /// Puts the knobs back.

@@ -1,6 +1,7 @@
 //! What keeps the device from doing harm: the self-test, faults while live, measured rails, budgets.
 
-use crate::bench::{Bench, Breakage, Outcome, Session, VOLTAGE_MILLIVOLTS, drive, equal};
+use crate::bench::{Bench, Outcome, Session, VOLTAGE_MILLIVOLTS, drive, equal};
+use crate::breakage::Breakage;
 use crate::cases::check_pins_low;
 use era::device::LinkError;
 use era_shared::limits::{BURST_MAX_MS, DISCHARGED_MILLIVOLTS, REST_MS};

@@ -21,12 +21,22 @@ const MAX_MESSAGE: usize = 16 * 1024;
 /// Messages that may wait for a slow page.
 const OUTBOX: usize = 32;
 
-/// What a page can say.
+/// What a page says. Plain structures, not an enum with its tag inside: serde reads such an enum by way of a copy in which
+/// numbers are maps as soon as any crate of the program turns on serde_json's `arbitrary_precision`.
 #[derive(Debug, Deserialize)]
-#[serde(tag = "type", rename_all = "lowercase", deny_unknown_fields)]
-enum Incoming {
+#[serde(deny_unknown_fields)]
+struct Incoming {
+    #[serde(rename = "type")]
+    kind: Kind,
     /// The fingers that are down now; none when all are lifted.
-    Touch { touches: Vec<TouchView>, intensity_g: Option<f64> },
+    touches: Option<Vec<TouchView>>,
+    intensity_g: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Touch,
     /// Everything off.
     Stop,
 }
@@ -122,18 +132,22 @@ async fn closed(closing: &mut watch::Receiver<bool>) {
 
 /// Carries out what a page said; the answer, if there is one.
 async fn take(app: &App, text: &str, fingers: &watch::Sender<Fingers>) -> Option<Value> {
+    let wrong = |what: String| {
+        Some(error_message(&Problem::body(format!(
+            "{what}; expected {{\"type\": \"touch\", \"touches\": [...]}} or {{\"type\": \"stop\"}}"
+        ))))
+    };
     match serde_json::from_str(text) {
-        Ok(Incoming::Touch { touches, intensity_g }) => {
+        Ok(Incoming { kind: Kind::Touch, touches: Some(touches), intensity_g }) => {
             fingers.send_replace(Fingers { touches, intensity_g });
             None
         }
-        Ok(Incoming::Stop) => {
+        Ok(Incoming { kind: Kind::Touch, touches: None, .. }) => wrong("missing field `touches`".into()),
+        Ok(Incoming { kind: Kind::Stop, .. }) => {
             fingers.send_replace(Fingers::default());
             app.stop().await.err().map(|error| error_message(&error.into()))
         }
-        Err(error) => Some(error_message(&Problem::body(format!(
-            "{error}; expected {{\"type\": \"touch\", \"touches\": [...]}} or {{\"type\": \"stop\"}}"
-        )))),
+        Err(error) => wrong(error.to_string()),
     }
 }
 

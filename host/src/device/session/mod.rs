@@ -46,8 +46,8 @@ pub enum SessionError {
         /// Since what.
         reason: String,
     },
-    /// The self-test before arming has not come to an end.
-    #[error("the device's self-test before arming has not ended within {waited:?}; it is {state}")]
+    /// The device has neither got through its self-test nor told a fault.
+    #[error("the device did not become ready within {waited:?}; it is {state}")]
     NotArmed {
         /// How long was waited.
         waited: Duration,

@@ -4,7 +4,7 @@ use super::worker::{Worker, unexpected};
 use super::{EffectOrder, Played, SessionError};
 use crate::device::client::{Client, LinkError};
 use crate::device::effect::length;
-use era_shared::protocol::{AchievedDrive, Reply, Request};
+use era_shared::protocol::{AchievedDrive, Details, Reply, Request};
 use era_shared::safety::State;
 use era_shared::supply::rail_of;
 use std::sync::atomic::Ordering;
@@ -12,8 +12,6 @@ use std::time::{Duration, Instant};
 
 /// A rail is up when it has this part of the voltage wanted, in per cent: 0.9 dB of force.
 const RAIL_UP_PERCENT: u64 = 95;
-/// Longest wait for the rails: the soft start to 2 kV takes 100 ms. The board itself sees to rails that do not come.
-const RAILS_WAIT: Duration = Duration::from_millis(300);
 /// Between two looks at the rails.
 const RAILS_POLL: Duration = Duration::from_millis(5);
 /// Added to the time that the frames take: the board looks for what is due every ms, and writes a period ahead.
@@ -48,7 +46,7 @@ impl Worker {
         self.drive_id = id;
         self.show(State::Running);
         // Whatever comes in between, these drives end.
-        self.drive_until = Some(Instant::now() + RAILS_WAIT);
+        self.drive_until = Some(Instant::now() + self.device.timing().arming);
         self.await_rails(&achieved, stops)?;
         while self.clock.quality().is_none_or(|quality| quality.samples < CLOCK_SAMPLES) {
             self.sample_clock()?;
@@ -77,12 +75,18 @@ impl Worker {
         if stops == self.stops.load(Ordering::SeqCst) { Ok(()) } else { Err(SessionError::Stopped) }
     }
 
-    /// Waits until the rails have the voltages of the drives: an effect does not wait for them.
+    /// Waits until the rails have the voltages of the drives, as an effect does not wait for them: the soft start to 2 kV takes
+    /// 100 ms. The board itself sees to rails that do not come.
     fn await_rails(&mut self, drives: &[AchievedDrive], stops: u64) -> Result<(), SessionError> {
         let begun = Instant::now();
-        while begun.elapsed() < RAILS_WAIT {
+        while begun.elapsed() < self.device.timing().arming {
             self.check_stops(stops)?;
-            let measured = self.details()?.rail_millivolts;
+            let Details { state, rail_millivolts: measured, .. } = self.details()?;
+            if !state.is_live() {
+                self.look()?;
+                self.check_fault()?;
+                return Err(SessionError::NotArmed { waited: begun.elapsed(), state: state.name() });
+            }
             let is_up = |drive: &AchievedDrive| {
                 let rail = measured.get(rail_of(usize::from(drive.channel))).copied().unwrap_or(0);
                 u64::from(rail) * 100 >= u64::from(drive.voltage_millivolts) * RAIL_UP_PERCENT

@@ -215,7 +215,7 @@ impl Worker {
         Ok(details)
     }
 
-    fn look(&mut self) -> Result<(), LinkError> {
+    pub(super) fn look(&mut self) -> Result<(), LinkError> {
         self.next_status = Instant::now() + self.device.timing().status;
         let Reply::Status(status) = self.ask(&Request::Status)? else { return Err(unexpected("status")) };
         let Reply::Telemetry(telemetry) = self.ask(&Request::Telemetry)? else { return Err(unexpected("telemetry")) };
@@ -332,7 +332,7 @@ impl Worker {
         }
     }
 
-    fn check_fault(&self) -> Result<(), SessionError> {
+    pub(super) fn check_fault(&self) -> Result<(), SessionError> {
         match self.publish.borrow().status.as_ref().and_then(|status| status.fault) {
             None => Ok(()),
             Some(fault) => Err(SessionError::Fault {

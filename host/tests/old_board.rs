@@ -1,0 +1,122 @@
+//! Boards of other protocol versions: an older one is spoken to in its own, a newer one is refused by name.
+
+use era::device::sim::{Clock, ModalSystem, Panel, SimBoard};
+use era::device::{Client, LinkError};
+use era_shared::device::{Device, Port};
+use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Refusal, Reply, Request};
+use era_shared::safety::{LinkId, State};
+use nalgebra::{DMatrix, DVector};
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::time::{Duration, Instant};
+
+/// A board that speaks the versions `min` to `current` and refuses others as every version does.
+struct Board {
+    min: u8,
+    current: u8,
+    device: Device,
+    board: SimBoard,
+    port: Port,
+    decoder: Decoder,
+    answers: VecDeque<u8>,
+}
+
+impl Board {
+    fn speaking(min: u8, current: u8) -> Self {
+        let none =
+            ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
+        let panel = Panel::new(&none, vec![0.0; 2]);
+        let mut board = SimBoard::new(panel, &[2000.0; 2], Clock::Wall(Instant::now()));
+        let mut device = Device::new();
+        device.start(&mut board);
+        let (port, decoder) = (Port::new(LinkId(0)), Decoder::new());
+        Self { min, current, device, board, port, decoder, answers: VecDeque::new() }
+    }
+}
+
+impl Write for Board {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let Self { min, current, answers, decoder, .. } = self;
+        let (min, current) = (*min, *current);
+        let mut refused = false;
+        decoder.feed(bytes, |frame| {
+            let Ok(frame) = frame else { return };
+            if !(min..=current).contains(&frame.version) {
+                refused = true;
+                let refusal = Refusal::Version { got: frame.version, device_min: min, device_current: current };
+                let (mut out, reply) = ([0; MAX_ENCODED], Reply::Refused(refusal));
+                let length = encode(current, Kind::Reply, frame.sequence, &reply, &mut out).expect("it fits");
+                answers.extend(&out[..length]);
+            }
+        });
+        if !refused {
+            self.device.receive(&mut self.board, &mut self.port, bytes, |answer| self.answers.extend(answer));
+        }
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Read for Board {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.device.poll(&mut self.board);
+        if self.answers.is_empty() {
+            std::thread::sleep(Duration::from_millis(1));
+            return Err(ErrorKind::TimedOut.into());
+        }
+        self.answers.read(buffer)
+    }
+}
+
+fn client(min: u8, current: u8) -> Client {
+    Client::new(Box::new(Board::speaking(min, current)), Duration::from_millis(500))
+}
+
+fn hello() -> Request {
+    Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION }
+}
+
+#[test]
+fn the_newest_common_version_is_spoken() {
+    let mut client = client(MIN_VERSION, CURRENT_VERSION);
+    assert!(matches!(client.request(&hello()), Ok(Reply::Welcome(_))));
+    assert_eq!(client.version(), CURRENT_VERSION);
+}
+
+#[test]
+fn a_board_of_version_1_is_driven_in_version_1() {
+    let mut client = client(1, 1);
+    assert!(matches!(client.request(&hello()), Ok(Reply::Hello(_))));
+    assert_eq!(client.version(), 1);
+    let drives = [era_shared::protocol::ChannelDrive {
+        channel: 0,
+        frequency_millihertz: 150_000,
+        pulse_width_ppm: 666_667,
+        phase_microturns: 0,
+        voltage_millivolts: 50_000,
+    }];
+    assert!(matches!(client.request(&Request::Arm { deadman_ms: Some(1000) }), Ok(Reply::Armed { .. })));
+    let set = client.request(&Request::SetDrives { drives: drives.into_iter().collect() });
+    assert!(matches!(set, Ok(Reply::DrivesSet { .. })), "{set:?}");
+    // What version 1 does not have is not sent, and told by name.
+    let error = client.request(&Request::Clock).expect_err("version 1 has no clock");
+    assert!(matches!(error, LinkError::TooOld { request: "clock", needed: 2, spoken: 1 }), "{error:?}");
+    assert!(error.to_string().contains("update the board's firmware"), "{error}");
+    assert!(matches!(client.request(&Request::Stop), Ok(Reply::Stopped)));
+    let alive = client.request(&Request::KeepAlive);
+    assert!(matches!(alive, Ok(Reply::Alive { state: State::Boot | State::Safe })), "{alive:?}");
+}
+
+#[test]
+fn without_a_common_version_the_older_side_is_named() {
+    let newer = CURRENT_VERSION + 1;
+    let error = client(newer, newer + 4).request(&hello()).expect_err("nothing in common").to_string();
+    let versions = [format!("{MIN_VERSION} to {CURRENT_VERSION}"), format!("{newer} to {}", newer + 4)];
+    assert!(versions.iter().all(|versions| error.contains(versions)), "{error}");
+    assert!(error.ends_with("update this program"), "{error}");
+    let error = client(0, 0).request(&hello()).expect_err("nothing in common").to_string();
+    assert!(error.contains("0 to 0") && error.ends_with("update the board's firmware"), "{error}");
+}
