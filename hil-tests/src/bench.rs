@@ -4,7 +4,7 @@ use era::device::emulated::CHANNEL_TIMERS;
 use era::device::sim::{Knobs, ModalSystem, Panel, SimControl};
 use era::device::{Client, LinkError, OpenDevice, Target};
 use era_shared::MAX_CHANNELS;
-use era_shared::limits::REST_MS;
+use era_shared::limits::{BURST_MAX_MS, REST_MS};
 use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{
     AchievedDrive, CURRENT_VERSION, ChannelDrive, Details, MIN_VERSION, Refusal, Reply, Request, StatusReply, Welcome,
@@ -236,13 +236,13 @@ impl Session<'_> {
         }
     }
 
-    /// Arms with the longest dead-man time, so that a slow machine does not end the session, and waits for the self-test.
+    /// Arms with the longest dead-man time and burst, so that a slow machine does not end the session, and waits for the self-test.
     ///
     /// # Errors
     /// As the link, or if the self-test fails.
     pub fn arm(&mut self) -> Outcome {
-        match self.ask(&Request::Arm { deadman_ms: Some(1000) })? {
-            Reply::Armed { deadman_ms: 1000 } => {}
+        match self.ask(&Request::ArmWith { deadman_ms: Some(1000), burst_ms: Some(BURST_MAX_MS) })? {
+            Reply::ArmedWith { deadman_ms: 1000, burst_ms: BURST_MAX_MS } => {}
             other => return Err(format!("arm was answered {other:?}")),
         }
         self.await_state(State::Armed)
