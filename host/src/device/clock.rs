@@ -55,11 +55,19 @@ pub struct ClockSync {
     fit: Option<Fit>,
 }
 
+/// When a question was sent and its answer read, in s, and what it said.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    sent_s: f64,
+    received_s: f64,
+    board_us: u64,
+}
+
 #[derive(Clone, Debug)]
 struct Fit {
     /// The board's time zero in us: the first sample's.
     board_zero_us: u64,
-    last_board_us: u64,
+    last: Sample,
     samples: u64,
     outliers: u64,
     least_half_s: f64,
@@ -82,6 +90,17 @@ impl Fit {
     /// The board's time in s, of a question sent at `sent_s`.
     fn predict(&self, sent_s: f64) -> f64 {
         self.board_mean + (sent_s - self.sent_mean) * self.rate()
+    }
+
+    /// The board's time in s at `time_s`: the line, shifted if need be so that the last answer was given between its question
+    /// and its arrival. That holds whatever the clock does, so an estimate that cannot follow it is still right to a
+    /// round trip.
+    fn board_s_at(&self, time_s: f64) -> f64 {
+        let Sample { sent_s, received_s, board_us } = self.last;
+        let least_s = seconds_of(board_us - self.board_zero_us);
+        let found_s = self.predict(received_s - self.least_half_s);
+        let true_s = found_s.clamp(least_s, least_s + (received_s - sent_s).max(0.0));
+        self.predict(time_s - self.least_half_s) + (true_s - found_s)
     }
 
     fn add(&mut self, sent_s: f64, half_s: f64, board_s: f64) {
@@ -130,20 +149,22 @@ impl ClockSync {
     /// clock has gone back has restarted, and everything before is forgotten.
     pub fn sample(&mut self, sent: Instant, received: Instant, board_us: u64) {
         let sent_s = self.seconds(sent);
-        let half_s = 0.5 * received.saturating_duration_since(sent).as_secs_f64();
-        if self.fit.as_ref().is_some_and(|fit| board_us < fit.last_board_us) {
+        let received_s = self.seconds(received).max(sent_s);
+        let half_s = 0.5 * (received_s - sent_s);
+        let last = Sample { sent_s, received_s, board_us };
+        if self.fit.as_ref().is_some_and(|fit| board_us < fit.last.board_us) {
             self.reset();
         }
         match &mut self.fit {
             Some(fit) => {
-                fit.last_board_us = board_us;
+                fit.last = last;
                 let board_s = seconds_of(board_us - fit.board_zero_us);
                 fit.add(sent_s, half_s, board_s);
             }
             none => {
                 *none = Some(Fit {
                     board_zero_us: board_us,
-                    last_board_us: board_us,
+                    last,
                     samples: 1,
                     outliers: 0,
                     least_half_s: half_s,
@@ -167,7 +188,7 @@ impl ClockSync {
     pub fn board_us_at(&self, when: Instant) -> Option<u64> {
         let fit = self.fit.as_ref()?;
         // The board reads its clock half a round trip after the question was sent.
-        let since_s = fit.predict(self.seconds(when) - fit.least_half_s);
+        let since_s = fit.board_s_at(self.seconds(when));
         fit.board_zero_us.checked_add_signed((since_s * 1e6).round() as i64)
     }
 

@@ -18,8 +18,8 @@ const RAILS_POLL: Duration = Duration::from_millis(5);
 const LEAD: Duration = Duration::from_millis(3);
 /// The drive ends this long after its effect: what is left of a period, and the next look.
 const AFTER: Duration = Duration::from_millis(50);
-/// Samples of the clock that an effect needs.
-const CLOCK_SAMPLES: u64 = 3;
+/// Most of the clock's error that is waited for, in s: a clock known worse than that is taken from its last answer.
+const CLOCK_ERROR_S: f64 = 0.01;
 
 impl Worker {
     pub(super) fn play(&mut self, order: EffectOrder) -> Result<Played, SessionError> {
@@ -48,9 +48,8 @@ impl Worker {
         // Whatever comes in between, these drives end.
         self.drive_until = Some(Instant::now() + self.device.timing().arming);
         self.await_rails(&achieved, stops)?;
-        while self.clock.quality().is_none_or(|quality| quality.samples < CLOCK_SAMPLES) {
-            self.sample_clock()?;
-        }
+        // Fresh, so that the start is right to a round trip even with a clock that cannot be followed.
+        self.sample_clock()?;
         let soonest = Instant::now() + self.lead(achieved.len());
         let start = start.map_or(soonest, |start| start.max(soonest));
         let start_us = self.clock.board_us_at(start).ok_or_else(|| unexpected("clock"))?;
@@ -104,7 +103,7 @@ impl Worker {
     fn lead(&self, frames: usize) -> Duration {
         let trips = self.client.as_ref().and_then(|client| client.round_trip_median().zip(client.round_trip_worst()));
         let (median, worst) = trips.unwrap_or_default();
-        let clock = self.clock.quality().map_or(0.0, |quality| quality.residual_worst_s);
+        let clock = self.clock.quality().map_or(0.0, |quality| quality.residual_worst_s.min(CLOCK_ERROR_S));
         let frames = u32::try_from(frames).unwrap_or(u32::MAX);
         median * frames + worst + Duration::from_secs_f64(clock) + LEAD
     }
