@@ -110,7 +110,7 @@ fn long(address: u32, first: u32, second: u32) -> Effect {
     }
 }
 
-/// B.W, B<c>.W and BL.
+/// `B.W`, `B<c>.W` and `BL`.
 fn branch(address: u32, first: u32, second: u32) -> Effect {
     let (sign, j1, j2) = (first >> 10 & 1, second >> 13 & 1, second >> 11 & 1);
     if second & 0x1000 != 0 {
