@@ -8,7 +8,7 @@ type Found = Result<(u8, u8, u16, Vec<u8>), DecodeError>;
 /// Runs one input: its first byte says in pieces of how many bytes the rest arrives (0: all at once).
 ///
 /// # Panics
-/// If what the decoder finds depends on the pieces, is not what [`reference`] finds, or spoils the frame after it.
+/// If what the decoder finds depends on the pieces, is not what [`reference()`] finds, or spoils the frame after it.
 pub fn run(input: &[u8]) {
     let Some((&piece, bytes)) = input.split_first() else { return };
     let mut expected = reference(bytes);
