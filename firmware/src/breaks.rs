@@ -104,7 +104,9 @@ pub fn watch() {
 /// [`FaultCode::SelfTest`] with the comparator's number; +10, 20, 30 if MOE of TIM1, TIM8 or TIM20 did not fall, +100 if the
 /// comparator or MOE did not go back, +1000 if a register does not hold its settings (number 0).
 pub fn test() -> Result<(), Finding> {
-    if !crate::comparators::hold() {
+    let locked = SYSCFG.cfgr2().read();
+    let led_here = locked.cll() && locked.spl() && locked.pvdl() && locked.eccl();
+    if !crate::comparators::hold() || !crate::brown_out::holds() || !led_here {
         return Err((FaultCode::SelfTest, DETAIL_SETTINGS));
     }
     let result = COMPARATORS.iter().try_for_each(test_one);

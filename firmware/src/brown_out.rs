@@ -61,6 +61,13 @@ pub fn init() {
     unsafe { Interrupt::PVD_PVM.enable() };
 }
 
+/// Whether the detector is on and at its level.
+#[must_use]
+pub fn holds() -> bool {
+    let control = PWR.cr2().read();
+    control.pvde() && control.pls() == LEVEL
+}
+
 #[interrupt]
 fn PVD_PVM() {
     force_off();

@@ -5,7 +5,7 @@ use embassy_stm32::rcc::{
     APBPrescaler, Hsi48Config, LsConfig, Pll, PllMul, PllPreDiv, PllRDiv, PllSource, Sysclk, mux,
 };
 
-/// Clock of TIM1 and TIM8 in Hz: equal to the core clock, as both APB prescalers are 1 (RM0440, section 7.2.16).
+/// Clock of the electrodes' timers in Hz: equal to the core clock, as both APB prescalers are 1 (RM0440, section 7.2.16).
 pub const TIMER_CLOCK_HZ: u32 = 170_000_000;
 
 /// Clock configuration: HSI 16 MHz / 4 x 85 / 2 = 170 MHz core clock, the most the chip allows.

@@ -54,8 +54,9 @@ fn main() -> ! {
     rails::init();
     comparators::init();
     timers::init();
-    breaks::init();
+    // Before the breaks: what leads the detector to them also locks its settings (RM0440, section 6.4.2).
     brown_out::init();
+    breaks::init();
     sense::init();
 
     let info = identity::board_info(reset_cause, failure);

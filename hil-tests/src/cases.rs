@@ -21,6 +21,8 @@ pub enum Needs {
     Knobs,
     /// Hardware that can be broken on demand.
     Breaking,
+    /// That nothing is connected to the electrodes: it asks for 1 kV.
+    NothingConnected,
 }
 
 /// One case of the suite.
@@ -61,7 +63,7 @@ pub const CASES: &[Case] = &[
     case("late_and_early_effects", play_cases::late_and_early_effects),
     case("drives_set_while_arming", safety_cases::drives_set_while_arming),
     case("burst_limit", safety_cases::burst_limit),
-    case("version_1_session", version_cases::version_1_session),
+    Case { name: "version_1_session", needs: Needs::NothingConnected, run: version_cases::version_1_session },
     Case { name: "arming_tests_every_loop", needs: Needs::Breaking, run: safety_cases::arming_tests_every_loop },
     Case {
         name: "live_board_sees_what_breaks",

@@ -52,6 +52,7 @@ impl Kind {
     pub const fn lacks(self, needs: Needs) -> Option<&'static str> {
         match (self, needs) {
             (Kind::Emulated | Kind::Board, Needs::Knobs) => Some("only the simulated device has knobs"),
+            (Kind::Board, Needs::NothingConnected) => Some("it asks for 1 kV, and something may be connected"),
             (Kind::Board, Needs::Breaking) => Some("a board's hardware is not broken on purpose"),
             (Kind::Board, Needs::Reset) => Some("a board's reset button cannot be pressed from here"),
             _ => None,

@@ -69,7 +69,7 @@ pub trait Board {
     fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode>;
 
     /// Writes one period to a running timer's preload registers; it takes effect at the timer's next boundary, which is at
-    /// `preload.at`, at least 50 us from now.
+    /// `preload.at`, at least 50 us from now (the sequencer leaves 100 us, of which it takes some itself).
     ///
     /// # Errors
     /// [`FaultCode::ReadBack`] if a register does not hold it.

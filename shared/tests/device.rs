@@ -82,6 +82,60 @@ fn safe_is_only_said_of_rails_that_were_measured() {
 }
 
 #[test]
+fn a_rail_that_stays_charged_is_told_whatever_came_first() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    bench.wait_ms(60);
+    // The enclosure is opened and the discharge fails.
+    bench.board.rails_show = [Some(900_000), None];
+    bench.board.interlock_closed = false;
+    bench.wait_ms(1_100);
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(
+        (fault.code, fault.count),
+        (FaultCode::InterlockOpen, 2),
+        "the first reason is kept, the second counted"
+    );
+    bench.board.interlock_closed = true;
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::Refused(Refusal::StillThere(FaultCode::DischargeFailed)));
+    bench.board.rails_show = [None; 2];
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+}
+
+#[test]
+fn asking_again_does_not_give_the_discharge_more_time() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.board.rails_show = [Some(900_000), None];
+    for _ in 0..3 {
+        bench.ask(&Request::Stop);
+        bench.wait_ms(400);
+    }
+    let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
+    assert_eq!(fault.code, FaultCode::DischargeFailed);
+    let go = Request::Bootloader { key: BOOTLOADER_KEY };
+    assert_eq!(bench.ask(&go), Reply::Refused(Refusal::Live(State::Fault)), "nor to the bootloader while charged");
+}
+
+#[test]
+fn a_measurement_that_was_wrong_does_not_call_a_rail_safe() {
+    let mut bench = Bench::new();
+    bench.arm();
+    bench.ask(&both());
+    bench.wait_ms(60);
+    // The divider breaks: 0 V are measured of a rail that is charged.
+    bench.board.rails_show = [Some(0), None];
+    bench.wait_ms(2);
+    assert_eq!(bench.state(), State::Fault);
+    assert_eq!(bench.ask(&Request::ClearFaults), Reply::FaultsCleared);
+    bench.wait_ms(390);
+    assert_eq!(bench.state(), State::Discharging, "the bleeder has not had its time");
+    bench.wait_ms(20);
+    assert_eq!(bench.state(), State::Safe);
+}
+
+#[test]
 fn drives_that_are_set_while_arming_begin_when_it_is_done() {
     let mut bench = Bench::new();
     bench.ask(&arm());

@@ -163,7 +163,7 @@ fn the_self_test_passes_in_order_and_each_way_to_fail_has_its_code() {
     let bad = [
         Senses { rail_millivolts: [TEST_MILLIVOLTS, 10_000], ..senses(0) },
         senses(90_000),
-        Senses { average_microamps: 501, ..senses(TEST_MILLIVOLTS) },
+        Senses { average_microamps: 21, ..senses(TEST_MILLIVOLTS) },
     ];
     for bad in bad {
         let mut test = SelfTest::new(0);

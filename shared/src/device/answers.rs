@@ -1,6 +1,5 @@
 //! What each request does.
 
-use super::live::charged;
 use super::{Device, Goals};
 use crate::MAX_CHANNELS;
 use crate::board::Board;
@@ -10,6 +9,7 @@ use crate::protocol::{
     LOG_CHUNK, MIN_VERSION, Refusal, Reply, Request, StatusReply, TelemetryReply, Welcome,
 };
 use crate::safety::{Event, LinkId};
+use crate::supply::charged;
 use crate::waveform::{DriveError, Effect, Goal, program};
 use heapless::Vec;
 
@@ -66,7 +66,8 @@ impl Device {
                 Ok(Reply::Log { bytes: chunk.iter().take(count).copied().collect() })
             }
             Request::Bootloader { key } if *key == BOOTLOADER_KEY => {
-                if self.state().is_live() {
+                // In its bootloader the chip no longer holds what keeps the rails low, nor measures them.
+                if self.state().is_live() || charged(&board.sense()).is_some() {
                     return Err(Refusal::Live(self.state()));
                 }
                 self.step(board, Event::Stop, &Goals::default())?;
@@ -201,6 +202,9 @@ impl Device {
             };
             if still_there {
                 return Err(Refusal::StillThere(fault.code));
+            }
+            if self.still_charged && charged(&senses).is_some() {
+                return Err(Refusal::StillThere(FaultCode::DischargeFailed));
             }
         }
         self.step(board, Event::Clear, &Goals::default()).map(|()| Reply::FaultsCleared)

@@ -3,13 +3,14 @@
 use super::{Device, Goals};
 use crate::MAX_CHANNELS;
 use crate::board::Board;
-use crate::limits::{DISCHARGE_LIMIT_MS, DISCHARGED_MILLIVOLTS};
+use crate::limits::{BLEEDER_MS, DISCHARGE_LIMIT_MS};
 use crate::protocol::{FaultCode, Refusal};
 use crate::safety::{Action, Event, SelfTest, State, Verdict};
-use crate::supply::{Finding, RAILS, Senses, rail_of};
+use crate::supply::{Finding, RAILS, Senses, charged, rail_of};
 use crate::waveform::{FULL_STRENGTH, Sequencer};
 
-/// Between two looks at the senses, in us: the resolution of envelopes, and what the soft start's steps follow.
+/// Between two looks at the senses, in us; the soft start's steps follow it, and levels of envelopes are worked out as often
+/// (they take effect at the next boundary of the drive).
 const TICK_US: u64 = 1_000;
 /// A rail this many parts in a hundred above its set-point is taken into account in the windows' width; what is less is the
 /// measurement's own error.
@@ -46,18 +47,26 @@ impl Device {
         let driving = self.driving();
         let spent = self.budget.step(now_us, driving);
         match self.state() {
-            State::Boot | State::Fault => Ok(()),
+            State::Boot => Ok(()),
             State::Safe => match charged(&senses) {
-                Some((rail, _)) => Err((FaultCode::RailImplausible, rail)),
+                Some(rail) => Err((FaultCode::RailImplausible, rail)),
                 None => Ok(()),
             },
-            State::Discharging => match charged(&senses) {
+            State::Discharging | State::Fault => match charged(&senses) {
+                // A measurement that was found wrong does not get to say that a rail is safe: the bleeder does.
+                None if self.state() == State::Fault || self.distrusts(now_us) => Ok(()),
                 None => {
+                    self.distrusted = false;
                     // Accepted in this state alone, so it cannot be refused.
                     let _ = self.step(board, Event::Discharged, &Goals::default());
                     Ok(())
                 }
-                Some((rail, _)) if now_us.saturating_sub(self.off_since_us) > u64::from(DISCHARGE_LIMIT_MS) * 1000 => {
+                Some(rail)
+                    if !self.still_charged
+                        && now_us.saturating_sub(self.off_since_us) > u64::from(DISCHARGE_LIMIT_MS) * 1000 =>
+                {
+                    // Counted once, also where another fault came first.
+                    self.still_charged = true;
                     Err((FaultCode::DischargeFailed, rail))
                 }
                 Some(_) => Ok(()),
@@ -68,6 +77,11 @@ impl Device {
                 self.supervise(board, now_us, &senses)
             }
         }
+    }
+
+    /// Whether the rails may still be charged whatever the measurement says.
+    const fn distrusts(&self, now_us: u64) -> bool {
+        self.distrusted && now_us.saturating_sub(self.off_since_us) < BLEEDER_MS as u64 * 1000
     }
 
     /// One step of the self-test.
@@ -157,19 +171,13 @@ impl Device {
     pub(super) fn step(&mut self, board: &mut impl Board, event: Event, goals: &Goals) -> Result<(), Refusal> {
         let action = self.safety.on(event).map_err(|state| Refusal::State { state, event })?;
         let now_us = board.now_us();
-        self.carry_out(board, action, goals, now_us).map_err(|code| {
-            self.raise(board, code, event as u32, now_us);
+        self.carry_out(board, action, goals, now_us).map_err(|(code, detail)| {
+            self.raise(board, code, detail, now_us);
             self.safety.fault().map_or(Refusal::Malformed, Refusal::Fault)
         })
     }
 
-    fn carry_out(
-        &mut self,
-        board: &mut impl Board,
-        action: Action,
-        goals: &Goals,
-        now_us: u64,
-    ) -> Result<(), FaultCode> {
+    fn carry_out(&mut self, board: &mut impl Board, action: Action, goals: &Goals, now_us: u64) -> Result<(), Finding> {
         match action {
             Action::Keep => Ok(()),
             Action::Off => {
@@ -181,7 +189,7 @@ impl Device {
                 Ok(())
             }
             Action::Enable => {
-                board.start_timers()?;
+                board.start_timers().map_err(|code| (code, 0))?;
                 let started_us = board.now_us();
                 let clock_hz = board.info().channels.first().map_or(0, |limits| limits.timer_clock_hz);
                 self.sequencer = Some(Sequencer::new(clock_hz / 1_000_000, started_us));
@@ -199,8 +207,8 @@ impl Device {
         }
     }
 
-    fn apply(&mut self, board: &mut impl Board, goals: &Goals, now_us: u64) -> Result<(), FaultCode> {
-        let sequencer = self.sequencer.as_mut().ok_or(FaultCode::DriveFailed)?;
+    fn apply(&mut self, board: &mut impl Board, goals: &Goals, now_us: u64) -> Result<(), Finding> {
+        let sequencer = self.sequencer.as_mut().ok_or((FaultCode::DriveFailed, 0))?;
         // A rail that feeds nobody stays charged, so that the next touch need not wait for its soft start.
         let mut aims = self.rails.aims();
         for (rail, aim) in aims.iter_mut().enumerate() {
@@ -217,11 +225,11 @@ impl Device {
             }
         }
         if goals.iter().any(Option::is_some) && !self.connected {
-            board.connect_electrodes(true)?;
+            board.connect_electrodes(true).map_err(|code| (code, 0))?;
             self.connected = true;
         }
         self.show(goals);
-        self.sequence(board).map_err(|(code, _)| code)
+        self.sequence(board)
     }
 
     fn show(&mut self, goals: &Goals) {
@@ -238,13 +246,4 @@ fn strength(wanted: u32, there: u32) -> u32 {
     let full = u64::from(FULL_STRENGTH);
     let ratio = u64::from(wanted) * full / u64::from(there);
     u32::try_from(ratio * ratio / full).unwrap_or(FULL_STRENGTH)
-}
-
-/// The first rail that is not harmless: 10 000 x rail + volts, and mV.
-pub(super) fn charged(senses: &Senses) -> Option<(u32, u32)> {
-    let rails = (1_u32..).zip(senses.rail_millivolts);
-    rails
-        .filter(|(_, millivolts)| *millivolts >= DISCHARGED_MILLIVOLTS)
-        .map(|(rail, millivolts)| (rail * 10_000 + millivolts / 1000, millivolts))
-        .next()
 }

@@ -44,8 +44,12 @@ pub struct Device {
     counters: LinkCounters,
     /// When the senses are looked at next, in us.
     next_tick_us: u64,
-    /// When everything was last switched off, in us: the rails must be discharged in time.
+    /// When the supply was last switched off, in us: the rails must be discharged in time.
     off_since_us: u64,
+    /// They were not.
+    still_charged: bool,
+    /// What is measured of the rails was found wrong.
+    distrusted: bool,
     self_test: Option<SelfTest>,
     /// Drives that were set while arming, to begin once it is done.
     held: Option<Goals>,
@@ -75,6 +79,8 @@ impl Device {
             counters: LinkCounters { good_frames: 0, bad_frames: 0, refused: 0 },
             next_tick_us: 0,
             off_since_us: 0,
+            still_charged: false,
+            distrusted: false,
             self_test: None,
             held: None,
             sequencer: None,
@@ -97,6 +103,7 @@ impl Device {
         // Only Boot accepts this event, so a second call changes nothing but switches off once more.
         let now_us = board.now_us();
         let _ = self.safety.on(Event::BootComplete);
+        self.off_since_us = now_us;
         self.all_off(board, now_us);
         if let Some((code, detail)) = board.info().fault_before_reset {
             self.raise(board, code, detail, 0);
@@ -126,6 +133,10 @@ impl Device {
     pub fn raise(&mut self, board: &mut impl Board, code: FaultCode, detail: u32, now_us: u64) {
         // Off before anything is noted down.
         self.all_off(board, now_us);
+        self.distrusted |= matches!(
+            code,
+            FaultCode::OverVoltage | FaultCode::RailImplausible | FaultCode::RailCollapsed | FaultCode::DischargeFailed
+        );
         let _off_already = self.safety.raise(code, detail, now_us);
     }
 
@@ -185,9 +196,12 @@ impl Device {
     /// Everything off, and everything forgotten that could switch it on again.
     fn all_off(&mut self, board: &mut impl Board, now_us: u64) {
         board.outputs_off();
+        if self.supply.enabled {
+            // Only from the moment at which it was switched off: asking again does not give the discharge more time.
+            (self.off_since_us, self.still_charged) = (now_us, false);
+        }
         self.supply = Supply { discharge: [true; crate::supply::RAILS], ..Supply::default() };
         board.set_supply(&self.supply);
-        self.off_since_us = now_us;
         self.self_test = None;
         self.held = None;
         self.sequencer = None;

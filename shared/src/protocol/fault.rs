@@ -31,7 +31,7 @@ pub enum FaultCode {
     RailImplausible,
     /// 12: a rail lost its voltage at once: an arc or a short. Detail: 10 000 x rail + volts left.
     RailCollapsed,
-    /// 13: a rail was not discharged in time. Detail: volts left, with 10 000 x rail where known.
+    /// 13: a rail was not discharged in time. Detail: 10 000 x rail + volts left.
     DischargeFailed,
     /// 14: a comparator or a break did not trip when it was tried. Detail: which, see the troubleshooting table.
     SelfTest,

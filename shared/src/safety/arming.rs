@@ -1,11 +1,11 @@
 //! The self-test before arming: nothing is live that has not just been seen to work.
 
 use crate::limits::{
-    DISCHARGE_LIMIT_MS, DISCHARGED_MILLIVOLTS, MAX_AVERAGE_MICROAMPS, TEST_LIMIT_MS, TEST_MILLIVOLTS,
+    DISCHARGE_LIMIT_MS, DISCHARGED_MILLIVOLTS, TEST_LIMIT_MS, TEST_MICROAMPS, TEST_MILLIVOLTS,
     TEST_TOLERANCE_MILLIVOLTS,
 };
 use crate::protocol::FaultCode;
-use crate::supply::{Finding, RAILS, Senses, Supply};
+use crate::supply::{Finding, RAILS, Senses, Supply, charged};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
@@ -63,7 +63,7 @@ impl SelfTest {
                 Verdict::TryTrips
             }
             Step::Low if elapsed_us > u64::from(DISCHARGE_LIMIT_MS) * 1000 => {
-                Verdict::Failed((FaultCode::DischargeFailed, highest / 1000))
+                Verdict::Failed((FaultCode::DischargeFailed, charged(senses).unwrap_or(0)))
             }
             Step::Low => Verdict::Going(Supply { discharge: [true; RAILS], ..Supply::default() }),
             Step::Trips => {
@@ -73,7 +73,7 @@ impl SelfTest {
             }
             Step::Charge => {
                 let there = |rail: &u32| rail.abs_diff(TEST_MILLIVOLTS) <= TEST_TOLERANCE_MILLIVOLTS;
-                if senses.rail_millivolts.iter().all(there) && senses.average_microamps <= MAX_AVERAGE_MICROAMPS {
+                if senses.rail_millivolts.iter().all(there) && senses.average_microamps <= TEST_MICROAMPS {
                     return Verdict::Passed;
                 }
                 if elapsed_us > u64::from(TEST_LIMIT_MS) * 1000 {

@@ -7,6 +7,8 @@
 mod rails;
 mod watch;
 
+use crate::limits::DISCHARGED_MILLIVOLTS;
+
 pub use rails::{RailControl, quantised, rail_code};
 pub use watch::{Finding, Watch};
 
@@ -17,6 +19,15 @@ pub const RAILS: usize = 2;
 #[must_use]
 pub const fn rail_of(channel: usize) -> usize {
     channel % RAILS
+}
+
+/// The first rail that is not harmless: 10 000 x rail, counted from 1, + volts.
+#[must_use]
+pub fn charged(senses: &Senses) -> Option<u32> {
+    let mut rails = (1_u32..).zip(senses.rail_millivolts);
+    rails
+        .find(|(_, millivolts)| *millivolts >= DISCHARGED_MILLIVOLTS)
+        .map(|(rail, millivolts)| rail * 10_000 + millivolts / 1000)
 }
 
 /// What the supply is told.

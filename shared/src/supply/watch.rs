@@ -4,6 +4,7 @@ use super::{RAILS, Senses, Supply};
 use crate::limits::{
     COLLAPSE_FROM_MILLIVOLTS, COLLAPSE_PERCENT, DISCHARGE_LIMIT_MS, IMPLAUSIBLE_AFTER_MS, MAX_AVERAGE_MICROAMPS,
     OVER_CURRENT_AFTER_MS, OVER_VOLTAGE_MILLIVOLTS, RAIL_TOLERANCE_MILLIVOLTS, RAIL_TOLERANCE_PERCENT,
+    RISING_TOLERANCE_MILLIVOLTS,
 };
 use crate::protocol::FaultCode;
 
@@ -14,6 +15,7 @@ pub type Finding = (FaultCode, u32);
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
     last: Option<[u32; RAILS]>,
+    last_set: [u32; RAILS],
     implausible_since_us: [Option<u64>; RAILS],
     discharging_since_us: [Option<u64>; RAILS],
     current_since_us: Option<u64>,
@@ -25,6 +27,7 @@ impl Watch {
     pub const fn new() -> Self {
         Self {
             last: None,
+            last_set: [0; RAILS],
             implausible_since_us: [None; RAILS],
             discharging_since_us: [None; RAILS],
             current_since_us: None,
@@ -48,6 +51,7 @@ impl Watch {
             return Some((FaultCode::EarthOpen, 0));
         }
         let last = self.last.replace(senses.rail_millivolts);
+        let last_set = core::mem::replace(&mut self.last_set, supply.set_point_millivolts);
         for rail in 0..RAILS {
             let number = |values: &[u32; RAILS]| values.get(rail).copied().unwrap_or(0);
             let (measured, set) = (number(&senses.rail_millivolts), number(&supply.set_point_millivolts));
@@ -70,7 +74,9 @@ impl Watch {
             if lasts(since, discharging, now_us, DISCHARGE_LIMIT_MS) {
                 return Some((FaultCode::DischargeFailed, detail));
             }
-            let tolerance = (set / 100 * RAIL_TOLERANCE_PERCENT).max(RAIL_TOLERANCE_MILLIVOLTS);
+            // A rising rail is behind by the supply's own lag.
+            let lag = if set > number(&last_set) { RISING_TOLERANCE_MILLIVOLTS } else { 0 };
+            let tolerance = (set / 100 * RAIL_TOLERANCE_PERCENT).max(RAIL_TOLERANCE_MILLIVOLTS) + lag;
             let Some(since) = self.implausible_since_us.get_mut(rail) else { continue };
             // On its way down a rail may be above its set-point for as long as its discharge takes.
             let plausible = measured.abs_diff(set) <= tolerance || discharging;

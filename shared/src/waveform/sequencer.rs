@@ -307,7 +307,12 @@ impl Sequencer {
     /// of 1 ms would otherwise be too near every time.)
     #[must_use]
     pub fn due_us(&self) -> Option<u64> {
-        let waits = |track: &&Track| track.passing || !track.queue.is_empty() && track.goal.is_some();
+        // An envelope that begins only later is none yet.
+        let plays = |track: &Track| {
+            let soon = track.next_boundary() + track.active.clocks();
+            track.goal.is_some() && track.queue.first().is_some_and(|first| first.begun || first.start <= soon)
+        };
+        let waits = |track: &&Track| track.passing || plays(track);
         let next = self.tracks.iter().filter(waits).map(Track::next_boundary).min()?;
         Some(self.started_us + next / self.clocks_per_us + CERTAIN_US + 1)
     }

@@ -104,12 +104,13 @@ impl Run<'_> {
     }
 
     fn any_frequency(&mut self) -> u32 {
-        // The whole range evenly over the octaves from 20 Hz on, and its upper end, where time is shortest.
-        match self.random.u32(0..4) {
-            0 => 1_000_000,
+        // The whole range evenly over the octaves, mostly from 20 Hz on, and its upper end, where time is shortest.
+        match self.random.u32(0..16) {
+            0..4 => 1_000_000,
+            4 => (10_f64.powf(3.0 + 1.301_03 * self.random.f64())) as u32,
             _ => (10_f64.powf(4.301_03 + 1.698_97 * self.random.f64())) as u32,
         }
-        .clamp(20_000, self.limits.max_frequency_millihertz)
+        .clamp(self.limits.min_frequency_millihertz, self.limits.max_frequency_millihertz)
     }
 }
 
@@ -166,7 +167,8 @@ fn session(mut run: Run<'_>, most: u64, tally: &mut Tally) {
         }
         // Most changes come before the last one has had its effect.
         let settle = run.random.u32(0..4) == 0;
-        let milliseconds = if settle { 250 } else { run.random.u64(0..30) };
+        // A period of up to 1 s must end, a gap of as much pass, and two periods be seen.
+        let milliseconds = if settle { 4_200 } else { run.random.u64(0..30) };
         run.pass(milliseconds);
         if settle && continuous {
             phases(&run, &goals, tally);

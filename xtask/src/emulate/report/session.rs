@@ -157,7 +157,8 @@ fn silence(bench: &mut Bench, table: &mut Table) -> Result<(), Error> {
     bench.run(2.0 * f64::from(DEADMAN_DEFAULT_MS) / 1e3)?;
     bench.follow_edges()?;
     let off = bench.edges.all_off_since().map(|off| off.saturating_sub(last) as f64 / CLOCKS_PER_MS);
-    table.within("silence: all electrodes off", f64::from(DEADMAN_DEFAULT_MS) + SILENCE_MARGIN_MS, off);
+    let deadman_ms = f64::from(DEADMAN_DEFAULT_MS);
+    table.between("silence: all electrodes off", deadman_ms, deadman_ms + SILENCE_MARGIN_MS, off);
     if let Some(off) = off {
         table.figure(
             "from the last keep-alive to all outputs off",

@@ -47,6 +47,13 @@ impl Table {
         );
     }
 
+    /// A step that must take from `least_ms` to `limit_ms`.
+    pub fn between(&mut self, step: &str, least_ms: f64, limit_ms: f64, seen_ms: Option<f64>) {
+        let seen = seen_ms.map_or("never".to_owned(), |ms| format!("{ms:.3} ms"));
+        let right = seen_ms.is_some_and(|ms| (least_ms..=limit_ms).contains(&ms));
+        self.row(step, &format!("{least_ms} to {limit_ms} ms"), &seen, right);
+    }
+
     /// A part of the report that is wrong as a whole if it cannot be carried out; whether it could.
     pub fn part(&mut self, name: &str, work: impl FnOnce(&mut Self) -> Result<(), Error>) -> bool {
         let result = work(self);
