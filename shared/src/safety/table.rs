@@ -9,7 +9,7 @@ pub enum State {
     Boot,
     /// Off. High voltage is disabled and every rail is measured to be harmless.
     Safe,
-    /// High voltage is enabled, no electrode is driven, the dead-man timer runs.
+    /// High voltage is enabled, no drive is set (one that was ended runs to its next boundary), the dead-man timer runs.
     Armed,
     /// At least one channel drives its electrodes, the dead-man timer runs.
     Running,
