@@ -70,9 +70,7 @@ impl Bench {
             Step::Request { link, body } => order = self.frame(*link, CURRENT_VERSION, Kind::Request as u8, body),
             Step::Frame { link, version, kind, body } => order = self.frame(*link, *version, *kind, body),
             Step::Bytes { link, bytes } => {
-                for answer in self.send(*link, bytes) {
-                    decoded(&answer);
-                }
+                self.anything(*link, bytes);
                 order = Order { heard: true, anything: true, request: None };
             }
             Step::Wait { ms } => {
@@ -144,6 +142,19 @@ impl Bench {
         }
     }
 
+    /// Bytes that may end frames with any requests; whether any was answered. What is answered is well-formed, and all that
+    /// is known of the session from then on is the longest dead-man time there is.
+    fn anything(&mut self, link: usize, bytes: &[u8]) -> bool {
+        let answers = self.send(link, bytes);
+        for answer in &answers {
+            decoded(answer);
+        }
+        if !answers.is_empty() {
+            self.deadman_ms = DEADMAN_MAX_MS;
+        }
+        !answers.is_empty()
+    }
+
     /// One well-formed frame, and its answer checked.
     fn frame(&mut self, link: usize, version: u8, kind: u8, body: &[u8]) -> Order {
         let body = body.get(..body.len().min(era_shared::link::MAX_BODY)).unwrap_or(body);
@@ -151,14 +162,14 @@ impl Bench {
         let request =
             request.filter(|request| speaks(version) && kind == Kind::Request as u8 && request.since() <= version);
         self.sequence = self.sequence.wrapping_add(1);
+        // A zero first ends whatever the line held, which may have been a whole frame but for its end: any request.
+        let anything = self.anything(link, &[0]);
         let state = self.device.state();
         let too_late = state.is_live() && self.is_silent_too_long();
-        // A zero first ends whatever the line held.
-        let bytes = [&[0][..], &encoded(version, kind, self.sequence, body)].concat();
-        let answers = self.send(link, &bytes);
+        let answers = self.send(link, &encoded(version, kind, self.sequence, body));
         if kind == Kind::Reply as u8 {
             assert!(answers.is_empty(), "an answer was answered");
-            return Order { heard: true, ..Order::default() };
+            return Order { heard: true, anything, ..Order::default() };
         }
         assert_eq!(answers.len(), 1, "answers to one frame");
         let (said, sequence, reply) = decoded(&answers[0]);
@@ -173,7 +184,7 @@ impl Bench {
         if version == 1 {
             assert!(known_to_1(&reply), "{reply:?} to a host of version 1");
         }
-        Order { heard: true, request, anything: false }
+        Order { heard: true, request, anything }
     }
 
     /// Whether the board is as the answer says.
