@@ -1,0 +1,122 @@
+//! What a fingertip feels: the threshold of vibration over frequency, and levels above it.
+//!
+//! The thresholds are those of the Android vibrator service (AOSP, `BasicToPwleSegmentAdapter.java`, Android 16, "minimum
+//! perceptible acceleration", dB re 1 g of peak), which interpolates them linearly in Hz and dB; so does this module.
+//!
+//! Outside 10..400 Hz, where the table ends: below 10 Hz the threshold is held at that of 10 Hz (constant acceleration:
+//! cautious, as the table still falls towards low frequencies, and no ERA drives a panel there), above 400 Hz the slope
+//! between 300 and 400 Hz, 7 dB per 100 Hz, goes on.
+
+use super::STANDARD_GRAVITY;
+
+/// Hz and dB re 1 g, ascending in frequency.
+const TABLE: [(f64, f64); 12] = [
+    (10.0, -48.90),
+    (20.0, -40.36),
+    (30.0, -34.31),
+    (40.0, -32.81),
+    (60.0, -31.77),
+    (80.0, -31.77),
+    (100.0, -31.90),
+    (150.0, -31.35),
+    (200.0, -30.86),
+    (250.0, -28.98),
+    (300.0, -26.81),
+    (400.0, -19.81),
+];
+
+/// Threshold in dB re 1 g (peak) at `hz`.
+fn threshold_db_g(hz: f64) -> f64 {
+    let hz = hz.max(TABLE[0].0);
+    // The segment that holds `hz`, or the last one, which goes on.
+    let upper = TABLE.iter().skip(1).take(TABLE.len() - 2).position(|(f, _)| hz <= *f).unwrap_or(TABLE.len() - 2);
+    let ((f0, db0), (f1, db1)) = (TABLE[upper], TABLE[upper + 1]);
+    db0 + (db1 - db0) * (hz - f0) / (f1 - f0)
+}
+
+/// Least peak acceleration that is felt at `hz`, in m/s^2.
+#[must_use]
+pub fn threshold_m_per_s2(hz: f64) -> f64 {
+    STANDARD_GRAVITY * from_db(threshold_db_g(hz))
+}
+
+/// Peak acceleration in m/s^2 that lies `db` above the threshold at `hz`.
+#[must_use]
+pub fn acceleration_for_db(hz: f64, db: f64) -> f64 {
+    from_db(db) * threshold_m_per_s2(hz)
+}
+
+/// Sum over `components`, (frequency in Hz, peak acceleration in m/s^2), of acceleration over threshold: 1 is just felt.
+///
+/// Adding amplitudes in units of their thresholds is what equation 23 does to accelerations: the peak of a sum of sines
+/// of distinct frequencies. It is linear in the strength of a plan, and for one frequency it is that frequency's
+/// sensation level.
+#[must_use]
+pub fn in_thresholds(components: &[(f64, f64)]) -> f64 {
+    components.iter().map(|(hz, acceleration)| acceleration.abs() / threshold_m_per_s2(*hz)).sum()
+}
+
+/// Level above the threshold in dB: 20 log10 of [`in_thresholds`]; negative below it, `None` where nothing moves.
+#[must_use]
+pub fn above_threshold_db(components: &[(f64, f64)]) -> Option<f64> {
+    let times = in_thresholds(components);
+    (times > 0.0).then(|| 20.0 * times.log10())
+}
+
+/// Factor for the strength of `components` that brings them to `db` above the threshold; `None` where nothing moves.
+#[must_use]
+pub fn scale_for_db(components: &[(f64, f64)], db: f64) -> Option<f64> {
+    let times = in_thresholds(components);
+    (times > 0.0).then(|| from_db(db) / times)
+}
+
+fn from_db(db: f64) -> f64 {
+    10_f64.powf(db / 20.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// m/s^2 of the table's rows, to the three places to which they are commonly given.
+    #[test]
+    fn rows_of_the_table() {
+        let rows = [(10.0, 0.035), (40.0, 0.224), (100.0, 0.249), (150.0, 0.265), (250.0, 0.349), (400.0, 1.002)];
+        for (hz, expected) in rows {
+            assert!((threshold_m_per_s2(hz) - expected).abs() < 6e-4, "{hz}: {}", threshold_m_per_s2(hz));
+        }
+        for (hz, db) in TABLE {
+            assert!((threshold_db_g(hz) - db).abs() < 1e-12, "{hz}");
+        }
+    }
+
+    #[test]
+    fn between_rows_db_are_linear_in_hz() {
+        assert!((threshold_db_g(125.0) - f64::midpoint(-31.90, -31.35)).abs() < 1e-12);
+        assert!((threshold_db_g(15.0) - f64::midpoint(-48.90, -40.36)).abs() < 1e-12);
+        assert!((threshold_db_g(375.0) - (-26.81 + 0.75 * 7.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn outside_the_table() {
+        assert_eq!(threshold_m_per_s2(0.0), threshold_m_per_s2(10.0));
+        assert!((threshold_db_g(600.0) - (-19.81 + 14.0)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn levels_and_accelerations_are_inverse() {
+        for (hz, db) in [(12.0, 3.0), (160.0, 25.0), (333.0, -6.0)] {
+            let acceleration = acceleration_for_db(hz, db);
+            assert!((above_threshold_db(&[(hz, acceleration)]).unwrap_or(f64::NAN) - db).abs() < 1e-12);
+        }
+        assert_eq!(above_threshold_db(&[(160.0, 0.0)]), None);
+        assert_eq!(scale_for_db(&[], 20.0), None);
+    }
+
+    #[test]
+    fn components_add_in_units_of_their_thresholds() {
+        let components = [(100.0, 3.0 * threshold_m_per_s2(100.0)), (300.0, 7.0 * threshold_m_per_s2(300.0))];
+        assert!((above_threshold_db(&components).unwrap_or(f64::NAN) - 20.0).abs() < 1e-12);
+        assert!((scale_for_db(&components, 40.0).unwrap_or(f64::NAN) - 10.0).abs() < 1e-12);
+    }
+}
