@@ -16,6 +16,7 @@ pub mod perception;
 pub mod plan;
 pub mod rise;
 pub mod search;
+pub mod softening;
 pub mod table;
 
 pub use plan::{Drive, Plan, PlanError, Predicted, Target, TargetResult};

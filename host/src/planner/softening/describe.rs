@@ -1,0 +1,185 @@
+//! The force of moving electrodes, as a describing function: phasors of a motion in, phasors of the force out.
+//!
+//! In parts of the gap, with u the motion that the windows know the phase of and v the rest, an electrode's force is
+//! (1 - u - v)^-2 = sum of (n + 1) v^n / (1 - u)^(n + 2). Half a period on, electrode B sees the mirror image of what A
+//! sees, so that integrals over A's windows, twice, are all there is.
+
+use super::{Excitation, HARMONICS, Line, MAX_LINES};
+use num_complex::Complex64;
+use std::f64::consts::FRAC_PI_2;
+
+/// Nodes and weights of the Gauss-Legendre rule of 12 points, the positive half.
+const GAUSS: [(f64, f64); 6] = [
+    (0.125_233_408_511_468_9, 0.249_147_045_813_402_72),
+    (0.367_831_498_998_180_2, 0.233_492_536_538_354_86),
+    (0.587_317_954_286_617_5, 0.203_167_426_723_065_87),
+    (0.769_902_674_194_304_7, 0.160_078_328_543_346_09),
+    (0.904_117_256_370_474_8, 0.106_939_325_995_318_11),
+    (0.981_560_634_246_719_2, 0.047_175_336_386_511_74),
+];
+const NODES: usize = 2 * GAUSS.len();
+
+/// Place of a harmonic that may have a line, in arrays over [`HARMONICS`].
+pub const fn index_of(harmonic: u32) -> Option<usize> {
+    match harmonic {
+        1 => Some(0),
+        3 => Some(1),
+        5 => Some(2),
+        _ => None,
+    }
+}
+
+/// What a motion makes of a force of 1 N at rest; slopes per part of the gap. With [`Description::scale`], in N and N/m.
+#[derive(Clone, Copy, Debug)]
+pub struct Description {
+    /// The force's phasors, line by line.
+    pub force: [Complex64; MAX_LINES],
+    /// Mean over time of the force's slope: what is taken off the spring.
+    pub mean_slope: f64,
+    /// Half the phasor of the slope's pulsation at twice each harmonic: what the conjugate of a phasor comes back with.
+    pub pulsating_slope: [Complex64; HARMONICS],
+}
+
+impl Description {
+    pub const NONE: Self =
+        Self { force: [Complex64::ZERO; MAX_LINES], mean_slope: 0.0, pulsating_slope: [Complex64::ZERO; HARMONICS] };
+
+    pub fn scale(&mut self, force: f64, slope: f64) {
+        self.force.iter_mut().for_each(|phasor| *phasor *= force);
+        self.mean_slope *= slope;
+        self.pulsating_slope.iter_mut().for_each(|phasor| *phasor *= slope);
+    }
+}
+
+/// A window of electrode A as points of a quadrature.
+#[derive(Clone, Copy, Debug)]
+pub struct Windows {
+    /// Weights of means over half a period: they add up to the pulse width.
+    weights: [f64; NODES],
+    /// e^{j n angle} for harmonics n = 1, 3, 5, the angle from the window's middle.
+    turns: [[Complex64; HARMONICS]; NODES],
+    /// e^{j n phase} of the windows.
+    phase: [Complex64; HARMONICS],
+}
+
+impl Windows {
+    pub const NONE: Self =
+        Self { weights: [0.0; NODES], turns: [[Complex64::ONE; HARMONICS]; NODES], phase: [Complex64::ONE; HARMONICS] };
+
+    pub fn new(excitation: &Excitation) -> Self {
+        let mut windows = Self::NONE;
+        let width = excitation.pulse_width.clamp(0.0, 1.0);
+        for (i, (node, weight)) in GAUSS.iter().enumerate() {
+            let turn = harmonics(FRAC_PI_2 * width * node);
+            windows.turns[2 * i] = turn;
+            windows.turns[2 * i + 1] = turn.map(|turn| turn.conj());
+            windows.weights[2 * i] = 0.5 * width * weight;
+            windows.weights[2 * i + 1] = 0.5 * width * weight;
+        }
+        windows.phase = harmonics(excitation.phase_rad);
+        windows
+    }
+
+    /// The force of a motion with the phasors `travel` (in parts of the gap) on `lines`; those of `frequency` are the
+    /// windows' own.
+    pub fn describe(&self, frequency: usize, lines: &[Line], travel: impl Fn(usize) -> Complex64) -> Description {
+        let mut own = [Complex64::ZERO; HARMONICS];
+        let mut others = [0.0; MAX_LINES];
+        for (l, line) in lines.iter().enumerate() {
+            match index_of(line.harmonic) {
+                Some(h) if line.frequency == frequency => own[h] = travel(l) * self.phase[h].conj(),
+                _ => others[l] = travel(l).norm(),
+            }
+        }
+        let all = moments(&others, None);
+        let sums = self.integrate(&own, &all);
+        let mut description = Description::NONE;
+        description.mean_slope = sums.slope;
+        for ((pulsating, slope_at), phase) in description.pulsating_slope.iter_mut().zip(sums.slope_at).zip(&self.phase)
+        {
+            *pulsating = slope_at * phase * phase;
+        }
+        for (l, line) in lines.iter().enumerate() {
+            description.force[l] = match index_of(line.harmonic) {
+                // Twice the mean with the phase.
+                Some(h) if line.frequency == frequency => sums.force_at[h] * self.phase[h] * 2.0,
+                _ if others[l] > 0.0 => {
+                    let a = others[l];
+                    travel(l) / a * correlation(&sums.odd, a, &moments(&others, Some(l)))
+                }
+                _ => Complex64::ZERO,
+            };
+        }
+        description
+    }
+
+    fn integrate(&self, own: &[Complex64; HARMONICS], others: &[f64; 3]) -> Sums {
+        let mut sums = Sums::default();
+        let [second, fourth, sixth] = *others;
+        for (weight, turn) in self.weights.iter().zip(&self.turns) {
+            let u: f64 = own.iter().zip(turn).map(|(own, turn)| own.re * turn.re - own.im * turn.im).sum();
+            let r = 1.0 / (1.0 - u);
+            let (r2, r3) = (r * r, r * r * r);
+            let force = weight * r2 * (1.0 + r2 * (3.0 * second + r2 * (5.0 * fourth + r2 * 7.0 * sixth)));
+            let slope = weight * r3 * (2.0 + r2 * (12.0 * second + r2 * (30.0 * fourth + r2 * 56.0 * sixth)));
+            sums.slope += slope;
+            for ((turn, force_at), slope_at) in turn.iter().zip(&mut sums.force_at).zip(&mut sums.slope_at) {
+                *force_at += turn.conj() * force;
+                *slope_at += (turn * turn).conj() * slope;
+            }
+            let mut power = weight * r3;
+            for (odd, factor) in sums.odd.iter_mut().zip([2.0, 4.0, 6.0, 8.0]) {
+                *odd += factor * power;
+                power *= r2;
+            }
+        }
+        sums
+    }
+}
+
+/// Means over a period.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    /// Of the force times e^{-j n angle}.
+    force_at: [Complex64; HARMONICS],
+    /// Of the slope.
+    slope: f64,
+    /// Of the slope times e^{-2 j n angle}.
+    slope_at: [Complex64; HARMONICS],
+    /// Of the series' coefficients of v, v^3, v^5, v^7.
+    odd: [f64; 4],
+}
+
+fn harmonics(angle: f64) -> [Complex64; HARMONICS] {
+    let first = Complex64::cis(angle);
+    let square = first * first;
+    let third = first * square;
+    [first, third, third * square]
+}
+
+/// Second, fourth and sixth moment of a sum of sines with independent phases, without the one at `but`.
+fn moments(amplitudes: &[f64; MAX_LINES], but: Option<usize>) -> [f64; 3] {
+    let mut all = [0.0; 3];
+    for (l, a) in amplitudes.iter().enumerate() {
+        if *a == 0.0 || Some(l) == but {
+            continue;
+        }
+        // Of one sine: (1/2, 3/8, 5/16) times its powers; of a sum: the binomial theorem.
+        let square = a * a;
+        let (one, two, three) = (0.5 * square, 0.375 * square * square, 0.3125 * square * square * square);
+        let [second, fourth, sixth] = all;
+        all = [second + one, fourth + 6.0 * second * one + two, sixth + 15.0 * (fourth * one + second * two) + three];
+    }
+    all
+}
+
+/// Phasor, along that of a sine of amplitude `a`, of the sum of odd[k] v^(2k + 1) for v that sine and others with the
+/// moments `rest`: twice the mean of v^n cos, by the binomial theorem.
+fn correlation(odd: &[f64; 4], a: f64, rest: &[f64; 3]) -> f64 {
+    let [second, fourth, sixth] = *rest;
+    let square = a * a;
+    a * (odd[0]
+        + odd[1] * (0.75 * square + 3.0 * second)
+        + odd[2] * (square * (0.625 * square + 7.5 * second) + 5.0 * fourth)
+        + odd[3] * (square * (square * (0.546_875 * square + 13.125 * second) + 26.25 * fourth) + 7.0 * sixth))
+}
