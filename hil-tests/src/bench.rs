@@ -3,6 +3,7 @@
 use era::device::emulated::CHANNEL_TIMERS;
 use era::device::sim::{Knobs, ModalSystem, Panel, SimControl};
 use era::device::{Client, LinkError, OpenDevice, Target};
+use era::planner::softening::Transducer;
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::{BURST_MAX_MS, REST_MS};
 use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED, encode};
@@ -38,7 +39,7 @@ impl Bench {
             damping: DMatrix::from_element(1, 1, 0.1 * omega),
             force: DMatrix::from_element(1, MAX_CHANNELS, 1.0),
         };
-        let panel = || (Panel::new(&system, vec![3e-8; MAX_CHANNELS]), vec![2000.0; MAX_CHANNELS]);
+        let panel = || (Panel::new(&system, vec![Transducer::fixed(3e-8); MAX_CHANNELS]), vec![2000.0; MAX_CHANNELS]);
         Self::open(&Target::Sim, panel)
     }
 

@@ -2,6 +2,7 @@
 
 use era::device::sim::{Clock, ModalSystem, Panel, SimBoard};
 use era::device::{Client, LinkError};
+use era::planner::softening::Transducer;
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Refusal, Reply, Request};
@@ -26,7 +27,7 @@ impl Board {
     fn speaking(min: u8, current: u8) -> Self {
         let none =
             ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
-        let panel = Panel::new(&none, vec![0.0; 2]);
+        let panel = Panel::new(&none, vec![Transducer::fixed(0.0); 2]);
         let mut board = SimBoard::new(panel, &[2000.0; 2], Clock::Wall(Instant::now()));
         let mut device = Device::new();
         device.start(&mut board);

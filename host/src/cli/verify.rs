@@ -67,19 +67,20 @@ pub fn run(options: &Verify) -> Outcome {
 fn table_text(name: &str, results: &[Comparison], worst: f64) -> String {
     let mut text = format!(
         "{name}: peak acceleration at the target in g, predicted (frequency domain) and simulated (time domain)\n\
-         \x20             drives                     fundamentals (eq. 23)       whole waveform to 1 kHz\n\
-         \x20 x mm   y mm  Hz                       predicted simulated  diff   predicted simulated  diff"
+         \x20             drives                     fundamentals (eq. 23)     from linear  whole waveform to 1 kHz\n\
+         \x20 x mm   y mm  Hz                       predicted simulated  diff   diff         predicted simulated  diff"
     );
     for c in results {
         let drives = c.drives.iter().map(|drive| format!("{:.0}", drive.frequency_hz)).collect::<Vec<_>>().join(" + ");
         let _ = write!(
             text,
-            "\n{:6.1} {:6.1}  {drives:24} {:9.4} {:9.4} {:+5.2} % {:9.4} {:9.4} {:+5.2} %",
+            "\n{:6.1} {:6.1}  {drives:24} {:9.4} {:9.4} {:+5.2} % {:+5.2} %   {:9.4} {:9.4} {:+5.2} %",
             c.x_mm,
             c.y_mm,
             c.predicted_g,
             c.simulated_g,
             c.difference * 100.0,
+            c.linear_difference * 100.0,
             c.predicted_band_g,
             c.simulated_band_g,
             c.band_difference * 100.0

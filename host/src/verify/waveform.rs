@@ -1,78 +1,217 @@
-//! The acceleration that a plan's drives make at a point, harmonics of the square-edged forces included, from the
-//! frequency domain alone: no equation is stepped in time.
+//! The acceleration that a plan's drives make at a point, from the frequency domain alone: no equation is stepped in time.
 
+use super::VerifyError;
 use crate::device::convert::SiDrive;
 use crate::device::sim::low_pass;
 use crate::model::ReducedModel;
-use crate::planner::limits::Electrodes;
-use crate::response::{self, ResponseError};
+use crate::planner::softening::{Excitation, Line, Motion, Transducer, Vector, settle, travel_receptance};
+use crate::response::{self, Solver};
+use crate::scene::MAX_ACTUATORS;
 use nalgebra::DVector;
 use num_complex::Complex64;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI, TAU};
 
 /// Highest harmonic frequency that is counted, in Hz. The accelerometer's low-pass leaves 1/16 of what lies at twice its
 /// corner, which a resonance can make up for, and 1/256 of what lies at four times.
 const HIGHEST_HZ: f64 = 4000.0;
+/// Highest harmonic that moves the masses far enough for the electrodes to notice.
+const HIGHEST_LINE: u32 = 5;
+/// Points of the quadrature over a window: of the 99th harmonic, 40 Hz to 4 kHz, 15 in a period.
+const WINDOW_POINTS: u32 = 500;
+/// Lowest sum or difference of frequencies that is counted, in Hz.
+const LOWEST_HZ: f64 = 1.0;
+/// Drives are of one frequency if they are nearer than this, in Hz.
+const SAME_HZ: f64 = 1e-9;
 
-/// The acceleration at one point through the accelerometer's low-pass, as a sum of sines.
+/// The acceleration at one point, as a sum of sines.
 #[derive(Clone, Debug)]
 pub struct Waveform {
-    drives: Vec<Harmonics>,
+    tones: Vec<Tone>,
+    /// Frequencies in Hz and phasors in m/s^2, through the low-pass, at sums and differences of the drives' frequencies.
+    combinations: Vec<(f64, Complex64)>,
     /// Modal coordinates of the steady motion at time zero.
     pub displacement: DVector<f64>,
     /// Their rates.
     pub velocity: DVector<f64>,
+    /// The actuators' steady motion.
+    pub motion: Motion,
 }
 
-/// One drive's part: the sum over k of the real part of `phasors[k]` e^{j (2k + 1) (w t + phase)}, in m/s^2.
+/// One frequency's part.
 #[derive(Clone, Debug)]
-struct Harmonics {
+struct Tone {
     frequency_hz: f64,
-    phase_rad: f64,
+    /// Amplitude of the acceleration at this frequency in m/s^2, without any low-pass.
+    fundamental: f64,
+    /// Through the low-pass: the sum over k of the real part of `phasors[k]` e^{j (2k + 1) w t}, in m/s^2.
     phasors: Vec<Complex64>,
+}
+
+/// What moves under some drives, at their frequencies and odd harmonics.
+struct Steady {
+    frequencies_hz: Vec<f64>,
+    excitations: Vec<Excitation>,
+    /// Number of the frequency, harmonic, modal coordinates per force, forces.
+    parts: Vec<(usize, u32, Vec<DVector<Complex64>>, Vector)>,
+    lines: Vec<Line>,
+    motion: Motion,
+}
+
+impl Steady {
+    /// Harmonics up to `highest`, and no further than [`HIGHEST_HZ`].
+    fn new(
+        solver: &Solver<'_>,
+        model: &ReducedModel,
+        actuators: &[Transducer],
+        drives: &[SiDrive],
+        highest: u32,
+    ) -> Result<Self, VerifyError> {
+        let mut frequencies_hz: Vec<f64> = Vec::new();
+        let mut excitations =
+            vec![Excitation { frequency: 0, voltage_v: 0.0, pulse_width: 0.0, phase_rad: 0.0 }; actuators.len()];
+        for drive in drives {
+            let Some(excitation) = excitations.get_mut(usize::from(drive.channel)) else { continue };
+            let known = frequencies_hz.iter().position(|known| (known - drive.frequency_hz).abs() < SAME_HZ);
+            let frequency = known.unwrap_or_else(|| {
+                frequencies_hz.push(drive.frequency_hz);
+                frequencies_hz.len() - 1
+            });
+            let SiDrive { voltage_v, pulse_width, phase_rad, .. } = *drive;
+            *excitation = Excitation { frequency, voltage_v, pulse_width, phase_rad };
+        }
+        let (mut parts, mut lines) = (Vec::new(), Vec::new());
+        for (frequency, base_hz) in frequencies_hz.iter().enumerate() {
+            let counts = |n: &u32| *n == 1 || *n <= highest && f64::from(*n) * base_hz <= HIGHEST_HZ;
+            for harmonic in (1..).step_by(2).take_while(counts) {
+                let coordinates = solver.coordinates(f64::from(harmonic) * base_hz)?;
+                if harmonic <= HIGHEST_LINE {
+                    let receptance = travel_receptance(model, &coordinates);
+                    lines.push(Line { frequency, harmonic, receptance });
+                }
+                parts.push((frequency, harmonic, coordinates, [Complex64::ZERO; MAX_ACTUATORS]));
+            }
+        }
+        let motion = settle(actuators, &excitations, &lines)?;
+        for (frequency, harmonic, _, forces) in &mut parts {
+            let line = lines.iter().position(|line| line.frequency == *frequency && line.harmonic == *harmonic);
+            *forces = match line.and_then(|line| motion.force_n.get(line)) {
+                Some(forces) => *forces,
+                None => high_harmonic(actuators, &excitations, &lines, &motion, *frequency, *harmonic),
+            };
+        }
+        Ok(Self { frequencies_hz, excitations, parts, lines, motion })
+    }
+
+    /// Forces at sums and differences of frequencies, in Hz and N: the spring of an actuator that is driven at f pulsates at
+    /// 2 f, and what moves it at f' is felt at 2 f + f' and 2 f - f' too. Of first order, for the fundamentals of the others.
+    fn combinations(&self) -> Vec<(f64, usize, Complex64)> {
+        let mut all = Vec::new();
+        for (l, line) in self.lines.iter().enumerate().filter(|(_, line)| line.harmonic == 1) {
+            for (i, excitation) in self.excitations.iter().enumerate() {
+                let (Some(own_hz), Some(other_hz)) =
+                    (self.frequencies_hz.get(excitation.frequency), self.frequencies_hz.get(line.frequency))
+                else {
+                    continue;
+                };
+                if excitation.frequency == line.frequency || excitation.voltage_v == 0.0 {
+                    continue;
+                }
+                let (slope, travel) = (self.motion.pulsating_n_per_m[i], self.motion.travel_m[l][i]);
+                let (below_hz, below) = (2.0 * own_hz - other_hz, slope * travel.conj());
+                all.push((2.0 * own_hz + other_hz, i, slope * travel));
+                all.push((below_hz.abs(), i, if below_hz < 0.0 { below.conj() } else { below }));
+            }
+        }
+        all.retain(|(hz, ..)| *hz > LOWEST_HZ && *hz <= HIGHEST_HZ);
+        all
+    }
+}
+
+/// Equation 23 in m/s^2 at the point with the mode shapes `shape`, of the steady motion under `drives` with the electrodes'
+/// softening.
+///
+/// # Errors
+/// As [`Waveform::new`].
+pub fn fundamentals(
+    model: &ReducedModel,
+    actuators: &[Transducer],
+    shape: &DVector<f64>,
+    drives: &[SiDrive],
+) -> Result<f64, VerifyError> {
+    let steady = Steady::new(&Solver::new(model), model, actuators, drives, HIGHEST_LINE)?;
+    let mut sum = 0.0;
+    for (frequency, _, coordinates, forces) in steady.parts.iter().filter(|(_, harmonic, ..)| *harmonic == 1) {
+        let omega = TAU * steady.frequencies_hz.get(*frequency).copied().unwrap_or_default();
+        let phasor: Complex64 = coordinates.iter().zip(forces).map(|(q, force)| response::dot(shape, q) * force).sum();
+        sum += omega * omega * phasor.norm();
+    }
+    Ok(sum)
 }
 
 impl Waveform {
     /// The steady motion under `drives` (as achieved by the board's registers), which started together at time zero, each
-    /// at its own phase. `shape` holds the mode shapes at the point, `electrodes` those of every channel.
+    /// at its own phase. `shape` holds the mode shapes at the point, `actuators` those of every channel. Softening by the
+    /// electrodes is in all of its forces.
     ///
     /// # Errors
-    /// [`ResponseError`] at a harmonic that meets the resonance of an undamped mode.
+    /// [`VerifyError::Response`] at a harmonic that meets the resonance of an undamped mode, [`VerifyError::NotSafe`] if
+    /// there is no steady motion.
     pub fn new(
         model: &ReducedModel,
-        electrodes: &[Electrodes],
+        actuators: &[Transducer],
         shape: &DVector<f64>,
         drives: &[SiDrive],
-    ) -> Result<Self, ResponseError> {
-        let mut all = Vec::with_capacity(drives.len());
+    ) -> Result<Self, VerifyError> {
+        let solver = Solver::new(model);
+        let steady = Steady::new(&solver, model, actuators, drives, u32::MAX)?;
+        let mut tones: Vec<Tone> = steady
+            .frequencies_hz
+            .iter()
+            .map(|frequency_hz| Tone { frequency_hz: *frequency_hz, fundamental: 0.0, phasors: Vec::new() })
+            .collect();
         let (mut displacement, mut velocity) = (DVector::zeros(model.order()), DVector::zeros(model.order()));
-        for drive in drives {
-            let channel = usize::from(drive.channel);
-            let Some(electrodes) = electrodes.get(channel) else { continue };
-            let mut phasors = Vec::new();
-            for n in (1..).step_by(2) {
-                let frequency_hz = f64::from(n) * drive.frequency_hz;
-                if n > 1 && frequency_hz > HIGHEST_HZ {
-                    break;
-                }
-                let amplitude = signed_harmonic(electrodes, n, drive.pulse_width) * drive.voltage_v * drive.voltage_v;
-                let omega = TAU * frequency_hz;
-                let coordinates = response::modal_coordinates(model, frequency_hz)?;
-                let Some(q) = coordinates.get(channel) else { break };
-                phasors.push(response::dot(shape, q) * -omega * omega * amplitude * low_pass(frequency_hz));
-                let start = Complex64::from_polar(amplitude, f64::from(n) * drive.phase_rad);
-                displacement += q.map(|q| (q * start).re);
-                velocity += q.map(|q| (Complex64::I * omega * q * start).re);
+        let mut move_by = |hz: f64, q: &DVector<Complex64>, force: Complex64| -> Complex64 {
+            let omega = TAU * hz;
+            displacement += q.map(|q| (q * force).re);
+            velocity += q.map(|q| (Complex64::I * omega * q * force).re);
+            response::dot(shape, q) * -omega * omega * force
+        };
+        for (frequency, harmonic, coordinates, forces) in &steady.parts {
+            let Some(tone) = tones.get_mut(*frequency) else { continue };
+            let hz = f64::from(*harmonic) * tone.frequency_hz;
+            let sum: Complex64 = coordinates.iter().zip(forces).map(|(q, force)| move_by(hz, q, *force)).sum();
+            if *harmonic == 1 {
+                tone.fundamental = sum.norm();
             }
-            all.push(Harmonics { frequency_hz: drive.frequency_hz, phase_rad: drive.phase_rad, phasors });
+            tone.phasors.push(sum * low_pass(hz));
         }
-        Ok(Self { drives: all, displacement, velocity })
+        let mut combinations = Vec::new();
+        for (hz, actuator, force) in steady.combinations() {
+            if let Some(q) = solver.coordinates(hz)?.get(actuator) {
+                combinations.push((hz, move_by(hz, q, force) * low_pass(hz)));
+            }
+        }
+        Ok(Self { tones, combinations, displacement, velocity, motion: steady.motion })
     }
 
-    /// Acceleration in m/s^2, `time_s` after the drives' start.
+    /// The drives' distinct frequencies in Hz.
+    #[must_use]
+    pub fn frequencies_hz(&self) -> Vec<f64> {
+        self.tones.iter().map(|tone| tone.frequency_hz).collect()
+    }
+
+    /// Sum of the amplitudes at the drives' frequencies (equation 23) in m/s^2.
+    #[must_use]
+    pub fn fundamentals(&self) -> f64 {
+        self.tones.iter().map(|tone| tone.fundamental).sum()
+    }
+
+    /// Acceleration in m/s^2 through the accelerometer's low-pass, `time_s` after the drives' start.
     #[must_use]
     pub fn at(&self, time_s: f64) -> f64 {
-        self.drives.iter().map(|drive| drive.at(time_s)).sum()
+        let tones: f64 = self.tones.iter().map(|tone| tone.at(time_s)).sum();
+        let turn = |hz: f64| Complex64::cis(TAU * (hz * time_s).fract());
+        tones + self.combinations.iter().map(|(hz, phasor)| (phasor * turn(*hz)).re).sum::<f64>()
     }
 
     /// Largest magnitude in m/s^2 over `samples` times, `step_s` apart from `from_s` on. Harmonics of different drives
@@ -85,49 +224,83 @@ impl Waveform {
     }
 }
 
-impl Harmonics {
+impl Tone {
     /// Horner's scheme in e^{2 j angle}: one sine and cosine for all harmonics.
     fn at(&self, time_s: f64) -> f64 {
-        let angle = TAU * (self.frequency_hz * time_s).fract() + self.phase_rad;
-        let first = Complex64::from_polar(1.0, angle);
+        let first = Complex64::cis(TAU * (self.frequency_hz * time_s).fract());
         let square = first * first;
         let sum = self.phasors.iter().rev().fold(Complex64::ZERO, |sum, phasor| sum * square + phasor);
         (sum * first).re
     }
 }
 
-/// With its sign: windows centred on the half periods have harmonics of 4/(n pi) sin(n pi w/2).
-fn signed_harmonic(electrodes: &Electrodes, n: u32, pulse_width: f64) -> f64 {
-    let sign = (f64::from(n) * FRAC_PI_2 * pulse_width).sin().signum();
-    sign * electrodes.harmonic_per_volt_squared(n, pulse_width)
+/// Forces of a harmonic beyond the lines: that of an actuator's own windows around its own motion, by the midpoint rule.
+fn high_harmonic(
+    actuators: &[Transducer],
+    excitations: &[Excitation],
+    lines: &[Line],
+    motion: &Motion,
+    frequency: usize,
+    harmonic: u32,
+) -> Vector {
+    let n = f64::from(harmonic);
+    let mut forces = [Complex64::ZERO; MAX_ACTUATORS];
+    for (i, (actuator, excitation)) in actuators.iter().zip(excitations).enumerate() {
+        if excitation.frequency != frequency {
+            continue;
+        }
+        let newtons = actuator.newtons_per_volt_squared * excitation.voltage_v * excitation.voltage_v;
+        let step = PI * excitation.pulse_width / f64::from(WINDOW_POINTS);
+        for k in 0..WINDOW_POINTS {
+            let angle = (f64::from(k) + 0.5) * step - FRAC_PI_2 * excitation.pulse_width;
+            let own = lines.iter().zip(&motion.travel_m).filter(|(line, _)| line.frequency == frequency);
+            let travel_m: f64 = own
+                .map(|(line, travel)| {
+                    (travel[i] * Complex64::cis(f64::from(line.harmonic) * (angle - excitation.phase_rad))).re
+                })
+                .sum();
+            let left = 1.0 - travel_m / actuator.gap_m;
+            forces[i] +=
+                Complex64::cis(-n * (angle - excitation.phase_rad)) * (newtons / (left * left) * FRAC_2_PI * step);
+        }
+    }
+    forces
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::PI;
 
-    fn of(drives: Vec<Harmonics>) -> Waveform {
-        Waveform { drives, displacement: DVector::zeros(0), velocity: DVector::zeros(0) }
+    fn of(tones: Vec<Tone>) -> Waveform {
+        let motion = settle(&[], &[], &[]).expect("nothing moves");
+        Waveform {
+            tones,
+            combinations: Vec::new(),
+            displacement: DVector::zeros(0),
+            velocity: DVector::zeros(0),
+            motion,
+        }
     }
 
-    fn harmonics(frequency_hz: f64, phase_rad: f64, phasors: &[f64]) -> Harmonics {
-        Harmonics { frequency_hz, phase_rad, phasors: phasors.iter().map(|re| Complex64::from(*re)).collect() }
+    fn tone(frequency_hz: f64, phase_rad: f64, phasors: &[f64]) -> Tone {
+        let phasors = (1_i32..).step_by(2).zip(phasors);
+        let phasors = phasors.map(|(n, a)| Complex64::from_polar(*a, f64::from(n) * phase_rad)).collect();
+        Tone { frequency_hz, fundamental: 0.0, phasors }
     }
 
     #[test]
     fn coinciding_harmonics_add_as_phasors() {
         // The third harmonic of 60 Hz against the first of 180 Hz, which starts half a turn later: nothing is left of it.
-        let waveform = of(vec![harmonics(60.0, 0.0, &[1.0, 0.5]), harmonics(180.0, PI, &[0.5])]);
+        let waveform = of(vec![tone(60.0, 0.0, &[1.0, 0.5]), tone(180.0, PI, &[0.5])]);
         assert!((waveform.peak(0.0, 25e-6, 40_000) - 1.0).abs() < 1e-12);
-        let alone = of(vec![harmonics(60.0, 0.0, &[1.0, 0.5])]);
+        let alone = of(vec![tone(60.0, 0.0, &[1.0, 0.5])]);
         assert!((alone.peak(0.0, 25e-6, 40_000) - 1.5).abs() < 1e-12);
     }
 
     #[test]
     fn a_long_beat_is_seen_as_far_as_the_window_goes() {
         // A beat of 0.1 Hz that starts in opposition: nothing at first, twice the amplitude after 5 s.
-        let waveform = of(vec![harmonics(200.0, 0.0, &[1.0]), harmonics(200.1, PI, &[1.0])]);
+        let waveform = of(vec![tone(200.0, 0.0, &[1.0]), tone(200.1, PI, &[1.0])]);
         let early = waveform.peak(0.0, 25e-6, 4_000);
         assert!(early < 2.0 * (PI * 0.1 * 0.1).sin() + 1e-9, "{early}");
         assert!(waveform.peak(4.95, 25e-6, 4_000) > 1.999);

@@ -7,6 +7,7 @@
 
 mod accelerometer;
 mod board;
+mod modal;
 mod panel;
 mod rails;
 mod source;
@@ -14,7 +15,8 @@ mod terminal;
 
 pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, attenuation, low_pass};
 pub use board::{Clock, Defects, SimBoard};
-pub use panel::{ModalSystem, Panel, STEP_S};
+pub use modal::{ModalSystem, causal};
+pub use panel::{Extreme, Panel, STEP_S};
 pub use rails::Rail;
 pub use source::Source;
 pub use terminal::{Knobs, SimControl, SimDevice};

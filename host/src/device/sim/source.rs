@@ -25,12 +25,12 @@ impl Stretch {
         self.windows.a.length == 0 && self.windows.b.length == 0
     }
 
-    /// How much longer A than B is on from `from_s` to `to_s`, in s.
-    fn balance_s(&self, from_s: f64, to_s: f64) -> f64 {
+    /// How long A and B are on from `from_s` to `to_s`, in s.
+    fn on_s(&self, from_s: f64, to_s: f64) -> [f64; 2] {
         let (from, to) = ((from_s - self.from_s) / self.tick_s, (to_s - self.from_s) / self.tick_s);
         let period = self.windows.period;
         let on = |window: Window| on_ticks_until(window, period, to) - on_ticks_until(window, period, from);
-        (on(self.windows.a) - on(self.windows.b)) * self.tick_s
+        [on(self.windows.a) * self.tick_s, on(self.windows.b) * self.tick_s]
     }
 }
 
@@ -73,18 +73,19 @@ impl Source {
         self.stretches.iter().all(Stretch::is_blank)
     }
 
-    /// The part of the time from `from_s` to `from_s + step_s` for which electrode A is on, less that of B. The mean, not a
+    /// The parts of the time from `from_s` to `from_s + step_s` for which electrodes A and B are on. The mean, not a
     /// sample: edges fall anywhere within a step, and their exact area is what moves the panel.
     #[must_use]
-    pub fn mean_balance(&self, from_s: f64, step_s: f64) -> f64 {
+    pub fn mean_on(&self, from_s: f64, step_s: f64) -> [f64; 2] {
         let to_s = from_s + step_s;
-        let mut sum_s = 0.0;
+        let mut sum_s = [0.0; 2];
         let mut end_s = to_s;
         for stretch in self.stretches.iter().rev() {
             let begin_s = stretch.from_s.max(from_s);
             if begin_s < end_s {
                 if !stretch.is_blank() {
-                    sum_s += stretch.balance_s(begin_s, end_s);
+                    let on_s = stretch.on_s(begin_s, end_s);
+                    sum_s = [sum_s[0] + on_s[0], sum_s[1] + on_s[1]];
                 }
                 end_s = begin_s;
             }
@@ -92,7 +93,7 @@ impl Source {
                 break;
             }
         }
-        sum_s / step_s
+        sum_s.map(|on_s| on_s / step_s)
     }
 
     /// A time in s at which the force is at its greatest, the middle of a window of A, in the stretch that was preloaded
@@ -123,19 +124,23 @@ mod tests {
         let period = Period::driving(17, 10_000, 2_500, false);
         let mut source = Source::new(0.0).expect("idle");
         source.preload(&period, 2e-3, 0.0).expect("a period");
-        assert!(source.mean_balance(0.0, 2e-3).abs() < 1e-12);
-        let balance = |from_s: f64, step_s: f64| source.mean_balance(from_s, step_s);
-        assert!((balance(2e-3, 0.5e-3) - 0.5).abs() < 1e-9, "A is on for half of its half period");
-        assert!((balance(2.5e-3, 0.5e-3) + 0.5).abs() < 1e-9, "then B");
-        assert!((balance(1e-3, 1.5e-3) - 0.25 / 1.5).abs() < 1e-9, "a step over the boundary has its part");
+        let is = |source: &Source, from_s: f64, step_s: f64, a: f64, b: f64| {
+            let [on_a, on_b] = source.mean_on(from_s, step_s);
+            (on_a - a).abs() < 1e-9 && (on_b - b).abs() < 1e-9
+        };
+        assert!(is(&source, 0.0, 2e-3, 0.0, 0.0));
+        assert!(is(&source, 2e-3, 0.5e-3, 0.5, 0.0), "A is on for half of its half period");
+        assert!(is(&source, 2.5e-3, 0.5e-3, 0.0, 0.5), "then B");
+        assert!(is(&source, 1e-3, 1.5e-3, 0.25 / 1.5, 0.0), "a step over the boundary has its part");
+        assert!(is(&source, 1e-3, 2e-3, 0.125, 0.125), "both have theirs");
         assert!((source.peak_s().expect("it drives") - 2.25e-3).abs() < 1e-12);
 
         // Overwritten before it takes effect; then silent again.
         let mut changed = source.clone();
         changed.preload(&Period::driving(17, 10_000, 2_500, true), 2e-3, 0.0).expect("a period");
         changed.preload(&IDLE, 5e-3, 4e-3).expect("idle");
-        assert!((changed.mean_balance(2e-3, 0.5e-3) + 0.5).abs() < 1e-9, "reversed");
-        assert!(changed.mean_balance(5e-3, 1.0).abs() < 1e-12);
+        assert!(is(&changed, 2e-3, 0.5e-3, 0.0, 0.5), "reversed");
+        assert!(is(&changed, 5e-3, 1.0, 0.0, 0.0));
         assert!(changed.peak_s().is_none() && !changed.is_blank());
     }
 }

@@ -114,6 +114,10 @@ pub struct Motion {
     pub force_n: [Vector; MAX_LINES],
     /// Phasors of each actuator's travel in m, line by line.
     pub travel_m: [Vector; MAX_LINES],
+    /// Half the phasor, at twice an actuator's frequency, of what its electrodes take off its spring, in N/m: motion X at
+    /// another frequency makes forces of this times X at 2 f + f', and times the conjugate of X at 2 f - f'. These are not
+    /// among the lines.
+    pub pulsating_n_per_m: Vector,
     /// Most that each actuator's mass can be away from its middle, in m: the sum of the moduli.
     pub largest_m: [f64; MAX_ACTUATORS],
 }
@@ -172,6 +176,7 @@ pub fn settle(actuators: &[Transducer], excitations: &[Excitation], lines: &[Lin
     let rest = Motion {
         force_n: [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES],
         travel_m: [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES],
+        pulsating_n_per_m: [Complex64::ZERO; MAX_ACTUATORS],
         largest_m: [0.0; MAX_ACTUATORS],
     };
     let mut motion = rest;
@@ -214,6 +219,7 @@ impl Problem<'_> {
                 motion.travel_m[l] = times(&line.receptance, &motion.force_n[l], self.actuators.len());
             }
             if change <= tolerance * tolerance * largest {
+                motion.pulsating_n_per_m = descriptions.map(|description| description.pulsating_slope[0]);
                 for (i, largest) in motion.largest_m.iter_mut().enumerate() {
                     *largest = motion.travel_m.iter().take(self.lines.len()).map(|travel| travel[i].norm()).sum();
                 }

@@ -1,0 +1,143 @@
+//! The simulated device on a clock that is set by hand, and what its accelerometer's record shows.
+
+use super::VerifyError;
+use crate::device::convert::SiDrive;
+use crate::device::sim::{Accelerometer, STEP_S, SimBoard, attenuation};
+use era_shared::device::{Device, Port};
+use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
+use era_shared::safety::LinkId;
+use era_shared::supply::{RAILS, rail_of};
+use nalgebra::{DMatrix, DVector};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Between two keep-alives, in us.
+const KEEP_ALIVE_US: u64 = 50_000;
+
+/// A device and a host in one thread, on a clock that is set by hand.
+pub(super) struct Bench {
+    device: Device,
+    pub(super) board: SimBoard,
+    port: Port,
+    sequence: u16,
+    time_us: u64,
+}
+
+impl Bench {
+    pub(super) fn new(mut board: SimBoard) -> Self {
+        let mut device = Device::new();
+        device.start(&mut board);
+        Self { device, board, port: Port::new(LinkId(0)), sequence: 0, time_us: 0 }
+    }
+
+    pub(super) fn accelerometer(&mut self) -> &mut Accelerometer {
+        &mut self.board.panel_mut().accelerometer
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times of some seconds")]
+    pub(super) fn run_for(&mut self, seconds: f64) -> Result<(), VerifyError> {
+        let end_us = self.time_us + (seconds * 1e6) as u64;
+        while self.time_us < end_us {
+            let keep_alive_us = (self.time_us + KEEP_ALIVE_US).min(end_us);
+            while self.time_us < keep_alive_us {
+                let due_us = self.device.poll(&mut self.board);
+                self.time_us = due_us.clamp(self.time_us + 1, keep_alive_us);
+                self.board.set_time_us(self.time_us);
+            }
+            self.device.poll(&mut self.board);
+            self.board.advance();
+            self.ask(&Request::KeepAlive)?;
+        }
+        Ok(())
+    }
+
+    /// The drives with their phases counted from the panel's time zero. Equal frequencies have a common origin, which the
+    /// first of them shows: where its windows lie is taken from the timers, and the phases of the others from the plan.
+    pub(super) fn in_time(&mut self, drives: &[SiDrive]) -> Result<Vec<SiDrive>, VerifyError> {
+        let mut origins: Vec<(f64, f64)> = Vec::new();
+        let mut found = Vec::with_capacity(drives.len());
+        for drive in drives {
+            let frequency_hz = drive.frequency_hz;
+            let known = origins.iter().find(|(of, _)| (of - frequency_hz).abs() < 1e-9).map(|(_, origin_s)| *origin_s);
+            let origin_s = match known {
+                Some(origin_s) => origin_s,
+                None => {
+                    let source = self.board.panel_mut().source_mut(usize::from(drive.channel));
+                    let peak_s = source.and_then(|source| source.peak_s());
+                    let peak_s =
+                        peak_s.ok_or_else(|| VerifyError::Device("no drive on a channel of the plan".into()))?;
+                    let origin_s = peak_s + drive.phase_rad / (TAU * frequency_hz);
+                    origins.push((frequency_hz, origin_s));
+                    origin_s
+                }
+            };
+            found.push(SiDrive { phase_rad: drive.phase_rad - TAU * (frequency_hz * origin_s).fract(), ..*drive });
+        }
+        Ok(found)
+    }
+
+    pub(super) fn ask(&mut self, request: &Request) -> Result<Reply, VerifyError> {
+        let broken = |what: &str| VerifyError::Device(what.into());
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame = [0; MAX_ENCODED];
+        let length = encode(CURRENT_VERSION, Kind::Request, self.sequence, request, &mut frame)
+            .map_err(|_| broken("nothing"))?;
+        let mut answers = Vec::new();
+        let sent = frame.get(..length).unwrap_or_default();
+        self.device.receive(&mut self.board, &mut self.port, sent, |bytes| answers.extend_from_slice(bytes));
+        let mut reply = None;
+        Decoder::new().feed(&answers, |frame| {
+            reply = frame.ok().and_then(|frame| postcard::from_bytes::<Reply>(frame.body).ok());
+        });
+        match reply {
+            Some(Reply::Refused(refusal)) => Err(broken(&crate::device::convert::refusal_text(&refusal))),
+            Some(reply) => Ok(reply),
+            None => Err(broken("nothing readable")),
+        }
+    }
+}
+
+/// Amplitudes of sines at the given frequencies in a record: least squares over all of them at once, so that they do not
+/// leak into each other. The low-pass has made each smaller by a known factor, which is taken out again.
+#[allow(clippy::cast_precision_loss, reason = "sample numbers")]
+pub(super) fn amplitudes(record: &[f64], frequencies_hz: &[f64]) -> Vec<f64> {
+    let columns = 2 * frequencies_hz.len();
+    let mut normal = DMatrix::<f64>::zeros(columns, columns);
+    let mut right = DVector::<f64>::zeros(columns);
+    let mut row = DVector::<f64>::zeros(columns);
+    for (i, value) in record.iter().enumerate() {
+        for (k, frequency_hz) in frequencies_hz.iter().enumerate() {
+            let (sin, cos) = (TAU * frequency_hz * i as f64 * STEP_S).sin_cos();
+            row[2 * k] = cos;
+            row[2 * k + 1] = sin;
+        }
+        normal.ger(1.0, &row, &row, 1.0);
+        right.axpy(*value, &row, 1.0);
+    }
+    let fit = normal.cholesky().map_or_else(|| DVector::zeros(columns), |factor| factor.solve(&right));
+    frequencies_hz
+        .iter()
+        .enumerate()
+        .map(|(k, frequency_hz)| fit[2 * k].hypot(fit[2 * k + 1]) / attenuation(*frequency_hz))
+        .collect()
+}
+
+/// The drives as they are once channels share rails: a rail stands at the highest voltage of its channels, and the others
+/// get windows of the same fundamental force, (V / V_rail)^2 sin(pi w / 2) = sin(pi w' / 2).
+pub(super) fn on_rails(drives: Vec<SiDrive>) -> Vec<SiDrive> {
+    let mut rails_v = [0.0_f64; RAILS];
+    for drive in &drives {
+        if let Some(rail_v) = rails_v.get_mut(rail_of(usize::from(drive.channel))) {
+            *rail_v = rail_v.max(drive.voltage_v);
+        }
+    }
+    let shared = |drive: SiDrive| {
+        let rail_v = rails_v.get(rail_of(usize::from(drive.channel))).copied().unwrap_or(drive.voltage_v);
+        if rail_v <= drive.voltage_v {
+            return drive;
+        }
+        let part = (drive.voltage_v / rail_v).powi(2) * (FRAC_PI_2 * drive.pulse_width).sin();
+        SiDrive { voltage_v: rail_v, pulse_width: part.asin() / FRAC_PI_2, ..drive }
+    };
+    drives.into_iter().map(shared).collect()
+}
