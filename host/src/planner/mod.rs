@@ -13,6 +13,7 @@ pub mod allocate;
 mod bound;
 pub mod limits;
 pub mod perception;
+pub mod phased;
 pub mod plan;
 pub mod rise;
 pub mod search;

@@ -1,0 +1,414 @@
+//! The best choice of groups and frequencies, proven.
+
+use super::bounds::{Bounds, Layout, Prefix, most_peaks};
+use super::leaf::{Leaf, Prices, least_energy, most_peak, quick_worth, within_limits};
+use super::program::{Choice, Program, Units, list};
+use super::scores::Scores;
+use super::{Field, Found, Group, Grouping, REACH_SLACK, SUBSETS, ZERO};
+use std::collections::HashSet;
+use std::ops::ControlFlow;
+
+/// Relative improvement below which a choice counts as no better.
+const SAME: f64 = 1e-10;
+/// Most convex problems solved per search; each takes up to 0.2 ms.
+const MOST_SOLVED: usize = 10_000;
+/// Most steps of an enumeration; each takes some nanoseconds.
+const MOST_STEPS: usize = 20_000_000;
+/// Most prices at which bounds are looked at, part of the open gap for which further prices are tried, and tries to prove a
+/// choice useless at prices of its own.
+const MOST_VIEWS: usize = 4 * VIEWS_PER_SHARE;
+const VIEWS_PER_SHARE: usize = 3;
+const WORTH_ANOTHER: f64 = 0.1;
+const QUICK_TRIES: usize = 4;
+/// Price of travel over that of the peak that is more than the interior-point method's rest.
+const TRAVEL_MATTERS: f64 = 1e-6;
+/// Bounds tightened before the dynamic programming is done again with them; it takes about as long as ten of them.
+const BATCH: usize = 32;
+
+pub(super) fn best(field: &Field<'_>, grouping: Grouping, wanted: f64, spacing_hz: f64) -> Option<Found> {
+    let scores = Scores::new(field, grouping == Grouping::Mixed);
+    if scores.usable.iter().all(|usable| *usable == 0) {
+        return None;
+    }
+    let layout = Layout::new(field, grouping, spacing_hz);
+    let prefix = layout.prefix(&scores.of);
+    let (choices, score) = (layout.choice(&prefix, &scores.of), layout.most(&prefix));
+    if wanted.is_nan() || wanted <= 0.0 || score <= 0.0 {
+        let groups = choices.iter().map(|(members, k)| Group { members: *members, frequency: *k, forces_n: [ZERO; 4] });
+        return Some(Found { groups: groups.collect(), energy: 0.0, reached: 0.0, proven_gap: 0.0, solved: 0 });
+    }
+    let units = |peak: f64| Units { peak, energy: peak * peak / score };
+    if wanted.is_finite() {
+        let units = units(wanted);
+        if let Some(leaf) = within_limits(&Program::new(field, &scores, &choices, units)) {
+            return Some(found(field, &scores, units, &choices, &leaf, 0.0, 0));
+        }
+    }
+    let most_peaks = most_peaks(field, &scores);
+    let strongest = layout.prefix(&most_peaks);
+    let search = Search { field, scores: &scores, layout: &layout, most_peaks: &most_peaks, strongest: &strongest };
+    Some(search.within_limits(wanted, units, choices))
+}
+
+struct Search<'a> {
+    field: &'a Field<'a>,
+    scores: &'a Scores,
+    layout: &'a Layout,
+    most_peaks: &'a [[f64; SUBSETS]],
+    /// Most peak at the first frequencies, by mask.
+    strongest: &'a Prefix,
+}
+
+/// The best so far, and what is being looked for.
+struct State {
+    units: Units,
+    /// What is minimised: energy, or minus the peak.
+    for_energy: bool,
+    /// A cost that is good enough.
+    enough: f64,
+    choices: Vec<Choice>,
+    leaf: Leaf,
+    visited: HashSet<[Choice; 4]>,
+    solved: usize,
+    /// Steps of the enumeration.
+    steps: usize,
+}
+
+impl Search<'_> {
+    fn within_limits(&self, wanted: f64, units: impl Fn(f64) -> Units, unlimited: Vec<Choice>) -> Found {
+        let most = self.layout.most(self.strongest);
+        let strongest = self.layout.choice(self.strongest, self.most_peaks);
+        // More than there is, whatever the wish: keeps it a number.
+        let wanted = wanted.min(2.0 * most);
+        let at = units(wanted);
+        let energy_of = |choices: Vec<Choice>, units: Units| {
+            least_energy(&self.program(&choices, units), f64::INFINITY)
+                .map(|leaf| State::new(units, true, choices, leaf))
+        };
+        let start = if wanted < most {
+            [unlimited, strongest.clone()]
+                .into_iter()
+                .filter_map(|choices| energy_of(choices, at))
+                .min_by(|a, b| a.leaf.cost.total_cmp(&b.leaf.cost))
+        } else {
+            None
+        };
+        let (mut state, peak_gap, before) = if let Some(start) = start {
+            (start, 0.0, 0)
+        } else {
+            let leaf = most_peak(&self.program(&strongest, at));
+            let mut state = State::new(at, false, strongest, leaf);
+            state.enough = -1.0 - SAME;
+            let gap = self.improve(&mut state);
+            let reached = -state.leaf.cost;
+            let met = reached >= 1.0 + SAME;
+            let goal = if met { at } else { units(wanted * reached * (1.0 - REACH_SLACK)) };
+            let gap = if met { 0.0 } else { gap };
+            match energy_of(state.choices.clone(), goal) {
+                Some(start) => (start, gap, state.solved),
+                // Only if rounding hides the slack: the strongest itself.
+                None => return found(self.field, self.scores, at, &state.choices, &state.leaf, gap, state.solved),
+            }
+        };
+        let gap = self.improve(&mut state).max(peak_gap);
+        found(self.field, self.scores, state.units, &state.choices, &state.leaf, gap, before + state.solved)
+    }
+
+    fn program(&self, choices: &[Choice], units: Units) -> Program {
+        Program::new(self.field, self.scores, choices, units)
+    }
+
+    /// Lowers the cost to the least there is, and returns the gap that is left.
+    fn improve(&self, state: &mut State) -> f64 {
+        loop {
+            let mut views = Vec::with_capacity(MOST_VIEWS);
+            match self.look(state, &mut views) {
+                Look::Improved => {}
+                Look::Done(bound) => return state.gap(bound),
+                Look::Open(bound) => {
+                    let (all, until) = (usize::from(self.layout.all), self.most_peaks.len());
+                    let flow = self.descend(state, &views, until, all, Partial::default(), &mut Vec::new());
+                    return state.gap(if flow.is_continue() { state.limit() } else { bound });
+                }
+            }
+        }
+    }
+
+    /// Bounds the cost of all choices by the dynamic programming at several prices, and solves the choices that look best
+    /// at them.
+    fn look(&self, state: &mut State, views: &mut Vec<View>) -> Look {
+        // At the prices of the best so far its own bound is its cost: what is worth more there may cost less.
+        let prices = state.leaf.prices;
+        // A price of travel that suits the best may be too much for all others.
+        let travel_matters = prices.travel.iter().any(|price| *price > TRAVEL_MATTERS * prices.peak);
+        let shares: &[f64] = if travel_matters && state.for_energy { &[1.0, 0.5, 0.2, 0.0] } else { &[1.0] };
+        let mut bound = f64::NEG_INFINITY;
+        let mut multiple = 1.0;
+        for share in shares {
+            let prices = Prices { travel: prices.travel.map(|price| price * share), ..prices };
+            let mut rivals = Vec::with_capacity(VIEWS_PER_SHARE);
+            for _ in 0..VIEWS_PER_SHARE {
+                let prices_here = prices.times(if state.for_energy { multiple } else { 1.0 });
+                let mut bounds = Bounds::new(prices_here, state.units, self.scores, self.most_peaks);
+                let prefix = self.sharpen(state, &mut bounds);
+                let here = bounds.cost(self.layout.most(&prefix));
+                bound = bound.max(here);
+                if bound >= state.limit() || state.spent() {
+                    return Look::Done(bound);
+                }
+                let choices = self.layout.choice(&prefix, &bounds.worth);
+                let parts = bounds.parts_of(&choices);
+                views.push(View { bounds, prefix });
+                if self.visit(state, &choices) {
+                    return if state.leaf.cost <= state.enough { Look::Done(bound) } else { Look::Improved };
+                }
+                // What rivals cost at r times the prices: r rest - r^2 energy. Where only the peak counts, prices have no
+                // scale.
+                rivals.push((prices_here.cost(parts.limits) / multiple, parts.energy / (multiple * multiple)));
+                let (next, promise) = highest_floor(&rivals);
+                if !state.for_energy || promise - here < WORTH_ANOTHER * (state.limit() - here) {
+                    break;
+                }
+                multiple = next;
+            }
+        }
+        Look::Open(bound)
+    }
+
+    /// Makes bounds as good as they get wherever they could be part of a choice that is better than the best so far.
+    fn sharpen(&self, state: &mut State, bounds: &mut Bounds) -> Prefix {
+        let all = usize::from(self.layout.all);
+        let mut prefix = self.layout.prefix(&bounds.worth);
+        // What a choice with a group at a frequency costs at least, whatever the distances.
+        let cost = |bounds: &Bounds, prefix: &Prefix, rest: usize, group: usize, k: usize| {
+            bounds.cost(bounds.worth[k][group] + prefix[prefix.len() - 1][rest])
+        };
+        for k in 0..bounds.worth.len() {
+            for (rest, group) in self.layout.groups(all) {
+                if cost(bounds, &prefix, rest, group, k) < state.limit() {
+                    bounds.quicken(self.field, self.scores, group, k);
+                }
+            }
+        }
+        loop {
+            prefix = self.layout.prefix(&bounds.worth);
+            let mut loose: Vec<(f64, usize, usize)> = Vec::new();
+            for k in 0..bounds.worth.len() {
+                for (rest, group) in self.layout.groups(all) {
+                    let cost = cost(bounds, &prefix, rest, group, k);
+                    if cost < state.limit() && !bounds.is_tight(group, k) {
+                        loose.push((cost, group, k));
+                    }
+                }
+            }
+            if loose.is_empty() || state.spent() {
+                return prefix;
+            }
+            loose.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+            for (_, group, k) in loose.into_iter().take(BATCH) {
+                bounds.tighten(self.field, self.scores, group, k);
+                state.solved += 1;
+            }
+        }
+    }
+
+    /// Solves a choice unless that was done before; whether it is better than the best so far, which it then is.
+    fn visit(&self, state: &mut State, choices: &[Choice]) -> bool {
+        if !state.visited.insert(key(choices)) {
+            return false;
+        }
+        let program = self.program(choices, state.units);
+        if state.for_energy && program.most_peak() < 1.0 {
+            return false;
+        }
+        state.solved += 1;
+        let leaf = if state.for_energy { least_energy(&program, state.limit()) } else { Some(most_peak(&program)) };
+        match leaf {
+            Some(leaf) if leaf.cost < state.limit() => {
+                (state.leaf, state.choices) = (leaf, choices.to_vec());
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// Looks at every choice whose bound is below the best cost: adds groups for `mask` at the first `until` frequencies,
+    /// the highest frequency first. Breaks off at the limit of work, or if a cost is good enough.
+    fn descend(
+        &self,
+        state: &mut State,
+        views: &[View],
+        until: usize,
+        mask: usize,
+        so_far: Partial,
+        chosen: &mut Vec<Choice>,
+    ) -> ControlFlow<()> {
+        for k in (0..until).rev() {
+            state.steps += 1;
+            if self.hopeless(state, views, &so_far, k + 1, mask) {
+                break;
+            }
+            for (rest, group) in self.layout.groups(mask) {
+                let lag = self.layout.lag[k];
+                let mut with = so_far;
+                for (sum, view) in with.worth.iter_mut().zip(views) {
+                    *sum += view.bounds.worth[k][group];
+                }
+                with.peak += self.most_peaks[k][group];
+                if self.hopeless(state, views, &with, lag, rest) {
+                    continue;
+                }
+                #[allow(clippy::cast_possible_truncation, reason = "at most 15")]
+                chosen.push((group as u8, k));
+                let flow = if rest == 0 {
+                    self.judge(state, views, chosen)
+                } else {
+                    self.descend(state, views, lag, rest, with, chosen)
+                };
+                chosen.pop();
+                flow?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Whether nothing that continues a part of a choice at the first `until` frequencies is better than the best.
+    fn hopeless(&self, state: &State, views: &[View], so_far: &Partial, until: usize, mask: usize) -> bool {
+        let too_weak = state.for_energy && so_far.peak + self.strongest[until][mask] < state.units.peak;
+        let mut sums = so_far.worth.iter().zip(views);
+        too_weak || sums.any(|(sum, view)| view.bounds.cost(sum + view.prefix[until][mask]) >= state.limit())
+    }
+
+    fn judge(&self, state: &mut State, views: &[View], chosen: &[Choice]) -> ControlFlow<()> {
+        let own = |view: &View| view.bounds.prices.best_multiple(&view.bounds.parts_of(chosen));
+        let best = views.iter().map(|view| (own(view), view)).max_by(|a, b| a.0.0.total_cmp(&b.0.0));
+        if let Some(((cost, mut multiple), view)) = best
+            && cost < state.limit()
+        {
+            // Once more, all groups together at the prices that suit them.
+            let program = self.program(chosen, state.units);
+            let mut prices = view.bounds.prices;
+            let mut better = true;
+            for _ in 0..QUICK_TRIES {
+                prices = prices.times(multiple);
+                let cost;
+                (cost, multiple) = prices.best_multiple(&quick_worth(&program, &prices));
+                better = cost < state.limit();
+                if !better || (multiple - 1.0).abs() < 1e-3 {
+                    break;
+                }
+            }
+            if better {
+                self.visit(state, chosen);
+            }
+            state.steps += 500;
+        }
+        if state.spent() || state.leaf.cost <= state.enough {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    }
+}
+
+/// Bounds at some prices.
+struct View {
+    bounds: Bounds,
+    prefix: Prefix,
+}
+
+/// What looking at bounds brought.
+enum Look {
+    /// A better choice.
+    Improved,
+    /// Nothing costs less than the bound, and that settles it; or the limit of work.
+    Done(f64),
+    /// Nothing costs less than the bound, but that is below the best.
+    Open(f64),
+}
+
+/// A part of a choice: what it is worth at most in each view, and its peak.
+#[derive(Clone, Copy, Default)]
+struct Partial {
+    worth: [f64; MOST_VIEWS],
+    peak: f64,
+}
+
+/// The r at which the least of r rest - r^2 energy over all (rest, energy) is highest, and that value.
+fn highest_floor(rivals: &[(f64, f64)]) -> (f64, f64) {
+    let floor = |log: f64| {
+        let r = log.exp();
+        rivals.iter().map(|(rest, energy)| r * rest - r * r * energy).fold(f64::INFINITY, f64::min)
+    };
+    // Concave in r, so with one peak in its logarithm.
+    let (mut low, mut high) = (-4.0, 4.0);
+    for _ in 0..60 {
+        let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+        if floor(a) < floor(b) { low = a } else { high = b }
+    }
+    let middle = 0.5 * (low + high);
+    (middle.exp(), floor(middle))
+}
+
+impl State {
+    fn new(units: Units, for_energy: bool, choices: Vec<Choice>, leaf: Leaf) -> Self {
+        let visited = HashSet::from([key(&choices)]);
+        Self { units, for_energy, enough: f64::NEG_INFINITY, choices, leaf, visited, solved: 1, steps: 0 }
+    }
+
+    /// A cost from which on a choice is no better.
+    fn limit(&self) -> f64 {
+        self.leaf.cost - SAME * self.leaf.cost.abs()
+    }
+
+    fn spent(&self) -> bool {
+        self.solved >= MOST_SOLVED || self.steps >= MOST_STEPS
+    }
+
+    /// Relative difference to a bound on all others, and the best's own.
+    fn gap(&self, others: f64) -> f64 {
+        let (cost, bound) = (self.leaf.cost, self.leaf.bound.min(others));
+        // Of minus a peak: the most peak there may be counts as the whole.
+        ((cost - bound) / cost.abs().max(bound.abs())).max(0.0)
+    }
+}
+
+/// Names a choice.
+fn key(choices: &[Choice]) -> [Choice; 4] {
+    let mut key = [(0, 0); 4];
+    key[..choices.len()].copy_from_slice(choices);
+    key.sort_unstable();
+    key
+}
+
+fn found(
+    field: &Field<'_>,
+    scores: &Scores,
+    units: Units,
+    choices: &[Choice],
+    leaf: &Leaf,
+    proven_gap: f64,
+    solved: usize,
+) -> Found {
+    let groups = choices.iter().map(|(members, k)| {
+        let mut forces_n = [ZERO; 4];
+        for i in list(members & scores.usable[*k]) {
+            forces_n[i] = leaf.x[i] * field.max_force_n[*k][i];
+        }
+        Group { members: *members, frequency: *k, forces_n }
+    });
+    let groups: Vec<Group> = groups.collect();
+    let program = Program::new(field, scores, choices, units);
+    let ridge = |group: &Group| {
+        let (u, k) = (&group.forces_n, group.frequency);
+        scores.ridge[k] * list(group.members).map(|i| field.energy[k][i][i].re * u[i].norm_sqr()).sum::<f64>()
+    };
+    let ridge: f64 = groups.iter().map(ridge).sum();
+    Found {
+        groups,
+        energy: (program.energy_of(&leaf.x) * units.energy - ridge).max(0.0),
+        reached: program.peak(&leaf.x) * units.peak,
+        proven_gap,
+        solved,
+    }
+}
