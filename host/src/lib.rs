@@ -10,6 +10,7 @@
 pub mod cli;
 pub mod daemon;
 pub mod device;
+pub mod effects;
 pub mod flash;
 pub mod model;
 pub mod monitor;

@@ -177,13 +177,19 @@ fn effects_reach_the_panel() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
     let touch =
         |rest: &str| daemon.post("/v1/touch", &format!(r#"{{"x_px": 900, "y_px": 600, "intensity_g": 0.3{rest}}}"#));
-    for (effect, least_ms, most_ms) in [("swell", 500.0, 500.0), ("click", 5.0, 250.0)] {
+    for (effect, least_ms, most_ms) in
+        [("swell", 500.0, 500.0), ("click", 2.0, 250.0), ("double_click", 120.0, 500.0), ("texture", 1000.0, 1000.0)]
+    {
         let (status, _, answer) = touch(&format!(r#", "effect": "{effect}""#));
         assert_eq!(status, 200, "{answer}");
         let played = &answer["device"]["effect"];
         assert_eq!(played["name"], effect);
         assert!((least_ms..=most_ms).contains(&played["duration_ms"].as_f64().unwrap()), "{played}");
         assert!(played["start_board_us"].as_u64().unwrap() > 0, "{played}");
+        assert!(played["predicted"]["peak_g"].as_f64().unwrap() > 0.2, "{played}");
+        for drive in played["drives"].as_array().unwrap() {
+            assert!(!drive["segments"].as_array().unwrap().is_empty(), "{played}");
+        }
         if effect == "swell" {
             let state = daemon.wait_for(|state| state["telemetry"]["acceleration_peak_g"].as_f64() > Some(0.1));
             assert_eq!(state["device"]["state"], "running");
@@ -194,6 +200,34 @@ fn effects_reach_the_panel() {
     assert!(status == 400 && problem["detail"].as_str().unwrap().contains("double_click"), "{problem}");
     let (status, _, problem) = touch(r#", "effect": "click", "duration_ms": 100"#);
     assert_eq!((status, &problem["field"]), (400, &json!("duration_ms")));
+    let (status, _, problem) = touch(r#", "effect": "texture", "period_ms": 10"#);
+    assert_eq!((status, &problem["allowed"]), (400, &json!("25 to 125")), "{problem}");
+    let (status, _, problem) = touch(r#", "count": 3"#);
+    assert_eq!((status, &problem["field"]), (400, &json!("count")), "{problem}");
+    let (status, _, problem) = touch(r#", "intensity_db": 20"#);
+    assert_eq!((status, &problem["field"]), (400, &json!("intensity_db")));
+    let detail = problem["detail"].as_str().unwrap();
+    assert!(detail.contains("intensity_g") && detail.contains("intensity_db"), "{detail}");
+}
+
+#[test]
+fn levels_above_the_threshold_are_asked_for() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let touch = |db: f64| {
+        let body = format!(r#"{{"x_px": 900, "y_px": 600, "intensity_db": {db}, "duration_ms": 20}}"#);
+        daemon.post("/v1/touch", &body)
+    };
+    let peak = |db: f64| {
+        let (status, _, plan) = touch(db);
+        assert_eq!(status, 200, "{plan}");
+        plan["predicted"]["target_peak_g"].as_f64().unwrap()
+    };
+    // 20 dB above 23 to 46 mg, what is felt at 40 to 300 Hz; and everything is proportional while nothing limits it.
+    let (weak, strong) = (peak(14.0), peak(20.0));
+    assert!((0.2..0.5).contains(&strong), "{strong} g");
+    assert!((strong / weak / 10_f64.powf(6.0 / 20.0) - 1.0).abs() < 0.01, "{weak} {strong}");
+    let (status, _, problem) = touch(99.0);
+    assert_eq!((status, &problem["field"], &problem["allowed"]), (400, &json!("intensity_db"), &json!("-20 to 80")));
 }
 
 #[test]
@@ -328,6 +362,13 @@ fn the_live_socket_takes_touches_and_tells_plans() {
         "{targets:?}"
     );
     daemon.wait_for(|state| state["device"]["state"] == "running");
+    // An effect under several fingers ends by itself.
+    let buzz = json!({"type": "touch", "touches": touches, "intensity_db": 15.0, "effect": "buzz", "duration_ms": 50});
+    let plan = wait_for("plan", Some(buzz));
+    assert_eq!((&plan["effect"]["name"], &plan["effect"]["duration_ms"]), (&json!("buzz"), &json!(50.0)));
+    daemon.wait_for(|state| state["device"]["state"] == "armed");
+    let problem = wait_for("error", Some(json!({"type": "touch", "touches": touches, "effect": "click", "count": 2})));
+    assert_eq!(problem["problem"]["field"], "count");
     let problem = wait_for("error", Some(json!({"type": "dance"})));
     assert!(problem["problem"]["detail"].as_str().unwrap().contains("dance"));
     let problem = wait_for("error", Some(json!({"type": "touch", "touches": [{"x_px": -4.0, "y_px": 0.0}]})));

@@ -87,6 +87,28 @@ fn a_click_shows_plan_and_map_and_stop_stops() {
 }
 
 #[test]
+fn a_touch_plays_the_chosen_effect_once() {
+    with_page(1280, 900, |daemon, browser| {
+        let button = browser.point("#effects [value=click]", 0.5, 0.5);
+        browser.click(button);
+        assert_eq!(browser.value("document.querySelector('#effects :checked').value"), "click");
+        let place = browser.point("#panel", 0.4, 0.5);
+        browser.mouse("mousePressed", place);
+        browser.wait_for("document.querySelector('#effect-told').textContent.startsWith('click: ')");
+        // The finger is still down, and it is over.
+        daemon.wait_for(|state| state["device"]["state"] == "armed" && state["plan"].is_null());
+        save(browser, "effect");
+        browser.mouse("mouseReleased", place);
+        let hold = browser.point("#effects label", 0.5, 0.5);
+        browser.click(hold);
+        browser.mouse("mousePressed", place);
+        daemon.wait_for(|state| state["device"]["state"] == "running");
+        browser.wait_for("document.querySelector('#effect-told').hidden");
+        browser.mouse("mouseReleased", place);
+    });
+}
+
+#[test]
 fn a_phone_with_two_fingers_and_a_real_tap_on_stop() {
     with_page(390, 844, |daemon, browser| {
         let fingers = [browser.point("#panel", 0.25, 0.5), browser.point("#panel", 0.75, 0.5)];

@@ -38,6 +38,7 @@ const link = new Link({
   plan(message) {
     $("error").hidden = true;
     driven = message;
+    showEffect(message.effect);
     if (!design.on) showPlan(message.plan, message.touches, message.field);
   },
   error: showProblem,
@@ -51,11 +52,20 @@ function showPlan(plan, touches, field) {
   showUnder();
 }
 
+function showEffect(effect) {
+  $("effect-told").hidden = !effect;
+  if (!effect) return;
+  const { peak_g, quiet_ms } = effect.predicted;
+  const quiet = quiet_ms === null ? "" : `, quiet ${fixed(quiet_ms, 0, " ms")} after its start`;
+  show("effect-told", `${effect.name.replace("_", " ")}: ${fixed(peak_g, 2, " g")} at its peak${quiet}`);
+}
+
 function showState(state) {
   readout.showState(state);
   for (const channel of state.telemetry?.channels ?? []) view.setActive(channel.actuator, channel.active);
   // Only a stop takes a plan away; one that has ended stays to be read.
-  if (!state.plan && driven) {
+  const played = driven?.effect && ["armed", "running"].includes(state.device.state);
+  if (!state.plan && driven && !played) {
     driven = null;
     if (!design.on) showPlan(null, [], null);
   }
@@ -168,25 +178,30 @@ const MOVE_MS = 33;
 const RENEW_MS = 3000;
 let lastSent = 0;
 let waiting = 0;
+// What a touch plays instead of being held; it is played once, when a finger goes down.
+const chosenEffect = () => document.querySelector("#effects :checked").value;
 
 function sendTouches() {
   clearTimeout(waiting);
   waiting = 0;
   lastSent = performance.now();
   const touches = [...fingers].map(([id, at]) => ({ id, ...at }));
-  if (!link.send({ type: "touch", touches, intensity_g: Number($("intensity").value) }) && touches.length) {
+  const message = { type: "touch", touches, intensity_g: Number($("intensity").value) };
+  if (chosenEffect()) message.effect = chosenEffect();
+  if (!link.send(message) && touches.length) {
     showProblem({ title: "Not sent", detail: "there is no connection to the daemon" });
   }
 }
 
 function sendSoon() {
+  if (chosenEffect()) return;
   const due = lastSent + MOVE_MS - performance.now();
   if (due <= 0) sendTouches();
   else waiting ||= setTimeout(sendTouches, due);
 }
 
 setInterval(() => {
-  if (fingers.size && performance.now() - lastSent >= RENEW_MS) sendTouches();
+  if (fingers.size && !chosenEffect() && performance.now() - lastSent >= RENEW_MS) sendTouches();
 }, 500);
 
 const panel = $("panel");
@@ -221,7 +236,7 @@ panel.addEventListener("pointermove", (event) => {
 for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
   panel.addEventListener(end, (event) => {
     if (event.pointerId === designPointer) designPointer = null;
-    if (fingers.delete(event.pointerId)) sendTouches();
+    if (fingers.delete(event.pointerId) && !(chosenEffect() && fingers.size)) sendTouches();
   });
 }
 panel.addEventListener("pointerleave", () => {

@@ -1,6 +1,7 @@
 //! What the command line takes.
 
 use crate::device::Target;
+use crate::effects::NamedEffect;
 use crate::model::Accuracy;
 use crate::scene::Scene;
 use clap::{Args, Parser, Subcommand};
@@ -64,6 +65,9 @@ pub enum Command {
     /// The drives for a touch, without driving anything
     #[command(after_help = "Example:\n  era plan --at 100,60 --unit mm --json")]
     Plan(Plan),
+    /// An effect at a point: what the board would play, and what the panel would do, without driving anything
+    #[command(after_help = "Example:\n  era effect --at 100,60 --unit mm --effect click --intensity-g 0.5")]
+    Effect(super::effect::EffectOptions),
     /// Peak acceleration over the surface for a touch, as CSV or PNG
     #[command(after_help = "Example:\n  era field --at 480,640 --png map.png --csv map.csv")]
     Field(Field),
@@ -171,14 +175,30 @@ pub struct Touch {
     /// Peak acceleration wanted, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub intensity_g: Option<f64>,
+    /// The same in dB above the threshold of feeling
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g")]
+    pub intensity_db: Option<f64>,
     /// How long, in ms
-    #[arg(long, value_name = "T")]
-    pub duration_ms: Option<u32>,
-    /// Play an effect instead, timed by the board itself
-    #[arg(long, value_name = "NAME", conflicts_with = "duration_ms")]
-    pub effect: Option<crate::device::NamedEffect>,
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    pub duration_ms: Option<f64>,
+    /// Play an effect instead of an even drive, timed by the board itself
+    #[arg(long, value_name = "NAME")]
+    pub effect: Option<NamedEffect>,
+    #[command(flatten)]
+    pub rhythm: Rhythm,
     #[command(flatten)]
     pub daemon: Daemon,
+}
+
+/// How often.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct Rhythm {
+    /// How many pulses
+    #[arg(long, value_name = "N")]
+    pub count: Option<u32>,
+    /// From one click, pulse or crest to the next, in ms
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    pub period_ms: Option<f64>,
 }
 
 #[derive(Clone, Debug, Args)]

@@ -14,6 +14,9 @@ pub fn touch(options: &Touch) -> Outcome {
     if let Some(map) = body.as_object_mut() {
         map.extend(options.intensity_g.map(|value| ("intensity_g".to_owned(), value.into())));
         map.extend(options.duration_ms.map(|value| ("duration_ms".to_owned(), value.into())));
+        map.extend(options.intensity_db.map(|value| ("intensity_db".to_owned(), value.into())));
+        map.extend(options.rhythm.count.map(|value| ("count".to_owned(), value.into())));
+        map.extend(options.rhythm.period_ms.map(|value| ("period_ms".to_owned(), value.into())));
         map.extend(options.effect.map(|effect| ("effect".to_owned(), json!(effect))));
     }
     let answer = call(&options.daemon, "POST", "/v1/touch", Some(body))?;
@@ -37,12 +40,13 @@ pub fn touch(options: &Touch) -> Outcome {
         number(&predicted["target_peak_g"]),
         number(&predicted["contrast_db"]),
     );
-    let effect = &answer["device"]["effect"];
-    if let Some(name) = effect["name"].as_str() {
-        let _ = write!(text, "\n{name} of {:.0} ms", number(&effect["duration_ms"]));
-    }
     if let Some(limit) = answer["limited_by"].as_str() {
         let _ = write!(text, "; limited by {limit}");
+    }
+    let effect = &answer["device"]["effect"];
+    if let Some(name) = effect["name"].as_str() {
+        let (length, peak) = (number(&effect["duration_ms"]), number(&effect["predicted"]["peak_g"]));
+        let _ = write!(text, "\n{name} of {length:.0} ms, peak {peak:.3} g");
     }
     print_text(&text)
 }

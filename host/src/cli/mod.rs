@@ -5,6 +5,7 @@
 
 mod args;
 mod client;
+mod effect;
 mod explain;
 mod flash;
 mod latency;
@@ -84,6 +85,7 @@ fn run(arguments: args::Arguments) -> Outcome {
         Some(Command::Sweep(options)) => sweep::run(&options),
         Some(Command::Transient(options)) => transient::run(&options),
         Some(Command::Plan(options)) => panel::plan(&options),
+        Some(Command::Effect(options)) => effect::run(&options),
         Some(Command::Field(options)) => panel::field(&options),
         Some(Command::Verify(options)) => verify::run(&options),
         Some(Command::Latency(options)) => latency::run(&options),

@@ -271,7 +271,7 @@ pub fn plan_table(panel: &Panel, scene: &Scene) -> Result<PlanTable, Failure> {
         .map_err(Failure::failed)
 }
 
-fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
+pub fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
     let (x_m, y_m) = surface_point(scene, at.at.x, at.at.y, at.unit)?;
     Ok(Target { x_m, y_m, intensity_g: at.intensity_g })
 }

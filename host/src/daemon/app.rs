@@ -3,49 +3,22 @@
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
+use super::touch::{Manner, TouchRequest};
 use super::view::{FieldView, PlanView, SceneView, TouchView};
 use crate::device::convert::{SiDrive, to_wire};
 use crate::device::sim::SimControl;
-use crate::device::{DriveOrder, EffectOrder, NamedEffect, OpenDevice, Session, SessionError, Snapshot};
+use crate::device::{DriveOrder, EffectOrder, OpenDevice, Session, SessionError, Snapshot};
+use crate::effects::{DesignError, Intensity, design, plan_with};
+use crate::planner::rise::RiseTimes;
 use crate::planner::{Plan, PlanTable, Target};
-use serde::Deserialize;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::Instant;
 use tokio::sync::{broadcast, watch};
 
 /// How long a touch vibrates if it does not say.
 pub const DEFAULT_DURATION_MS: u32 = 1_000;
-/// Shortest in ms.
-pub const MIN_DURATION_MS: u32 = 1;
-/// Longest in ms. A finger held on a page is renewed within it, and nobody needs more from one request.
-pub const MAX_DURATION_MS: u32 = 10_000;
 /// Events kept for a slow page before it misses some.
 const EVENTS: usize = 16;
-
-/// A touch as the HTTP interface takes it.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TouchRequest {
-    /// In pixels of the scene's screen, from its left edge.
-    pub x_px: f64,
-    /// From its top edge.
-    pub y_px: f64,
-    /// Peak wanted in g.
-    pub intensity_g: Option<f64>,
-    /// How long, in ms; any number in the range.
-    pub duration_ms: Option<f64>,
-    /// Plays this instead of a drive of `duration_ms`.
-    pub effect: Option<NamedEffect>,
-}
-
-/// For how long, and how, a plan is driven.
-#[derive(Clone, Copy, Debug)]
-pub enum Manner {
-    /// Evenly, for as long.
-    Hold(Duration),
-    /// As the board plays an effect.
-    Effect(NamedEffect),
-}
 
 /// The current plan and what goes with it.
 #[derive(Clone, Debug)]
@@ -58,6 +31,8 @@ pub struct Active {
     pub field: FieldView,
     /// The fingers it is for.
     pub touches: Vec<TouchView>,
+    /// The effect that is played, if one is.
+    pub effect: Option<serde_json::Value>,
 }
 
 /// What open pages are told at once.
@@ -80,6 +55,7 @@ pub struct App {
     pub metrics: Metrics,
     /// When the daemon started.
     pub started: Instant,
+    rise: OnceLock<Option<RiseTimes>>,
     session: Session,
     previews: Previews,
     sim: Option<SimControl>,
@@ -101,6 +77,7 @@ impl App {
             scene: SceneView::new(&table.scene),
             metrics: Metrics::default(),
             started: Instant::now(),
+            rise: OnceLock::new(),
             session: Session::start(device)?,
             previews: Previews::new(scene_toml),
             sim,
@@ -110,6 +87,11 @@ impl App {
             closing: watch::channel(false).0,
             table,
         })
+    }
+
+    /// The panel's poles, found when they are first asked for.
+    fn rise(&self) -> Option<&RiseTimes> {
+        self.rise.get_or_init(|| RiseTimes::prepare(&self.table.model)).as_ref()
     }
 
     /// What is known of the device, kept up to date.
@@ -156,26 +138,8 @@ impl App {
     /// [`Problem`] that names what is wrong; nothing has changed then.
     pub async fn touch(&self, request: TouchRequest) -> Result<(Arc<Active>, serde_json::Value), Problem> {
         let touch = TouchView { id: 0, x_px: request.x_px, y_px: request.y_px };
-        let manner = match (request.effect, request.duration_ms) {
-            (Some(_), Some(duration_ms)) => {
-                let detail = "an effect has its own duration: give one of effect and duration_ms";
-                return Err(Problem::body(detail.into()).at(
-                    "duration_ms",
-                    duration_ms.into(),
-                    "absent with an effect".into(),
-                    None,
-                ));
-            }
-            (Some(effect), None) => Manner::Effect(effect),
-            (None, duration_ms) => {
-                let duration_ms = duration_ms.unwrap_or_else(|| f64::from(DEFAULT_DURATION_MS));
-                if !(f64::from(MIN_DURATION_MS)..=f64::from(MAX_DURATION_MS)).contains(&duration_ms) {
-                    return Err(Problem::range("duration_ms", duration_ms, MIN_DURATION_MS, MAX_DURATION_MS));
-                }
-                Manner::Hold(Duration::from_secs_f64(duration_ms / 1e3))
-            }
-        };
-        self.touch_all(vec![touch], request.intensity_g, manner).await
+        let (intensity, manner) = request.feel().check(DEFAULT_DURATION_MS)?;
+        self.touch_all(vec![touch], intensity, manner).await
     }
 
     /// Plans for all fingers at once and drives them as `manner` says.
@@ -185,10 +149,10 @@ impl App {
     pub async fn touch_all(
         &self,
         touches: Vec<TouchView>,
-        intensity_g: Option<f64>,
+        intensity: Option<Intensity>,
         manner: Manner,
     ) -> Result<(Arc<Active>, serde_json::Value), Problem> {
-        let result = self.try_touch(touches, intensity_g, manner).await;
+        let result = self.try_touch(touches, intensity, manner).await;
         self.metrics.count_touch(result.is_ok());
         result
     }
@@ -196,7 +160,7 @@ impl App {
     async fn try_touch(
         &self,
         touches: Vec<TouchView>,
-        intensity_g: Option<f64>,
+        intensity: Option<Intensity>,
         manner: Manner,
     ) -> Result<(Arc<Active>, serde_json::Value), Problem> {
         // A stop from here on means that this is not driven any more.
@@ -205,15 +169,14 @@ impl App {
             .iter()
             .map(|touch| {
                 let (x_m, y_m) = self.table.scene.screen.px_to_surface_m(touch.x_px, touch.y_px)?;
-                Ok(Target { x_m, y_m, intensity_g })
+                Ok(Target { x_m, y_m, intensity_g: None })
             })
             .collect::<Result<Vec<_>, Problem>>()?;
-        let plan = tokio::task::block_in_place(|| self.table.plan(&targets))?;
+        let plan = tokio::task::block_in_place(|| plan_with(&self.table, || self.rise(), &targets, intensity))?;
         self.metrics.plan_time(plan.elapsed_us);
         if let (Some(sim), Some(target)) = (&self.sim, targets.first()) {
             sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
         }
-        let drives = wire_drives(&plan).iter().map(to_wire).collect();
         let id = {
             let mut next = self.next_id.lock().unwrap_or_else(PoisonError::into_inner);
             *next += 1;
@@ -221,18 +184,24 @@ impl App {
         };
         let (achieved, until) = match manner {
             Manner::Hold(hold) => {
+                let drives = wire_drives(&plan).iter().map(to_wire).collect();
                 let driven = self.session.drive(DriveOrder { id, stops, drives, hold }).await?;
                 (super::view::achieved(&plan, &driven.achieved), Instant::now() + hold)
             }
-            Manner::Effect(named) => {
-                let order = EffectOrder { id, stops, drives, effect: named.effect(), start: None };
-                let played = self.session.play(order).await?;
-                (super::view::played(&plan, named, &played), played.start + played.length)
+            Manner::Effect(request) => {
+                let design = tokio::task::block_in_place(|| {
+                    let rise = self.rise().ok_or(DesignError::Unbounded)?;
+                    design(&self.table, rise, &plan, request)
+                })?;
+                let drives = design.wire_drives().iter().map(to_wire).collect();
+                let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
+                let played = self.session.play(EffectOrder { id, stops, drives, effects, start: None }).await?;
+                (super::view::played(&plan, &design, &played), played.start + played.length)
             }
         };
         let active = tokio::task::block_in_place(|| {
             let field = FieldView::new(&self.table, Some(&plan), id);
-            Arc::new(Active { id, plan: PlanView::new(plan), field, touches })
+            Arc::new(Active { id, plan: PlanView::new(plan), field, touches, effect: achieved.get("effect").cloned() })
         });
         self.activate(&active, until, stops)?;
         Ok((active, achieved))

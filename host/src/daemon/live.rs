@@ -1,8 +1,10 @@
 //! The WebSocket: touches in, state, plans and telemetry out.
 
-use super::app::{App, MAX_DURATION_MS, Manner, Update};
+use super::app::{App, Update};
 use super::problem::Problem;
+use super::touch::{Feel, MAX_DURATION_MS, Manner};
 use super::view::{self, TouchView};
+use crate::effects::NamedEffect;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
@@ -31,6 +33,11 @@ struct Incoming {
     /// The fingers that are down now; none when all are lifted.
     touches: Option<Vec<TouchView>>,
     intensity_g: Option<f64>,
+    intensity_db: Option<f64>,
+    duration_ms: Option<f64>,
+    effect: Option<NamedEffect>,
+    count: Option<u32>,
+    period_ms: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
@@ -45,7 +52,7 @@ enum Kind {
 #[derive(Clone, Debug, Default)]
 struct Fingers {
     touches: Vec<TouchView>,
-    intensity_g: Option<f64>,
+    feel: Feel,
 }
 
 /// Takes the upgrade.
@@ -138,8 +145,18 @@ async fn take(app: &App, text: &str, fingers: &watch::Sender<Fingers>) -> Option
         ))))
     };
     match serde_json::from_str(text) {
-        Ok(Incoming { kind: Kind::Touch, touches: Some(touches), intensity_g }) => {
-            fingers.send_replace(Fingers { touches, intensity_g });
+        Ok(Incoming {
+            kind: Kind::Touch,
+            touches: Some(touches),
+            intensity_g,
+            intensity_db,
+            duration_ms,
+            effect,
+            count,
+            period_ms,
+        }) => {
+            let feel = Feel { intensity_g, intensity_db, duration_ms, effect, count, period_ms };
+            fingers.send_replace(Fingers { touches, feel });
             None
         }
         Ok(Incoming { kind: Kind::Touch, touches: None, .. }) => wrong("missing field `touches`".into()),
@@ -156,16 +173,23 @@ async fn drive(app: Arc<App>, mut newest: watch::Receiver<Fingers>, outbox: mpsc
     // When the fingers went down, and the plan that is driven for them.
     let mut down: Option<(Instant, u64)> = None;
     while newest.changed().await.is_ok() {
-        let Fingers { touches, intensity_g } = newest.borrow_and_update().clone();
+        let Fingers { touches, feel } = newest.borrow_and_update().clone();
         if touches.is_empty() {
             if let Some((since, plan)) = down.take() {
                 app.release(plan, since + TAP);
             }
             continue;
         }
-        let hold = Duration::from_millis(u64::from(MAX_DURATION_MS));
-        match app.touch_all(touches, intensity_g, Manner::Hold(hold)).await {
-            Ok((active, _)) => down = Some((down.map_or_else(Instant::now, |(since, _)| since), active.id)),
+        let driven = match feel.check(MAX_DURATION_MS) {
+            Ok((intensity, manner)) => app.touch_all(touches, intensity, manner).await.map(|done| (done, manner)),
+            Err(problem) => Err(problem),
+        };
+        match driven {
+            // An effect ends by itself, whatever the fingers do meanwhile.
+            Ok((_, Manner::Effect(_))) => down = None,
+            Ok(((active, _), Manner::Hold(_))) => {
+                down = Some((down.map_or_else(Instant::now, |(since, _)| since), active.id));
+            }
             Err(problem) => {
                 let _ = outbox.send(error_message(&problem)).await;
             }

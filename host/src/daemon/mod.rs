@@ -11,11 +11,13 @@ mod metrics;
 mod preview;
 mod problem;
 mod routes;
+mod touch;
 mod view;
 
-pub use app::{App, TouchRequest, wire_drives};
+pub use app::{App, wire_drives};
 pub use preview::{Place, Preview, PreviewRequest};
 pub use problem::Problem;
+pub use touch::TouchRequest;
 pub use view::{FieldView, PlanView};
 
 use std::net::SocketAddr;

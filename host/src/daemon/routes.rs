@@ -1,8 +1,9 @@
 //! The HTTP interface.
 
-use super::app::{App, TouchRequest};
+use super::app::App;
 use super::preview::{MAX_SCENE, PreviewRequest};
 use super::problem::Problem;
+use super::touch::TouchRequest;
 use super::view::{self, FieldView};
 use super::{assets, live};
 use axum::body::Bytes;
@@ -93,7 +94,7 @@ fn from_body<T: DeserializeOwned>(
 }
 
 async fn touch(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
-    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "swell" | "pulse_train"}"#;
+    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number or "intensity_db"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "buzz" | "swell" | "pulse_train" | "texture", "count"?: number, "period_ms"?: number}"#;
     let request: TouchRequest = from_body(body, MAX_BODY, wanted)?;
     let (active, achieved) = app.touch(request).await?;
     Ok(Json(view::touched(&active, achieved)).into_response())

@@ -1,9 +1,10 @@
 //! What goes out as JSON.
 
 use super::app::{Active, App};
+use crate::device::Identity;
 use crate::device::convert::from_wire;
 use crate::device::session::Played;
-use crate::device::{Identity, NamedEffect};
+use crate::effects::{self, Design};
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
 use crate::scene::Scene;
 use era_shared::protocol::AchievedDrive;
@@ -150,16 +151,15 @@ pub fn achieved(plan: &Plan, achieved: &[AchievedDrive]) -> Value {
     json!({ "acknowledged": true, "achieved": list })
 }
 
-/// The same for an effect, with when it begins and how long it lasts.
+/// The same for an effect, with its design, when it begins and how long it lasts.
 #[must_use]
-pub fn played(plan: &Plan, effect: NamedEffect, played: &Played) -> Value {
+pub fn played(plan: &Plan, design: &Design, played: &Played) -> Value {
     let mut answer = achieved(plan, &played.achieved);
     if let Some(map) = answer.as_object_mut() {
-        let duration_ms = played.length.as_secs_f64() * 1e3;
-        map.insert(
-            "effect".into(),
-            json!({ "name": effect, "start_board_us": played.start_us, "duration_ms": duration_ms }),
-        );
+        let mut effect = effects::view::json(design);
+        effect["start_board_us"] = played.start_us.into();
+        effect["duration_ms"] = (played.length.as_secs_f64() * 1e3).into();
+        map.insert("effect".into(), effect);
     }
     answer
 }
@@ -178,7 +178,9 @@ pub fn touched(active: &Active, device: Value) -> Value {
 /// The plan and its field, for a page.
 #[must_use]
 pub fn plan_message(active: &Active) -> Value {
-    json!({ "type": "plan", "plan": active.plan, "field": active.field, "touches": active.touches })
+    json!({
+        "type": "plan", "plan": active.plan, "field": active.field, "touches": active.touches, "effect": active.effect,
+    })
 }
 
 /// `content` with its type, for a page.

@@ -7,7 +7,7 @@
 pub mod client;
 pub mod clock;
 pub mod convert;
-pub mod effect;
+
 pub mod emulated;
 pub mod identity;
 pub mod session;
@@ -16,7 +16,7 @@ pub mod target;
 
 pub use client::{Client, LinkError};
 pub use clock::{ClockQuality, ClockSync};
-pub use effect::NamedEffect;
+
 pub use identity::Identity;
 pub use session::{DriveOrder, EffectOrder, Session, SessionError, Snapshot};
 pub use target::{OpenDevice, Target, TargetError};

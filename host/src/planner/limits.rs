@@ -4,9 +4,9 @@ use crate::scene::EPS0;
 use serde::Serialize;
 
 /// Part of the breakdown voltage that may be used.
-pub(super) const BREAKDOWN_MARGIN: f64 = 0.85;
+pub(crate) const BREAKDOWN_MARGIN: f64 = 0.85;
 /// Part of the gap that the mass may travel: beyond a third, one electrode alone can pull it in (static pull-in).
-pub(super) const TRAVEL_PART: f64 = 1.0 / 3.0;
+pub(crate) const TRAVEL_PART: f64 = 1.0 / 3.0;
 
 /// Electrodes of one ERA.
 #[derive(Clone, Copy, Debug, PartialEq)]

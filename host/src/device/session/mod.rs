@@ -145,8 +145,8 @@ pub struct EffectOrder {
     pub stops: u64,
     /// What every channel does at full level.
     pub drives: Vec<ChannelDrive>,
-    /// What is played on all of them, from the same moment on.
-    pub effect: Effect,
+    /// What is played on each of them, in their order, from the same moment on.
+    pub effects: Vec<Effect>,
     /// When to begin; `None` is as soon as all of it can be on the board.
     pub start: Option<Instant>,
 }

@@ -3,7 +3,7 @@
 use super::worker::{Worker, unexpected};
 use super::{EffectOrder, Played, SessionError};
 use crate::device::client::{Client, LinkError};
-use crate::device::effect::length;
+use crate::effects::envelope::length_s;
 use era_shared::protocol::{AchievedDrive, Details, Reply, Request};
 use era_shared::safety::State;
 use era_shared::supply::rail_of;
@@ -31,7 +31,8 @@ impl Worker {
     }
 
     fn try_play(&mut self, order: EffectOrder) -> Result<Played, SessionError> {
-        let EffectOrder { id, stops, drives, effect, start } = order;
+        let EffectOrder { id, stops, drives, effects, start } = order;
+        let channels: Vec<u8> = drives.iter().map(|drive| drive.channel).collect();
         self.check_stops(stops)?;
         self.connected()?;
         let prepare = Request::Prepare { drives: drives.into_iter().take(era_shared::MAX_CHANNELS).collect() };
@@ -53,8 +54,11 @@ impl Worker {
         let soonest = Instant::now() + self.lead(achieved.len());
         let start = start.map_or(soonest, |start| start.max(soonest));
         let start_us = self.clock.board_us_at(start).ok_or_else(|| unexpected("clock"))?;
-        for drive in &achieved {
-            let play = Request::Play { channel: drive.channel, start_us, effect: effect.clone() };
+        let mut length = Duration::ZERO;
+        for (channel, effect) in channels.into_iter().zip(effects) {
+            let period_s = achieved.iter().find(|drive| drive.channel == channel).map_or(0.0, period_s);
+            length = length.max(Duration::try_from_secs_f64(length_s(&effect, period_s)).unwrap_or(Duration::MAX));
+            let play = Request::Play { channel, start_us, effect };
             if let Err(error) = self.ask(&play) {
                 // None or all: what waits already is forgotten.
                 if matches!(error, LinkError::Refused(_)) {
@@ -63,7 +67,6 @@ impl Worker {
                 return Err(error.into());
             }
         }
-        let length = achieved.iter().map(|drive| length(&effect, drive)).max().unwrap_or_default();
         let end = start + length + AFTER;
         self.drive_until = Some(end);
         self.idle_since = end;
@@ -107,4 +110,10 @@ impl Worker {
         let frames = u32::try_from(frames).unwrap_or(u32::MAX);
         median * frames + worst + Duration::from_secs_f64(clock) + LEAD
     }
+}
+
+/// Length of a drive's period in s.
+#[allow(clippy::cast_precision_loss, reason = "nanohertz up to 1e12 are exact in an f64")]
+fn period_s(drive: &AchievedDrive) -> f64 {
+    1e9 / drive.frequency_nanohertz.max(1) as f64
 }

@@ -1,0 +1,94 @@
+//! `era effect`: an effect as the board would play it, and what the panel would do.
+
+use super::args::{At, Panel, Rhythm};
+use super::panel::{plan_table, target};
+use super::{Failure, Outcome, print_json, print_text};
+use crate::effects::{self, DesignError, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
+use crate::planner::rise::RiseTimes;
+use clap::Args;
+use serde_json::json;
+use std::fmt::Write;
+
+/// An effect to design.
+#[derive(Clone, Debug, Args)]
+pub struct EffectOptions {
+    #[command(flatten)]
+    pub panel: Panel,
+    #[command(flatten)]
+    pub at: At,
+    /// The same in dB above the threshold of feeling
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g")]
+    pub intensity_db: Option<f64>,
+    /// Which effect
+    #[arg(long, value_name = "NAME")]
+    pub effect: NamedEffect,
+    /// How long, in ms
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    pub duration_ms: Option<f64>,
+    #[command(flatten)]
+    pub rhythm: Rhythm,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+pub fn run(options: &EffectOptions) -> Outcome {
+    let scene = options.panel.load()?;
+    let request = EffectRequest {
+        effect: options.effect,
+        duration_ms: options.duration_ms,
+        count: options.rhythm.count,
+        period_ms: options.rhythm.period_ms,
+    };
+    request.envelope().map_err(Failure::usage)?;
+    let target = target(&scene, &options.at)?;
+    let table = plan_table(&options.panel, &scene)?;
+    let rise = RiseTimes::prepare(&table.model).ok_or(DesignError::Unbounded).map_err(Failure::failed)?;
+    let wanted = options.at.intensity_g.map(Intensity::G).or(options.intensity_db.map(Intensity::AboveThresholdDb));
+    let plan = plan_with(&table, || Some(&rise), &[target], wanted)?;
+    let design = design(&table, &rise, &plan, request).map_err(Failure::failed)?;
+    let shape = intensity::shape_of(&table, target.x_m, target.y_m);
+    let drives = intensity::forces(&table, &plan);
+    let (timing, level_db) = (rise.times(&shape, &drives), intensity::level_db(&rise, &shape, &drives));
+    if options.json {
+        let mut answer = effects::view::json(&design);
+        answer["plan"] = json!(plan);
+        answer["plan_timing"] = json!(timing);
+        answer["plan_level_db"] = json!(level_db);
+        return print_json(&answer);
+    }
+    let predicted = design.predicted;
+    let mut text = format!("{} at {:.1} mm, {:.1} mm", options.effect.name(), plan.target_mm[0], plan.target_mm[1]);
+    for drive in &design.drives {
+        let _ = write!(
+            text,
+            "\n  {:12} {:7.2} Hz  {:7.1} V  {:.4} N  {}",
+            drive.actuator,
+            drive.frequency_hz,
+            drive.voltage_v,
+            drive.force_n,
+            effects::view::text(drive)
+        );
+    }
+    let _ = write!(
+        text,
+        "\npeak {:.3} g ({:.3} to {:.3} g as the drives' cycles fall together) {:.1} ms after the start",
+        predicted.peak_g, predicted.peak_least_g, predicted.peak_most_g, predicted.peak_at_ms
+    );
+    let ms = |time: Option<f64>| {
+        time.map_or_else(|| "more than 300 ms after the end".to_owned(), |ms| format!("{ms:.1} ms"))
+    };
+    let _ = write!(
+        text,
+        "\nleft at the end {:.1} %, below a tenth from {} on",
+        1e2 * predicted.left,
+        ms(predicted.quiet_ms)
+    );
+    if let Some(unbraked) = predicted.quiet_unbraked_ms {
+        let _ = write!(text, " (without the brake {})", ms(Some(unbraked)));
+    }
+    if design.limited {
+        text.push_str("\nlimited: the actuators allow no more");
+    }
+    print_text(&text)
+}
