@@ -159,3 +159,38 @@ fn even_effects_are_as_strong_as_planned() {
         }
     }
 }
+
+/// Soft ERAs, far more asked for than they can do: voltage, travel and the air's strength keep the effects within bounds,
+/// with forces that grow as gaps close.
+#[test]
+fn no_effect_goes_beyond_the_actuators_limits() {
+    for (stiffness, damping, volts) in
+        [("1500.0", "0.3", "2000.0"), ("5000.0", "1.1", "2600.0"), ("2500.0", "4.0", "1200.0")]
+    {
+        let scene = EXAMPLE_BAR
+            .replace("stiffness_n_per_m = 5000.0", &format!("stiffness_n_per_m = {stiffness}"))
+            .replace("damping_n_s_per_m = 1.1", &format!("damping_n_s_per_m = {damping}"))
+            .replace("max_voltage_v = 2000.0", &format!("max_voltage_v = {volts}"));
+        let table = support::table(&scene);
+        let rise = RiseTimes::prepare(&table.model).unwrap();
+        for (x_m, effect) in
+            [(0.02, NamedEffect::Click), (0.11, NamedEffect::DoubleClick), (0.2, NamedEffect::PulseTrain)]
+        {
+            let target = Target { x_m, y_m: 0.01, intensity_g: None };
+            let plan = plan_with(&table, || Some(&rise), &[target], Some(Intensity::G(30.0))).unwrap();
+            let design = design(&table, &rise, &plan, EffectRequest::of(effect)).unwrap();
+            assert!(design.limited);
+            let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();
+            let mut bench = Bench::new(&table, &target);
+            bench.play(&design, &effects, 400_000);
+            let extremes = bench.board.panel_mut().take_extremes();
+            for ((extreme, electrodes), drive) in extremes.iter().zip(&table.electrodes).zip(&design.drives) {
+                let part = extreme.travel_m / electrodes.gap_m;
+                assert!(!extreme.snapped_in && part <= 1.0 / 3.0, "{effect:?}: {part} of the gap");
+                assert!(drive.voltage_v <= electrodes.max_voltage_v);
+                let holds = era::planner::limits::breakdown_v(electrodes.gap_m - extreme.travel_m);
+                assert!(drive.voltage_v <= 0.851 * holds, "{effect:?}: {} V, {holds} V break down", drive.voltage_v);
+            }
+        }
+    }
+}

@@ -8,6 +8,7 @@ use crate::planner::rise::RiseTimes;
 use clap::Args;
 use serde_json::json;
 use std::fmt::Write;
+use std::time::Instant;
 
 /// An effect to design.
 #[derive(Clone, Debug, Args)]
@@ -46,12 +47,15 @@ pub fn run(options: &EffectOptions) -> Outcome {
     let rise = RiseTimes::prepare(&table.model).ok_or(DesignError::Unbounded).map_err(Failure::failed)?;
     let wanted = options.at.intensity_g.map(Intensity::G).or(options.intensity_db.map(Intensity::AboveThresholdDb));
     let plan = plan_with(&table, || Some(&rise), &[target], wanted)?;
+    let started = Instant::now();
     let design = design(&table, &rise, &plan, request).map_err(Failure::failed)?;
+    let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let shape = intensity::shape_of(&table, target.x_m, target.y_m);
     let drives = intensity::forces(&table, &plan);
     let (timing, level_db) = (rise.times(&shape, &drives), intensity::level_db(&rise, &shape, &drives));
     if options.json {
         let mut answer = effects::view::json(&design);
+        answer["elapsed_ms"] = json!(elapsed_ms);
         answer["plan"] = json!(plan);
         answer["plan_timing"] = json!(timing);
         answer["plan_level_db"] = json!(level_db);
@@ -87,6 +91,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
     if let Some(unbraked) = predicted.quiet_unbraked_ms {
         let _ = write!(text, " (without the brake {})", ms(Some(unbraked)));
     }
+    let _ = write!(text, "\ndesigned in {elapsed_ms:.1} ms");
     if design.limited {
         text.push_str("\nlimited: the actuators allow no more");
     }

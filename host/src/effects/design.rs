@@ -145,7 +145,7 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
             (effects, Some(plain))
         }
     };
-    limited |= keep_within_travel(table, &mut parts, &effects);
+    limited |= keep_within_travel(table, rise, &mut parts, &effects);
     let predicted = predict(&parts, &effects, unbraked.as_deref());
     let drives = plan
         .drives

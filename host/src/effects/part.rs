@@ -1,4 +1,4 @@
-//! One drive of an effect in the making: what it does at the targets and to the actuators' travel, and how drives add up.
+//! One drive of an effect in the making: what it does at the targets, and how drives add up.
 
 use super::design::DesignError;
 use super::envelope::{length_s, levels};
@@ -10,7 +10,6 @@ use crate::response::modal_coordinates;
 use crate::transient::panel::Drive;
 use era_shared::waveform::Effect;
 use nalgebra::DVector;
-use num_complex::Complex64;
 
 /// Step of predicted motions in s: ten in a period of 1 kHz.
 pub const STEP_S: f64 = 1e-4;
@@ -20,15 +19,14 @@ pub const PREDICTED_S: f64 = 1.0;
 const OFFSETS: usize = 8;
 /// Most combinations of them.
 const MOST_OFFSETS: usize = 64;
+
 /// A drive in the making.
 pub struct Part {
     pub drive: Drive,
     pub channel: Channel,
     /// At every target.
     pub responses: Vec<Response>,
-    /// Relative travel of every actuator, in m/N.
-    pub travel: Vec<Ringing>,
-    pub planned_force_n: f64,
+    /// Driven alone and evenly.
     pub max_force_n: f64,
 }
 
@@ -51,7 +49,6 @@ impl Part {
 pub fn parts(table: &PlanTable, rise: &RiseTimes, plan: &Plan) -> Result<Vec<Part>, DesignError> {
     let shapes: Vec<DVector<f64>> =
         plan.targets.iter().map(|target| shape_of(table, target.x_mm / 1e3, target.y_mm / 1e3)).collect();
-    let travels: Vec<DVector<f64>> = (0..table.electrodes.len()).map(|actuator| travel_row(table, actuator)).collect();
     forces(table, plan)
         .into_iter()
         .zip(&plan.drives)
@@ -62,28 +59,12 @@ pub fn parts(table: &PlanTable, rise: &RiseTimes, plan: &Plan) -> Result<Vec<Par
                 pulse_width: planned.pulse_width,
             };
             let responses = shapes.iter().map(|shape| Response::new(rise, shape, channel)).collect::<Option<Vec<_>>>();
-            let travel = travels
-                .iter()
-                .map(|row| Some(rise.ringings(row, &[drive])?.pop()?.displacement()))
-                .collect::<Option<Vec<_>>>();
-            let (responses, travel) = responses.zip(travel).ok_or(DesignError::Unbounded)?;
+            let responses = responses.ok_or(DesignError::Unbounded)?;
             // What is planned is allowed.
             let max_force_n = max_force_n(table, &drive, channel.pulse_width)?.max(drive.force_n);
-            Ok(Part { drive, channel, responses, travel, planned_force_n: drive.force_n, max_force_n })
+            Ok(Part { drive, channel, responses, max_force_n })
         })
         .collect()
-}
-
-/// Travel of an actuator per unit of each coordinate.
-fn travel_row(table: &PlanTable, actuator: usize) -> DVector<f64> {
-    let n = table.model.order();
-    let mut unit = DVector::from_element(n, Complex64::ZERO);
-    DVector::from_fn(n, |i, _| {
-        unit[i] = Complex64::ONE;
-        let travel = table.model.travel(actuator, &unit).re;
-        unit[i] = Complex64::ZERO;
-        travel
-    })
 }
 
 /// Most force in N of an actuator that is driven alone and evenly.

@@ -1,58 +1,54 @@
 //! Travel of the actuators while an effect plays, and what keeps it within bounds.
+//!
+//! Stepped in time, as the electrodes' force depends on the travel: a plateau P while an electrode is on is P / (1 - u)^2
+//! towards it at a travel u of the gap, and P / (1 + u)^2 away from it.
 
-use super::motion::samples_of;
 use super::part::Part;
 use crate::planner::PlanTable;
-use crate::planner::limits::{BREAKDOWN_MARGIN, TRAVEL_PART, breakdown_v};
-use crate::planner::rise::Ringing;
+use crate::planner::limits::{BREAKDOWN_MARGIN, Electrodes, TRAVEL_PART, breakdown_v};
+use crate::planner::rise::{RiseTimes, Stepper};
 use era_shared::waveform::Effect;
+use nalgebra::DVector;
+use num_complex::Complex64;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-/// Travel over the gap, linear, that stays below a third of the gap when the force grows with the closing gap: with the
-/// force against the spring and the gap at u, u (1 - u)^2 = linear travel, and 4/27 at u = 1/3, the static pull-in.
-const SAFE_TRAVEL: f64 = 4.0 / 27.0;
-/// Steps of bisections.
-const BISECTIONS: usize = 24;
+/// Step in s: some sixty in a period of 400 Hz.
+const STEP_S: f64 = 40e-6;
+/// Longest part of an effect that is looked at, in s; overshoots come at its beginning.
+const LONGEST_S: f64 = 0.3;
+/// After the end, in s: half a period of the slowest drives.
+const AFTER_S: f64 = 0.01;
+/// Part of the travel allowed that may be used, for the steps and for cycles that fall together otherwise.
+const USED: f64 = 0.92;
+/// Times over its period at which each drive may begin.
+const OFFSETS: u32 = 2;
+/// Halvings in the search for a strength that fits: to 1/256.
+const HALVINGS: usize = 8;
 
-/// Lowers all drives until no actuator travels too far, or closes its gap below what its voltage takes; says whether it
-/// had to.
-///
-/// What the plan's steady drives travel is allowed, as the plan keeps its own limits. Beyond that a third of the gap is,
-/// with the force growing as the gap closes ([`SAFE_TRAVEL`]), and what the air then holds. Travels by different drives
-/// are added up.
-pub fn keep_within_travel(table: &PlanTable, parts: &mut [Part], effects: &[Effect]) -> bool {
-    let peak = |part: &Part, effect: &Effect, ringing: &Ringing| {
-        let (samples, _) = samples_of(ringing, &part.levels(effect), part.channel.period_s(), 0.0);
-        samples.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
-    };
-    let travels: Vec<Vec<f64>> = parts
-        .iter()
-        .zip(effects)
-        .map(|(part, effect)| part.travel.iter().map(|ringing| peak(part, effect, ringing)).collect())
-        .collect();
+/// Lowers all drives until no actuator travels beyond a third of its gap, or closes it below what its voltage takes; says
+/// whether it had to.
+pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part], effects: &[Effect]) -> bool {
+    let rows: Vec<DVector<f64>> = (0..table.electrodes.len()).map(|actuator| travel_row(table, actuator)).collect();
+    let rest = rise.stepper(&rows, STEP_S);
+    let levels: Vec<Vec<f64>> = parts.iter().zip(effects).map(|(part, effect)| part.levels(effect)).collect();
+    let combinations = OFFSETS.pow(u32::try_from(parts.len().saturating_sub(1)).unwrap_or(0));
     let fits = |scale: f64| {
-        table.electrodes.iter().enumerate().all(|(actuator, electrodes)| {
-            let of_each = parts.iter().zip(&travels);
-            let travel: f64 = of_each.map(|(part, all)| all[actuator] * part.drive.force_n * scale).sum();
-            let steady: f64 = parts.iter().map(|part| part.travel[actuator].steady.norm() * part.planned_force_n).sum();
-            let own = parts.iter().find(|part| part.drive.actuator == actuator);
-            if travel <= steady && own.is_none_or(|part| part.drive.force_n * scale <= part.planned_force_n) {
-                return true;
-            }
-            let linear = travel / electrodes.gap_m;
-            if linear > SAFE_TRAVEL {
-                return false;
-            }
-            let Some(part) = own else { return true };
-            let closed = electrodes.gap_m * (1.0 - closing(linear));
-            electrodes.voltage_for(part.drive.force_n * scale, part.channel.pulse_width)
-                <= BREAKDOWN_MARGIN * breakdown_v(closed)
+        (0..combinations).all(|combination| {
+            let travels = largest(rest.clone(), &table.electrodes, parts, &levels, scale, combination);
+            table.electrodes.iter().zip(&travels).enumerate().all(|(actuator, (electrodes, travel))| {
+                let allowed = USED * TRAVEL_PART * electrodes.gap_m;
+                let own = parts.iter().find(|part| part.drive.actuator == actuator);
+                let volts = own
+                    .map_or(0.0, |part| electrodes.voltage_for(part.drive.force_n * scale, part.channel.pulse_width));
+                *travel <= allowed && volts <= BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel / USED)
+            })
         })
     };
     if fits(1.0) {
         return false;
     }
     let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..BISECTIONS {
+    for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
         *(if fits(middle) { &mut low } else { &mut high }) = middle;
     }
@@ -60,25 +56,75 @@ pub fn keep_within_travel(table: &PlanTable, parts: &mut [Part], effects: &[Effe
     true
 }
 
-/// The u up to a third with u (1 - u)^2 = `linear`, from above.
-fn closing(linear: f64) -> f64 {
-    let (mut low, mut high) = (0.0, TRAVEL_PART);
-    for _ in 0..BISECTIONS {
-        let middle: f64 = 0.5 * (low + high);
-        *(if middle * (1.0 - middle).powi(2) < linear { &mut low } else { &mut high }) = middle;
-    }
-    high
+/// Travel of an actuator per unit of each coordinate.
+fn travel_row(table: &PlanTable, actuator: usize) -> DVector<f64> {
+    let n = table.model.order();
+    let mut unit = DVector::from_element(n, Complex64::ZERO);
+    DVector::from_fn(n, |i, _| {
+        unit[i] = Complex64::ONE;
+        let travel = table.model.travel(actuator, &unit).re;
+        unit[i] = Complex64::ZERO;
+        travel
+    })
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn closing_gap() {
-        for u in [0.01, 0.1, 0.2, 0.3] {
-            assert!((closing(u * (1.0 - u) * (1.0 - u)) - u).abs() < 1e-6, "{u}");
+/// Largest travel of every actuator in m; not looked at any further once one is beyond a third of its gap. The digits of
+/// `combination` say when within its period each drive but the first begins.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "small counts")]
+fn largest(
+    mut stepper: Stepper,
+    electrodes: &[Electrodes],
+    parts: &[Part],
+    levels: &[Vec<f64>],
+    scale: f64,
+    combination: u32,
+) -> Vec<f64> {
+    let mut rest = combination;
+    let delays_s: Vec<f64> = (0..)
+        .zip(parts)
+        .map(|(i, part)| {
+            let digit = if i == 0 { 0 } else { rest % OFFSETS };
+            rest /= if i == 0 { 1 } else { OFFSETS };
+            f64::from(digit) / f64::from(OFFSETS) * part.channel.period_s()
+        })
+        .collect();
+    let ends = parts.iter().zip(levels).zip(&delays_s).map(|((p, l), d)| d + l.len() as f64 * p.channel.period_s());
+    let steps = ((ends.fold(0.0, f64::max).min(LONGEST_S) + AFTER_S) / STEP_S).ceil() as usize;
+    let (mut travel, mut most) = (vec![0.0; electrodes.len()], vec![0.0_f64; electrodes.len()]);
+    let mut forces = vec![0.0; electrodes.len()];
+    for i in 0..steps {
+        if most.iter().zip(electrodes).any(|(most, electrodes)| *most > TRAVEL_PART * electrodes.gap_m) {
+            break;
         }
-        assert_eq!(closing(1.0), TRAVEL_PART);
+        let time_s = i as f64 * STEP_S;
+        forces.fill(0.0);
+        for ((part, levels), delay_s) in parts.iter().zip(levels).zip(&delays_s) {
+            let actuator = part.drive.actuator;
+            let (a, b) = on(part, levels, time_s - delay_s);
+            let width = part.channel.pulse_width;
+            let plateau_n = part.drive.force_n * scale * FRAC_PI_4 / (FRAC_PI_2 * width).sin();
+            let u = (travel[actuator] / electrodes[actuator].gap_m).clamp(-0.5, 0.5);
+            forces[actuator] += plateau_n * (a / ((1.0 - u) * (1.0 - u)) - b / ((1.0 + u) * (1.0 + u)));
+        }
+        stepper.step(&forces, &mut travel);
+        most.iter_mut().zip(&travel).for_each(|(most, travel)| *most = most.max(travel.abs()));
     }
+    most
+}
+
+/// Parts of the step from `time_s` on, counted from the drive's start, for which its electrodes A and B are on.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
+fn on(part: &Part, levels: &[f64], time_s: f64) -> (f64, f64) {
+    if time_s < 0.0 {
+        return (0.0, 0.0);
+    }
+    let periods = time_s * part.channel.frequency_hz;
+    let level = levels.get(periods as usize).copied().unwrap_or(0.0);
+    let step = STEP_S * part.channel.frequency_hz;
+    // In periods: windows in the middle of each half, as wide as the level takes.
+    let width = (level.abs() * (FRAC_PI_2 * part.channel.pulse_width).sin()).asin() / FRAC_PI_2;
+    let from = periods.fract();
+    let overlap =
+        |middle: f64| ((from + step).min(middle + 0.25 * width) - from.max(middle - 0.25 * width)).max(0.0) / step;
+    if level >= 0.0 { (overlap(0.25), overlap(0.75)) } else { (overlap(0.75), overlap(0.25)) }
 }

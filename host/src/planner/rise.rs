@@ -335,5 +335,8 @@ fn latest_s(parts: &[Ringing], limit: f64) -> Option<f64> {
     Some(high)
 }
 
+mod stepper;
 #[cfg(test)]
 mod tests;
+
+pub use stepper::Stepper;

@@ -158,3 +158,27 @@ fn critical_damping() {
         assert!(timing.reaches_90_s.is_some());
     }
 }
+
+/// Stepped under a sine, displacements are those of the closed form: a test of turn, input, output and what is at once.
+#[test]
+fn the_stepper_follows_the_closed_form() {
+    let model = model(EXAMPLE_BAR);
+    let rise = RiseTimes::prepare(&model).unwrap();
+    let rows = [model.shape_at(0.06, 0.01), model.shape_at(0.2, 0.01)];
+    let (step_s, hz) = (2e-5, 110.0);
+    let mut stepper = rise.stepper(&rows, step_s);
+    let drive = sine(1, hz, 1.0);
+    let expected: Vec<Ringing> =
+        rows.iter().map(|row| rise.ringings(row, &[drive]).unwrap().remove(0).displacement()).collect();
+    let mut out = [0.0; 2];
+    let size = expected.iter().map(|r| r.steady.norm()).fold(0.0, f64::max);
+    for k in 0..4000 {
+        // The middle of a step stands for it.
+        let t = f64::from(k) * step_s;
+        stepper.step(&[0.0, (TAU * hz * (t + 0.5 * step_s)).sin()], &mut out);
+        for (found, ringing) in out.iter().zip(&expected) {
+            let wanted = ringing.at(t + step_s);
+            assert!((found - wanted).abs() < 0.02 * size, "{found} {wanted} at {t}, {size}");
+        }
+    }
+}
