@@ -100,3 +100,42 @@ fn equals_exhaustive_search_on_random_scenes() {
     }
     assert!(free > 20 && limited > 20, "{free} without and {limited} with limits that bind");
 }
+
+/// Prints times on 1000 frequencies: `cargo test -p era-host --lib phased::scene_tests::times -- --ignored --nocapture`.
+#[test]
+#[ignore = "prints times"]
+fn times() {
+    const SPACING_HZ: f64 = 20.0;
+    const TOUCHES: u64 = 24;
+    for actuators in 1..=4 {
+        // 0.05 N: what the default ERA has at 1.7 kV.
+        let owned: Vec<Owned> = (0..TOUCHES)
+            .map(|seed| {
+                let random = &mut Random(100 + seed);
+                field(&scene(random, actuators), random, 1000, 0.05)
+            })
+            .collect();
+        for grouping in [Grouping::Shared, Grouping::Mixed] {
+            for part in [1e-3, 0.1, 0.3, 0.6, 0.9, 2.0] {
+                let mut took: Vec<(f64, usize, f64)> = owned
+                    .iter()
+                    .map(|owned| {
+                        let field = owned.field();
+                        let most = best(&field, grouping, f64::INFINITY, SPACING_HZ).unwrap().reached;
+                        let start = std::time::Instant::now();
+                        let found = best(&field, grouping, part * most, SPACING_HZ).unwrap();
+                        (start.elapsed().as_secs_f64() * 1e6, found.solved, found.proven_gap)
+                    })
+                    .collect();
+                took.sort_by(|a, b| a.0.total_cmp(&b.0));
+                let (median, most) = (took[took.len() / 2], took[took.len() - 1]);
+                let gap = took.iter().map(|took| took.2).fold(0.0, f64::max);
+                println!(
+                    "{actuators} actuators, {grouping:?}, {part} of the most: median {:.0} us ({} solved), most {:.0} us \
+                     ({} solved), gap at most {gap:.1e}",
+                    median.0, median.1, most.0, most.1
+                );
+            }
+        }
+    }
+}

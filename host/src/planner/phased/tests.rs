@@ -226,32 +226,3 @@ proptest! {
         prop_assert!(found.proven_gap < if part < 1.0 { 1e-9 } else { 1e-6 }, "{found:?}");
     }
 }
-
-/// Prints times on a grid of 1000 frequencies: `cargo test --release -p era-host phased::tests::times -- --ignored --nocapture`.
-#[test]
-#[ignore = "prints times"]
-fn times() {
-    for actuators in 1..=4 {
-        for grouping in [Grouping::Shared, Grouping::Mixed] {
-            for part in [0.0, 0.3, 0.6, 0.9, 0.99, 2.0] {
-                let mut times = Vec::new();
-                let (mut solved, mut gap) = (0, 0.0_f64);
-                for seed in 0..40 {
-                    let owned = panel(seed, actuators, 1000, if seed % 2 == 0 { 1e-4 } else { 1e-3 });
-                    let field = owned.field();
-                    let (most, _) = scale(&field, grouping, 20.0);
-                    let start = std::time::Instant::now();
-                    let found = best(&field, grouping, f64::max(part * most, 1e-6 * most), 20.0).unwrap();
-                    times.push(start.elapsed().as_secs_f64() * 1e6);
-                    solved = solved.max(found.solved);
-                    gap = gap.max(found.proven_gap);
-                }
-                times.sort_by(f64::total_cmp);
-                println!(
-                    "{actuators} {grouping:?} {part}: median {:.0} us, most {:.0} us, solved at most {solved}, gap {gap:.1e}",
-                    times[20], times[39]
-                );
-            }
-        }
-    }
-}
