@@ -140,18 +140,18 @@ impl Bounds {
         Self { prices, units, worth, quick: vec![0; parts.len()], parts }
     }
 
-    /// A better bound in a microsecond, unless that was done before.
-    pub(super) fn quicken(&mut self, field: &Field<'_>, scores: &Scores, group: usize, k: usize) {
+    /// A better bound in a microsecond, unless that was done before; not better than `hopeless` has to be.
+    pub(super) fn quicken(&mut self, field: &Field<'_>, scores: &Scores, group: usize, k: usize, hopeless: f64) {
         if self.quick[k] >> group & 1 == 0 {
             self.quick[k] |= 1 << group;
-            let worth = leaf::quick_worth(&self.program(field, scores, group, k), &self.prices);
+            let worth = leaf::quick_worth(&self.program(field, scores, group, k), &self.prices, hopeless);
             self.put(group, k, worth);
         }
     }
 
-    /// The best bound.
-    pub(super) fn tighten(&mut self, field: &Field<'_>, scores: &Scores, group: usize, k: usize) {
-        let worth = leaf::worth(&self.program(field, scores, group, k), &self.prices);
+    /// The best bound, or one of `hopeless` or less.
+    pub(super) fn tighten(&mut self, field: &Field<'_>, scores: &Scores, group: usize, k: usize, hopeless: f64) {
+        let worth = leaf::worth(&self.program(field, scores, group, k), &self.prices, hopeless);
         self.put(group, k, worth);
     }
 

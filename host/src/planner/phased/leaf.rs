@@ -135,66 +135,79 @@ impl Worth {
     }
 }
 
-/// The bound by the interior-point method.
-pub(super) fn worth(program: &Program, prices: &Prices) -> Worth {
+/// The bound by the interior-point method, as good as it gets unless it is `hopeless` or less before.
+pub(super) fn worth(program: &Program, prices: &Prices, hopeless: f64) -> Worth {
     let objective = Objective {
         energy_weight: prices.energy,
         peak_price: prices.peak,
         travel_price: prices.travel,
         demanded: false,
     };
-    let solution = solve(program, objective, None, GROUP_TOLERANCE, |_, _, _| false);
+    let solution = solve(program, objective, None, GROUP_TOLERANCE, |_, _, bound| -bound <= hopeless);
     Worth { limits: solution.limits_part, energy: -solution.bound - solution.limits_part, tight: true }
 }
 
 /// The bound in a hundredth of the time: one force after the other at its best given the others, which is exact for one
 /// actuator and comes near where E is not too singular. The certificate is that of [`super::barrier`], with multipliers of
-/// travel that have the phase of the travel and its price.
-pub(super) fn quick_worth(program: &Program, prices: &Prices) -> Worth {
+/// travel that have the phase of the travel and its price. Ends early at `hopeless` or less.
+pub(super) fn quick_worth(program: &Program, prices: &Prices, hopeless: f64) -> Worth {
     let mut x = [ZERO; 4];
     let mut pull = program.gain.map(|gain| gain.conj() * prices.peak);
-    let priced = || (0..4).filter(|row| prices.travel[*row] > 0.0);
-    for sweep in 0..SWEEPS {
+    let mut look_at = 1;
+    for sweep in 1..=SWEEPS {
         let before = x;
         for i in program.actuators() {
             let others: Complex64 = program.actuators().filter(|j| *j != i).map(|j| program.energy[i][j] * x[j]).sum();
             let wish = pull[i] * 0.5 - others * prices.energy;
             let own = program.energy[i][i].re * prices.energy;
             // At most 1, in the direction of the wish.
-            x[i] = if wish.norm() > own {
-                wish / wish.norm()
-            } else if own > 0.0 {
-                wish / own
-            } else {
-                ZERO
-            };
+            let size = wish.norm();
+            x[i] = if size > own { wish / size } else { wish / own.max(f64::MIN_POSITIVE) };
         }
         let changed = x.iter().zip(&before).map(|(x, before)| (x - before).norm()).fold(0.0, f64::max);
-        if changed < SETTLED && sweep > 0 {
-            break;
+        let settled = changed < SETTLED;
+        if !settled {
+            pull = pull_after_travel(program, prices, &x);
         }
-        pull = program.gain.map(|gain| gain.conj() * prices.peak);
-        for row in priced() {
-            for group in 0..program.groups {
-                let z = program.travel_of(row, group, &x);
-                if z == ZERO {
-                    continue;
-                }
-                let y = z * (prices.travel[row] / z.norm());
-                for j in program.actuators().filter(|j| program.group[*j] == group) {
-                    pull[j] -= program.travel[row][j].conj() * y;
-                }
+        if sweep == look_at || sweep == SWEEPS || settled {
+            let worth = certified(program, prices, &x, &pull);
+            if worth.tight || worth.sum() <= hopeless || sweep == SWEEPS || settled {
+                return worth;
+            }
+            look_at *= 2;
+        }
+    }
+    certified(program, prices, &x, &pull)
+}
+
+/// What pulls at each force: the peak's price less that of the travel it makes.
+fn pull_after_travel(program: &Program, prices: &Prices, x: &PerActuator) -> PerActuator {
+    let mut pull = program.gain.map(|gain| gain.conj() * prices.peak);
+    for row in (0..4).filter(|row| prices.travel[*row] > 0.0) {
+        for group in 0..program.groups {
+            let z = program.travel_of(row, group, x);
+            if z == ZERO {
+                continue;
+            }
+            let y = z * (prices.travel[row] / z.norm());
+            for j in program.actuators().filter(|j| program.group[*j] == group) {
+                pull[j] -= program.travel[row][j].conj() * y;
             }
         }
     }
-    let marginal = program.energy_times(&x);
+    pull
+}
+
+/// The bound that forces and a pull prove.
+fn certified(program: &Program, prices: &Prices, x: &PerActuator, pull: &PerActuator) -> Worth {
+    let marginal = program.energy_times(x);
     let limits = program.actuators().map(|i| (pull[i] - marginal[i] * (2.0 * prices.energy)).norm()).sum();
-    let energy = prices.energy * program.energy_of(&x);
-    let travel = |row: usize| (0..program.groups).map(|group| program.travel_of(row, group, &x).norm()).sum::<f64>();
-    let had =
-        prices.peak * program.peak(&x) - energy - priced().map(|row| prices.travel[row] * travel(row)).sum::<f64>();
+    let energy = prices.energy * program.energy_of(x);
+    let travel = |row: usize| (0..program.groups).map(|group| program.travel_of(row, group, x).norm()).sum::<f64>();
+    let priced: f64 = (0..4).filter(|row| prices.travel[*row] > 0.0).map(|row| prices.travel[row] * travel(row)).sum();
+    let had = prices.peak * program.peak(x) - energy - priced;
     let bound: f64 = limits + energy;
-    Worth { limits, energy, tight: bound - had <= GROUP_TOLERANCE * bound && program.allows(&x) }
+    Worth { limits, energy, tight: bound - had <= GROUP_TOLERANCE * bound && program.allows(x) }
 }
 
 const fn peak_only() -> Objective {

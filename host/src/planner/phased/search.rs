@@ -179,34 +179,37 @@ impl Search<'_> {
     fn sharpen(&self, state: &mut State, bounds: &mut Bounds) -> Prefix {
         let all = usize::from(self.layout.all);
         let mut prefix = self.layout.prefix(&bounds.worth);
-        // What a choice with a group at a frequency costs at least, whatever the distances.
-        let cost = |bounds: &Bounds, prefix: &Prefix, rest: usize, group: usize, k: usize| {
-            bounds.cost(bounds.worth[k][group] + prefix[prefix.len() - 1][rest])
+        // A group that is worth no more than this is in no choice that is better than the best so far, whatever the
+        // distances between frequencies.
+        let hopeless = |state: &State, bounds: &Bounds, prefix: &Prefix, rest: usize| {
+            bounds.cost(0.0) - state.limit() - prefix[prefix.len() - 1][rest]
         };
-        for k in 0..bounds.worth.len() {
-            for (rest, group) in self.layout.groups(all) {
-                if cost(bounds, &prefix, rest, group, k) < state.limit() {
-                    bounds.quicken(self.field, self.scores, group, k);
+        for (rest, group) in self.layout.groups(all) {
+            let hopeless = hopeless(state, bounds, &prefix, rest);
+            for k in 0..bounds.worth.len() {
+                if bounds.worth[k][group] > hopeless {
+                    bounds.quicken(self.field, self.scores, group, k, hopeless);
                 }
             }
         }
         loop {
             prefix = self.layout.prefix(&bounds.worth);
-            let mut loose: Vec<(f64, usize, usize)> = Vec::new();
-            for k in 0..bounds.worth.len() {
-                for (rest, group) in self.layout.groups(all) {
-                    let cost = cost(bounds, &prefix, rest, group, k);
-                    if cost < state.limit() && !bounds.is_tight(group, k) {
-                        loose.push((cost, group, k));
+            let mut loose: Vec<(f64, usize, usize, f64)> = Vec::new();
+            for (rest, group) in self.layout.groups(all) {
+                let hopeless = hopeless(state, bounds, &prefix, rest);
+                for k in 0..bounds.worth.len() {
+                    let over = bounds.worth[k][group] - hopeless;
+                    if over > 0.0 && !bounds.is_tight(group, k) {
+                        loose.push((over, group, k, hopeless));
                     }
                 }
             }
             if loose.is_empty() || state.spent() {
                 return prefix;
             }
-            loose.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-            for (_, group, k) in loose.into_iter().take(BATCH) {
-                bounds.tighten(self.field, self.scores, group, k);
+            loose.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+            for (_, group, k, hopeless) in loose.into_iter().take(BATCH) {
+                bounds.tighten(self.field, self.scores, group, k, hopeless);
                 state.solved += 1;
             }
         }
@@ -292,7 +295,7 @@ impl Search<'_> {
             for _ in 0..QUICK_TRIES {
                 prices = prices.times(multiple);
                 let cost;
-                (cost, multiple) = prices.best_multiple(&quick_worth(&program, &prices));
+                (cost, multiple) = prices.best_multiple(&quick_worth(&program, &prices, f64::NEG_INFINITY));
                 better = cost < state.limit();
                 if !better || (multiple - 1.0).abs() < 1e-3 {
                     break;
