@@ -33,6 +33,11 @@ impl Prices {
         Self { peak: self.peak * factor, travel: self.travel.map(|price| price * factor), ..*self }
     }
 
+    pub(super) fn mean(&self, other: &Self) -> Self {
+        let mean = |row: usize| 0.5 * (self.travel[row] + other.travel[row]);
+        Self { peak: 0.5 * (self.peak + other.peak), travel: std::array::from_fn(mean), ..*self }
+    }
+
     /// The least that any choice costs that is worth so much.
     pub(super) fn cost(&self, worth: f64) -> f64 {
         let demanded = if self.energy > 0.0 { self.peak } else { 0.0 };

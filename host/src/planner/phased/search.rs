@@ -5,7 +5,7 @@ use super::leaf::{Leaf, Prices, least_energy, most_peak, quick_worth, within_lim
 use super::program::{Choice, Program, Units, list};
 use super::scores::Scores;
 use super::{Field, Found, Group, Grouping, REACH_SLACK, SUBSETS, ZERO};
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::ops::ControlFlow;
 
 /// Relative improvement below which a choice counts as no better.
@@ -14,14 +14,18 @@ const SAME: f64 = 1e-10;
 const MOST_SOLVED: usize = 10_000;
 /// Most steps of an enumeration; each takes some nanoseconds.
 const MOST_STEPS: usize = 20_000_000;
-/// Most prices at which bounds are looked at, part of the open gap for which further prices are tried, and tries to prove a
-/// choice useless at prices of its own.
-const MOST_VIEWS: usize = 4 * VIEWS_PER_SHARE;
-const VIEWS_PER_SHARE: usize = 3;
+/// Most prices at which bounds are looked at, how many in a row may bring the bound nearer to the best by less than a part
+/// of the gap, and that part.
+const MOST_VIEWS: usize = 8;
+const VIEWS_IN_VAIN: usize = 2;
 const WORTH_ANOTHER: f64 = 0.1;
+/// Factor on the prices if what looks best at them is too weak.
+const DEARER: f64 = 1.5;
+/// Rounds of the dynamic programming to guess a better choice, and part of the bound that quick bounds have to leave.
+const GUESSES: usize = 12;
+const GUESSED: f64 = 0.98;
+/// Tries to prove a choice useless at prices of its own.
 const QUICK_TRIES: usize = 4;
-/// Price of travel over that of the peak that is more than the interior-point method's rest.
-const TRAVEL_MATTERS: f64 = 1e-6;
 /// Bounds tightened before the dynamic programming is done again with them; it takes about as long as ten of them.
 const BATCH: usize = 32;
 
@@ -68,7 +72,8 @@ struct State {
     enough: f64,
     choices: Vec<Choice>,
     leaf: Leaf,
-    visited: HashSet<[Choice; 4]>,
+    /// Choices that were solved, and their prices.
+    visited: HashMap<[Choice; 4], Option<Prices>>,
     solved: usize,
     /// Steps of the enumeration.
     steps: usize,
@@ -138,41 +143,50 @@ impl Search<'_> {
     /// at them.
     fn look(&self, state: &mut State, views: &mut Vec<View>) -> Look {
         // At the prices of the best so far its own bound is its cost: what is worth more there may cost less.
-        let prices = state.leaf.prices;
-        // A price of travel that suits the best may be too much for all others.
-        let travel_matters = prices.travel.iter().any(|price| *price > TRAVEL_MATTERS * prices.peak);
-        let shares: &[f64] = if travel_matters && state.for_energy { &[1.0, 0.5, 0.2, 0.0] } else { &[1.0] };
-        let mut bound = f64::NEG_INFINITY;
-        let mut multiple = 1.0;
-        for share in shares {
-            let prices = Prices { travel: prices.travel.map(|price| price * share), ..prices };
-            let mut rivals = Vec::with_capacity(VIEWS_PER_SHARE);
-            for _ in 0..VIEWS_PER_SHARE {
-                let prices_here = prices.times(if state.for_energy { multiple } else { 1.0 });
-                let mut bounds = Bounds::new(prices_here, state.units, self.scores, self.most_peaks);
-                let prefix = self.sharpen(state, &mut bounds);
-                let here = bounds.cost(self.layout.most(&prefix));
-                bound = bound.max(here);
-                if bound >= state.limit() || state.spent() {
-                    return Look::Done(bound);
-                }
-                let choices = self.layout.choice(&prefix, &bounds.worth);
-                let parts = bounds.parts_of(&choices);
-                views.push(View { bounds, prefix });
-                if self.visit(state, &choices) {
-                    return if state.leaf.cost <= state.enough { Look::Done(bound) } else { Look::Improved };
-                }
-                // What rivals cost at r times the prices: r rest - r^2 energy. Where only the peak counts, prices have no
-                // scale.
-                rivals.push((prices_here.cost(parts.limits) / multiple, parts.energy / (multiple * multiple)));
-                let (next, promise) = highest_floor(&rivals);
-                if !state.for_energy || promise - here < WORTH_ANOTHER * (state.limit() - here) {
-                    break;
-                }
-                multiple = next;
+        let mut prices = state.leaf.prices;
+        if self.guess(state, prices) {
+            return if state.leaf.cost <= state.enough { Look::Done(f64::NEG_INFINITY) } else { Look::Improved };
+        }
+        let (mut bound, mut in_vain) = (f64::NEG_INFINITY, 0);
+        while views.len() < MOST_VIEWS && in_vain < VIEWS_IN_VAIN {
+            let mut bounds = Bounds::new(prices, state.units, self.scores, self.most_peaks);
+            let prefix = self.sharpen(state, &mut bounds);
+            let here = bounds.cost(self.layout.most(&prefix));
+            let helps = here - bound > WORTH_ANOTHER * (state.limit() - bound);
+            in_vain = if helps || views.is_empty() { 0 } else { in_vain + 1 };
+            bound = bound.max(here);
+            if bound >= state.limit() || state.spent() {
+                return Look::Done(bound);
             }
+            let choices = self.layout.choice(&prefix, &bounds.worth);
+            views.push(View { bounds, prefix });
+            let rival = match self.visit(state, &choices, f64::INFINITY) {
+                Visit::Better if state.leaf.cost <= state.enough => return Look::Done(bound),
+                Visit::Better => return Look::Improved,
+                Visit::NoBetter(rival) => rival,
+            };
+            // At its own prices the bound of what looks best here is its cost; between the two the least bound is highest.
+            prices = rival.map_or_else(|| prices.times(DEARER), |rival| prices.mean(&rival));
         }
         Look::Open(bound)
+    }
+
+    /// Tries the choices that look best by quick bounds; `true` if one is better than the best so far.
+    fn guess(&self, state: &mut State, prices: Prices) -> bool {
+        let mut bounds = Bounds::new(prices, state.units, self.scores, self.most_peaks);
+        for _ in 0..GUESSES {
+            let prefix = self.layout.prefix(&bounds.worth);
+            let choices = self.layout.choice(&prefix, &bounds.worth);
+            let before = self.layout.most(&prefix);
+            for (group, k) in &choices {
+                bounds.quicken(self.field, self.scores, usize::from(*group), *k, f64::NEG_INFINITY);
+            }
+            let now: f64 = choices.iter().map(|(group, k)| bounds.worth[*k][usize::from(*group)]).sum();
+            if now >= GUESSED * before {
+                return matches!(self.visit(state, &choices, state.limit()), Visit::Better);
+            }
+        }
+        false
     }
 
     /// Makes bounds as good as they get wherever they could be part of a choice that is better than the best so far.
@@ -215,23 +229,26 @@ impl Search<'_> {
         }
     }
 
-    /// Solves a choice unless that was done before; whether it is better than the best so far, which it then is.
-    fn visit(&self, state: &mut State, choices: &[Choice]) -> bool {
-        if !state.visited.insert(key(choices)) {
-            return false;
+    /// Solves a choice unless that was done before, as far as it may cost less than `limit`.
+    fn visit(&self, state: &mut State, choices: &[Choice], limit: f64) -> Visit {
+        let key = key(choices);
+        if let Some(prices) = state.visited.get(&key) {
+            return Visit::NoBetter(*prices);
         }
         let program = self.program(choices, state.units);
-        if state.for_energy && program.most_peak() < 1.0 {
-            return false;
-        }
-        state.solved += 1;
-        let leaf = if state.for_energy { least_energy(&program, state.limit()) } else { Some(most_peak(&program)) };
+        let leaf = if state.for_energy && program.most_peak() < 1.0 {
+            None
+        } else {
+            state.solved += 1;
+            if state.for_energy { least_energy(&program, limit) } else { Some(most_peak(&program)) }
+        };
+        state.visited.insert(key, leaf.map(|leaf| leaf.prices));
         match leaf {
             Some(leaf) if leaf.cost < state.limit() => {
                 (state.leaf, state.choices) = (leaf, choices.to_vec());
-                true
+                Visit::Better
             }
-            _ => false,
+            _ => Visit::NoBetter(leaf.map(|leaf| leaf.prices)),
         }
     }
 
@@ -302,7 +319,7 @@ impl Search<'_> {
                 }
             }
             if better {
-                self.visit(state, chosen);
+                let _ = self.visit(state, chosen, state.limit());
             }
             state.steps += 500;
         }
@@ -330,6 +347,14 @@ enum Look {
     Open(f64),
 }
 
+/// What solving a choice brought.
+enum Visit {
+    /// It is the best so far.
+    Better,
+    /// It is not; its prices, if it was solved.
+    NoBetter(Option<Prices>),
+}
+
 /// A part of a choice: what it is worth at most in each view, and its peak.
 #[derive(Clone, Copy, Default)]
 struct Partial {
@@ -337,25 +362,9 @@ struct Partial {
     peak: f64,
 }
 
-/// The r at which the least of r rest - r^2 energy over all (rest, energy) is highest, and that value.
-fn highest_floor(rivals: &[(f64, f64)]) -> (f64, f64) {
-    let floor = |log: f64| {
-        let r = log.exp();
-        rivals.iter().map(|(rest, energy)| r * rest - r * r * energy).fold(f64::INFINITY, f64::min)
-    };
-    // Concave in r, so with one peak in its logarithm.
-    let (mut low, mut high) = (-4.0, 4.0);
-    for _ in 0..60 {
-        let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
-        if floor(a) < floor(b) { low = a } else { high = b }
-    }
-    let middle = 0.5 * (low + high);
-    (middle.exp(), floor(middle))
-}
-
 impl State {
     fn new(units: Units, for_energy: bool, choices: Vec<Choice>, leaf: Leaf) -> Self {
-        let visited = HashSet::from([key(&choices)]);
+        let visited = HashMap::from([(key(&choices), Some(leaf.prices))]);
         Self { units, for_energy, enough: f64::NEG_INFINITY, choices, leaf, visited, solved: 1, steps: 0 }
     }
 
