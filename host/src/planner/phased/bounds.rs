@@ -142,7 +142,7 @@ impl Bounds {
 
     /// A better bound in a microsecond, unless that was done before; not better than `hopeless` has to be.
     pub(super) fn quicken(&mut self, field: &Field<'_>, scores: &Scores, group: usize, k: usize, hopeless: f64) {
-        if self.quick[k] >> group & 1 == 0 {
+        if !self.is_quick(group, k) {
             self.quick[k] |= 1 << group;
             let worth = leaf::quick_worth(&self.program(field, scores, group, k), &self.prices, hopeless);
             self.put(group, k, worth);
@@ -153,6 +153,10 @@ impl Bounds {
     pub(super) fn tighten(&mut self, field: &Field<'_>, scores: &Scores, group: usize, k: usize, hopeless: f64) {
         let worth = leaf::worth(&self.program(field, scores, group, k), &self.prices, hopeless);
         self.put(group, k, worth);
+    }
+
+    pub(super) fn is_quick(&self, group: usize, k: usize) -> bool {
+        self.quick[k] >> group & 1 == 1
     }
 
     pub(super) fn is_tight(&self, group: usize, k: usize) -> bool {

@@ -19,15 +19,19 @@ const MOST_STEPS: usize = 20_000_000;
 const MOST_VIEWS: usize = 8;
 const VIEWS_IN_VAIN: usize = 2;
 const WORTH_ANOTHER: f64 = 0.1;
+/// Relative gap that the enumeration settles sooner than further prices.
+const CLOSE: f64 = 1e-5;
 /// Factor on the prices if what looks best at them is too weak.
 const DEARER: f64 = 1.5;
-/// Rounds of the dynamic programming to guess a better choice, and part of the bound that quick bounds have to leave.
-const GUESSES: usize = 12;
-const GUESSED: f64 = 0.98;
+/// Guesses at a better choice, and relative difference of bounds and of prices that is good enough for that.
+const GUESSES: usize = 6;
+const GUESSED: f64 = 0.02;
 /// Tries to prove a choice useless at prices of its own.
 const QUICK_TRIES: usize = 4;
 /// Bounds tightened before the dynamic programming is done again with them; it takes about as long as ten of them.
 const BATCH: usize = 32;
+/// The same for quick bounds.
+const QUICK_BATCH: usize = 256;
 
 pub(super) fn best(field: &Field<'_>, grouping: Grouping, wanted: f64, spacing_hz: f64) -> Option<Found> {
     let scores = Scores::new(field, grouping == Grouping::Mixed);
@@ -160,6 +164,9 @@ impl Search<'_> {
             }
             let choices = self.layout.choice(&prefix, &bounds.worth);
             views.push(View { bounds, prefix });
+            if state.limit() - bound < CLOSE * state.limit().abs() {
+                break;
+            }
             let rival = match self.visit(state, &choices, f64::INFINITY) {
                 Visit::Better if state.leaf.cost <= state.enough => return Look::Done(bound),
                 Visit::Better => return Look::Improved,
@@ -171,22 +178,51 @@ impl Search<'_> {
         Look::Open(bound)
     }
 
-    /// Tries the choices that look best by quick bounds; `true` if one is better than the best so far.
-    fn guess(&self, state: &mut State, prices: Prices) -> bool {
-        let mut bounds = Bounds::new(prices, state.units, self.scores, self.most_peaks);
+    /// Tries the choices that look best by quick bounds; `true` if one is better than the best so far. Each is followed to
+    /// the multiple of the prices at which it has the peak that is wanted.
+    fn guess(&self, state: &mut State, mut prices: Prices) -> bool {
         for _ in 0..GUESSES {
+            let mut bounds = Bounds::new(prices, state.units, self.scores, self.most_peaks);
+            let choices = self.best_by_quick_bounds(&mut bounds);
+            if matches!(self.visit(state, &choices, state.limit()), Visit::Better) {
+                return true;
+            }
+            let multiple = prices.best_multiple(&bounds.parts_of(&choices)).1.clamp(0.25, 4.0);
+            if !state.for_energy || (multiple - 1.0).abs() < GUESSED {
+                return false;
+            }
+            prices = prices.times(multiple);
+        }
+        false
+    }
+
+    fn best_by_quick_bounds(&self, bounds: &mut Bounds) -> Vec<Choice> {
+        let all = usize::from(self.layout.all);
+        loop {
             let prefix = self.layout.prefix(&bounds.worth);
             let choices = self.layout.choice(&prefix, &bounds.worth);
-            let before = self.layout.most(&prefix);
             for (group, k) in &choices {
                 bounds.quicken(self.field, self.scores, usize::from(*group), *k, f64::NEG_INFINITY);
             }
             let now: f64 = choices.iter().map(|(group, k)| bounds.worth[*k][usize::from(*group)]).sum();
-            if now >= GUESSED * before {
-                return matches!(self.visit(state, &choices, state.limit()), Visit::Better);
+            // Bounds only fall, and each group's only once: it ends.
+            if now >= (1.0 - GUESSED) * self.layout.most(&prefix) {
+                return choices;
+            }
+            // With them the others that look good, as the next choice is one of those.
+            let mut next: Vec<(f64, usize, usize)> = Vec::new();
+            for (rest, group) in self.layout.groups(all) {
+                let with = prefix[prefix.len() - 1][rest];
+                let loose = (0..bounds.worth.len()).filter(|k| !bounds.is_quick(group, *k));
+                next.extend(loose.map(|k| (bounds.worth[k][group] + with, group, k)).filter(|next| next.0 > now));
+            }
+            if next.len() > QUICK_BATCH {
+                next.select_nth_unstable_by(QUICK_BATCH, |a, b| b.0.total_cmp(&a.0));
+            }
+            for (_, group, k) in next.into_iter().take(QUICK_BATCH) {
+                bounds.quicken(self.field, self.scores, group, k, f64::NEG_INFINITY);
             }
         }
-        false
     }
 
     /// Makes bounds as good as they get wherever they could be part of a choice that is better than the best so far.
