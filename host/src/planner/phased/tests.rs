@@ -207,7 +207,7 @@ proptest! {
     #[test]
     fn equals_exhaustive_search(
         seed in any::<u64>(),
-        size in prop::sample::select(vec![(1_usize, 12_usize), (2, 12), (3, 7), (4, 5)]),
+        size in prop::sample::select(vec![(1_usize, 12_usize), (2, 30), (3, 8), (4, 5)]),
         part in prop::sample::select(vec![0.01, 0.3, 0.6, 0.8, 0.95, 0.999, 1.0, 2.0]),
         travel_m in prop::sample::select(vec![1e-3, 1e-4, 3e-5]),
         shared in any::<bool>(),
