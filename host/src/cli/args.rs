@@ -377,6 +377,18 @@ pub struct Verify {
     /// Largest relative difference that passes
     #[arg(long, value_name = "REL", default_value_t = 0.05)]
     pub limit: f64,
+    /// Random scenes in place of one: prediction and simulation on so many, with what is known of each difference
+    #[arg(long, value_name = "N", conflicts_with_all = ["scene", "points", "intensity_g", "limit"])]
+    pub scenes: Option<u64>,
+    /// Touches on each random scene, at random places and intensities
+    #[arg(long, value_name = "N", default_value_t = 10, requires = "scenes")]
+    pub touches: u32,
+    /// Another seed gives other scenes
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "scenes")]
+    pub seed: u64,
+    /// Scenes at a time; as many as there are processors if not given
+    #[arg(long, value_name = "N", requires = "scenes")]
+    pub jobs: Option<u16>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,

@@ -15,6 +15,7 @@ mod progress;
 mod serve;
 mod sweep;
 mod transient;
+mod trials;
 mod verify;
 
 use clap::Parser;

@@ -53,25 +53,24 @@ impl Bench {
 
     /// The drives with their phases counted from the panel's time zero. Equal frequencies have a common origin, which the
     /// first of them shows: where its windows lie is taken from the timers, and the phases of the others from the plan.
+    /// Drives whose windows are shorter than a tick are none and are left out.
     pub(super) fn in_time(&mut self, drives: &[SiDrive]) -> Result<Vec<SiDrive>, VerifyError> {
         let mut origins: Vec<(f64, f64)> = Vec::new();
         let mut found = Vec::with_capacity(drives.len());
         for drive in drives {
             let frequency_hz = drive.frequency_hz;
+            let source = self.board.panel_mut().source_mut(usize::from(drive.channel));
+            let Some(peak_s) = source.and_then(|source| source.peak_s()) else { continue };
             let known = origins.iter().find(|(of, _)| (of - frequency_hz).abs() < 1e-9).map(|(_, origin_s)| *origin_s);
-            let origin_s = match known {
-                Some(origin_s) => origin_s,
-                None => {
-                    let source = self.board.panel_mut().source_mut(usize::from(drive.channel));
-                    let peak_s = source.and_then(|source| source.peak_s());
-                    let peak_s =
-                        peak_s.ok_or_else(|| VerifyError::Device("no drive on a channel of the plan".into()))?;
-                    let origin_s = peak_s + drive.phase_rad / (TAU * frequency_hz);
-                    origins.push((frequency_hz, origin_s));
-                    origin_s
-                }
-            };
+            let origin_s = known.unwrap_or_else(|| {
+                let origin_s = peak_s + drive.phase_rad / (TAU * frequency_hz);
+                origins.push((frequency_hz, origin_s));
+                origin_s
+            });
             found.push(SiDrive { phase_rad: drive.phase_rad - TAU * (frequency_hz * origin_s).fract(), ..*drive });
+        }
+        if found.is_empty() {
+            return Err(VerifyError::Device("no drive on any channel of the plan".into()));
         }
         Ok(found)
     }

@@ -3,17 +3,20 @@
 
 use crate::daemon::wire_drives;
 use crate::device::convert::{from_wire, to_wire};
-use crate::device::sim::{Clock, Panel, STEP_S, SimBoard, causal};
+use crate::device::sim::{Clock, Extreme, Panel, STEP_S, SimBoard, causal};
 use crate::planner::softening::{NotSafe, Transducer};
 use crate::planner::{Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
 use bench::{Bench, amplitudes, on_rails};
+use era_shared::MAX_CHANNELS;
 use era_shared::limits::BURST_MAX_MS;
 use era_shared::protocol::{Reply, Request};
 use nalgebra::DVector;
 use serde::Serialize;
 
 mod bench;
+pub mod scenes;
+pub mod trials;
 mod waveform;
 
 pub use waveform::{Waveform, fundamentals};
@@ -53,9 +56,25 @@ pub enum VerifyError {
     /// The electrodes leave no steady state, or none within their gap.
     #[error("there is no steady motion to compare with: {0}")]
     NotSafe(#[from] NotSafe),
+    /// No force moves the place.
+    #[error("the plan drives nothing: no actuator moves the panel there")]
+    Nothing,
     /// The simulated device did not do as told.
     #[error("the simulated device answered {0}")]
     Device(String),
+}
+
+/// How far an actuator's mass goes from its middle.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Travel {
+    /// The actuator's `id`.
+    pub actuator: String,
+    /// Sum of the moduli of its steady motion, as a part of the gap.
+    pub predicted: f64,
+    /// Most from switching on to the record's end, as a part of the gap.
+    pub simulated: f64,
+    /// Whether it has met a stop: an electrode has pulled it in.
+    pub snapped_in: bool,
 }
 
 /// One point, predicted and measured. "Fundamentals" is equation 23 over the drives' own frequencies; "band" is the largest
@@ -93,14 +112,24 @@ pub struct Comparison {
     pub error_bound: Option<f64>,
     /// What the plan says keeps it below what was asked for.
     pub limited_by: Option<String>,
-    /// Most that any mass travels, as a part of its gap: the sum of the moduli.
-    pub predicted_travel: f64,
-    /// The same, simulated, from switching on to the record's end.
-    pub simulated_travel: f64,
-    /// Actuators whose electrodes have pulled their mass in.
-    pub snapped_in: Vec<String>,
+    /// How far each actuator's mass goes.
+    pub travel: Vec<Travel>,
     /// Upper bound on what is left of the motion of switching on when the record starts, as a part of the peak.
     pub unsettled: f64,
+}
+
+impl Comparison {
+    /// Most that any mass is predicted to travel, as a part of its gap.
+    #[must_use]
+    pub fn predicted_travel(&self) -> f64 {
+        self.travel.iter().map(|travel| travel.predicted).fold(0.0, f64::max)
+    }
+
+    /// Most that any mass has travelled in the simulation, as a part of its gap.
+    #[must_use]
+    pub fn simulated_travel(&self) -> f64 {
+        self.travel.iter().map(|travel| travel.simulated).fold(0.0, f64::max)
+    }
 }
 
 /// Runs a plan for `target` on the simulated device, faster than real time, and compares.
@@ -109,15 +138,23 @@ pub struct Comparison {
 /// [`VerifyError`].
 pub fn compare(table: &PlanTable, panel: &Panel, target: Target) -> Result<Comparison, VerifyError> {
     let plan = table.plan(&[target])?;
+    if plan.drives.iter().all(|drive| drive.voltage_v == 0.0) {
+        return Err(VerifyError::Nothing);
+    }
     let [x_mm, y_mm] = plan.target_mm;
     let shape = table.model.shape_at(x_mm / 1e3, y_mm / 1e3);
     let mut panel = panel.clone();
     panel.set_probe(&shape);
-    let Record { waveform, causal, samples, predicted_peak, unsettled, travel, snapped_in } =
-        run(table, panel, &shape, &plan)?;
-    let gaps_m: Vec<f64> = table.scene.actuators.iter().map(|actuator| actuator.air_gap_m).collect();
-    let largest_part =
-        |travel: &[f64]| travel.iter().zip(&gaps_m).map(|(travel, gap)| travel / gap).fold(0.0, f64::max);
+    let Record { waveform, causal, samples, predicted_peak, unsettled, extremes } = run(table, panel, &shape, &plan)?;
+    let masses = table.scene.actuators.iter().zip(&waveform.motion.largest_m).zip(&extremes);
+    let travel = masses
+        .map(|((actuator, predicted_m), extreme)| Travel {
+            actuator: actuator.id.clone(),
+            predicted: predicted_m / actuator.air_gap_m,
+            simulated: extreme.travel_m / actuator.air_gap_m,
+            snapped_in: extreme.snapped_in,
+        })
+        .collect();
     let in_g = |acceleration: f64| acceleration / STANDARD_GRAVITY;
     let simulated_g = in_g(amplitudes(&samples, &waveform.frequencies_hz()).iter().sum::<f64>());
     let simulated_band_g = in_g(samples.iter().fold(0.0_f64, |most, a| most.max(a.abs())));
@@ -139,9 +176,7 @@ pub fn compare(table: &PlanTable, panel: &Panel, target: Target) -> Result<Compa
         band_difference: relative(simulated_band_g, predicted_band_g),
         error_bound: plan.error_bound,
         limited_by: plan.limited_by,
-        predicted_travel: largest_part(&waveform.motion.largest_m),
-        simulated_travel: largest_part(&travel),
-        snapped_in,
+        travel,
         unsettled,
         drives: plan.drives,
     })
@@ -171,10 +206,8 @@ struct Record {
     samples: Vec<f64>,
     /// Part of the peak that may be left of the motion of switching on.
     unsettled: f64,
-    /// Most that each mass has travelled in m.
-    travel: Vec<f64>,
-    /// Actuators that have snapped in.
-    snapped_in: Vec<String>,
+    /// How far each mass has been.
+    extremes: [Extreme; MAX_CHANNELS],
 }
 
 /// The accelerometer's record after the panel has settled.
@@ -211,15 +244,13 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
     let samples = bench.accelerometer().take_record();
     let extremes = bench.board.panel_mut().take_extremes();
     bench.ask(&Request::Stop)?;
-    let snapped = actuators.iter().zip(&extremes).filter(|(_, extreme)| extreme.snapped_in);
     Ok(Record {
         predicted_peak: waveform.peak(from_s, STEP_S, samples.len()),
         waveform,
         causal,
         samples,
         unsettled: left / peak.max(f64::MIN_POSITIVE),
-        travel: extremes.iter().map(|extreme| extreme.travel_m).collect(),
-        snapped_in: snapped.map(|(actuator, _)| actuator.id.clone()).collect(),
+        extremes,
     })
 }
 

@@ -1,0 +1,105 @@
+//! Random scenes: the simulated device against the prediction, and what the electrodes do to the masses.
+
+use era::device::sim::Panel;
+use era::model::bounded::Levels;
+use era::model::{Accuracy, PanelModel};
+use era::planner::softening::{Excitation, Line, Transducer, settle, travel_receptance};
+use era::planner::{PlanTable, TableOptions, Target};
+use era::response::Solver;
+use era::scene::{EXAMPLE_BAR, Scene};
+use era::verify::trials::{Options, Trial, scene_text, try_scene, within};
+use era::verify::{VerifyError, compare};
+use era_shared::supply::{RAILS, rail_of};
+
+/// What `era verify --scenes` does, on a few.
+#[test]
+fn prediction_and_simulation_agree_on_random_scenes() {
+    let options = Options { seed: 1, touches: 2, accuracy: Accuracy::FAST };
+    let trials: Vec<Trial> = (0..5).flat_map(|scene| try_scene(&options, scene).unwrap()).collect();
+    let compared: Vec<_> = trials.iter().filter_map(Trial::comparison).collect();
+    assert!(compared.len() >= 7, "{} of {}", compared.len(), trials.len());
+    for trial in &trials {
+        assert!(trial.outlier().is_none(), "{trial:?}");
+    }
+    assert!(compared.iter().all(|comparison| within(comparison)));
+    // With the damping that the panel has in time all that is left is small.
+    let difference = |c: &era::verify::Comparison| c.causal_difference.unwrap_or(c.difference).abs();
+    assert!(compared.iter().map(|c| difference(c)).fold(0.0, f64::max) < 0.005);
+    // Softening is not nothing here.
+    assert!(compared.iter().any(|c| c.linear_difference.abs() > 0.02));
+}
+
+/// What the softened motion says is within the limits stays within them in time, switching on included: travel of a third of
+/// the gap, 0.85 of the breakdown voltage of what is left of it.
+#[test]
+fn a_motion_that_is_said_to_be_safe_is() {
+    let (mut safe, mut near, mut unsafe_plans) = (0, 0, 0);
+    for number in 0..6 {
+        let scene = Scene::parse("random", &scene_text(7, number)).unwrap();
+        let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
+        let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+        let table = PlanTable::build(&scene, levels.fine, options).unwrap();
+        let panel = Panel::of(&table);
+        for (x, y, intensity_g) in [(0.31, 0.62, 3.0), (0.87, 0.13, 1e3)] {
+            let (x_m, y_m) = (x * scene.surface.length_m, y * scene.surface.width_m);
+            let found = match compare(&table, &panel, Target { x_m, y_m, intensity_g: Some(intensity_g) }) {
+                Ok(found) => found,
+                Err(VerifyError::NotSafe(_)) => {
+                    unsafe_plans += 1;
+                    continue;
+                }
+                Err(VerifyError::NeverSettles | VerifyError::Nothing) => continue,
+                Err(error) => panic!("{error}"),
+            };
+            // Channels on one rail are at the higher of their voltages.
+            let mut rails_v = [0.0_f64; RAILS];
+            for (channel, drive) in found.drives.iter().enumerate() {
+                rails_v[rail_of(channel)] = rails_v[rail_of(channel)].max(drive.voltage_v);
+            }
+            let violates = |parts: &dyn Fn(usize) -> f64| {
+                table.electrodes.iter().enumerate().any(|(channel, electrodes)| {
+                    let travel_m = parts(channel) * electrodes.gap_m;
+                    electrodes.violated(travel_m, rails_v[rail_of(channel)].min(electrodes.max_voltage_v)).is_some()
+                })
+            };
+            if violates(&|channel| found.travel[channel].predicted) {
+                unsafe_plans += 1;
+                continue;
+            }
+            safe += 1;
+            near += u32::from(found.predicted_travel() > 0.2);
+            // 2 % for the soft start, and for motion at sums and differences of the frequencies.
+            assert!(!violates(&|channel| found.travel[channel].simulated / 1.02), "scene {number}: {found:?}");
+            assert!(found.travel.iter().all(|travel| !travel.snapped_in), "scene {number}: {found:?}");
+        }
+    }
+    println!("{safe} safe ({near} of them beyond a fifth of the gap), {unsafe_plans} not");
+    assert!(safe >= 8, "{safe} safe, {near} near the limit");
+}
+
+/// The prediction of one touch, from the reduced model on: travel grows with softening on the low side of a resonance.
+#[test]
+fn a_drive_of_the_example_bar_is_softened_as_the_spring_law_says() {
+    let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
+    let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+    let solver = Solver::new(&model);
+    let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
+    let travel = |frequency_hz: f64, voltage_v: f64| {
+        let receptance = travel_receptance(&model, &solver.coordinates(frequency_hz).unwrap());
+        let drive = |voltage_v: f64| Excitation { frequency: 0, voltage_v, pulse_width: 2.0 / 3.0, phase_rad: 0.0 };
+        let mut drives = vec![drive(0.0); transducers.len()];
+        drives[0] = drive(voltage_v);
+        let motion = settle(&transducers, &drives, &[Line { frequency: 0, harmonic: 1, receptance }]).unwrap();
+        motion.travel_m[0][0].norm() / (voltage_v * voltage_v)
+    };
+    // Far below all resonances the spring alone counts: k_e = w eps0 S V^2 / g^3 and its pulsation, sin(pi w) / pi of it
+    // for motion in phase, are taken off.
+    let (transducer, volts) = (transducers[0], 500.0);
+    let receptance = travel_receptance(&model, &solver.coordinates(1.0).unwrap())[0][0].re;
+    let slope = 2.0 * transducer.newtons_per_volt_squared * volts * volts / transducer.gap_m;
+    let width = 2.0 / 3.0_f64;
+    let softening = slope * (width + (std::f64::consts::PI * width).sin() / std::f64::consts::PI);
+    let expected = 1.0 / (1.0 - softening * receptance);
+    let found = travel(1.0, volts) / travel(1.0, 1.0);
+    assert!((found - expected).abs() < 0.01 * (expected - 1.0), "{found} {expected}");
+}
