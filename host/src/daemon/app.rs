@@ -9,9 +9,8 @@ use crate::device::convert::{SiDrive, to_wire};
 use crate::device::sim::SimControl;
 use crate::device::{DriveOrder, EffectOrder, OpenDevice, Session, SessionError, Snapshot};
 use crate::effects::{DesignError, Intensity, design, plan_with};
-use crate::planner::rise::RiseTimes;
 use crate::planner::{Plan, PlanTable, Target};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{broadcast, watch};
 
@@ -55,7 +54,6 @@ pub struct App {
     pub metrics: Metrics,
     /// When the daemon started.
     pub started: Instant,
-    rise: OnceLock<Option<RiseTimes>>,
     session: Session,
     previews: Previews,
     sim: Option<SimControl>,
@@ -77,7 +75,6 @@ impl App {
             scene: SceneView::new(&table.scene),
             metrics: Metrics::default(),
             started: Instant::now(),
-            rise: OnceLock::new(),
             session: Session::start(device)?,
             previews: Previews::new(scene_toml),
             sim,
@@ -87,11 +84,6 @@ impl App {
             closing: watch::channel(false).0,
             table,
         })
-    }
-
-    /// The panel's poles, found when they are first asked for.
-    fn rise(&self) -> Option<&RiseTimes> {
-        self.rise.get_or_init(|| RiseTimes::prepare(&self.table.model)).as_ref()
     }
 
     /// What is known of the device, kept up to date.
@@ -172,7 +164,7 @@ impl App {
                 Ok(Target { x_m, y_m, intensity_g: None })
             })
             .collect::<Result<Vec<_>, Problem>>()?;
-        let plan = tokio::task::block_in_place(|| plan_with(&self.table, || self.rise(), &targets, intensity))?;
+        let plan = tokio::task::block_in_place(|| plan_with(&self.table, || self.table.rise(), &targets, intensity))?;
         self.metrics.plan_time(plan.elapsed_us);
         if let (Some(sim), Some(target)) = (&self.sim, targets.first()) {
             sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
@@ -190,7 +182,7 @@ impl App {
             }
             Manner::Effect(request) => {
                 let design = tokio::task::block_in_place(|| {
-                    let rise = self.rise().ok_or(DesignError::Unbounded)?;
+                    let rise = self.table.rise().ok_or(DesignError::Unbounded)?;
                     design(&self.table, rise, &plan, request)
                 })?;
                 let drives = design.wire_drives().iter().map(to_wire).collect();

@@ -155,6 +155,12 @@ impl From<PlanError> for Problem {
             PlanError::Count { .. } => {
                 Self::new(StatusCode::BAD_REQUEST, "touch-count", "Too many or too few touches", error.to_string())
             }
+            PlanError::Quiet { .. } => {
+                Self::new(StatusCode::BAD_REQUEST, "quiet-count", "Too many quiet zones", error.to_string())
+            }
+            PlanError::Together { .. } => {
+                Self::new(StatusCode::BAD_REQUEST, "options", "Options that do not go together", error.to_string())
+            }
             PlanError::Cutout { .. } => {
                 Self::new(StatusCode::BAD_REQUEST, "in-cutout", "There is no surface at this point", error.to_string())
             }

@@ -1,7 +1,8 @@
 //! How wrong a plan's prediction may be.
 
 use super::plan::{Plan, TargetResult};
-use super::search::Selection;
+use super::refine::Chosen;
+use super::table::at_point;
 use super::{PlanTable, STANDARD_GRAVITY};
 use crate::model::{Bound, ReducedModel};
 use crate::response;
@@ -16,23 +17,32 @@ const UNBOUNDED: &str = "a coarser model is at an undamped resonance";
 impl PlanTable {
     /// A bound on the relative error of the first target's peak: the same drives on the coarser models, and the
     /// differences of the phasors, added up as the peak adds their magnitudes (equation 23).
-    pub(super) fn bound(&self, selection: &Selection, target: &TargetResult) -> Bound {
+    pub(super) fn bound(&self, drives: &[Chosen], target: &TargetResult) -> Bound {
         let Some(([middle, coarse], estimator)) = &self.coarser else { return Bound::Unknown(NO_LEVELS) };
         let peak = target.peak_g * STANDARD_GRAVITY;
         if peak <= 0.0 {
             return Bound::Unknown(NOTHING);
         }
         let at = (target.x_mm / 1e3, target.y_mm / 1e3);
-        let phasors = |model: &ReducedModel| -> Option<Vec<Complex64>> {
+        let shape = self.model.shape_at(at.0, at.1);
+        let fine = drives.iter().enumerate().map(|(i, drive)| {
+            drive.row.get(i).map_or(Complex64::ZERO, |entry| at_point(&shape, &entry.acceleration)) * drive.force_n
+        });
+        let fine: Vec<Complex64> = fine.collect();
+        let phasors = |level: usize, model: &ReducedModel| -> Option<Vec<Complex64>> {
             let shape = model.shape_at(at.0, at.1);
-            let each = selection.drives.iter().enumerate().map(|(actuator, (candidate, force))| {
-                let omega = std::f64::consts::TAU * candidate.frequency_hz;
-                let q = response::modal_coordinates(model, candidate.frequency_hz).ok()?;
-                Some(response::dot(&shape, q.get(actuator)?) * (-omega * omega * force))
+            let each = drives.iter().enumerate().map(|(i, drive)| {
+                if let Some(k) = drive.on_grid {
+                    let row = self.coarser_rows.get(level)?.get(k)?.as_ref()?;
+                    return Some(at_point(&shape, row.get(i)?) * drive.force_n);
+                }
+                let omega = std::f64::consts::TAU * drive.frequency_hz;
+                let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
+                Some(at_point(&shape, q.get(i)?) * (-omega * omega * drive.force_n))
             });
             each.collect()
         };
-        let (Some(fine), Some(middle), Some(coarse)) = (phasors(&self.model), phasors(middle), phasors(coarse)) else {
+        let (Some(middle), Some(coarse)) = (phasors(0, middle), phasors(1, coarse)) else {
             return Bound::Unknown(UNBOUNDED);
         };
         let difference =

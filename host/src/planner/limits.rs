@@ -20,15 +20,18 @@ pub struct Electrodes {
 }
 
 /// What keeps an actuator from being driven harder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Limit {
+    #[default]
     /// The scene's `max_voltage_v`.
     Voltage,
     /// A third of the air gap.
     Travel,
     /// Breakdown of the air gap when the mass has closed it as far as it travels.
     Breakdown,
+    /// The current of the board's supply.
+    Supply,
 }
 
 impl Limit {
@@ -39,6 +42,7 @@ impl Limit {
             Limit::Voltage => "voltage",
             Limit::Travel => "travel",
             Limit::Breakdown => "breakdown",
+            Limit::Supply => "supply",
         }
     }
 }
@@ -87,6 +91,24 @@ impl Electrodes {
             if holds(middle) { low = middle } else { high = middle }
         }
         (low, Limit::Breakdown)
+    }
+
+    /// Most travel in m: a third of the gap.
+    #[must_use]
+    pub fn most_travel_m(&self) -> f64 {
+        self.gap_m * TRAVEL_PART
+    }
+
+    /// (s, b) such that V^2 + s x <= b keeps V within 85 % of breakdown in the gap that a travel of x has closed: the tangent
+    /// at the largest travel of the convex (0.85 V_b(g - x))^2. In V^2/m and V^2.
+    #[must_use]
+    pub fn breakdown_line(&self) -> (f64, f64) {
+        let x = self.most_travel_m();
+        let gap_cm = (self.gap_m - x) * 100.0;
+        let volts = breakdown_v(self.gap_m - x);
+        let volts_per_m = (24.22 + 3.04 / gap_cm.sqrt()) * 1e5;
+        let slope = BREAKDOWN_MARGIN * BREAKDOWN_MARGIN * 2.0 * volts * volts_per_m;
+        (slope, (BREAKDOWN_MARGIN * volts).powi(2) + slope * x)
     }
 }
 

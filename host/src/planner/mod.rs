@@ -10,17 +10,29 @@
 //! stay [`MIN_SPACING_HZ`] apart, as slower beats are felt as a flutter.
 
 pub mod allocate;
+pub mod assignment;
 mod bound;
+pub mod candidates;
+mod grouped;
 pub mod limits;
+mod linear;
 pub mod perception;
 pub mod phased;
 pub mod plan;
+mod refine;
+mod report;
+pub mod request;
 pub mod rise;
+mod safe;
 pub mod search;
+mod shared_limits;
 pub mod softening;
 pub mod table;
+mod zone;
 
-pub use plan::{Drive, Plan, PlanError, Predicted, Target, TargetResult};
+pub use plan::{Drive, Plan, Planned, Predicted, TargetResult};
+pub use report::Report;
+pub use request::{Grouping, Objective, PlanError, Quiet, Request, Target};
 pub use table::{PlanTable, TableOptions};
 
 /// Standard gravity in m/s^2: intensities are given in g, as is usual in haptics.
@@ -35,3 +47,15 @@ pub const TARGET_RADIUS_M: f64 = 0.010;
 /// Part of its half period for which an electrode is on. At 2/3 the force has no third harmonic (sin(3 pi/2 * 2/3) = 0),
 /// and its fundamental is still 0.87 of the most there is.
 pub const PULSE_WIDTH: f64 = 2.0 / 3.0;
+/// Highest frequency in Hz that is felt as vibration: odd harmonics count up to it.
+pub const HIGHEST_FELT_HZ: f64 = 1000.0;
+/// Capacitance in F of the cable to an electrode: with the 35 pF of the default electrode the 100 pF that the board's drive
+/// stage is designed for.
+pub const ELECTRODE_CABLE_F: f64 = 65e-12;
+/// Most quiet zones of a request.
+pub const MAX_QUIET_ZONES: usize = 8;
+/// Points on the rim of a quiet zone at which its limit is kept, besides its middle.
+pub const QUIET_POINTS: u32 = 8;
+/// Part of each actuator's mean square by which the products of all are made definite: two that act alike would otherwise have
+/// a difference that costs nothing.
+const MOST_CONDITION: f64 = 1e-9;

@@ -1,87 +1,25 @@
 //! The plan for a touch.
 
-use super::search::{Candidate, Selection, search};
-use super::table::{Entry, PlanTable, at_point};
-use super::{DEFAULT_INTENSITY_G, PULSE_WIDTH, STANDARD_GRAVITY, TARGET_RADIUS_M};
-use crate::scene::{MAX_ACTUATORS, SurfaceKind};
-use nalgebra::{DMatrix, DVector};
-use num_complex::Complex64;
+use super::STANDARD_GRAVITY;
+use super::candidates::Judge;
+use super::perception::above_threshold_db;
+use super::refine::{Chosen, Selection};
+use super::request::{Grouping, Objective, PlanError, Request, Target};
+use super::safe::Settled;
+use super::search::{Choices, Found};
+use super::table::{PlanTable, at_point};
+use crate::response::{Component, peak_acceleration};
+use nalgebra::DVector;
 use serde::Serialize;
 use std::time::Instant;
 
-/// Most targets at once: ten fingers.
-pub const MAX_TARGETS: usize = 10;
-/// Times what all actuators together can reach, at which a wish counts: what is beyond is as far beyond reach, and its
-/// shares would be lost in rounding.
-const BEYOND_REACH: f64 = 1e6;
 /// Largest contrast in dB, either way; more is rounding.
 const MOST_CONTRAST_DB: f64 = 200.0;
-/// Rings and points per ring of the quadrature over the disc around a target; equal areas, so that the mean is plain.
-const DISC: (u32, u32) = (4, 12);
-
-/// A point to be felt.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Target {
-    /// From the left edge in m.
-    pub x_m: f64,
-    /// From the top edge in m; of no account on a bar.
-    pub y_m: f64,
-    /// Peak acceleration wanted in g, 0 or more; [`DEFAULT_INTENSITY_G`] if `None`. What is beyond reach is delivered as
-    /// far as it goes.
-    pub intensity_g: Option<f64>,
-}
-
-/// Why there is no plan.
-#[derive(Debug, thiserror::Error, PartialEq)]
-pub enum PlanError {
-    /// The scene has nothing to drive.
-    #[error("the scene has no [[actuator]], so there is nothing to drive")]
-    NoActuators,
-    /// More actuators than a board drives.
-    #[error(
-        "the scene has {count} actuators, but plans are made for at most {MAX_ACTUATORS}, a board's channels (modes and \
-         responses take any number)"
-    )]
-    Actuators {
-        /// In the scene.
-        count: usize,
-    },
-    /// No target, or too many.
-    #[error("touches: {count} given, 1 to {MAX_TARGETS} allowed")]
-    Count {
-        /// As given.
-        count: usize,
-    },
-    /// A number out of range.
-    #[error("{field}: {value} is not in the allowed range {}", range_text(*min, *max))]
-    Range {
-        /// The field's name.
-        field: &'static str,
-        /// As given.
-        value: f64,
-        /// Least allowed.
-        min: f64,
-        /// Most allowed; infinite where every finite number is.
-        max: f64,
-    },
-    /// A touch where there is no surface.
-    #[error("x_mm, y_mm: ({x_mm}, {y_mm}) lies in cutout[{cutout}] of the scene, where there is no surface")]
-    Cutout {
-        /// In mm.
-        x_mm: f64,
-        /// In mm.
-        y_mm: f64,
-        /// Which, counted from 1.
-        cutout: usize,
-    },
-    /// No frequencies keep their distance, or the response is unbounded everywhere.
-    #[error("no combination of frequencies is usable: the response is unbounded at every one (no damping at all?)")]
-    NoFrequencies,
-}
-
-fn range_text(min: f64, max: f64) -> String {
-    if max.is_finite() { format!("{min} to {max}") } else { format!("of finite numbers from {min} up") }
-}
+/// Odd harmonics of a drive that another's frequency may meet within the grid. The fifth has a fifth of the fundamental's
+/// force, the seventh a seventh; the third, which most plans do without, a third.
+const MEETING: [f64; 3] = [3.0, 5.0, 7.0];
+/// Part of a wish that counts as met.
+const MET: f64 = 1.0 - 1e-6;
 
 /// One actuator's part.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -96,19 +34,24 @@ pub struct Drive {
     pub pulse_width: f64,
     /// Phase of its force in rad.
     pub phase_rad: f64,
-    /// Amplitude of the force's fundamental in N.
+    /// Amplitude of the force's fundamental in N, the mass at rest.
     pub force_n: f64,
 }
 
 /// What the plan should do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Predicted {
-    /// Peak acceleration at the (first) target in g: equation 23.
+    /// Peak acceleration at the (first) target in g: equation 23, forces those of masses at rest.
     pub target_peak_g: f64,
     /// Mean over the rest of the surface of the peak acceleration in g.
     pub mean_elsewhere_g: f64,
     /// 10 log10 of the mean square acceleration within 10 mm of the targets over that of the rest.
     pub contrast_db: f64,
+    /// The peak at the target with forces as they become when the masses move (electrostatic softening), in g.
+    pub softened_peak_g: f64,
+    /// How far the target's peak is above the threshold of feeling, in dB: fundamentals over their thresholds, added up.
+    /// `null` where nothing moves.
+    pub above_threshold_db: Option<f64>,
 }
 
 /// One target's share.
@@ -141,248 +84,251 @@ pub struct Plan {
     pub limited_by: Option<String>,
     /// Upper bound on the relative error of `target_peak_g`; `null` where there is none.
     pub error_bound: Option<f64>,
+    /// By which part of its cost, or reach, another combination of the grid's frequencies could be better: 0 where the plan is
+    /// proven to be the best.
+    pub optimality_gap: f64,
+    /// What is made least, or most.
+    pub objective: Objective,
+    /// Which actuators share a frequency.
+    pub grouping: Grouping,
 }
 
-/// Points around the targets.
-struct Zone {
+/// A plan with what it was made from, for those who want to know more of it.
+#[derive(Clone, Debug)]
+pub struct Planned {
+    /// The plan.
+    pub plan: Plan,
+    /// The drives with their responses.
+    pub drives: Vec<Chosen>,
+    /// Their steady motion.
+    pub settled: Settled,
     /// Mode shapes at the targets.
-    targets: Vec<DVector<f64>>,
-    /// Mode shapes at the points of the discs, one row each.
-    shapes: DMatrix<f64>,
-    /// Part of the surface that the discs cover.
-    part: f64,
+    pub shapes: Vec<DVector<f64>>,
 }
 
 impl PlanTable {
-    /// The drives for `targets`.
+    /// The drives for `targets`: the most contrast, each actuator at its own frequency.
     ///
     /// # Errors
     /// [`PlanError`].
     pub fn plan(&self, targets: &[Target]) -> Result<Plan, PlanError> {
-        let started = Instant::now();
-        let wanted_g = self.check(targets)?;
-        let zone = self.zone(targets);
-        let candidates: Vec<Vec<Candidate>> =
-            (0..self.entries.len()).map(|actuator| self.candidates(actuator, &zone)).collect();
-        let wanted: Vec<f64> = wanted_g
-            .iter()
-            .enumerate()
-            .map(|(target, g)| countable(g * STANDARD_GRAVITY, &candidates, target))
-            .collect();
-        let selection = search(&candidates, &wanted).ok_or(PlanError::NoFrequencies)?;
-        let drives = self.drives(&selection);
-        let peak_g = |target: usize| {
-            let sum: f64 = selection.drives.iter().map(|(c, force)| c.gain.get(target).unwrap_or(&0.0) * force).sum();
-            sum / STANDARD_GRAVITY
-        };
-        let results: Vec<TargetResult> = targets
-            .iter()
-            .zip(&wanted_g)
-            .enumerate()
-            .map(|(i, (target, wanted_g))| TargetResult {
-                x_mm: target.x_m * 1e3,
-                y_mm: self.y_m(target) * 1e3,
-                wanted_g: *wanted_g,
-                peak_g: peak_g(i),
-            })
-            .collect();
-        let first = results.first().ok_or(PlanError::Count { count: 0 })?;
-        Ok(Plan {
-            target_mm: [first.x_mm, first.y_mm],
-            predicted: self.predict(&selection, &zone, targets, first.peak_g),
-            limited_by: self.limited_by(&selection),
-            error_bound: self.bound(&selection, first).value(),
-            targets: results,
-            drives,
-            elapsed_us: started.elapsed().as_secs_f64() * 1e6,
-        })
+        self.plan_for(&Request::touch(targets))
     }
 
-    /// Peak acceleration (equation 23) at every point of the grid in m/s^2, for drives at distinct frequencies of the
-    /// table's grid; `None` in cut-outs.
+    /// The drives for a request.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn plan_for(&self, request: &Request) -> Result<Plan, PlanError> {
+        self.planned(request).map(|planned| planned.plan)
+    }
+
+    /// The same with everything it came from.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn planned(&self, request: &Request) -> Result<Planned, PlanError> {
+        let started = Instant::now();
+        let wanted_g = self.check(request)?;
+        let judge = Judge::new(self, request);
+        let wanted: Vec<f64> =
+            wanted_g.iter().enumerate().map(|(t, g)| judge.countable(g * STANDARD_GRAVITY, t)).collect();
+        let mut selection = match request.grouping {
+            Grouping::Distinct => self.chosen(&judge, request, &wanted)?,
+            grouping => self.grouped(&judge, grouping, &wanted)?,
+        };
+        let settled = self.settled(&mut selection.drives).ok_or(PlanError::NoFrequencies)?;
+        let peaks_g: Vec<f64> =
+            judge.zone.targets.iter().map(|shape| peak(&selection.drives, shape) / STANDARD_GRAVITY).collect();
+        let targets: Vec<TargetResult> = request
+            .targets
+            .iter()
+            .zip(wanted_g.iter().zip(&peaks_g))
+            .map(|(target, (wanted_g, peak_g))| TargetResult {
+                x_mm: target.x_m * 1e3,
+                y_mm: self.y_m(target.y_m) * 1e3,
+                wanted_g: *wanted_g,
+                peak_g: *peak_g,
+            })
+            .collect();
+        let first = *targets.first().ok_or(PlanError::Count { count: 0 })?;
+        let plan = Plan {
+            target_mm: [first.x_mm, first.y_mm],
+            predicted: self.predict(&judge, &selection.drives, &settled, first.peak_g),
+            limited_by: self.limited_by(&selection, &settled, &targets),
+            error_bound: self.bound(&selection.drives, &first).value(),
+            targets,
+            drives: self.drives(&selection.drives, &settled),
+            optimality_gap: selection.gap,
+            objective: request.objective,
+            grouping: request.grouping,
+            elapsed_us: started.elapsed().as_secs_f64() * 1e6,
+        };
+        Ok(Planned { plan, drives: selection.drives, settled, shapes: judge.zone.targets })
+    }
+
+    /// Distinct frequencies: the best combination, refined.
+    fn chosen(&self, judge: &Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
+        let is_plain = wanted.len() == 1 && request.quiet.is_empty() && request.objective == Objective::Contrast;
+        let choices_for = |fits: &dyn Fn(f64, f64) -> bool| match wanted {
+            [wanted] if is_plain => judge.shortlist(*wanted, fits),
+            _ => judge.all(wanted),
+        };
+        // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
+        let (choices, found) = best(choices_for(&|a, b| !meets(a, b)), &|a, b| !meets(a, b))
+            .or_else(|| best(choices_for(&|_, _| true), &|_, _| true))
+            .ok_or(PlanError::NoFrequencies)?;
+        Ok(self.refined(judge, &choices, &found))
+    }
+
+    /// Peak acceleration (equation 23) at every point of the grid in m/s^2; `None` in cut-outs.
     #[must_use]
     pub fn field(&self, plan: &Plan) -> Vec<Option<f64>> {
-        let mut sum = vec![0.0; self.grid.weights.len()];
-        for drive in &plan.drives {
-            let Some(entry) = self.entry_of(drive) else { continue };
-            for (sum, z) in sum.iter_mut().zip(self.grid.field(&entry.acceleration)) {
-                *sum += z.norm() * drive.force_n;
+        let mut sums: Vec<(f64, Vec<num_complex::Complex64>)> = Vec::new();
+        for (actuator, drive) in plan.drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
+            let Ok(row) = self.row_at(drive.frequency_hz) else { continue };
+            let Some(entry) = row.get(actuator) else { continue };
+            let force = num_complex::Complex64::from_polar(drive.force_n, drive.phase_rad);
+            let own = self.grid.field(&(&entry.acceleration * force));
+            match sums.iter_mut().find(|(hz, _)| *hz == drive.frequency_hz) {
+                Some((_, sum)) => sum.iter_mut().zip(own).for_each(|(sum, own)| *sum += own),
+                None => sums.push((drive.frequency_hz, own)),
             }
         }
-        sum.into_iter().zip(&self.grid.there).map(|(sum, there)| there.then_some(sum)).collect()
+        let peak = |point: usize| sums.iter().map(|(_, field)| field[point].norm()).sum();
+        self.grid.there.iter().enumerate().map(|(point, there)| there.then(|| peak(point))).collect()
     }
 
-    fn entry_of(&self, drive: &Drive) -> Option<&Entry> {
-        let actuator = self.scene.actuators.iter().position(|actuator| actuator.id == drive.actuator)?;
-        let frequency = self.frequencies_hz.iter().position(|f| (f - drive.frequency_hz).abs() < 1e-6)?;
-        self.entries.get(actuator)?.get(frequency)?.as_ref()
-    }
-
-    /// The intensities in g, after everything has been looked at.
-    fn check(&self, targets: &[Target]) -> Result<Vec<f64>, PlanError> {
-        if self.scene.actuators.is_empty() {
-            return Err(PlanError::NoActuators);
-        }
-        if self.scene.actuators.len() > MAX_ACTUATORS {
-            return Err(PlanError::Actuators { count: self.scene.actuators.len() });
-        }
-        if targets.is_empty() || targets.len() > MAX_TARGETS {
-            return Err(PlanError::Count { count: targets.len() });
-        }
-        let within = |field, value: f64, min, max, scale: f64| {
-            if value.is_finite() && (min..=max).contains(&value) {
-                return Ok(());
-            }
-            Err(PlanError::Range { field, value: value * scale, min: min * scale, max: max * scale })
-        };
-        targets
+    fn drives(&self, chosen: &[Chosen], settled: &Settled) -> Vec<Drive> {
+        chosen
             .iter()
-            .map(|target| {
-                within("x_mm", target.x_m, 0.0, self.scene.surface.length_m, 1e3)?;
-                within("y_mm", target.y_m, 0.0, self.scene.surface.width_m, 1e3)?;
-                if let Some(cutout) = self.scene.cutout_at(target.x_m, target.y_m) {
-                    let mm = |metres: f64| (metres * 1e9).round() / 1e6;
-                    return Err(PlanError::Cutout { x_mm: mm(target.x_m), y_mm: mm(target.y_m), cutout });
-                }
-                let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
-                within("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
-                Ok(intensity_g)
-            })
-            .collect()
-    }
-
-    /// A bar's points lie on its axis.
-    fn y_m(&self, target: &Target) -> f64 {
-        match self.scene.surface.kind {
-            SurfaceKind::Bar => self.scene.surface.width_m / 2.0,
-            SurfaceKind::Plate => target.y_m,
-        }
-    }
-
-    fn zone(&self, targets: &[Target]) -> Zone {
-        let surface = &self.scene.surface;
-        let layout = self.scene.layout();
-        let inside = |x: f64, y: f64| {
-            (0.0..=surface.length_m).contains(&x) && (0.0..=surface.width_m).contains(&y) && layout.at(x, y).is_some()
-        };
-        let mut rows = Vec::new();
-        let mut area = 0.0;
-        for target in targets {
-            let (x, y) = (target.x_m, self.y_m(target));
-            let points = match surface.kind {
-                SurfaceKind::Plate => disc_points(x, y),
-                SurfaceKind::Bar => segment_points(x, y),
-            };
-            let whole = match surface.kind {
-                SurfaceKind::Plate => std::f64::consts::PI * TARGET_RADIUS_M * TARGET_RADIUS_M,
-                SurfaceKind::Bar => 2.0 * TARGET_RADIUS_M * surface.width_m,
-            };
-            let kept: Vec<_> = points.iter().copied().filter(|(x, y)| inside(*x, *y)).collect();
-            #[allow(clippy::cast_precision_loss, reason = "at most 48")]
-            let share = kept.len() as f64 / points.len() as f64;
-            area += whole * share;
-            // On a surface smaller than the first ring only the target itself is left.
-            let kept = if kept.is_empty() { vec![(x, y)] } else { kept };
-            rows.extend(kept.into_iter().map(|(x, y)| self.model.shape_at(x, y).transpose()));
-        }
-        Zone {
-            targets: targets.iter().map(|target| self.model.shape_at(target.x_m, self.y_m(target))).collect(),
-            shapes: DMatrix::from_rows(&rows),
-            // Discs may overlap or cover a small surface whole; some of it is always "elsewhere".
-            part: (area / self.scene.area_m2()).min(0.9),
-        }
-    }
-
-    fn candidates(&self, actuator: usize, zone: &Zone) -> Vec<Candidate> {
-        let entries = self.entries.get(actuator).map(Vec::as_slice).unwrap_or_default();
-        entries
-            .iter()
-            .zip(&self.frequencies_hz)
-            .enumerate()
-            .filter_map(|(frequency, (entry, frequency_hz))| {
-                let entry = entry.as_ref()?;
-                let near = zone.mean_square(&entry.acceleration);
-                // The difference may round to nothing on a surface that is all target; it stays positive.
-                let energy = ((entry.mean_square - zone.part * near) / (1.0 - zone.part))
-                    .max(1e-9 * entry.mean_square)
-                    .max(f64::MIN_POSITIVE);
-                Some(Candidate {
-                    frequency,
-                    frequency_hz: *frequency_hz,
-                    gain: zone.targets.iter().map(|shape| at_point(shape, &entry.acceleration).norm()).collect(),
-                    energy,
-                    max_force_n: entry.max_force_n,
-                    limit: entry.limit,
-                })
-            })
-            .collect()
-    }
-
-    fn drives(&self, selection: &Selection) -> Vec<Drive> {
-        selection
-            .drives
-            .iter()
-            .zip(self.scene.actuators.iter().zip(&self.electrodes))
-            .map(|((candidate, force_n), (actuator, electrodes))| Drive {
+            .zip(self.scene.actuators.iter().zip(&settled.applied))
+            .map(|(chosen, (actuator, applied))| Drive {
                 actuator: actuator.id.clone(),
-                frequency_hz: candidate.frequency_hz,
-                voltage_v: electrodes.voltage_for(*force_n, PULSE_WIDTH).min(electrodes.max_voltage_v),
-                pulse_width: PULSE_WIDTH,
-                phase_rad: 0.0,
-                force_n: *force_n,
+                frequency_hz: chosen.frequency_hz,
+                voltage_v: applied.voltage_v,
+                pulse_width: applied.pulse_width,
+                phase_rad: chosen.phase_rad,
+                force_n: chosen.force_n,
             })
             .collect()
     }
 
-    fn predict(&self, selection: &Selection, zone: &Zone, targets: &[Target], target_peak_g: f64) -> Predicted {
-        let (mut near, mut rest) = (0.0, 0.0);
-        let mut peaks = vec![0.0; self.grid.weights.len()];
-        for (actuator, (candidate, force)) in selection.drives.iter().enumerate() {
-            let entry = self.entries.get(actuator).and_then(|list| list.get(candidate.frequency)?.as_ref());
-            let Some(entry) = entry else { continue };
-            near += zone.mean_square(&entry.acceleration) * force * force;
-            rest += candidate.energy * force * force;
-            for (peak, z) in peaks.iter_mut().zip(self.grid.field(&entry.acceleration)) {
-                *peak += z.norm() * force;
+    fn predict(&self, judge: &Judge<'_>, drives: &[Chosen], settled: &Settled, target_peak_g: f64) -> Predicted {
+        let zone = &judge.zone;
+        let (mut near, mut all, mut near_mean, mut mean) = (0.0, 0.0, 0.0, 0.0);
+        for group in groups(drives) {
+            match group.as_slice() {
+                [i] => {
+                    let Some(entry) = drives[*i].row.get(*i) else { continue };
+                    let force = drives[*i].force_n;
+                    near += zone.mean_square(&entry.acceleration) * force * force;
+                    all += entry.mean_square * force * force;
+                    near_mean += zone.mean(&entry.acceleration) * force;
+                    mean += entry.mean * force;
+                }
+                members => {
+                    let sum = self.together(drives, members);
+                    near += zone.mean_square(&sum);
+                    all += self.mean_square(&sum);
+                    near_mean += zone.mean(&sum);
+                    mean += self.grid.mean(&sum);
+                }
             }
         }
-        let (mut sum, mut weight) = (0.0, 0.0);
-        let points = self.grid.y_m.iter().flat_map(|y| self.grid.x_m.iter().map(move |x| (*x, *y)));
-        for (((x, y), peak), part) in points.zip(&peaks).zip(&self.grid.weights) {
-            let far = |target: &Target| (x - target.x_m).hypot(y - self.y_m(target)) > TARGET_RADIUS_M;
-            if targets.iter().all(far) {
-                sum += peak * part;
-                weight += part;
-            }
-        }
+        let components = |shape: &DVector<f64>| -> Vec<(f64, f64)> {
+            groups(drives)
+                .map(|group| {
+                    let hz = drives[group[0]].frequency_hz;
+                    (hz, at_point(shape, &self.together(drives, &group)).norm())
+                })
+                .collect()
+        };
+        let shape = zone.targets.first();
         Predicted {
             target_peak_g,
-            mean_elsewhere_g: if weight > 0.0 { sum / weight / STANDARD_GRAVITY } else { 0.0 },
-            contrast_db: contrast_db(near, rest),
+            mean_elsewhere_g: ((mean - zone.part * near_mean) / (1.0 - zone.part)).max(0.0) / STANDARD_GRAVITY,
+            contrast_db: contrast_db(near, if all > 0.0 { zone.elsewhere(all, near) } else { 0.0 }),
+            softened_peak_g: shape.map_or(0.0, |shape| self.settled_peak(drives, settled, shape)) / STANDARD_GRAVITY,
+            above_threshold_db: shape.and_then(|shape| above_threshold_db(&components(shape))),
         }
     }
 
-    fn limited_by(&self, selection: &Selection) -> Option<String> {
-        const MET: f64 = 1.0 - 1e-6;
-        if selection.met >= MET {
+    /// Acceleration coordinates of drives at one frequency together, with their phases.
+    fn together(&self, drives: &[Chosen], members: &[usize]) -> DVector<num_complex::Complex64> {
+        let mut sum = DVector::zeros(self.model.order());
+        for i in members {
+            if let Some(entry) = drives[*i].row.get(*i) {
+                let force = num_complex::Complex64::from_polar(drives[*i].force_n, drives[*i].phase_rad);
+                sum += &entry.acceleration * force;
+            }
+        }
+        sum
+    }
+
+    fn limited_by(&self, selection: &Selection, settled: &Settled, targets: &[TargetResult]) -> Option<String> {
+        if targets.iter().all(|target| target.peak_g >= target.wanted_g * MET) {
             return None;
         }
-        let at_limit =
-            selection.drives.iter().zip(&self.scene.actuators).filter_map(|((candidate, force), actuator)| {
-                let full = *force >= candidate.max_force_n * MET;
-                full.then(|| format!("{} of {}", candidate.limit.name(), actuator.id))
+        let id = |i: usize| self.scene.actuators.get(i).map_or("", |actuator| actuator.id.as_str());
+        let mut names: Vec<String> = Vec::new();
+        let mut add = |name: String| {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        };
+        if let Some((actuator, limit)) = settled.limited {
+            add(if limit == super::limits::Limit::Supply {
+                "supply".into()
+            } else {
+                format!("{} of {}", limit.name(), id(actuator))
             });
-        let all: Vec<String> = at_limit.collect();
-        Some(if all.is_empty() { "node".into() } else { all.join(", ") })
+        }
+        if selection.allocation.met < 1.0 {
+            for (i, drive) in selection.drives.iter().enumerate() {
+                if drive.force_n >= drive.width.max_force_n * settled.scale * MET && drive.width.max_force_n > 0.0 {
+                    add(format!("{} of {}", drive.width.limit.name(), id(i)));
+                }
+            }
+            for row in &selection.binding {
+                match self.limits.name(*row) {
+                    Some((actuator, limit)) => add(format!("{} of {}", limit.name(), id(actuator))),
+                    None => add("quiet zone".into()),
+                }
+            }
+        }
+        Some(if names.is_empty() { "node".into() } else { names.join(", ") })
     }
 }
 
-/// A wanted acceleration in m/s^2, at most [`BEYOND_REACH`] times the sum of what the actuators reach at their best.
-fn countable(wanted: f64, candidates: &[Vec<Candidate>], target: usize) -> f64 {
-    let reach = |candidate: &Candidate| candidate.gain.get(target).unwrap_or(&0.0) * candidate.max_force_n;
-    let most: f64 = candidates.iter().map(|list| list.iter().map(reach).fold(0.0, f64::max)).sum();
-    // Where nothing is reached the wish stands, so that it is not met.
-    wanted.min(if most > 0.0 { BEYOND_REACH * most } else { f64::MAX })
+/// The best of `choices` under `fits`, with them.
+fn best(choices: Choices, fits: &dyn Fn(f64, f64) -> bool) -> Option<(Choices, Found)> {
+    let found = choices.best(fits)?;
+    Some((choices, found))
+}
+
+/// Whether one frequency is an odd harmonic of the other.
+fn meets(a_hz: f64, b_hz: f64) -> bool {
+    let (low, high) = (a_hz.min(b_hz), a_hz.max(b_hz));
+    MEETING.iter().any(|n| (n * low - high).abs() <= 1e-6 * high)
+}
+
+/// Drives of equal frequencies, as lists of their numbers.
+fn groups(drives: &[Chosen]) -> impl Iterator<Item = Vec<usize>> + '_ {
+    let is_first = |i: &usize| drives[..*i].iter().all(|other| other.frequency_hz != drives[*i].frequency_hz);
+    (0..drives.len())
+        .filter(is_first)
+        .map(|i| (i..drives.len()).filter(|j| drives[*j].frequency_hz == drives[i].frequency_hz).collect())
+}
+
+/// Equation 23 at a point: distinct frequencies add, equal ones as phasors, in m/s^2.
+fn peak(drives: &[Chosen], shape: &DVector<f64>) -> f64 {
+    let component = |(i, drive): (usize, &Chosen)| {
+        let force = num_complex::Complex64::from_polar(drive.force_n, drive.phase_rad);
+        let response = drive.row.get(i).map(|entry| at_point(shape, &entry.acceleration));
+        Component { frequency_hz: drive.frequency_hz, phasor: response.unwrap_or_default() * force }
+    };
+    peak_acceleration(&drives.iter().enumerate().map(component).collect::<Vec<_>>())
 }
 
 /// 10 log10(near / rest); 0 where nothing moves.
@@ -391,32 +337,4 @@ fn contrast_db(near: f64, rest: f64) -> f64 {
         return 0.0;
     }
     (10.0 * (near / rest).log10()).clamp(-MOST_CONTRAST_DB, MOST_CONTRAST_DB)
-}
-
-impl Zone {
-    fn mean_square(&self, acceleration: &DVector<Complex64>) -> f64 {
-        let re = &self.shapes * acceleration.map(|z| z.re);
-        let im = &self.shapes * acceleration.map(|z| z.im);
-        #[allow(clippy::cast_precision_loss, reason = "at most 480 points")]
-        let points = self.shapes.nrows().max(1) as f64;
-        (re.norm_squared() + im.norm_squared()) / points
-    }
-}
-
-fn disc_points(x: f64, y: f64) -> Vec<(f64, f64)> {
-    let (rings, spokes) = DISC;
-    (0..rings)
-        .flat_map(|ring| {
-            let radius = TARGET_RADIUS_M * ((f64::from(ring) + 0.5) / f64::from(rings)).sqrt();
-            (0..spokes).map(move |spoke| {
-                let angle = std::f64::consts::TAU * (f64::from(spoke) + 0.5 * f64::from(ring % 2)) / f64::from(spokes);
-                (x + radius * angle.cos(), y + radius * angle.sin())
-            })
-        })
-        .collect()
-}
-
-fn segment_points(x: f64, y: f64) -> Vec<(f64, f64)> {
-    const POINTS: u32 = 9;
-    (0..POINTS).map(|i| (x + TARGET_RADIUS_M * ((2.0 * f64::from(i) + 1.0) / f64::from(POINTS) - 1.0), y)).collect()
 }

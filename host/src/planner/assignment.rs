@@ -1,0 +1,208 @@
+//! The best frequencies for several actuators when what each contributes does not depend on the others, but frequencies
+//! have to keep their distance.
+//!
+//! B(S, k), the best sum that the actuators of a set S make at frequencies up to the k-th, is the larger of B(S, k - 1)
+//! and, over the i in S, of v_i(k) + B(S without i, the last frequency far enough below the k-th): 2^p p F additions.
+//! B also says, for whatever has been chosen from the top down, what the rest can add at most: with it every combination
+//! above a given sum can be listed without meeting many others.
+
+use super::allocate::MOST;
+
+/// Sums over all sets of actuators and all prefixes of the frequencies.
+#[derive(Clone, Debug, Default)]
+pub struct Assignment {
+    actuators: usize,
+    frequencies: usize,
+    /// What each actuator contributes at each frequency, actuator by actuator; minus infinity where it cannot be.
+    value: Vec<f64>,
+    /// B, set by set; entry k is for the first k frequencies.
+    best: Vec<f64>,
+}
+
+/// For each frequency how many of the lowest are at least `spacing_hz` below it.
+#[must_use]
+pub fn lags(frequencies_hz: &[f64], spacing_hz: f64) -> Vec<usize> {
+    let mut below = 0;
+    frequencies_hz
+        .iter()
+        .map(|hz| {
+            while frequencies_hz.get(below).is_some_and(|low| hz - low >= spacing_hz) {
+                below += 1;
+            }
+            below
+        })
+        .collect()
+}
+
+impl Assignment {
+    /// Fills the table. `value` holds what each actuator contributes at each frequency, actuator by actuator; `lags` is of
+    /// [`lags`].
+    pub fn fill(&mut self, actuators: usize, value: Vec<f64>, lags: &[usize]) {
+        let f = lags.len();
+        self.actuators = actuators;
+        self.frequencies = f;
+        self.value = value;
+        let sets = 1 << actuators;
+        self.best.clear();
+        self.best.resize(sets * (f + 1), f64::NEG_INFINITY);
+        self.best[..=f].fill(0.0);
+        // Frequencies with none far enough below come first; from there on equidistant ones are a plain shift.
+        let first = lags.partition_point(|lag| *lag == 0);
+        let from = lags.get(first).copied().unwrap_or(0);
+        let is_shift = lags[first..].windows(2).all(|pair| pair[1] == pair[0] + 1);
+        for set in 1..sets {
+            let (smaller, own) = self.best.split_at_mut(set * (f + 1));
+            let own = &mut own[..=f];
+            for i in (0..actuators).filter(|i| set >> i & 1 == 1) {
+                let rest = set & !(1 << i);
+                let rest = &smaller[rest * (f + 1)..(rest + 1) * (f + 1)];
+                let value = &self.value[i * f..(i + 1) * f];
+                for (own, value) in own[1..=first].iter_mut().zip(value) {
+                    *own = own.max(value + rest[0]);
+                }
+                let (own, value) = (&mut own[first + 1..], &value[first..]);
+                if is_shift {
+                    for ((own, value), rest) in own.iter_mut().zip(value).zip(&rest[from.min(f)..]) {
+                        *own = own.max(value + rest);
+                    }
+                } else {
+                    for ((own, value), lag) in own.iter_mut().zip(value).zip(&lags[first..]) {
+                        *own = own.max(value + rest[*lag]);
+                    }
+                }
+            }
+            let mut most = f64::NEG_INFINITY;
+            for entry in own {
+                most = most.max(*entry);
+                *entry = most;
+            }
+        }
+    }
+
+    /// The best sum of the actuators of `set` (a bit each) at the first `upto` frequencies.
+    #[must_use]
+    pub fn best(&self, set: usize, upto: usize) -> f64 {
+        self.best[set * (self.frequencies + 1) + upto]
+    }
+
+    /// The best sum of all.
+    #[must_use]
+    pub fn most(&self) -> f64 {
+        self.best((1 << self.actuators) - 1, self.frequencies)
+    }
+
+    /// What actuator `i` contributes at frequency `k`.
+    #[must_use]
+    pub fn value(&self, i: usize, k: usize) -> f64 {
+        self.value[i * self.frequencies + k]
+    }
+
+    /// The best sum of all in which actuator `i` is at frequency `k`. `mirrored` is the table over the same frequencies in
+    /// descending order; `below` are at least the distance below the k-th, `above` above it.
+    #[must_use]
+    pub fn through(&self, mirrored: &Self, i: usize, k: usize, below: usize, above: usize) -> f64 {
+        let others = ((1 << self.actuators) - 1) & !(1 << i);
+        let mut best = f64::NEG_INFINITY;
+        // All divisions of the others into some below and the rest above.
+        let mut lower = others;
+        loop {
+            best = best.max(self.best(lower, below) + mirrored.best(others & !lower, above));
+            if lower == 0 {
+                return best + self.value(i, k);
+            }
+            lower = (lower - 1) & others;
+        }
+    }
+
+    /// One best choice: a frequency per actuator. `None` if there is none that keeps the distance.
+    #[must_use]
+    pub fn choice(&self, lags: &[usize]) -> Option<[usize; MOST]> {
+        let mut chosen = [0; MOST];
+        let (mut set, mut upto) = ((1 << self.actuators) - 1, self.frequencies);
+        while set != 0 {
+            let best = self.best(set, upto);
+            if best == f64::NEG_INFINITY {
+                return None;
+            }
+            // The first prefix that has it ends with a chosen frequency.
+            let row = &self.best[set * (self.frequencies + 1)..(set + 1) * (self.frequencies + 1)];
+            let k = row.partition_point(|entry| *entry < best).checked_sub(1)?;
+            let is_last =
+                |i: &usize| set >> i & 1 == 1 && self.value(*i, k) + self.best(set & !(1 << i), lags[k]) == best;
+            let i = (0..self.actuators).find(is_last)?;
+            chosen[i] = k;
+            set &= !(1 << i);
+            upto = lags[k];
+        }
+        Some(chosen)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn exhaustive(p: usize, value: &[f64], hz: &[f64], spacing: f64) -> f64 {
+        fn descend(
+            p: usize,
+            value: &[f64],
+            hz: &[f64],
+            spacing: f64,
+            chosen: &mut Vec<usize>,
+            sum: f64,
+            best: &mut f64,
+        ) {
+            let i = chosen.len();
+            if i == p {
+                *best = best.max(sum);
+                return;
+            }
+            for k in 0..hz.len() {
+                if chosen.iter().all(|other| (hz[*other] - hz[k]).abs() >= spacing) {
+                    chosen.push(k);
+                    descend(p, value, hz, spacing, chosen, sum + value[i * hz.len() + k], best);
+                    chosen.pop();
+                }
+            }
+        }
+        let mut best = f64::NEG_INFINITY;
+        descend(p, value, hz, spacing, &mut Vec::new(), 0.0, &mut best);
+        best
+    }
+
+    proptest! {
+        #[test]
+        fn it_is_the_exhaustive_optimum(
+            p in 1_usize..=4,
+            steps in prop::collection::vec(1_u8..15, 3..12),
+            seed in prop::collection::vec(0_u8..20, 48),
+        ) {
+            let hz: Vec<f64> = steps.iter().scan(50.0, |hz, step| { *hz += f64::from(*step); Some(*hz) }).collect();
+            let value: Vec<f64> = seed.iter().take(p * hz.len()).map(|v| if *v == 0 { f64::NEG_INFINITY } else { f64::from(*v) }).collect();
+            let lags = lags(&hz, 20.0);
+            let mut assignment = Assignment::default();
+            assignment.fill(p, value.clone(), &lags);
+            let expected = exhaustive(p, &value, &hz, 20.0);
+            prop_assert_eq!(assignment.most(), expected);
+            // The same from above, and the best sum through every place.
+            let turned: Vec<f64> = hz.iter().rev().map(|hz| 1e3 - hz).collect();
+            let mirrored_lags = super::lags(&turned, 20.0);
+            let mut mirrored = Assignment::default();
+            let f = hz.len();
+            let turned_value = (0..p).flat_map(|i| (0..f).rev().map(move |k| (i, k))).map(|(i, k)| value[i * f + k]).collect();
+            mirrored.fill(p, turned_value, &mirrored_lags);
+            for i in 0..p {
+                let through = |k: usize| assignment.through(&mirrored, i, k, lags[k], mirrored_lags[f - 1 - k]);
+                prop_assert_eq!((0..f).map(through).fold(f64::NEG_INFINITY, f64::max), expected);
+            }
+            match assignment.choice(&lags) {
+                None => prop_assert_eq!(expected, f64::NEG_INFINITY),
+                Some(chosen) => {
+                    prop_assert_eq!((0..p).map(|i| assignment.value(i, chosen[i])).sum::<f64>(), expected);
+                    for i in 0..p { for j in 0..i { prop_assert!((hz[chosen[i]] - hz[chosen[j]]).abs() >= 20.0); } }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,295 @@
+//! What a touch has to choose from: every actuator at every frequency that can be part of the best combination.
+
+use super::allocate::{Allocation, MOST};
+use super::assignment::{Assignment, lags};
+use super::request::{Objective, Request};
+use super::search::{Candidate, Choices, is_better};
+use super::table::{Entry, PlanTable, SINGLE, Width, at_point};
+use super::zone::Zone;
+use super::{ELECTRODE_CABLE_F, MIN_SPACING_HZ, QUIET_POINTS, STANDARD_GRAVITY};
+use crate::scene::EPS0;
+use nalgebra::DVector;
+
+/// Rounds in which a first combination is improved.
+const FIRST_ROUNDS: usize = 4;
+/// Times what all actuators together can reach, at which a wish counts: what is beyond is as far beyond reach, and its
+/// shares would be lost in rounding.
+const BEYOND_REACH: f64 = 1e6;
+
+/// A request's targets, and what a candidate does to them.
+#[derive(Clone, Debug)]
+pub struct Judge<'a> {
+    table: &'a PlanTable,
+    /// The targets and what is around them.
+    pub zone: Zone,
+    /// Mode shapes at the points of the quiet zones, and what is allowed there in m/s^2.
+    quiet: Vec<(DVector<f64>, f64)>,
+    objective: Objective,
+}
+
+impl<'a> Judge<'a> {
+    /// For a request that has been checked.
+    #[must_use]
+    pub fn new(table: &'a PlanTable, request: &Request) -> Self {
+        let surface = &table.scene.surface;
+        let mut quiet = Vec::new();
+        for zone in &request.quiet {
+            let at = |dx: f64, dy: f64| {
+                let x = (zone.x_m + dx).clamp(0.0, surface.length_m);
+                table.model.shape_at(x, table.y_m((zone.y_m + dy).clamp(0.0, surface.width_m)))
+            };
+            let allowed = zone.at_most_g * STANDARD_GRAVITY;
+            quiet.push((at(0.0, 0.0), allowed));
+            if zone.radius_m > 0.0 {
+                quiet.extend((0..QUIET_POINTS).map(|k| {
+                    let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(QUIET_POINTS)).sin_cos();
+                    (at(zone.radius_m * cos, zone.radius_m * sin), allowed)
+                }));
+            }
+        }
+        Self { table, zone: Zone::new(table, &request.targets), quiet, objective: request.objective }
+    }
+
+    /// Mean square elsewhere per N^2, harmonics included.
+    #[must_use]
+    pub fn energy(&self, entry: &Entry, width: &Width) -> f64 {
+        self.zone.elsewhere(entry.mean_square, self.zone.mean_square(&entry.acceleration)) + width.harmonics
+    }
+
+    /// Electrical power in W per N of fundamental: both electrodes are charged from the rail once a period, 2 C V^2 f.
+    #[must_use]
+    pub fn power_w_per_n(&self, actuator: usize, frequency_hz: f64, pulse_width: f64) -> f64 {
+        self.table.electrodes.get(actuator).map_or(0.0, |electrodes| {
+            let capacitance = EPS0 * electrodes.area_m2 / electrodes.gap_m + ELECTRODE_CABLE_F;
+            2.0 * capacitance * frequency_hz / electrodes.harmonic_per_volt_squared(1, pulse_width)
+        })
+    }
+
+    /// An empty list of choices with this request's rows. `wanted` in m/s^2.
+    #[must_use]
+    pub fn empty(&self, wanted: &[f64]) -> Choices {
+        let p = self.table.entries.len().min(MOST);
+        Choices {
+            frequencies_hz: Vec::new(),
+            candidates: vec![Vec::new(); p],
+            gains: vec![Vec::new(); p],
+            loads: vec![Vec::new(); p],
+            wanted: wanted.to_vec(),
+            allowed: self
+                .table
+                .limits
+                .allowed
+                .iter()
+                .copied()
+                .chain(self.quiet.iter().map(|(_, most)| *most))
+                .collect(),
+            spacing_hz: MIN_SPACING_HZ - 1e-9,
+        }
+    }
+
+    /// Adds an actuator at a frequency, which has the number `node` in the list and `tag` for the caller, with its pulse
+    /// widths.
+    pub fn add(
+        &self,
+        choices: &mut Choices,
+        actuator: usize,
+        node: usize,
+        tag: usize,
+        entry: &Entry,
+        frequency_hz: f64,
+    ) {
+        let [first, second] = &entry.widths;
+        let near = self.zone.mean_square(&entry.acceleration);
+        let elsewhere = self.zone.elsewhere(entry.mean_square, near);
+        let gains: Vec<f64> =
+            self.zone.targets.iter().map(|shape| at_point(shape, &entry.acceleration).norm()).collect();
+        let quiet: Vec<f64> = self.quiet.iter().map(|(shape, _)| at_point(shape, &entry.acceleration).norm()).collect();
+        for (w, width) in [first, second].into_iter().enumerate() {
+            if w == 1 && width == first {
+                break;
+            }
+            let (energy, power) = match self.objective {
+                Objective::Contrast | Objective::Reach => (elsewhere + width.harmonics, 0.0),
+                Objective::Power => (0.0, self.power_w_per_n(actuator, frequency_hz, width.pulse_width)),
+            };
+            let candidate = Candidate { node, energy, power, max_force_n: width.max_force_n, tag: 2 * tag + w };
+            choices.candidates[actuator].push(candidate);
+            choices.gains[actuator].extend_from_slice(&gains);
+            choices.loads[actuator].extend(self.table.limits.loads(actuator, width));
+            choices.loads[actuator].extend_from_slice(&quiet);
+        }
+    }
+
+    /// Everything: all actuators at all frequencies of the grid.
+    #[must_use]
+    pub fn all(&self, wanted: &[f64]) -> Choices {
+        let mut choices = self.empty(wanted);
+        choices.frequencies_hz.clone_from(&self.table.frequencies_hz);
+        for (actuator, list) in self.table.entries.iter().take(MOST).enumerate() {
+            for (k, entry) in list.iter().enumerate() {
+                if let Some(entry) = entry {
+                    self.add(&mut choices, actuator, k, k, entry, self.table.frequencies_hz[k]);
+                }
+            }
+        }
+        choices
+    }
+
+    /// What cannot be missing from the best combination for one target and the objective contrast, from bounds that take one
+    /// product per entry; all where the bounds do not decide.
+    #[must_use]
+    pub fn shortlist(&self, wanted: f64, fits: &dyn Fn(f64, f64) -> bool) -> Choices {
+        let table = self.table;
+        let (p, f) = (table.entries.len().min(MOST), table.frequencies_hz.len());
+        let Some(shape) = self.zone.targets.first() else { return self.empty(&[wanted]) };
+        let squares = table.gains().squares(shape);
+        let rough = &table.rough;
+        let wanted = wanted.min(BEYOND_REACH * rough.most_reach(&squares, p, f));
+        let efficiencies = rough.efficiencies(&squares);
+        let Some(known) = self.first(wanted, &squares, &efficiencies, fits) else { return self.all(&[wanted]) };
+        let (earns, needed) = if known.met >= 1.0 {
+            // No better one unless its sum of earnings at this price is more than lambda a - cost.
+            let lambda = known.prices.gain.first().copied().unwrap_or(0.0);
+            (rough.earnings(&squares, &efficiencies, lambda), lambda * wanted - known.cost)
+        } else {
+            // No better one unless it reaches more.
+            (rough.reaches(&squares), known.met * wanted)
+        };
+        let needed = needed - SINGLE * needed.abs();
+        let mut choices = self.empty(&[wanted]);
+        let kept = kept(&earns, p, &table.frequencies_hz, needed);
+        let mut last = None;
+        for (k, actuator) in kept {
+            let Some(entry) = table.entry(actuator, k) else { continue };
+            if last != Some(k) {
+                choices.frequencies_hz.push(table.frequencies_hz[k]);
+                last = Some(k);
+            }
+            let node = choices.frequencies_hz.len() - 1;
+            self.add(&mut choices, actuator, node, k, entry, table.frequencies_hz[k]);
+        }
+        choices
+    }
+
+    /// A combination that is good by the bounds: the most efficient, one actuator after the other; if that does not reach,
+    /// the strongest, and from there what is most efficient at the price of the last one. `None` without any that fits.
+    fn first(
+        &self,
+        wanted: f64,
+        squares: &[f64],
+        efficiencies: &[f64],
+        fits: &dyn Fn(f64, f64) -> bool,
+    ) -> Option<Allocation> {
+        let table = self.table;
+        let (p, f) = (table.entries.len().min(MOST), table.frequencies_hz.len());
+        let hz = |k: usize| table.frequencies_hz[k];
+        let mut picks: Vec<usize> = Vec::with_capacity(p);
+        for actuator in 0..p {
+            let range = actuator * f..(actuator + 1) * f;
+            let mut best: Option<(usize, f64)> = None;
+            for (k, score) in efficiencies[range].iter().copied().enumerate() {
+                if score > best.map_or(0.0, |(_, best)| best) {
+                    let keeps = |other: &usize| {
+                        let other = hz(*other);
+                        (hz(k) - other).abs() >= MIN_SPACING_HZ - 1e-9 && fits(hz(k), other)
+                    };
+                    if picks.iter().all(keeps) {
+                        best = Some((k, score));
+                    }
+                }
+            }
+            picks.push(best?.0);
+        }
+        let mut known = self.known(&picks, wanted)?;
+        if known.met >= 1.0 {
+            return Some(known);
+        }
+        let lags = lags(&table.frequencies_hz, MIN_SPACING_HZ - 1e-9);
+        let mut sums = Assignment::default();
+        for _ in 0..FIRST_ROUNDS {
+            let value = if known.met >= 1.0 {
+                table.rough.earnings(squares, efficiencies, known.prices.gain.first().copied()?)
+            } else {
+                table.rough.reaches(squares)
+            };
+            sums.fill(p, value, &lags);
+            let picks = sums.choice(&lags)?;
+            let fit = (0..p).all(|i| (0..i).all(|j| fits(hz(picks[i]), hz(picks[j]))));
+            let trial = self.known(&picks[..p], wanted).filter(|trial| fit && is_better(trial, &known));
+            let Some(trial) = trial else { break };
+            known = trial;
+            if known.met < 1.0 {
+                break;
+            }
+        }
+        Some(known)
+    }
+
+    /// The forces of one combination: with the quieter pulses where they reach, with the stronger ones otherwise.
+    fn known(&self, picks: &[usize], wanted: f64) -> Option<Allocation> {
+        let mut choices = self.empty(&[wanted]);
+        for (actuator, k) in picks.iter().enumerate() {
+            choices.frequencies_hz.push(self.table.frequencies_hz[*k]);
+            self.add(
+                &mut choices,
+                actuator,
+                actuator,
+                *k,
+                self.table.entry(actuator, *k)?,
+                self.table.frequencies_hz[*k],
+            );
+        }
+        let of = |strong: usize| {
+            let at: Vec<usize> = choices.candidates.iter().map(|list| strong.min(list.len() - 1)).collect();
+            choices.allocation(&at)
+        };
+        let quiet = of(0);
+        Some(if quiet.met >= 1.0 { quiet } else { of(1) })
+    }
+
+    /// A wanted acceleration in m/s^2, at most [`BEYOND_REACH`] times the sum of what the actuators reach at their best.
+    #[must_use]
+    pub fn countable(&self, wanted: f64, target: usize) -> f64 {
+        let (p, f) = (self.table.entries.len().min(MOST), self.table.frequencies_hz.len());
+        if wanted < 1e6 {
+            return wanted;
+        }
+        let Some(shape) = self.zone.targets.get(target) else { return wanted };
+        let most = self.table.rough.most_reach(&self.table.gains().squares(shape), p, f);
+        // Where nothing is reached the wish stands, so that it is not met.
+        wanted.min(if most > 0.0 { BEYOND_REACH * most } else { f64::MAX })
+    }
+}
+
+/// Frequencies and actuators, in ascending order, that are part of a combination whose earnings add up to what is needed.
+fn kept(earns: &[f64], p: usize, frequencies_hz: &[f64], needed: f64) -> Vec<(usize, usize)> {
+    let f = frequencies_hz.len();
+    let own = |i: usize| &earns[i * f..(i + 1) * f];
+    // First by what the others earn at best, as if frequencies had no distance to keep.
+    let most: Vec<f64> = (0..p).map(|i| own(i).iter().copied().fold(0.0, f64::max)).collect();
+    let sum: f64 = most.iter().sum();
+    let mut nodes: Vec<usize> = Vec::new();
+    for (i, most) in most.iter().enumerate() {
+        let least = needed - (sum - most);
+        nodes.extend(own(i).iter().enumerate().filter(|(_, earns)| **earns >= least).map(|(k, _)| k));
+    }
+    nodes.sort_unstable();
+    nodes.dedup();
+    // Then by the best combinations through each place.
+    let hz: Vec<f64> = nodes.iter().map(|k| frequencies_hz[*k]).collect();
+    let turned: Vec<f64> = hz.iter().rev().map(|hz| -hz).collect();
+    let spacing = MIN_SPACING_HZ - 1e-9;
+    let (below, above) = (lags(&hz, spacing), lags(&turned, spacing));
+    let (mut up, mut down) = (Assignment::default(), Assignment::default());
+    up.fill(p, (0..p).flat_map(|i| nodes.iter().map(move |k| own(i)[*k])).collect(), &below);
+    down.fill(p, (0..p).flat_map(|i| nodes.iter().rev().map(move |k| own(i)[*k])).collect(), &above);
+    let mut kept = Vec::new();
+    for (place, k) in nodes.iter().enumerate() {
+        for i in 0..p {
+            if up.through(&down, i, place, below[place], above[nodes.len() - 1 - place]) >= needed {
+                kept.push((*k, i));
+            }
+        }
+    }
+    kept
+}

@@ -1,0 +1,116 @@
+//! Plans with phases: one frequency for all actuators, or for groups of them.
+
+use super::allocate::{Allocation, MOST, Prices};
+use super::candidates::Judge;
+use super::phased::{self, Field, PerActuator, PerPair};
+use super::refine::{Chosen, Selection};
+use super::request::{Grouping, PlanError};
+use super::table::{PlanTable, Width, at_point};
+use super::{MIN_SPACING_HZ, MOST_CONDITION};
+use num_complex::Complex64;
+
+impl PlanTable {
+    /// The drives for one target with the least energy elsewhere, in groups that share a frequency.
+    pub(super) fn grouped(
+        &self,
+        judge: &Judge<'_>,
+        grouping: Grouping,
+        wanted: &[f64],
+    ) -> Result<Selection, PlanError> {
+        let grouping = match grouping {
+            Grouping::Shared => phased::Grouping::Shared,
+            Grouping::Mixed | Grouping::Distinct => phased::Grouping::Mixed,
+        };
+        let wanted = wanted.first().copied().unwrap_or(0.0);
+        let data = Data::new(self, judge);
+        let found =
+            phased::best(&data.field(self), grouping, wanted, MIN_SPACING_HZ).ok_or(PlanError::NoFrequencies)?;
+        let mut drives: Vec<Option<Chosen>> = vec![None; self.entries.len()];
+        for group in &found.groups {
+            for (i, drive) in drives.iter_mut().enumerate().filter(|(i, _)| group.members >> i & 1 == 1) {
+                let force = group.forces_n.get(i).copied().unwrap_or_default();
+                let row = self.grid_row(group.frequency);
+                // The narrowest that gives the force: the quieter one, if it does.
+                let widths = row.get(i).map_or([Width::default(); 2], |entry| entry.widths);
+                let width = if force.norm() <= widths[0].max_force_n { widths[0] } else { widths[1] };
+                *drive = Some(Chosen {
+                    frequency_hz: self.frequencies_hz[group.frequency],
+                    on_grid: Some(group.frequency),
+                    row,
+                    width,
+                    force_n: force.norm(),
+                    phase_rad: if force.norm() > 0.0 { force.arg() } else { 0.0 },
+                });
+            }
+        }
+        let drives: Vec<Chosen> = drives.into_iter().collect::<Option<_>>().ok_or(PlanError::NoFrequencies)?;
+        let met = if wanted > 0.0 { (found.reached / wanted).min(1.0) } else { 1.0 };
+        let mut forces_n = [0.0; MOST];
+        forces_n.iter_mut().zip(&drives).for_each(|(force, drive)| *force = drive.force_n);
+        let allocation = Allocation { forces_n, met, cost: found.energy, prices: Prices::default() };
+        Ok(Selection {
+            drives,
+            allocation,
+            binding: Vec::new(),
+            gap: if found.proven_gap > 1e-8 { found.proven_gap } else { 0.0 },
+        })
+    }
+}
+
+/// The field at a target.
+struct Data {
+    gain: Vec<PerActuator>,
+    energy: Vec<PerPair>,
+    max_force_n: Vec<[f64; MOST]>,
+    travel: Vec<PerPair>,
+}
+
+impl Data {
+    fn new(table: &PlanTable, judge: &Judge<'_>) -> Self {
+        let (p, f) = (table.entries.len().min(MOST), table.frequencies_hz.len());
+        let mut data = Self {
+            gain: vec![[Complex64::ZERO; MOST]; f],
+            energy: vec![[[Complex64::ZERO; MOST]; MOST]; f],
+            max_force_n: vec![[0.0; MOST]; f],
+            travel: vec![[[Complex64::ZERO; MOST]; MOST]; f],
+        };
+        let over_all = table.over_surface();
+        for k in 0..f {
+            let entries: Option<Vec<_>> = (0..p).map(|i| table.entry(i, k)).collect();
+            let (Some(entries), Some(over_all)) = (entries, over_all.get(k)) else { continue };
+            let near = judge.zone.products(&entries.iter().map(|entry| &entry.acceleration).collect::<Vec<_>>());
+            let part = judge.zone.part;
+            for (i, entry) in entries.iter().enumerate() {
+                if let Some(shape) = judge.zone.targets.first() {
+                    data.gain[k][i] = at_point(shape, &entry.acceleration);
+                }
+                data.max_force_n[k][i] = entry.max_force_n;
+                for j in 0..p {
+                    data.energy[k][i][j] = (over_all[i][j] - near[i][j] * part) / (1.0 - part);
+                    data.travel[k][j][i] = entry.travel[j];
+                }
+                // Harmonics of different actuators are not in step with each other's fundamentals; they add to each one's own.
+                let floor = MOST_CONDITION * over_all[i][i].re;
+                data.energy[k][i][i] += entry.widths[0].harmonics + floor;
+            }
+        }
+        data
+    }
+
+    fn field<'a>(&'a self, table: &'a PlanTable) -> Field<'a> {
+        let mut max_travel_m = [f64::INFINITY; MOST];
+        max_travel_m
+            .iter_mut()
+            .zip(&table.electrodes)
+            .for_each(|(most, electrodes)| *most = electrodes.most_travel_m());
+        Field {
+            frequencies_hz: &table.frequencies_hz,
+            actuators: table.entries.len().min(MOST),
+            gain: &self.gain,
+            energy: &self.energy,
+            max_force_n: &self.max_force_n,
+            travel: &self.travel,
+            max_travel_m,
+        }
+    }
+}

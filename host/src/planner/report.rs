@@ -1,0 +1,57 @@
+//! What is told of a plan besides its drives, by those who have the time: harmonics, rise and decay.
+
+use super::STANDARD_GRAVITY;
+use super::perception::threshold_m_per_s2;
+use super::plan::Planned;
+use super::rise::RiseTimes;
+use super::table::PlanTable;
+use crate::transient::panel::Drive;
+use serde::Serialize;
+
+/// Of a plan's first target.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Peak of the whole waveform at most: softened fundamentals and all odd harmonics up to what is felt, in g.
+    pub waveform_peak_g: f64,
+    /// The harmonics' part of it, in g.
+    pub harmonics_g: f64,
+    /// How far the strongest of the harmonics is above the threshold of feeling, in dB; `null` without any.
+    pub strongest_harmonic_db: Option<f64>,
+    /// When the target has 90 % of its steady peak and keeps it, in ms from switching on; `null` if never.
+    pub reaches_90_ms: Option<f64>,
+    /// When it has decayed to 10 % after switching off, in ms; `null` if never.
+    pub decays_to_10_ms: Option<f64>,
+}
+
+impl PlanTable {
+    /// The report on a plan. `rise` is prepared once for the table's model.
+    #[must_use]
+    pub fn report(&self, planned: &Planned, rise: Option<&RiseTimes>) -> Report {
+        let shape = planned.shapes.first();
+        let harmonics =
+            shape.map(|shape| self.harmonic_peaks(&planned.drives, &planned.settled, shape)).unwrap_or_default();
+        let harmonics_m_per_s2: f64 = harmonics.iter().map(|(_, peak)| peak).sum();
+        let over = harmonics.iter().map(|(hz, peak)| peak / threshold_m_per_s2(*hz)).fold(0.0, f64::max);
+        let drives: Vec<Drive> = planned
+            .drives
+            .iter()
+            .enumerate()
+            .filter(|(_, drive)| drive.force_n > 0.0)
+            .map(|(actuator, drive)| Drive {
+                actuator,
+                frequency_hz: drive.frequency_hz,
+                force_n: drive.force_n,
+                phase_rad: drive.phase_rad,
+            })
+            .collect();
+        let timing = rise.zip(shape).map(|(rise, shape)| rise.times(shape, &drives));
+        let ms = |seconds: Option<f64>| seconds.map(|seconds| seconds * 1e3);
+        Report {
+            waveform_peak_g: planned.plan.predicted.softened_peak_g + harmonics_m_per_s2 / STANDARD_GRAVITY,
+            harmonics_g: harmonics_m_per_s2 / STANDARD_GRAVITY,
+            strongest_harmonic_db: (over > 0.0).then(|| 20.0 * over.log10()),
+            reaches_90_ms: ms(timing.and_then(|timing| timing.reaches_90_s)),
+            decays_to_10_ms: ms(timing.and_then(|timing| timing.decays_to_10_s)),
+        }
+    }
+}

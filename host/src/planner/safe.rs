@@ -1,0 +1,203 @@
+//! The last word on every plan: what the actuators do with the forces that their gaps make of the voltages.
+//!
+//! The search takes the force of the mass at rest. Here the steady motion with the force as it depends on the travel
+//! ([`super::softening`]) decides: where any actuator would travel beyond a third of its gap, or its voltage (its rail's)
+//! break down the gap that is left, or the supply deliver more than it can, all forces are scaled down together until none does.
+
+use super::ELECTRODE_CABLE_F;
+use super::limits::Limit;
+use super::refine::Chosen;
+use super::softening::{Excitation, Line, MAX_LINES, Motion, Transducer, settle};
+use super::table::{PlanTable, travel_m_per_n};
+use crate::scene::{EPS0, MAX_ACTUATORS};
+use era_shared::limits::MAX_AVERAGE_MICROAMPS;
+use era_shared::supply::{RAILS, rail_of};
+use nalgebra::DVector;
+use num_complex::Complex64;
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Halvings of the interval in which the scale lies: to a thousandth.
+const HALVINGS: u32 = 10;
+
+/// Voltage and pulse width of one drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Applied {
+    /// Of the electrodes, which is the rail's, in V; 0 at rest.
+    pub voltage_v: f64,
+    /// Part of its half period for which an electrode is on.
+    pub pulse_width: f64,
+}
+
+/// What was found.
+#[derive(Clone, Copy, Debug)]
+pub struct Settled {
+    /// Voltages and pulse widths.
+    pub applied: [Applied; MAX_ACTUATORS],
+    /// The steady motion.
+    pub motion: Motion,
+    /// Frequencies of its lines.
+    frequency_of_line: [usize; MAX_LINES],
+    /// Number of lines.
+    lines: usize,
+    /// By which all forces were scaled.
+    pub scale: f64,
+    /// What made that necessary.
+    pub limited: Option<(usize, Limit)>,
+}
+
+impl PlanTable {
+    /// Makes drives safe; `None` if they are at no scale, which a softened spring beyond pull-in would be.
+    pub(super) fn settled(&self, drives: &mut [Chosen]) -> Option<Settled> {
+        let mut scale = 1.0;
+        let mut limited = None;
+        let mut found = self.try_settle(drives, 1.0);
+        if let Err(first) = found {
+            limited = Some(first);
+            let (mut low, mut high) = (0.0, 1.0);
+            found = self.try_settle(drives, 0.0);
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                match self.try_settle(drives, middle) {
+                    Ok(safe) => {
+                        found = Ok(safe);
+                        low = middle;
+                    }
+                    Err(_) => high = middle,
+                }
+            }
+            scale = low;
+        }
+        for drive in drives.iter_mut() {
+            drive.force_n *= scale;
+        }
+        found.ok().map(|found| Settled { scale, limited, ..found })
+    }
+
+    fn try_settle(&self, drives: &[Chosen], scale: f64) -> Result<Settled, (usize, Limit)> {
+        let p = drives.len().min(MAX_ACTUATORS);
+        let applied = self.applied(drives, scale);
+        self.check_supply(drives, &applied)?;
+        // Equal frequencies are one line.
+        let mut frequency = [0; MAX_ACTUATORS];
+        let mut leaders: Vec<usize> = Vec::with_capacity(p);
+        for (i, drive) in drives.iter().enumerate().take(p) {
+            let same = leaders.iter().position(|leader| drives[*leader].frequency_hz == drive.frequency_hz);
+            frequency[i] = same.unwrap_or_else(|| {
+                leaders.push(i);
+                leaders.len() - 1
+            });
+        }
+        let lines: Vec<Line> = leaders
+            .iter()
+            .enumerate()
+            .map(|(frequency, leader)| {
+                let mut receptance = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
+                for (column, entry) in drives[*leader].row.iter().enumerate().take(p) {
+                    for (row, travel) in receptance.iter_mut().zip(entry.travel) {
+                        row[column] = travel;
+                    }
+                }
+                Line { frequency, harmonic: 1, receptance }
+            })
+            .collect();
+        let mut transducers = [Transducer::fixed(0.0); MAX_ACTUATORS];
+        let mut excitations =
+            [Excitation { frequency: 0, voltage_v: 0.0, pulse_width: 0.5, phase_rad: 0.0 }; MAX_ACTUATORS];
+        for i in 0..p {
+            transducers[i] = self.scene.actuators.get(i).map_or(Transducer::fixed(0.0), Transducer::of);
+            let Applied { voltage_v, pulse_width } = applied[i];
+            excitations[i] =
+                Excitation { frequency: frequency[i], voltage_v, pulse_width, phase_rad: drives[i].phase_rad };
+        }
+        let motion = settle(&transducers[..p], &excitations[..p], &lines).map_err(|_| (0, Limit::Travel))?;
+        for (i, electrodes) in self.electrodes.iter().enumerate().take(p) {
+            // Harmonics come on top; the fundamentals' part of the bound is replaced by what they really do.
+            let linear = |drive: &Chosen, j: usize| drive.row.get(j).map_or(0.0, |entry| entry.travel[i].norm());
+            let harmonics: f64 = drives
+                .iter()
+                .enumerate()
+                .filter_map(|(j, drive)| {
+                    let all = travel_m_per_n(drive.row.get(j)?, applied[j].pulse_width)[i];
+                    Some((all - linear(drive, j)) * drive.force_n * scale)
+                })
+                .sum();
+            let rail_v = applied.iter().enumerate().filter(|(j, _)| rail_of(*j) == rail_of(i));
+            let rail_v = rail_v.map(|(_, applied)| applied.voltage_v).fold(0.0, f64::max);
+            // To the last digits the voltage is the limit's own.
+            let rail_v = rail_v * (1.0 - 1e-12);
+            if let Some(limit) = electrodes.violated(motion.largest_m[i] + harmonics, rail_v) {
+                return Err((i, limit));
+            }
+        }
+        let mut frequency_of_line = [0; MAX_LINES];
+        for (place, leader) in frequency_of_line.iter_mut().zip(&leaders) {
+            *place = *leader;
+        }
+        Ok(Settled { applied, motion, frequency_of_line, lines: leaders.len(), scale: 1.0, limited: None })
+    }
+
+    /// Voltages and pulse widths for the drives' forces times `scale`. A rail has the highest voltage that is asked of it, and
+    /// the others on it get narrower windows of the same fundamental: V^2 sin(pi w/2) is the force's measure.
+    fn applied(&self, drives: &[Chosen], scale: f64) -> [Applied; MAX_ACTUATORS] {
+        let mut applied = [Applied::default(); MAX_ACTUATORS];
+        let mut rails_v = [0.0_f64; RAILS];
+        for (i, (drive, electrodes)) in drives.iter().zip(&self.electrodes).enumerate().take(MAX_ACTUATORS) {
+            let pulse_width = drive.width.pulse_width;
+            let voltage_v = electrodes.voltage_for(drive.force_n * scale, pulse_width).min(electrodes.max_voltage_v);
+            applied[i] = Applied { voltage_v, pulse_width };
+            if let Some(rail_v) = rails_v.get_mut(rail_of(i)) {
+                *rail_v = rail_v.max(voltage_v);
+            }
+        }
+        for (i, applied) in applied.iter_mut().enumerate().take(drives.len()) {
+            let rail_v = rails_v.get(rail_of(i)).copied().unwrap_or(applied.voltage_v);
+            if applied.voltage_v > 0.0 && rail_v > applied.voltage_v {
+                let part = (applied.voltage_v / rail_v).powi(2) * (FRAC_PI_2 * applied.pulse_width).sin();
+                *applied = Applied { voltage_v: rail_v, pulse_width: part.asin() / FRAC_PI_2 };
+            }
+        }
+        applied
+    }
+
+    /// The mean current of all electrodes, each charged once a period.
+    fn check_supply(&self, drives: &[Chosen], applied: &[Applied; MAX_ACTUATORS]) -> Result<(), (usize, Limit)> {
+        let current = |((drive, applied), electrodes): ((&Chosen, &Applied), &super::limits::Electrodes)| {
+            let capacitance = EPS0 * electrodes.area_m2 / electrodes.gap_m + ELECTRODE_CABLE_F;
+            2.0 * capacitance * applied.voltage_v * drive.frequency_hz
+        };
+        let amps: f64 = drives.iter().zip(applied).zip(&self.electrodes).map(current).sum();
+        if amps * 1e6 <= f64::from(MAX_AVERAGE_MICROAMPS) { Ok(()) } else { Err((0, Limit::Supply)) }
+    }
+
+    /// Peak acceleration in m/s^2 at the point with mode shapes `shape`, of the steady motion: equation 23 over the total
+    /// forces.
+    pub(super) fn settled_peak(&self, drives: &[Chosen], settled: &Settled, shape: &DVector<f64>) -> f64 {
+        let line = |l: usize| {
+            let row = &drives[settled.frequency_of_line[l]].row;
+            let all = row.iter().zip(&settled.motion.force_n[l]);
+            all.map(|(entry, force)| super::table::at_point(shape, &entry.acceleration) * force)
+                .sum::<Complex64>()
+                .norm()
+        };
+        (0..settled.lines).map(line).sum()
+    }
+
+    /// Peaks in m/s^2 of the odd harmonics of all drives at a point, each with its frequency in Hz: their sum is how much
+    /// higher than the fundamentals' the whole waveform can be.
+    pub(super) fn harmonic_peaks(&self, drives: &[Chosen], settled: &Settled, shape: &DVector<f64>) -> Vec<(f64, f64)> {
+        let solver = crate::response::Solver::new(&self.model);
+        let mut peaks = Vec::new();
+        for (i, drive) in drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
+            let numbers = (1..).map(|k| f64::from(2 * k + 1));
+            for n in numbers.take_while(|n| n * drive.frequency_hz <= super::HIGHEST_FELT_HZ) {
+                let hz = n * drive.frequency_hz;
+                let Ok(coordinates) = solver.coordinates(hz) else { continue };
+                let Some(q) = coordinates.get(i) else { continue };
+                let part = super::table::harmonic_part(n, settled.applied[i].pulse_width).abs();
+                let omega = TAU * hz;
+                peaks.push((hz, super::table::at_point(shape, q).norm() * omega * omega * part * drive.force_n));
+            }
+        }
+        peaks
+    }
+}

@@ -1,0 +1,95 @@
+//! Limits that several actuators use up together, as rows sum_j r_j u_j <= b over their forces.
+//!
+//! - Travel: what all actuators together do to one's gap, sum_j |G_ij(f_j)| u_j <= g_i / 3.
+//! - Breakdown: the square of an actuator's voltage, u_i / c_i, at most the square of what the gap holds when it is
+//!   closed as far as the travel goes. That square is a convex function of the gap, and its tangent at two thirds of the
+//!   gap stays below it: V^2 + s x <= b is safe everywhere, exact where the travel is at its limit, and 2 % of the
+//!   voltage short at rest.
+//! - Rails: actuators on one rail have its voltage, the highest that one of them asks for.
+
+use super::limits::{Electrodes, Limit};
+use super::table::{Entry, Width};
+use era_shared::supply::rail_of;
+
+/// One row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Row {
+    /// Whose gap.
+    actuator: usize,
+    /// Whose voltage is across it; `None` for travel.
+    driver: Option<usize>,
+}
+
+/// The rows that can bind in a scene.
+#[derive(Clone, Debug, Default)]
+pub struct SharedLimits {
+    rows: Vec<Row>,
+    /// What each row allows: metres, or square volts.
+    pub allowed: Vec<f64>,
+    /// Of each actuator the slope of the tangent in V^2/m.
+    slopes: Vec<f64>,
+    /// Of each actuator N per V^2 at a pulse width of 1.
+    electrodes: Vec<Electrodes>,
+}
+
+impl SharedLimits {
+    /// The rows for a table's entries, without those that bind nowhere.
+    #[must_use]
+    pub fn new(electrodes: &[Electrodes], entries: &[Vec<Option<Entry>>]) -> Self {
+        let lines: Vec<(f64, f64)> = electrodes.iter().map(Electrodes::breakdown_line).collect();
+        let mut limits = Self {
+            rows: Vec::new(),
+            allowed: Vec::new(),
+            slopes: lines.iter().map(|(slope, _)| *slope).collect(),
+            electrodes: electrodes.to_vec(),
+        };
+        let p = electrodes.len();
+        if p < 2 {
+            // One actuator alone: the limits of its candidates say it all.
+            return limits;
+        }
+        for actuator in 0..p {
+            let mut rows = vec![(Row { actuator, driver: None }, electrodes[actuator].most_travel_m())];
+            let on_its_rail = (0..p).filter(|driver| rail_of(*driver) == rail_of(actuator));
+            rows.extend(on_its_rail.map(|driver| (Row { actuator, driver: Some(driver) }, lines[actuator].1)));
+            for (row, allowed) in rows {
+                let most: f64 = (0..p)
+                    .map(|j| {
+                        let load = |entry: &Entry| {
+                            let of = |width: &Width| limits.load_of(row, j, width) * width.max_force_n;
+                            entry.widths.iter().map(of).fold(0.0, f64::max)
+                        };
+                        entries.get(j).into_iter().flatten().flatten().map(load).fold(0.0, f64::max)
+                    })
+                    .sum();
+                if most > allowed {
+                    limits.rows.push(row);
+                    limits.allowed.push(allowed);
+                }
+            }
+        }
+        limits
+    }
+
+    /// What one newton of actuator `j`, driven as `width` says, takes of every row.
+    pub fn loads<'a>(&'a self, j: usize, width: &'a Width) -> impl Iterator<Item = f64> + 'a {
+        self.rows.iter().map(move |row| self.load_of(*row, j, width))
+    }
+
+    fn load_of(&self, row: Row, j: usize, width: &Width) -> f64 {
+        let travel = width.travel_m_per_n.get(row.actuator).copied().unwrap_or(0.0);
+        let Some(driver) = row.driver else { return travel };
+        let voltage = match self.electrodes.get(j) {
+            Some(electrodes) if driver == j => 1.0 / electrodes.harmonic_per_volt_squared(1, width.pulse_width),
+            _ => 0.0,
+        };
+        voltage + self.slopes.get(row.actuator).copied().unwrap_or(0.0) * travel
+    }
+
+    /// What a row is about: whose gap, and which limit.
+    #[must_use]
+    pub fn name(&self, row: usize) -> Option<(usize, Limit)> {
+        let row = self.rows.get(row)?;
+        Some((row.actuator, if row.driver.is_none() { Limit::Travel } else { Limit::Breakdown }))
+    }
+}

@@ -1,0 +1,367 @@
+//! Filling the table.
+
+use super::{Entry, Gains, HARMONICS, PlanTable, Rough, SurfaceGrid, TableOptions, Width};
+use crate::model::ReducedModel;
+use crate::planner::limits::Electrodes;
+use crate::planner::phased::PerPair;
+use crate::planner::shared_limits::SharedLimits;
+use crate::planner::{HIGHEST_FELT_HZ, PULSE_WIDTH};
+use crate::response::sweep::SurfaceShapes;
+use crate::response::{ResponseError, Solver};
+use crate::scene::{MAX_ACTUATORS, Scene};
+use era_shared::supply::rail_of;
+use nalgebra::{DMatrix, DVector};
+use num_complex::Complex64;
+use rayon::prelude::*;
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::OnceLock;
+
+/// Pulse widths to choose from. At 2/3 there is no third harmonic and no ninth, at 4/5 no fifth, at 6/7 no seventh; 0.72
+/// has the least of all together.
+const WIDTHS: [f64; 4] = [PULSE_WIDTH, 0.72, 0.8, 6.0 / 7.0];
+/// Least time between the two electrodes' windows in s: the board's guard of 200 us, and a tenth more for its rounding.
+const GUARD_S: f64 = 220e-6;
+/// No pulse is wider: beyond it nothing is gained (sin(pi w/2) is above 0.998).
+const WIDEST: f64 = 0.96;
+/// How much stronger the widest pulse must be to be worth a candidate of its own.
+const WORTH: f64 = 1.01;
+/// Frequencies of which fields are held at once: at 4 actuators and 1617 points 3 MB.
+const CHUNK: usize = 32;
+/// |acceleration|^2 between the points of the surface's grid over the largest at them: a crest halfway between two of twelve
+/// per wave is (1 / cos(pi/12))^2 = 1.07 higher, and rounding to single precision is far below. Of slopes, which are taken
+/// between points, 1.02 (pi/24 / sin(pi/24)).
+const BETWEEN: f64 = 1.1;
+
+pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<PlanTable, ResponseError> {
+    let frequencies_hz = options.frequencies_hz();
+    let grid = SurfaceGrid::new(scene, &model, options.to_hz);
+    let electrodes: Vec<Electrodes> = scene
+        .actuators
+        .iter()
+        .map(|actuator| Electrodes {
+            area_m2: actuator.electrode_area_m2,
+            gap_m: actuator.air_gap_m,
+            max_voltage_v: actuator.max_voltage_v,
+        })
+        .collect();
+    // Force limits are those of the electrodes; a rail's voltage is on all that hang on it.
+    let electrodes = on_rails(electrodes);
+    let products = grid.products();
+    let solver = Solver::new(&model);
+    let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
+        .par_iter()
+        .map(|frequency_hz| entries_at(&model, &solver, &products, &electrodes, *frequency_hz))
+        .collect::<Result<_, _>>()?;
+    let mut entries: Vec<Vec<Option<Entry>>> = (0..electrodes.len())
+        .map(|actuator| columns.iter().map(|column| column.as_ref()?.get(actuator).cloned()).collect())
+        .collect();
+    surface_figures(scene, &model, &grid, &frequencies_hz, &mut entries)?;
+    let gains = Gains::new(&entries, model.order());
+    let limits = SharedLimits::new(&electrodes, &entries);
+    let rough = Rough::new(scene, &entries);
+    Ok(PlanTable {
+        model,
+        coarser: None,
+        coarser_rows: [Vec::new(), Vec::new()],
+        scene: scene.clone(),
+        frequencies_hz,
+        entries,
+        electrodes,
+        grid,
+        products,
+        gains,
+        limits,
+        rough,
+        over_surface: OnceLock::new(),
+        rise: OnceLock::new(),
+    })
+}
+
+/// No actuator asks for more voltage than every one on its rail may have.
+fn on_rails(electrodes: Vec<Electrodes>) -> Vec<Electrodes> {
+    let least = |rail: usize| {
+        let own = electrodes.iter().enumerate().filter(|(i, _)| rail_of(*i) == rail);
+        own.map(|(_, electrodes)| electrodes.max_voltage_v).fold(f64::INFINITY, f64::min)
+    };
+    let limited = |(i, own): (usize, &Electrodes)| Electrodes { max_voltage_v: least(rail_of(i)), ..*own };
+    electrodes.iter().enumerate().map(limited).collect()
+}
+
+/// Accelerations of all actuators of a model at many frequencies; `None` where they are unbounded.
+pub(super) fn rows(model: &ReducedModel, frequencies_hz: &[f64]) -> Vec<Option<Vec<DVector<Complex64>>>> {
+    let solver = Solver::new(model);
+    let row = |frequency_hz: &f64| -> Option<Vec<DVector<Complex64>>> {
+        let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
+        Some(solver.coordinates(*frequency_hz).ok()?.into_iter().map(|q| q * scale).collect())
+    };
+    frequencies_hz.par_iter().map(row).collect()
+}
+
+/// Everything but the figures that take a look at every point; `None` where the response is unbounded.
+fn entries_at(
+    model: &ReducedModel,
+    solver: &Solver<'_>,
+    products: &DMatrix<f64>,
+    electrodes: &[Electrodes],
+    frequency_hz: f64,
+) -> Result<Option<Vec<Entry>>, ResponseError> {
+    let coordinates = match solver.coordinates(frequency_hz) {
+        Ok(coordinates) => coordinates,
+        Err(error) if error.is_unbounded() => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let harmonics = harmonics(model, solver, products, frequency_hz);
+    let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
+    let entries = coordinates.into_iter().zip(electrodes).enumerate().map(|(actuator, (displacement, electrodes))| {
+        let travel = travels(model, &displacement);
+        let mut harmonic_travel = [[0.0; MAX_ACTUATORS]; HARMONICS.len()];
+        for (row, harmonic) in harmonic_travel.iter_mut().zip(&harmonics) {
+            *row = harmonic.travel.get(actuator).copied().unwrap_or_default();
+        }
+        let width = |pulse_width: f64| {
+            let square = |harmonic: &Harmonic| {
+                harmonic_part(harmonic.number, pulse_width).powi(2)
+                    * harmonic.squares.get(actuator).copied().unwrap_or(0.0)
+            };
+            let surface = harmonics.iter().map(square).sum();
+            width_of(electrodes, actuator, &travel, &harmonic_travel, pulse_width, surface)
+        };
+        let widths = widths(frequency_hz, width);
+        let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
+        let acceleration = displacement * scale;
+        Entry {
+            mean_square: mean_square(products, &acceleration),
+            mean: 0.0,
+            most_square: 0.0,
+            steepest: 0.0,
+            acceleration,
+            travel,
+            harmonic_travel,
+            widths,
+            max_force_n: strongest.max_force_n,
+            limit: strongest.limit,
+        }
+    });
+    Ok(Some(entries.collect()))
+}
+
+fn travels(model: &ReducedModel, displacement: &DVector<Complex64>) -> [Complex64; MAX_ACTUATORS] {
+    let mut travel = [Complex64::ZERO; MAX_ACTUATORS];
+    for (other, travel) in travel.iter_mut().enumerate().take(model.actuators()) {
+        *travel = model.travel(other, displacement);
+    }
+    travel
+}
+
+/// Most travel of every actuator per N of the fundamental with this pulse width.
+pub(in crate::planner) fn travel_m_per_n(entry: &Entry, pulse_width: f64) -> [f64; MAX_ACTUATORS] {
+    travel_of(&entry.travel, &entry.harmonic_travel, pulse_width)
+}
+
+fn travel_of(
+    travel: &[Complex64; MAX_ACTUATORS],
+    harmonics: &[[f64; MAX_ACTUATORS]; HARMONICS.len()],
+    pulse_width: f64,
+) -> [f64; MAX_ACTUATORS] {
+    let mut out = travel.map(|z| z.norm());
+    for (n, row) in HARMONICS.iter().zip(harmonics) {
+        let part = harmonic_part(*n, pulse_width).abs();
+        for (out, travel) in out.iter_mut().zip(row) {
+            *out += part * travel;
+        }
+    }
+    out
+}
+
+fn width_of(
+    electrodes: &Electrodes,
+    actuator: usize,
+    travel: &[Complex64; MAX_ACTUATORS],
+    harmonic_travel: &[[f64; MAX_ACTUATORS]; HARMONICS.len()],
+    pulse_width: f64,
+    harmonics: f64,
+) -> Width {
+    let travel_m_per_n = travel_of(travel, harmonic_travel, pulse_width);
+    let own = travel_m_per_n.get(actuator).copied().unwrap_or(0.0);
+    let (max_force_n, limit) = electrodes.max_force(own, pulse_width);
+    Width { pulse_width, harmonics, travel_m_per_n, max_force_n, limit }
+}
+
+/// Mean square over the surface of a motion with these coordinates.
+pub(super) fn mean_square(products: &DMatrix<f64>, coordinates: &DVector<Complex64>) -> f64 {
+    let part = |of: &dyn Fn(&Complex64) -> f64| {
+        let x = DVector::from_iterator(coordinates.len(), coordinates.iter().map(of));
+        x.dot(&(products * &x))
+    };
+    (part(&|z| z.re) + part(&|z| z.im)).max(0.0)
+}
+
+/// Means over the surface of conj(a_i) a_j at every frequency of the grid; zeros where the response is unbounded.
+pub(super) fn over_surface(products: &DMatrix<f64>, entries: &[Vec<Option<Entry>>]) -> Vec<PerPair> {
+    let frequencies = entries.first().map_or(0, Vec::len);
+    (0..frequencies)
+        .into_par_iter()
+        .map(|k| {
+            let mut sums = PerPair::default();
+            let row: Vec<_> = entries.iter().filter_map(|list| list[k].as_ref()).collect();
+            let part = |of: fn(&Complex64) -> f64, entry: &Entry| entry.acceleration.map(|z| of(&z));
+            for (j, b) in row.iter().enumerate().take(MAX_ACTUATORS) {
+                let (re, im) = (products * part(|z| z.re, b), products * part(|z| z.im, b));
+                for (i, a) in row.iter().enumerate().take(MAX_ACTUATORS) {
+                    let terms = a.acceleration.iter().zip(re.iter().zip(im.iter()));
+                    sums[i][j] = terms.map(|(a, (re, im))| a.conj() * Complex64::new(*re, *im)).sum();
+                }
+            }
+            sums
+        })
+        .collect()
+}
+
+/// What all actuators do at an odd multiple of a frequency, per N.
+struct Harmonic {
+    number: f64,
+    /// Mean square over the surface.
+    squares: Vec<f64>,
+    /// Of each actuator's force the |travel| of all.
+    travel: Vec<[f64; MAX_ACTUATORS]>,
+}
+
+/// Every odd harmonic up to the highest frequency that is felt, and [`HARMONICS`] in any case. What is unbounded there is
+/// left out: a resonance without damping, which an edge of finite length does not meet.
+fn harmonics(model: &ReducedModel, solver: &Solver<'_>, products: &DMatrix<f64>, frequency_hz: f64) -> Vec<Harmonic> {
+    let last = HARMONICS[HARMONICS.len() - 1];
+    let numbers = (1..).map(|k| f64::from(2 * k + 1)).take_while(|n| *n <= last || n * frequency_hz <= HIGHEST_FELT_HZ);
+    numbers
+        .map(|number| {
+            let scale = Complex64::from(-(TAU * number * frequency_hz).powi(2));
+            let coordinates = solver.coordinates(number * frequency_hz).unwrap_or_default();
+            let is_felt = number * frequency_hz <= HIGHEST_FELT_HZ;
+            let square = |q: &DVector<Complex64>| if is_felt { mean_square(products, &(q * scale)) } else { 0.0 };
+            Harmonic {
+                number,
+                squares: coordinates.iter().map(square).collect(),
+                travel: coordinates.iter().map(|q| travels(model, q).map(|z| z.norm())).collect(),
+            }
+        })
+        .collect()
+}
+
+/// Amplitude of a harmonic's force over the fundamental's: sin(n pi w/2) / (n sin(pi w/2)).
+pub(in crate::planner) fn harmonic_part(n: f64, pulse_width: f64) -> f64 {
+    (n * FRAC_PI_2 * pulse_width).sin() / (n * (FRAC_PI_2 * pulse_width).sin())
+}
+
+fn widths(frequency_hz: f64, width: impl Fn(f64) -> Width) -> [Width; 2] {
+    let widest = (1.0 - 2.0 * frequency_hz * GUARD_S).min(WIDEST);
+    let usable = WIDTHS.iter().filter(|pulse_width| **pulse_width <= widest).map(|pulse_width| width(*pulse_width));
+    let quiet = usable.min_by(|a, b| a.harmonics.total_cmp(&b.harmonics)).unwrap_or_else(|| width(widest));
+    let strong = width(widest);
+    [quiet, if strong.max_force_n > WORTH * quiet.max_force_n { strong } else { quiet }]
+}
+
+/// Mean and largest magnitude over the surface.
+fn surface_figures(
+    scene: &Scene,
+    model: &ReducedModel,
+    grid: &SurfaceGrid,
+    frequencies_hz: &[f64],
+    entries: &mut [Vec<Option<Entry>>],
+) -> Result<(), ResponseError> {
+    let known: Vec<usize> =
+        (0..frequencies_hz.len()).filter(|k| entries.iter().all(|list| list[*k].is_some())).collect();
+    let shapes = SurfaceShapes::<f32>::new(scene, model, &grid.x_m, &grid.y_m);
+    let chunks: Vec<Vec<[f64; 3]>> = known
+        .par_chunks(CHUNK)
+        .map(|chunk| {
+            let hz: Vec<f64> = chunk.iter().map(|k| frequencies_hz[*k]).collect();
+            let sweep = shapes.sweep(&hz)?;
+            let figures = (0..chunk.len()).flat_map(|k| (0..sweep.actuators).map(move |i| (k, i)));
+            Ok(figures.map(|(k, i)| figures_of(sweep.field(k, i), grid)).collect())
+        })
+        .collect::<Result<_, ResponseError>>()?;
+    let mut figures = chunks.into_iter().flatten();
+    for k in known {
+        for list in entries.iter_mut() {
+            if let (Some(entry), Some([mean, most_square, steepest])) = (&mut list[k], figures.next()) {
+                entry.mean = mean;
+                entry.most_square = most_square;
+                entry.steepest = steepest;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Weighted mean of the magnitude, a bound of its square, and one of its slope per m.
+fn figures_of(field: impl Iterator<Item = Complex64>, grid: &SurfaceGrid) -> [f64; 3] {
+    let (mut mean, mut most, mut steepest) = (0.0, 0.0_f64, 0.0_f64);
+    let columns = grid.x_m.len();
+    let step = |line: &[f64]| line.get(1).zip(line.first()).map_or(f64::INFINITY, |(b, a)| b - a);
+    let (dx, dy) = (step(&grid.x_m), step(&grid.y_m));
+    let mut above = vec![Complex64::ZERO; columns];
+    let mut left = Complex64::ZERO;
+    for (at, ((z, weight), there)) in field.zip(&grid.weights).zip(&grid.there).enumerate() {
+        let column = at % columns;
+        if *there {
+            let square = z.norm_sqr();
+            mean += weight * square.sqrt();
+            most = most.max(square);
+            let along = if column > 0 && grid.there[at - 1] { (z - left).norm() / dx } else { 0.0 };
+            let across = if at >= columns && grid.there[at - columns] { (z - above[column]).norm() / dy } else { 0.0 };
+            steepest = steepest.max(along * along + across * across);
+        }
+        (left, above[column]) = (z, z);
+    }
+    [mean, BETWEEN * most, BETWEEN * steepest.sqrt()]
+}
+
+/// The entries of all actuators off the grid. The mean magnitude is the mean square's root times what the two have to each
+/// other at the frequencies beside it; harmonics are those of the frequency below.
+pub(super) fn row_at(table: &PlanTable, frequency_hz: f64) -> Result<Vec<Entry>, ResponseError> {
+    let after = table.frequencies_hz.partition_point(|hz| *hz <= frequency_hz);
+    let at = |k: Option<usize>| {
+        k.and_then(|k| table.entries.iter().map(|list| list.get(k)?.as_ref()).collect::<Option<Vec<_>>>())
+    };
+    let (below, above) = (at(after.checked_sub(1)), at(Some(after)));
+    if let (Some(below), Some(k)) = (&below, after.checked_sub(1))
+        && table.frequencies_hz[k] == frequency_hz
+    {
+        return Ok(below.iter().map(|entry| (*entry).clone()).collect());
+    }
+    let model = &table.model;
+    let coordinates = Solver::new(model).coordinates(frequency_hz)?;
+    // Without a neighbour there is nothing to say which widths are quiet.
+    let unbounded = || ResponseError::Unbounded { frequency_hz, resonance_hz: frequency_hz };
+    let nearest = below.as_ref().or(above.as_ref()).ok_or_else(unbounded)?;
+    let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
+    let own = coordinates.into_iter().zip(&table.electrodes).zip(nearest).enumerate();
+    Ok(own
+        .map(|(actuator, ((displacement, electrodes), nearest))| {
+            let travel = travels(model, &displacement);
+            let harmonic_travel = nearest.harmonic_travel;
+            let widths = nearest.widths.map(|width| {
+                width_of(electrodes, actuator, &travel, &harmonic_travel, width.pulse_width, width.harmonics)
+            });
+            let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
+            let acceleration = displacement * scale;
+            let mean_square = mean_square(&table.products, &acceleration);
+            let known = [&below, &above].map(|row| row.as_ref().and_then(|row| row.get(actuator).copied()));
+            let known = || known.into_iter().flatten().filter(|known| known.mean_square > 0.0);
+            let (sum, count) = known()
+                .fold((0.0, 0.0), |(sum, count), known| (sum + known.mean / known.mean_square.sqrt(), count + 1.0));
+            let most = known().map(|known| known.most_square / known.mean_square).fold(0.0, f64::max);
+            Entry {
+                mean: if count > 0.0 { sum / count * mean_square.sqrt() } else { 0.0 },
+                most_square: most * mean_square,
+                steepest: 0.0,
+                mean_square,
+                acceleration,
+                travel,
+                harmonic_travel,
+                widths,
+                max_force_n: strongest.max_force_n,
+                limit: strongest.limit,
+            }
+        })
+        .collect())
+}

@@ -1,0 +1,122 @@
+//! Points over the surface, with the mode shapes there.
+
+use crate::model::ReducedModel;
+use crate::scene::{Layer, Scene, SurfaceKind};
+use nalgebra::{DMatrix, DVector};
+use num_complex::Complex64;
+
+/// Least number of cells of the surface grid along the longer side, for a picture; the shorter one has as many as keep
+/// the cells square.
+const GRID_CELLS: f64 = 48.0;
+/// Cells per bending wave at the highest frequency (0.22 m at 400 Hz on 2 mm of aluminium). A crest halfway between two
+/// points is at most 1 - cos(pi/12) = 3.4 % higher than what they see.
+const CELLS_PER_WAVE: f64 = 12.0;
+/// Least number of cells along the shorter side.
+const LEAST_CELLS: f64 = 4.0;
+/// Most cells, for the memory that their mode shapes take; beyond it the cells grow, at 0.5 MB per mode.
+const MOST_CELLS: f64 = 65_536.0;
+
+/// A grid over the surface with the mode shapes at its points.
+#[derive(Clone, Debug)]
+pub struct SurfaceGrid {
+    /// Columns, in m from the left edge.
+    pub x_m: Vec<f64>,
+    /// Rows, in m from the top edge; one row, the axis, for a bar.
+    pub y_m: Vec<f64>,
+    /// Mode shapes, one row per point, points row by row.
+    pub shapes: DMatrix<f64>,
+    /// Part of the surface that each point stands for; adds up to 1, and is 0 in a cut-out.
+    pub weights: Vec<f64>,
+    /// Whether there is surface at each point.
+    pub there: Vec<bool>,
+}
+
+impl SurfaceGrid {
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "small counts"
+    )]
+    pub(super) fn new(scene: &Scene, model: &ReducedModel, max_hz: f64) -> Self {
+        let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+        let cell = cell_m(scene, max_hz);
+        let count = |side: f64| (side / cell - 1e-9).ceil().max(LEAST_CELLS) as usize + 1;
+        let line = |side: f64, points: usize| -> Vec<f64> {
+            (0..points).map(|i| side * i as f64 / (points - 1) as f64).collect()
+        };
+        let x_m = line(length, count(length));
+        let y_m = match scene.surface.kind {
+            SurfaceKind::Bar => vec![width / 2.0],
+            SurfaceKind::Plate => line(width, count(width)),
+        };
+        let (wx, wy) = (trapezoid(x_m.len()), trapezoid(y_m.len()));
+        let layout = scene.layout();
+        let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
+        let there: Vec<bool> = points.map(|(x, y)| layout.at(x, y).is_some()).collect();
+        let whole = wy.iter().flat_map(|v| wx.iter().map(move |u| u * v));
+        let mut weights: Vec<f64> = whole.zip(&there).map(|(part, there)| if *there { part } else { 0.0 }).collect();
+        let sum: f64 = weights.iter().sum();
+        if there.contains(&false) && sum > 0.0 {
+            weights.iter_mut().for_each(|part| *part /= sum);
+        }
+        Self { shapes: model.shapes_on(&x_m, &y_m), x_m, y_m, weights, there }
+    }
+
+    /// Acceleration at every point, in (m/s^2) per what `acceleration` is for.
+    #[must_use]
+    pub fn field(&self, acceleration: &DVector<Complex64>) -> Vec<Complex64> {
+        let re = &self.shapes * acceleration.map(|z| z.re);
+        let im = &self.shapes * acceleration.map(|z| z.im);
+        re.iter().zip(im.iter()).map(|(re, im)| Complex64::new(*re, *im)).collect()
+    }
+
+    /// Weighted mean of |acceleration|.
+    #[must_use]
+    pub fn mean(&self, acceleration: &DVector<Complex64>) -> f64 {
+        self.field(acceleration).iter().zip(&self.weights).map(|(z, weight)| z.norm() * weight).sum()
+    }
+
+    /// Weighted products of the shapes with each other, n x n: the mean square of a motion with coordinates q is q* M q.
+    #[must_use]
+    pub(super) fn products(&self) -> DMatrix<f64> {
+        let mut weighted = self.shapes.clone();
+        for (mut row, weight) in weighted.row_iter_mut().zip(&self.weights) {
+            row *= *weight;
+        }
+        self.shapes.tr_mul(&weighted)
+    }
+}
+
+/// Side of a cell of the surface grid in m.
+fn cell_m(scene: &Scene, max_hz: f64) -> f64 {
+    let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+    let area = match scene.surface.kind {
+        SurfaceKind::Plate => length * width,
+        SurfaceKind::Bar => 0.0,
+    };
+    (length.max(width) / GRID_CELLS)
+        .min(bending_wave_m(scene, max_hz) / CELLS_PER_WAVE)
+        .max((area / MOST_CELLS).sqrt())
+        .max(length / MOST_CELLS)
+}
+
+/// Length of the shortest bending wave in m: 2 pi (E h^2 / (12 rho w^2))^(1/4). A plate's is longer by (1 - nu^2)^(-1/4).
+fn bending_wave_m(scene: &Scene, frequency_hz: f64) -> f64 {
+    let omega = std::f64::consts::TAU * frequency_hz;
+    let ratio = |layer: &Layer| {
+        layer.material.youngs_modulus_pa * layer.thickness_m.powi(2) / (12.0 * layer.material.density_kg_m3)
+    };
+    let ratio = scene.layout().layers().map(|(_, layer)| ratio(&layer)).fold(f64::INFINITY, f64::min);
+    std::f64::consts::TAU * (ratio / (omega * omega)).powf(0.25)
+}
+
+/// Weights of the trapezoidal rule on equidistant points, adding up to 1.
+#[allow(clippy::cast_precision_loss, reason = "small counts")]
+fn trapezoid(points: usize) -> Vec<f64> {
+    if points < 2 {
+        return vec![1.0; points];
+    }
+    let step = 1.0 / (points - 1) as f64;
+    (0..points).map(|i| if i == 0 || i == points - 1 { 0.5 * step } else { step }).collect()
+}

@@ -1,0 +1,221 @@
+//! What the planner knows before a touch comes: how every actuator moves the panel at every frequency of a grid.
+
+mod build;
+mod gains;
+mod grid;
+mod rough;
+
+pub(super) use build::{harmonic_part, travel_m_per_n};
+pub use gains::{Gains, SINGLE};
+pub use grid::SurfaceGrid;
+pub use rough::Rough;
+
+use super::limits::{Electrodes, Limit};
+use super::phased::PerPair;
+use super::rise::RiseTimes;
+use super::shared_limits::SharedLimits;
+use crate::model::ReducedModel;
+use crate::model::bounded::{Estimator, Levels};
+use crate::response::ResponseError;
+use crate::scene::{MAX_ACTUATORS, Scene};
+use nalgebra::{DMatrix, DVector};
+use num_complex::Complex64;
+use std::sync::OnceLock;
+
+/// The frequency grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TableOptions {
+    /// Lowest frequency in Hz.
+    pub from_hz: f64,
+    /// Highest frequency in Hz.
+    pub to_hz: f64,
+    /// Step in Hz.
+    pub step_hz: f64,
+}
+
+impl Default for TableOptions {
+    /// 40 to 400 Hz: what the skin feels well and ERAs reach; 1 Hz is the half-power width of a mode of 1 % loss factor at
+    /// 100 Hz, and a small part of the 18 % difference that fingers can tell. Plans are refined between the grid's frequencies.
+    fn default() -> Self {
+        Self { from_hz: 40.0, to_hz: 400.0, step_hz: 1.0 }
+    }
+}
+
+impl TableOptions {
+    /// For a table that is made anew for every picture: half the frequencies.
+    #[must_use]
+    pub fn preview() -> Self {
+        Self { step_hz: 2.0, ..Self::default() }
+    }
+
+    /// The frequencies.
+    #[must_use]
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "small counts"
+    )]
+    pub fn frequencies_hz(&self) -> Vec<f64> {
+        let steps = ((self.to_hz - self.from_hz) / self.step_hz + 1e-9).floor().max(0.0) as usize;
+        (0..=steps).map(|i| self.from_hz + i as f64 * self.step_hz).collect()
+    }
+}
+
+/// How an actuator's electrodes may be driven at one frequency.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Width {
+    /// Part of its half period for which an electrode is on.
+    pub pulse_width: f64,
+    /// Mean over the surface of |acceleration|^2 by the odd harmonics that come with 1 N of the fundamental, in
+    /// (m/s^2/N)^2.
+    pub harmonics: f64,
+    /// Most travel of every actuator's mass that comes with 1 N of the fundamental, in m/N: the moduli of fundamental and
+    /// harmonics added up.
+    pub travel_m_per_n: [f64; MAX_ACTUATORS],
+    /// Most amplitude of the force's fundamental in N.
+    pub max_force_n: f64,
+    /// What sets it.
+    pub limit: Limit,
+}
+
+/// Odd harmonics whose travel is known: 3, 5 and 7.
+pub const HARMONICS: [f64; 3] = [3.0, 5.0, 7.0];
+
+/// One actuator at one frequency, for 1 N of force amplitude.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Modal coordinates of the acceleration in m/s^2/N: the response at a point is the dot product with the mode shapes
+    /// there.
+    pub acceleration: DVector<Complex64>,
+    /// Mean over the surface of |acceleration|^2, in (m/s^2/N)^2.
+    pub mean_square: f64,
+    /// Mean over the surface of |acceleration|, in m/s^2/N.
+    pub mean: f64,
+    /// No point of the surface has a larger |acceleration|^2.
+    pub most_square: f64,
+    /// Nowhere is its slope along the surface larger, in m/s^2/N per m; 0 off the grid, where it is not known.
+    pub steepest: f64,
+    /// Travel of every actuator's mass relative to its electrodes in m/N.
+    pub travel: [Complex64; MAX_ACTUATORS],
+    /// |travel| of every actuator in m/N at each of [`HARMONICS`].
+    pub harmonic_travel: [[f64; MAX_ACTUATORS]; HARMONICS.len()],
+    /// Pulse widths worth choosing from: the one whose harmonics move the panel least, and the widest if it gives more force.
+    pub widths: [Width; 2],
+    /// Most force amplitude in N, of any width.
+    pub max_force_n: f64,
+    /// What sets it.
+    pub limit: Limit,
+}
+
+/// The table of one scene.
+#[derive(Clone, Debug)]
+pub struct PlanTable {
+    /// The panel's reduced model.
+    pub model: ReducedModel,
+    /// Coarser ones, which tell how wrong it may be; without them plans have no error bound.
+    pub coarser: Option<([ReducedModel; 2], Estimator)>,
+    /// The scene.
+    pub scene: Scene,
+    /// Frequencies in Hz, ascending.
+    pub frequencies_hz: Vec<f64>,
+    /// `entries[actuator][frequency]`; `None` where the response is unbounded.
+    pub entries: Vec<Vec<Option<Entry>>>,
+    /// The electrodes of each actuator.
+    pub electrodes: Vec<Electrodes>,
+    /// The surface.
+    pub grid: SurfaceGrid,
+    /// Accelerations of all actuators on the coarser models, level by level at every frequency of the grid.
+    pub(super) coarser_rows: [Vec<Option<Vec<DVector<Complex64>>>>; 2],
+    /// Weighted products of the shapes over the surface, n x n.
+    products: DMatrix<f64>,
+    /// The entries' accelerations, in the order in which a touch asks for them.
+    gains: Gains,
+    /// Limits that actuators share.
+    pub(super) limits: SharedLimits,
+    /// For bounds.
+    pub(super) rough: Rough,
+    /// Made when it is first asked for.
+    over_surface: OnceLock<Vec<PerPair>>,
+    /// Likewise.
+    rise: OnceLock<Option<RiseTimes>>,
+}
+
+impl PlanTable {
+    /// Computes the table of the finest level; the coarser ones give its plans an error bound.
+    ///
+    /// # Errors
+    /// As [`PlanTable::build`].
+    pub fn with_levels(scene: &Scene, levels: Levels, options: TableOptions) -> Result<Self, ResponseError> {
+        let mut table = Self::build(scene, levels.fine, options)?;
+        table.coarser_rows = levels.coarser.each_ref().map(|model| build::rows(model, &table.frequencies_hz));
+        table.coarser = Some((levels.coarser, levels.estimator));
+        Ok(table)
+    }
+
+    /// Computes the table.
+    ///
+    /// # Errors
+    /// As the response does, other than for a single unbounded frequency, which is left out.
+    pub fn build(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<Self, ResponseError> {
+        build::table(scene, model, options)
+    }
+
+    /// The entries of all actuators at one frequency, on the grid or off it.
+    ///
+    /// # Errors
+    /// [`ResponseError::Unbounded`].
+    pub fn row_at(&self, frequency_hz: f64) -> Result<Vec<Entry>, ResponseError> {
+        build::row_at(self, frequency_hz)
+    }
+
+    /// Mean square over the surface of a motion with these coordinates.
+    #[must_use]
+    pub fn mean_square(&self, coordinates: &DVector<Complex64>) -> f64 {
+        build::mean_square(&self.products, coordinates)
+    }
+
+    /// At every frequency of the grid the means over the surface of conj(a_i) a_j for 1 N at each actuator alone.
+    pub(super) fn over_surface(&self) -> &[PerPair] {
+        self.over_surface.get_or_init(|| build::over_surface(&self.products, &self.entries))
+    }
+
+    /// What rise and decay are told from, prepared when it is first asked for; `None` for a model whose free motion has no
+    /// poles to tell it by.
+    pub fn rise(&self) -> Option<&RiseTimes> {
+        self.rise.get_or_init(|| RiseTimes::prepare(&self.model)).as_ref()
+    }
+
+    /// What actuators move at the targets, ready for products with mode shapes.
+    #[must_use]
+    pub const fn gains(&self) -> &Gains {
+        &self.gains
+    }
+
+    /// The entry of an actuator at a frequency of the grid.
+    #[must_use]
+    pub fn entry(&self, actuator: usize, frequency: usize) -> Option<&Entry> {
+        self.entries.get(actuator)?.get(frequency)?.as_ref()
+    }
+
+    /// Bytes that the table's arrays take.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let n = self.model.order();
+        let entries = self.entries.iter().flatten().flatten().count();
+        entries * (size_of::<Entry>() + 16 * n)
+            + self.gains.bytes()
+            + 8 * (self.grid.shapes.len() + self.products.len())
+    }
+}
+
+/// Response at a point: the sum of shape times coordinate.
+#[must_use]
+pub fn at_point(shape: &DVector<f64>, acceleration: &DVector<Complex64>) -> Complex64 {
+    let (mut re, mut im) = (0.0, 0.0);
+    for (shape, coordinate) in shape.iter().zip(acceleration.iter()) {
+        re += coordinate.re * shape;
+        im += coordinate.im * shape;
+    }
+    Complex64::new(re, im)
+}

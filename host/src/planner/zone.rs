@@ -1,0 +1,150 @@
+//! What counts as "at the target": the surface within 10 mm of it.
+
+use super::TARGET_RADIUS_M;
+use super::allocate::MOST;
+use super::phased::PerPair;
+use super::request::Target;
+use super::table::{PlanTable, at_point};
+use crate::scene::SurfaceKind;
+use nalgebra::DVector;
+use num_complex::Complex64;
+use std::f64::consts::PI;
+
+/// Gauss-Legendre points and weights on -1 to 1, five of them: exact for polynomials of degree 9.
+const GAUSS: [(f64, f64); 5] = [
+    (-0.906_179_845_938_664, 0.236_926_885_056_189),
+    (-0.538_469_310_105_683, 0.478_628_670_499_366),
+    (0.0, 0.568_888_888_888_889),
+    (0.538_469_310_105_683, 0.478_628_670_499_366),
+    (0.906_179_845_938_664, 0.236_926_885_056_189),
+];
+/// Largest part of the surface that targets take: discs may overlap or cover a small surface whole; some of it is always
+/// "elsewhere".
+const MOST_PART: f64 = 0.9;
+
+/// The targets and the points around them.
+#[derive(Clone, Debug)]
+pub struct Zone {
+    /// Mode shapes at the targets.
+    pub targets: Vec<DVector<f64>>,
+    /// Mode shapes at the points of a quadrature over the targets' discs, with weights that add up to 1.
+    points: Vec<(DVector<f64>, f64)>,
+    /// Part of the surface that the discs cover.
+    pub part: f64,
+}
+
+impl Zone {
+    /// The zone of `targets`, which lie on the surface.
+    #[must_use]
+    pub fn new(table: &PlanTable, targets: &[Target]) -> Self {
+        let shapes: Vec<DVector<f64>> =
+            targets.iter().map(|target| table.model.shape_at(target.x_m, table.y_m(target.y_m))).collect();
+        let mut points = Vec::with_capacity(7 * targets.len());
+        let mut area = 0.0;
+        for (target, shape) in targets.iter().zip(&shapes) {
+            let (x, y) = (target.x_m, table.y_m(target.y_m));
+            let own = match table.scene.surface.kind {
+                SurfaceKind::Plate => disc(table, x, y),
+                SurfaceKind::Bar => segment(table, x, y),
+            };
+            // On a surface smaller than the rule's least distance only the target itself is left.
+            if own.is_empty() {
+                points.push((shape.clone(), f64::MIN_POSITIVE));
+            }
+            for (dx, dy, weight) in own {
+                area += weight;
+                let at_target = dx == 0.0 && dy == 0.0;
+                let shape = if at_target { shape.clone() } else { table.model.shape_at(x + dx, y + dy) };
+                points.push((shape, weight));
+            }
+        }
+        let sum: f64 = points.iter().map(|(_, weight)| weight).sum();
+        for (_, weight) in &mut points {
+            *weight /= sum;
+        }
+        Self { targets: shapes, points, part: (area / table.scene.area_m2()).min(MOST_PART) }
+    }
+
+    /// Mean over the zone of |acceleration|^2.
+    #[must_use]
+    pub fn mean_square(&self, acceleration: &DVector<Complex64>) -> f64 {
+        self.points.iter().map(|(shape, weight)| at_point(shape, acceleration).norm_sqr() * weight).sum()
+    }
+
+    /// Means over the zone of conj(a_i) a_j, for several motions.
+    #[must_use]
+    pub fn products(&self, accelerations: &[&DVector<Complex64>]) -> PerPair {
+        let mut sums = [[Complex64::ZERO; MOST]; MOST];
+        for (shape, weight) in &self.points {
+            let mut at = [Complex64::ZERO; MOST];
+            at.iter_mut().zip(accelerations).for_each(|(at, acceleration)| *at = at_point(shape, acceleration));
+            for (row, a) in sums.iter_mut().zip(&at) {
+                for (sum, b) in row.iter_mut().zip(&at) {
+                    *sum += a.conj() * b * *weight;
+                }
+            }
+        }
+        sums
+    }
+
+    /// Mean over the zone of |acceleration|.
+    #[must_use]
+    pub fn mean(&self, acceleration: &DVector<Complex64>) -> f64 {
+        self.points.iter().map(|(shape, weight)| at_point(shape, acceleration).norm() * weight).sum()
+    }
+
+    /// Mean square over the rest of the surface, of what has a mean square of `near` here and one of `all` over the whole.
+    #[must_use]
+    pub fn elsewhere(&self, all: f64, near: f64) -> f64 {
+        // The difference may round to nothing on a surface that is all target; it stays positive.
+        ((all - self.part * near) / (1.0 - self.part)).max(1e-9 * all).max(f64::MIN_POSITIVE)
+    }
+}
+
+/// Distances from the centre and areas. Whole discs: seven points, exact for polynomials of degree 5 (Abramowitz and
+/// Stegun 25.4.61), which is degree 2 of the motion's; ones that an edge cuts, or a cut-out: Gauss' rule along and
+/// across.
+fn disc(table: &PlanTable, x: f64, y: f64) -> Vec<(f64, f64, f64)> {
+    let r = TARGET_RADIUS_M;
+    let (length, width) = (table.scene.surface.length_m, table.scene.surface.width_m);
+    let layout = table.scene.layout();
+    let is_whole = x >= r && y >= r && x + r <= length && y + r <= width && table.scene.cutouts.is_empty();
+    if is_whole {
+        let area = PI * r * r;
+        let ring = (0..6).map(|k| {
+            let (sin, cos) = (PI / 3.0 * f64::from(k)).sin_cos();
+            let radius = r * (2.0_f64 / 3.0).sqrt();
+            (radius * cos, radius * sin, area / 8.0)
+        });
+        return std::iter::once((0.0, 0.0, area / 4.0)).chain(ring).collect();
+    }
+    // x = r sin(angle): the chords' ends are smooth in the angle.
+    let clamp = |part: f64| part.clamp(-1.0, 1.0).asin();
+    let (from, to) = (clamp(-x / r), clamp((length - x) / r));
+    let mut points = Vec::with_capacity(GAUSS.len() * GAUSS.len());
+    for (u, u_weight) in GAUSS {
+        let angle = 0.5 * (from + to) + 0.5 * (to - from) * u;
+        let (dx, half) = (r * angle.sin(), r * angle.cos());
+        let (low, high) = ((-half).max(-y), half.min(width - y));
+        for (v, v_weight) in GAUSS {
+            let dy = 0.5 * (low + high) + 0.5 * (high - low) * v;
+            let weight = 0.25 * u_weight * v_weight * (to - from) * (high - low) * half;
+            if weight > 0.0 && layout.at((x + dx).clamp(0.0, length), (y + dy).clamp(0.0, width)).is_some() {
+                points.push((dx, dy, weight));
+            }
+        }
+    }
+    points
+}
+
+/// The same along a bar, across which nothing changes.
+fn segment(table: &PlanTable, x: f64, y: f64) -> Vec<(f64, f64, f64)> {
+    let (length, width) = (table.scene.surface.length_m, table.scene.surface.width_m);
+    let layout = table.scene.layout();
+    let (from, to) = ((-TARGET_RADIUS_M).max(-x), TARGET_RADIUS_M.min(length - x));
+    GAUSS
+        .into_iter()
+        .map(|(u, weight)| (0.5 * (from + to) + 0.5 * (to - from) * u, 0.0, 0.5 * weight * (to - from) * width))
+        .filter(|(dx, _, weight)| *weight > 0.0 && layout.at(x + dx, y).is_some())
+        .collect()
+}
