@@ -84,40 +84,65 @@ impl Response {
     #[must_use]
     pub fn samples(&self, levels: &[f64], step_s: f64, count: usize) -> Vec<f64> {
         let mut out = vec![0.0; count];
-        for (n, ringing) in &self.harmonics {
-            let parts: Vec<f64> = levels.iter().map(|level| self.channel.part(*n, *level)).collect();
-            add_samples(ringing, &parts, self.channel.period_s(), step_s, &mut out);
-        }
+        let parts = |n: u32| levels.iter().map(|level| self.channel.part(n, *level)).collect();
+        let mut waves: Vec<Wave<'_>> =
+            self.harmonics.iter().map(|(n, ringing)| Wave::new(ringing, parts(*n), step_s)).collect();
+        add_samples(&mut waves, self.channel.period_s(), step_s, &mut out);
         out
     }
 }
 
-/// Adds the motion under steps of a drive's strength, `parts[i]` in period i. A change by d at the boundary t_i, where the
-/// drive's phase is that of its start, adds d c e^(s (t - t_i)) to the free motion.
+/// A harmonic with its strength in every period.
+struct Wave<'a> {
+    ringing: &'a Ringing,
+    parts: Vec<f64>,
+    /// Strength now, and phasor of the steady motion at strength 1.
+    level: f64,
+    carrier: Complex64,
+    carrier_turn: Complex64,
+}
+
+impl<'a> Wave<'a> {
+    fn new(ringing: &'a Ringing, parts: Vec<f64>, step_s: f64) -> Self {
+        let carrier_turn = Complex64::from_polar(1.0, ringing.omega_rad_s * step_s);
+        Self { ringing, parts, level: 0.0, carrier: ringing.steady, carrier_turn }
+    }
+}
+
+/// Adds the motion under steps of a channel's strength. A change by d at the boundary t_i, where the drive's phase is that
+/// of its start, adds d c e^(s (t - t_i)) to the free motion, which all harmonics share.
 #[allow(clippy::cast_precision_loss, reason = "sample numbers")]
-fn add_samples(ringing: &Ringing, parts: &[f64], period_s: f64, step_s: f64, out: &mut [f64]) {
-    let turns: Vec<Complex64> = ringing.free.iter().map(|(s, _)| (s * step_s).exp()).collect();
-    let mut free = vec![Complex64::ZERO; turns.len()];
-    let (mut next, mut level) = (0_usize, 0.0);
-    let carrier_turn = Complex64::from_polar(1.0, ringing.omega_rad_s * step_s);
-    let mut carrier = ringing.steady;
+fn add_samples(waves: &mut [Wave<'_>], period_s: f64, step_s: f64, out: &mut [f64]) {
+    let Some(first) = waves.first() else { return };
+    let poles: Vec<Complex64> = first.ringing.free.iter().map(|(s, _)| *s).collect();
+    let turns: Vec<Complex64> = poles.iter().map(|s| (s * step_s).exp()).collect();
+    let mut free = vec![Complex64::ZERO; poles.len()];
+    let periods = first.parts.len();
+    let mut next = 0_usize;
     for (i, out) in out.iter_mut().enumerate() {
         let time_s = i as f64 * step_s;
-        while next <= parts.len() && next as f64 * period_s <= time_s {
-            let now = parts.get(next).copied().unwrap_or(0.0);
-            let change: f64 = now - level;
-            if change != 0.0 {
-                let since_s = time_s - next as f64 * period_s;
-                for ((s, c), free) in ringing.free.iter().zip(&mut free) {
-                    *free += c * change * (s * since_s).exp();
+        while next <= periods && next as f64 * period_s <= time_s {
+            let since_s = time_s - next as f64 * period_s;
+            let mut changes: Vec<(f64, &Ringing)> = Vec::new();
+            for wave in waves.iter_mut() {
+                let now = wave.parts.get(next).copied().unwrap_or(0.0);
+                if now != wave.level {
+                    changes.push((now - wave.level, wave.ringing));
+                    wave.level = now;
                 }
             }
-            (level, next) = (now, next + 1);
+            if !changes.is_empty() {
+                for (k, (free, s)) in free.iter_mut().zip(&poles).enumerate() {
+                    let sum: Complex64 = changes.iter().map(|(change, ringing)| ringing.free[k].1 * *change).sum();
+                    *free += sum * (s * since_s).exp();
+                }
+            }
+            next += 1;
         }
-        let ringing_now: f64 = free.iter().map(|z| z.re).sum();
-        *out += level * carrier.re + ringing_now;
+        let ringing: f64 = free.iter().map(|z| z.re).sum();
+        *out += ringing + waves.iter().map(|wave| wave.level * wave.carrier.re).sum::<f64>();
         free.iter_mut().zip(&turns).for_each(|(z, turn)| *z *= turn);
-        carrier *= carrier_turn;
+        waves.iter_mut().for_each(|wave| wave.carrier *= wave.carrier_turn);
     }
 }
 
@@ -134,7 +159,7 @@ pub fn samples_of(ringing: &Ringing, levels: &[f64], period_s: f64, after_s: f64
     /// Times per period: between two of them a sine rises by 1 - cos(pi/16) = 2 % at most.
     const TIMES: f64 = 16.0;
     let count = ((levels.len() as f64 + after_s.max(0.0) / period_s) * TIMES).ceil() as usize + 1;
-    let mut out = vec![0.0; count];
-    add_samples(ringing, levels, period_s, period_s / TIMES, &mut out);
-    (out, period_s / TIMES)
+    let (mut out, step_s) = (vec![0.0; count], period_s / TIMES);
+    add_samples(&mut [Wave::new(ringing, levels.to_vec(), step_s)], period_s, step_s, &mut out);
+    (out, step_s)
 }

@@ -15,15 +15,15 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 /// Step in s: some sixty in a period of 400 Hz.
 const STEP_S: f64 = 40e-6;
 /// Longest part of an effect that is looked at, in s; overshoots come at its beginning.
-const LONGEST_S: f64 = 0.3;
+const LONGEST_S: f64 = 0.2;
 /// After the end, in s: half a period of the slowest drives.
 const AFTER_S: f64 = 0.01;
 /// Part of the travel allowed that may be used, for the steps and for cycles that fall together otherwise.
 const USED: f64 = 0.92;
 /// Times over its period at which each drive may begin.
 const OFFSETS: u32 = 2;
-/// Halvings in the search for a strength that fits: to 1/256.
-const HALVINGS: usize = 8;
+/// Halvings in the search for a strength that fits: to 1/64.
+const HALVINGS: usize = 6;
 
 /// Lowers all drives until no actuator travels beyond a third of its gap, or closes it below what its voltage takes; says
 /// whether it had to.
@@ -44,7 +44,7 @@ pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part
             })
         })
     };
-    if fits(1.0) {
+    if is_surely_small(rise, &rows, &table.electrodes, parts, &levels) || fits(1.0) {
         return false;
     }
     let (mut low, mut high) = (0.0, 1.0);
@@ -54,6 +54,33 @@ pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part
     }
     parts.iter_mut().for_each(|part| part.drive.force_n *= low);
     true
+}
+
+/// Whether all travels are so small that nothing has to be stepped: a bound of the fundamentals' travel, from the steady
+/// motion and all of the free motion that every change of level adds, against 1/50 of the gap. The factor of sixteen from
+/// there to a third of it is for harmonics, of a third of the fundamental at most and a resonance of their own at worst.
+fn is_surely_small(
+    rise: &RiseTimes,
+    rows: &[DVector<f64>],
+    electrodes: &[Electrodes],
+    parts: &[Part],
+    levels: &[Vec<f64>],
+) -> bool {
+    rows.iter().zip(electrodes).enumerate().all(|(actuator, (row, electrodes))| {
+        let bounds = parts.iter().zip(levels).map(|(part, levels)| {
+            let ringing = rise.ringings(row, &[part.drive])?.pop()?.displacement();
+            let ends = levels.first().map_or(0.0, |x| x.abs()) + levels.last().map_or(0.0, |x| x.abs());
+            let changes = ends + levels.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>();
+            let free: f64 = ringing.free.iter().map(|(_, c)| c.norm()).sum();
+            Some(part.drive.force_n * (ringing.steady.norm() + changes * free))
+        });
+        let travel = bounds.sum::<Option<f64>>();
+        let own = parts.iter().find(|part| part.drive.actuator == actuator);
+        let volts = own.map_or(0.0, |part| electrodes.voltage_for(part.drive.force_n, part.channel.pulse_width));
+        travel.is_some_and(|travel| {
+            travel < 0.02 * electrodes.gap_m && volts <= BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel)
+        })
+    })
 }
 
 /// Travel of an actuator per unit of each coordinate.
