@@ -123,27 +123,31 @@ impl Program {
         (Self { gain: turned(&self.gain), energy, travel: self.travel.map(|row| turned(&row)), ..*self }, turn)
     }
 
-    /// energy^-1 conj(gain), by Cholesky's method: the direction of the best forces without limits. Its peak is its
-    /// energy.
+    /// energy^-1 conj(gain): the direction of the best forces without limits. Its peak is its energy.
     pub(super) fn unlimited(&self) -> PerActuator {
-        let (mut factor, mut x) = (self.energy, self.gain.map(|gain| gain.conj()));
-        for i in self.actuators() {
-            for j in self.actuators().take_while(|j| *j <= i) {
+        self.solve(self.used, self.gain.map(|gain| gain.conj()))
+    }
+
+    /// x with energy x = right, in rows and columns of `mask` only, by Cholesky's method; elsewhere `right` is left alone.
+    pub(super) fn solve(&self, mask: u8, right: PerActuator) -> PerActuator {
+        let (mut factor, mut x) = (self.energy, right);
+        for i in list(mask) {
+            for j in list(mask).take_while(|j| *j <= i) {
                 let mut entry = factor[i][j];
-                for l in self.actuators().take_while(|l| *l < j) {
+                for l in list(mask).take_while(|l| *l < j) {
                     entry -= factor[i][l] * factor[j][l].conj();
                 }
                 factor[i][j] =
                     if i == j { entry.re.max(f64::MIN_POSITIVE).sqrt().into() } else { entry / factor[j][j].re };
             }
-            for j in self.actuators().take_while(|j| *j < i) {
+            for j in list(mask).take_while(|j| *j < i) {
                 let done = factor[i][j] * x[j];
                 x[i] -= done;
             }
             x[i] /= factor[i][i].re;
         }
-        for i in (0..4).rev().filter(|i| self.used >> i & 1 == 1) {
-            for j in self.actuators().filter(|j| *j > i) {
+        for i in (0..4).rev().filter(|i| mask >> i & 1 == 1) {
+            for j in list(mask).filter(|j| *j > i) {
                 let done = factor[j][i].conj() * x[j];
                 x[i] -= done;
             }
