@@ -9,11 +9,12 @@
 //!   and the least energy of a choice of groups and frequencies for a peak a is a^2 / sum s.
 //! - `program`, `barrier`, `leaf`: with limits a choice of groups and frequencies leaves a convex problem, solved by
 //!   an interior-point method whose dual value proves how far from the optimum it may be.
-//! - `bounds`, `search`: the best choice, by dynamic programming over the sorted frequencies and the subsets of
+//! - `bounds`, `search`, `enumerate`: the best choice, by dynamic programming over the sorted frequencies and the subsets of
 //!   actuators, and where limits bind by a ranked enumeration with bounds from the Lagrangian relaxation.
 
 mod barrier;
 mod bounds;
+mod enumerate;
 mod leaf;
 mod program;
 #[cfg(test)]

@@ -1,12 +1,12 @@
 //! The best choice of groups and frequencies, proven.
 
 use super::bounds::{Bounds, Layout, Prefix, most_peaks};
-use super::leaf::{Leaf, Prices, least_energy, most_peak, quick_worth, within_limits};
+use super::enumerate::{Partial, View};
+use super::leaf::{Leaf, Prices, least_energy, most_peak, within_limits};
 use super::program::{Choice, Program, Units, list};
 use super::scores::Scores;
 use super::{Field, Found, Group, Grouping, REACH_SLACK, SUBSETS, ZERO};
 use std::collections::HashMap;
-use std::ops::ControlFlow;
 
 /// Relative improvement below which a choice counts as no better.
 const SAME: f64 = 1e-10;
@@ -16,7 +16,7 @@ const MOST_SOLVED: usize = 10_000;
 const MOST_STEPS: usize = 20_000_000;
 /// Most prices at which bounds are looked at, how many in a row may bring the bound nearer to the best by less than a part
 /// of the gap, and that part.
-const MOST_VIEWS: usize = 8;
+pub(super) const MOST_VIEWS: usize = 8;
 const VIEWS_IN_VAIN: usize = 2;
 const WORTH_ANOTHER: f64 = 0.1;
 /// Relative gap that the enumeration settles sooner than further prices.
@@ -26,8 +26,6 @@ const DEARER: f64 = 1.5;
 /// Guesses at a better choice, and relative difference of bounds and of prices that is good enough for that.
 const GUESSES: usize = 6;
 const GUESSED: f64 = 0.02;
-/// Tries to prove a choice useless at prices of its own.
-const QUICK_TRIES: usize = 4;
 /// Bounds tightened before the dynamic programming is done again with them; it takes about as long as ten of them.
 const BATCH: usize = 32;
 /// The same for quick bounds.
@@ -58,29 +56,29 @@ pub(super) fn best(field: &Field<'_>, grouping: Grouping, wanted: f64, spacing_h
     Some(search.within_limits(wanted, units, choices))
 }
 
-struct Search<'a> {
+pub(super) struct Search<'a> {
     field: &'a Field<'a>,
     scores: &'a Scores,
-    layout: &'a Layout,
-    most_peaks: &'a [[f64; SUBSETS]],
+    pub(super) layout: &'a Layout,
+    pub(super) most_peaks: &'a [[f64; SUBSETS]],
     /// Most peak at the first frequencies, by mask.
-    strongest: &'a Prefix,
+    pub(super) strongest: &'a Prefix,
 }
 
 /// The best so far, and what is being looked for.
-struct State {
-    units: Units,
+pub(super) struct State {
+    pub(super) units: Units,
     /// What is minimised: energy, or minus the peak.
-    for_energy: bool,
+    pub(super) for_energy: bool,
     /// A cost that is good enough.
-    enough: f64,
+    pub(super) enough: f64,
     choices: Vec<Choice>,
-    leaf: Leaf,
+    pub(super) leaf: Leaf,
     /// Choices that were solved, and their prices.
     visited: HashMap<[Choice; 4], Option<Prices>>,
     solved: usize,
     /// Steps of the enumeration.
-    steps: usize,
+    pub(super) steps: usize,
 }
 
 impl Search<'_> {
@@ -123,7 +121,7 @@ impl Search<'_> {
         found(self.field, self.scores, state.units, &state.choices, &state.leaf, gap, before + state.solved)
     }
 
-    fn program(&self, choices: &[Choice], units: Units) -> Program {
+    pub(super) fn program(&self, choices: &[Choice], units: Units) -> Program {
         Program::new(self.field, self.scores, choices, units)
     }
 
@@ -148,12 +146,13 @@ impl Search<'_> {
     fn look(&self, state: &mut State, views: &mut Vec<View>) -> Look {
         // At the prices of the best so far its own bound is its cost: what is worth more there may cost less.
         let mut prices = state.leaf.prices;
-        if self.guess(state, prices) {
+        let mut first = self.bounds(state, prices);
+        if self.guess(state, &mut first) {
             return if state.leaf.cost <= state.enough { Look::Done(f64::NEG_INFINITY) } else { Look::Improved };
         }
-        let (mut bound, mut in_vain) = (f64::NEG_INFINITY, 0);
+        let (mut first, mut bound, mut in_vain) = (Some(first), f64::NEG_INFINITY, 0);
         while views.len() < MOST_VIEWS && in_vain < VIEWS_IN_VAIN {
-            let mut bounds = Bounds::new(prices, state.units, self.scores, self.most_peaks);
+            let mut bounds = first.take().unwrap_or_else(|| self.bounds(state, prices));
             let prefix = self.sharpen(state, &mut bounds);
             let here = bounds.cost(self.layout.most(&prefix));
             let helps = here - bound > WORTH_ANOTHER * (state.limit() - bound);
@@ -180,10 +179,12 @@ impl Search<'_> {
 
     /// Tries the choices that look best by quick bounds; `true` if one is better than the best so far. Each is followed to
     /// the multiple of the prices at which it has the peak that is wanted.
-    fn guess(&self, state: &mut State, mut prices: Prices) -> bool {
+    fn guess(&self, state: &mut State, first: &mut Bounds) -> bool {
+        let mut prices = first.prices;
+        let mut later;
+        let mut bounds = first;
         for _ in 0..GUESSES {
-            let mut bounds = Bounds::new(prices, state.units, self.scores, self.most_peaks);
-            let choices = self.best_by_quick_bounds(&mut bounds);
+            let choices = self.best_by_quick_bounds(state, bounds);
             if matches!(self.visit(state, &choices, state.limit()), Visit::Better) {
                 return true;
             }
@@ -192,11 +193,23 @@ impl Search<'_> {
                 return false;
             }
             prices = prices.times(multiple);
+            later = self.bounds(state, prices);
+            bounds = &mut later;
         }
         false
     }
 
-    fn best_by_quick_bounds(&self, bounds: &mut Bounds) -> Vec<Choice> {
+    fn bounds(&self, state: &State, prices: Prices) -> Bounds {
+        Bounds::new(prices, state.units, self.scores, self.most_peaks)
+    }
+
+    /// What a group may be worth, at most, that is in no choice better than the best so far, whatever the distances between
+    /// frequencies, if `rest` is what it leaves of the actuators.
+    fn hopeless(state: &State, bounds: &Bounds, prefix: &Prefix, rest: usize) -> f64 {
+        bounds.cost(0.0) - state.limit() - prefix[prefix.len() - 1][rest]
+    }
+
+    fn best_by_quick_bounds(&self, state: &State, bounds: &mut Bounds) -> Vec<Choice> {
         let all = usize::from(self.layout.all);
         loop {
             let prefix = self.layout.prefix(&bounds.worth);
@@ -210,17 +223,20 @@ impl Search<'_> {
                 return choices;
             }
             // With them the others that look good, as the next choice is one of those.
-            let mut next: Vec<(f64, usize, usize)> = Vec::new();
+            let mut next: Vec<(f64, usize, usize, f64)> = Vec::new();
             for (rest, group) in self.layout.groups(all) {
+                let hopeless = Self::hopeless(state, bounds, &prefix, rest);
                 let with = prefix[prefix.len() - 1][rest];
                 let loose = (0..bounds.worth.len()).filter(|k| !bounds.is_quick(group, *k));
-                next.extend(loose.map(|k| (bounds.worth[k][group] + with, group, k)).filter(|next| next.0 > now));
+                next.extend(
+                    loose.map(|k| (bounds.worth[k][group] + with, group, k, hopeless)).filter(|next| next.0 > now),
+                );
             }
             if next.len() > QUICK_BATCH {
                 next.select_nth_unstable_by(QUICK_BATCH, |a, b| b.0.total_cmp(&a.0));
             }
-            for (_, group, k) in next.into_iter().take(QUICK_BATCH) {
-                bounds.quicken(self.field, self.scores, group, k, f64::NEG_INFINITY);
+            for (_, group, k, hopeless) in next.into_iter().take(QUICK_BATCH) {
+                bounds.quicken(self.field, self.scores, group, k, hopeless);
             }
         }
     }
@@ -229,13 +245,8 @@ impl Search<'_> {
     fn sharpen(&self, state: &mut State, bounds: &mut Bounds) -> Prefix {
         let all = usize::from(self.layout.all);
         let mut prefix = self.layout.prefix(&bounds.worth);
-        // A group that is worth no more than this is in no choice that is better than the best so far, whatever the
-        // distances between frequencies.
-        let hopeless = |state: &State, bounds: &Bounds, prefix: &Prefix, rest: usize| {
-            bounds.cost(0.0) - state.limit() - prefix[prefix.len() - 1][rest]
-        };
         for (rest, group) in self.layout.groups(all) {
-            let hopeless = hopeless(state, bounds, &prefix, rest);
+            let hopeless = Self::hopeless(state, bounds, &prefix, rest);
             for k in 0..bounds.worth.len() {
                 if bounds.worth[k][group] > hopeless {
                     bounds.quicken(self.field, self.scores, group, k, hopeless);
@@ -246,7 +257,7 @@ impl Search<'_> {
             prefix = self.layout.prefix(&bounds.worth);
             let mut loose: Vec<(f64, usize, usize, f64)> = Vec::new();
             for (rest, group) in self.layout.groups(all) {
-                let hopeless = hopeless(state, bounds, &prefix, rest);
+                let hopeless = Self::hopeless(state, bounds, &prefix, rest);
                 for k in 0..bounds.worth.len() {
                     let over = bounds.worth[k][group] - hopeless;
                     if over > 0.0 && !bounds.is_tight(group, k) {
@@ -266,7 +277,7 @@ impl Search<'_> {
     }
 
     /// Solves a choice unless that was done before, as far as it may cost less than `limit`.
-    fn visit(&self, state: &mut State, choices: &[Choice], limit: f64) -> Visit {
+    pub(super) fn visit(&self, state: &mut State, choices: &[Choice], limit: f64) -> Visit {
         let key = key(choices);
         if let Some(prices) = state.visited.get(&key) {
             return Visit::NoBetter(*prices);
@@ -287,90 +298,6 @@ impl Search<'_> {
             _ => Visit::NoBetter(leaf.map(|leaf| leaf.prices)),
         }
     }
-
-    /// Looks at every choice whose bound is below the best cost: adds groups for `mask` at the first `until` frequencies,
-    /// the highest frequency first. Breaks off at the limit of work, or if a cost is good enough.
-    fn descend(
-        &self,
-        state: &mut State,
-        views: &[View],
-        until: usize,
-        mask: usize,
-        so_far: Partial,
-        chosen: &mut Vec<Choice>,
-    ) -> ControlFlow<()> {
-        for k in (0..until).rev() {
-            state.steps += 1;
-            if self.hopeless(state, views, &so_far, k + 1, mask) {
-                break;
-            }
-            for (rest, group) in self.layout.groups(mask) {
-                let lag = self.layout.lag[k];
-                let mut with = so_far;
-                for (sum, view) in with.worth.iter_mut().zip(views) {
-                    *sum += view.bounds.worth[k][group];
-                }
-                with.peak += self.most_peaks[k][group];
-                if self.hopeless(state, views, &with, lag, rest) {
-                    continue;
-                }
-                #[allow(clippy::cast_possible_truncation, reason = "at most 15")]
-                chosen.push((group as u8, k));
-                let flow = if rest == 0 {
-                    self.judge(state, views, chosen)
-                } else {
-                    self.descend(state, views, lag, rest, with, chosen)
-                };
-                chosen.pop();
-                flow?;
-            }
-        }
-        ControlFlow::Continue(())
-    }
-
-    /// Whether nothing that continues a part of a choice at the first `until` frequencies is better than the best.
-    fn hopeless(&self, state: &State, views: &[View], so_far: &Partial, until: usize, mask: usize) -> bool {
-        let too_weak = state.for_energy && so_far.peak + self.strongest[until][mask] < state.units.peak;
-        let mut sums = so_far.worth.iter().zip(views);
-        too_weak || sums.any(|(sum, view)| view.bounds.cost(sum + view.prefix[until][mask]) >= state.limit())
-    }
-
-    fn judge(&self, state: &mut State, views: &[View], chosen: &[Choice]) -> ControlFlow<()> {
-        let own = |view: &View| view.bounds.prices.best_multiple(&view.bounds.parts_of(chosen));
-        let best = views.iter().map(|view| (own(view), view)).max_by(|a, b| a.0.0.total_cmp(&b.0.0));
-        if let Some(((cost, mut multiple), view)) = best
-            && cost < state.limit()
-        {
-            // Once more, all groups together at the prices that suit them.
-            let program = self.program(chosen, state.units);
-            let mut prices = view.bounds.prices;
-            let mut better = true;
-            for _ in 0..QUICK_TRIES {
-                prices = prices.times(multiple);
-                let cost;
-                (cost, multiple) = prices.best_multiple(&quick_worth(&program, &prices, f64::NEG_INFINITY));
-                better = cost < state.limit();
-                if !better || (multiple - 1.0).abs() < 1e-3 {
-                    break;
-                }
-            }
-            if better {
-                let _ = self.visit(state, chosen, state.limit());
-            }
-            state.steps += 500;
-        }
-        if state.spent() || state.leaf.cost <= state.enough {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    }
-}
-
-/// Bounds at some prices.
-struct View {
-    bounds: Bounds,
-    prefix: Prefix,
 }
 
 /// What looking at bounds brought.
@@ -384,18 +311,11 @@ enum Look {
 }
 
 /// What solving a choice brought.
-enum Visit {
+pub(super) enum Visit {
     /// It is the best so far.
     Better,
     /// It is not; its prices, if it was solved.
     NoBetter(Option<Prices>),
-}
-
-/// A part of a choice: what it is worth at most in each view, and its peak.
-#[derive(Clone, Copy, Default)]
-struct Partial {
-    worth: [f64; MOST_VIEWS],
-    peak: f64,
 }
 
 impl State {
@@ -405,11 +325,11 @@ impl State {
     }
 
     /// A cost from which on a choice is no better.
-    fn limit(&self) -> f64 {
+    pub(super) fn limit(&self) -> f64 {
         self.leaf.cost - SAME * self.leaf.cost.abs()
     }
 
-    fn spent(&self) -> bool {
+    pub(super) fn spent(&self) -> bool {
         self.solved >= MOST_SOLVED || self.steps >= MOST_STEPS
     }
 
