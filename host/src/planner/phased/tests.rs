@@ -226,3 +226,37 @@ proptest! {
         prop_assert!(found.proven_gap < if part < 1.0 { 1e-9 } else { 1e-6 }, "{found:?}");
     }
 }
+
+/// Two actuators at one frequency, with E inverted by hand.
+#[test]
+fn without_limits_the_closed_form() {
+    let mut owned = panel(3, 2, 1, 1e-4);
+    owned.max_force_n[0] = [1e6; 4];
+    owned.max_travel_m = [f64::INFINITY; 4];
+    let found = best(&owned.field(), Grouping::Shared, 2.0, 20.0).unwrap();
+    let (e, h) = (&owned.energy[0], &owned.gain[0]);
+    let determinant = e[0][0].re * e[1][1].re - e[0][1].norm_sqr();
+    let score = (h[0].norm_sqr() * e[1][1].re + h[1].norm_sqr() * e[0][0].re - 2.0 * (h[0] * e[0][1] * h[1].conj()).re)
+        / determinant;
+    assert!((found.energy * score / 4.0 - 1.0).abs() < 1e-9, "{} {score}", found.energy);
+    assert!((found.reached - 2.0).abs() < 1e-12 && found.solved == 0);
+}
+
+#[test]
+fn what_cannot_be_driven_stays_at_rest() {
+    let mut owned = panel(4, 2, 6, 1e-4);
+    for force in &mut owned.max_force_n {
+        force[1] = 0.0;
+    }
+    for grouping in [Grouping::Shared, Grouping::Mixed] {
+        let found = best(&owned.field(), grouping, 0.1, 20.0).unwrap();
+        check(&owned.field(), &found, 20.0);
+        assert!(found.groups.iter().all(|group| group.forces_n[1] == ZERO));
+    }
+    let nothing = best(&owned.field(), Grouping::Mixed, 0.0, 20.0).unwrap();
+    assert_eq!((nothing.energy, nothing.reached), (0.0, 0.0));
+    owned.max_force_n.fill([0.0; 4]);
+    assert_eq!(best(&owned.field(), Grouping::Mixed, 1.0, 20.0), None);
+    owned.travel.pop();
+    assert_eq!(best(&owned.field(), Grouping::Mixed, 1.0, 20.0), None);
+}
