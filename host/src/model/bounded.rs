@@ -25,6 +25,7 @@ use super::sections::Waves;
 use super::shape::HIGHEST_ORDER;
 use super::{Accuracy, ModelError, ReducedModel};
 use crate::scene::{Scene, SurfaceKind};
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// Times the estimate.
@@ -91,7 +92,7 @@ impl Bound {
 }
 
 /// One level of the ladder, for `--explain`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Step {
     /// The mesh.
     pub fineness: Fineness,
@@ -318,7 +319,7 @@ impl<Q: Question> Ladder<'_, Q> {
 }
 
 /// What a scene's and a mesh's kind says about how fast differences shrink.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Estimator {
     order: usize,
     /// Least power that errors fall with.
@@ -347,6 +348,12 @@ impl Estimator {
             rounding: Rounding::new(scene, model).of_bending(),
             has_point_moment: has_point_moment(scene),
         }
+    }
+
+    /// Whether it can belong to elements of this order.
+    pub(super) fn is_plausible(&self, order: usize) -> bool {
+        let numbers = [self.power, self.believed, self.rounding];
+        self.order == order && numbers.iter().all(|number| number.is_finite() && *number >= 0.0)
     }
 
     /// The bound from two successive differences, infinite where they do not shrink.
@@ -424,7 +431,7 @@ impl Levels {
     /// As [`bounded`], if the mesh would be too fine.
     #[allow(clippy::cast_precision_loss, reason = "about")]
     pub fn expected_unknowns(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
-        Ok(expected_unknowns(scene, fineness(scene, accuracy.order() + 2, 1.0, max_hz)?) as f64)
+        Ok(expected_unknowns(scene, fineness(scene, Self::order(accuracy), 1.0, max_hz)?) as f64)
     }
 
     /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.
@@ -432,8 +439,12 @@ impl Levels {
     /// # Errors
     /// As [`bounded`].
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
-        // One step finer than a first try, as nobody climbs from here.
-        Self::of_order(scene, accuracy.order() + 2, max_hz)
+        Self::of_order(scene, Self::order(accuracy), max_hz)
+    }
+
+    /// Order of the finest level's elements: one step finer than a first try, as nobody climbs from here.
+    pub(super) fn order(accuracy: Accuracy) -> usize {
+        accuracy.order() + 2
     }
 
     /// Levels of elements of `order` (7 and above) and of the orders 2 and 4 below it.

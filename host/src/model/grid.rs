@@ -8,6 +8,7 @@ use super::shape::Element;
 use super::singular::Singular;
 use super::sparse::Entries;
 use crate::scene::{EdgeKind, Scene, Side, SurfaceKind};
+use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 
 /// Non-zero entries of a vector over the free unknowns.
@@ -18,7 +19,7 @@ pub type SparseVector = Vec<(usize, f64)>;
 const STIFF: f64 = 1e5;
 
 /// How fine a mesh is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fineness {
     /// Widest cell in m.
     pub cell_m: f64,

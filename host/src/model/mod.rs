@@ -16,7 +16,8 @@
 //! * [`eigen`]: the modes, by shift-invert block Lanczos,
 //! * [`damping`]: dampers, loss factor, Rayleigh's and modal damping over a basis,
 //! * [`reduced`]: modes and residual shapes as a small model for response, planning and simulation,
-//! * [`bounded`]: the same question at rising orders, and a bound from the differences.
+//! * [`bounded`]: the same question at rising orders, and a bound from the differences,
+//! * [`stored`]: reduced models as plain numbers, to be kept on disk.
 //!
 //! Data flows down this list; [`PanelModel`] is what the rest of the program uses.
 
@@ -40,6 +41,7 @@ pub mod sections;
 pub mod shape;
 pub mod singular;
 pub mod sparse;
+pub mod stored;
 mod surroundings;
 
 pub use accuracy::Accuracy;

@@ -41,7 +41,7 @@ pub struct Mode {
 }
 
 /// What a mesh is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Parts {
     /// Cells along x and along y.
     pub cells: [usize; 2],

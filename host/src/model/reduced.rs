@@ -32,9 +32,9 @@ pub struct ReducedModel {
     /// B in kg^-1/2, n x p: 1 N at each actuator.
     pub force: DMatrix<f64>,
     /// Travel of each actuator's mass relative to its electrodes, p x n.
-    travel: DMatrix<f64>,
-    grid: Arc<Grid>,
-    shapes: Arc<DMatrix<f64>>,
+    pub(super) travel: DMatrix<f64>,
+    pub(super) grid: Arc<Grid>,
+    pub(super) shapes: Arc<DMatrix<f64>>,
 }
 
 impl ReducedModel {
@@ -91,6 +91,13 @@ impl ReducedModel {
     #[must_use]
     pub fn dofs(&self) -> usize {
         self.shapes.nrows()
+    }
+
+    /// Bytes that its matrices take.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let matrices = [&self.structural, &self.viscous, &self.force, &self.travel, &*self.shapes];
+        size_of::<f64>() * (self.lambda.len() + matrices.iter().map(|matrix| matrix.len()).sum::<usize>())
     }
 
     /// The shapes' deflections at a point of the surface (m), length n: w = shape . q.

@@ -1,7 +1,7 @@
 //! How strong an ERA may be driven: voltage, travel, breakdown of the air in the closing gap.
 
 use crate::scene::EPS0;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Part of the breakdown voltage that may be used.
 pub(crate) const BREAKDOWN_MARGIN: f64 = 0.85;
@@ -20,7 +20,7 @@ pub struct Electrodes {
 }
 
 /// What keeps an actuator from being driven harder.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Limit {
     #[default]

@@ -3,7 +3,7 @@
 //! [`table`] holds what does not depend on the touch (response of every actuator at every frequency of a grid, energy
 //! over the surface, force limits), [`limits`] the electrostatics behind the force limits, [`allocate`] the small convex
 //! problem of how strong each actuator has to be, [`search`] the choice of frequencies, [`plan`] the result,
-//! [`perception`] what a fingertip feels of it, [`rise`] how soon.
+//! [`perception`] what a fingertip feels of it, [`rise`] how soon, [`cache`] tables kept on disk.
 //!
 //! The facts behind the search: at distinct frequencies peaks add (thesis, equation 23) and mean squares add, so that the
 //! least energy elsewhere for a requested peak at the target separates by actuator. Frequencies of different actuators
@@ -12,6 +12,7 @@
 pub mod allocate;
 pub mod assignment;
 mod bound;
+pub mod cache;
 pub mod candidates;
 mod grouped;
 pub mod limits;

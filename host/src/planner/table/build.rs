@@ -1,10 +1,9 @@
 //! Filling the table.
 
-use super::{Entry, Gains, HARMONICS, PlanTable, Rough, SurfaceGrid, TableOptions, Width};
+use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
 use crate::model::ReducedModel;
 use crate::planner::limits::Electrodes;
 use crate::planner::phased::PerPair;
-use crate::planner::shared_limits::SharedLimits;
 use crate::planner::{HIGHEST_FELT_HZ, PULSE_WIDTH};
 use crate::response::sweep::SurfaceShapes;
 use crate::response::{ResponseError, Solver};
@@ -14,7 +13,6 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, TAU};
-use std::sync::OnceLock;
 
 /// Pulse widths to choose from. At 2/3 there is no third harmonic and no ninth, at 4/5 no fifth, at 6/7 no seventh; 0.72
 /// has the least of all together.
@@ -35,17 +33,7 @@ const BETWEEN: f64 = 1.1;
 pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<PlanTable, ResponseError> {
     let frequencies_hz = options.frequencies_hz();
     let grid = SurfaceGrid::new(scene, &model, options.to_hz);
-    let electrodes: Vec<Electrodes> = scene
-        .actuators
-        .iter()
-        .map(|actuator| Electrodes {
-            area_m2: actuator.electrode_area_m2,
-            gap_m: actuator.air_gap_m,
-            max_voltage_v: actuator.max_voltage_v,
-        })
-        .collect();
-    // Force limits are those of the electrodes; a rail's voltage is on all that hang on it.
-    let electrodes = on_rails(electrodes);
+    let electrodes = electrodes_of(scene);
     let products = grid.products();
     let solver = Solver::new(&model);
     let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
@@ -56,25 +44,18 @@ pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -
         .map(|actuator| columns.iter().map(|column| column.as_ref()?.get(actuator).cloned()).collect())
         .collect();
     surface_figures(scene, &model, &grid, &frequencies_hz, &mut entries)?;
-    let gains = Gains::new(&entries, model.order());
-    let limits = SharedLimits::new(&electrodes, &entries);
-    let rough = Rough::new(scene, &entries);
-    Ok(PlanTable {
-        model,
-        coarser: None,
-        coarser_rows: [Vec::new(), Vec::new()],
-        scene: scene.clone(),
-        frequencies_hz,
-        entries,
-        electrodes,
-        grid,
-        products,
-        gains,
-        limits,
-        rough,
-        over_surface: OnceLock::new(),
-        rise: OnceLock::new(),
-    })
+    Ok(PlanTable::of(scene, Computed { model, frequencies_hz, entries, electrodes, grid, products }))
+}
+
+/// The electrodes of a scene's actuators. Force limits are those of the electrodes; a rail's voltage is on all that hang on
+/// it.
+pub(super) fn electrodes_of(scene: &Scene) -> Vec<Electrodes> {
+    let own = scene.actuators.iter().map(|actuator| Electrodes {
+        area_m2: actuator.electrode_area_m2,
+        gap_m: actuator.air_gap_m,
+        max_voltage_v: actuator.max_voltage_v,
+    });
+    on_rails(own.collect())
 }
 
 /// No actuator asks for more voltage than every one on its rail may have.
@@ -98,7 +79,7 @@ pub(super) fn rows(model: &ReducedModel, frequencies_hz: &[f64]) -> Vec<Option<V
 }
 
 /// Everything but the figures that take a look at every point; `None` where the response is unbounded.
-fn entries_at(
+pub(super) fn entries_at(
     model: &ReducedModel,
     solver: &Solver<'_>,
     products: &DMatrix<f64>,

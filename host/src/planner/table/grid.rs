@@ -32,13 +32,19 @@ pub struct SurfaceGrid {
 }
 
 impl SurfaceGrid {
+    pub(super) fn new(scene: &Scene, model: &ReducedModel, max_hz: f64) -> Self {
+        let grid = Self::without_shapes(scene, max_hz);
+        Self { shapes: model.shapes_on(&grid.x_m, &grid.y_m), ..grid }
+    }
+
+    /// The points alone.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
         reason = "small counts"
     )]
-    pub(super) fn new(scene: &Scene, model: &ReducedModel, max_hz: f64) -> Self {
+    pub(super) fn without_shapes(scene: &Scene, max_hz: f64) -> Self {
         let (length, width) = (scene.surface.length_m, scene.surface.width_m);
         let cell = cell_m(scene, max_hz);
         let count = |side: f64| (side / cell - 1e-9).ceil().max(LEAST_CELLS) as usize + 1;
@@ -60,7 +66,7 @@ impl SurfaceGrid {
         if there.contains(&false) && sum > 0.0 {
             weights.iter_mut().for_each(|part| *part /= sum);
         }
-        Self { shapes: model.shapes_on(&x_m, &y_m), x_m, y_m, weights, there }
+        Self { shapes: DMatrix::zeros(0, 0), x_m, y_m, weights, there }
     }
 
     /// Acceleration at every point, in (m/s^2) per what `acceleration` is for.

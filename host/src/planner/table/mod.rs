@@ -4,6 +4,7 @@ mod build;
 mod gains;
 mod grid;
 mod rough;
+pub(super) mod stored;
 
 pub(super) use build::{harmonic_part, travel_m_per_n};
 pub use gains::{Gains, SINGLE};
@@ -20,6 +21,7 @@ use crate::response::ResponseError;
 use crate::scene::{MAX_ACTUATORS, Scene};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
+use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
 
 /// The frequency grid.
@@ -63,7 +65,7 @@ impl TableOptions {
 }
 
 /// How an actuator's electrodes may be driven at one frequency.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Width {
     /// Part of its half period for which an electrode is on.
     pub pulse_width: f64,
@@ -106,6 +108,16 @@ pub struct Entry {
     pub max_force_n: f64,
     /// What sets it.
     pub limit: Limit,
+}
+
+/// What a table is made of when its scene, model and frequencies are known; everything else follows.
+struct Computed {
+    model: ReducedModel,
+    frequencies_hz: Vec<f64>,
+    entries: Vec<Vec<Option<Entry>>>,
+    electrodes: Vec<Electrodes>,
+    grid: SurfaceGrid,
+    products: DMatrix<f64>,
 }
 
 /// The table of one scene.
@@ -153,6 +165,27 @@ impl PlanTable {
         Ok(table)
     }
 
+    /// The table of what was computed, or kept from when it was.
+    fn of(scene: &Scene, computed: Computed) -> Self {
+        let Computed { model, frequencies_hz, entries, electrodes, grid, products } = computed;
+        Self {
+            gains: Gains::new(&entries, model.order()),
+            limits: SharedLimits::new(&electrodes, &entries),
+            rough: Rough::new(scene, &entries),
+            model,
+            coarser: None,
+            coarser_rows: [Vec::new(), Vec::new()],
+            scene: scene.clone(),
+            frequencies_hz,
+            entries,
+            electrodes,
+            grid,
+            products,
+            over_surface: OnceLock::new(),
+            rise: OnceLock::new(),
+        }
+    }
+
     /// Computes the table.
     ///
     /// # Errors
@@ -198,14 +231,19 @@ impl PlanTable {
         self.entries.get(actuator)?.get(frequency)?.as_ref()
     }
 
-    /// Bytes that the table's arrays take.
+    /// Bytes that the table's arrays and those of its models take.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let n = self.model.order();
         let entries = self.entries.iter().flatten().flatten().count();
-        entries * (size_of::<Entry>() + 16 * n)
+        let coarser = self.coarser.iter().flat_map(|(models, _)| models).map(ReducedModel::bytes).sum::<usize>();
+        let rows = self.coarser_rows.iter().flatten().flatten().flatten().map(DVector::len).sum::<usize>();
+        entries * (size_of::<Entry>() + size_of::<Complex64>() * n)
             + self.gains.bytes()
-            + 8 * (self.grid.shapes.len() + self.products.len())
+            + size_of::<f64>() * (self.grid.shapes.len() + self.products.len())
+            + self.model.bytes()
+            + coarser
+            + size_of::<Complex64>() * rows
     }
 }
 

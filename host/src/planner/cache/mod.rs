@@ -1,0 +1,191 @@
+//! Tables kept on disk, so that a program that has seen a scene before plans at once.
+//!
+//! A file holds the table as plain numbers under a name that is the SHA-256 of all that it follows from ([`Key`]): scene, tolerance,
+//! frequencies, the code that computed it. Contents are checked as they come in: header, key, length, hash,
+//! sizes, finite numbers, samples computed anew. What fails is told in one line and computed again; a table read is bit for
+//! bit the one that was written. A directory that cannot be written to is no error.
+//!
+//! The directory is bounded: [`MOST_FILES`] and [`MOST_BYTES`], of which those go first that have not been used for longest.
+
+mod directory;
+mod file;
+mod key;
+#[cfg(test)]
+mod tests;
+
+pub use directory::{MOST_BYTES, MOST_FILES};
+pub use file::Unusable;
+pub use key::Key;
+
+use super::table::stored::StoredTable;
+use super::{PlanTable, TableOptions};
+use crate::model::bounded::{Levels, Step};
+use crate::model::{Accuracy, ModelError};
+use crate::response::ResponseError;
+use crate::scene::Scene;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// The variable that names the directory.
+pub const DIRECTORY_VARIABLE: &str = "ERA_CACHE_DIR";
+
+/// Why there is no table.
+#[derive(Debug, thiserror::Error)]
+pub enum PrepareError {
+    /// The panel cannot be modelled.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// Its response cannot be computed.
+    #[error(transparent)]
+    Response(#[from] ResponseError),
+}
+
+/// Where a table came from, and what that took.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// It was kept.
+    Kept {
+        /// To read the file and check its hash.
+        read: Duration,
+        /// To make a table of it and compare samples.
+        restore: Duration,
+    },
+    /// It was computed.
+    Computed {
+        /// Meshes, factors, modes of the three levels.
+        levels: Duration,
+        /// Responses, figures over the surface.
+        table: Duration,
+        /// To write it down; zero if it was not.
+        write: Duration,
+    },
+}
+
+/// A table, ready for touches.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The table.
+    pub table: PlanTable,
+    /// The levels of its model, as when they were computed.
+    pub steps: Vec<Step>,
+    /// Where it came from.
+    pub origin: Origin,
+    /// Its file and that file's size in bytes, if there is one.
+    pub kept: Option<(PathBuf, u64)>,
+}
+
+/// A directory of tables.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cache {
+    directory: PathBuf,
+}
+
+impl Cache {
+    /// The tables in `directory`, which need not exist yet.
+    #[must_use]
+    pub fn at(directory: PathBuf) -> Self {
+        Self { directory }
+    }
+
+    /// The user's: `ERA_CACHE_DIR`, or `era` in `XDG_CACHE_HOME`, or `.cache/era` in `HOME`. `None` without any of them.
+    #[must_use]
+    pub fn of_user() -> Option<Self> {
+        Self::from_variables(|name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from))
+    }
+
+    fn from_variables(variable: impl Fn(&str) -> Option<PathBuf>) -> Option<Self> {
+        let of = |name, below: &str| variable(name).filter(|path| path.is_absolute()).map(|path| path.join(below));
+        let directory =
+            variable(DIRECTORY_VARIABLE).or_else(|| of("XDG_CACHE_HOME", "era")).or_else(|| of("HOME", ".cache/era"));
+        directory.map(Self::at)
+    }
+
+    /// The file of a key.
+    #[must_use]
+    pub fn path(&self, key: &Key) -> PathBuf {
+        self.directory.join(directory::name(key))
+    }
+
+    /// The directory.
+    #[must_use]
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// The table of a key, if it is there and sound. One that is not is told and thrown away.
+    fn load(&self, key: &Key, scene: &Scene, accuracy: Accuracy, options: TableOptions) -> Option<Prepared> {
+        let path = self.path(key);
+        match load(&path, key, scene, accuracy, options) {
+            Ok(prepared) => {
+                directory::touch(&path);
+                Some(prepared)
+            }
+            Err(Unusable::Missing) => None,
+            Err(reason) => {
+                tracing::warn!("{} is not used, and computed again: {reason}", path.display());
+                None
+            }
+        }
+    }
+
+    /// Writes a table down; the file's size in bytes. That it could not be is told to those who ask for detail.
+    fn store(&self, key: &Key, table: &PlanTable, steps: &[Step]) -> Option<u64> {
+        let bytes = file::encode(key, &StoredTable::new(table, steps)?);
+        let written = bytes.and_then(|bytes| {
+            directory::write(&self.path(key), &bytes)?;
+            Ok(bytes.len() as u64)
+        });
+        match written {
+            Ok(size) => {
+                directory::tidy(&self.directory, MOST_FILES, MOST_BYTES);
+                Some(size)
+            }
+            Err(reason) => {
+                tracing::debug!("{} is not written: {reason}", self.path(key).display());
+                None
+            }
+        }
+    }
+}
+
+fn load(
+    path: &Path,
+    key: &Key,
+    scene: &Scene,
+    accuracy: Accuracy,
+    options: TableOptions,
+) -> Result<Prepared, Unusable> {
+    let started = Instant::now();
+    let bytes = file::read(path)?;
+    let stored = file::decode(key, &bytes)?;
+    let read = started.elapsed();
+    let (table, steps) = stored.restore(scene, accuracy, options)?;
+    let origin = Origin::Kept { read, restore: started.elapsed().saturating_sub(read) };
+    Ok(Prepared { table, steps, origin, kept: Some((path.to_path_buf(), bytes.len() as u64)) })
+}
+
+/// The table of a scene: from `cache` if it has it, computed and kept there otherwise.
+///
+/// # Errors
+/// [`PrepareError`], from the computation alone.
+pub fn prepare(
+    cache: Option<&Cache>,
+    scene: &Scene,
+    accuracy: Accuracy,
+    options: TableOptions,
+) -> Result<Prepared, PrepareError> {
+    let keyed = cache.and_then(|cache| Some((cache, Key::new(scene, accuracy, options)?)));
+    if let Some(prepared) = keyed.as_ref().and_then(|(cache, key)| cache.load(key, scene, accuracy, options)) {
+        return Ok(prepared);
+    }
+    let started = Instant::now();
+    let levels = Levels::build(scene, accuracy, options.to_hz)?;
+    let steps = levels.steps.clone();
+    let of_levels = started.elapsed();
+    let table = PlanTable::with_levels(scene, levels, options)?;
+    let of_table = started.elapsed().saturating_sub(of_levels);
+    let size = keyed.as_ref().and_then(|(cache, key)| cache.store(key, &table, &steps));
+    let write = if size.is_some() { started.elapsed().saturating_sub(of_levels + of_table) } else { Duration::ZERO };
+    let kept = keyed.zip(size).map(|((cache, key), size)| (cache.path(&key), size));
+    Ok(Prepared { table, steps, origin: Origin::Computed { levels: of_levels, table: of_table, write }, kept })
+}

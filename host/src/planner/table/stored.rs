@@ -1,0 +1,232 @@
+//! The table as plain numbers, to be kept on disk, and back again.
+//!
+//! Kept is what takes time: the reduced models, their responses, the figures over the surface. Points, electrodes and the
+//! arrays that a touch reads in its own order are made again of scene and entries, so that a table read is bit for bit the
+//! one that was written. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
+
+use super::build::{electrodes_of, entries_at, rows};
+use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
+use crate::model::bounded::{Levels, Step};
+use crate::model::stored::{Implausible, StoredLevels, StoredMatrix, complex, expect_size, pairs};
+use crate::model::{Accuracy, ReducedModel};
+use crate::planner::limits::Limit;
+use crate::response::Solver;
+use crate::scene::{MAX_ACTUATORS, Scene};
+use nalgebra::DVector;
+use num_complex::Complex64;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Relative difference of a number computed anew from the one kept. They are the same on the same machine; another's vector
+/// instructions round differently, and near resonance a response has a hundred times what its parts have.
+const SAME: f64 = 1e-9;
+/// The same of figures over the surface, which are summed in single precision.
+const SAME_IN_SINGLE: f64 = 1e-4;
+/// Parts of the list of frequencies, and of that of points, at which samples are taken.
+const SAMPLES: [f64; 3] = [0.15, 0.5, 0.85];
+
+/// Accelerations of all actuators at a frequency, as pairs; `None` where they are unbounded.
+type StoredRow = Option<Vec<Vec<[f64; 2]>>>;
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct StoredEntry {
+    acceleration: Vec<[f64; 2]>,
+    mean_square: f64,
+    mean: f64,
+    most_square: f64,
+    steepest: f64,
+    travel: [[f64; 2]; MAX_ACTUATORS],
+    harmonic_travel: [[f64; MAX_ACTUATORS]; HARMONICS.len()],
+    widths: [Width; 2],
+    max_force_n: f64,
+    limit: Limit,
+}
+
+impl From<&Entry> for StoredEntry {
+    fn from(entry: &Entry) -> Self {
+        Self {
+            acceleration: pairs(&entry.acceleration),
+            mean_square: entry.mean_square,
+            mean: entry.mean,
+            most_square: entry.most_square,
+            steepest: entry.steepest,
+            travel: entry.travel.map(|z| [z.re, z.im]),
+            harmonic_travel: entry.harmonic_travel,
+            widths: entry.widths,
+            max_force_n: entry.max_force_n,
+            limit: entry.limit,
+        }
+    }
+}
+
+/// Numbers of an entry other than its acceleration.
+fn figures(entry: &Entry) -> impl Iterator<Item = f64> {
+    let of_width =
+        |width: Width| [width.pulse_width, width.harmonics, width.max_force_n].into_iter().chain(width.travel_m_per_n);
+    let travel = entry.travel.map(Complex64::norm).into_iter().chain(entry.harmonic_travel.into_iter().flatten());
+    let widths = entry.widths.into_iter().flat_map(of_width);
+    [entry.mean_square, entry.max_force_n].into_iter().chain(travel).chain(widths)
+}
+
+impl StoredEntry {
+    fn restore(self, n: usize) -> Result<Entry, Implausible> {
+        const WHAT: &str = "entries";
+        let entry = Entry {
+            acceleration: complex(WHAT, &self.acceleration, n)?,
+            mean_square: self.mean_square,
+            mean: self.mean,
+            most_square: self.most_square,
+            steepest: self.steepest,
+            travel: self.travel.map(|[re, im]| Complex64::new(re, im)),
+            harmonic_travel: self.harmonic_travel,
+            widths: self.widths,
+            max_force_n: self.max_force_n,
+            limit: self.limit,
+        };
+        let over_surface = [entry.mean, entry.most_square, entry.steepest];
+        if !figures(&entry).chain(over_surface).all(|figure| figure.is_finite() && figure >= 0.0) {
+            return Err(Implausible::NotFinite(WHAT));
+        }
+        // No mean is above the root of the mean square, and no mean square above the largest.
+        let room = 1.0 + SAME_IN_SINGLE;
+        if entry.mean * entry.mean > room * entry.mean_square || entry.mean_square > room * entry.most_square {
+            return Err(Implausible::Differs("figures over the surface"));
+        }
+        Ok(entry)
+    }
+}
+
+/// A [`PlanTable`] made by [`PlanTable::with_levels`], and the steps of its levels.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct StoredTable {
+    levels: StoredLevels,
+    entries: Vec<Vec<Option<StoredEntry>>>,
+    coarser_rows: [Vec<StoredRow>; 2],
+    shapes: StoredMatrix,
+    products: StoredMatrix,
+}
+
+impl StoredTable {
+    /// Of a table with coarser levels, whose steps are given; `None` of one without.
+    #[must_use]
+    pub fn new(table: &PlanTable, steps: &[Step]) -> Option<Self> {
+        let (coarser, estimator) = table.coarser.as_ref()?;
+        let entries = |list: &Vec<Option<Entry>>| list.iter().map(|entry| entry.as_ref().map(Into::into)).collect();
+        let row = |row: &Option<Vec<DVector<Complex64>>>| row.as_ref().map(|row| row.iter().map(pairs).collect());
+        Some(Self {
+            levels: StoredLevels::new(&table.model, coarser, *estimator, steps),
+            entries: table.entries.iter().map(entries).collect(),
+            coarser_rows: table.coarser_rows.each_ref().map(|rows| rows.iter().map(row).collect()),
+            shapes: (&table.grid.shapes).into(),
+            products: (&table.products).into(),
+        })
+    }
+
+    /// The table again, and the steps.
+    ///
+    /// # Errors
+    /// [`Implausible`], if it cannot be that of this scene with these options.
+    pub fn restore(
+        self,
+        scene: &Scene,
+        accuracy: Accuracy,
+        options: TableOptions,
+    ) -> Result<(PlanTable, Vec<Step>), Implausible> {
+        let Levels { fine: model, coarser, estimator, steps } = self.levels.restore(scene, accuracy, options.to_hz)?;
+        let (n, p) = (model.order(), scene.actuators.len());
+        let frequencies_hz = options.frequencies_hz();
+        expect_size("actuators", self.entries.len(), p)?;
+        let restored = |list: Vec<Option<StoredEntry>>| -> Result<Vec<Option<Entry>>, Implausible> {
+            expect_size("frequencies", list.len(), frequencies_hz.len())?;
+            list.into_iter().map(|entry| entry.map(|entry| entry.restore(n)).transpose()).collect()
+        };
+        let entries = self.entries.into_par_iter().map(restored).collect::<Result<Vec<_>, _>>()?;
+        let grid = SurfaceGrid::without_shapes(scene, options.to_hz);
+        let points = grid.weights.len();
+        let grid = SurfaceGrid { shapes: self.shapes.restore("shapes at the surface's points", points, n)?, ..grid };
+        let products = self.products.restore("products over the surface", n, n)?;
+        let electrodes = electrodes_of(scene);
+        let computed = Computed { model, frequencies_hz, entries, electrodes, grid, products };
+        let mut table = PlanTable::of(scene, computed);
+        let [middle, coarse] = self.coarser_rows;
+        table.coarser_rows = [
+            restore_rows(middle, &coarser[0], table.frequencies_hz.len())?,
+            restore_rows(coarse, &coarser[1], table.frequencies_hz.len())?,
+        ];
+        table.coarser = Some((coarser, estimator));
+        check_samples(&table)?;
+        Ok((table, steps))
+    }
+}
+
+fn restore_rows(
+    stored: Vec<StoredRow>,
+    model: &ReducedModel,
+    frequencies: usize,
+) -> Result<Vec<Option<Vec<DVector<Complex64>>>>, Implausible> {
+    const WHAT: &str = "responses of a coarser level";
+    expect_size(WHAT, stored.len(), frequencies)?;
+    let row = |row: Vec<Vec<[f64; 2]>>| {
+        expect_size(WHAT, row.len(), model.actuators())?;
+        row.iter().map(|values| complex(WHAT, values, model.order())).collect()
+    };
+    stored.into_par_iter().map(|stored| stored.map(row).transpose()).collect()
+}
+
+/// Computes samples anew: entries, responses of the coarser levels, shapes.
+fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
+    let solver = Solver::new(&table.model);
+    for k in samples(table.frequencies_hz.len()) {
+        let hz = table.frequencies_hz[k];
+        let anew = entries_at(&table.model, &solver, &table.products, &table.electrodes, hz)
+            .map_err(|_| Implausible::Differs("entries"))?;
+        let kept: Option<Vec<&Entry>> = table.entries.iter().map(|list| list[k].as_ref()).collect();
+        let is_same = match (&anew, &kept) {
+            (Some(anew), Some(kept)) => anew.iter().zip(kept).all(|(anew, kept)| {
+                is_close(&anew.acceleration, &kept.acceleration)
+                    && figures(anew).zip(figures(kept)).all(|(anew, kept)| is_same(anew, kept, SAME))
+                    && is_same(table.grid.mean(&anew.acceleration), kept.mean, SAME_IN_SINGLE)
+            }),
+            (anew, kept) => anew.is_none() && kept.is_none(),
+        };
+        if !is_same {
+            return Err(Implausible::Differs("entries"));
+        }
+        for (model, kept) in table.coarser.iter().flat_map(|(models, _)| models).zip(&table.coarser_rows) {
+            let is_same = match (rows(model, &[hz]).pop().flatten(), &kept[k]) {
+                (Some(anew), Some(kept)) => anew.iter().zip(kept).all(|(anew, kept)| is_close(anew, kept)),
+                (anew, kept) => anew.is_none() && kept.is_none(),
+            };
+            if !is_same {
+                return Err(Implausible::Differs("responses of a coarser level"));
+            }
+        }
+    }
+    let columns = table.grid.x_m.len();
+    for point in samples(table.grid.weights.len()) {
+        let anew = table.model.shape_at(table.grid.x_m[point % columns], table.grid.y_m[point / columns]);
+        let kept = table.grid.shapes.row(point).transpose();
+        if (&anew - kept).amax() > SAME * anew.amax() {
+            return Err(Implausible::Differs("shapes at the surface's points"));
+        }
+    }
+    Ok(())
+}
+
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "parts of a length"
+)]
+fn samples(length: usize) -> impl Iterator<Item = usize> {
+    SAMPLES.into_iter().map(move |part| (part * length as f64) as usize).filter(move |at| *at < length)
+}
+
+fn is_same(a: f64, b: f64, tolerance: f64) -> bool {
+    (a - b).abs() <= tolerance * a.abs().max(b.abs())
+}
+
+fn is_close(a: &DVector<Complex64>, b: &DVector<Complex64>) -> bool {
+    a.len() == b.len() && (a - b).norm() <= SAME * a.norm()
+}
