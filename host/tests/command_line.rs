@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 fn era(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).output().unwrap()
+    // Not the cache of whoever runs the tests.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).args(arguments).output().unwrap()
 }
 
 fn json(arguments: &[&str]) -> Value {
@@ -83,4 +85,33 @@ fn sweeps_that_make_no_sense_are_refused() {
         assert!(!output.status.success() && words.iter().all(|word| told.contains(word)), "{arguments:?}: {told}");
         assert!(output.stdout.is_empty());
     }
+}
+
+#[test]
+fn a_plan_table_is_kept_and_a_spoilt_one_is_told() {
+    let cache = tempfile::tempdir().unwrap();
+    let bar = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/scenes/bar.toml");
+    let plan = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        command.env("ERA_CACHE_DIR", cache.path()).args(["plan", "--at", "480,80", "--accuracy", "fast", "--json"]);
+        let output = command.args(["--scene", bar]).args(more).output().unwrap();
+        let mut plan: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", told(&output)));
+        // The one figure that is not of the plan.
+        plan.as_object_mut().unwrap().remove("elapsed_us");
+        (plan, told(&output))
+    };
+    let files = || std::fs::read_dir(cache.path()).unwrap().map(|file| file.unwrap().path()).collect::<Vec<_>>();
+    let (first, _) = plan(&["--no-cache"]);
+    assert!(files().is_empty());
+    assert_eq!(plan(&[]).0, first);
+    let [file] = &files()[..] else { panic!("{:?}", files()) };
+    let bytes = std::fs::read(file).unwrap();
+    let (kept, told) = plan(&[]);
+    assert_eq!(kept, first);
+    assert!(!told.contains("WARN"), "{told}");
+    std::fs::write(file, &bytes[..1000]).unwrap();
+    let (again, told) = plan(&[]);
+    assert_eq!(again, first);
+    assert!(told.contains(file.to_str().unwrap()) && told.contains("it holds 916 bytes of"), "{told}");
+    assert_eq!(std::fs::read(file).unwrap().len(), bytes.len());
 }

@@ -3,6 +3,7 @@
 use crate::device::Target;
 use crate::effects::NamedEffect;
 use crate::model::Accuracy;
+use crate::planner::cache::{Cache, DIRECTORY_VARIABLE};
 use crate::scene::Scene;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
@@ -141,10 +142,34 @@ impl Panel {
     }
 }
 
+/// Whether plan tables are kept on disk.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct Keep {
+    /// Compute the plan table even if it is on disk, and leave it there as it is (see docs/src/accuracy.md, "Start-up")
+    #[arg(long)]
+    pub no_cache: bool,
+}
+
+impl Keep {
+    /// Where they are kept.
+    pub fn cache(self) -> Option<Cache> {
+        if self.no_cache {
+            return None;
+        }
+        let cache = Cache::of_user();
+        if cache.is_none() {
+            tracing::debug!("none of {DIRECTORY_VARIABLE}, XDG_CACHE_HOME and HOME names a directory: nothing is kept");
+        }
+        cache
+    }
+}
+
 #[derive(Clone, Debug, Default, Args)]
 pub struct Serve {
     #[command(flatten)]
     pub panel: Panel,
+    #[command(flatten)]
+    pub keep: Keep,
     /// sim (the default), emulated, auto, or the path of a serial port
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<Target>,
@@ -341,6 +366,8 @@ pub struct Plan {
     #[command(flatten)]
     pub panel: Panel,
     #[command(flatten)]
+    pub keep: Keep,
+    #[command(flatten)]
     pub at: At,
     /// Print JSON
     #[arg(long)]
@@ -351,6 +378,8 @@ pub struct Plan {
 pub struct Field {
     #[command(flatten)]
     pub panel: Panel,
+    #[command(flatten)]
+    pub keep: Keep,
     #[command(flatten)]
     pub at: At,
     /// Write a picture
@@ -368,6 +397,8 @@ pub struct Field {
 pub struct Verify {
     #[command(flatten)]
     pub panel: Panel,
+    #[command(flatten)]
+    pub keep: Keep,
     /// Number of points, spread over the surface
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub points: u32,
@@ -398,6 +429,8 @@ pub struct Verify {
 pub struct Latency {
     #[command(flatten)]
     pub panel: Panel,
+    #[command(flatten)]
+    pub keep: Keep,
     /// Number of touches
     #[arg(long, value_name = "N", default_value_t = 1000)]
     pub touches: u32,

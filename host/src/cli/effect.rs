@@ -1,6 +1,6 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
-use super::args::{At, Panel, Rhythm};
+use super::args::{At, Keep, Panel, Rhythm};
 use super::panel::{plan_table, target};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{self, DesignError, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
@@ -15,6 +15,8 @@ use std::time::Instant;
 pub struct EffectOptions {
     #[command(flatten)]
     pub panel: Panel,
+    #[command(flatten)]
+    pub keep: Keep,
     #[command(flatten)]
     pub at: At,
     /// The same in dB above the threshold of feeling
@@ -43,7 +45,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
     };
     request.envelope().map_err(Failure::usage)?;
     let target = target(&scene, &options.at)?;
-    let table = plan_table(&options.panel, &scene)?;
+    let table = plan_table(&options.panel, options.keep, &scene)?;
     let rise = RiseTimes::prepare(&table.model).ok_or(DesignError::Unbounded).map_err(Failure::failed)?;
     let wanted = options.at.intensity_g.map(Intensity::G).or(options.intensity_db.map(Intensity::AboveThresholdDb));
     let plan = plan_with(&table, || Some(&rise), &[target], wanted)?;

@@ -15,7 +15,7 @@ const WARM_UP: u32 = 20;
 
 pub fn run(options: &Latency) -> Outcome {
     let (scene, text) = options.panel.load_text()?;
-    let table = plan_table(&options.panel, &scene)?;
+    let table = plan_table(&options.panel, options.keep, &scene)?;
     let device = open_device(&Target::Sim, &table)?;
     let sim = device.sim().ok_or_else(|| Failure::failed("no simulated device"))?;
     let app = App::new(table, device, text).map_err(Failure::failed)?;

@@ -21,6 +21,7 @@ mod verify;
 use clap::Parser;
 use std::fmt;
 use std::process::ExitCode;
+use std::time::Instant;
 
 /// Why a command ended early.
 #[derive(Debug)]
@@ -48,6 +49,7 @@ type Outcome = Result<(), Failure>;
 /// Runs the program with the process's arguments.
 #[must_use]
 pub fn main() -> ExitCode {
+    let started = Instant::now();
     let arguments = args::Arguments::parse();
     start_log(arguments.verbose);
     std::panic::set_hook(Box::new(|panic| {
@@ -56,7 +58,7 @@ pub fn main() -> ExitCode {
         eprintln!("error: this is a mistake in era itself{place}: {what}; please report it with the scene");
     }));
     // A panic is a defect, but never a status that scripts do not know, nor a page of frames for the user.
-    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(arguments)));
+    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(arguments, started)));
     match outcome.unwrap_or(Err(Failure::Defect)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => {
@@ -72,12 +74,12 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn run(arguments: args::Arguments) -> Outcome {
+fn run(arguments: args::Arguments, started: Instant) -> Outcome {
     use args::Command;
     match arguments.command {
         // Without a command the main job runs: daemon, example plate, simulated device, web page.
-        None => serve::run(&args::Serve::default()),
-        Some(Command::Serve(options)) => serve::run(&options),
+        None => serve::run(&args::Serve::default(), started),
+        Some(Command::Serve(options)) => serve::run(&options, started),
         Some(Command::Touch(options)) => client::touch(&options),
         Some(Command::Stop(options)) => client::stop(&options),
         Some(Command::State(options)) => client::state(&options),

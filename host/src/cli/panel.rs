@@ -1,11 +1,12 @@
 //! Commands that study a panel: modes, response, plan, field.
 
-use super::args::{At, Band, Field, Modes, Panel, Plan, Response, Unit};
+use super::args::{At, Band, Field, Keep, Modes, Panel, Plan, Response, Unit};
 use super::explain::explain;
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::model::bounded::{Levels, Step};
+use crate::model::bounded::Step;
 use crate::model::{Accuracy, Bound, ModelError, bounded_modes};
+use crate::planner::cache::{self, PrepareError, Prepared};
 use crate::planner::{PlanError, PlanTable, TableOptions, Target};
 use crate::scene::{MAX_ACTUATORS, Scene, SurfaceKind};
 use crate::{response, study};
@@ -37,6 +38,15 @@ impl From<response::CurveError> for Failure {
         match error {
             response::CurveError::Model(error) => error.into(),
             response::CurveError::Response(error) => Failure::failed(error),
+        }
+    }
+}
+
+impl From<PrepareError> for Failure {
+    fn from(error: PrepareError) -> Self {
+        match error {
+            PrepareError::Model(error) => error.into(),
+            PrepareError::Response(error) => Failure::failed(error),
         }
     }
 }
@@ -257,7 +267,12 @@ fn rectangle_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f6
 }
 
 /// The planner's table for a scene.
-pub fn plan_table(panel: &Panel, scene: &Scene) -> Result<PlanTable, Failure> {
+pub fn plan_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<PlanTable, Failure> {
+    Ok(prepared_table(panel, keep, scene)?.table)
+}
+
+/// The same, and where it came from.
+pub fn prepared_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<Prepared, Failure> {
     let options = TableOptions::default();
     if scene.actuators.len() > MAX_ACTUATORS {
         // Before minutes are spent on a table that no plan comes from.
@@ -265,10 +280,10 @@ pub fn plan_table(panel: &Panel, scene: &Scene) -> Result<PlanTable, Failure> {
     }
     let accuracy = panel.accuracy()?;
     warn_if_thick(scene, TableOptions::default().to_hz);
-    let levels = with_progress("computing modes", || Levels::build(scene, accuracy, options.to_hz))?;
-    tell_steps(panel, scene, accuracy, &levels.steps);
-    with_progress("computing the response of every actuator", || PlanTable::with_levels(scene, levels, options))
-        .map_err(Failure::failed)
+    let prepare = || cache::prepare(keep.cache().as_ref(), scene, accuracy, options);
+    let prepared = with_progress("computing modes and the response of every actuator", prepare)?;
+    tell_steps(panel, scene, accuracy, &prepared.steps);
+    Ok(prepared)
 }
 
 pub fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
@@ -279,7 +294,7 @@ pub fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
 pub fn plan(options: &Plan) -> Outcome {
     let scene = options.panel.load()?;
     let target = target(&scene, &options.at)?;
-    let table = plan_table(&options.panel, &scene)?;
+    let table = plan_table(&options.panel, options.keep, &scene)?;
     let plan = table.plan(&[target])?;
     if options.json {
         if plan.error_bound.is_none() {
@@ -315,7 +330,7 @@ pub fn plan(options: &Plan) -> Outcome {
 pub fn field(options: &Field) -> Outcome {
     let scene = options.panel.load()?;
     let target = target(&scene, &options.at)?;
-    let table = plan_table(&options.panel, &scene)?;
+    let table = plan_table(&options.panel, options.keep, &scene)?;
     let plan = table.plan(&[target])?;
     let field = study::Field::of(&table, &plan);
     let bound = table.field_bound(&plan);

@@ -34,7 +34,7 @@ pub fn run(options: &Verify) -> Outcome {
         )));
     }
     let scene = options.panel.load()?;
-    let table = plan_table(&options.panel, &scene)?;
+    let table = plan_table(&options.panel, options.keep, &scene)?;
     let panel = crate::device::sim::Panel::of(&table);
     let mut points = spread(options.points, scene.surface.length_m, scene.surface.width_m);
     points.retain(|(x_m, y_m)| scene.cutout_at(*x_m, *y_m).is_none());
