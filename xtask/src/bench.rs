@@ -1,4 +1,4 @@
-//! `cargo xtask bench model`: builds the measuring program in release mode and runs it.
+//! `cargo xtask bench`: builds the measuring program in release mode and runs it; `start` measures `era serve` itself.
 
 use crate::error::Error;
 use crate::process::run;
@@ -11,8 +11,8 @@ use std::process::Command;
 #[derive(Args)]
 #[command(disable_help_flag = true)]
 pub struct Options {
-    /// What to measure, and how: `model --help` says it all
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true, value_name = "model ...")]
+    /// What to measure, and how: `model --help` and `start --help` say it all
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true, value_name = "model|start ...")]
     arguments: Vec<OsString>,
 }
 
@@ -21,6 +21,9 @@ pub struct Options {
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`].
 pub fn command(options: &Options) -> Result<(), Error> {
+    if options.arguments.first().is_some_and(|what| what == "start") {
+        return crate::start::command(&options.arguments);
+    }
     let root = root()?;
     run(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet", "-p", "era-bench"]))?;
     run(Command::new(root.join("target/release/era-bench")).args(&options.arguments))

@@ -29,6 +29,14 @@ pub enum Error {
         /// How it ended.
         status: std::process::ExitStatus,
     },
+    /// The daemon did not plan.
+    #[error("`{command}` made no first plan; it said:\n{said}")]
+    NoFirstPlan {
+        /// With its arguments.
+        command: String,
+        /// Its log.
+        said: String,
+    },
     /// A file could not be used.
     #[error("{what} {path}")]
     File {

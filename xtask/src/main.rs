@@ -11,6 +11,7 @@ mod fuzz;
 mod miri;
 mod process;
 mod stack;
+mod start;
 mod target;
 mod waveforms;
 
