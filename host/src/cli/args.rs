@@ -64,8 +64,12 @@ pub enum Command {
     )]
     Transient(Transient),
     /// The drives for a touch, without driving anything
-    #[command(after_help = "Example:\n  era plan --at 100,60 --unit mm --json")]
-    Plan(Plan),
+    #[command(after_help = "\
+Examples:
+  era plan --at 100,60 --unit mm --json
+  era plan --at 480,640 --also 1500,700:0.3 --quiet 960,640:15:0.02    two targets, and a place to be spared
+  era plan --at 480,640 --window 0-300 --also 1500,700:0.3:200-500     one after the other")]
+    Plan(super::plan::PlanOptions),
     /// An effect at a point: what the board would play, and what the panel would do, without driving anything
     #[command(after_help = "Example:\n  era effect --at 100,60 --unit mm --effect click --intensity-g 0.5")]
     Effect(super::effect::EffectOptions),
@@ -362,19 +366,6 @@ pub struct At {
 }
 
 #[derive(Clone, Debug, Args)]
-pub struct Plan {
-    #[command(flatten)]
-    pub panel: Panel,
-    #[command(flatten)]
-    pub keep: Keep,
-    #[command(flatten)]
-    pub at: At,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Clone, Debug, Args)]
 pub struct Field {
     #[command(flatten)]
     pub panel: Panel,
@@ -446,7 +437,7 @@ pub struct Point {
     pub y: f64,
 }
 
-fn parse_point(text: &str) -> Result<Point, String> {
+pub(super) fn parse_point(text: &str) -> Result<Point, String> {
     let number = |part: &str| {
         part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
     };

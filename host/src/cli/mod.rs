@@ -11,6 +11,7 @@ mod flash;
 mod latency;
 mod monitor;
 mod panel;
+mod plan;
 mod progress;
 mod serve;
 mod sweep;
@@ -87,7 +88,7 @@ fn run(arguments: args::Arguments, started: Instant) -> Outcome {
         Some(Command::Response(options)) => panel::response(&options),
         Some(Command::Sweep(options)) => sweep::run(&options),
         Some(Command::Transient(options)) => transient::run(&options),
-        Some(Command::Plan(options)) => panel::plan(&options),
+        Some(Command::Plan(options)) => plan::run(&options),
         Some(Command::Effect(options)) => effect::run(&options),
         Some(Command::Field(options)) => panel::field(&options),
         Some(Command::Verify(options)) => verify::run(&options),

@@ -1,6 +1,6 @@
-//! Commands that study a panel: modes, response, plan, field.
+//! Commands that study a panel: modes, response, field; and what others need of a panel.
 
-use super::args::{At, Band, Field, Keep, Modes, Panel, Plan, Response, Unit};
+use super::args::{At, Band, Field, Keep, Modes, Panel, Response, Unit};
 use super::explain::explain;
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
@@ -237,9 +237,14 @@ pub fn frequencies(options: &Band) -> Result<Vec<f64>, Failure> {
     Ok((0..=count as usize).map(|i| from + i as f64 * step).collect())
 }
 
-/// A point of the command line on the surface, in m.
+/// The point of `--at` on the surface, in m.
 pub fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
-    let (x_m, y_m) = rectangle_point(scene, x, y, unit)?;
+    point_of(scene, "--at", x, y, unit)
+}
+
+/// The point of an option on the surface, in m.
+pub fn point_of(scene: &Scene, option: &str, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
+    let (x_m, y_m) = rectangle_point(scene, option, x, y, unit)?;
     match scene.cutout_at(x_m, y_m) {
         None => Ok((x_m, y_m)),
         Some(cutout) => {
@@ -250,16 +255,16 @@ pub fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, 
 }
 
 /// The same, cut-outs or not.
-fn rectangle_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
+fn rectangle_point(scene: &Scene, option: &str, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
     match unit {
-        Unit::Px => scene.screen.px_to_surface_m(x, y).map_err(Failure::usage),
+        Unit::Px => scene.screen.px_to_surface_m(x, y).map_err(|error| Failure::usage(format!("{option}: {error}"))),
         Unit::Mm => {
             let within = |name: &str, value: f64, side_m: f64| {
                 let most = side_m * 1e3;
                 if (0.0..=most * (1.0 + 1e-12)).contains(&value) {
                     return Ok((value / 1e3).min(side_m));
                 }
-                Err(Failure::usage(format!("--at: {name}_mm {value} is not in the allowed range 0 to {most}")))
+                Err(Failure::usage(format!("{option}: {name}_mm {value} is not in the allowed range 0 to {most}")))
             };
             Ok((within("x", x, scene.surface.length_m)?, within("y", y, scene.surface.width_m)?))
         }
@@ -289,42 +294,6 @@ pub fn prepared_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<Prepar
 pub fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
     let (x_m, y_m) = surface_point(scene, at.at.x, at.at.y, at.unit)?;
     Ok(Target { x_m, y_m, intensity_g: at.intensity_g })
-}
-
-pub fn plan(options: &Plan) -> Outcome {
-    let scene = options.panel.load()?;
-    let target = target(&scene, &options.at)?;
-    let table = plan_table(&options.panel, options.keep, &scene)?;
-    let plan = table.plan(&[target])?;
-    if options.json {
-        if plan.error_bound.is_none() {
-            eprintln!(
-                "error_bound is null: nothing moves at the target, or the panel's model has none (see `era response`)"
-            );
-        }
-        return print_json(&plan);
-    }
-    let mut text = format!("target {:.1} mm, {:.1} mm", plan.target_mm[0], plan.target_mm[1]);
-    for drive in &plan.drives {
-        let _ = write!(
-            text,
-            "\n  {:12} {:7.2} Hz  {:7.1} V  pulse width {:.3}  {:.4} N",
-            drive.actuator, drive.frequency_hz, drive.voltage_v, drive.pulse_width, drive.force_n
-        );
-    }
-    let predicted = plan.predicted;
-    let _ = write!(
-        text,
-        "\npredicted: {:.3} g at the target, {:.3} g on average elsewhere, contrast {:.1} dB",
-        predicted.target_peak_g, predicted.mean_elsewhere_g, predicted.contrast_db
-    );
-    if let Some(bound) = plan.error_bound {
-        let _ = write!(text, " (the target's peak is right to {bound:.0e})");
-    }
-    if let Some(limit) = &plan.limited_by {
-        let _ = write!(text, "\nlimited by {limit}");
-    }
-    print_text(&text)
 }
 
 pub fn field(options: &Field) -> Outcome {

@@ -25,10 +25,12 @@ mod report;
 pub mod request;
 pub mod rise;
 mod safe;
+pub mod schedule;
 pub mod search;
 mod shared_limits;
 pub mod softening;
 pub mod table;
+pub mod trade;
 mod zone;
 
 pub use plan::{Drive, Plan, Planned, Predicted, TargetResult};

@@ -215,7 +215,7 @@ impl PlanTable {
     }
 }
 
-fn within(field: &'static str, value: f64, min: f64, max: f64, scale: f64) -> Result<(), PlanError> {
+pub(super) fn within(field: &'static str, value: f64, min: f64, max: f64, scale: f64) -> Result<(), PlanError> {
     if value.is_finite() && (min..=max).contains(&value) {
         return Ok(());
     }

@@ -1,0 +1,263 @@
+//! `era plan`: the drives for a touch, or for several.
+
+use super::args::{At, Keep, Panel, Point, Unit, parse_point};
+use super::panel::{plan_table, point_of, target};
+use super::{Failure, Outcome, print_json, print_text};
+use crate::planner::schedule::{Stretch, Window, spans, stretches};
+use crate::planner::trade::Trade;
+use crate::planner::{Grouping, Objective, Plan, PlanError, Quiet, Request, Target};
+use crate::scene::Scene;
+use clap::Args;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// What to plan for.
+#[derive(Clone, Debug, Args)]
+pub struct PlanOptions {
+    #[command(flatten)]
+    pub panel: Panel,
+    #[command(flatten)]
+    pub keep: Keep,
+    #[command(flatten)]
+    pub at: At,
+    /// When the target is wanted, in ms from the beginning [default: as long as any other]
+    #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]
+    pub window: Option<Window>,
+    /// Another target, its peak in g, and when it is wanted; several times for several
+    #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_also, allow_hyphen_values = true)]
+    pub also: Vec<Also>,
+    /// A place to be spared, its radius in mm and the most peak acceleration there in g; several times for several
+    #[arg(long, value_name = "X,Y:MM:G", value_parser = parse_quiet, allow_hyphen_values = true)]
+    pub quiet: Vec<Spared>,
+    /// What is made least, or most
+    #[arg(long, value_enum, default_value_t)]
+    pub objective: Objective,
+    /// Which actuators share a frequency
+    #[arg(long, value_enum, default_value_t)]
+    pub grouping: Grouping,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Another target, as written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Also {
+    at: Point,
+    intensity_g: Option<f64>,
+    window: Option<Window>,
+}
+
+/// A quiet zone, as written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spared {
+    at: Point,
+    radius_mm: f64,
+    at_most_g: f64,
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    text.trim().parse().ok().filter(|value: &f64| value.is_finite()).ok_or(format!("{text:?} is not a number"))
+}
+
+fn parse_window(text: &str) -> Result<Window, String> {
+    let (from, to) = text.split_once('-').ok_or(format!("{text:?} is not of the form FROM-TO"))?;
+    let window = Window { from_ms: number(from)?, to_ms: number(to)? };
+    window.check().map_err(|error| error.to_string())?;
+    Ok(window)
+}
+
+fn parse_also(text: &str) -> Result<Also, String> {
+    let parts: Vec<&str> = text.split(':').collect();
+    let (at, intensity, window) = match parts.as_slice() {
+        [at] => (at, None, None),
+        [at, intensity] => (at, Some(intensity), None),
+        [at, intensity, window] => (at, Some(intensity), Some(window)),
+        _ => return Err(format!("{text:?} is not of the form X,Y[:G[:FROM-TO]]")),
+    };
+    Ok(Also {
+        at: parse_point(at)?,
+        // Left empty for a window alone.
+        intensity_g: intensity.filter(|text| !text.is_empty()).map(|text| number(text)).transpose()?,
+        window: window.map(|text| parse_window(text)).transpose()?,
+    })
+}
+
+fn parse_quiet(text: &str) -> Result<Spared, String> {
+    match text.split(':').collect::<Vec<_>>().as_slice() {
+        [at, radius, most] => Ok(Spared { at: parse_point(at)?, radius_mm: number(radius)?, at_most_g: number(most)? }),
+        _ => Err(format!("{text:?} is not of the form X,Y:MM:G")),
+    }
+}
+
+/// A plan with what goes with it; the plan's own fields stay at the top.
+#[derive(Serialize)]
+struct Answer {
+    #[serde(flatten)]
+    plan: Plan,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    trade: Option<Trade>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stretches: Option<Vec<Stretch>>,
+}
+
+pub fn run(options: &PlanOptions) -> Outcome {
+    let scene = options.panel.load()?;
+    let request = request(&scene, options)?;
+    let windows = windows(options);
+    let spans = windows.map(|windows| spans(&windows)).transpose()?;
+    let table = plan_table(&options.panel, options.keep, &scene)?;
+    let answer = match spans {
+        None => {
+            let plan = table.plan_for(&request)?;
+            Answer { trade: table.trade(&request, &plan)?, plan, stretches: None }
+        }
+        Some(spans) => {
+            let mut all = stretches(spans, |targets| table.plan_for(&request.only(targets)))?;
+            for stretch in &mut all {
+                if let Some(plan) = &stretch.plan {
+                    stretch.trade = table.trade(&request.only(&stretch.span.targets), plan)?;
+                }
+            }
+            // The one in which the first target begins stands for all.
+            let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
+            let plan = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
+            Answer { plan, trade: None, stretches: Some(all) }
+        }
+    };
+    if options.json {
+        if answer.plan.error_bound.is_none() {
+            eprintln!(
+                "error_bound is null: nothing moves at the target, or the panel's model has none (see `era response`)"
+            );
+        }
+        return print_json(&answer);
+    }
+    print_text(&text(&answer))
+}
+
+fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
+    let unit: Unit = options.at.unit;
+    let mut request = Request::touch(&[target(scene, &options.at)?]);
+    for also in &options.also {
+        let (x_m, y_m) = point_of(scene, "--also", also.at.x, also.at.y, unit)?;
+        request.targets.push(Target { x_m, y_m, intensity_g: also.intensity_g });
+    }
+    for spared in &options.quiet {
+        let (x_m, y_m) = point_of(scene, "--quiet", spared.at.x, spared.at.y, unit)?;
+        request.quiet.push(Quiet { x_m, y_m, radius_m: spared.radius_mm / 1e3, at_most_g: spared.at_most_g });
+    }
+    request.objective = options.objective;
+    request.grouping = options.grouping;
+    Ok(request)
+}
+
+/// The windows of all targets, if any has one: those that have none last as long as any other.
+fn windows(options: &PlanOptions) -> Option<Vec<Window>> {
+    let given: Vec<Option<Window>> =
+        std::iter::once(options.window).chain(options.also.iter().map(|also| also.window)).collect();
+    let to_ms = given.iter().flatten().map(|window| window.to_ms).reduce(f64::max)?;
+    Some(given.into_iter().map(|window| window.unwrap_or(Window { from_ms: 0.0, to_ms })).collect())
+}
+
+fn text(answer: &Answer) -> String {
+    let mut text = String::new();
+    match &answer.stretches {
+        None => {
+            plan_text(&mut text, &answer.plan);
+            trade_text(&mut text, answer.trade.as_ref());
+        }
+        Some(all) => {
+            for stretch in all {
+                let _ = write!(text, "{:.0} to {:.0} ms: ", stretch.span.from_ms, stretch.span.to_ms);
+                match &stretch.plan {
+                    Some(plan) => plan_text(&mut text, plan),
+                    None => text.push_str("nothing"),
+                }
+                trade_text(&mut text, stretch.trade.as_ref());
+                text.push('\n');
+            }
+        }
+    }
+    text.trim_end().to_owned()
+}
+
+fn plan_text(text: &mut String, plan: &Plan) {
+    let _ = write!(text, "target {:.1} mm, {:.1} mm", plan.target_mm[0], plan.target_mm[1]);
+    for other in plan.targets.iter().skip(1) {
+        let _ = write!(text, "; {:.1} mm, {:.1} mm", other.x_mm, other.y_mm);
+    }
+    for drive in &plan.drives {
+        let _ = write!(
+            text,
+            "\n  {:12} {:7.2} Hz  {:7.1} V  pulse width {:.3}  {:.4} N",
+            drive.actuator, drive.frequency_hz, drive.voltage_v, drive.pulse_width, drive.force_n
+        );
+        if drive.phase_rad != 0.0 {
+            let _ = write!(text, "  {:.1} degrees", drive.phase_rad.to_degrees());
+        }
+    }
+    let predicted = plan.predicted;
+    let _ = write!(
+        text,
+        "\npredicted: {:.3} g at the target, {:.3} g on average elsewhere, contrast {:.1} dB",
+        predicted.target_peak_g, predicted.mean_elsewhere_g, predicted.contrast_db
+    );
+    if let Some(bound) = plan.error_bound {
+        let _ = write!(text, " (the target's peak is right to {bound:.0e})");
+    }
+    if plan.targets.len() > 1 {
+        for target in &plan.targets {
+            let _ = write!(
+                text,
+                "\n  {:.1} mm, {:.1} mm: {:.3} g of {:.3} g wanted",
+                target.x_mm, target.y_mm, target.peak_g, target.wanted_g
+            );
+        }
+    }
+    if let Some(limit) = &plan.limited_by {
+        let _ = write!(text, "\nlimited by {limit}");
+    }
+}
+
+fn trade_text(text: &mut String, trade: Option<&Trade>) {
+    let Some(trade) = trade else { return };
+    let list = |values: &[f64]| values.iter().map(|g| format!("{g:.3}")).collect::<Vec<_>>().join("  ");
+    let _ = write!(text, "\nalone each target gets: {} g", list(&trade.alone_g));
+    for curve in &trade.targets {
+        let _ = write!(text, "\ntarget {} against the others, peaks of all in g:", curve.target + 1);
+        for point in &curve.points {
+            let parts = format!("{:4.0} %, others {:5.1} %", 100.0 * point.part, 100.0 * point.others_part);
+            let _ = write!(text, "\n  {parts}:  {}", list(&point.peaks_g));
+        }
+    }
+    for (i, point) in trade.quiet.iter().enumerate() {
+        if i == 0 {
+            text.push_str("\nthe targets, by what the quiet zones allow:");
+        }
+        let zones = point.at_most_g.as_ref().map_or_else(|| "anything".into(), |g| format!("{} g", list(g)));
+        let _ = write!(text, "\n  {zones}:  {} g, {:.1} % of the wishes", list(&point.peaks_g), 100.0 * point.part);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_read_as_written() {
+        let window = Window { from_ms: 200.0, to_ms: 500.0 };
+        let at = Point { x: 10.0, y: -2.5 };
+        assert_eq!(parse_also("10,-2.5"), Ok(Also { at, intensity_g: None, window: None }));
+        assert_eq!(parse_also("10,-2.5:0.3"), Ok(Also { at, intensity_g: Some(0.3), window: None }));
+        assert_eq!(parse_also("10,-2.5::200-500"), Ok(Also { at, intensity_g: None, window: Some(window) }));
+        assert_eq!(parse_quiet("10,-2.5:15:0.02"), Ok(Spared { at, radius_mm: 15.0, at_most_g: 0.02 }));
+        for (text, wanted) in
+            [("1,2:x", "\"x\""), ("1,2:1:2:3", "X,Y[:G[:FROM-TO]]"), ("1", "X,Y"), ("1,2:1:5", "FROM-TO")]
+        {
+            assert!(parse_also(text).unwrap_err().contains(wanted), "{text}");
+        }
+        assert!(parse_window("500-200").unwrap_err().contains("to_ms: 200"));
+        assert!(parse_quiet("1,2:3").is_err());
+    }
+}
