@@ -6,7 +6,7 @@ use era::device::convert::to_wire;
 use era::device::sim::{Clock, Panel, STEP_S, SimBoard};
 use era::effects::{Design, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
 use era::planner::rise::RiseTimes;
-use era::planner::{PlanTable, STANDARD_GRAVITY, Target};
+use era::planner::{self, PlanTable, STANDARD_GRAVITY, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
@@ -112,7 +112,8 @@ fn clicks_do_what_is_predicted() {
         let table = support::table(scene);
         let rise = RiseTimes::prepare(&table.model).unwrap();
         let target = Target { x_m, y_m, intensity_g: None };
-        let plan = plan_with(&table, || Some(&rise), &[target], Some(Intensity::G(g))).unwrap();
+        let plan =
+            plan_with(&table, || Some(&rise), &planner::Request::touch(&[target]), Some(Intensity::G(g))).unwrap();
         let design = design(&table, &rise, &plan, EffectRequest::of(NamedEffect::Click)).unwrap();
         let predicted = design.predicted;
         if !design.limited {
@@ -147,7 +148,7 @@ fn even_effects_are_as_strong_as_planned() {
     let table = support::table(EXAMPLE_BAR);
     let rise = RiseTimes::prepare(&table.model).unwrap();
     let target = Target { x_m: 0.06, y_m: 0.01, intensity_g: Some(0.5) };
-    let plan = plan_with(&table, || Some(&rise), &[target], None).unwrap();
+    let plan = plan_with(&table, || Some(&rise), &planner::Request::touch(&[target]), None).unwrap();
     for effect in [NamedEffect::Buzz, NamedEffect::PulseTrain, NamedEffect::Texture] {
         let design = design(&table, &rise, &plan, EffectRequest::of(effect)).unwrap();
         let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();
@@ -177,7 +178,8 @@ fn no_effect_goes_beyond_the_actuators_limits() {
             [(0.02, NamedEffect::Click), (0.11, NamedEffect::DoubleClick), (0.2, NamedEffect::PulseTrain)]
         {
             let target = Target { x_m, y_m: 0.01, intensity_g: None };
-            let plan = plan_with(&table, || Some(&rise), &[target], Some(Intensity::G(30.0))).unwrap();
+            let plan = plan_with(&table, || Some(&rise), &planner::Request::touch(&[target]), Some(Intensity::G(30.0)))
+                .unwrap();
             let design = design(&table, &rise, &plan, EffectRequest::of(effect)).unwrap();
             assert!(design.limited);
             let effects: Vec<Effect> = design.drives.iter().map(|drive| drive.effect.clone()).collect();

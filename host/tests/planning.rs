@@ -4,9 +4,10 @@ mod support;
 
 use era::device::sim::Panel;
 use era::planner::limits::breakdown_v;
-use era::planner::{PlanError, PlanTable, STANDARD_GRAVITY, Target};
+use era::planner::trade::Trade;
+use era::planner::{Grouping, PlanError, PlanTable, Quiet, Request, STANDARD_GRAVITY, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
-use era::verify::{VerifyError, compare, spread};
+use era::verify::{VerifyError, compare, compare_request, spread};
 use std::fmt::Write;
 
 #[test]
@@ -262,4 +263,113 @@ fn verify_refuses_what_it_cannot_do_by_name() {
         assert_eq!(ran.status.code(), Some(2), "{said}");
         assert!(said.contains(&format!("{option} {value} ")) && said.contains(allowed), "{said}");
     }
+}
+
+/// Actuators that share a frequency: the phases of the plan are on the wire, and the peak measured is the one predicted, at
+/// the phases asked for and at no others.
+#[test]
+fn a_shared_frequency_is_driven_with_its_phases() {
+    let table = support::table(EXAMPLE_PLATE);
+    let panel = Panel::of(&table);
+    let mut turned = 0;
+    for (x_m, y_m) in spread(4, 0.3, 0.2) {
+        for grouping in [Grouping::Shared, Grouping::Mixed] {
+            let target = Target { x_m, y_m, intensity_g: Some(0.5) };
+            let found = compare_request(&table, &panel, &Request { grouping, ..Request::touch(&[target]) }).unwrap();
+            let [left, right] = [&found.drives[0], &found.drives[1]];
+            if left.frequency_hz == right.frequency_hz && left.force_n > 0.0 && right.force_n > 0.0 {
+                let apart = (left.phase_rad - right.phase_rad).sin().abs();
+                turned += u32::from(apart > 0.1);
+            }
+            assert!(grouping == Grouping::Mixed || left.frequency_hz == right.frequency_hz, "{found:?}");
+            assert!(found.difference.abs() < 0.01, "{found:?}");
+        }
+    }
+    assert!(turned > 0, "no plan has phases that matter");
+}
+
+fn trade_of(table: &PlanTable, targets: &[(f64, f64, f64)], quiet: &[Quiet]) -> (Request, Trade) {
+    let targets: Vec<Target> =
+        targets.iter().map(|(x_m, y_m, g)| Target { x_m: *x_m, y_m: *y_m, intensity_g: Some(*g) }).collect();
+    let request = Request { quiet: quiet.to_vec(), ..Request::touch(&targets) };
+    let plan = table.plan_for(&request).unwrap();
+    assert!(plan.limited_by.is_some(), "{plan:?}");
+    let trade = table.trade(&request, &plan).unwrap().unwrap();
+    (request, trade)
+}
+
+/// More for one is less for the others; nothing for one is all that the others can have; all points are plans, and a little more is
+/// beyond reach.
+#[test]
+fn what_targets_can_have_together_is_a_falling_curve() {
+    let table = support::table(EXAMPLE_BAR);
+    let places: &[&[(f64, f64, f64)]] =
+        &[&[(0.04, 0.01, 20.0), (0.21, 0.01, 20.0)], &[(0.04, 0.01, 2.0), (0.21, 0.01, 20.0), (0.13, 0.01, 9.0)]];
+    let mut fell = 0;
+    for targets in places {
+        let (request, trade) = trade_of(&table, targets, &[]);
+        assert_eq!(trade.targets.len(), if targets.len() == 2 { 1 } else { targets.len() });
+        assert!(trade.quiet.is_empty());
+        for (alone_g, target) in trade.alone_g.iter().zip(&request.targets) {
+            let only = table.plan(&[*target]).unwrap().predicted.target_peak_g;
+            assert!((alone_g / only - 1.0).abs() < 1e-9);
+        }
+        for curve in &trade.targets {
+            let wishes = |part: f64, others: f64| {
+                let wish = |t: usize| trade.alone_g[t] * if t == curve.target { part } else { others };
+                let targets: Vec<Target> = request
+                    .targets
+                    .iter()
+                    .enumerate()
+                    .map(|(t, target)| Target { intensity_g: Some(wish(t)), ..*target })
+                    .collect();
+                table.plan(&targets).unwrap()
+            };
+            assert!((curve.points.last().unwrap().part - 1.0).abs() < 1e-12);
+            for pair in curve.points.windows(2) {
+                assert!(pair[1].part > pair[0].part && pair[1].others_part <= pair[0].others_part, "{pair:?}");
+            }
+            for point in &curve.points {
+                for (t, peak_g) in point.peaks_g.iter().enumerate() {
+                    let part = if t == curve.target { point.part } else { point.others_part };
+                    assert!(*peak_g >= part * trade.alone_g[t] * 0.998, "{point:?}");
+                }
+                if point.others_part < 0.99 && point.part < 1.0 {
+                    fell += 1;
+                    let beyond = wishes(point.part, point.others_part + 0.02);
+                    assert!(beyond.limited_by.is_some(), "{point:?}: {:?}", beyond.targets);
+                }
+            }
+        }
+        if targets.len() == 2 {
+            // Nothing for the first is all for the second.
+            let first = &trade.targets[0].points[0];
+            assert!(first.part == 0.0 && first.others_part > 0.99, "{first:?}");
+        }
+    }
+    assert!(fell > 0, "targets that do not compete test nothing");
+}
+
+#[test]
+fn quiet_zones_are_traded_against_the_targets() {
+    let table = support::table(EXAMPLE_BAR);
+    let quiet = Quiet { x_m: 0.2, y_m: 0.01, radius_m: 0.01, at_most_g: 0.01 };
+    let (request, trade) = trade_of(&table, &[(0.04, 0.01, 0.5)], &[quiet]);
+    assert!(trade.targets.is_empty() && trade.quiet.len() > 2, "{trade:?}");
+    for pair in trade.quiet.windows(2) {
+        assert!(pair[1].part >= pair[0].part * (1.0 - 1e-9), "{pair:?}");
+    }
+    assert_eq!(trade.quiet[0].at_most_g, Some(vec![0.01]));
+    let free = trade.quiet.last().unwrap();
+    assert_eq!(free.at_most_g, None);
+    let without = table.plan(&request.targets).unwrap();
+    assert_eq!(free.peaks_g, [without.predicted.target_peak_g]);
+    // Silence asked for is silence, and each step is from there.
+    let (_, trade) = trade_of(&table, &[(0.04, 0.01, 0.5)], &[Quiet { at_most_g: 0.0, ..quiet }]);
+    assert!(trade.quiet[0].part < 1e-6 && trade.quiet[1].at_most_g == Some(vec![0.002]), "{trade:?}");
+    // What is met needs no trade, and one target alone has none.
+    let met = Request::touch(&request.targets);
+    assert_eq!(table.trade(&met, &without), Ok(None));
+    let far = Request::touch(&[Target { intensity_g: Some(1e3), ..request.targets[0] }]);
+    assert_eq!(table.trade(&far, &table.plan_for(&far).unwrap()), Ok(None));
 }

@@ -4,6 +4,7 @@ use super::args::{At, Keep, Panel, Rhythm};
 use super::panel::{plan_table, target};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{self, DesignError, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
+use crate::planner::Request;
 use crate::planner::rise::RiseTimes;
 use clap::Args;
 use serde_json::json;
@@ -48,7 +49,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
     let table = plan_table(&options.panel, options.keep, &scene)?;
     let rise = RiseTimes::prepare(&table.model).ok_or(DesignError::Unbounded).map_err(Failure::failed)?;
     let wanted = options.at.intensity_g.map(Intensity::G).or(options.intensity_db.map(Intensity::AboveThresholdDb));
-    let plan = plan_with(&table, || Some(&rise), &[target], wanted)?;
+    let plan = plan_with(&table, || Some(&rise), &Request::touch(&[target]), wanted)?;
     let started = Instant::now();
     let design = design(&table, &rise, &plan, request).map_err(Failure::failed)?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;

@@ -1,5 +1,6 @@
 //! What a touch needs, and what it does.
 
+use super::asked::Asked;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
@@ -9,13 +10,14 @@ use crate::device::convert::{SiDrive, to_wire};
 use crate::device::sim::SimControl;
 use crate::device::{DriveOrder, EffectOrder, OpenDevice, Session, SessionError, Snapshot};
 use crate::effects::{DesignError, Intensity, design, plan_with};
-use crate::planner::{Plan, PlanTable, Target};
+use crate::planner::schedule::Stretch;
+use crate::planner::trade::Trade;
+use crate::planner::{Plan, PlanTable, Request};
+use axum::http::StatusCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{broadcast, watch};
 
-/// How long a touch vibrates if it does not say.
-pub const DEFAULT_DURATION_MS: u32 = 1_000;
 /// Events kept for a slow page before it misses some.
 const EVENTS: usize = 16;
 
@@ -43,6 +45,19 @@ pub enum Update {
     Stopped,
 }
 
+/// What a touch has led to.
+#[derive(Clone, Debug)]
+pub struct Touched {
+    /// The plan, of several stretches that in which the first target begins.
+    pub active: Arc<Active>,
+    /// What the device achieves with what begins at once.
+    pub device: serde_json::Value,
+    /// All stretches, where there are time windows.
+    pub stretches: Option<Vec<Stretch>>,
+    /// What can be had, where it cannot be had in full and that was asked for.
+    pub trade: Option<Trade>,
+}
+
 /// What the daemon works with.
 #[derive(Debug)]
 pub struct App {
@@ -60,6 +75,8 @@ pub struct App {
     /// The last plan and when its drive ends.
     active: Mutex<Option<(Arc<Active>, Instant)>>,
     next_id: Mutex<u64>,
+    /// The newest plan that has been driven.
+    newest: tokio::sync::Mutex<u64>,
     updates: broadcast::Sender<Update>,
     closing: watch::Sender<bool>,
 }
@@ -80,6 +97,7 @@ impl App {
             sim,
             active: Mutex::new(None),
             next_id: Mutex::new(0),
+            newest: tokio::sync::Mutex::new(0),
             updates: broadcast::channel(EVENTS).0,
             closing: watch::channel(false).0,
             table,
@@ -124,14 +142,18 @@ impl App {
         result
     }
 
-    /// Plans for one touch and drives it.
+    /// Plans for a touch, with all that belongs to it, and drives it.
     ///
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
-    pub async fn touch(&self, request: TouchRequest) -> Result<(Arc<Active>, serde_json::Value), Problem> {
-        let touch = TouchView { id: 0, x_px: request.x_px, y_px: request.y_px };
-        let (intensity, manner) = request.feel().check(DEFAULT_DURATION_MS)?;
-        self.touch_all(vec![touch], intensity, manner).await
+    pub async fn touch(self: &Arc<Self>, request: &TouchRequest) -> Result<Touched, Problem> {
+        let asked = request.asked(&self.table.scene.screen);
+        let result = match asked {
+            Ok(asked) => self.try_touch(&asked).await,
+            Err(problem) => Err(problem),
+        };
+        self.metrics.count_touch(result.is_ok());
+        result
     }
 
     /// Plans for all fingers at once and drives them as `manner` says.
@@ -139,42 +161,74 @@ impl App {
     /// # Errors
     /// As [`App::touch`].
     pub async fn touch_all(
-        &self,
+        self: &Arc<Self>,
         touches: Vec<TouchView>,
         intensity: Option<Intensity>,
         manner: Manner,
-    ) -> Result<(Arc<Active>, serde_json::Value), Problem> {
-        let result = self.try_touch(touches, intensity, manner).await;
+    ) -> Result<Touched, Problem> {
+        let result = match Asked::fingers(touches, intensity, manner, &self.table.scene.screen) {
+            Ok(asked) => self.try_touch(&asked).await,
+            Err(problem) => Err(problem),
+        };
         self.metrics.count_touch(result.is_ok());
         result
     }
 
-    async fn try_touch(
-        &self,
-        touches: Vec<TouchView>,
-        intensity: Option<Intensity>,
-        manner: Manner,
-    ) -> Result<(Arc<Active>, serde_json::Value), Problem> {
+    async fn try_touch(self: &Arc<Self>, asked: &Asked) -> Result<Touched, Problem> {
         // A stop from here on means that this is not driven any more.
         let stops = self.session.stops();
-        let targets = touches
-            .iter()
-            .map(|touch| {
-                let (x_m, y_m) = self.table.scene.screen.px_to_surface_m(touch.x_px, touch.y_px)?;
-                Ok(Target { x_m, y_m, intensity_g: None })
-            })
-            .collect::<Result<Vec<_>, Problem>>()?;
-        let plan = tokio::task::block_in_place(|| plan_with(&self.table, || self.table.rise(), &targets, intensity))?;
-        self.metrics.plan_time(plan.elapsed_us);
-        if let (Some(sim), Some(target)) = (&self.sim, targets.first()) {
-            sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
+        if let Some(spans) = &asked.spans {
+            return self.in_stretches(asked, spans.clone(), stops).await;
         }
-        let id = {
-            let mut next = self.next_id.lock().unwrap_or_else(PoisonError::into_inner);
-            *next += 1;
-            *next
-        };
-        let (achieved, until) = match manner {
+        let plan = tokio::task::block_in_place(|| self.plan(asked, &asked.request))?;
+        let id = self.new_id();
+        let driven = self.driven(id, stops, plan.clone(), &asked.touches, asked.manner).await?;
+        let trade = self.trade(asked, &asked.request, &plan)?;
+        Ok(Touched { trade, ..driven })
+    }
+
+    /// The plan for some or all of what is asked for.
+    pub(super) fn plan(&self, asked: &Asked, request: &Request) -> Result<Plan, Problem> {
+        let plan = plan_with(&self.table, || self.table.rise(), request, asked.intensity)?;
+        self.metrics.plan_time(plan.elapsed_us);
+        Ok(plan)
+    }
+
+    /// What can be had instead, if that is asked for and the plan falls short.
+    pub(super) fn trade(&self, asked: &Asked, request: &Request, plan: &Plan) -> Result<Option<Trade>, Problem> {
+        if !asked.with_trade {
+            return Ok(None);
+        }
+        Ok(tokio::task::block_in_place(|| self.table.trade(request, plan))?)
+    }
+
+    /// The next plan's number.
+    pub(super) fn new_id(&self) -> u64 {
+        let mut next = self.next_id.lock().unwrap_or_else(PoisonError::into_inner);
+        *next += 1;
+        *next
+    }
+
+    /// Drives a plan and shows it.
+    pub(super) async fn driven(
+        &self,
+        id: u64,
+        stops: u64,
+        plan: Plan,
+        touches: &[TouchView],
+        manner: Manner,
+    ) -> Result<Touched, Problem> {
+        // One at a time, and what has been driven is not overtaken by a stretch of something older.
+        let mut newest = self.newest.lock().await;
+        if id < *newest {
+            let detail = "a newer touch was driven meanwhile";
+            return Err(Problem::new(StatusCode::CONFLICT, "superseded", "A newer touch came first", detail));
+        }
+        *newest = id;
+        if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
+            sim.set_probe(self.table.model.shape_at(target.x_mm / 1e3, target.y_mm / 1e3));
+        }
+        let (device, until) = match manner {
             Manner::Hold(hold) => {
                 let drives = wire_drives(&plan).iter().map(to_wire).collect();
                 let driven = self.session.drive(DriveOrder { id, stops, drives, hold }).await?;
@@ -191,12 +245,33 @@ impl App {
                 (super::view::played(&plan, &design, &played), played.start + played.length)
             }
         };
-        let active = tokio::task::block_in_place(|| {
-            let field = FieldView::new(&self.table, Some(&plan), id);
-            Arc::new(Active { id, plan: PlanView::new(plan), field, touches, effect: achieved.get("effect").cloned() })
-        });
+        drop(newest);
+        let active = self.shown(id, plan, touches, device.get("effect").cloned());
         self.activate(&active, until, stops)?;
-        Ok((active, achieved))
+        Ok(Touched { active, device, stretches: None, trade: None })
+    }
+
+    /// Ends what is driven for older plans than `id`, which drives nothing yet.
+    pub(super) async fn make_way(&self, id: u64) {
+        let mut newest = self.newest.lock().await;
+        *newest = id.max(*newest);
+        if let Some(active) = self.active().filter(|active| active.id < id) {
+            self.release(active.id, Instant::now());
+        }
+    }
+
+    /// A plan with its field.
+    pub(super) fn shown(
+        &self,
+        id: u64,
+        plan: Plan,
+        touches: &[TouchView],
+        effect: Option<serde_json::Value>,
+    ) -> Arc<Active> {
+        tokio::task::block_in_place(|| {
+            let field = FieldView::new(&self.table, Some(&plan), id);
+            Arc::new(Active { id, plan: PlanView::new(plan), field, touches: touches.to_vec(), effect })
+        })
     }
 
     /// Shows a plan as the current one, unless everything was stopped or something newer was driven meanwhile.

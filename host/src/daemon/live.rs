@@ -187,8 +187,8 @@ async fn drive(app: Arc<App>, mut newest: watch::Receiver<Fingers>, outbox: mpsc
         match driven {
             // An effect ends by itself, whatever the fingers do meanwhile.
             Ok((_, Manner::Effect(_))) => down = None,
-            Ok(((active, _), Manner::Hold(_))) => {
-                down = Some((down.map_or_else(Instant::now, |(since, _)| since), active.id));
+            Ok((done, Manner::Hold(_))) => {
+                down = Some((down.map_or_else(Instant::now, |(since, _)| since), done.active.id));
             }
             Err(problem) => {
                 let _ = outbox.send(error_message(&problem)).await;

@@ -1,9 +1,10 @@
 //! The daemon: HTTP and WebSocket in front of one device session.
 //!
-//! `app` holds what a touch needs and does it; `preview` answers what a changed scene would do, without driving it;
+//! `app` holds what a touch needs and does it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would do, without driving it;
 //! `routes` and `live` are the two ways in; `view` is what goes out as JSON; `problem` is how errors are told (RFC 9457).
 
 mod app;
+mod asked;
 mod assets;
 mod attachments;
 mod live;
@@ -11,6 +12,7 @@ mod metrics;
 mod preview;
 mod problem;
 mod routes;
+mod stretches;
 mod touch;
 mod view;
 

@@ -96,6 +96,16 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, "bad-body", "The request's body cannot be used", detail)
     }
 
+    /// The same in a part of the request, `also[0]` say; as it is without one.
+    #[must_use]
+    pub fn of(mut self, part: Option<String>) -> Self {
+        if let (Some(part), Some(field)) = (part, &mut self.0.field) {
+            *field = format!("{part}.{field}");
+            self.0.detail = format!("{part}.{}", self.0.detail);
+        }
+        self
+    }
+
     /// In words.
     #[must_use]
     pub fn detail(&self) -> &str {
@@ -158,8 +168,14 @@ impl From<PlanError> for Problem {
             PlanError::Quiet { .. } => {
                 Self::new(StatusCode::BAD_REQUEST, "quiet-count", "Too many quiet zones", error.to_string())
             }
-            PlanError::Together { .. } => {
-                Self::new(StatusCode::BAD_REQUEST, "options", "Options that do not go together", error.to_string())
+            PlanError::Together { option, value, allowed } => {
+                let detail = error.to_string();
+                Self::new(StatusCode::BAD_REQUEST, "options", "Options that do not go together", detail).at(
+                    option,
+                    value.into(),
+                    format!("only with {allowed}"),
+                    None,
+                )
             }
             PlanError::Cutout { .. } => {
                 Self::new(StatusCode::BAD_REQUEST, "in-cutout", "There is no surface at this point", error.to_string())

@@ -2,6 +2,7 @@
 
 use super::problem::Problem;
 use crate::effects::{DesignError, EffectError, EffectRequest, Intensity, NamedEffect};
+use crate::planner::{Grouping, Objective};
 use axum::http::StatusCode;
 use serde::Deserialize;
 use std::time::Duration;
@@ -12,7 +13,7 @@ pub const MIN_DURATION_MS: u32 = 1;
 pub const MAX_DURATION_MS: u32 = 10_000;
 
 /// A touch as the HTTP interface takes it.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TouchRequest {
     /// In pixels of the scene's screen, from its left edge.
@@ -31,6 +32,50 @@ pub struct TouchRequest {
     pub count: Option<u32>,
     /// From one click, pulse or crest to the next, in ms.
     pub period_ms: Option<f64>,
+    /// When the target begins to be wanted, in ms from now.
+    pub from_ms: Option<f64>,
+    /// When it ends.
+    pub to_ms: Option<f64>,
+    /// Other targets.
+    pub also: Option<Vec<AlsoRequest>>,
+    /// Places to be spared.
+    pub quiet: Option<Vec<QuietRequest>>,
+    /// What is made least, or most.
+    pub objective: Option<Objective>,
+    /// Which actuators share a frequency.
+    pub grouping: Option<Grouping>,
+    /// Whether to say what can be had where it cannot be had in full.
+    pub trade: Option<bool>,
+}
+
+/// Another target.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AlsoRequest {
+    /// In pixels of the scene's screen, from its left edge.
+    pub x_px: f64,
+    /// From its top edge.
+    pub y_px: f64,
+    /// Peak wanted in g; the touch's own intensity if absent.
+    pub intensity_g: Option<f64>,
+    /// When it begins to be wanted, in ms from now.
+    pub from_ms: Option<f64>,
+    /// When it ends.
+    pub to_ms: Option<f64>,
+}
+
+/// A place to be spared.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct QuietRequest {
+    /// Its middle in pixels of the scene's screen, from its left edge.
+    pub x_px: f64,
+    /// From its top edge.
+    pub y_px: f64,
+    /// Its radius in mm.
+    pub radius_mm: f64,
+    /// Most peak acceleration there in g.
+    pub at_most_g: f64,
 }
 
 impl TouchRequest {

@@ -1,6 +1,6 @@
 //! What goes out as JSON.
 
-use super::app::{Active, App};
+use super::app::{Active, App, Touched};
 use crate::device::Identity;
 use crate::device::convert::from_wire;
 use crate::device::session::Played;
@@ -22,6 +22,9 @@ pub struct TouchView {
     pub x_px: f64,
     /// In pixels of the scene's screen.
     pub y_px: f64,
+    /// Peak wanted for it alone, in g.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intensity_g: Option<f64>,
 }
 
 /// The scene as a page draws it.
@@ -164,13 +167,16 @@ pub fn played(plan: &Plan, design: &Design, played: &Played) -> Value {
     answer
 }
 
-/// The answer to a touch: the plan, and the device's acknowledgement.
+/// The answer to a touch: the plan, the device's acknowledgement, and what there is of stretches and what can be had.
 #[must_use]
-pub fn touched(active: &Active, device: Value) -> Value {
+pub fn touched(touched: Touched) -> Value {
+    let Touched { active, device, stretches, trade } = touched;
     let mut answer = json!(active.plan);
     if let Some(map) = answer.as_object_mut() {
         map.insert("plan_id".into(), active.id.into());
         map.insert("device".into(), device);
+        map.extend(stretches.map(|stretches| ("stretches".into(), json!(stretches))));
+        map.extend(trade.map(|trade| ("trade".into(), json!(trade))));
     }
     answer
 }

@@ -2,7 +2,7 @@
 
 use crate::planner::perception;
 use crate::planner::rise::RiseTimes;
-use crate::planner::{Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
+use crate::planner::{Plan, PlanError, PlanTable, Request, STANDARD_GRAVITY};
 use crate::scene::SurfaceKind;
 use crate::transient::panel::Drive;
 use nalgebra::DVector;
@@ -62,7 +62,7 @@ pub fn level_db(rise: &RiseTimes, shape: &DVector<f64>, drives: &[Drive]) -> Opt
     perception::above_threshold_db(&components)
 }
 
-/// Plans `targets`, all at `intensity` (each at its own `intensity_g` if `None`). A level in dB is met by planning for a
+/// Plans `request`, those of its targets that have no intensity of their own at `intensity`. A level in dB is met by planning for a
 /// peak, looking (with the poles of `rise`, only then asked for) at what level it has at the frequencies chosen, and planning again: below the limits a plan is
 /// proportional to what is asked for.
 ///
@@ -71,29 +71,32 @@ pub fn level_db(rise: &RiseTimes, shape: &DVector<f64>, drives: &[Drive]) -> Opt
 pub fn plan_with<'a>(
     table: &PlanTable,
     rise: impl FnOnce() -> Option<&'a RiseTimes>,
-    targets: &[Target],
+    request: &Request,
     intensity: Option<Intensity>,
 ) -> Result<Plan, PlanError> {
-    let mut targets = targets.to_vec();
+    let mut request = request.clone();
     let wanted_db = match intensity {
-        None => return table.plan(&targets),
+        None => return table.plan_for(&request),
         Some(Intensity::G(g)) => {
-            targets.iter_mut().for_each(|target| target.intensity_g = Some(g));
-            return table.plan(&targets);
+            for target in &mut request.targets {
+                target.intensity_g = target.intensity_g.or(Some(g));
+            }
+            return table.plan_for(&request);
         }
         Some(Intensity::AboveThresholdDb(db)) => db,
     };
     if !(MIN_DB..=MAX_DB).contains(&wanted_db) {
         return Err(PlanError::Range { field: "intensity_db", value: wanted_db, min: MIN_DB, max: MAX_DB });
     }
-    targets.iter_mut().for_each(|target| target.intensity_g = None);
-    let mut plan = table.plan(&targets)?;
+    let is_open: Vec<bool> = request.targets.iter().map(|target| target.intensity_g.is_none()).collect();
+    let mut plan = table.plan_for(&request)?;
     let Some(rise) = rise() else { return Ok(plan) };
-    let shapes: Vec<_> = targets.iter().map(|target| shape_of(table, target.x_m, target.y_m)).collect();
+    let shapes: Vec<_> = request.targets.iter().map(|target| shape_of(table, target.x_m, target.y_m)).collect();
     for _ in 0..ROUNDS {
         let drives = forces(table, &plan);
         let mut furthest_db = 0.0_f64;
-        for ((target, shape), result) in targets.iter_mut().zip(&shapes).zip(&plan.targets) {
+        let all = request.targets.iter_mut().zip(&shapes).zip(&plan.targets).zip(&is_open);
+        for ((target, shape), result) in all.filter(|(_, is_open)| **is_open).map(|(all, _)| all) {
             // A target that nothing moves has no level, and keeps its wish.
             let Some(db) = level_db(rise, shape, &drives) else { continue };
             furthest_db = furthest_db.max((wanted_db - db).abs());
@@ -103,7 +106,7 @@ pub fn plan_with<'a>(
         if furthest_db < CLOSE_DB {
             break;
         }
-        plan = table.plan(&targets)?;
+        plan = table.plan_for(&request)?;
         if plan.limited_by.is_some() {
             break;
         }
@@ -115,7 +118,7 @@ pub fn plan_with<'a>(
 mod tests {
     use super::*;
     use crate::model::{Accuracy, PanelModel};
-    use crate::planner::TableOptions;
+    use crate::planner::{TableOptions, Target};
     use crate::scene::{EXAMPLE_PLATE, Scene};
 
     #[test]
@@ -126,7 +129,9 @@ mod tests {
         let rise = RiseTimes::prepare(&table.model);
         for (x_m, y_m, db) in [(0.05, 0.04, 12.0), (0.15, 0.1, 20.0), (0.28, 0.02, 6.0)] {
             let target = Target { x_m, y_m, intensity_g: None };
-            let plan = plan_with(&table, || rise.as_ref(), &[target], Some(Intensity::AboveThresholdDb(db))).unwrap();
+            let plan =
+                plan_with(&table, || rise.as_ref(), &Request::touch(&[target]), Some(Intensity::AboveThresholdDb(db)))
+                    .unwrap();
             assert_eq!(plan.limited_by, None, "at {x_m}");
             let shape = shape_of(&table, x_m, y_m);
             let found = level_db(rise.as_ref().unwrap(), &shape, &forces(&table, &plan)).unwrap();
@@ -134,7 +139,8 @@ mod tests {
         }
         let target = Target { x_m: 0.1, y_m: 0.1, intensity_g: None };
         let error =
-            plan_with(&table, || rise.as_ref(), &[target], Some(Intensity::AboveThresholdDb(99.0))).unwrap_err();
+            plan_with(&table, || rise.as_ref(), &Request::touch(&[target]), Some(Intensity::AboveThresholdDb(99.0)))
+                .unwrap_err();
         assert!(error.to_string().contains("intensity_db"), "{error}");
     }
 }

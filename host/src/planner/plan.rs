@@ -322,7 +322,7 @@ fn groups(drives: &[Chosen]) -> impl Iterator<Item = Vec<usize>> + '_ {
 }
 
 /// Equation 23 at a point: distinct frequencies add, equal ones as phasors, in m/s^2.
-fn peak(drives: &[Chosen], shape: &DVector<f64>) -> f64 {
+pub(super) fn peak(drives: &[Chosen], shape: &DVector<f64>) -> f64 {
     let component = |(i, drive): (usize, &Chosen)| {
         let force = num_complex::Complex64::from_polar(drive.force_n, drive.phase_rad);
         let response = drive.row.get(i).map(|entry| at_point(shape, &entry.acceleration));

@@ -1,7 +1,8 @@
 //! What can be had of a request that cannot be had in full: more for one target against less for the others, and quiet zones
 //! against what the targets get.
 
-use super::plan::Plan;
+use super::STANDARD_GRAVITY;
+use super::plan::{Plan, Planned, peak};
 use super::request::{Objective, PlanError, Request};
 use super::table::PlanTable;
 use serde::Serialize;
@@ -10,12 +11,9 @@ use serde::Serialize;
 const STEPS: u32 = 10;
 /// Part of what the others can have to which their share is found.
 const CLOSE: f64 = 5e-3;
-/// Plans for one point of a curve at most.
-const MOST_ROUNDS: usize = 12;
-/// Times the wishes that are planned for to learn how far they are from the border: above 1, so that it is known from both
-/// sides.
-const FAR: f64 = 4.0;
-/// What counts as on the border: a plan's last scaling, where the moving masses ask for one, is right to a thousandth.
+/// Plans for one point of a curve at most; halving takes 8.
+const MOST_ROUNDS: usize = 10;
+/// Part of a wish that may be missing: a plan's last scaling, where the moving masses ask for one, is right to a thousandth.
 const ON_BORDER: f64 = 1e-3;
 /// Least limit of a quiet zone from which its steps are counted, in g: an eighth or less of what is felt.
 const LEAST_QUIET_G: f64 = 1e-3;
@@ -78,13 +76,18 @@ impl PlanTable {
             return Ok(None);
         }
         let wanted_g: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g).collect();
-        let mut alone_g = Vec::with_capacity(wanted_g.len());
+        let shapes: Vec<_> =
+            request.targets.iter().map(|target| self.model.shape_at(target.x_m, self.y_m(target.y_m))).collect();
+        let (mut alone_g, mut seen) = (Vec::with_capacity(shapes.len()), Vec::with_capacity(shapes.len()));
         for (t, wanted_g) in wanted_g.iter().enumerate() {
             let mut only = request.only(&[t]);
             only.targets.iter_mut().for_each(|target| target.intensity_g = Some(*wanted_g));
-            alone_g.push(self.plan_for(&only)?.predicted.target_peak_g.min(*wanted_g));
+            let Planned { plan, drives, .. } = self.planned(&only)?;
+            alone_g.push(plan.predicted.target_peak_g.min(*wanted_g));
+            seen.push(shapes.iter().map(|shape| peak(&drives, shape) / STANDARD_GRAVITY).collect());
         }
-        let border = Border { table: self, request, alone_g: &alone_g };
+        seen.push(peaks(plan));
+        let mut border = Border { table: self, request, alone_g: &alone_g, seen };
         let curves = match alone_g.len() {
             0 | 1 => 0,
             2 => 1,
@@ -132,78 +135,75 @@ impl PlanTable {
     }
 }
 
-/// Where what several targets can have together ends.
+/// What several targets have had together so far, in all plans looked at.
 struct Border<'a> {
     table: &'a PlanTable,
     request: &'a Request,
     alone_g: &'a [f64],
+    /// Peaks of all targets in g, plan by plan.
+    seen: Vec<Vec<f64>>,
 }
 
 impl Border<'_> {
     /// For `target` in steps: what every other one can have.
-    fn curve(&self, target: usize) -> Result<Curve, PlanError> {
-        let mut points = Vec::new();
+    fn curve(&mut self, target: usize) -> Result<Curve, PlanError> {
         // The others never get more for the target's getting more.
         let mut most = 1.0;
-        for step in 0..=STEPS {
-            let part = f64::from(step) / f64::from(STEPS);
-            most = self.most_others(target, part, most)?;
-            let peaks_g = peaks(&self.plan(target, part, most, 1.0)?);
-            points.push(Point { part, others_part: most, peaks_g });
+        let parts: Vec<f64> = (0..=STEPS).map(|step| f64::from(step) / f64::from(STEPS)).collect();
+        for part in &parts {
+            most = self.look(target, *part, most)?;
         }
-        Ok(Curve { target, points })
+        let points = parts.into_iter().filter_map(|part| {
+            let (others_part, peaks_g) = self.best(target, part)?;
+            Some(Point { part, others_part, peaks_g: peaks_g.clone() })
+        });
+        Ok(Curve { target, points: points.collect() })
     }
 
-    fn wishes(&self, target: usize, part: f64, others_part: f64) -> impl Iterator<Item = f64> + '_ {
-        let parts = move |t: usize| if t == target { part } else { others_part };
-        self.alone_g.iter().enumerate().map(move |(t, alone_g)| alone_g * parts(t))
-    }
-
-    fn plan(&self, target: usize, part: f64, others_part: f64, times: f64) -> Result<Plan, PlanError> {
-        let mut trial = self.request.clone();
-        for (asked, wish_g) in trial.targets.iter_mut().zip(self.wishes(target, part, others_part)) {
-            asked.intensity_g = Some(wish_g * times);
-        }
-        self.table.plan_for(&trial)
-    }
-
-    /// By how much the wishes are beyond the border, relative: 0 on it, negative within.
-    fn beyond(&self, target: usize, part: f64, others_part: f64) -> Result<f64, PlanError> {
-        let peaks_g = peaks(&self.plan(target, part, others_part, FAR)?);
-        let wishes: Vec<f64> = self.wishes(target, part, others_part).collect();
-        Ok(1.0 / least_part(&peaks_g, &wishes) - 1.0)
-    }
-
-    /// The most that all others can have of what they have alone, at most `most`, while `target` has `part`. The distance
-    /// from the border is a piecewise smooth, growing function of it: false position, its Illinois variant.
-    fn most_others(&self, target: usize, part: f64, most: f64) -> Result<f64, PlanError> {
-        let (mut low, mut high) = (0.0, most);
-        let mut above = self.beyond(target, part, high)?;
-        if above <= ON_BORDER {
-            return Ok(high);
-        }
-        // Alone, each can have all of its part.
-        let mut below = part - 1.0;
-        let mut last_was_low = None;
+    /// Looks for the most that all others can have, at most `most`, while `target` has `part`, and returns what is not less.
+    fn look(&mut self, target: usize, part: f64, most: f64) -> Result<f64, PlanError> {
+        let mut high = most;
+        let mut next = high;
         for _ in 0..MOST_ROUNDS {
+            let low = self.best(target, part).map_or(0.0, |(others_part, _)| others_part);
             if high - low <= CLOSE {
                 break;
             }
-            // Never nearer to an end than is asked for, so that both come together.
-            let step = (-below / (above - below) * (high - low)).clamp(0.5 * CLOSE, high - low - 0.5 * CLOSE);
-            let middle = low + step;
-            let value = self.beyond(target, part, middle)?;
-            let is_low = value <= ON_BORDER;
-            // An end that stays twice counts half.
-            let half = if last_was_low == Some(is_low) { 0.5 } else { 1.0 };
-            last_was_low = Some(is_low);
-            if is_low {
-                (low, below, above) = (middle, value, half * above);
-            } else {
-                (high, above, below) = (middle, value, half * below);
+            if !self.try_parts(target, part, next)? {
+                high = next;
             }
+            let low = self.best(target, part).map_or(0.0, |(others_part, _)| others_part);
+            next = 0.5 * (low + high);
         }
-        Ok(low)
+        Ok(high)
+    }
+
+    /// Plans for these parts; whether they are had.
+    fn try_parts(&mut self, target: usize, part: f64, others_part: f64) -> Result<bool, PlanError> {
+        let wish = |t: usize| self.alone_g.get(t).map(|g| g * if t == target { part } else { others_part });
+        let mut trial = self.request.clone();
+        for (t, asked) in trial.targets.iter_mut().enumerate() {
+            asked.intensity_g = wish(t);
+        }
+        self.seen.push(peaks(&self.table.plan_for(&trial)?));
+        Ok(self.best(target, part).is_some_and(|(had, _)| had >= others_part * (1.0 - ON_BORDER)))
+    }
+
+    /// Of all plans seen that give `target` its part, the one that gives the others most, and how much that is.
+    fn best(&self, target: usize, part: f64) -> Option<(f64, &Vec<f64>)> {
+        // Who cannot have anything has all of it.
+        let of = |t: usize, peaks_g: &[f64]| match self.alone_g[t] {
+            alone_g if alone_g > 0.0 => peaks_g[t] / alone_g,
+            _ => 1.0,
+        };
+        self.seen
+            .iter()
+            .filter(|peaks_g| of(target, peaks_g) >= part * (1.0 - ON_BORDER))
+            .map(|peaks_g| {
+                let others = (0..peaks_g.len()).filter(|t| *t != target).map(|t| of(t, peaks_g));
+                (others.fold(1.0, f64::min), peaks_g)
+            })
+            .max_by(|a, b| a.0.total_cmp(&b.0))
     }
 }
 

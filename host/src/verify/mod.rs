@@ -5,7 +5,7 @@ use crate::daemon::wire_drives;
 use crate::device::convert::{from_wire, to_wire};
 use crate::device::sim::{Clock, Extreme, Panel, STEP_S, SimBoard, causal};
 use crate::planner::softening::{NotSafe, Transducer};
-use crate::planner::{Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
+use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
 use bench::{Bench, amplitudes, on_rails};
 use era_shared::MAX_CHANNELS;
@@ -137,7 +137,19 @@ impl Comparison {
 /// # Errors
 /// [`VerifyError`].
 pub fn compare(table: &PlanTable, panel: &Panel, target: Target) -> Result<Comparison, VerifyError> {
-    let plan = table.plan(&[target])?;
+    compare_request(table, panel, &planner::Request::touch(&[target]))
+}
+
+/// The same for any request, at its first target.
+///
+/// # Errors
+/// [`VerifyError`].
+pub fn compare_request(
+    table: &PlanTable,
+    panel: &Panel,
+    request: &planner::Request,
+) -> Result<Comparison, VerifyError> {
+    let plan = table.plan_for(request)?;
     if plan.drives.iter().all(|drive| drive.voltage_v == 0.0) {
         return Err(VerifyError::Nothing);
     }

@@ -1,0 +1,88 @@
+//! Touches with time windows: planned all at once, driven one stretch after the other at their times.
+
+use super::app::{App, Touched};
+use super::asked::Asked;
+use super::problem::Problem;
+use super::touch::Manner;
+use super::view::TouchView;
+use crate::planner::schedule::{Span, Stretch, stretches};
+use crate::planner::{Plan, PlanError};
+use serde_json::json;
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+use tokio::time::Instant;
+
+/// A stretch that another follows at once is held for so much longer: whatever comes in between, there is no gap.
+const OVERLAP: Duration = Duration::from_millis(50);
+
+/// One stretch that drives.
+#[derive(Debug)]
+struct Act {
+    from: Duration,
+    hold: Duration,
+    plan: Plan,
+    touches: Vec<TouchView>,
+}
+
+impl App {
+    /// Plans all spans, begins with what is to be felt at once, and leaves the rest to a task. A stop or a newer touch ends it.
+    pub(super) async fn in_stretches(
+        self: &Arc<Self>,
+        asked: &Asked,
+        spans: Vec<Span>,
+        stops: u64,
+    ) -> Result<Touched, Problem> {
+        let mut all =
+            tokio::task::block_in_place(|| stretches(spans, |targets| self.plan(asked, &asked.request.only(targets))))?;
+        let acts = acts(&all, &asked.touches);
+        let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
+        let shown = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
+        let id = self.new_id();
+        let begun = Instant::now();
+        let (mut at_once, later): (Vec<Act>, Vec<Act>) = acts.into_iter().partition(|act| act.from.is_zero());
+        let device = match at_once.pop() {
+            Some(Act { hold, plan, touches, .. }) => {
+                self.driven(id, stops, plan, &touches, Manner::Hold(hold)).await?.device
+            }
+            None => {
+                self.make_way(id).await;
+                json!({ "acknowledged": false, "achieved": [] })
+            }
+        };
+        tokio::spawn(drive_later(Arc::downgrade(self), id, stops, begun, later));
+        for stretch in &mut all {
+            if let Some(plan) = &stretch.plan {
+                stretch.trade = self.trade(asked, &asked.request.only(&stretch.span.targets), plan)?;
+            }
+        }
+        let active = self.shown(id, shown, &asked.touches, None);
+        Ok(Touched { active, device, stretches: Some(all), trade: None })
+    }
+}
+
+fn acts(all: &[Stretch], touches: &[TouchView]) -> Vec<Act> {
+    let after = |i: usize| all.get(i + 1).is_some_and(|next| next.plan.is_some());
+    let act = |(i, stretch): (usize, &Stretch)| {
+        let Span { from_ms, to_ms, targets } = &stretch.span;
+        let overlap = if after(i) { OVERLAP } else { Duration::ZERO };
+        Some(Act {
+            from: Duration::from_secs_f64(from_ms / 1e3),
+            hold: Duration::from_secs_f64((to_ms - from_ms) / 1e3) + overlap,
+            plan: stretch.plan.clone()?,
+            touches: targets.iter().filter_map(|t| touches.get(*t).copied()).collect(),
+        })
+    };
+    all.iter().enumerate().filter_map(act).collect()
+}
+
+/// Holds the daemon only while it drives, so that it can end in between.
+async fn drive_later(app: Weak<App>, id: u64, stops: u64, begun: Instant, acts: Vec<Act>) {
+    for Act { from, hold, plan, touches } in acts {
+        tokio::time::sleep_until(begun + from).await;
+        let Some(app) = app.upgrade() else { return };
+        if let Err(problem) = app.driven(id, stops, plan, &touches, Manner::Hold(hold)).await {
+            tracing::info!(plan = id, from_ms = from.as_secs_f64() * 1e3, "not driven: {}", problem.detail());
+            return;
+        }
+    }
+}
