@@ -44,6 +44,9 @@ pub enum Error {
     /// The scene that measurements start from is not what they take it to be.
     #[error("the example plate has no line {0:?}")]
     Scene(&'static str),
+    /// No plan.
+    #[error(transparent)]
+    Plan(#[from] era::planner::PlanError),
     /// The same, as a file.
     #[error(transparent)]
     Parse(#[from] era::scene::SceneError),

@@ -1,4 +1,5 @@
-//! Measurements of the panel model, side by side with its peers: `cargo xtask bench model`.
+//! Measurements of the panel model, side by side with its peers, and of the planner: `cargo xtask bench model` and
+//! `cargo xtask bench planner`.
 
 mod arithmetic;
 mod calculix;
@@ -11,6 +12,7 @@ mod fit;
 mod growth;
 mod own;
 mod peers;
+mod planner;
 mod plot;
 mod problem;
 mod process;
@@ -26,7 +28,7 @@ use era::model::Accuracy;
 use error::Error;
 use own::{NEXT, TIGHTEST};
 use problem::{Problem, WANTED};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use table::{Table, relative, seconds};
@@ -48,6 +50,12 @@ struct Arguments {
 enum Command {
     /// The panel model: what accuracy costs, growth, peers at equal error, motion in time, arithmetic
     Model(Options),
+    /// The planner: time per plan, its optimum against brute force, plans with phases
+    Planner {
+        /// Also put the tables into a document, where it has `<!-- measured: planner -->` and `<!-- end -->`
+        #[arg(long, value_name = "FILE")]
+        update: Option<PathBuf>,
+    },
     /// One case, as JSON: what the measurements run in processes of their own
     #[command(subcommand, hide = true)]
     Case(Case),
@@ -61,6 +69,8 @@ enum Part {
     Peers,
     Table1,
     Arithmetic,
+    #[value(hide = true)]
+    Planner,
 }
 
 #[derive(Args)]
@@ -88,6 +98,7 @@ struct Options {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Model(options) => model(&options),
+        Command::Planner { update } => measure_planner(update.as_deref()),
         Command::Case(case) => case::run(&case).map(|outcome| println!("{}", serde_json::json!(outcome))),
     };
     match result {
@@ -97,6 +108,16 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+fn measure_planner(update: Option<&Path>) -> Result<(), Error> {
+    println!("{}\n", document::machine()?);
+    let tables = planner::tables()?;
+    for table in &tables {
+        println!("{}", table.text());
+    }
+    let tables: Vec<(Part, Table)> = tables.into_iter().map(|table| (Part::Planner, table)).collect();
+    update.map_or(Ok(()), |path| document::update(path, &tables))
 }
 
 fn model(options: &Options) -> Result<(), Error> {

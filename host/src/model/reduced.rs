@@ -34,6 +34,7 @@ pub struct ReducedModel {
     /// Travel of each actuator's mass relative to its electrodes, p x n.
     pub(super) travel: DMatrix<f64>,
     pub(super) grid: Arc<Grid>,
+    /// n x unknowns, so that what a point of one cell takes of them lies in few pieces.
     pub(super) shapes: Arc<DMatrix<f64>>,
 }
 
@@ -56,7 +57,7 @@ impl ReducedModel {
             force,
             travel,
             grid: Arc::new(assembled.grid.clone()),
-            shapes: Arc::new(vectors),
+            shapes: Arc::new(vectors.transpose()),
         }
     }
 
@@ -77,7 +78,7 @@ impl ReducedModel {
             force: self.force.select_rows(coordinates),
             travel: self.travel.select_columns(coordinates),
             grid: Arc::clone(&self.grid),
-            shapes: Arc::new(self.shapes.select_columns(coordinates)),
+            shapes: Arc::new(self.shapes.select_rows(coordinates)),
         }
     }
 
@@ -90,7 +91,7 @@ impl ReducedModel {
     /// Unknowns of the mesh behind it.
     #[must_use]
     pub fn dofs(&self) -> usize {
-        self.shapes.nrows()
+        self.shapes.ncols()
     }
 
     /// Bytes that its matrices take.
@@ -103,22 +104,32 @@ impl ReducedModel {
     /// The shapes' deflections at a point of the surface (m), length n: w = shape . q.
     #[must_use]
     pub fn shape_at(&self, x_m: f64, y_m: f64) -> DVector<f64> {
-        row_times(&self.grid.row_at(x_m, y_m, Derivative::Value), &self.shapes).transpose()
+        let mut out = DVector::zeros(self.order());
+        self.add_shape(x_m, y_m, out.as_mut_slice());
+        out
     }
 
     /// The shapes' deflections at the points of a grid (m), row by row with x first: points x n.
     #[must_use]
     pub fn shapes_on(&self, x_m: &[f64], y_m: &[f64]) -> DMatrix<f64> {
-        // By rows: a point's deflections are sums of a few rows, which then lie in one piece each.
-        let (n, rows) = (self.order(), self.shapes.transpose());
+        // A point per column first, which then lies in one piece.
+        let n = self.order();
         let mut out = DMatrix::zeros(n, x_m.len() * y_m.len());
         let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
-        for ((x, y), mut at) in points.zip(out.column_iter_mut()) {
-            for (unknown, value) in self.grid.row_at(x, y, Derivative::Value) {
-                at.axpy(value, &rows.column(unknown), 1.0);
-            }
+        for ((x, y), at) in points.zip(out.as_mut_slice().chunks_exact_mut(n.max(1))) {
+            self.add_shape(x, y, at);
         }
         out.transpose()
+    }
+
+    fn add_shape(&self, x_m: f64, y_m: f64, out: &mut [f64]) {
+        let n = self.order();
+        for (unknown, value) in self.grid.row_at(x_m, y_m, Derivative::Value) {
+            let shapes = &self.shapes.as_slice()[unknown * n..(unknown + 1) * n];
+            for (out, shape) in out.iter_mut().zip(shapes) {
+                *out += value * shape;
+            }
+        }
     }
 
     /// Travel of an actuator's mass relative to its electrodes, for given coordinates.

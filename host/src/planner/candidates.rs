@@ -3,7 +3,7 @@
 use super::allocate::{Allocation, MOST};
 use super::assignment::{Assignment, lags};
 use super::request::{Objective, Request};
-use super::search::{Candidate, Choices, is_better};
+use super::search::{Candidate, Choices, Work, is_better};
 use super::table::{Entry, PlanTable, SINGLE, Width, at_point};
 use super::zone::Zone;
 use super::{ELECTRODE_CABLE_F, MIN_SPACING_HZ, QUIET_POINTS, STANDARD_GRAVITY};
@@ -25,6 +25,7 @@ pub struct Judge<'a> {
     /// Mode shapes at the points of the quiet zones, and what is allowed there in m/s^2.
     quiet: Vec<(DVector<f64>, f64)>,
     objective: Objective,
+    work: Work,
 }
 
 impl<'a> Judge<'a> {
@@ -47,7 +48,7 @@ impl<'a> Judge<'a> {
                 }));
             }
         }
-        Self { table, zone: Zone::new(table, &request.targets), quiet, objective: request.objective }
+        Self { table, zone: Zone::new(table, &request.targets), quiet, objective: request.objective, work: request.work }
     }
 
     /// Mean square elsewhere per N^2, harmonics included.
@@ -84,6 +85,7 @@ impl<'a> Judge<'a> {
                 .chain(self.quiet.iter().map(|(_, most)| *most))
                 .collect(),
             spacing_hz: MIN_SPACING_HZ - 1e-9,
+            work: self.work,
         }
     }
 
@@ -155,9 +157,16 @@ impl<'a> Judge<'a> {
             // No better one unless it reaches more.
             (rough.reaches(&squares), known.met * wanted)
         };
-        let needed = needed - SINGLE * needed.abs();
         let mut choices = self.empty(&[wanted]);
-        let kept = kept(&earns, p, &table.frequencies_hz, needed);
+        // What a combination that is good by the bounds really is may show that more is needed.
+        let improved = |picks: &[usize]| {
+            let hz = |i: usize| table.frequencies_hz[picks[i]];
+            let fit = (0..p).all(|i| (0..i).all(|j| fits(hz(i), hz(j))));
+            let trial = self.known(picks, wanted).filter(|trial| fit && is_better(trial, &known))?;
+            let more = if known.met >= 1.0 { needed + known.cost - trial.cost } else { trial.met.min(1.0) * wanted };
+            Some(more - SINGLE * more.abs())
+        };
+        let kept = kept(&earns, p, &table.frequencies_hz, needed - SINGLE * needed.abs(), improved);
         let mut last = None;
         for (k, actuator) in kept {
             let Some(entry) = table.entry(actuator, k) else { continue };
@@ -262,27 +271,47 @@ impl<'a> Judge<'a> {
 }
 
 /// Frequencies and actuators, in ascending order, that are part of a combination whose earnings add up to what is needed.
-fn kept(earns: &[f64], p: usize, frequencies_hz: &[f64], needed: f64) -> Vec<(usize, usize)> {
+/// `improved` says of a combination, a frequency per actuator, by how much more is needed once it is known.
+fn kept(
+    earns: &[f64],
+    p: usize,
+    frequencies_hz: &[f64],
+    mut needed: f64,
+    improved: impl Fn(&[usize]) -> Option<f64>,
+) -> Vec<(usize, usize)> {
     let f = frequencies_hz.len();
     let own = |i: usize| &earns[i * f..(i + 1) * f];
     // First by what the others earn at best, as if frequencies had no distance to keep.
     let most: Vec<f64> = (0..p).map(|i| own(i).iter().copied().fold(0.0, f64::max)).collect();
     let sum: f64 = most.iter().sum();
-    let mut nodes: Vec<usize> = Vec::new();
+    let mut is_node = vec![false; f];
     for (i, most) in most.iter().enumerate() {
         let least = needed - (sum - most);
-        nodes.extend(own(i).iter().enumerate().filter(|(_, earns)| **earns >= least).map(|(k, _)| k));
+        for (is_node, earns) in is_node.iter_mut().zip(own(i)) {
+            *is_node |= *earns >= least;
+        }
     }
-    nodes.sort_unstable();
-    nodes.dedup();
+    let nodes: Vec<usize> = (0..f).filter(|k| is_node[*k]).collect();
     // Then by the best combinations through each place.
     let hz: Vec<f64> = nodes.iter().map(|k| frequencies_hz[*k]).collect();
     let turned: Vec<f64> = hz.iter().rev().map(|hz| -hz).collect();
     let spacing = MIN_SPACING_HZ - 1e-9;
     let (below, above) = (lags(&hz, spacing), lags(&turned, spacing));
+    let mut value = Vec::with_capacity(p * nodes.len());
+    for i in 0..p {
+        value.extend(nodes.iter().map(|k| own(i)[*k]));
+    }
+    let mut turned = Vec::with_capacity(value.len());
+    for own in value.chunks(nodes.len().max(1)) {
+        turned.extend(own.iter().rev());
+    }
     let (mut up, mut down) = (Assignment::default(), Assignment::default());
-    up.fill(p, (0..p).flat_map(|i| nodes.iter().map(move |k| own(i)[*k])).collect(), &below);
-    down.fill(p, (0..p).flat_map(|i| nodes.iter().rev().map(move |k| own(i)[*k])).collect(), &above);
+    up.fill(p, value, &below);
+    if let Some(places) = up.choice(&below) {
+        let picks = places.map(|place| nodes.get(place).copied().unwrap_or(0));
+        needed = improved(&picks[..p]).unwrap_or(needed).max(needed);
+    }
+    down.fill(p, turned, &above);
     let mut kept = Vec::new();
     for (place, k) in nodes.iter().enumerate() {
         for i in 0..p {

@@ -36,6 +36,7 @@ mod zone;
 pub use plan::{Drive, Plan, Planned, Predicted, TargetResult};
 pub use report::Report;
 pub use request::{Grouping, Objective, PlanError, Quiet, Request, Target};
+pub use search::Work;
 pub use table::{PlanTable, TableOptions};
 
 /// Standard gravity in m/s^2: intensities are given in g, as is usual in haptics.

@@ -1,5 +1,6 @@
 //! What is asked of the planner.
 
+use super::search::Work;
 use super::table::PlanTable;
 use super::{DEFAULT_INTENSITY_G, MAX_QUIET_ZONES};
 use crate::scene::{MAX_ACTUATORS, SurfaceKind};
@@ -72,6 +73,8 @@ pub struct Request {
     pub objective: Objective,
     /// Which actuators share a frequency. Groups are for one target, without quiet zones, and for contrast.
     pub grouping: Grouping,
+    /// How much may be looked at where limits bind.
+    pub work: Work,
 }
 
 impl Request {

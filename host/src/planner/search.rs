@@ -12,10 +12,6 @@ use super::assignment::{Assignment, lags};
 
 /// Rounding of a bound: what is nearer than this to the best is as good.
 const SAME: f64 = 1e-12;
-/// Combinations whose forces are worked out at most before the search ends with what is proven by then.
-const MOST_LEAVES: usize = 20_000;
-/// Partial combinations looked at, at most.
-const MOST_NODES: usize = 400_000;
 /// New prices tried before combinations are listed.
 const ROUNDS: usize = 12;
 /// Of all prices tried, those with the best bounds: each prunes other combinations.
@@ -23,6 +19,31 @@ const KEPT: usize = 3;
 /// By how much more than the bound a combination may cost, or less than it reach, while none is known that fits: tried one
 /// after the other.
 const SLACKS: [f64; 4] = [1e-3, 1e-1, 10.0, f64::INFINITY];
+
+/// How much is looked at where limits bind, before the search ends with what is proven by then.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Work {
+    /// For a touch: some milliseconds.
+    #[default]
+    Touch,
+    /// For a study: up to some tenths of a second.
+    Study,
+}
+
+impl Work {
+    /// Combinations whose forces are worked out, at most.
+    const fn leaves(self) -> usize {
+        match self {
+            Work::Touch => 500,
+            Work::Study => 50_000,
+        }
+    }
+
+    /// Partial combinations looked at, at most.
+    const fn nodes(self) -> usize {
+        20 * self.leaves()
+    }
+}
 
 /// One actuator at one frequency with one pulse width.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +77,8 @@ pub struct Choices {
     pub allowed: Vec<f64>,
     /// Least distance of two frequencies in Hz.
     pub spacing_hz: f64,
+    /// How much may be looked at.
+    pub work: Work,
 }
 
 /// The best combination.
@@ -416,7 +439,7 @@ impl<'a> Search<'a> {
     fn list(&mut self, set: usize, upto: usize, sums: &[f64; KEPT], chosen: &mut [usize; MOST]) {
         if set == 0 {
             self.leaves += 1;
-            if self.leaves > MOST_LEAVES {
+            if self.leaves > self.choices.work.leaves() {
                 self.is_cut = true;
                 return;
             }
@@ -434,7 +457,7 @@ impl<'a> Search<'a> {
                 return;
             }
             self.nodes += 1;
-            if self.nodes > MOST_NODES {
+            if self.nodes > self.choices.work.nodes() {
                 self.is_cut = true;
                 return;
             }
@@ -551,7 +574,7 @@ mod tests {
                                 .collect()
                         })
                         .collect();
-                    Choices { frequencies_hz, candidates, gains, loads, wanted, allowed, spacing_hz: 20.0 }
+                    Choices { frequencies_hz, candidates, gains, loads, wanted, allowed, spacing_hz: 20.0, work: Work::Study }
                 })
         })
     }

@@ -251,7 +251,7 @@ impl PlanTable {
 #[must_use]
 pub fn at_point(shape: &DVector<f64>, acceleration: &DVector<Complex64>) -> Complex64 {
     let (mut re, mut im) = (0.0, 0.0);
-    for (shape, coordinate) in shape.iter().zip(acceleration.iter()) {
+    for (shape, coordinate) in shape.as_slice().iter().zip(acceleration.as_slice()) {
         re += coordinate.re * shape;
         im += coordinate.im * shape;
     }

@@ -1,0 +1,213 @@
+//! The planner: time per plan, and its optimum against all combinations.
+
+use crate::error::Error;
+use crate::table::{Table, relative, seconds};
+use era::model::Accuracy;
+use era::model::bounded::Levels;
+use era::planner::candidates::Judge;
+use era::planner::search::{Choices, is_better};
+use era::planner::allocate::Allocation;
+use era::planner::{Grouping, PlanTable, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
+use era::scene::{EXAMPLE_PLATE, Scene};
+use std::fmt::Write;
+use std::time::Instant;
+
+/// A frequency grid of 1001 frequencies from 40 to 400 Hz.
+const FINE_HZ: f64 = 0.36;
+/// Highest frequency of tables in Hz.
+const HIGHEST_HZ: f64 = 400.0;
+/// Touches timed.
+const TOUCHES: u32 = 2000;
+/// Touches held against brute force, for each number of actuators and each intensity.
+const CHECKED: [u32; 4] = [40, 3, 6, 6];
+/// Steps of the grids that brute force takes, in Hz: all pairs of 1001 frequencies, but of three and four actuators all
+/// combinations of that many would be a billion times eight and a million million times sixteen.
+const STEPS_HZ: [f64; 4] = [FINE_HZ, FINE_HZ, 7.2, 16.0];
+/// Where actuators three and four are put on the example plate, in mm.
+const MORE_MM: [(f64, f64); 2] = [(150.0, 60.0), (150.0, 150.0)];
+
+/// The example plate with its first one or two actuators, or with more of the same kind.
+fn scene(actuators: usize) -> Result<Scene, Error> {
+    let mut text = EXAMPLE_PLATE.to_owned();
+    if actuators == 1 {
+        let last = text.rfind("[[actuator]]").unwrap_or(text.len());
+        text.truncate(last);
+    }
+    for (i, (x_mm, y_mm)) in MORE_MM.iter().enumerate().take(actuators.saturating_sub(2)) {
+        let _ = write!(
+            text,
+            "\n[[actuator]]\nid = \"more{i}\"\nx_mm = {x_mm}\ny_mm = {y_mm}\nmount = \"grounded\"\nmoving_mass_g = 10.0\n\
+             stiffness_n_per_m = 5000.0\ndamping_n_s_per_m = 0.7\nelectrode_area_mm2 = 1963.5\nair_gap_um = 500.0\n\
+             max_voltage_v = 2000.0\n"
+        );
+    }
+    Ok(Scene::parse("example plate", &text)?)
+}
+
+fn table(scene: &Scene, step_hz: f64) -> Result<PlanTable, Error> {
+    let levels = Levels::build(scene, Accuracy::BALANCED, HIGHEST_HZ)?;
+    let options = TableOptions { step_hz, to_hz: HIGHEST_HZ, ..TableOptions::default() };
+    Ok(PlanTable::with_levels(scene, levels, options)?)
+}
+
+/// A touch somewhere, by a low-discrepancy sequence.
+fn touch(scene: &Scene, number: u32, intensity_g: f64) -> Target {
+    let at = |step: f64| (0.5 + step * f64::from(number + 1)).fract();
+    Target {
+        x_m: scene.surface.length_m * at(0.754_877_666),
+        y_m: scene.surface.width_m * at(0.569_840_291),
+        intensity_g: Some(intensity_g),
+    }
+}
+
+/// The tables.
+pub fn tables() -> Result<Vec<Table>, Error> {
+    let mut times = Table::new("Time per plan", &["actuators", "touches", "median", "p99", "longest", "proven the best", "table", "made in"]);
+    times.above.push("Example plate, balanced, 1001 frequencies, one thread; all of a plan: the best combination, proven, refined off the \
+         grid, made safe under the moving masses, with prediction and error bound. Touches at 0.05 to 0.5 g, and at 20 g, \
+         which no place has.".into());
+    let mut checks = Table::new("Against brute force", &["actuators", "frequencies", "touches", "combinations of one", "brute force", "search", "largest difference"]);
+    checks.above.push("All combinations of frequencies (at least 20 Hz apart) and pulse widths, the forces of each by the same convex \
+         problem. Difference: of the cost, or of the reach where the wish is out of reach.".into());
+    let mut groups = Table::new("With phases", &["actuators", "grouping", "median", "p99", "contrast over distinct frequencies, median"]);
+    groups.above.push("1001 frequencies, 0.1 g.".into());
+    for actuators in 1..=4 {
+        let scene = scene(actuators)?;
+        let started = Instant::now();
+        let fine = table(&scene, FINE_HZ)?;
+        let made_s = started.elapsed().as_secs_f64();
+        for (name, intensities) in [("0.05 to 0.5 g", [0.05, 0.1, 0.2, 0.5]), ("20 g", [20.0; 4])] {
+            let (mut seconds_each, mut proven) = (Vec::new(), 0_u32);
+            for number in 0..TOUCHES {
+                let target = touch(&scene, number, intensities[number as usize % 4]);
+                let started = Instant::now();
+                let plan = fine.plan(&[target])?;
+                seconds_each.push(started.elapsed().as_secs_f64());
+                proven += u32::from(plan.optimality_gap == 0.0);
+            }
+            let [median, p99, longest] = quantiles(&mut seconds_each);
+            times.row([
+                actuators.to_string(),
+                name.to_owned(),
+                seconds(median),
+                seconds(p99),
+                seconds(longest),
+                format!("{:.1} %", 100.0 * f64::from(proven) / f64::from(TOUCHES)),
+                format!("{:.1} MB", megabytes(fine.bytes())),
+                seconds(made_s),
+            ]);
+        }
+        checks.row(check(&scene, actuators, &fine)?);
+        if actuators > 1 {
+            for (name, grouping) in [("shared", Grouping::Shared), ("mixed", Grouping::Mixed)] {
+                groups.row(grouped(&scene, &fine, actuators, name, grouping)?);
+            }
+        }
+    }
+    Ok(vec![times, checks, groups])
+}
+
+#[allow(clippy::cast_precision_loss, reason = "megabytes")]
+fn megabytes(bytes: usize) -> f64 {
+    bytes as f64 / 1e6
+}
+
+/// Median, 99th percentile and the largest.
+fn quantiles(values: &mut [f64]) -> [f64; 3] {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1);
+    [last / 2, last * 99 / 100, last].map(|at| values.get(at).copied().unwrap_or(f64::NAN))
+}
+
+fn check(scene: &Scene, actuators: usize, fine: &PlanTable) -> Result<[String; 7], Error> {
+    let step_hz = STEPS_HZ[actuators - 1];
+    let coarse = if step_hz == FINE_HZ { None } else { Some(table(scene, step_hz)?) };
+    let table = coarse.as_ref().unwrap_or(fine);
+    let count = CHECKED[actuators - 1];
+    let (mut brute_s, mut search_s, mut worst, mut combinations) = (0.0, 0.0, 0.0_f64, 0_u64);
+    let mut touches = 0;
+    for intensity_g in [0.1, 1.0, 20.0] {
+        for number in 0..count {
+            let target = touch(scene, number, intensity_g);
+            let request = Request { work: Work::Study, ..Request::touch(&[target]) };
+            let wanted = intensity_g * STANDARD_GRAVITY;
+            let started = Instant::now();
+            let judge = Judge::new(table, &request);
+            let found = judge.shortlist(wanted, &|_, _| true).best(&|_, _| true).ok_or_else(nothing)?;
+            search_s += started.elapsed().as_secs_f64();
+            let started = Instant::now();
+            let all = judge.all(&[wanted]);
+            let mut best = None;
+            let mut looked = 0;
+            every(&all, &mut Vec::with_capacity(4), &mut best, &mut looked);
+            brute_s += started.elapsed().as_secs_f64();
+            combinations = combinations.max(looked);
+            let best: Allocation = best.ok_or_else(nothing)?;
+            let reach = (found.allocation.met - best.met).abs() / best.met;
+            let cost = if best.met < 1.0 { 0.0 } else { (found.allocation.cost - best.cost).abs() / best.cost };
+            worst = worst.max(reach).max(cost);
+            touches += 1;
+        }
+    }
+    Ok([
+        actuators.to_string(),
+        table.frequencies_hz.len().to_string(),
+        touches.to_string(),
+        combinations.to_string(),
+        seconds(brute_s / f64::from(touches)),
+        seconds(search_s / f64::from(touches)),
+        relative(worst),
+    ])
+}
+
+fn nothing() -> Error {
+    era::planner::PlanError::NoFrequencies.into()
+}
+
+/// Every combination.
+fn every(choices: &Choices, chosen: &mut Vec<usize>, best: &mut Option<Allocation>, looked: &mut u64) {
+    let i = chosen.len();
+    if i == choices.candidates.len() {
+        *looked += 1;
+        let found = choices.allocation(chosen);
+        if best.as_ref().is_none_or(|best| is_better(&found, best)) {
+            *best = Some(found);
+        }
+        return;
+    }
+    let hz = |i: usize, index: usize| choices.frequencies_hz[choices.candidates[i][index].node];
+    for index in 0..choices.candidates[i].len() {
+        let own = hz(i, index);
+        if chosen.iter().enumerate().all(|(j, other)| (own - hz(j, *other)).abs() >= choices.spacing_hz) {
+            chosen.push(index);
+            every(choices, chosen, best, looked);
+            chosen.pop();
+        }
+    }
+}
+
+fn grouped(
+    scene: &Scene,
+    table: &PlanTable,
+    actuators: usize,
+    name: &str,
+    grouping: Grouping,
+) -> Result<[String; 5], Error> {
+    const PLANS: u32 = 100;
+    let (mut times, mut gains) = (Vec::new(), Vec::new());
+    for number in 0..PLANS {
+        let target = touch(scene, number, 0.1);
+        let plan = |grouping| {
+            let request = Request { grouping, ..Request::touch(&[target]) };
+            table.plan_for(&request)
+        };
+        let distinct = plan(Grouping::Distinct)?;
+        let started = Instant::now();
+        let found = plan(grouping)?;
+        times.push(started.elapsed().as_secs_f64());
+        gains.push(found.predicted.contrast_db - distinct.predicted.contrast_db);
+    }
+    let [median, p99, _] = quantiles(&mut times);
+    let [gain_db, _, _] = quantiles(&mut gains);
+    Ok([actuators.to_string(), name.to_owned(), seconds(median), seconds(p99), format!("{gain_db:+.2} dB")])
+}
