@@ -179,7 +179,7 @@ impl StoredModel {
             structured: self.structured.map(|damping| damping.restore(n)).transpose()?,
             force: self.force.restore("forces", n, p)?,
             travel: self.travel.restore("travel", p, n)?,
-            shapes: Arc::new(self.shapes.restore("mode shapes", step.dofs, n)?),
+            shapes: Arc::new(self.shapes.restore("mode shapes", n, step.dofs)?),
             grid: Arc::new(grid),
         })
     }

@@ -256,7 +256,7 @@ impl<'a> Judge<'a> {
         Some(if quiet.met >= 1.0 { quiet } else { of(1) })
     }
 
-    /// A wanted acceleration in m/s^2, at most [`BEYOND_REACH`] times the sum of what the actuators reach at their best.
+    /// A wanted acceleration in m/s^2, at most a million times the sum of what the actuators reach at their best.
     #[must_use]
     pub fn countable(&self, wanted: f64, target: usize) -> f64 {
         let (p, f) = (self.table.entries.len().min(MOST), self.table.frequencies_hz.len());

@@ -5,7 +5,7 @@
 //! break down the gap that is left, or the supply deliver more than it can, all forces are scaled down together until none does.
 
 use super::ELECTRODE_CABLE_F;
-use super::limits::Limit;
+use super::limits::{Electrodes, Limit};
 use super::refine::Chosen;
 use super::softening::{Excitation, Line, MAX_LINES, Motion, Transducer, settle};
 use super::table::{PlanTable, travel_m_per_n};
@@ -16,8 +16,19 @@ use nalgebra::DVector;
 use num_complex::Complex64;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Halvings of the interval in which the scale lies: to a thousandth.
-const HALVINGS: u32 = 10;
+/// Levels of the squared voltages that are looked at on the way up.
+pub(super) const LEVELS: u32 = 12;
+/// Halvings of the interval in which the scale lies: to a thousandth of the whole.
+pub(super) const HALVINGS: u32 = 7;
+/// Softening times receptance that is too weak to move a resonance across a drive.
+pub(super) const WEAK: f64 = 0.3;
+
+/// Most stiffness in N/m that an electrode at a voltage takes away, its mass a third of the gap off: F' = 2 F / (g - x), F
+/// grown by (g / (g - x))^2: 3.4 times that at rest.
+pub(super) fn most_softening(electrodes: &Electrodes, voltage_v: f64) -> f64 {
+    let force_n = electrodes.newtons_per_volt_squared() * voltage_v * voltage_v;
+    2.0 * force_n / electrodes.gap_m * 1.5_f64.powi(3)
+}
 
 /// Voltage and pulse width of one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -47,30 +58,67 @@ pub struct Settled {
 
 impl PlanTable {
     /// Makes drives safe; `None` if they are at no scale, which a softened spring beyond pull-in would be.
+    ///
+    /// The rails rise within a tenth of a second, and an ERA whose resonance the softening moves across its drive's frequency
+    /// goes furthest on the way. So all levels up to the last are looked at, unless the softening is too weak to move
+    /// anything that far.
     pub(super) fn settled(&self, drives: &mut [Chosen]) -> Option<Settled> {
-        let mut scale = 1.0;
-        let mut limited = None;
-        let mut found = self.try_settle(drives, 1.0);
-        if let Err(first) = found {
-            limited = Some(first);
-            let (mut low, mut high) = (0.0, 1.0);
-            found = self.try_settle(drives, 0.0);
-            for _ in 0..HALVINGS {
-                let middle = 0.5 * (low + high);
-                match self.try_settle(drives, middle) {
-                    Ok(safe) => {
-                        found = Ok(safe);
-                        low = middle;
-                    }
-                    Err(_) => high = middle,
-                }
-            }
-            scale = low;
-        }
+        let (settled, scale, limited) = self.safe_scale(drives)?;
         for drive in drives.iter_mut() {
             drive.force_n *= scale;
         }
-        found.ok().map(|found| Settled { scale, limited, ..found })
+        Some(Settled { scale, limited, ..settled })
+    }
+
+    fn safe_scale(&self, drives: &[Chosen]) -> Option<(Settled, f64, Option<(usize, Limit)>)> {
+        if self.is_hardly_softened(drives)
+            && let Ok(settled) = self.try_settle(drives, 1.0)
+        {
+            return Some((settled, 1.0, None));
+        }
+        let mut known = self.try_settle(drives, 0.0).ok()?;
+        let mut low = 0.0;
+        for level in 1..=LEVELS {
+            let part = f64::from(level) / f64::from(LEVELS);
+            match self.try_settle(drives, part) {
+                Ok(settled) => (known, low) = (settled, part),
+                Err(mut limited) => {
+                    let mut high = part;
+                    for _ in 0..HALVINGS {
+                        let middle = 0.5 * (low + high);
+                        match self.try_settle(drives, middle) {
+                            Ok(settled) => (known, low) = (settled, middle),
+                            Err(closer) => (limited, high) = (closer, middle),
+                        }
+                    }
+                    return Some((known, low, Some(limited)));
+                }
+            }
+        }
+        Some((known, 1.0, None))
+    }
+
+    /// Whether every motion on the way is at most the linear one over 1 - e, within the limits, for the sum e of the
+    /// softenings times the receptances of what they soften: each turn of force to travel to force adds at most e.
+    fn is_hardly_softened(&self, drives: &[Chosen]) -> bool {
+        let applied = self.applied(drives, 1.0);
+        let p = drives.len().min(MAX_ACTUATORS);
+        let softening = |i: usize| self.electrodes.get(i).map_or(0.0, |e| most_softening(e, applied[i].voltage_v));
+        let turn = |drive: &Chosen| -> f64 {
+            let into = |j: usize| drive.row.get(j).map_or(0.0, |entry| entry.travel.iter().map(|z| z.norm()).sum());
+            (0..p).map(|j| into(j) * softening(j)).sum()
+        };
+        let most = drives.iter().map(turn).fold(0.0, f64::max);
+        if most > WEAK {
+            return false;
+        }
+        self.electrodes.iter().enumerate().take(p).all(|(i, electrodes)| {
+            let own = |(j, drive): (usize, &Chosen)| {
+                drive.row.get(j).map_or(0.0, |entry| travel_m_per_n(entry, applied[j].pulse_width)[i]) * drive.force_n
+            };
+            let travel_m: f64 = drives.iter().enumerate().map(own).sum();
+            electrodes.violated(travel_m / (1.0 - most), applied[i].voltage_v * (1.0 - 1e-12)).is_none()
+        })
     }
 
     fn try_settle(&self, drives: &[Chosen], scale: f64) -> Result<Settled, (usize, Limit)> {
@@ -104,7 +152,7 @@ impl PlanTable {
         let mut excitations =
             [Excitation { frequency: 0, voltage_v: 0.0, pulse_width: 0.5, phase_rad: 0.0 }; MAX_ACTUATORS];
         for i in 0..p {
-            transducers[i] = self.scene.actuators.get(i).map_or(Transducer::fixed(0.0), Transducer::of);
+            transducers[i] = self.transducers.get(i).copied().unwrap_or(Transducer::fixed(0.0));
             let Applied { voltage_v, pulse_width } = applied[i];
             excitations[i] =
                 Excitation { frequency: frequency[i], voltage_v, pulse_width, phase_rad: drives[i].phase_rad };
@@ -161,7 +209,7 @@ impl PlanTable {
 
     /// The mean current of all electrodes, each charged once a period.
     fn check_supply(&self, drives: &[Chosen], applied: &[Applied; MAX_ACTUATORS]) -> Result<(), (usize, Limit)> {
-        let current = |((drive, applied), electrodes): ((&Chosen, &Applied), &super::limits::Electrodes)| {
+        let current = |((drive, applied), electrodes): ((&Chosen, &Applied), &Electrodes)| {
             let capacitance = EPS0 * electrodes.area_m2 / electrodes.gap_m + ELECTRODE_CABLE_F;
             2.0 * capacitance * applied.voltage_v * drive.frequency_hz
         };

@@ -2,8 +2,10 @@
 
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
 use crate::model::ReducedModel;
-use crate::planner::limits::Electrodes;
+use crate::planner::limits::{Electrodes, Limit};
 use crate::planner::phased::PerPair;
+use crate::planner::safe::{HALVINGS, LEVELS, WEAK, most_softening};
+use crate::planner::softening::{Excitation, Line, Transducer, settle};
 use crate::planner::{HIGHEST_FELT_HZ, PULSE_WIDTH};
 use crate::response::sweep::SurfaceShapes;
 use crate::response::{ResponseError, Solver};
@@ -34,11 +36,12 @@ pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -
     let frequencies_hz = options.frequencies_hz();
     let grid = SurfaceGrid::new(scene, &model, options.to_hz);
     let electrodes = electrodes_of(scene);
+    let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
     let products = grid.products();
     let solver = Solver::new(&model);
     let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
         .par_iter()
-        .map(|frequency_hz| entries_at(&model, &solver, &products, &electrodes, *frequency_hz))
+        .map(|frequency_hz| entries_at(&model, &solver, &products, &electrodes, &transducers, *frequency_hz))
         .collect::<Result<_, _>>()?;
     let mut entries: Vec<Vec<Option<Entry>>> = (0..electrodes.len())
         .map(|actuator| columns.iter().map(|column| column.as_ref()?.get(actuator).cloned()).collect())
@@ -84,6 +87,7 @@ pub(super) fn entries_at(
     solver: &Solver<'_>,
     products: &DMatrix<f64>,
     electrodes: &[Electrodes],
+    transducers: &[Transducer],
     frequency_hz: f64,
 ) -> Result<Option<Vec<Entry>>, ResponseError> {
     let coordinates = match solver.coordinates(frequency_hz) {
@@ -93,7 +97,9 @@ pub(super) fn entries_at(
     };
     let harmonics = harmonics(model, solver, products, frequency_hz);
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
-    let entries = coordinates.into_iter().zip(electrodes).enumerate().map(|(actuator, (displacement, electrodes))| {
+    let drivers = electrodes.iter().zip(transducers);
+    let entries = coordinates.into_iter().zip(drivers).enumerate().map(|(actuator, (displacement, driver))| {
+        let (electrodes, transducer) = driver;
         let travel = travels(model, &displacement);
         let mut harmonic_travel = [[0.0; MAX_ACTUATORS]; HARMONICS.len()];
         for (row, harmonic) in harmonic_travel.iter_mut().zip(&harmonics) {
@@ -105,7 +111,7 @@ pub(super) fn entries_at(
                     * harmonic.squares.get(actuator).copied().unwrap_or(0.0)
             };
             let surface = harmonics.iter().map(square).sum();
-            width_of(electrodes, actuator, &travel, &harmonic_travel, pulse_width, surface)
+            width_of(electrodes, transducer, actuator, &travel, &harmonic_travel, pulse_width, surface)
         };
         let widths = widths(frequency_hz, width);
         let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
@@ -156,6 +162,7 @@ fn travel_of(
 
 fn width_of(
     electrodes: &Electrodes,
+    transducer: &Transducer,
     actuator: usize,
     travel: &[Complex64; MAX_ACTUATORS],
     harmonic_travel: &[[f64; MAX_ACTUATORS]; HARMONICS.len()],
@@ -165,7 +172,60 @@ fn width_of(
     let travel_m_per_n = travel_of(travel, harmonic_travel, pulse_width);
     let own = travel_m_per_n.get(actuator).copied().unwrap_or(0.0);
     let (max_force_n, limit) = electrodes.max_force(own, pulse_width);
+    let receptance = travel.get(actuator).copied().unwrap_or_default();
+    let (max_force_n, limit) = safe_alone(
+        electrodes,
+        transducer,
+        receptance,
+        own - receptance.norm(),
+        pulse_width,
+        (max_force_n, limit),
+    );
     Width { pulse_width, harmonics, travel_m_per_n, max_force_n, limit }
+}
+
+/// `most` force, or as much of it as leaves an ERA that is driven alone within its limits on the whole way up to it, when its
+/// force grows as its gap closes. `receptance` is its own travel in m/N, `harmonics` what harmonics add at most.
+fn safe_alone(
+    electrodes: &Electrodes,
+    transducer: &Transducer,
+    receptance: Complex64,
+    harmonics: f64,
+    pulse_width: f64,
+    most: (f64, Limit),
+) -> (f64, Limit) {
+    let voltage_at = |force_n: f64| electrodes.voltage_for(force_n, pulse_width).min(electrodes.max_voltage_v);
+    if most_softening(electrodes, voltage_at(most.0)) * receptance.norm() <= WEAK {
+        return most;
+    }
+    let mut matrix = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
+    matrix[0][0] = receptance;
+    let line = [Line { frequency: 0, harmonic: 1, receptance: matrix }];
+    let violated = |force_n: f64| -> Option<Limit> {
+        let voltage_v = voltage_at(force_n);
+        let excitation = [Excitation { frequency: 0, voltage_v, pulse_width, phase_rad: 0.0 }];
+        match settle(std::slice::from_ref(transducer), &excitation, &line) {
+            Ok(motion) => electrodes.violated(motion.largest_m[0] + harmonics * force_n, voltage_v * (1.0 - 1e-12)),
+            Err(_) => Some(Limit::Travel),
+        }
+    };
+    let mut low = 0.0;
+    for level in 1..=LEVELS {
+        let mut high = most.0 * f64::from(level) / f64::from(LEVELS);
+        let Some(mut limit) = violated(high) else {
+            low = high;
+            continue;
+        };
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            match violated(middle) {
+                None => low = middle,
+                Some(closer) => (limit, high) = (closer, middle),
+            }
+        }
+        return (low, limit);
+    }
+    most
 }
 
 /// Mean square over the surface of a motion with these coordinates.
@@ -315,13 +375,14 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64) -> Result<Vec<Entry>,
     let unbounded = || ResponseError::Unbounded { frequency_hz, resonance_hz: frequency_hz };
     let nearest = below.as_ref().or(above.as_ref()).ok_or_else(unbounded)?;
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
-    let own = coordinates.into_iter().zip(&table.electrodes).zip(nearest).enumerate();
+    let drivers = table.electrodes.iter().zip(&table.transducers);
+    let own = coordinates.into_iter().zip(drivers).zip(nearest).enumerate();
     Ok(own
-        .map(|(actuator, ((displacement, electrodes), nearest))| {
+        .map(|(actuator, ((displacement, (electrodes, transducer)), nearest))| {
             let travel = travels(model, &displacement);
             let harmonic_travel = nearest.harmonic_travel;
             let widths = nearest.widths.map(|width| {
-                width_of(electrodes, actuator, &travel, &harmonic_travel, width.pulse_width, width.harmonics)
+                width_of(electrodes, transducer, actuator, &travel, &harmonic_travel, width.pulse_width, width.harmonics)
             });
             let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
             let acceleration = displacement * scale;

@@ -15,6 +15,7 @@ use super::limits::{Electrodes, Limit};
 use super::phased::PerPair;
 use super::rise::RiseTimes;
 use super::shared_limits::SharedLimits;
+use super::softening::Transducer;
 use crate::model::ReducedModel;
 use crate::model::bounded::{Estimator, Levels};
 use crate::response::ResponseError;
@@ -135,6 +136,8 @@ pub struct PlanTable {
     pub entries: Vec<Vec<Option<Entry>>>,
     /// The electrodes of each actuator.
     pub electrodes: Vec<Electrodes>,
+    /// The same as what makes forces in moving gaps.
+    pub transducers: Vec<Transducer>,
     /// The surface.
     pub grid: SurfaceGrid,
     /// Accelerations of all actuators on the coarser models, level by level at every frequency of the grid.
@@ -179,6 +182,7 @@ impl PlanTable {
             frequencies_hz,
             entries,
             electrodes,
+            transducers: scene.actuators.iter().map(Transducer::of).collect(),
             grid,
             products,
             over_surface: OnceLock::new(),

@@ -178,7 +178,7 @@ fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
     let solver = Solver::new(&table.model);
     for k in samples(table.frequencies_hz.len()) {
         let hz = table.frequencies_hz[k];
-        let anew = entries_at(&table.model, &solver, &table.products, &table.electrodes, hz)
+        let anew = entries_at(&table.model, &solver, &table.products, &table.electrodes, &table.transducers, hz)
             .map_err(|_| Implausible::Differs("entries"))?;
         let kept: Option<Vec<&Entry>> = table.entries.iter().map(|list| list[k].as_ref()).collect();
         let is_same = match (&anew, &kept) {
