@@ -14,6 +14,7 @@ pub mod assignment;
 mod bound;
 pub mod cache;
 pub mod candidates;
+pub mod explain;
 mod grouped;
 pub mod limits;
 mod linear;

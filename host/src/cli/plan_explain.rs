@@ -1,0 +1,73 @@
+//! Why a plan is what it is: `era plan --explain`.
+
+use crate::planner::explain::Explanation;
+use std::fmt::Write;
+
+/// The text.
+#[must_use]
+pub fn text(explanation: &Explanation) -> String {
+    let mut text = String::from("candidates: each actuator's best frequencies, as if it vibrated alone");
+    for candidates in &explanation.candidates {
+        for frequency in &candidates.frequencies {
+            let chosen = if frequency.chosen { "  <- chosen, or next to it" } else { "" };
+            let _ = write!(
+                text,
+                "\n  {:12} {:7.2} Hz  contrast {:5.1} dB  reaches {:8.3} g, limited by {}{chosen}",
+                candidates.actuator, frequency.frequency_hz, frequency.contrast_db, frequency.reach_g, frequency.limit
+            );
+        }
+    }
+    text.push_str("\npulse widths: force at the same voltage, and harmonics over fundamentals, mean over the surface");
+    for width in &explanation.pulse_widths {
+        let harmonics = width.harmonics_db.map_or_else(|| String::from("none"), |db| format!("{db:.1} dB"));
+        let _ = write!(text, "\n  {:.3}  force {:.3}  harmonics {harmonics}", width.pulse_width, width.force);
+    }
+    text.push_str("\nalternatives:");
+    for other in &explanation.alternatives {
+        let _ = write!(
+            text,
+            "\n  {:44} {:8.3} g  contrast {:5.1} dB  {:8.2} mW",
+            other.change, other.target_peak_g, other.contrast_db, other.power_mw
+        );
+        if let Some(limit) = &other.limited_by {
+            let _ = write!(text, "  limited by {limit}");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::bounded::Levels;
+    use crate::model::Accuracy;
+    use crate::planner::{PlanTable, Request, TableOptions, Target};
+    use crate::scene::{EXAMPLE_BAR, Scene};
+
+    #[test]
+    fn everything_asked_for_is_told() {
+        let scene = Scene::parse("bar", EXAMPLE_BAR).unwrap();
+        let options = TableOptions::preview();
+        let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+        let table = PlanTable::with_levels(&scene, levels, options).unwrap();
+        let request = Request::touch(&[Target { x_m: 0.06, y_m: 0.0, intensity_g: Some(0.3) }]);
+        let explanation = table.explain(&request).unwrap();
+        assert_eq!(explanation.candidates.len(), 2);
+        for candidates in &explanation.candidates {
+            assert_eq!(candidates.frequencies.iter().filter(|frequency| frequency.chosen).count().min(1), 1);
+        }
+        let two_thirds = &explanation.pulse_widths[1];
+        assert!(two_thirds.harmonics_db < explanation.pulse_widths[0].harmonics_db, "{:?}", explanation.pulse_widths);
+        // No alternative for contrast has more of it than this plan at the same peak, but with phases or one more actuator.
+        let own = &explanation.alternatives[0];
+        assert!((own.target_peak_g - 0.3).abs() < 1e-6);
+        let of = |name: &str| explanation.alternatives.iter().find(|other| other.change.contains(name)).unwrap();
+        assert!(of("power").power_mw < own.power_mw && of("power").contrast_db < own.contrast_db + 1e-9);
+        assert!(of("groups").contrast_db > own.contrast_db - 0.1);
+        assert!(of("one more").target_peak_g > 0.299);
+        let text = text(&explanation);
+        for piece in ["candidates", "pulse widths", "objective reach", "phases", "one more actuator like left", "<- chosen"] {
+            assert!(text.contains(piece), "{piece} is not in {text}");
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! The best combination that the planner finds, against all combinations, on random scenes.
+
+use era::model::Accuracy;
+use era::model::bounded::Levels;
+use era::planner::allocate::Allocation;
+use era::planner::candidates::Judge;
+use era::planner::search::{Choices, is_better};
+use era::planner::{Objective, PlanTable, Quiet, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
+use era::scene::Scene;
+use era::verify::trials::scene_text;
+
+/// Every combination whose frequencies keep their distance.
+fn every(choices: &Choices, chosen: &mut Vec<usize>, best: &mut Option<Allocation>) {
+    let i = chosen.len();
+    if i == choices.candidates.len() {
+        let found = choices.allocation(chosen);
+        if best.as_ref().is_none_or(|best| is_better(&found, best)) {
+            *best = Some(found);
+        }
+        return;
+    }
+    let hz = |i: usize, index: usize| choices.frequencies_hz[choices.candidates[i][index].node];
+    for index in 0..choices.candidates[i].len() {
+        let own = hz(i, index);
+        if chosen.iter().enumerate().all(|(j, other)| (own - hz(j, *other)).abs() >= choices.spacing_hz) {
+            chosen.push(index);
+            every(choices, chosen, best);
+            chosen.pop();
+        }
+    }
+}
+
+fn table(scene: &Scene) -> PlanTable {
+    // All pairs of 46 frequencies, all triples of 19, each with up to two pulse widths.
+    let step_hz = if scene.actuators.len() == 2 { 8.0 } else { 20.0 };
+    let options = TableOptions { step_hz, ..TableOptions::default() };
+    let levels = Levels::build(scene, Accuracy::FAST, options.to_hz).unwrap();
+    PlanTable::build(scene, levels.fine, options).unwrap()
+}
+
+fn same(found: &Allocation, best: &Allocation, what: &str) {
+    assert!((found.met - best.met).abs() <= 1e-9 * best.met, "{what}: met {} {}", found.met, best.met);
+    if best.met >= 1.0 {
+        assert!((found.cost - best.cost).abs() <= 1e-9 * best.cost, "{what}: cost {} {}", found.cost, best.cost);
+    }
+}
+
+#[test]
+fn the_planner_finds_what_exhaustive_search_finds() {
+    let any = |_: f64, _: f64| true;
+    let (mut compared, mut limited) = ([0; 4], 0);
+    for number in 0..24 {
+        let scene = Scene::parse("random", &scene_text(3, number)).unwrap();
+        let p = scene.actuators.len();
+        if !(2..=3).contains(&p) {
+            continue;
+        }
+        let table = table(&scene);
+        let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+        let target = |x: f64, y: f64, intensity_g| Target { x_m: x * length, y_m: y * width, intensity_g };
+        let (first, second) = (target(0.23, 0.61, None), target(0.78, 0.34, None));
+        let quiet = Quiet { x_m: 0.5 * length, y_m: 0.5 * width, radius_m: 0.01, at_most_g: 0.05 };
+        for (objective, quiet, targets) in [
+            (Objective::Contrast, vec![], vec![first]),
+            (Objective::Power, vec![], vec![first]),
+            (Objective::Contrast, vec![], vec![first, second]),
+            (Objective::Contrast, vec![quiet], vec![first]),
+        ] {
+            for intensity_g in [0.05, 0.5, 5.0] {
+                let request =
+                    Request { targets: targets.clone(), quiet: quiet.clone(), objective, work: Work::Study, ..Request::default() };
+                let judge = Judge::new(&table, &request);
+                let wanted: Vec<f64> =
+                    (0..targets.len()).map(|t| intensity_g * STANDARD_GRAVITY / (1.0 + f64::from(u8::from(t > 0)))).collect();
+                let all = judge.all(&wanted);
+                let mut best = None;
+                every(&all, &mut Vec::new(), &mut best);
+                let (Some(best), Some(found)) = (best, all.best(&any)) else { continue };
+                let what = format!("scene {number}, {objective:?}, {} targets, {} quiet, {intensity_g} g", targets.len(), quiet.len());
+                assert_eq!(found.gap, 0.0, "{what}");
+                same(&found.allocation, &best, &what);
+                limited += u32::from(best.met < 1.0);
+                compared[p] += 1;
+                if wanted.len() == 1 && quiet.is_empty() && objective == Objective::Contrast {
+                    // From the bounds alone nothing is dropped that is part of it.
+                    let found = judge.shortlist(wanted[0], &any).best(&any).unwrap();
+                    same(&found.allocation, &best, &format!("{what}, shortlist"));
+                }
+            }
+        }
+    }
+    println!("{compared:?} compared by number of actuators, {limited} beyond reach");
+    assert!(compared[2] >= 24 && compared[3] >= 24 && limited >= 10);
+}
