@@ -73,8 +73,12 @@ Examples:
     /// An effect at a point: what the board would play, and what the panel would do, without driving anything
     #[command(after_help = "Example:\n  era effect --at 100,60 --unit mm --effect click --intensity-g 0.5")]
     Effect(super::effect::EffectOptions),
-    /// Peak acceleration over the surface for a touch, as CSV or PNG
-    #[command(after_help = "Example:\n  era field --at 480,640 --png map.png --csv map.csv")]
+    /// Peak acceleration over the surface for a touch, or what can be reached at all, as CSV or PNG
+    #[command(after_help = "\
+Examples:
+  era field --at 480,640 --png map.png --csv map.csv
+  era field --reach --png reach.png       the strongest and the most contrasted at every point
+  era field --schemes                     dead zones: one frequency, phases, distinct frequencies")]
     Field(Field),
     /// Compare predicted peaks with those that the simulated device measures
     #[command(after_help = "Example:\n  era verify --scene examples/scenes/bar.toml --points 3")]
@@ -371,12 +375,37 @@ pub struct Field {
     pub panel: Panel,
     #[command(flatten)]
     pub keep: Keep,
-    #[command(flatten)]
-    pub at: At,
+    /// The touched point
+    #[arg(
+        long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true,
+        required_unless_present_any = ["reach", "schemes"]
+    )]
+    pub at: Option<Point>,
+    /// Unit of --at
+    #[arg(long, value_enum, default_value_t = Unit::Px)]
+    pub unit: Unit,
+    /// Peak acceleration wanted, in g
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    pub intensity_g: Option<f64>,
+    /// Instead of a touch's field: at every point the strongest peak that can be had there, and the contrast of the
+    /// quietest drive
+    #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"])]
+    pub reach: bool,
+    /// Instead of a touch's field: the least peak anywhere with one frequency for all actuators, with phases, and with
+    /// distinct frequencies, side by side
+    #[arg(long, conflicts_with_all = ["at", "intensity_g"])]
+    pub schemes: bool,
+    /// Lowest frequency for --reach and --schemes in Hz [default: all that the planner uses]
+    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true)]
+    pub from: Option<f64>,
+    /// Highest frequency for --reach and --schemes in Hz [default: all that the planner uses]
+    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true)]
+    pub to: Option<f64>,
     /// Write a picture
     #[arg(long, value_name = "FILE")]
     pub png: Option<PathBuf>,
-    /// Write x_mm,y_mm,peak_g lines; `-` is standard output, which also gets them if neither --png nor --csv is given
+    /// Write the values, a line x_mm,y_mm,... per point; `-` is standard output, which also gets a touch's field if neither
+    /// --png nor --csv is given
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
     /// Print JSON

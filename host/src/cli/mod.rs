@@ -13,6 +13,7 @@ mod monitor;
 mod panel;
 mod plan;
 mod progress;
+mod reach;
 mod serve;
 mod sweep;
 mod transient;

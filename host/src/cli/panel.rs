@@ -3,7 +3,7 @@
 use super::args::{At, Band, Field, Keep, Modes, Panel, Response, Unit};
 use super::explain::explain;
 use super::progress::with_progress;
-use super::{Failure, Outcome, print_json, print_text};
+use super::{Failure, Outcome, print_json, print_text, reach};
 use crate::model::bounded::Step;
 use crate::model::{Accuracy, Bound, ModelError, bounded_modes};
 use crate::planner::cache::{self, PrepareError, Prepared};
@@ -297,8 +297,14 @@ pub fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
 }
 
 pub fn field(options: &Field) -> Outcome {
+    let at = match options.at {
+        _ if options.reach => return reach::maps(options),
+        _ if options.schemes => return reach::compare(options),
+        Some(at) => At { at, unit: options.unit, intensity_g: options.intensity_g },
+        None => return Err(Failure::usage("--at X,Y, --reach or --schemes is needed")),
+    };
     let scene = options.panel.load()?;
-    let target = target(&scene, &options.at)?;
+    let target = target(&scene, &at)?;
     let table = plan_table(&options.panel, options.keep, &scene)?;
     let plan = table.plan(&[target])?;
     let field = study::Field::of(&table, &plan);

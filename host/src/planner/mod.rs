@@ -21,6 +21,7 @@ mod linear;
 pub mod perception;
 pub mod phased;
 pub mod plan;
+pub mod reach;
 mod refine;
 mod report;
 pub mod request;

@@ -1,5 +1,7 @@
 //! Fields over the surface, as numbers and pictures.
 
+pub mod reach;
+
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
 use crate::scene::Scene;
 use plotters::prelude::*;
@@ -147,7 +149,7 @@ fn write_pixels(path: &Path, size: (u32, u32), pixels: Vec<u8>) -> Result<(), St
     picture.save_with_format(path, image::ImageFormat::Png).map_err(|error| error.to_string())
 }
 
-/// Seven-segment digits: a legend needs eleven characters and no font.
+/// Seven-segment digits: a legend needs twelve characters and no font.
 fn draw_number<DB: DrawingBackend>(
     area: &DrawingArea<DB, plotters::coord::Shift>,
     x: i32,
@@ -158,6 +160,11 @@ fn draw_number<DB: DrawingBackend>(
     let text = if value >= 10.0 { format!("{value:.1}") } else { format!("{value:.3}") };
     let mut left = x;
     for character in text.chars() {
+        if character == '-' {
+            area.draw(&PathElement::new([(left, y + 6), (left + 5, y + 6)], BLACK))?;
+            left += 8;
+            continue;
+        }
         let Some(digit) = character.to_digit(10) else {
             area.draw(&Rectangle::new([(left, y + 11), (left + 1, y + 12)], BLACK.filled()))?;
             left += 4;

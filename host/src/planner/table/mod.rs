@@ -147,7 +147,7 @@ pub struct PlanTable {
     /// The entries' accelerations, in the order in which a touch asks for them.
     gains: Gains,
     /// Limits that actuators share.
-    pub(super) limits: SharedLimits,
+    pub(in crate::planner) limits: SharedLimits,
     /// For bounds.
     pub(super) rough: Rough,
     /// Made when it is first asked for.
