@@ -4,9 +4,9 @@ use crate::error::Error;
 use crate::table::{Table, relative, seconds};
 use era::model::Accuracy;
 use era::model::bounded::Levels;
+use era::planner::allocate::Allocation;
 use era::planner::candidates::Judge;
 use era::planner::search::{Choices, is_better};
-use era::planner::allocate::Allocation;
 use era::planner::{Grouping, PlanTable, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
 use era::scene::{EXAMPLE_PLATE, Scene};
 use std::fmt::Write;
@@ -62,14 +62,23 @@ fn touch(scene: &Scene, number: u32, intensity_g: f64) -> Target {
 
 /// The tables.
 pub fn tables() -> Result<Vec<Table>, Error> {
-    let mut times = Table::new("Time per plan", &["actuators", "touches", "median", "p99", "longest", "proven the best", "table", "made in"]);
+    let mut times = Table::new(
+        "Time per plan",
+        &["actuators", "touches", "median", "p99", "longest", "proven the best", "table", "made in"],
+    );
     times.above.push("Example plate, balanced, 1001 frequencies, one thread; all of a plan: the best combination, proven, refined off the \
          grid, made safe under the moving masses, with prediction and error bound. Touches at 0.05 to 0.5 g, and at 20 g, \
          which no place has.".into());
-    let mut checks = Table::new("Against brute force", &["actuators", "frequencies", "touches", "combinations of one", "brute force", "search", "largest difference"]);
+    let mut checks = Table::new(
+        "Against brute force",
+        &["actuators", "frequencies", "touches", "combinations of one", "brute force", "search", "largest difference"],
+    );
     checks.above.push("All combinations of frequencies (at least 20 Hz apart) and pulse widths, the forces of each by the same convex \
          problem. Difference: of the cost, or of the reach where the wish is out of reach.".into());
-    let mut groups = Table::new("With phases", &["actuators", "grouping", "median", "p99", "contrast over distinct frequencies, median"]);
+    let mut groups = Table::new(
+        "With phases",
+        &["actuators", "grouping", "median", "p99", "contrast over distinct frequencies, median"],
+    );
     groups.above.push("1001 frequencies, 0.1 g.".into());
     for actuators in 1..=4 {
         let scene = scene(actuators)?;

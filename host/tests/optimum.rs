@@ -67,16 +67,26 @@ fn the_planner_finds_what_exhaustive_search_finds() {
             (Objective::Contrast, vec![quiet], vec![first]),
         ] {
             for intensity_g in [0.05, 0.5, 5.0] {
-                let request =
-                    Request { targets: targets.clone(), quiet: quiet.clone(), objective, work: Work::Study, ..Request::default() };
+                let request = Request {
+                    targets: targets.clone(),
+                    quiet: quiet.clone(),
+                    objective,
+                    work: Work::Study,
+                    ..Request::default()
+                };
                 let judge = Judge::new(&table, &request);
-                let wanted: Vec<f64> =
-                    (0..targets.len()).map(|t| intensity_g * STANDARD_GRAVITY / (1.0 + f64::from(u8::from(t > 0)))).collect();
+                let wanted: Vec<f64> = (0..targets.len())
+                    .map(|t| intensity_g * STANDARD_GRAVITY / (1.0 + f64::from(u8::from(t > 0))))
+                    .collect();
                 let all = judge.all(&wanted);
                 let mut best = None;
                 every(&all, &mut Vec::new(), &mut best);
                 let (Some(best), Some(found)) = (best, all.best(&any)) else { continue };
-                let what = format!("scene {number}, {objective:?}, {} targets, {} quiet, {intensity_g} g", targets.len(), quiet.len());
+                let what = format!(
+                    "scene {number}, {objective:?}, {} targets, {} quiet, {intensity_g} g",
+                    targets.len(),
+                    quiet.len()
+                );
                 assert_eq!(found.gap, 0.0, "{what}");
                 same(&found.allocation, &best, &what);
                 limited += u32::from(best.met < 1.0);

@@ -48,7 +48,13 @@ impl<'a> Judge<'a> {
                 }));
             }
         }
-        Self { table, zone: Zone::new(table, &request.targets), quiet, objective: request.objective, work: request.work }
+        Self {
+            table,
+            zone: Zone::new(table, &request.targets),
+            quiet,
+            objective: request.objective,
+            work: request.work,
+        }
     }
 
     /// Mean square elsewhere per N^2, harmonics included.

@@ -1,4 +1,5 @@
-//! Plans with phases: one frequency for all actuators, or for groups of them.
+//! Plans whose forces come from elsewhere than the search: one frequency for all actuators or for groups of them, with
+//! phases, and one setting for the whole surface.
 
 use super::allocate::{Allocation, MOST, Prices};
 use super::candidates::Judge;
@@ -19,7 +20,7 @@ impl PlanTable {
     ) -> Result<Selection, PlanError> {
         let grouping = match grouping {
             Grouping::Shared => phased::Grouping::Shared,
-            Grouping::Mixed | Grouping::Distinct => phased::Grouping::Mixed,
+            _ => phased::Grouping::Mixed,
         };
         let wanted = wanted.first().copied().unwrap_or(0.0);
         let data = Data::new(self, judge);
@@ -54,6 +55,41 @@ impl PlanTable {
             binding: Vec::new(),
             gap: if found.proven_gap > 1e-8 { found.proven_gap } else { 0.0 },
         })
+    }
+}
+
+impl PlanTable {
+    /// The drives that leave no dead zone, scaled to what the target asks for.
+    pub(super) fn evened(&self, judge: &Judge<'_>, wanted: &[f64]) -> Result<Selection, PlanError> {
+        let (setting, gap) = self.everywhere().ok_or(PlanError::NoFrequencies)?;
+        let mut drives = Vec::with_capacity(setting.len());
+        let mut peak = 0.0;
+        for (i, part) in setting.iter().enumerate() {
+            let row = self.grid_row(part.frequency);
+            let entry = row.get(i).ok_or(PlanError::NoFrequencies)?;
+            let width = if part.force_n <= entry.widths[0].max_force_n { entry.widths[0] } else { entry.widths[1] };
+            if let Some(shape) = judge.zone.targets.first() {
+                peak += at_point(shape, &entry.acceleration).norm() * part.force_n;
+            }
+            drives.push(Chosen {
+                frequency_hz: part.frequency_hz,
+                on_grid: Some(part.frequency),
+                row,
+                width,
+                force_n: part.force_n,
+                phase_rad: 0.0,
+            });
+        }
+        let wanted = wanted.first().copied().unwrap_or(0.0);
+        let scale = if peak > wanted { wanted / peak } else { 1.0 };
+        let mut forces_n = [0.0; MOST];
+        for (force, drive) in forces_n.iter_mut().zip(&mut drives) {
+            drive.force_n *= scale;
+            *force = drive.force_n;
+        }
+        let met = if wanted > 0.0 { (peak / wanted).min(1.0) } else { 1.0 };
+        let allocation = Allocation { forces_n, met, cost: 0.0, prices: Prices::default() };
+        Ok(Selection { drives, allocation, binding: Vec::new(), gap: *gap })
     }
 }
 

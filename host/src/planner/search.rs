@@ -574,7 +574,16 @@ mod tests {
                                 .collect()
                         })
                         .collect();
-                    Choices { frequencies_hz, candidates, gains, loads, wanted, allowed, spacing_hz: 20.0, work: Work::Study }
+                    Choices {
+                        frequencies_hz,
+                        candidates,
+                        gains,
+                        loads,
+                        wanted,
+                        allowed,
+                        spacing_hz: 20.0,
+                        work: Work::Study,
+                    }
                 })
         })
     }

@@ -1,6 +1,6 @@
 //! How strong a panel can be shaken: everywhere at once, and at every point.
 //!
-//! [`space`] is what each actuator can do at each frequency, [`joint`] the limits that actuators share, [`search`] the
+//! [`space`] is what each actuator can do at each frequency, shared limits included, [`search`] the
 //! objective `reach`: the frequencies and forces whose weakest place is the strongest, proven by branch and cut over
 //! small linear programs ([`simplex`]). [`maps`] is the same for every point by itself. [`shared`] is what one frequency for
 //! all actuators can do, and [`schemes`] compares: the thesis' removal of dead zones in numbers.

@@ -63,8 +63,9 @@ pub struct Part {
     pub phase_rad: f64,
     /// Electrode voltage in V.
     pub voltage_v: f64,
+    /// The same as an index.
     #[serde(skip)]
-    frequency: usize,
+    pub frequency: usize,
 }
 
 /// One scheme on one panel. Peaks are in g.
@@ -108,6 +109,17 @@ pub fn compare(table: &PlanTable) -> Result<Vec<SchemeReach>, PlanError> {
             found.and_then(|found| compared.told(scheme, found)).ok_or(PlanError::NoFrequencies)
         })
         .collect()
+}
+
+/// The setting at distinct frequencies with the largest minimum over the surface, and by which part another could have a larger
+/// one. `None` where no frequencies are usable.
+#[must_use]
+pub fn everywhere(table: &PlanTable) -> Option<(Vec<Part>, f64)> {
+    let compared = Compared::new(table);
+    let space = Space::of(table, &compared.shapes, |_| 1.0);
+    let (setting, at_most) = compared.everywhere(space)?;
+    let least = peaks(table, &compared.finer, &setting).into_iter().fold(f64::INFINITY, f64::min);
+    Some((setting, if least > 0.0 { (at_most / least - 1.0).max(0.0) } else { 0.0 }))
 }
 
 /// How many amplitude ratios and phases the schemes with one frequency try at each, before refinement.

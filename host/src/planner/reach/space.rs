@@ -63,9 +63,11 @@ impl Space {
                 let entries = list.iter().zip(&table.frequencies_hz);
                 entries
                     .map(|(entry, frequency_hz)| match entry {
-                        None => {
-                            Choice { force_n: 0.0, gain: vec![0.0; shapes.nrows()], usage: vec![0.0; limits.allowed.len()] }
-                        }
+                        None => Choice {
+                            force_n: 0.0,
+                            gain: vec![0.0; shapes.nrows()],
+                            usage: vec![0.0; limits.allowed.len()],
+                        },
                         Some(entry) => Choice {
                             force_n: entry.max_force_n,
                             gain: magnitudes(shapes, entry, entry.max_force_n * weight(*frequency_hz)),
@@ -142,7 +144,8 @@ fn magnitudes(shapes: &DMatrix<f64>, entry: &Entry, scale: f64) -> Vec<f32> {
 
 /// Part of each shared limit that an actuator uses up at its largest force.
 fn usage(limits: &SharedLimits, actuator: usize, entry: &Entry) -> Vec<f64> {
-    let strongest = if entry.widths[1].max_force_n > entry.widths[0].max_force_n { &entry.widths[1] } else { &entry.widths[0] };
+    let strongest =
+        if entry.widths[1].max_force_n > entry.widths[0].max_force_n { &entry.widths[1] } else { &entry.widths[0] };
     let loads = limits.loads(actuator, strongest).zip(&limits.allowed);
     loads.map(|(load, allowed)| load * strongest.max_force_n / allowed).collect()
 }

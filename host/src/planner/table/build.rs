@@ -173,14 +173,8 @@ fn width_of(
     let own = travel_m_per_n.get(actuator).copied().unwrap_or(0.0);
     let (max_force_n, limit) = electrodes.max_force(own, pulse_width);
     let receptance = travel.get(actuator).copied().unwrap_or_default();
-    let (max_force_n, limit) = safe_alone(
-        electrodes,
-        transducer,
-        receptance,
-        own - receptance.norm(),
-        pulse_width,
-        (max_force_n, limit),
-    );
+    let (max_force_n, limit) =
+        safe_alone(electrodes, transducer, receptance, own - receptance.norm(), pulse_width, (max_force_n, limit));
     Width { pulse_width, harmonics, travel_m_per_n, max_force_n, limit }
 }
 
@@ -382,7 +376,15 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64) -> Result<Vec<Entry>,
             let travel = travels(model, &displacement);
             let harmonic_travel = nearest.harmonic_travel;
             let widths = nearest.widths.map(|width| {
-                width_of(electrodes, transducer, actuator, &travel, &harmonic_travel, width.pulse_width, width.harmonics)
+                width_of(
+                    electrodes,
+                    transducer,
+                    actuator,
+                    &travel,
+                    &harmonic_travel,
+                    width.pulse_width,
+                    width.harmonics,
+                )
             });
             let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
             let acceleration = displacement * scale;

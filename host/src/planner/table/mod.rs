@@ -13,6 +13,7 @@ pub use rough::Rough;
 
 use super::limits::{Electrodes, Limit};
 use super::phased::PerPair;
+use super::reach::schemes::{self, Part};
 use super::rise::RiseTimes;
 use super::shared_limits::SharedLimits;
 use super::softening::Transducer;
@@ -154,6 +155,8 @@ pub struct PlanTable {
     over_surface: OnceLock<Vec<PerPair>>,
     /// Likewise.
     rise: OnceLock<Option<RiseTimes>>,
+    /// Likewise.
+    everywhere: OnceLock<Option<(Vec<Part>, f64)>>,
 }
 
 impl PlanTable {
@@ -187,6 +190,7 @@ impl PlanTable {
             products,
             over_surface: OnceLock::new(),
             rise: OnceLock::new(),
+            everywhere: OnceLock::new(),
         }
     }
 
@@ -221,6 +225,12 @@ impl PlanTable {
     /// poles to tell it by.
     pub fn rise(&self) -> Option<&RiseTimes> {
         self.rise.get_or_init(|| RiseTimes::prepare(&self.model)).as_ref()
+    }
+
+    /// The setting with the largest minimum over the surface, found when it is first asked for, and by which part another
+    /// could have a larger one.
+    pub(super) fn everywhere(&self) -> Option<&(Vec<Part>, f64)> {
+        self.everywhere.get_or_init(|| schemes::everywhere(self)).as_ref()
     }
 
     /// What actuators move at the targets, ready for products with mode shapes.
