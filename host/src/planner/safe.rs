@@ -17,7 +17,7 @@ use num_complex::Complex64;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Levels of the squared voltages that are looked at on the way up.
-pub(super) const LEVELS: u32 = 12;
+pub(super) const LEVELS: u32 = 64;
 /// Halvings of the interval in which the scale lies: to a thousandth of the whole.
 pub(super) const HALVINGS: u32 = 7;
 /// Softening times receptance that is too weak to move a resonance across a drive.
@@ -63,18 +63,18 @@ impl PlanTable {
     /// goes furthest on the way. So all levels up to the last are looked at, unless the softening is too weak to move
     /// anything that far.
     pub(super) fn settled(&self, drives: &mut [Chosen]) -> Option<Settled> {
-        let (settled, scale, limited) = self.safe_scale(drives)?;
+        let settled = self.safe_scale(drives)?;
         for drive in drives.iter_mut() {
-            drive.force_n *= scale;
+            drive.force_n *= settled.scale;
         }
-        Some(Settled { scale, limited, ..settled })
+        Some(settled)
     }
 
-    fn safe_scale(&self, drives: &[Chosen]) -> Option<(Settled, f64, Option<(usize, Limit)>)> {
+    fn safe_scale(&self, drives: &[Chosen]) -> Option<Settled> {
         if self.is_hardly_softened(drives)
             && let Ok(settled) = self.try_settle(drives, 1.0)
         {
-            return Some((settled, 1.0, None));
+            return Some(settled);
         }
         let mut known = self.try_settle(drives, 0.0).ok()?;
         let mut low = 0.0;
@@ -91,11 +91,11 @@ impl PlanTable {
                             Err(closer) => (limited, high) = (closer, middle),
                         }
                     }
-                    return Some((known, low, Some(limited)));
+                    return Some(Settled { scale: low, limited: Some(limited), ..known });
                 }
             }
         }
-        Some((known, 1.0, None))
+        Some(known)
     }
 
     /// Whether every motion on the way is at most the linear one over 1 - e, within the limits, for the sum e of the
