@@ -4,6 +4,7 @@
 //! error.
 
 mod args;
+mod args_board;
 mod client;
 mod effect;
 mod explain;
@@ -12,6 +13,7 @@ mod latency;
 mod monitor;
 mod panel;
 mod plan;
+mod plan_explain;
 mod progress;
 mod reach;
 mod serve;

@@ -5,7 +5,7 @@ use super::panel::{plan_table, point_of, target};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::planner::schedule::{Stretch, Window, spans, stretches};
 use crate::planner::trade::Trade;
-use crate::planner::{Grouping, Objective, Plan, PlanError, Quiet, Request, Target};
+use crate::planner::{Grouping, Objective, Plan, PlanError, Quiet, Report, Request, Target, Work};
 use crate::scene::Scene;
 use clap::Args;
 use serde::Serialize;
@@ -95,6 +95,9 @@ fn parse_quiet(text: &str) -> Result<Spared, String> {
 struct Answer {
     #[serde(flatten)]
     plan: Plan,
+    /// Of a plan without windows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    details: Option<Report>,
     #[serde(skip_serializing_if = "Option::is_none")]
     trade: Option<Trade>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -109,8 +112,13 @@ pub fn run(options: &PlanOptions) -> Outcome {
     let table = plan_table(&options.panel, options.keep, &scene)?;
     let answer = match spans {
         None => {
-            let plan = table.plan_for(&request)?;
-            Answer { trade: table.trade(&request, &plan)?, plan, stretches: None }
+            let planned = table.planned(&request)?;
+            let details = Some(table.report(&planned, table.rise()));
+            if options.panel.explain {
+                let explanation = table.explain(&request).map_err(Failure::failed)?;
+                eprintln!("{}", super::plan_explain::text(&explanation));
+            }
+            Answer { details, trade: table.trade(&request, &planned.plan)?, plan: planned.plan, stretches: None }
         }
         Some(spans) => {
             let mut all = stretches(spans, |targets| table.plan_for(&request.only(targets)))?;
@@ -122,7 +130,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
             // The one in which the first target begins stands for all.
             let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
             let plan = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
-            Answer { plan, trade: None, stretches: Some(all) }
+            Answer { plan, details: None, trade: None, stretches: Some(all) }
         }
     };
     if options.json {
@@ -149,6 +157,7 @@ fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
     }
     request.objective = options.objective;
     request.grouping = options.grouping;
+    request.work = Work::Study;
     Ok(request)
 }
 
@@ -165,6 +174,9 @@ fn text(answer: &Answer) -> String {
     match &answer.stretches {
         None => {
             plan_text(&mut text, &answer.plan);
+            if let Some(details) = &answer.details {
+                details_text(&mut text, &answer.plan, details);
+            }
             trade_text(&mut text, answer.trade.as_ref());
         }
         Some(all) => {
@@ -217,6 +229,25 @@ fn plan_text(text: &mut String, plan: &Plan) {
     }
     if let Some(limit) = &plan.limited_by {
         let _ = write!(text, "\nlimited by {limit}");
+    }
+}
+
+fn details_text(text: &mut String, plan: &Plan, details: &Report) {
+    let _ = write!(text, "\nwith the masses moving: {:.3} g", plan.predicted.softened_peak_g);
+    if let Some(db) = plan.predicted.above_threshold_db {
+        let _ = write!(text, ", {db:.1} dB above the threshold of feeling");
+    }
+    let _ = write!(text, "; with harmonics at most {:.3} g", details.waveform_peak_g);
+    if let Some(db) = details.strongest_harmonic_db {
+        let _ = write!(text, " (the strongest {db:.1} dB above its threshold)");
+    }
+    let ms = |time: Option<f64>| time.map_or_else(|| String::from("never"), |ms| format!("after {ms:.0} ms"));
+    let _ = write!(text, "\n90 % of it {}, down to 10 % {}", ms(details.reaches_90_ms), ms(details.decays_to_10_ms));
+    if plan.optimality_gap > 0.0 {
+        let _ =
+            write!(text, "\nnot proven: another could be better by {:.1e} of its cost or reach", plan.optimality_gap);
+    } else {
+        text.push_str("\nproven: no other combination of the grid's frequencies is better");
     }
 }
 

@@ -39,8 +39,8 @@ pub fn text(explanation: &Explanation) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::bounded::Levels;
     use crate::model::Accuracy;
+    use crate::model::bounded::Levels;
     use crate::planner::{PlanTable, Request, TableOptions, Target};
     use crate::scene::{EXAMPLE_BAR, Scene};
 
@@ -66,7 +66,9 @@ mod tests {
         assert!(of("groups").contrast_db > own.contrast_db - 0.1);
         assert!(of("one more").target_peak_g > 0.299);
         let text = text(&explanation);
-        for piece in ["candidates", "pulse widths", "objective reach", "phases", "one more actuator like left", "<- chosen"] {
+        for piece in
+            ["candidates", "pulse widths", "objective reach", "phases", "one more actuator like left", "<- chosen"]
+        {
             assert!(text.contains(piece), "{piece} is not in {text}");
         }
     }

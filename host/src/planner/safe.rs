@@ -17,7 +17,7 @@ use num_complex::Complex64;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Levels of the squared voltages that are looked at on the way up.
-pub(super) const LEVELS: u32 = 64;
+pub(super) const LEVELS: u32 = 16;
 /// Halvings of the interval in which the scale lies: to a thousandth of the whole.
 pub(super) const HALVINGS: u32 = 7;
 /// Softening times receptance that is too weak to move a resonance across a drive.

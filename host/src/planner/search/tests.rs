@@ -1,0 +1,104 @@
+//! Against all combinations.
+
+use super::*;
+use proptest::prelude::*;
+
+/// All combinations.
+fn exhaustive(choices: &Choices, fits: Fits<'_>) -> Option<Allocation> {
+    fn descend(choices: &Choices, fits: Fits<'_>, chosen: &mut Vec<usize>, best: &mut Option<Allocation>) {
+        let i = chosen.len();
+        if i == choices.candidates.len() {
+            let found = choices.allocation(chosen);
+            if best.as_ref().is_none_or(|best| is_better(&found, best)) {
+                *best = Some(found);
+            }
+            return;
+        }
+        let hz = |i: usize, index: usize| choices.frequencies_hz[choices.candidates[i][index].node];
+        for index in 0..choices.candidates[i].len() {
+            let own = hz(i, index);
+            let keeps = |(j, other): (usize, &usize)| {
+                let other = hz(j, *other);
+                (own - other).abs() >= choices.spacing_hz && fits(own, other)
+            };
+            if chosen.iter().enumerate().all(keeps) {
+                chosen.push(index);
+                descend(choices, fits, chosen, best);
+                chosen.pop();
+            }
+        }
+    }
+    let mut best = None;
+    descend(choices, fits, &mut Vec::new(), &mut best);
+    best
+}
+
+fn choices() -> impl Strategy<Value = Choices> {
+    (2_usize..=3, 1_usize..=3, 0_usize..=4, 0..3_u8).prop_flat_map(|(p, targets, limits, kind)| {
+        let nodes = if p == 2 { 24 } else { 12 };
+        let per = nodes * 2;
+        let unit = |n: usize| prop::collection::vec(prop::collection::vec(0.0_f64..1.0, n), p);
+        (
+            prop::collection::vec(1.0_f64..15.0, nodes),
+            unit(per * targets),
+            unit(per * limits),
+            unit(per),
+            unit(per),
+            prop::collection::vec(0.0_f64..1.5, targets),
+            prop::collection::vec(0.05_f64..1.0, limits),
+        )
+            .prop_map(move |(steps, gains, loads, energies, forces, wanted, allowed)| {
+                let frequencies_hz: Vec<f64> = steps
+                    .iter()
+                    .scan(40.0, |hz, step| {
+                        *hz += step;
+                        Some(*hz)
+                    })
+                    .collect();
+                let candidates = (0..p)
+                    .map(|i| {
+                        (0..per)
+                            .map(|index| Candidate {
+                                node: index / 2,
+                                energy: if kind == 0 { 0.0 } else { 10_f64.powf(2.0 * energies[i][index] - 1.0) },
+                                power: if kind == 0 { energies[i][index] } else { 0.0 },
+                                max_force_n: forces[i][index],
+                                tag: index,
+                            })
+                            .collect()
+                    })
+                    .collect();
+                Choices {
+                    frequencies_hz,
+                    candidates,
+                    gains,
+                    loads,
+                    wanted,
+                    allowed,
+                    spacing_hz: 20.0,
+                    work: Work::Study,
+                }
+            })
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+    #[test]
+    fn it_is_the_exhaustive_optimum(choices in choices(), picky in any::<bool>()) {
+        let fits = |a: f64, b: f64| !picky || (a - b).abs() % 7.0 > 2.0;
+        let found = choices.best(&fits);
+        match exhaustive(&choices, &fits) {
+            None => prop_assert!(found.is_none()),
+            Some(expected) => {
+                let found = found.unwrap();
+                prop_assert_eq!(found.gap, 0.0);
+                prop_assert!((found.allocation.met - expected.met).abs() <= 1e-9 * expected.met, "{} {}", found.allocation.met, expected.met);
+                let (cost, least) = (found.allocation.cost, expected.cost);
+                if expected.met >= 1.0 {
+                    prop_assert!((cost - least).abs() <= 1e-9 * least, "{cost} {least}");
+                }
+            }
+        }
+    }
+}
