@@ -34,8 +34,9 @@ fn prediction_and_simulation_agree_on_random_scenes() {
 #[test]
 fn a_motion_that_is_said_to_be_safe_is() {
     let (mut safe, mut near) = (0, 0);
-    for number in 0..6 {
-        let scene = Scene::parse("random", &scene_text(7, number)).unwrap();
+    // The last one has a lightly damped ERA between two modes that nearly cancel in the steady state, but not before.
+    for (seed, number) in (0..6).map(|number| (7, number)).chain([(1, 171)]) {
+        let scene = Scene::parse("random", &scene_text(seed, number)).unwrap();
         let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
         let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
         let table = PlanTable::build(&scene, levels.fine, options).unwrap();

@@ -139,6 +139,27 @@ impl ReducedModel {
     }
 }
 
+impl ReducedModel {
+    /// How much further than in the steady state an actuator's mass may go while a drive at `omega` rad/s is switched on over
+    /// `rise_s`, its force growing as the square of the time: at most, in m, for the displacement's `coordinates`.
+    ///
+    /// Each mode's part of the steady motion begins as a free motion that cancels it. A mode of rate -d + j w' leaves
+    /// 2 / (|d + j (w - w')| rise) of it, or all, and by the time the two have come into step, half a beat later, of that
+    /// exp(-pi d / |w - w'|).
+    #[must_use]
+    pub fn overshoot(&self, actuator: usize, coordinates: &DVector<Complex64>, omega: f64, rise_s: f64) -> f64 {
+        let mut sum = 0.0;
+        for (r, (q, lambda)) in coordinates.iter().zip(self.lambda.iter()).enumerate() {
+            let own = lambda.sqrt();
+            let rate = 0.5 * (self.viscous[(r, r)] + self.structural[(r, r)] / own.max(omega));
+            let beat = (omega - own).abs();
+            let left = (2.0 / (rate.hypot(beat) * rise_s)).min(1.0) * (-std::f64::consts::PI * rate / beat).exp();
+            sum += (q * self.travel[(actuator, r)]).norm() * left;
+        }
+        sum
+    }
+}
+
 /// Squared frequencies and shapes of the basis for `loads`.
 pub(super) fn basis(operator: Operator<'_>, modes: &Modes, loads: &[SparseVector]) -> (Vec<f64>, DMatrix<f64>) {
     let n = operator.mass.order();

@@ -10,6 +10,7 @@ use crate::planner::{HIGHEST_FELT_HZ, PULSE_WIDTH};
 use crate::response::sweep::SurfaceShapes;
 use crate::response::{ResponseError, Solver};
 use crate::scene::{MAX_ACTUATORS, Scene};
+use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
 use era_shared::supply::rail_of;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
@@ -27,6 +28,9 @@ const WIDEST: f64 = 0.96;
 const WORTH: f64 = 1.01;
 /// Frequencies of which fields are held at once: at 4 actuators and 1617 points 3 MB.
 const CHUNK: usize = 32;
+/// What the electrodes' pull makes of a motion of switching on that is as large as the gap allows: 1.24 times was seen in the
+/// simulation of random panels.
+const GROWN: f64 = 1.5;
 /// |acceleration|^2 between the points of the surface's grid over the largest at them: a crest halfway between two of twelve
 /// per wave is (1 / cos(pi/12))^2 = 1.07 higher, and rounding to single precision is far below. Of slopes, which are taken
 /// between points, 1.02 (pi/24 / sin(pi/24)).
@@ -105,13 +109,15 @@ pub(super) fn entries_at(
         for (row, harmonic) in harmonic_travel.iter_mut().zip(&harmonics) {
             *row = harmonic.travel.get(actuator).copied().unwrap_or_default();
         }
+        let overshoot = overshoots(model, &displacement, frequency_hz, electrodes);
         let width = |pulse_width: f64| {
             let square = |harmonic: &Harmonic| {
                 harmonic_part(harmonic.number, pulse_width).powi(2)
                     * harmonic.squares.get(actuator).copied().unwrap_or(0.0)
             };
             let surface = harmonics.iter().map(square).sum();
-            width_of(electrodes, transducer, actuator, &travel, &harmonic_travel, pulse_width, surface)
+            let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
+            width_of(electrodes, transducer, actuator, motion, pulse_width, surface)
         };
         let widths = widths(frequency_hz, width);
         let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
@@ -124,6 +130,7 @@ pub(super) fn entries_at(
             acceleration,
             travel,
             harmonic_travel,
+            overshoot,
             widths,
             max_force_n: strongest.max_force_n,
             limit: strongest.limit,
@@ -142,16 +149,42 @@ fn travels(model: &ReducedModel, displacement: &DVector<Complex64>) -> [Complex6
 
 /// Most travel of every actuator per N of the fundamental with this pulse width.
 pub(in crate::planner) fn travel_m_per_n(entry: &Entry, pulse_width: f64) -> [f64; MAX_ACTUATORS] {
-    travel_of(&entry.travel, &entry.harmonic_travel, pulse_width)
+    let motion = MotionPerN { travel: &entry.travel, harmonics: &entry.harmonic_travel, overshoot: &entry.overshoot };
+    travel_of(motion, pulse_width)
 }
 
-fn travel_of(
-    travel: &[Complex64; MAX_ACTUATORS],
-    harmonics: &[[f64; MAX_ACTUATORS]; HARMONICS.len()],
-    pulse_width: f64,
+/// What a newton of an actuator does to all masses.
+#[derive(Clone, Copy)]
+struct MotionPerN<'a> {
+    travel: &'a [Complex64; MAX_ACTUATORS],
+    harmonics: &'a [[f64; MAX_ACTUATORS]; HARMONICS.len()],
+    overshoot: &'a [f64; MAX_ACTUATORS],
+}
+
+/// What switching on adds to the travel of every mass.
+fn overshoots(
+    model: &ReducedModel,
+    displacement: &DVector<Complex64>,
+    frequency_hz: f64,
+    electrodes: &Electrodes,
 ) -> [f64; MAX_ACTUATORS] {
-    let mut out = travel.map(|z| z.norm());
-    for (n, row) in HARMONICS.iter().zip(harmonics) {
+    // The rail's slope of 20 V/ms, to half of the highest voltage: from there on what is left to gain counts more than its
+    // haste.
+    let volts_per_s = f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS);
+    let rise_s = 0.5 * electrodes.max_voltage_v / volts_per_s;
+    let mut overshoots = [0.0; MAX_ACTUATORS];
+    for (other, overshoot) in overshoots.iter_mut().enumerate().take(model.actuators()) {
+        *overshoot = GROWN * model.overshoot(other, displacement, TAU * frequency_hz, rise_s);
+    }
+    overshoots
+}
+
+fn travel_of(motion: MotionPerN<'_>, pulse_width: f64) -> [f64; MAX_ACTUATORS] {
+    let mut out = motion.travel.map(|z| z.norm());
+    for (out, overshoot) in out.iter_mut().zip(motion.overshoot) {
+        *out += overshoot;
+    }
+    for (n, row) in HARMONICS.iter().zip(motion.harmonics) {
         let part = harmonic_part(*n, pulse_width).abs();
         for (out, travel) in out.iter_mut().zip(row) {
             *out += part * travel;
@@ -164,22 +197,21 @@ fn width_of(
     electrodes: &Electrodes,
     transducer: &Transducer,
     actuator: usize,
-    travel: &[Complex64; MAX_ACTUATORS],
-    harmonic_travel: &[[f64; MAX_ACTUATORS]; HARMONICS.len()],
+    motion: MotionPerN<'_>,
     pulse_width: f64,
     harmonics: f64,
 ) -> Width {
-    let travel_m_per_n = travel_of(travel, harmonic_travel, pulse_width);
+    let travel_m_per_n = travel_of(motion, pulse_width);
     let own = travel_m_per_n.get(actuator).copied().unwrap_or(0.0);
     let (max_force_n, limit) = electrodes.max_force(own, pulse_width);
-    let receptance = travel.get(actuator).copied().unwrap_or_default();
+    let receptance = motion.travel.get(actuator).copied().unwrap_or_default();
     let (max_force_n, limit) =
         safe_alone(electrodes, transducer, receptance, own - receptance.norm(), pulse_width, (max_force_n, limit));
     Width { pulse_width, harmonics, travel_m_per_n, max_force_n, limit }
 }
 
 /// `most` force, or as much of it as leaves an ERA that is driven alone within its limits on the whole way up to it, when its
-/// force grows as its gap closes. `receptance` is its own travel in m/N, `harmonics` what harmonics add at most.
+/// force grows as its gap closes. `receptance` is its own travel in m/N, `harmonics` what harmonics and switching on add at most.
 fn safe_alone(
     electrodes: &Electrodes,
     transducer: &Transducer,
@@ -375,17 +407,11 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64) -> Result<Vec<Entry>,
         .map(|(actuator, ((displacement, (electrodes, transducer)), nearest))| {
             let travel = travels(model, &displacement);
             let harmonic_travel = nearest.harmonic_travel;
-            let widths = nearest.widths.map(|width| {
-                width_of(
-                    electrodes,
-                    transducer,
-                    actuator,
-                    &travel,
-                    &harmonic_travel,
-                    width.pulse_width,
-                    width.harmonics,
-                )
-            });
+            let overshoot = overshoots(model, &displacement, frequency_hz, electrodes);
+            let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
+            let widths = nearest
+                .widths
+                .map(|width| width_of(electrodes, transducer, actuator, motion, width.pulse_width, width.harmonics));
             let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
             let acceleration = displacement * scale;
             let mean_square = mean_square(&table.products, &acceleration);
@@ -402,6 +428,7 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64) -> Result<Vec<Entry>,
                 acceleration,
                 travel,
                 harmonic_travel,
+                overshoot,
                 widths,
                 max_force_n: strongest.max_force_n,
                 limit: strongest.limit,

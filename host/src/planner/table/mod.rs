@@ -74,8 +74,8 @@ pub struct Width {
     /// Mean over the surface of |acceleration|^2 by the odd harmonics that come with 1 N of the fundamental, in
     /// (m/s^2/N)^2.
     pub harmonics: f64,
-    /// Most travel of every actuator's mass that comes with 1 N of the fundamental, in m/N: the moduli of fundamental and
-    /// harmonics added up.
+    /// Most travel of every actuator's mass that comes with 1 N of the fundamental, in m/N: the moduli of fundamental,
+    /// harmonics and what switching on adds.
     pub travel_m_per_n: [f64; MAX_ACTUATORS],
     /// Most amplitude of the force's fundamental in N.
     pub max_force_n: f64,
@@ -104,6 +104,8 @@ pub struct Entry {
     pub travel: [Complex64; MAX_ACTUATORS],
     /// |travel| of every actuator in m/N at each of [`HARMONICS`].
     pub harmonic_travel: [[f64; MAX_ACTUATORS]; HARMONICS.len()],
+    /// What switching on adds to the travel of every actuator at most, in m/N.
+    pub overshoot: [f64; MAX_ACTUATORS],
     /// Pulse widths worth choosing from: the one whose harmonics move the panel least, and the widest if it gives more force.
     pub widths: [Width; 2],
     /// Most force amplitude in N, of any width.
