@@ -2,7 +2,7 @@
 //!
 //! [`named`] holds what there is and the parameters it takes, [`envelope`] what an envelope's segments are cycle by cycle,
 //! [`motion`] what a point does under them (harmonics of the square-edged force included), [`click`] pushes and brakes
-//! designed from the panel's poles, [`design`] the whole for a plan, [`intensity`] strengths in g or dB above threshold.
+//! designed from the panel's poles, [`mod@design`] the whole for a plan, [`intensity`] strengths in g or dB above threshold.
 
 pub mod click;
 pub mod design;
