@@ -75,7 +75,7 @@ pub struct SchemeReach {
     pub scheme: Scheme,
     /// The one setting with the largest minimum over the surface.
     pub setting: Vec<Part>,
-    /// What it does; the minimum is that of a grid up to three times as fine as the table's.
+    /// What it does; the minimum is that of a grid up to four times as fine as the table's.
     pub one_setting: Spread,
     /// No setting of the scheme at the table's frequencies has a larger minimum; `None` where the best found is not proven.
     pub one_setting_at_most: Option<f64>,
