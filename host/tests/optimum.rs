@@ -59,6 +59,20 @@ fn the_planner_finds_what_exhaustive_search_finds() {
         let (length, width) = (scene.surface.length_m, scene.surface.width_m);
         let target = |x: f64, y: f64, intensity_g| Target { x_m: x * length, y_m: y * width, intensity_g };
         let (first, second) = (target(0.23, 0.61, None), target(0.78, 0.34, None));
+        // From the bounds alone nothing is dropped that is part of the best, in corners and at ends either.
+        for (x, y) in [(0.0, 0.0), (1.0, 0.5), (0.02, 0.97)] {
+            for intensity_g in [0.05, 5.0] {
+                let request = Request { work: Work::Study, ..Request::touch(&[target(x, y, None)]) };
+                let judge = Judge::new(&table, &request);
+                let wanted = intensity_g * STANDARD_GRAVITY;
+                let (all, short) = (judge.all(&[wanted]), judge.shortlist(wanted, &any));
+                let both = all.best(&any).zip(short.best(&any));
+                // At a held edge nothing is reached, and a wish counts as a million times that.
+                if let Some((all, short)) = both.filter(|(all, _)| all.allocation.met > 1e-5) {
+                    same(&short.allocation, &all.allocation, &format!("scene {number} at {x}, {y}: {intensity_g} g"));
+                }
+            }
+        }
         let quiet = Quiet { x_m: 0.5 * length, y_m: 0.5 * width, radius_m: 0.01, at_most_g: 0.05 };
         for (objective, quiet, targets) in [
             (Objective::Contrast, vec![], vec![first]),

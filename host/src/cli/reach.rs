@@ -139,21 +139,15 @@ fn place([x_mm, y_mm]: [f64; 2]) -> String {
 }
 
 /// The table without the frequencies that `--from` and `--to` leave out.
-fn restricted(mut table: PlanTable, options: &Field) -> Result<PlanTable, Failure> {
+fn restricted(table: PlanTable, options: &Field) -> Result<PlanTable, Failure> {
     let (from, to) = (options.from.unwrap_or(0.0), options.to.unwrap_or(f64::INFINITY));
-    let kept: Vec<bool> = table.frequencies_hz.iter().map(|hz| (from..=to).contains(hz)).collect();
-    if !kept.contains(&true) {
-        return Err(Failure::usage(format!(
-            "--from {from} --to {to}: none of the planner's frequencies is between them"
-        )));
-    }
-    let mut keep = kept.iter();
-    table.frequencies_hz.retain(|_| *keep.next().unwrap_or(&false));
-    for list in &mut table.entries {
-        let mut keep = kept.iter();
-        list.retain(|_| *keep.next().unwrap_or(&false));
-    }
-    Ok(table)
+    let known = table.frequencies_hz.first().copied().zip(table.frequencies_hz.last().copied());
+    table.between(from, to).ok_or_else(|| {
+        let (least, most) = known.unwrap_or_default();
+        Failure::usage(format!(
+            "--from {from} --to {to}: none of the planner's frequencies, {least} to {most} Hz, is between them"
+        ))
+    })
 }
 
 /// The grids that were searched.

@@ -7,6 +7,7 @@ use super::part::Part;
 use crate::planner::PlanTable;
 use crate::planner::limits::{BREAKDOWN_MARGIN, Electrodes, TRAVEL_PART, breakdown_v};
 use crate::planner::rise::{RiseTimes, Stepper};
+use era_shared::supply::rail_of;
 use era_shared::waveform::Effect;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -37,9 +38,7 @@ pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part
             let travels = largest(rest.clone(), &table.electrodes, parts, &levels, scale, combination);
             table.electrodes.iter().zip(&travels).enumerate().all(|(actuator, (electrodes, travel))| {
                 let allowed = USED * TRAVEL_PART * electrodes.gap_m;
-                let own = parts.iter().find(|part| part.drive.actuator == actuator);
-                let volts = own
-                    .map_or(0.0, |part| electrodes.voltage_for(part.drive.force_n * scale, part.channel.pulse_width));
+                let volts = rail_v(&table.electrodes, parts, actuator, scale);
                 *travel <= allowed && volts <= BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel / USED)
             })
         })
@@ -62,11 +61,11 @@ pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part
 fn is_surely_small(
     rise: &RiseTimes,
     rows: &[DVector<f64>],
-    electrodes: &[Electrodes],
+    all: &[Electrodes],
     parts: &[Part],
     levels: &[Vec<f64>],
 ) -> bool {
-    rows.iter().zip(electrodes).enumerate().all(|(actuator, (row, electrodes))| {
+    rows.iter().zip(all).enumerate().all(|(actuator, (row, electrodes))| {
         let bounds = parts.iter().zip(levels).map(|(part, levels)| {
             let ringing = rise.ringings(row, &[part.drive])?.pop()?.displacement();
             let ends = levels.first().map_or(0.0, |x| x.abs()) + levels.last().map_or(0.0, |x| x.abs());
@@ -75,12 +74,21 @@ fn is_surely_small(
             Some(part.drive.force_n * (ringing.steady.norm() + changes * free))
         });
         let travel = bounds.sum::<Option<f64>>();
-        let own = parts.iter().find(|part| part.drive.actuator == actuator);
-        let volts = own.map_or(0.0, |part| electrodes.voltage_for(part.drive.force_n, part.channel.pulse_width));
+        let volts = rail_v(all, parts, actuator, 1.0);
         travel.is_some_and(|travel| {
             travel < 0.02 * electrodes.gap_m && volts <= BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel)
         })
     })
+}
+
+/// Voltage across an actuator's gap: the highest that is asked of its rail.
+fn rail_v(electrodes: &[Electrodes], parts: &[Part], actuator: usize, scale: f64) -> f64 {
+    let on_its_rail = parts.iter().filter(|part| rail_of(part.drive.actuator) == rail_of(actuator));
+    let volts = |part: &Part| {
+        let electrodes = electrodes.get(part.drive.actuator)?;
+        Some(electrodes.voltage_for(part.drive.force_n * scale, part.channel.pulse_width))
+    };
+    on_its_rail.filter_map(volts).fold(0.0, f64::max)
 }
 
 /// Travel of an actuator per unit of each coordinate.

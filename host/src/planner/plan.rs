@@ -18,6 +18,8 @@ const MOST_CONTRAST_DB: f64 = 200.0;
 /// Odd harmonics of a drive that another's frequency may meet within the grid. The fifth has a fifth of the fundamental's
 /// force, the seventh a seventh; the third, which most plans do without, a third.
 const MEETING: [f64; 3] = [3.0, 5.0, 7.0];
+/// A harmonic and a drive nearer than this beat once in two seconds, the longest burst that a board drives unasked.
+const SLOWEST_BEAT_HZ: f64 = 0.5;
 /// Part of a wish that counts as met.
 const MET: f64 = 1.0 - 1e-6;
 
@@ -160,7 +162,8 @@ impl PlanTable {
             error_bound: self.bound(&selection.drives, &first).value(),
             targets,
             drives: self.drives(&selection.drives, &settled),
-            optimality_gap: selection.gap,
+            // What safety took away another combination might not have lost.
+            optimality_gap: (1.0 + selection.gap) / settled.scale.max(f64::MIN_POSITIVE) - 1.0,
             objective: request.objective,
             grouping: request.grouping,
             elapsed_us: started.elapsed().as_secs_f64() * 1e6,
@@ -308,10 +311,10 @@ fn best(choices: Choices, fits: &dyn Fn(f64, f64) -> bool) -> Option<(Choices, F
     Some((choices, found))
 }
 
-/// Whether one frequency is an odd harmonic of the other.
-fn meets(a_hz: f64, b_hz: f64) -> bool {
+/// Whether one frequency is an odd harmonic of the other, or so near to one that the beat is slower than [`SLOWEST_BEAT_HZ`].
+pub(super) fn meets(a_hz: f64, b_hz: f64) -> bool {
     let (low, high) = (a_hz.min(b_hz), a_hz.max(b_hz));
-    MEETING.iter().any(|n| (n * low - high).abs() <= 1e-6 * high)
+    MEETING.iter().any(|n| (n * low - high).abs() <= SLOWEST_BEAT_HZ)
 }
 
 /// Drives of equal frequencies, as lists of their numbers.

@@ -3,6 +3,7 @@
 use super::MIN_SPACING_HZ;
 use super::allocate::{Allocation, MOST};
 use super::candidates::Judge;
+use super::plan::meets;
 use super::search::{Choices, Found};
 use super::table::{Entry, PlanTable, Width};
 
@@ -86,8 +87,8 @@ impl PlanTable {
                         own.candidates[i].iter().position(|c| c.max_force_n == drive.width.max_force_n).unwrap_or(0);
                 }
             }
-            let keeps =
-                (0..p).all(|i| (0..i).all(|j| (own.frequencies_hz[i] - own.frequencies_hz[j]).abs() >= MIN_SPACING_HZ));
+            let fits = |a: f64, b: f64| (a - b).abs() >= MIN_SPACING_HZ && !meets(a, b);
+            let keeps = (0..p).all(|i| (0..i).all(|j| fits(own.frequencies_hz[i], own.frequencies_hz[j])));
             let refined = own.allocation(&at);
             let is_better = refined.met > allocation.met * (1.0 + WORTH)
                 || refined.met >= allocation.met && refined.cost < allocation.cost * (1.0 - WORTH);

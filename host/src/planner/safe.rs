@@ -7,7 +7,7 @@
 use super::ELECTRODE_CABLE_F;
 use super::limits::{Electrodes, Limit};
 use super::refine::Chosen;
-use super::softening::{Excitation, Line, MAX_LINES, Motion, Transducer, settle};
+use super::softening::{Excitation, Line, MAX_LINES, Motion, NotSafe, Transducer, settle};
 use super::table::{PlanTable, travel_m_per_n};
 use crate::scene::{EPS0, MAX_ACTUATORS};
 use era_shared::limits::MAX_AVERAGE_MICROAMPS;
@@ -98,8 +98,8 @@ impl PlanTable {
         Some(known)
     }
 
-    /// Whether every motion on the way is at most the linear one over 1 - e, within the limits, for the sum e of the
-    /// softenings times the receptances of what they soften: each turn of force to travel to force adds at most e.
+    /// Whether every motion on the way is within the limits for the sum e of the softenings times the receptances of what they
+    /// soften: each turn of force to travel to force adds at most e of the largest travel, all of them e / (1 - e).
     fn is_hardly_softened(&self, drives: &[Chosen]) -> bool {
         let applied = self.applied(drives, 1.0);
         let p = drives.len().min(MAX_ACTUATORS);
@@ -112,12 +112,16 @@ impl PlanTable {
         if most > WEAK {
             return false;
         }
-        self.electrodes.iter().enumerate().take(p).all(|(i, electrodes)| {
+        let travel = |i: usize| -> f64 {
             let own = |(j, drive): (usize, &Chosen)| {
                 drive.row.get(j).map_or(0.0, |entry| travel_m_per_n(entry, applied[j].pulse_width)[i]) * drive.force_n
             };
-            let travel_m: f64 = drives.iter().enumerate().map(own).sum();
-            electrodes.violated(travel_m / (1.0 - most), applied[i].voltage_v * (1.0 - 1e-12)).is_none()
+            drives.iter().enumerate().map(own).sum()
+        };
+        // Each mass goes as far as it does, and as any other goes for what the turns add.
+        let added = most / (1.0 - most) * (0..p).map(travel).fold(0.0, f64::max);
+        self.electrodes.iter().enumerate().take(p).all(|(i, electrodes)| {
+            electrodes.violated(travel(i) + added, applied[i].voltage_v * (1.0 - 1e-12)).is_none()
         })
     }
 
@@ -157,7 +161,10 @@ impl PlanTable {
             excitations[i] =
                 Excitation { frequency: frequency[i], voltage_v, pulse_width, phase_rad: drives[i].phase_rad };
         }
-        let motion = settle(&transducers[..p], &excitations[..p], &lines).map_err(|_| (0, Limit::Travel))?;
+        let motion = settle(&transducers[..p], &excitations[..p], &lines).map_err(|error| match error {
+            NotSafe::Travel { actuator } => (actuator, Limit::Travel),
+            NotSafe::Unstable | NotSafe::Shape { .. } => (0, Limit::Travel),
+        })?;
         for (i, electrodes) in self.electrodes.iter().enumerate().take(p) {
             // Harmonics come on top; the fundamentals' part of the bound is replaced by what they really do.
             let linear = |drive: &Chosen, j: usize| drive.row.get(j).map_or(0.0, |entry| entry.travel[i].norm());

@@ -204,6 +204,26 @@ impl PlanTable {
         build::table(scene, model, options)
     }
 
+    /// The table of those of its frequencies that lie between two; `None` if none does.
+    #[must_use]
+    pub fn between(self, from_hz: f64, to_hz: f64) -> Option<Self> {
+        let kept: Vec<bool> = self.frequencies_hz.iter().map(|hz| (from_hz..=to_hz).contains(hz)).collect();
+        fn keep<T>(list: Vec<T>, kept: &[bool]) -> Vec<T> {
+            list.into_iter().zip(kept).filter(|(_, kept)| **kept).map(|(item, _)| item).collect()
+        }
+        let Self { model, coarser, scene, frequencies_hz, entries, electrodes, grid, coarser_rows, products, .. } =
+            self;
+        let frequencies_hz = keep(frequencies_hz, &kept);
+        if frequencies_hz.is_empty() {
+            return None;
+        }
+        let entries = entries.into_iter().map(|list| keep(list, &kept)).collect();
+        let mut table = Self::of(&scene, Computed { model, frequencies_hz, entries, electrodes, grid, products });
+        table.coarser = coarser;
+        table.coarser_rows = coarser_rows.map(|rows| keep(rows, &kept));
+        Some(table)
+    }
+
     /// The entries of all actuators at one frequency, on the grid or off it.
     ///
     /// # Errors

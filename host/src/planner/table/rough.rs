@@ -12,6 +12,8 @@ pub struct Rough {
     slope: Vec<f64>,
     square: f64,
     least: Vec<f64>,
+    /// What it is where the zone takes nothing: no bound is above it.
+    whole: Vec<f64>,
     /// Most force in N, of any pulse width; 0 where there is no response.
     max_force_n: Vec<f64>,
 }
@@ -19,8 +21,8 @@ pub struct Rough {
 impl Rough {
     /// At a distance r from the target the magnitude is at most h + g r, g the steepest slope on the surface, so that its
     /// mean square within R is at most h^2 + 4/3 h g R + g^2 R^2 / 2 on a plate, and on a bar h^2 + h g R + g^2 R^2 / 3,
-    /// which is less. Nor is it more than the largest on the surface. With the part of the surface that a whole disc takes;
-    /// one that an edge cuts takes less, and bounds are then better than they need be.
+    /// which is less. Nor is it more than the largest on the surface. With the part of the surface that a whole disc takes; for
+    /// one that an edge cuts, which takes any part from nothing to that, the least is at one end or the other.
     #[must_use]
     pub fn new(scene: &Scene, entries: &[Vec<Option<Entry>>]) -> Self {
         let surface = &scene.surface;
@@ -43,6 +45,7 @@ impl Rough {
                 let least = (entry.mean_square - part * entry.most_square) / rest;
                 (least.max(1e-9 * entry.mean_square) + quiet(entry)).max(f64::MIN_POSITIVE)
             }),
+            whole: all(&|entry| entry.mean_square + quiet(entry)),
             max_force_n: all(&|entry| entry.max_force_n),
         }
     }
@@ -52,9 +55,10 @@ impl Rough {
     pub fn efficiencies(&self, squares: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; squares.len()];
         pulp::Arch::new().dispatch(|| {
-            let bounds = self.base.iter().zip(&self.slope).zip(self.least.iter().zip(&self.max_force_n));
-            for ((out, square), ((base, slope), (least, force))) in out.iter_mut().zip(squares).zip(bounds) {
-                let energy = (base - slope * square.sqrt() - self.square * square).max(*least);
+            let ends = self.least.iter().zip(&self.whole);
+            let bounds = self.base.iter().zip(&self.slope).zip(ends.zip(&self.max_force_n));
+            for ((out, square), ((base, slope), ((least, whole), force))) in out.iter_mut().zip(squares).zip(bounds) {
+                let energy = (base - slope * square.sqrt() - self.square * square).max(*least).min(*whole);
                 *out = if *force > 0.0 { square / energy } else { 0.0 };
             }
         });
