@@ -115,3 +115,18 @@ fn a_plan_table_is_kept_and_a_spoilt_one_is_told() {
     assert!(told.contains(file.to_str().unwrap()) && told.contains("it holds 916 bytes of"), "{told}");
     assert_eq!(std::fs::read(file).unwrap().len(), bytes.len());
 }
+
+/// What JSON has no number for would arrive as "not given", and drive at the default.
+#[test]
+fn a_touch_that_is_no_number_is_refused() {
+    for arguments in [
+        ["touch", "960", "640", "--intensity-g", "nan"],
+        ["touch", "960", "640", "--intensity-db", "inf"],
+        ["touch", "960", "640", "--duration-ms", "nan"],
+        ["touch", "nan", "640", "--intensity-g", "0.1"],
+    ] {
+        let output = era(&arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", told(&output));
+        assert!(told(&output).contains("is not a finite number"), "{arguments:?}: {}", told(&output));
+    }
+}

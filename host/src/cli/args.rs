@@ -201,19 +201,19 @@ pub struct Daemon {
 #[derive(Clone, Debug, Args)]
 pub struct Touch {
     /// Screen pixels from the left
-    #[arg(allow_negative_numbers = true)]
+    #[arg(allow_negative_numbers = true, value_parser = parse_finite)]
     pub x_px: f64,
     /// Screen pixels from the top
-    #[arg(allow_negative_numbers = true)]
+    #[arg(allow_negative_numbers = true, value_parser = parse_finite)]
     pub y_px: f64,
     /// Peak acceleration wanted, in g
-    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    #[arg(long, value_name = "A", allow_negative_numbers = true, value_parser = parse_finite)]
     pub intensity_g: Option<f64>,
     /// The same in dB above the threshold of feeling
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g")]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = parse_finite, conflicts_with = "intensity_g")]
     pub intensity_db: Option<f64>,
     /// How long, in ms
-    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite)]
     pub duration_ms: Option<f64>,
     /// Play an effect instead of an even drive, timed by the board itself
     #[arg(long, value_name = "NAME")]
@@ -231,7 +231,7 @@ pub struct Rhythm {
     #[arg(long, value_name = "N")]
     pub count: Option<u32>,
     /// From one click, pulse or crest to the next, in ms
-    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite)]
     pub period_ms: Option<f64>,
 }
 
@@ -473,6 +473,11 @@ pub(super) fn parse_point(text: &str) -> Result<Point, String> {
     };
     let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form X,Y"))?;
     Ok(Point { x: number(x)?, y: number(y)? })
+}
+
+/// A number that JSON can carry: anything else would arrive as "not given".
+fn parse_finite(text: &str) -> Result<f64, String> {
+    text.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{text:?} is not a finite number"))
 }
 
 fn parse_counts(text: &str) -> Result<(usize, usize), String> {
