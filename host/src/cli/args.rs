@@ -10,6 +10,7 @@ use std::path::PathBuf;
 
 use super::Failure;
 pub use super::args_board::{Flash, Monitor};
+pub use super::args_field::Field;
 
 /// Localized touch feedback on large surfaces: two to four electrostatic resonant actuators (ERAs) on a flexibly held
 /// panel, each at its own frequency, placed by a finite-element model.
@@ -371,50 +372,6 @@ pub struct At {
 }
 
 #[derive(Clone, Debug, Args)]
-pub struct Field {
-    #[command(flatten)]
-    pub panel: Panel,
-    #[command(flatten)]
-    pub keep: Keep,
-    /// The touched point
-    #[arg(
-        long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true,
-        required_unless_present_any = ["reach", "schemes"]
-    )]
-    pub at: Option<Point>,
-    /// Unit of --at
-    #[arg(long, value_enum, default_value_t = Unit::Px)]
-    pub unit: Unit,
-    /// Peak acceleration wanted, in g
-    #[arg(long, value_name = "A", allow_negative_numbers = true)]
-    pub intensity_g: Option<f64>,
-    /// Instead of a touch's field: at every point the strongest peak that can be had there, and the contrast of the
-    /// quietest drive
-    #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"])]
-    pub reach: bool,
-    /// Instead of a touch's field: the least peak anywhere with one frequency for all actuators, with phases, and with
-    /// distinct frequencies, side by side
-    #[arg(long, conflicts_with_all = ["at", "intensity_g"])]
-    pub schemes: bool,
-    /// Lowest frequency for --reach and --schemes in Hz [default: all that the planner uses]
-    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true)]
-    pub from: Option<f64>,
-    /// Highest frequency for --reach and --schemes in Hz [default: all that the planner uses]
-    #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true)]
-    pub to: Option<f64>,
-    /// Write a picture
-    #[arg(long, value_name = "FILE")]
-    pub png: Option<PathBuf>,
-    /// Write the values, a line x_mm,y_mm,... per point; `-` is standard output, which also gets a touch's field if neither
-    /// --png nor --csv is given
-    #[arg(long, value_name = "FILE")]
-    pub csv: Option<PathBuf>,
-    /// Print JSON
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Clone, Debug, Args)]
 pub struct Verify {
     #[command(flatten)]
     pub panel: Panel,
@@ -476,7 +433,7 @@ pub(super) fn parse_point(text: &str) -> Result<Point, String> {
 }
 
 /// A number that JSON can carry: anything else would arrive as "not given".
-fn parse_finite(text: &str) -> Result<f64, String> {
+pub(super) fn parse_finite(text: &str) -> Result<f64, String> {
     text.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{text:?} is not a finite number"))
 }
 

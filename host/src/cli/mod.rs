@@ -5,6 +5,7 @@
 
 mod args;
 mod args_board;
+mod args_field;
 mod client;
 mod effect;
 mod explain;

@@ -311,7 +311,7 @@ pub fn field(options: &Field) -> Outcome {
     let bound = table.field_bound(&plan);
     tell_missing(&[bound], options.panel.accuracy()?);
     if let Some(path) = &options.png {
-        study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?;
+        reach::tell_written(path, study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?);
     }
     if let (Some(bound), false) = (bound.value(), options.json) {
         eprintln!("error at most {bound:.0e} of the largest value");

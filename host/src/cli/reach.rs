@@ -4,26 +4,26 @@ use super::args::Field;
 use super::panel::{need_actuators, plan_table};
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::planner::reach::{Maps, SchemeReach, Spread, schemes};
+use crate::planner::reach::{Maps, Measure, Region, Scheme, SchemeReach, Spread, measure::View, rigid, schemes};
 use crate::planner::{MIN_SPACING_HZ, PlanTable};
+use crate::scene::Scene;
 use crate::study::reach as pictures;
 use serde_json::json;
 use std::fmt::Write;
+use std::path::Path;
+
+/// Part of a setting's motion from which on it counts as that of a rigid body.
+const RIGID: f64 = 0.5;
 
 /// Maps of the strongest and the most contrasted reachable at every point.
 pub fn maps(options: &Field) -> Outcome {
-    let scene = options.panel.load()?;
-    need_actuators(&scene)?;
-    let table = restricted(plan_table(&options.panel, options.keep, &scene)?, options)?;
-    let maps = with_progress("computing what can be reached", || Maps::of(&table))?;
+    let (scene, table, region) = prepared(options)?;
+    let maps = with_progress("computing what can be reached", || Maps::of(&table, region))?;
     if let Some(path) = &options.png {
-        pictures::write_maps(path, &scene, &maps).map_err(Failure::failed)?;
+        tell_written(path, pictures::write_maps(path, &scene, &maps).map_err(Failure::failed)?);
     }
-    if let Some(path) = &options.csv {
-        if path.as_os_str() == "-" {
-            return print_text(maps.csv().trim_end());
-        }
-        std::fs::write(path, maps.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+    if write_csv(options, &maps.csv())? {
+        return Ok(());
     }
     let spread = |values: &[Option<f64>]| {
         Spread::of(&table.grid, values).ok_or_else(|| Failure::failed("the grid has no point on the surface"))
@@ -32,105 +32,170 @@ pub fn maps(options: &Field) -> Outcome {
     if options.json {
         return print_json(&json!({"strongest_g": strongest, "contrast_db": contrast, "maps": maps}));
     }
-    let line = |name: &str, unit: &str, spread: &Spread| {
+    let line = |name: &str, unit: &str, spread: &Spread, hz: &[Option<Vec<f64>>]| {
+        let end = |value: f64, at_mm: [f64; 2]| {
+            let frequencies = nearest(&table, hz, at_mm).unwrap_or_default();
+            format!("{value:.2} {unit} at {} ({frequencies})", place(at_mm))
+        };
         format!(
-            "{name}: least {:.2} {unit} at {}, median {:.2} {unit}, most {:.2} {unit} at {}",
-            spread.least,
-            place(spread.least_at_mm),
+            "{name}: least {}, median {:.2} {unit}, most {}",
+            end(spread.least, spread.least_at_mm),
             spread.median,
-            spread.most,
-            place(spread.most_at_mm)
+            end(spread.most, spread.most_at_mm)
         )
     };
     print_text(&format!(
         "{}, {}\n{}\n{}",
         scene.name,
-        searched(&table),
-        line("strongest peak", "g", &strongest),
-        line("contrast of the quietest drive", "dB", &contrast)
+        searched(&table, options),
+        line("strongest peak", "g", &strongest, &maps.strongest_hz),
+        line("contrast of the quietest drive", "dB", &contrast, &maps.contrast_hz)
     ))
 }
 
 /// The three ways to drive, side by side.
 pub fn compare(options: &Field) -> Outcome {
-    let scene = options.panel.load()?;
-    need_actuators(&scene)?;
-    let table = restricted(plan_table(&options.panel, options.keep, &scene)?, options)?;
-    let schemes = with_progress("comparing the ways to drive", || schemes::compare(&table))?;
+    let (scene, table, region) = prepared(options)?;
+    let measure = if options.felt { Measure::Thresholds } else { Measure::G };
+    let schemes = with_progress("comparing the ways to drive", || schemes::compare(&table, region, measure))?;
     if let Some(path) = &options.png {
-        pictures::write_schemes(path, &scene, &table.grid, &schemes).map_err(Failure::failed)?;
+        let written = pictures::write_schemes(path, &scene, &table.grid, measure, &schemes);
+        tell_written(path, written.map_err(Failure::failed)?);
     }
-    if let Some(path) = &options.csv {
-        let text = csv(&table, &schemes);
-        if path.as_os_str() == "-" {
-            return print_text(text.trim_end());
-        }
-        std::fs::write(path, text).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+    if write_csv(options, &csv(&table, measure, &schemes))? {
+        return Ok(());
     }
     let [ratios, phases] = schemes::tried(&table);
+    let first_bending_hz = rigid::first_bending_hz(&table);
     if options.json {
         return print_json(&json!({
-            "scene": scene.name, "frequencies_hz": table.frequencies_hz,
-            "tried": {"in_phase": ratios, "phases": phases}, "schemes": schemes,
+            "scene": scene.name, "measure": measure, "frequencies_hz": table.frequencies_hz,
+            "first_bending_hz": first_bending_hz, "tried": {"in_phase": ratios, "phases": phases}, "schemes": schemes,
         }));
     }
+    let unit = if options.felt { "dB above the threshold of feeling" } else { "g" };
     let mut text = format!(
-        "{}, {}, full safe force, peaks in g\n\
+        "{}, {}, all at full safe force, peaks in {unit}\n\
          (one frequency: best found of {ratios} amplitude ratios in phase and {phases} with phases at each frequency, then \
-         refined; distinct frequencies: proven optimum)\n",
+         refined; distinct frequencies: proven optimum for masses at rest)\n",
         scene.name,
-        searched(&table)
+        searched(&table, options)
     );
-    let first = schemes.first();
-    text.push_str("\none setting for the whole surface\n\n");
-    text.push_str("| scheme | least | at | 10 % below | median | most | least, times the first |\n");
-    text.push_str("|---|---|---|---|---|---|---|\n");
-    for scheme in &schemes {
-        let ratio = first.map_or(1.0, |first| scheme.one_setting.least / first.one_setting.least);
-        let _ = writeln!(text, "{}", row(scheme, &scheme.one_setting, ratio));
+    let spreads: [(&str, fn(&SchemeReach) -> (&Spread, f64)); 2] = [
+        ("one setting for the whole surface", |scheme| (&scheme.one_setting, scheme.one_setting_weaker)),
+        ("a setting for every touch", |scheme| (&scheme.per_touch, scheme.per_touch_weaker)),
+    ];
+    for (title, of) in spreads {
+        let _ = write!(
+            text,
+            "\n{title}\n\n| scheme | least | at | 10 % below | median | most | dead | weaker | least over the first's |\n\
+             |---|---|---|---|---|---|---|---|---|\n"
+        );
+        for scheme in &schemes {
+            let (spread, weaker) = of(scheme);
+            let first = schemes.first().map_or(spread.least, |first| of(first).0.least);
+            let _ = writeln!(text, "{}", row(scheme.scheme, measure, spread, weaker, first));
+        }
     }
-    text.push_str("\na setting for every touch\n\n");
-    text.push_str("| scheme | least | at | 10 % below | median | most | least, times the first |\n");
-    text.push_str("|---|---|---|---|---|---|---|\n");
-    for scheme in &schemes {
-        let ratio = first.map_or(1.0, |first| scheme.per_touch.least / first.per_touch.least);
-        let _ = writeln!(text, "{}", row(scheme, &scheme.per_touch, ratio));
-    }
-    text.push_str("\nthe one settings\n\n| scheme | actuator | frequency | force | voltage | phase |\n|---|---|---|---|---|---|\n");
-    for scheme in &schemes {
+    text.push_str(
+        "\n(dead: part of the surface with less than a tenth of the largest peak; weaker: with less than distinct \
+         frequencies give at their weakest place)\n",
+    );
+    text.push_str(&settings(&schemes, measure));
+    text.push_str(&reasons(&schemes, first_bending_hz));
+    print_text(text.trim_end())
+}
+
+/// What is commanded for the whole surface.
+fn settings(schemes: &[SchemeReach], measure: Measure) -> String {
+    let mut text = String::from(
+        "\nthe one settings\n\n| scheme | actuator | frequency | force | voltage | pulse width | phase | rigid motion |\n\
+         |---|---|---|---|---|---|---|---|\n",
+    );
+    for scheme in schemes {
+        let rigid = scheme.rigid.map_or_else(String::new, percent);
         for part in &scheme.setting {
             let _ = writeln!(
                 text,
-                "| {} | {} | {} Hz | {:.4} N | {:.0} V | {:.0}\u{b0} |",
+                "| {} | {} | {} Hz | {:.4} N | {:.0} V | {:.3} | {:.0}\u{b0} | {rigid} |",
                 scheme.scheme.name(),
                 part.actuator,
                 part.frequency_hz,
                 part.force_n,
                 part.voltage_v,
+                part.pulse_width,
                 part.phase_rad.to_degrees()
             );
         }
-        if let Some(at_most) = scheme.one_setting_at_most.filter(|most| *most > scheme.one_setting.least * (1.0 + 1e-6))
-        {
-            let _ = writeln!(
-                text,
-                "(the search was cut short: up to {at_most:.4} g may be possible with {})",
-                scheme.scheme.name()
-            );
+    }
+    for scheme in schemes {
+        if scheme.scale < 1.0 {
+            let left = percent(scheme.scale);
+            let _ =
+                writeln!(text, "({}: motion in the closing gaps leaves {left} of the forces)", scheme.scheme.name());
+        }
+        let at_most = scheme.one_setting_at_most.filter(|most| *most > scheme.one_setting.least * (1.0 + 1e-6));
+        if let Some(at_most) = at_most {
+            let at_most = shown(measure, at_most);
+            let _ = writeln!(text, "({}: up to {at_most} may be possible, which is not proven)", scheme.scheme.name());
         }
     }
-    print_text(text.trim_end())
+    text
 }
 
-fn row(scheme: &SchemeReach, spread: &Spread, ratio: f64) -> String {
+/// Why the weakest place is as strong as it is.
+fn reasons(schemes: &[SchemeReach], first_bending_hz: Option<f64>) -> String {
+    let mut text = String::new();
+    if let Some(hz) = first_bending_hz {
+        let _ = write!(text, "\nFirst mode that bends the panel: {hz:.1} Hz.");
+    }
+    let distinct = schemes.iter().find(|scheme| scheme.scheme == Scheme::DistinctFrequencies);
+    let better = |scheme: &&SchemeReach| {
+        distinct.is_some_and(|distinct| scheme.one_setting.least > distinct.one_setting.least)
+            && scheme.rigid.is_some_and(|rigid| rigid > RIGID)
+    };
+    if let Some(scheme) = schemes.iter().find(better) {
+        let hz = scheme.setting.first().map_or(0.0, |part| part.frequency_hz);
+        let _ = write!(
+            text,
+            "\nOne frequency has the strongest weakest place here: at {hz} Hz {} of the motion (mean square) is that of a rigid \
+             body, which has no nodes to be filled. All actuators add there in phase; of distinct frequencies, \
+             {MIN_SPACING_HZ} Hz apart, only one can be near. `--from {:.0}` leaves that motion out.",
+            percent(scheme.rigid.unwrap_or_default()),
+            first_bending_hz.unwrap_or(hz).ceil()
+        );
+    }
+    text
+}
+
+fn percent(part: f64) -> String {
+    format!("{:.1} %", 100.0 * part)
+}
+
+/// A peak as it is printed: in g, or in dB above the threshold.
+fn shown(measure: Measure, peak: f64) -> String {
+    match measure {
+        Measure::G => format!("{peak:.3}"),
+        Measure::Thresholds => format!("{:.1}", 20.0 * peak.log10()),
+    }
+}
+
+fn row(scheme: Scheme, measure: Measure, spread: &Spread, weaker: f64, first: f64) -> String {
+    let ratio = spread.least / first;
     format!(
-        "| {} | {:.3} | {} | {:.3} | {:.3} | {:.3} | {ratio:.2} |",
-        scheme.scheme.name(),
-        spread.least,
+        "| {} | {} | {} | {} | {} | {} | {} | {} | {} |",
+        scheme.name(),
+        shown(measure, spread.least),
         place(spread.least_at_mm),
-        spread.tenth,
-        spread.median,
-        spread.most
+        shown(measure, spread.tenth),
+        shown(measure, spread.median),
+        shown(measure, spread.most),
+        percent(spread.dead),
+        percent(weaker),
+        match measure {
+            Measure::G => format!("{ratio:.2}"),
+            Measure::Thresholds => format!("{:+.1} dB", 20.0 * ratio.log10()),
+        }
     )
 }
 
@@ -138,44 +203,128 @@ fn place([x_mm, y_mm]: [f64; 2]) -> String {
     format!("{x_mm:.0} mm, {y_mm:.0} mm")
 }
 
+/// The frequencies at a point of the grid, in words.
+fn nearest(table: &PlanTable, hz: &[Option<Vec<f64>>], [x_mm, y_mm]: [f64; 2]) -> Option<String> {
+    let line = |lines: &[f64], at_mm: f64| lines.iter().position(|line| (line * 1e3 - at_mm).abs() < 1e-6);
+    let point = line(&table.grid.y_m, y_mm)? * table.grid.x_m.len() + line(&table.grid.x_m, x_mm)?;
+    let frequencies = hz.get(point)?.as_ref()?;
+    Some(frequencies.iter().map(|hz| format!("{hz:.0}")).collect::<Vec<_>>().join(", ") + " Hz")
+}
+
+/// The scene, its table in the band that is asked for, and the region.
+fn prepared(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failure> {
+    let scene = options.panel.load()?;
+    need_actuators(&scene)?;
+    let region = region(&scene, options)?;
+    let table = restricted(plan_table(&options.panel, options.keep, &scene)?, options)?;
+    if View::new(&table, region).is_none() {
+        let step = |lines: &[f64]| lines.windows(2).map(|pair| (pair[1] - pair[0]) * 1e3).fold(0.0, f64::max);
+        return Err(Failure::usage(format!(
+            "--zone: none of the points that are looked at, {:.1} mm apart, is on the surface in there",
+            step(&table.grid.x_m).max(step(&table.grid.y_m))
+        )));
+    }
+    Ok((scene, table, region))
+}
+
+fn region(scene: &Scene, options: &Field) -> Result<Option<Region>, Failure> {
+    let Some(zone) = options.zone else { return Ok(None) };
+    let metres = |name: &str, [from, to]: [f64; 2], side_m: f64| {
+        let most = side_m * 1e3;
+        for value in [from, to] {
+            if !(0.0..=most * (1.0 + 1e-12)).contains(&value) {
+                return Err(Failure::usage(format!(
+                    "--zone: {name}_mm {value} is not in the allowed range 0 to {most}"
+                )));
+            }
+        }
+        Ok([from / 1e3, to / 1e3])
+    };
+    let (length_m, width_m) = (scene.surface.length_m, scene.surface.width_m);
+    Ok(Some(Region { x_m: metres("x", zone.x, length_m)?, y_m: metres("y", zone.y, width_m)? }))
+}
+
 /// The table without the frequencies that `--from` and `--to` leave out.
 fn restricted(table: PlanTable, options: &Field) -> Result<PlanTable, Failure> {
-    let (from, to) = (options.from.unwrap_or(0.0), options.to.unwrap_or(f64::INFINITY));
-    let known = table.frequencies_hz.first().copied().zip(table.frequencies_hz.last().copied());
-    table.between(from, to).ok_or_else(|| {
-        let (least, most) = known.unwrap_or_default();
+    if options.from.is_none() && options.to.is_none() {
+        return Ok(table);
+    }
+    let ends = |table: &PlanTable| table.frequencies_hz.first().copied().zip(table.frequencies_hz.last().copied());
+    let (least, most) = ends(&table).unwrap_or_default();
+    let (from, to) = (options.from.unwrap_or(least), options.to.unwrap_or(most));
+    let actuators = table.electrodes.len();
+    // A small count.
+    let needed = (1..actuators).fold(0.0, |sum, _| sum + MIN_SPACING_HZ);
+    let refused = || {
+        let spaced = if actuators > 1 {
+            format!(
+                "; frequencies of {actuators} actuators, {MIN_SPACING_HZ} Hz apart, need {needed} Hz between the two"
+            )
+        } else {
+            String::new()
+        };
         Failure::usage(format!(
-            "--from {from} --to {to}: none of the planner's frequencies, {least} to {most} Hz, is between them"
+            "--from {from} --to {to}: too few of the planner's frequencies are in this band; allowed are {least} to {most} \
+             Hz{spaced}"
         ))
-    })
+    };
+    let table = table.between(from, to).ok_or_else(refused)?;
+    let (first, last) = ends(&table).unwrap_or_default();
+    if last - first < needed { Err(refused()) } else { Ok(table) }
 }
 
 /// The grids that were searched.
-fn searched(table: &PlanTable) -> String {
-    let there = table.grid.there.iter().filter(|there| **there).count();
+fn searched(table: &PlanTable, options: &Field) -> String {
+    let within = options.zone.map_or_else(String::new, |zone| {
+        format!("{} to {} mm by {} to {} mm, ", zone.x[0], zone.x[1], zone.y[0], zone.y[1])
+    });
     match (table.frequencies_hz.first(), table.frequencies_hz.last()) {
         (Some(from), Some(to)) => format!(
-            "{there} points, {} frequencies from {from} to {to} Hz, at least {MIN_SPACING_HZ} Hz apart",
+            "{within}{} frequencies from {from} to {to} Hz, distinct ones at least {MIN_SPACING_HZ} Hz apart",
             table.frequencies_hz.len()
         ),
-        _ => format!("{there} points"),
+        _ => within,
     }
 }
 
-/// Lines of `x_mm,y_mm` and for each scheme the peak with one setting and with the best for the touch, in g.
-fn csv(table: &PlanTable, schemes: &[SchemeReach]) -> String {
+/// Writes what `--csv` asks for; whether it went to standard output.
+fn write_csv(options: &Field, text: &str) -> Result<bool, Failure> {
+    let Some(path) = &options.csv else { return Ok(false) };
+    if path.as_os_str() == "-" {
+        return print_text(text.trim_end()).map(|()| true);
+    }
+    std::fs::write(path, text).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+    eprintln!("wrote {}", path.display());
+    Ok(false)
+}
+
+/// Says what picture was written.
+pub fn tell_written(path: &Path, (width, height): (u32, u32)) {
+    eprintln!("wrote {}, {width} x {height} pixels", path.display());
+}
+
+/// Lines of `x_mm,y_mm` and for each scheme the peak with one setting and with the best for the touch, in g or dB above the
+/// threshold.
+fn csv(table: &PlanTable, measure: Measure, schemes: &[SchemeReach]) -> String {
+    let unit = match measure {
+        Measure::G => "g",
+        Measure::Thresholds => "db",
+    };
     let mut text = String::from("x_mm,y_mm");
     for number in 1..=schemes.len() {
-        let _ = write!(text, ",one_setting_{number}_g,per_touch_{number}_g");
+        let _ = write!(text, ",one_setting_{number}_{unit},per_touch_{number}_{unit}");
     }
     text.push('\n');
     let places = table.grid.y_m.iter().flat_map(|y| table.grid.x_m.iter().map(move |x| (x, y)));
     for (point, (x, y)) in places.enumerate() {
         let _ = write!(text, "{:.3},{:.3}", x * 1e3, y * 1e3);
         for scheme in schemes {
-            for values in [&scheme.one_setting_g, &scheme.per_touch_g] {
-                let cell = values.get(point).copied().flatten().map_or_else(String::new, |value| format!("{value:.4}"));
-                let _ = write!(text, ",{cell}");
+            for values in [&scheme.one_setting_field, &scheme.per_touch_field] {
+                let cell = values.get(point).copied().flatten().map(|peak| match measure {
+                    Measure::G => format!("{peak:.4}"),
+                    Measure::Thresholds => format!("{:.2}", 20.0 * peak.log10()),
+                });
+                let _ = write!(text, ",{}", cell.unwrap_or_default());
             }
         }
         text.push('\n');

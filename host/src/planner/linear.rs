@@ -1,15 +1,18 @@
 //! Small linear programmes: a dense simplex with two objectives, one before the other.
 //!
 //! Maximise c . x, and among the optima d . x, subject to A x <= b and x >= 0, with b >= 0, so that x = 0 is a feasible
-//! start and no first phase is needed. At most five variables and some hundred rows: the tableau is a few kilobytes.
+//! start and no first phase is needed. Allocation has at most five variables and some hundred rows, a tableau of a few
+//! kilobytes; [`super::reach`] some hundred variables.
 
 /// Relative size below which a reduced cost or a pivot counts as zero. Rows and columns are scaled to the size of one by
 /// whoever sets the programme up.
 const ZERO: f64 = 1e-11;
-/// Steps after which Bland's rule, which cannot cycle, takes over from the steepest column.
+/// Steps after which Bland's rule, which cannot cycle, takes over from the steepest column, and twice as many as there are
+/// variables if that is more.
 const BLAND_AFTER: usize = 60;
-/// Steps after which the present vertex is taken: never reached by programmes of this size (the tests count at most 40).
-const MOST_STEPS: usize = 400;
+/// Steps after which the present vertex is taken, and as many times as many as variables: never reached by programmes of up to
+/// five variables (the tests count at most 40).
+const MOST_STEPS: (usize, usize) = (400, 50);
 
 /// A programme: rows of coefficients and their bounds.
 #[derive(Clone, Debug)]
@@ -61,10 +64,11 @@ impl Programme {
         let mut basics: Vec<usize> = (n..n + m).collect();
         let scale1 = first.iter().fold(0.0_f64, |most, c| most.max(c.abs())).max(f64::MIN_POSITIVE);
         let scale2 = second.iter().fold(0.0_f64, |most, c| most.max(c.abs())).max(f64::MIN_POSITIVE);
-        for step in 0..MOST_STEPS {
+        let bland_after = BLAND_AFTER.max(2 * n);
+        for step in 0..MOST_STEPS.0.max(MOST_STEPS.1 * n) {
             let gains = |j: usize| z1[j] > ZERO * scale1 || z1[j] >= -ZERO * scale1 && z2[j] > ZERO * scale2;
             let key = |j: usize| (if z1[j] > ZERO * scale1 { z1[j] / scale1 } else { 0.0 }, z2[j] / scale2);
-            let enters = if step < BLAND_AFTER {
+            let enters = if step < bland_after {
                 (0..n).filter(|j| gains(*j)).max_by(|a, b| {
                     let (a, b) = (key(*a), key(*b));
                     a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
@@ -153,6 +157,18 @@ mod tests {
         assert!((vertex.first[0] - 2.0).abs() < 1e-12 && (vertex.first[1] - 1.0).abs() < 1e-12);
         assert_eq!(programme.maximise(&[-1.0, 0.0], &[0.0, -1.0]).unwrap().x, [0.0, 0.0]);
         assert!(Programme::new(1).maximise(&[1.0], &[]).is_none());
+    }
+
+    /// Beale's example, on which the steepest column alone cycles.
+    #[test]
+    fn beales_example_ends() {
+        let mut programme = Programme::new(4);
+        programme.row([0.25, -60.0, -0.04, 9.0], 0.0);
+        programme.row([0.5, -90.0, -0.02, 3.0], 0.0);
+        programme.row([0.0, 0.0, 1.0, 0.0], 1.0);
+        let vertex = programme.maximise(&[0.75, -150.0, 0.02, -6.0], &[]).unwrap();
+        let value = 0.75 * vertex.x[0] - 150.0 * vertex.x[1] + 0.02 * vertex.x[2] - 6.0 * vertex.x[3];
+        assert!((value - 0.05).abs() < 1e-12, "{vertex:?}");
     }
 
     #[test]

@@ -1,21 +1,29 @@
 //! Fields over the surface, as numbers and pictures.
 
+mod axes;
+mod map;
 pub mod reach;
+mod text;
 
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
 use crate::scene::Scene;
+use axes::Frame;
+use image::ImageEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use plotters::coord::Shift;
 use plotters::prelude::*;
-use plotters::style::colors::colormaps::ViridisRGB;
 use serde::Serialize;
 use std::fmt::Write;
+use std::io::BufWriter;
 use std::path::Path;
+use text::{Anchor, Drawn, Way};
 
-/// Longer side of the picture in pixels.
-const PICTURE: f64 = 1200.0;
-/// Width of the legend in pixels.
-const LEGEND: i32 = 90;
+/// Longer side of the map in pixels.
+const PICTURE: f64 = 1000.0;
 /// Least height of the map in pixels, for bars.
 const LEAST_HEIGHT: f64 = 160.0;
+/// Height of a title in pixels.
+const TITLE: i32 = 34;
 
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]
@@ -59,8 +67,8 @@ impl Field {
         text
     }
 
-    /// Bilinear interpolation between the points around that have a value.
-    fn at(&self, x_mm: f64, y_mm: f64) -> f64 {
+    /// Bilinear interpolation between the points around that have a value; `None` where none has.
+    fn at(&self, x_mm: f64, y_mm: f64) -> Option<f64> {
         let (i, u) = place(&self.x_mm, x_mm);
         let (j, v) = place(&self.y_mm, y_mm);
         let nx = self.x_mm.len();
@@ -74,7 +82,7 @@ impl Field {
                 }
             }
         }
-        if weight > 0.0 { sum / weight } else { 0.0 }
+        (weight > 0.0).then(|| sum / weight)
     }
 }
 
@@ -86,106 +94,54 @@ fn place(lines: &[f64], at: f64) -> (usize, f64) {
     }
 }
 
-/// Draws the field to scale, white in cut-outs, with actuators as circles, the target as a cross and a legend in g.
+/// Draws the field to scale, white in cut-outs, with actuators as circles, the target as a cross and a scale in g. The
+/// picture's size in pixels.
 ///
 /// # Errors
 /// [`PictureError`] if the file cannot be written.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "pixel counts")]
-pub fn write_png(path: &Path, scene: &Scene, plan: &Plan, field: &Field) -> Result<(), PictureError> {
-    let failed = |reason: String| PictureError { path: path.display().to_string(), reason };
-    let (length, width) = (scene.surface.length_m * 1e3, scene.surface.width_m * 1e3);
+#[allow(clippy::cast_possible_truncation, reason = "pixel counts")]
+pub fn write_png(path: &Path, scene: &Scene, plan: &Plan, field: &Field) -> Result<(u32, u32), PictureError> {
+    let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let scale = PICTURE / length.max(width);
-    let (w, h) = ((length * scale).round(), (width * scale).max(LEAST_HEIGHT).round());
-    let to_px = |x_mm: f64, y_mm: f64| ((x_mm / length * w) as i32, (y_mm / width * h) as i32);
-    let most = field.peak_g.iter().flatten().copied().fold(0.0, f64::max);
-    let layout = scene.layout();
-    let full = if most > 0.0 { most } else { 1.0 };
+    let frame = Frame {
+        left: axes::BESIDE.0,
+        top: TITLE,
+        w: (length * scale).round().max(1.0) as i32,
+        h: (width * scale).max(LEAST_HEIGHT).round() as i32,
+    };
+    let range = map::range(field.peak_g.iter().flatten());
+    let places: Vec<String> =
+        plan.targets.iter().map(|target| format!("{:.0}, {:.0} mm", target.x_mm, target.y_mm)).collect();
+    let title = format!("{}: touch at {}", scene.name, places.join(" and "));
+    let size = (frame.right() + axes::SCALE, frame.bottom() + axes::BESIDE.1);
+    write_picture(path, size, |area| {
+        text::draw(area, (frame.left, 10), &title, (Anchor::Start, Way::Along), BLACK)?;
+        let color = |value: f64| axes::shade((value - range.0) / (range.1 - range.0));
+        map::draw(area, frame, scene, field, (range, "peak in g"), color)?;
+        for target in &plan.targets {
+            let at = map::place(frame, scene, target.x_mm, target.y_mm);
+            area.draw(&Cross::new(at, 12, RED.stroke_width(3)))?;
+        }
+        Ok(())
+    })
+}
 
-    let size = (w as u32 + LEGEND as u32, h as u32);
-    let mut pixels = vec![255_u8; (size.0 * size.1 * 3) as usize];
+/// A white picture with what `draw` draws, as a file. Its size.
+fn write_picture(
+    path: &Path,
+    (w, h): (i32, i32),
+    draw: impl for<'a> Fn(&DrawingArea<BitMapBackend<'a>, Shift>) -> Drawn<BitMapBackend<'a>>,
+) -> Result<(u32, u32), PictureError> {
+    let failed = |reason: String| PictureError { path: path.display().to_string(), reason };
+    let size = (w.unsigned_abs(), h.unsigned_abs());
+    let mut pixels = vec![255_u8; size.0 as usize * size.1 as usize * 3];
     {
         let area = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
-        let draw = || -> Result<(), Box<dyn std::error::Error + '_>> {
-            area.fill(&WHITE)?;
-            for py in 0..h as i32 {
-                for px in 0..w as i32 {
-                    let (x_mm, y_mm) = ((f64::from(px) + 0.5) / w * length, (f64::from(py) + 0.5) / h * width);
-                    if layout.at(x_mm / 1e3, y_mm / 1e3).is_none() {
-                        continue;
-                    }
-                    let value = field.at(x_mm, y_mm);
-                    area.draw_pixel((px, py), &ViridisRGB.get_color((value / full) as f32))?;
-                }
-            }
-            for actuator in &scene.actuators {
-                let radius = (actuator.electrode_area_m2 / std::f64::consts::PI).sqrt() * 1e3 * scale;
-                let at = to_px(actuator.x_m * 1e3, actuator.y_m * 1e3);
-                area.draw(&Circle::new(at, radius as i32, WHITE.stroke_width(2)))?;
-            }
-            for target in &plan.targets {
-                area.draw(&Cross::new(to_px(target.x_mm, target.y_mm), 12, RED.stroke_width(3)))?;
-            }
-            for py in 0..h as i32 {
-                let color = ViridisRGB.get_color((1.0 - f64::from(py) / h) as f32);
-                for px in 10..30 {
-                    area.draw_pixel((w as i32 + px, py), &color)?;
-                }
-            }
-            for part in 0..=4 {
-                let value = most * (1.0 - f64::from(part) / 4.0);
-                let y = ((h - 14.0) * f64::from(part) / 4.0) as i32;
-                draw_number(&area, w as i32 + 36, y, value)?;
-            }
-            area.present()?;
-            Ok(())
-        };
-        draw().map_err(|error| failed(error.to_string()))?;
+        draw(&area).and_then(|()| area.present()).map_err(|error| failed(error.to_string()))?;
     }
-    write_pixels(path, size, pixels).map_err(failed)
-}
-
-fn write_pixels(path: &Path, size: (u32, u32), pixels: Vec<u8>) -> Result<(), String> {
-    let picture = image::RgbImage::from_raw(size.0, size.1, pixels).ok_or("the picture has no pixels")?;
-    picture.save_with_format(path, image::ImageFormat::Png).map_err(|error| error.to_string())
-}
-
-/// Seven-segment digits: a legend needs twelve characters and no font.
-fn draw_number<DB: DrawingBackend>(
-    area: &DrawingArea<DB, plotters::coord::Shift>,
-    x: i32,
-    y: i32,
-    value: f64,
-) -> Result<(), DrawingAreaErrorKind<DB::ErrorType>> {
-    const SEGMENTS: [u8; 10] = [0x77, 0x24, 0x5D, 0x6D, 0x2E, 0x6B, 0x7B, 0x25, 0x7F, 0x6F];
-    let text = if value >= 10.0 { format!("{value:.1}") } else { format!("{value:.3}") };
-    let mut left = x;
-    for character in text.chars() {
-        if character == '-' {
-            area.draw(&PathElement::new([(left, y + 6), (left + 5, y + 6)], BLACK))?;
-            left += 8;
-            continue;
-        }
-        let Some(digit) = character.to_digit(10) else {
-            area.draw(&Rectangle::new([(left, y + 11), (left + 1, y + 12)], BLACK.filled()))?;
-            left += 4;
-            continue;
-        };
-        let lines = [
-            ((0, 0), (6, 0)),
-            ((0, 0), (0, 6)),
-            ((6, 0), (6, 6)),
-            ((0, 6), (6, 6)),
-            ((0, 6), (0, 12)),
-            ((6, 6), (6, 12)),
-            ((0, 12), (6, 12)),
-        ];
-        for (bit, (from, to)) in lines.iter().enumerate() {
-            if SEGMENTS[digit as usize] >> bit & 1 == 1 {
-                let points = vec![(left + from.0, y + from.1), (left + to.0, y + to.1)];
-                area.draw(&PathElement::new(points, BLACK))?;
-            }
-        }
-        left += 10;
-    }
-    Ok(())
+    let file = std::fs::File::create(path).map_err(|error| failed(error.to_string()))?;
+    // Large areas of one colour.
+    let encoder = PngEncoder::new_with_quality(BufWriter::new(file), CompressionType::Best, FilterType::NoFilter);
+    encoder.write_image(&pixels, size.0, size.1, image::ColorType::Rgb8).map_err(|error| failed(error.to_string()))?;
+    Ok(size)
 }

@@ -11,8 +11,8 @@
 //! split, or, if short, enumerated with the same bound. Points are few at first; where a choice looks better than the best
 //! known, its worst point joins them (a cutting plane).
 
-use super::simplex;
 use super::space::Space;
+use crate::planner::linear::Programme;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -132,13 +132,13 @@ struct Multipliers {
 }
 
 impl Multipliers {
-    /// Any such make a bound; a program's duals are cleaned of rounding.
-    fn clean(dual: &[f64], points: usize, limits: usize) -> Self {
+    /// Any such make a bound; the duals of a program, in which gains are in units of `scale`, are cleaned of rounding.
+    fn clean(dual: &[f64], points: usize, limits: usize, scale: f64) -> Self {
         let sum: f64 = dual.iter().take(points).sum();
         if sum > 0.0 {
             return Self {
                 weights: dual.iter().take(points).map(|dual| dual / sum).collect(),
-                prices: dual.iter().skip(points).take(limits).map(|dual| dual / sum).collect(),
+                prices: dual.iter().skip(points).take(limits).map(|dual| scale * dual / sum).collect(),
             };
         }
         #[allow(clippy::cast_precision_loss, reason = "a small count")]
@@ -242,32 +242,31 @@ impl Search<'_> {
         let columns: Vec<(usize, usize)> =
             lists.iter().enumerate().flat_map(|(i, list)| list.iter().map(move |f| (i, *f))).collect();
         let (points, limits) = (self.active.len(), self.space.limits);
-        let mut a = Vec::with_capacity(points + limits + lists.len());
+        let gain = |(i, f): (usize, usize), x: usize| f64::from(self.space.gains(i, f)[x]);
+        // Gains of the size of one, as usages are.
+        let all = columns.iter().flat_map(|column| self.active.iter().map(move |x| gain(*column, *x)));
+        let scale = Some(all.fold(0.0, f64::max)).filter(|most| *most > 0.0).unwrap_or(1.0);
+        let mut programme = Programme::new(columns.len() + 1);
         for x in &self.active {
-            let gains = columns.iter().map(|(i, f)| -f64::from(self.space.gains(*i, *f)[*x]));
-            a.push(std::iter::once(1.0).chain(gains).collect());
+            programme.row(std::iter::once(1.0).chain(columns.iter().map(|column| -gain(*column, *x) / scale)), 0.0);
         }
         for limit in 0..limits {
             let usages = columns.iter().map(|(i, f)| self.space.usages(*i, *f)[limit]);
-            a.push(std::iter::once(0.0).chain(usages).collect());
+            programme.row(std::iter::once(0.0).chain(usages), 1.0);
         }
         for actuator in 0..lists.len() {
             let own = columns.iter().map(|(i, _)| f64::from(u8::from(*i == actuator)));
-            a.push(std::iter::once(0.0).chain(own).collect());
+            programme.row(std::iter::once(0.0).chain(own), 1.0);
         }
-        let mut b = vec![0.0; points];
-        b.resize(a.len(), 1.0);
-        let mut c = vec![0.0; columns.len() + 1];
-        c[0] = 1.0;
-        let optimum = simplex::maximise(&c, &a, &b);
-        let dual = optimum.as_ref().map(|optimum| optimum.dual.as_slice()).unwrap_or_default();
+        let optimum = programme.maximise(&[1.0], &[]);
+        let dual = optimum.as_ref().map(|optimum| optimum.first.as_slice()).unwrap_or_default();
         let mut shares = vec![Vec::new(); lists.len()];
         if let Some(optimum) = &optimum {
             for ((i, f), share) in columns.iter().zip(optimum.x.iter().skip(1)).filter(|(_, share)| **share > 0.0) {
                 shares[*i].push((*f, *share));
             }
         }
-        (Multipliers::clean(dual, points, limits), shares)
+        (Multipliers::clean(dual, points, limits, scale), shares)
     }
 
     fn enumerate(&mut self, mut lists: Vec<Vec<(f64, usize)>>, priced: f64) {

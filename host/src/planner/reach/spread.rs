@@ -18,7 +18,12 @@ pub struct Spread {
     pub most: f64,
     /// Where, in mm.
     pub most_at_mm: [f64; 2],
+    /// Part of the surface with less than a tenth of the largest value.
+    pub dead: f64,
 }
+
+/// Part of the largest value below which a place counts as dead: 20 dB less than the strongest.
+const DEAD: f64 = 0.1;
 
 impl Spread {
     /// Of values at the grid's points; `None` if there are none.
@@ -47,8 +52,20 @@ impl Spread {
             median: quantile(0.5),
             most: most.0,
             most_at_mm: at_mm(most.1),
+            dead: below(grid, values, DEAD * most.0),
         })
     }
+}
+
+/// Part of the surface, of the points that have a value, with less than `level`.
+#[must_use]
+pub fn below(grid: &SurfaceGrid, values: &[Option<f64>], level: f64) -> f64 {
+    let (mut whole, mut part) = (0.0, 0.0);
+    for (value, weight) in values.iter().zip(&grid.weights).filter_map(|(value, weight)| Some(((*value)?, weight))) {
+        whole += weight;
+        part += if value < level { *weight } else { 0.0 };
+    }
+    if whole > 0.0 { part / whole } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -67,6 +84,9 @@ mod tests {
         let spread = Spread::of(&grid, &[Some(1.0), Some(2.0), Some(4.0), Some(3.0)]).unwrap();
         assert_eq!((spread.least, spread.tenth, spread.median, spread.most), (1.0, 2.0, 4.0, 4.0));
         assert_eq!((spread.least_at_mm, spread.most_at_mm), ([0.0, 0.0], [200.0, 0.0]));
+        assert_eq!(spread.dead, 0.0);
+        let dead = Spread::of(&grid, &[Some(0.1), Some(0.5), Some(4.0), None]).unwrap().dead;
+        assert!((dead - 0.05 / 0.8).abs() < 1e-12, "{dead}");
         assert!(Spread::of(&grid, &[None; 4]).is_none());
     }
 }

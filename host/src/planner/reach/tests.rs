@@ -1,6 +1,7 @@
 //! The search against looking at everything.
 
 use super::*;
+use crate::planner::linear::Programme;
 use proptest::prelude::*;
 
 /// All choices, the same linear program over all points for each.
@@ -23,16 +24,20 @@ fn exhaustive(space: &Space, points: &[usize], spacing_hz: f64) -> Option<f64> {
 
 /// max t with t <= sum_i g_i(x) v_i at every point.
 fn strongest(space: &Space, points: &[usize], choice: &[usize]) -> f64 {
-    let mut a: Vec<Vec<f64>> = Vec::new();
-    let each = |of: &dyn Fn(usize, usize) -> f64, first: f64| {
+    let mut programme = Programme::new(choice.len() + 1);
+    let each = |of: &dyn Fn(usize, usize) -> f64, first: f64| -> Vec<f64> {
         std::iter::once(first).chain(choice.iter().enumerate().map(|(i, f)| of(i, *f))).collect()
     };
-    a.extend(points.iter().map(|x| each(&|i, f| -f64::from(space.gains(i, f)[*x]), 1.0)));
-    a.extend((0..space.limits).map(|limit| each(&|i, f| space.usages(i, f)[limit], 0.0)));
-    a.extend((0..choice.len()).map(|k| each(&|i, _| f64::from(u8::from(i == k)), 0.0)));
-    let b: Vec<f64> = (0..a.len()).map(|row| if row < points.len() { 0.0 } else { 1.0 }).collect();
-    let c: Vec<f64> = std::iter::once(1.0).chain(choice.iter().map(|_| 0.0)).collect();
-    simplex::maximise(&c, &a, &b).unwrap().x[0]
+    for x in points {
+        programme.row(each(&|i, f| -f64::from(space.gains(i, f)[*x]), 1.0), 0.0);
+    }
+    for limit in 0..space.limits {
+        programme.row(each(&|i, f| space.usages(i, f)[limit], 0.0), 1.0);
+    }
+    for k in 0..choice.len() {
+        programme.row(each(&|i, _| f64::from(u8::from(i == k)), 0.0), 1.0);
+    }
+    programme.maximise(&[1.0], &[]).unwrap().x[0]
 }
 
 fn scattered(seed: u64) -> impl FnMut() -> f64 {

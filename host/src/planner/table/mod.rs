@@ -13,7 +13,7 @@ pub use rough::Rough;
 
 use super::limits::{Electrodes, Limit};
 use super::phased::PerPair;
-use super::reach::schemes::{self, Part};
+use super::reach::{Part, schemes};
 use super::rise::RiseTimes;
 use super::shared_limits::SharedLimits;
 use super::softening::Transducer;

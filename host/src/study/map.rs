@@ -1,0 +1,50 @@
+//! A field over a surface in colours, with axes, actuators and a scale.
+
+use super::Field;
+use super::axes::{self, Frame};
+use super::text::Drawn;
+use crate::scene::Scene;
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use std::f64::consts::PI;
+
+/// Draws `field` into `frame`, `color` its values, `range` the ends of the scale and `unit` its title.
+pub(super) fn draw<DB: DrawingBackend>(
+    area: &DrawingArea<DB, Shift>,
+    frame: Frame,
+    scene: &Scene,
+    field: &Field,
+    (range, unit): ((f64, f64), &str),
+    color: impl Fn(f64) -> RGBColor,
+) -> Drawn<DB> {
+    let (length_mm, width_mm) = (scene.surface.length_m * 1e3, scene.surface.width_m * 1e3);
+    let layout = scene.layout();
+    for (py, px) in (0..frame.h).flat_map(|py| (0..frame.w).map(move |px| (py, px))) {
+        let part = |pixel: i32, all: i32| (f64::from(pixel) + 0.5) / f64::from(all);
+        let (x_mm, y_mm) = (part(px, frame.w) * length_mm, part(py, frame.h) * width_mm);
+        if layout.at(x_mm / 1e3, y_mm / 1e3).is_some()
+            && let Some(value) = field.at(x_mm, y_mm)
+        {
+            area.draw_pixel((frame.left + px, frame.top + py), &color(value))?;
+        }
+    }
+    for actuator in &scene.actuators {
+        let radius_mm = (actuator.electrode_area_m2 / PI).sqrt() * 1e3;
+        let at = place(frame, scene, actuator.x_m * 1e3, actuator.y_m * 1e3);
+        let radius = frame.x(radius_mm / length_mm) - frame.left;
+        area.draw(&Circle::new(at, radius, WHITE.stroke_width(2)))?;
+    }
+    axes::axes(area, frame, length_mm, (0.0, width_mm, "y in mm"))?;
+    axes::scale(area, frame, range, unit, color)
+}
+
+/// Pixel of a place on the surface.
+pub(super) fn place(frame: Frame, scene: &Scene, x_mm: f64, y_mm: f64) -> (i32, i32) {
+    (frame.x(x_mm / (scene.surface.length_m * 1e3)), frame.y(y_mm / (scene.surface.width_m * 1e3)))
+}
+
+/// Values that scales can have as their ends: as they are, or from zero on where they are not negative.
+pub(super) fn range<'a>(values: impl Iterator<Item = &'a f64>) -> (f64, f64) {
+    let (least, most) = values.fold((0.0_f64, 0.0_f64), |(least, most), value| (least.min(*value), most.max(*value)));
+    if most > least { (least, most) } else { (0.0, 1.0) }
+}
