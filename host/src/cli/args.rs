@@ -80,7 +80,8 @@ Examples:
 Examples:
   era field --at 480,640 --png map.png --csv map.csv
   era field --reach --png reach.png       the strongest and the most contrasted at every point
-  era field --schemes                     dead zones: one frequency, phases, distinct frequencies")]
+  era field --schemes                     dead zones: one frequency, phases, distinct frequencies
+  era field --schemes --from 124 --zone 0,0,150,200 --felt    of a band and a part of the surface, as it is felt")]
     Field(Field),
     /// Compare predicted peaks with those that the simulated device measures
     #[command(after_help = "Example:\n  era verify --scene examples/scenes/bar.toml --points 3")]

@@ -15,6 +15,10 @@ use std::path::Path;
 /// Part of a setting's motion from which on it counts as that of a rigid body.
 const RIGID: f64 = 0.5;
 
+/// How a scheme does in one of the ways to choose settings: its peaks, and the part of the surface that is weaker than with
+/// distinct frequencies.
+type Shown = fn(&SchemeReach) -> (&Spread, f64);
+
 /// Maps of the strongest and the most contrasted reachable at every point.
 pub fn maps(options: &Field) -> Outcome {
     let (scene, table, region) = prepared(options)?;
@@ -81,7 +85,7 @@ pub fn compare(options: &Field) -> Outcome {
         scene.name,
         searched(&table, options)
     );
-    let spreads: [(&str, fn(&SchemeReach) -> (&Spread, f64)); 2] = [
+    let spreads: [(&str, Shown); 2] = [
         ("one setting for the whole surface", |scheme| (&scheme.one_setting, scheme.one_setting_weaker)),
         ("a setting for every touch", |scheme| (&scheme.per_touch, scheme.per_touch_weaker)),
     ];

@@ -100,7 +100,7 @@ pub(super) fn scale<DB: DrawingBackend>(
     for py in 0..frame.h {
         let value = to + (from - to) * (f64::from(py) + 0.5) / f64::from(frame.h);
         let row = frame.top + py;
-        area.draw(&Rectangle::new([(left, row), (left + 15, row)], color(value).filled()))?;
+        area.draw(&Rectangle::new([(left, row), (left + 16, row + 1)], color(value).filled()))?;
     }
     area.draw(&Rectangle::new([(left - 1, frame.top - 1), (left + 16, frame.bottom())], BLACK))?;
     let (values, digits) = ticks(from, to, 6);
