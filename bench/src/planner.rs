@@ -4,9 +4,7 @@ use crate::error::Error;
 use crate::table::{Table, relative, seconds};
 use era::model::Accuracy;
 use era::model::bounded::Levels;
-use era::planner::allocate::Allocation;
 use era::planner::candidates::Judge;
-use era::planner::search::{Choices, is_better};
 use era::planner::{Grouping, PlanTable, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
 use era::scene::{EXAMPLE_PLATE, Scene};
 use std::fmt::Write;
@@ -146,12 +144,10 @@ fn check(scene: &Scene, actuators: usize, fine: &PlanTable) -> Result<[String; 7
             search_s += started.elapsed().as_secs_f64();
             let started = Instant::now();
             let all = judge.all(&[wanted]);
-            let mut best = None;
-            let mut looked = 0;
-            every(&all, &mut Vec::with_capacity(4), &mut best, &mut looked);
+            let (best, looked) = all.exhaustive(&|_, _| true);
             brute_s += started.elapsed().as_secs_f64();
             combinations = combinations.max(looked);
-            let best: Allocation = best.ok_or_else(nothing)?;
+            let best = best.ok_or_else(nothing)?;
             let reach = (found.allocation.met - best.met).abs() / best.met;
             let cost = if best.met < 1.0 { 0.0 } else { (found.allocation.cost - best.cost).abs() / best.cost };
             worst = worst.max(reach).max(cost);
@@ -171,28 +167,6 @@ fn check(scene: &Scene, actuators: usize, fine: &PlanTable) -> Result<[String; 7
 
 fn nothing() -> Error {
     era::planner::PlanError::NoFrequencies.into()
-}
-
-/// Every combination.
-fn every(choices: &Choices, chosen: &mut Vec<usize>, best: &mut Option<Allocation>, looked: &mut u64) {
-    let i = chosen.len();
-    if i == choices.candidates.len() {
-        *looked += 1;
-        let found = choices.allocation(chosen);
-        if best.as_ref().is_none_or(|best| is_better(&found, best)) {
-            *best = Some(found);
-        }
-        return;
-    }
-    let hz = |i: usize, index: usize| choices.frequencies_hz[choices.candidates[i][index].node];
-    for index in 0..choices.candidates[i].len() {
-        let own = hz(i, index);
-        if chosen.iter().enumerate().all(|(j, other)| (own - hz(j, *other)).abs() >= choices.spacing_hz) {
-            chosen.push(index);
-            every(choices, chosen, best, looked);
-            chosen.pop();
-        }
-    }
 }
 
 fn grouped(

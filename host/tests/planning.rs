@@ -5,7 +5,7 @@ mod support;
 use era::device::sim::Panel;
 use era::planner::limits::breakdown_v;
 use era::planner::trade::Trade;
-use era::planner::{Grouping, PlanError, PlanTable, Quiet, Request, STANDARD_GRAVITY, Target};
+use era::planner::{Grouping, Objective, PlanError, PlanTable, Quiet, Request, STANDARD_GRAVITY, Target, Work};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
 use era::verify::{VerifyError, compare, compare_request, spread};
 use std::fmt::Write;
@@ -372,4 +372,76 @@ fn quiet_zones_are_traded_against_the_targets() {
     assert_eq!(table.trade(&met, &without), Ok(None));
     let far = Request::touch(&[Target { intensity_g: Some(1e3), ..request.targets[0] }]);
     assert_eq!(table.trade(&far, &table.plan_for(&far).unwrap()), Ok(None));
+}
+
+/// Wide zones, whose middle and rim do not tell what is between: at every point of the surface's grid the limit holds, to the 2 %
+/// of a crest between points.
+#[test]
+fn quiet_zones_are_quiet_everywhere() {
+    let table = support::table(EXAMPLE_PLATE);
+    let mut bound = 0;
+    for (x_m, y_m, radius_m) in [(0.2, 0.13, 0.05), (0.29, 0.02, 0.09), (0.1, 0.19, 0.04)] {
+        for work in [Work::Touch, Work::Study] {
+            let zone = Quiet { x_m, y_m, radius_m, at_most_g: 0.05 };
+            let target = Target { x_m: 0.06, y_m: 0.05, intensity_g: Some(0.5) };
+            let request = Request { quiet: vec![zone], work, ..Request::touch(&[target]) };
+            let plan = table.plan_for(&request).unwrap();
+            let [told] = plan.quiet.as_slice() else { panic!("{:?}", plan.quiet) };
+            assert!(told.peak_g <= 0.05 * (1.0 + 1e-9) && told.radius_mm == radius_m * 1e3, "{told:?}");
+            let field = table.field(&plan);
+            let points = table.grid.y_m.iter().flat_map(|y| table.grid.x_m.iter().map(move |x| (*x, *y)));
+            let inside = points.zip(&field).filter(|((x, y), _)| (x - x_m).hypot(y - y_m) <= radius_m);
+            let most_g = inside.filter_map(|(_, peak)| *peak).fold(0.0, f64::max) / STANDARD_GRAVITY;
+            assert!(most_g <= 0.05 * 1.02 && most_g <= told.peak_g * 1.02, "{most_g} {told:?}");
+            bound += u32::from(told.peak_g > 0.049);
+        }
+    }
+    assert!(bound > 0, "zones that do not bind test nothing");
+}
+
+/// What targets can have together never says that all of them could have more than the plan gives.
+#[test]
+fn a_plan_is_as_good_as_what_it_is_traded_for() {
+    let table = support::table(EXAMPLE_PLATE);
+    let target = |x_m, y_m, g| Target { x_m, y_m, intensity_g: Some(g) };
+    let zone = |x_m, y_m, radius_m, at_most_g| Quiet { x_m, y_m, radius_m, at_most_g };
+    for (targets, quiet) in [
+        (vec![target(0.15, 0.1, 0.5), target(0.047, 0.047, 0.3)], vec![zone(0.234, 0.156, 0.02, 0.05)]),
+        (vec![target(0.075, 0.1, 0.5)], vec![zone(0.15, 0.1, 0.015, 0.02)]),
+        (vec![target(0.075, 0.1, 0.5)], vec![zone(0.15, 0.1, 0.015, 0.04)]),
+        (vec![target(0.1, 0.1, 8.0), target(0.25, 0.15, 6.0)], vec![]),
+    ] {
+        let request = Request { quiet, work: Work::Study, ..Request::touch(&targets) };
+        let (planned, trade) = table.planned_with_trade(&request).unwrap();
+        let plan = planned.plan;
+        let part = |peaks_g: &[f64]| {
+            let parts = peaks_g.iter().zip(&plan.targets).map(|(peak, target)| peak / target.wanted_g);
+            parts.fold(f64::INFINITY, f64::min)
+        };
+        let own = part(&plan.targets.iter().map(|target| target.peak_g).collect::<Vec<_>>());
+        let trade = trade.unwrap();
+        for point in trade.targets.iter().flat_map(|curve| &curve.points) {
+            assert!(part(&point.peaks_g) <= own * (1.0 + 2e-3), "{own} {point:?}");
+        }
+        if let Some(first) = trade.quiet.first() {
+            assert!(first.part <= own * (1.0 + 2e-3), "{own} {first:?}");
+        }
+        // The rest is what safety under moving masses took away.
+        assert!(plan.optimality_gap < 0.02, "{}", plan.optimality_gap);
+    }
+}
+
+#[test]
+fn what_limits_phases_and_even_plans_has_a_name() {
+    let table = support::table(EXAMPLE_PLATE);
+    let target = Target { x_m: 0.1, y_m: 0.07, intensity_g: Some(50.0) };
+    for (grouping, objective) in [
+        (Grouping::Shared, Objective::Contrast),
+        (Grouping::Mixed, Objective::Contrast),
+        (Grouping::Distinct, Objective::Reach),
+    ] {
+        let plan = table.plan_for(&Request { grouping, objective, ..Request::touch(&[target]) }).unwrap();
+        let limits = plan.limited_by.unwrap();
+        assert!(limits.contains(" of "), "{grouping:?} {objective:?}: {limits}");
+    }
 }

@@ -3,9 +3,11 @@
 use super::args::{At, Keep, Panel, Point, Unit, parse_point};
 use super::panel::{plan_table, point_of, target};
 use super::{Failure, Outcome, print_json, print_text};
+use crate::effects::{Intensity, plan_with};
+use crate::planner::explain::Explanation;
 use crate::planner::schedule::{Stretch, Window, spans, stretches};
 use crate::planner::trade::Trade;
-use crate::planner::{Grouping, Objective, Plan, PlanError, Quiet, Report, Request, Target, Work};
+use crate::planner::{Grouping, Objective, Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Work};
 use crate::scene::Scene;
 use clap::Args;
 use serde::Serialize;
@@ -20,6 +22,9 @@ pub struct PlanOptions {
     pub keep: Keep,
     #[command(flatten)]
     pub at: At,
+    /// The same in dB above the threshold of feeling; for targets of --also without a peak of their own as well
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g")]
+    pub intensity_db: Option<f64>,
     /// When the target is wanted, in ms from the beginning [default: as long as any other]
     #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]
     pub window: Option<Window>,
@@ -75,12 +80,15 @@ fn parse_also(text: &str) -> Result<Also, String> {
         [at, intensity, window] => (at, Some(intensity), Some(window)),
         _ => return Err(format!("{text:?} is not of the form X,Y[:G[:FROM-TO]]")),
     };
-    Ok(Also {
-        at: parse_point(at)?,
-        // Left empty for a window alone.
-        intensity_g: intensity.filter(|text| !text.is_empty()).map(|text| number(text)).transpose()?,
-        window: window.map(|text| parse_window(text)).transpose()?,
-    })
+    let read = || -> Result<Also, String> {
+        Ok(Also {
+            at: parse_point(at)?,
+            // Left empty for a window alone.
+            intensity_g: intensity.filter(|text| !text.is_empty()).map(|text| number(text)).transpose()?,
+            window: window.map(|text| parse_window(text)).transpose()?,
+        })
+    };
+    read().map_err(|error| format!("{error} (the form is X,Y[:G[:FROM-TO]])"))
 }
 
 fn parse_quiet(text: &str) -> Result<Spared, String> {
@@ -98,6 +106,9 @@ struct Answer {
     /// Of a plan without windows.
     #[serde(skip_serializing_if = "Option::is_none")]
     details: Option<Report>,
+    /// One for each plan, with `--explain`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    explanations: Vec<Explanation>,
     #[serde(skip_serializing_if = "Option::is_none")]
     trade: Option<Trade>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -112,25 +123,30 @@ pub fn run(options: &PlanOptions) -> Outcome {
     let table = plan_table(&options.panel, options.keep, &scene)?;
     let answer = match spans {
         None => {
-            let planned = table.planned(&request)?;
+            let request = at_level(&table, request, options.intensity_db)?;
+            let (planned, trade) = table.planned_with_trade(&request)?;
             let details = Some(table.report(&planned, table.rise()));
-            if options.panel.explain {
-                let explanation = table.explain(&request).map_err(Failure::failed)?;
-                eprintln!("{}", super::plan_explain::text(&explanation));
-            }
-            Answer { details, trade: table.trade(&request, &planned.plan)?, plan: planned.plan, stretches: None }
+            let explanations = explanations(&table, options, [&request].into_iter())?;
+            Answer { details, trade, plan: planned.plan, stretches: None, explanations }
         }
         Some(spans) => {
-            let mut all = stretches(spans, |targets| table.plan_for(&request.only(targets)))?;
-            for stretch in &mut all {
-                if let Some(plan) = &stretch.plan {
-                    stretch.trade = table.trade(&request.only(&stretch.span.targets), plan)?;
-                }
+            let mut requests = Vec::new();
+            let mut trades = Vec::new();
+            let mut all = stretches(spans, |targets| -> Result<Plan, PlanError> {
+                let request = at_level(&table, request.only(targets), options.intensity_db)?;
+                let (planned, trade) = table.planned_with_trade(&request)?;
+                requests.push(request);
+                trades.push(trade);
+                Ok(planned.plan)
+            })?;
+            for (stretch, trade) in all.iter_mut().filter(|stretch| stretch.plan.is_some()).zip(trades) {
+                stretch.trade = trade;
             }
+            let explanations = explanations(&table, options, requests.iter())?;
             // The one in which the first target begins stands for all.
             let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
             let plan = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
-            Answer { plan, details: None, trade: None, stretches: Some(all) }
+            Answer { plan, details: None, trade: None, stretches: Some(all), explanations }
         }
     };
     if options.json {
@@ -142,6 +158,33 @@ pub fn run(options: &PlanOptions) -> Outcome {
         return print_json(&answer);
     }
     print_text(&text(&answer))
+}
+
+/// The request with the peaks in g that are as far above the threshold of feeling as is asked for.
+fn at_level(table: &PlanTable, mut request: Request, level_db: Option<f64>) -> Result<Request, PlanError> {
+    let Some(db) = level_db else { return Ok(request) };
+    let plan = plan_with(table, || table.rise(), &request, Some(Intensity::AboveThresholdDb(db)))?;
+    for (target, found) in request.targets.iter_mut().zip(&plan.targets) {
+        target.intensity_g = target.intensity_g.or(Some(found.wanted_g));
+    }
+    Ok(request)
+}
+
+/// Why the plans of these requests are what they are, if that was asked; also on standard error, unless it goes into the JSON.
+fn explanations<'a>(
+    table: &PlanTable,
+    options: &PlanOptions,
+    requests: impl Iterator<Item = &'a Request>,
+) -> Result<Vec<Explanation>, Failure> {
+    let mut all = Vec::new();
+    for request in requests.filter(|_| options.panel.explain) {
+        let explanation = table.explain(request).map_err(Failure::failed)?;
+        if !options.json {
+            eprintln!("{}", super::plan_explain::text(&explanation));
+        }
+        all.push(explanation);
+    }
+    Ok(all)
 }
 
 fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
@@ -227,6 +270,13 @@ fn plan_text(text: &mut String, plan: &Plan) {
             );
         }
     }
+    for zone in &plan.quiet {
+        let _ = write!(
+            text,
+            "\n  quiet {:.1} mm, {:.1} mm, radius {:.1} mm: {:.4} g of {:.4} g allowed",
+            zone.x_mm, zone.y_mm, zone.radius_mm, zone.peak_g, zone.at_most_g
+        );
+    }
     if let Some(limit) = &plan.limited_by {
         let _ = write!(text, "\nlimited by {limit}");
     }
@@ -244,8 +294,13 @@ fn details_text(text: &mut String, plan: &Plan, details: &Report) {
     let ms = |time: Option<f64>| time.map_or_else(|| String::from("never"), |ms| format!("after {ms:.0} ms"));
     let _ = write!(text, "\n90 % of it {}, down to 10 % {}", ms(details.reaches_90_ms), ms(details.decays_to_10_ms));
     if plan.optimality_gap > 0.0 {
-        let _ =
-            write!(text, "\nnot proven: another could be better by {:.1e} of its cost or reach", plan.optimality_gap);
+        let more = if plan.optimality_gap >= 1.0 {
+            format!("{:.1} times as good", 1.0 + plan.optimality_gap)
+        } else {
+            format!("{:.2} % better", 100.0 * plan.optimality_gap)
+        };
+        let what = if plan.limited_by.is_some() { "what it reaches" } else { "what it moves, or takes, elsewhere" };
+        let _ = write!(text, "\nnot proven: another combination could be up to {more}, in {what}");
     } else {
         text.push_str("\nproven: no other combination of the grid's frequencies is better");
     }

@@ -2,13 +2,13 @@
 
 use super::allocate::{Allocation, MOST};
 use super::assignment::{Assignment, lags};
+use super::quiet::QuietZones;
 use super::request::{Objective, Request};
 use super::search::{Candidate, Choices, Work, is_better};
 use super::table::{Entry, PlanTable, SINGLE, Width, at_point};
 use super::zone::Zone;
-use super::{ELECTRODE_CABLE_F, MIN_SPACING_HZ, QUIET_POINTS, STANDARD_GRAVITY};
+use super::{ELECTRODE_CABLE_F, MIN_SPACING_HZ};
 use crate::scene::EPS0;
-use nalgebra::DVector;
 
 /// Rounds in which a first combination is improved.
 const FIRST_ROUNDS: usize = 4;
@@ -22,8 +22,8 @@ pub struct Judge<'a> {
     table: &'a PlanTable,
     /// The targets and what is around them.
     pub zone: Zone,
-    /// Mode shapes at the points of the quiet zones, and what is allowed there in m/s^2.
-    quiet: Vec<(DVector<f64>, f64)>,
+    /// The quiet zones.
+    pub quiet: QuietZones,
     objective: Objective,
     work: Work,
 }
@@ -32,26 +32,10 @@ impl<'a> Judge<'a> {
     /// For a request that has been checked.
     #[must_use]
     pub fn new(table: &'a PlanTable, request: &Request) -> Self {
-        let surface = &table.scene.surface;
-        let mut quiet = Vec::new();
-        for zone in &request.quiet {
-            let at = |dx: f64, dy: f64| {
-                let x = (zone.x_m + dx).clamp(0.0, surface.length_m);
-                table.model.shape_at(x, table.y_m((zone.y_m + dy).clamp(0.0, surface.width_m)))
-            };
-            let allowed = zone.at_most_g * STANDARD_GRAVITY;
-            quiet.push((at(0.0, 0.0), allowed));
-            if zone.radius_m > 0.0 {
-                quiet.extend((0..QUIET_POINTS).map(|k| {
-                    let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(QUIET_POINTS)).sin_cos();
-                    (at(zone.radius_m * cos, zone.radius_m * sin), allowed)
-                }));
-            }
-        }
         Self {
             table,
             zone: Zone::new(table, &request.targets),
-            quiet,
+            quiet: QuietZones::new(table, &request.quiet),
             objective: request.objective,
             work: request.work,
         }
@@ -88,7 +72,7 @@ impl<'a> Judge<'a> {
                 .allowed
                 .iter()
                 .copied()
-                .chain(self.quiet.iter().map(|(_, most)| *most))
+                .chain(self.quiet.rows.iter().map(|(_, most)| *most))
                 .collect(),
             spacing_hz: MIN_SPACING_HZ - 1e-9,
             work: self.work,
@@ -111,7 +95,8 @@ impl<'a> Judge<'a> {
         let elsewhere = self.zone.elsewhere(entry.mean_square, near);
         let gains: Vec<f64> =
             self.zone.targets.iter().map(|shape| at_point(shape, &entry.acceleration).norm()).collect();
-        let quiet: Vec<f64> = self.quiet.iter().map(|(shape, _)| at_point(shape, &entry.acceleration).norm()).collect();
+        let quiet: Vec<f64> =
+            self.quiet.rows.iter().map(|(shape, _)| at_point(shape, &entry.acceleration).norm()).collect();
         for (w, width) in [first, second].into_iter().enumerate() {
             if w == 1 && width == first {
                 break;

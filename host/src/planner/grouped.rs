@@ -10,6 +10,11 @@ use super::table::{PlanTable, Width, at_point};
 use super::{MIN_SPACING_HZ, MOST_CONDITION};
 use num_complex::Complex64;
 
+/// Part of a wish that is met.
+const MET: f64 = 1.0 - 1e-9;
+/// Times as much that stronger pulses have to reach to be taken: their harmonics move the panel more.
+const MORE: f64 = 1.0 + 1e-3;
+
 impl PlanTable {
     /// The drives for one target with the least energy elsewhere, in groups that share a frequency.
     pub(super) fn grouped(
@@ -23,17 +28,25 @@ impl PlanTable {
             _ => phased::Grouping::Mixed,
         };
         let wanted = wanted.first().copied().unwrap_or(0.0);
-        let data = Data::new(self, judge);
-        let found =
-            phased::best(&data.field(self), grouping, wanted, MIN_SPACING_HZ).ok_or(PlanError::NoFrequencies)?;
+        // All with their quieter pulses, or, if that does not reach, all with their stronger ones; harmonics are those of the
+        // pulses taken.
+        let best = |strong: usize| {
+            let data = Data::new(self, judge, strong);
+            phased::best(&data.field(self), grouping, wanted, MIN_SPACING_HZ).ok_or(PlanError::NoFrequencies)
+        };
+        let (mut found, mut strong) = (best(0)?, 0);
+        if found.reached < wanted * MET {
+            let stronger = best(1)?;
+            if stronger.reached > found.reached * MORE {
+                (found, strong) = (stronger, 1);
+            }
+        }
         let mut drives: Vec<Option<Chosen>> = vec![None; self.entries.len()];
         for group in &found.groups {
             for (i, drive) in drives.iter_mut().enumerate().filter(|(i, _)| group.members >> i & 1 == 1) {
                 let force = group.forces_n.get(i).copied().unwrap_or_default();
                 let row = self.grid_row(group.frequency);
-                // The narrowest that gives the force: the quieter one, if it does.
-                let widths = row.get(i).map_or([Width::default(); 2], |entry| entry.widths);
-                let width = if force.norm() <= widths[0].max_force_n { widths[0] } else { widths[1] };
+                let width = row.get(i).map_or_else(Width::default, |entry| entry.widths[strong]);
                 *drive = Some(Chosen {
                     frequency_hz: self.frequencies_hz[group.frequency],
                     on_grid: Some(group.frequency),
@@ -102,7 +115,8 @@ struct Data {
 }
 
 impl Data {
-    fn new(table: &PlanTable, judge: &Judge<'_>) -> Self {
+    /// With each entry's pulse width number `strong`.
+    fn new(table: &PlanTable, judge: &Judge<'_>, strong: usize) -> Self {
         let (p, f) = (table.entries.len().min(MOST), table.frequencies_hz.len());
         let mut data = Self {
             gain: vec![[Complex64::ZERO; MOST]; f],
@@ -120,14 +134,14 @@ impl Data {
                 if let Some(shape) = judge.zone.targets.first() {
                     data.gain[k][i] = at_point(shape, &entry.acceleration);
                 }
-                data.max_force_n[k][i] = entry.max_force_n;
+                data.max_force_n[k][i] = entry.widths[strong].max_force_n;
                 for j in 0..p {
                     data.energy[k][i][j] = (over_all[i][j] - near[i][j] * part) / (1.0 - part);
                     data.travel[k][j][i] = entry.travel[j];
                 }
                 // Harmonics of different actuators are not in step with each other's fundamentals; they add to each one's own.
                 let floor = MOST_CONDITION * over_all[i][i].re;
-                data.energy[k][i][i] += entry.widths[0].harmonics + floor;
+                data.energy[k][i][i] += entry.widths[strong].harmonics + floor;
             }
         }
         data

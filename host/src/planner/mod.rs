@@ -21,6 +21,7 @@ mod linear;
 pub mod perception;
 pub mod phased;
 pub mod plan;
+pub mod quiet;
 pub mod reach;
 mod refine;
 mod report;
@@ -36,6 +37,7 @@ pub mod trade;
 mod zone;
 
 pub use plan::{Drive, Plan, Planned, Predicted, TargetResult};
+pub use quiet::QuietResult;
 pub use report::Report;
 pub use request::{Grouping, Objective, PlanError, Quiet, Request, Target};
 pub use search::Work;
@@ -60,8 +62,6 @@ pub const HIGHEST_FELT_HZ: f64 = 1000.0;
 pub const ELECTRODE_CABLE_F: f64 = 65e-12;
 /// Most quiet zones of a request.
 pub const MAX_QUIET_ZONES: usize = 8;
-/// Points on the rim of a quiet zone at which its limit is kept, besides its middle.
-pub const QUIET_POINTS: u32 = 8;
 /// Part of each actuator's mean square by which the products of all are made definite: two that act alike would otherwise have
 /// a difference that costs nothing.
 const MOST_CONDITION: f64 = 1e-9;

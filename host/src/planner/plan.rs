@@ -3,6 +3,7 @@
 use super::STANDARD_GRAVITY;
 use super::candidates::Judge;
 use super::perception::above_threshold_db;
+use super::quiet::QuietResult;
 use super::refine::{Chosen, Selection};
 use super::request::{Grouping, Objective, PlanError, Request, Target};
 use super::safe::Settled;
@@ -20,6 +21,14 @@ const MOST_CONTRAST_DB: f64 = 200.0;
 const MEETING: [f64; 3] = [3.0, 5.0, 7.0];
 /// A harmonic and a drive nearer than this beat once in two seconds, the longest burst that a board drives unasked.
 const SLOWEST_BEAT_HZ: f64 = 0.5;
+/// Rounds in which points of quiet zones are added; what is left is scaled away.
+const QUIET_ROUNDS: usize = 6;
+/// Part of a limit that counts as reached by drives that were not chosen by its price.
+const NEAR: f64 = 0.95;
+/// Gaps below this are rounding.
+const NO_GAP: f64 = 1e-9;
+/// Levels in dB above the threshold below which nothing moves but rounding.
+const LEAST_DB: f64 = -150.0;
 /// Part of a wish that counts as met.
 const MET: f64 = 1.0 - 1e-6;
 
@@ -76,6 +85,8 @@ pub struct Plan {
     pub target_mm: [f64; 2],
     /// All targets.
     pub targets: Vec<TargetResult>,
+    /// The quiet zones.
+    pub quiet: Vec<QuietResult>,
     /// Time it took.
     pub elapsed_us: f64,
     /// One per actuator.
@@ -86,8 +97,10 @@ pub struct Plan {
     pub limited_by: Option<String>,
     /// Upper bound on the relative error of `target_peak_g`; `null` where there is none.
     pub error_bound: Option<f64>,
-    /// By which part of its cost, or reach, another combination of the grid's frequencies could be better: 0 where the plan is
-    /// proven to be the best.
+    /// By which part of its cost, or of its reach where the wishes are not met, another combination of the grid's frequencies
+    /// could be better at most: 0 where the plan is proven to be the best. Of the problem with forces of masses at rest and
+    /// the limits of actuators and quiet zones; what safety under moving masses took away counts as what another might have
+    /// kept. Not part of it: frequencies between the grid's, and the supply's current.
     pub optimality_gap: f64,
     /// What is made least, or most.
     pub objective: Objective,
@@ -132,15 +145,16 @@ impl PlanTable {
     pub fn planned(&self, request: &Request) -> Result<Planned, PlanError> {
         let started = Instant::now();
         let wanted_g = self.check(request)?;
-        let judge = Judge::new(self, request);
+        let mut judge = Judge::new(self, request);
         let wanted: Vec<f64> =
             wanted_g.iter().enumerate().map(|(t, g)| judge.countable(g * STANDARD_GRAVITY, t)).collect();
         let mut selection = match request.grouping {
             Grouping::Distinct if request.objective == Objective::Reach => self.evened(&judge, &wanted)?,
-            Grouping::Distinct => self.chosen(&judge, request, &wanted)?,
+            Grouping::Distinct => self.chosen(&mut judge, request, &wanted)?,
             grouping => self.grouped(&judge, grouping, &wanted)?,
         };
-        let settled = self.settled(&mut selection.drives).ok_or(PlanError::NoFrequencies)?;
+        let settled = self.settled_quietly(&judge.quiet, &mut selection.drives);
+        let (settled, quiet) = settled.ok_or(PlanError::NoFrequencies)?;
         let peaks_g: Vec<f64> =
             judge.zone.targets.iter().map(|shape| peak(&selection.drives, shape) / STANDARD_GRAVITY).collect();
         let targets: Vec<TargetResult> = request
@@ -161,9 +175,9 @@ impl PlanTable {
             limited_by: self.limited_by(&selection, &settled, &targets),
             error_bound: self.bound(&selection.drives, &first).value(),
             targets,
+            quiet,
             drives: self.drives(&selection.drives, &settled),
-            // What safety took away another combination might not have lost.
-            optimality_gap: (1.0 + selection.gap) / settled.scale.max(f64::MIN_POSITIVE) - 1.0,
+            optimality_gap: gap(&selection, &settled),
             objective: request.objective,
             grouping: request.grouping,
             elapsed_us: started.elapsed().as_secs_f64() * 1e6,
@@ -171,8 +185,19 @@ impl PlanTable {
         Ok(Planned { plan, drives: selection.drives, settled, shapes: judge.zone.targets })
     }
 
-    /// Distinct frequencies: the best combination, refined.
-    fn chosen(&self, judge: &Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
+    /// Distinct frequencies: the best combination, refined; with further points of quiet zones until none is too strong.
+    fn chosen(&self, judge: &mut Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
+        let mut selection = self.chosen_for_rows(judge, request, wanted)?;
+        for _ in 1..QUIET_ROUNDS {
+            if !judge.quiet.add_violated(&selection.drives) {
+                break;
+            }
+            selection = self.chosen_for_rows(judge, request, wanted)?;
+        }
+        Ok(selection)
+    }
+
+    fn chosen_for_rows(&self, judge: &Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
         let is_plain = wanted.len() == 1 && request.quiet.is_empty() && request.objective == Objective::Contrast;
         let choices_for = |fits: &dyn Fn(f64, f64) -> bool| match wanted {
             [wanted] if is_plain => judge.shortlist(*wanted, fits),
@@ -254,7 +279,9 @@ impl PlanTable {
             mean_elsewhere_g: ((mean - zone.part * near_mean) / (1.0 - zone.part)).max(0.0) / STANDARD_GRAVITY,
             contrast_db: contrast_db(near, if all > 0.0 { zone.elsewhere(all, near) } else { 0.0 }),
             softened_peak_g: shape.map_or(0.0, |shape| self.settled_peak(drives, settled, shape)) / STANDARD_GRAVITY,
-            above_threshold_db: shape.and_then(|shape| above_threshold_db(&components(shape))),
+            above_threshold_db: shape
+                .and_then(|shape| above_threshold_db(&components(shape)))
+                .filter(|db| *db >= LEAST_DB),
         }
     }
 
@@ -301,8 +328,57 @@ impl PlanTable {
                 }
             }
         }
+        if names.is_empty() {
+            names = self.nearest_limits(selection, settled.scale);
+        }
         Some(if names.is_empty() { "node".into() } else { names.join(", ") })
     }
+}
+
+impl PlanTable {
+    /// What drives come near to that were not chosen by the prices of limits: with phases, or for the whole surface.
+    fn nearest_limits(&self, selection: &Selection, scale: f64) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        let mut add = |name: String| {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        };
+        let id = |i: usize| self.scene.actuators.get(i).map_or("", |actuator| actuator.id.as_str());
+        let drives = &selection.drives;
+        let forces: Vec<_> =
+            drives.iter().map(|drive| (drive.width, drive.force_n / scale.max(f64::MIN_POSITIVE))).collect();
+        for (i, (width, force_n)) in forces.iter().enumerate() {
+            if *force_n > 0.0 && *force_n >= width.max_force_n * NEAR {
+                add(format!("{} of {}", width.limit.name(), id(i)));
+            }
+            // Drives of one frequency as phasors.
+            let travel: f64 = groups(drives)
+                .map(|group| {
+                    let own = group.iter().filter_map(|j| {
+                        let phasor = num_complex::Complex64::from_polar(forces[*j].1, drives[*j].phase_rad);
+                        Some(drives[*j].row.get(*j)?.travel[i] * phasor)
+                    });
+                    own.sum::<num_complex::Complex64>().norm()
+                })
+                .sum();
+            if self.electrodes.get(i).is_some_and(|electrodes| travel >= NEAR * electrodes.most_travel_m()) {
+                add(format!("{} of {}", super::limits::Limit::Travel.name(), id(i)));
+            }
+        }
+        for row in self.limits.used(&forces, NEAR) {
+            if let Some((actuator, limit)) = self.limits.name(row) {
+                add(format!("{} of {}", limit.name(), id(actuator)));
+            }
+        }
+        names
+    }
+}
+
+/// By which part another combination could be better; what safety took away another might not have lost.
+fn gap(selection: &Selection, settled: &Settled) -> f64 {
+    let gap = (1.0 + selection.gap) / settled.scale.max(f64::MIN_POSITIVE) - 1.0;
+    if gap > NO_GAP { gap } else { 0.0 }
 }
 
 /// The best of `choices` under `fits`, with them.

@@ -2,7 +2,7 @@
 
 use super::search::Work;
 use super::table::PlanTable;
-use super::{DEFAULT_INTENSITY_G, MAX_QUIET_ZONES};
+use super::{DEFAULT_INTENSITY_G, MAX_QUIET_ZONES, MIN_SPACING_HZ};
 use crate::scene::{MAX_ACTUATORS, SurfaceKind};
 use serde::{Deserialize, Serialize};
 
@@ -135,7 +135,10 @@ pub enum PlanError {
         cutout: usize,
     },
     /// No frequencies keep their distance, or the response is unbounded everywhere.
-    #[error("no combination of frequencies is usable: the response is unbounded at every one (no damping at all?)")]
+    #[error(
+        "no combination of frequencies is usable: they leave no room for one per actuator, {MIN_SPACING_HZ} Hz apart, or the \
+         response is unbounded at every one (no damping at all?)"
+    )]
     NoFrequencies,
     /// Options that do not go together.
     #[error("{option}: {value} is for {allowed} only")]

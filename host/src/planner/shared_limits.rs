@@ -86,6 +86,16 @@ impl SharedLimits {
         voltage + self.slopes.get(row.actuator).copied().unwrap_or(0.0) * travel
     }
 
+    /// The rows of which forces, one per actuator with its pulse width, use at least this part.
+    #[must_use]
+    pub fn used(&self, forces: &[(Width, f64)], part: f64) -> Vec<usize> {
+        let load = |row: Row| {
+            forces.iter().enumerate().map(move |(j, (width, force_n))| self.load_of(row, j, width) * force_n)
+        };
+        let is_used = |(at, row): &(usize, &Row)| load(**row).sum::<f64>() >= part * self.allowed[*at];
+        self.rows.iter().enumerate().filter(is_used).map(|(at, _)| at).collect()
+    }
+
     /// What a row is about: whose gap, and which limit.
     #[must_use]
     pub fn name(&self, row: usize) -> Option<(usize, Limit)> {

@@ -65,6 +65,41 @@ pub struct QuietPoint {
 }
 
 impl PlanTable {
+    /// The plan for a request, and what can be had where it does not give all. Where a plan made for that gives every target a
+    /// larger part of its wish, within the same quiet zones, it is the plan.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn planned_with_trade(&self, request: &Request) -> Result<(Planned, Option<Trade>), PlanError> {
+        let planned = self.planned(request)?;
+        let trade = self.trade(request, &planned.plan)?;
+        let Some(known) = &trade else { return Ok((planned, trade)) };
+        let wanted_g: Vec<f64> = planned.plan.targets.iter().map(|target| target.wanted_g).collect();
+        let own = least_part(&peaks(&planned.plan), &wanted_g);
+        let seen = known.targets.iter().flat_map(|curve| &curve.points).map(|point| &point.peaks_g);
+        let best = seen.max_by(|a, b| least_part(a, &wanted_g).total_cmp(&least_part(b, &wanted_g)));
+        let Some(best) = best.filter(|peaks_g| least_part(peaks_g, &wanted_g) > own * (1.0 + NO_GAIN)) else {
+            return Ok((planned, trade));
+        };
+        // What it gives is asked for, and no more than that.
+        let mut asked = request.clone();
+        for ((target, peak_g), wanted_g) in asked.targets.iter_mut().zip(best).zip(&wanted_g) {
+            target.intensity_g = Some(peak_g.min(*wanted_g));
+        }
+        let mut better = self.planned(&asked)?;
+        let part = least_part(&peaks(&better.plan), &wanted_g);
+        if part <= own {
+            return Ok((planned, trade));
+        }
+        for (target, wanted_g) in better.plan.targets.iter_mut().zip(wanted_g) {
+            target.wanted_g = wanted_g;
+        }
+        better.plan.limited_by = better.plan.limited_by.or(planned.plan.limited_by);
+        // The bound stands; what is known is nearer to it.
+        better.plan.optimality_gap = ((1.0 + planned.plan.optimality_gap) * own / part - 1.0).max(0.0);
+        Ok((better, trade))
+    }
+
     /// What can be had of `request`, for which `plan` was made: `None` if that gives all that was wanted, or if there is but
     /// one target and no quiet zone, so that `limited_by` says everything. Takes up to some hundred plans.
     ///

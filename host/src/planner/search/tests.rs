@@ -3,36 +3,6 @@
 use super::*;
 use proptest::prelude::*;
 
-/// All combinations.
-fn exhaustive(choices: &Choices, fits: Fits<'_>) -> Option<Allocation> {
-    fn descend(choices: &Choices, fits: Fits<'_>, chosen: &mut Vec<usize>, best: &mut Option<Allocation>) {
-        let i = chosen.len();
-        if i == choices.candidates.len() {
-            let found = choices.allocation(chosen);
-            if best.as_ref().is_none_or(|best| is_better(&found, best)) {
-                *best = Some(found);
-            }
-            return;
-        }
-        let hz = |i: usize, index: usize| choices.frequencies_hz[choices.candidates[i][index].node];
-        for index in 0..choices.candidates[i].len() {
-            let own = hz(i, index);
-            let keeps = |(j, other): (usize, &usize)| {
-                let other = hz(j, *other);
-                (own - other).abs() >= choices.spacing_hz && fits(own, other)
-            };
-            if chosen.iter().enumerate().all(keeps) {
-                chosen.push(index);
-                descend(choices, fits, chosen, best);
-                chosen.pop();
-            }
-        }
-    }
-    let mut best = None;
-    descend(choices, fits, &mut Vec::new(), &mut best);
-    best
-}
-
 fn choices() -> impl Strategy<Value = Choices> {
     (2_usize..=3, 1_usize..=3, 0_usize..=4, 0..3_u8).prop_flat_map(|(p, targets, limits, kind)| {
         let nodes = if p == 2 { 24 } else { 12 };
@@ -88,7 +58,7 @@ proptest! {
     fn it_is_the_exhaustive_optimum(choices in choices(), picky in any::<bool>()) {
         let fits = |a: f64, b: f64| !picky || (a - b).abs() % 7.0 > 2.0;
         let found = choices.best(&fits);
-        match exhaustive(&choices, &fits) {
+        match choices.exhaustive(&fits).0 {
             None => prop_assert!(found.is_none()),
             Some(expected) => {
                 let found = found.unwrap();
@@ -97,6 +67,16 @@ proptest! {
                 let (cost, least) = (found.allocation.cost, expected.cost);
                 if expected.met >= 1.0 {
                     prop_assert!((cost - least).abs() <= 1e-9 * least, "{cost} {least}");
+                }
+                // A touch is no further from it than it says.
+                let touch = Choices { work: Work::Touch, ..choices.clone() }.best(&fits).unwrap();
+                let Allocation { met, cost, .. } = touch.allocation;
+                if expected.met < 1.0 {
+                    prop_assert!(met * (1.0 + touch.gap) >= expected.met * (1.0 - 1e-9), "{met} {}", touch.gap);
+                } else if met >= 1.0 {
+                    prop_assert!(cost * (1.0 - touch.gap) <= least * (1.0 + 1e-9), "{cost} {least} {}", touch.gap);
+                } else {
+                    prop_assert!(touch.gap > 0.0);
                 }
             }
         }
