@@ -4,8 +4,12 @@ mod support;
 
 use era::device::sim::Panel;
 use era::planner::limits::breakdown_v;
+use era::planner::perception::weight;
+use era::planner::table::at_point;
 use era::planner::trade::Trade;
-use era::planner::{Grouping, Objective, PlanError, PlanTable, Quiet, Request, STANDARD_GRAVITY, Target, Work};
+use era::planner::{
+    Grouping, Objective, Plan, PlanError, PlanTable, Quiet, Request, STANDARD_GRAVITY, Target, Weigh, Work,
+};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
 use era::verify::{VerifyError, compare, compare_request, spread};
 use std::fmt::Write;
@@ -304,7 +308,7 @@ fn trade_of(table: &PlanTable, targets: &[(f64, f64, f64)], quiet: &[Quiet]) -> 
 fn what_targets_can_have_together_is_a_falling_curve() {
     let table = support::table(EXAMPLE_BAR);
     let places: &[&[(f64, f64, f64)]] =
-        &[&[(0.04, 0.01, 20.0), (0.21, 0.01, 20.0)], &[(0.04, 0.01, 2.0), (0.21, 0.01, 20.0), (0.13, 0.01, 9.0)]];
+        &[&[(0.075, 0.01, 20.0), (0.2, 0.01, 20.0)], &[(0.04, 0.01, 2.0), (0.21, 0.01, 20.0), (0.13, 0.01, 9.0)]];
     let mut fell = 0;
     for targets in places {
         let (request, trade) = trade_of(&table, targets, &[]);
@@ -444,4 +448,45 @@ fn what_limits_phases_and_even_plans_has_a_name() {
         let limits = plan.limited_by.unwrap();
         assert!(limits.contains(" of "), "{grouping:?} {objective:?}: {limits}");
     }
+}
+
+/// With `felt` what is asked for is had in accelerations as they are felt, with less of these elsewhere than any plan in g has.
+#[test]
+fn accelerations_may_count_as_they_are_felt() {
+    let table = support::table(EXAMPLE_PLATE);
+    let mut differ = 0;
+    for (x_m, y_m) in spread(12, 0.3, 0.2) {
+        let target = Target { x_m, y_m, intensity_g: Some(0.2) };
+        let plan = |weigh| table.plan_for(&Request { weigh, work: Work::Study, ..Request::touch(&[target]) }).unwrap();
+        let (equal, felt) = (plan(Weigh::Equal), plan(Weigh::Felt));
+        let shape = table.model.shape_at(x_m, y_m);
+        // Felt peak at the target, and felt mean square over the surface, of the fundamentals.
+        let figures = |plan: &Plan| {
+            let (mut peak, mut energy) = (0.0, 0.0);
+            for (i, drive) in plan.drives.iter().enumerate() {
+                let row = table.row_at(drive.frequency_hz).unwrap();
+                let force = drive.force_n * weight(drive.frequency_hz);
+                peak += at_point(&shape, &row[i].acceleration).norm() * force / STANDARD_GRAVITY;
+                energy += row[i].mean_square * force * force;
+            }
+            (peak, energy)
+        };
+        let ((peak, energy), (other_peak, other_energy)) = (figures(&felt), figures(&equal));
+        assert!(felt.limited_by.is_some() || (peak / 0.2 - 1.0).abs() < 1e-6, "{peak} {felt:?}");
+        if felt.limited_by.is_none() && equal.limited_by.is_none() {
+            // Harmonics count as well, and the target's own place does not: about as little.
+            assert!(
+                energy / (peak * peak) <= other_energy / (other_peak * other_peak) * 1.1,
+                "{energy} {other_energy}"
+            );
+        }
+        differ += u32::from(felt.drives != equal.drives);
+    }
+    assert!(differ > 0);
+    let both = Request {
+        weigh: Weigh::Felt,
+        objective: Objective::Reach,
+        ..Request::touch(&[Target { x_m: 0.1, y_m: 0.1, intensity_g: None }])
+    };
+    assert!(matches!(table.plan_for(&both), Err(PlanError::Together { option: "weigh", .. })));
 }

@@ -7,7 +7,7 @@ use crate::effects::{Intensity, plan_with};
 use crate::planner::explain::Explanation;
 use crate::planner::schedule::{Stretch, Window, spans, stretches};
 use crate::planner::trade::Trade;
-use crate::planner::{Grouping, Objective, Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Work};
+use crate::planner::{Grouping, Objective, Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Weigh, Work};
 use crate::scene::Scene;
 use clap::Args;
 use serde::Serialize;
@@ -40,6 +40,9 @@ pub struct PlanOptions {
     /// Which actuators share a frequency
     #[arg(long, value_enum, default_value_t)]
     pub grouping: Grouping,
+    /// How accelerations of different frequencies count: with `felt` as they are felt, 1 g at 150 Hz as 1 g
+    #[arg(long, value_enum, default_value_t)]
+    pub weigh: Weigh,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -200,6 +203,7 @@ fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
     }
     request.objective = options.objective;
     request.grouping = options.grouping;
+    request.weigh = options.weigh;
     request.work = Work::Study;
     Ok(request)
 }

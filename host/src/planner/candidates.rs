@@ -2,8 +2,9 @@
 
 use super::allocate::{Allocation, MOST};
 use super::assignment::{Assignment, lags};
+use super::perception;
 use super::quiet::QuietZones;
-use super::request::{Objective, Request};
+use super::request::{Objective, Request, Weigh};
 use super::search::{Candidate, Choices, Work, is_better};
 use super::table::{Entry, PlanTable, SINGLE, Width, at_point};
 use super::zone::Zone;
@@ -25,6 +26,7 @@ pub struct Judge<'a> {
     /// The quiet zones.
     pub quiet: QuietZones,
     objective: Objective,
+    weigh: Weigh,
     work: Work,
 }
 
@@ -37,6 +39,7 @@ impl<'a> Judge<'a> {
             zone: Zone::new(table, &request.targets),
             quiet: QuietZones::new(table, &request.quiet),
             objective: request.objective,
+            weigh: request.weigh,
             work: request.work,
         }
     }
@@ -92,9 +95,10 @@ impl<'a> Judge<'a> {
     ) {
         let [first, second] = &entry.widths;
         let near = self.zone.mean_square(&entry.acceleration);
-        let elsewhere = self.zone.elsewhere(entry.mean_square, near);
+        let weight = if self.weigh == Weigh::Felt { perception::weight(frequency_hz) } else { 1.0 };
+        let elsewhere = self.zone.elsewhere(entry.mean_square, near) * weight * weight;
         let gains: Vec<f64> =
-            self.zone.targets.iter().map(|shape| at_point(shape, &entry.acceleration).norm()).collect();
+            self.zone.targets.iter().map(|shape| weight * at_point(shape, &entry.acceleration).norm()).collect();
         let quiet: Vec<f64> =
             self.quiet.rows.iter().map(|(shape, _)| at_point(shape, &entry.acceleration).norm()).collect();
         for (w, width) in [first, second].into_iter().enumerate() {

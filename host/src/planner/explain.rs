@@ -1,7 +1,7 @@
 //! Why a plan is what it is, and what something else would give.
 
 use super::candidates::Judge;
-use super::plan::Plan;
+use super::plan::{Plan, contrast_db};
 use super::request::{Grouping, Objective, PlanError, Request};
 use super::table::{PlanTable, TableOptions, at_point, harmonic_part};
 use super::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
@@ -148,7 +148,7 @@ impl PlanTable {
         let contrast = |k: usize| -> Option<f64> {
             let entry = self.entry(actuator, k)?;
             let near = judge.zone.mean_square(&entry.acceleration);
-            Some(10.0 * (near / judge.energy(entry, &entry.widths[0])).log10())
+            Some(contrast_db(near, judge.energy(entry, &entry.widths[0])))
         };
         let values: Vec<Option<f64>> = (0..self.frequencies_hz.len()).map(contrast).collect();
         let is_peak = |k: usize| {

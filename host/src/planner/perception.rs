@@ -25,6 +25,9 @@ const TABLE: [(f64, f64); 12] = [
     (400.0, -19.81),
 ];
 
+/// Frequency in Hz whose accelerations count in full where accelerations are weighed: that of most phones' and pads' actuators.
+pub const REFERENCE_HZ: f64 = 150.0;
+
 /// Threshold in dB re 1 g (peak) at `hz`.
 fn threshold_db_g(hz: f64) -> f64 {
     let hz = hz.max(TABLE[0].0);
@@ -38,6 +41,13 @@ fn threshold_db_g(hz: f64) -> f64 {
 #[must_use]
 pub fn threshold_m_per_s2(hz: f64) -> f64 {
     STANDARD_GRAVITY * from_db(threshold_db_g(hz))
+}
+
+/// How much an acceleration at `hz` counts where it counts as it is felt: 1 at [`REFERENCE_HZ`], less where the threshold is
+/// higher.
+#[must_use]
+pub fn weight(hz: f64) -> f64 {
+    threshold_m_per_s2(REFERENCE_HZ) / threshold_m_per_s2(hz)
 }
 
 /// Peak acceleration in m/s^2 that lies `db` above the threshold at `hz`.

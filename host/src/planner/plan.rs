@@ -5,9 +5,9 @@ use super::candidates::Judge;
 use super::perception::above_threshold_db;
 use super::quiet::QuietResult;
 use super::refine::{Chosen, Selection};
-use super::request::{Grouping, Objective, PlanError, Request, Target};
+use super::request::{Grouping, Objective, PlanError, Request, Target, Weigh};
 use super::safe::Settled;
-use super::search::{Choices, Found};
+use super::search::{Choices, Found, Work};
 use super::table::{PlanTable, at_point};
 use crate::response::{Component, peak_acceleration};
 use nalgebra::DVector;
@@ -21,8 +21,8 @@ const MOST_CONTRAST_DB: f64 = 200.0;
 const MEETING: [f64; 3] = [3.0, 5.0, 7.0];
 /// A harmonic and a drive nearer than this beat once in two seconds, the longest burst that a board drives unasked.
 const SLOWEST_BEAT_HZ: f64 = 0.5;
-/// Rounds in which points of quiet zones are added; what is left is scaled away.
-const QUIET_ROUNDS: usize = 6;
+/// Rounds in which points of quiet zones are added, for a touch and for a study; what is left is scaled away.
+const QUIET_ROUNDS: [usize; 2] = [3, 10];
 /// Part of a limit that counts as reached by drives that were not chosen by its price.
 const NEAR: f64 = 0.95;
 /// Gaps below this are rounding.
@@ -172,7 +172,7 @@ impl PlanTable {
         let plan = Plan {
             target_mm: [first.x_mm, first.y_mm],
             predicted: self.predict(&judge, &selection.drives, &settled, first.peak_g),
-            limited_by: self.limited_by(&selection, &settled, &targets),
+            limited_by: self.limited_by(request, &selection, &settled, &targets),
             error_bound: self.bound(&selection.drives, &first).value(),
             targets,
             quiet,
@@ -188,7 +188,8 @@ impl PlanTable {
     /// Distinct frequencies: the best combination, refined; with further points of quiet zones until none is too strong.
     fn chosen(&self, judge: &mut Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
         let mut selection = self.chosen_for_rows(judge, request, wanted)?;
-        for _ in 1..QUIET_ROUNDS {
+        let [touch, study] = QUIET_ROUNDS;
+        for _ in 1..if request.work == Work::Touch { touch } else { study } {
             if !judge.quiet.add_violated(&selection.drives) {
                 break;
             }
@@ -198,7 +199,10 @@ impl PlanTable {
     }
 
     fn chosen_for_rows(&self, judge: &Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
-        let is_plain = wanted.len() == 1 && request.quiet.is_empty() && request.objective == Objective::Contrast;
+        let is_plain = wanted.len() == 1
+            && request.quiet.is_empty()
+            && request.objective == Objective::Contrast
+            && request.weigh == Weigh::Equal;
         let choices_for = |fits: &dyn Fn(f64, f64) -> bool| match wanted {
             [wanted] if is_plain => judge.shortlist(*wanted, fits),
             _ => judge.all(wanted),
@@ -297,8 +301,19 @@ impl PlanTable {
         sum
     }
 
-    fn limited_by(&self, selection: &Selection, settled: &Settled, targets: &[TargetResult]) -> Option<String> {
-        if targets.iter().all(|target| target.peak_g >= target.wanted_g * MET) {
+    fn limited_by(
+        &self,
+        request: &Request,
+        selection: &Selection,
+        settled: &Settled,
+        targets: &[TargetResult],
+    ) -> Option<String> {
+        let is_met = match request.weigh {
+            Weigh::Equal => targets.iter().all(|target| target.peak_g >= target.wanted_g * MET),
+            // In weighed accelerations, which are not the targets' own.
+            Weigh::Felt => selection.allocation.met * settled.scale >= MET,
+        };
+        if is_met {
             return None;
         }
         let id = |i: usize| self.scene.actuators.get(i).map_or("", |actuator| actuator.id.as_str());
@@ -411,8 +426,8 @@ pub(super) fn peak(drives: &[Chosen], shape: &DVector<f64>) -> f64 {
     peak_acceleration(&drives.iter().enumerate().map(component).collect::<Vec<_>>())
 }
 
-/// 10 log10(near / rest); 0 where nothing moves.
-fn contrast_db(near: f64, rest: f64) -> f64 {
+/// 10 log10(near / rest), within 200 dB either way; 0 where nothing moves.
+pub(super) fn contrast_db(near: f64, rest: f64) -> f64 {
     if near <= 0.0 && rest <= 0.0 {
         return 0.0;
     }

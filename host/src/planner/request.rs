@@ -62,6 +62,17 @@ pub enum Grouping {
     Mixed,
 }
 
+/// How accelerations of different frequencies count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Weigh {
+    /// All the same.
+    #[default]
+    Equal,
+    /// As they are felt: by [`super::perception::weight`], at targets and elsewhere. Quiet zones keep their limits in g.
+    Felt,
+}
+
 /// A request.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Request {
@@ -73,6 +84,8 @@ pub struct Request {
     pub objective: Objective,
     /// Which actuators share a frequency. Groups are for one target, without quiet zones, and for contrast.
     pub grouping: Grouping,
+    /// How accelerations count. Only distinct frequencies and contrast or power can be weighed.
+    pub weigh: Weigh,
     /// How much may be looked at where limits bind.
     pub work: Work,
 }
@@ -183,6 +196,12 @@ impl PlanTable {
         if request.objective == Objective::Reach && !(targets.len() == 1 && request.quiet.is_empty()) {
             let allowed = "one target without quiet zones";
             return Err(PlanError::Together { option: "objective", value: "reach", allowed });
+        }
+        if request.weigh == Weigh::Felt
+            && (request.grouping != Grouping::Distinct || request.objective == Objective::Reach)
+        {
+            let allowed = "distinct frequencies and the objectives contrast and power";
+            return Err(PlanError::Together { option: "weigh", value: "felt", allowed });
         }
         for quiet in &request.quiet {
             self.check_point(quiet.x_m, quiet.y_m)?;

@@ -3,7 +3,7 @@
 
 use super::STANDARD_GRAVITY;
 use super::plan::{Plan, Planned, peak};
-use super::request::{Objective, PlanError, Request};
+use super::request::{Objective, PlanError, Request, Weigh};
 use super::table::PlanTable;
 use serde::Serialize;
 
@@ -101,13 +101,17 @@ impl PlanTable {
     }
 
     /// What can be had of `request`, for which `plan` was made: `None` if that gives all that was wanted, or if there is but
-    /// one target and no quiet zone, so that `limited_by` says everything. Takes up to some hundred plans.
+    /// one target and no quiet zone or accelerations are weighed, so that `limited_by` says everything. Takes up to some hundred plans.
     ///
     /// # Errors
     /// [`PlanError`].
     pub fn trade(&self, request: &Request, plan: &Plan) -> Result<Option<Trade>, PlanError> {
         let has_parts = request.targets.len() > 1 || !request.quiet.is_empty();
-        if plan.limited_by.is_none() || !has_parts || request.objective == Objective::Reach {
+        if plan.limited_by.is_none()
+            || !has_parts
+            || request.objective == Objective::Reach
+            || request.weigh == Weigh::Felt
+        {
             return Ok(None);
         }
         let wanted_g: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g).collect();
