@@ -18,6 +18,7 @@ pub mod explain;
 mod grouped;
 pub mod limits;
 mod linear;
+mod nearest;
 pub mod perception;
 pub mod phased;
 pub mod plan;

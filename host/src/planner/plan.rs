@@ -23,8 +23,6 @@ const MEETING: [f64; 3] = [3.0, 5.0, 7.0];
 const SLOWEST_BEAT_HZ: f64 = 0.5;
 /// Rounds in which points of quiet zones are added, for a touch and for a study; what is left is scaled away.
 const QUIET_ROUNDS: [usize; 2] = [3, 10];
-/// Part of a limit that counts as reached by drives that were not chosen by its price.
-const NEAR: f64 = 0.95;
 /// Gaps below this are rounding.
 const NO_GAP: f64 = 1e-9;
 /// Levels in dB above the threshold below which nothing moves but rounding.
@@ -350,46 +348,6 @@ impl PlanTable {
     }
 }
 
-impl PlanTable {
-    /// What drives come near to that were not chosen by the prices of limits: with phases, or for the whole surface.
-    fn nearest_limits(&self, selection: &Selection, scale: f64) -> Vec<String> {
-        let mut names: Vec<String> = Vec::new();
-        let mut add = |name: String| {
-            if !names.contains(&name) {
-                names.push(name);
-            }
-        };
-        let id = |i: usize| self.scene.actuators.get(i).map_or("", |actuator| actuator.id.as_str());
-        let drives = &selection.drives;
-        let forces: Vec<_> =
-            drives.iter().map(|drive| (drive.width, drive.force_n / scale.max(f64::MIN_POSITIVE))).collect();
-        for (i, (width, force_n)) in forces.iter().enumerate() {
-            if *force_n > 0.0 && *force_n >= width.max_force_n * NEAR {
-                add(format!("{} of {}", width.limit.name(), id(i)));
-            }
-            // Drives of one frequency as phasors.
-            let travel: f64 = groups(drives)
-                .map(|group| {
-                    let own = group.iter().filter_map(|j| {
-                        let phasor = num_complex::Complex64::from_polar(forces[*j].1, drives[*j].phase_rad);
-                        Some(drives[*j].row.get(*j)?.travel[i] * phasor)
-                    });
-                    own.sum::<num_complex::Complex64>().norm()
-                })
-                .sum();
-            if self.electrodes.get(i).is_some_and(|electrodes| travel >= NEAR * electrodes.most_travel_m()) {
-                add(format!("{} of {}", super::limits::Limit::Travel.name(), id(i)));
-            }
-        }
-        for row in self.limits.used(&forces, NEAR) {
-            if let Some((actuator, limit)) = self.limits.name(row) {
-                add(format!("{} of {}", limit.name(), id(actuator)));
-            }
-        }
-        names
-    }
-}
-
 /// By which part another combination could be better; what safety took away another might not have lost.
 fn gap(selection: &Selection, settled: &Settled) -> f64 {
     let gap = (1.0 + selection.gap) / settled.scale.max(f64::MIN_POSITIVE) - 1.0;
@@ -409,7 +367,7 @@ pub(super) fn meets(a_hz: f64, b_hz: f64) -> bool {
 }
 
 /// Drives of equal frequencies, as lists of their numbers.
-fn groups(drives: &[Chosen]) -> impl Iterator<Item = Vec<usize>> + '_ {
+pub(super) fn groups(drives: &[Chosen]) -> impl Iterator<Item = Vec<usize>> + '_ {
     let is_first = |i: &usize| drives[..*i].iter().all(|other| other.frequency_hz != drives[*i].frequency_hz);
     (0..drives.len())
         .filter(is_first)
