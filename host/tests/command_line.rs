@@ -39,6 +39,16 @@ fn a_thick_panel_is_warned_about_with_its_number() {
     assert!(thin.status.success() && !told(&thin).contains("thickness"), "{}", told(&thin));
 }
 
+/// What is refused is not computed, and not warned about; and what is told to a file has no colours in it.
+#[test]
+fn what_is_refused_is_not_warned_about() {
+    let refused = era(&["modes", "--max-hz", "1e9"]);
+    let text = told(&refused);
+    assert!(refused.status.code() == Some(2) && !text.contains("WARN") && text.contains("error:"), "{text}");
+    let thick = era(&["modes", "--max-hz", "20000", "--accuracy", "fast"]);
+    assert!(told(&thick).contains("WARN") && !told(&thick).contains('\x1b'), "{}", told(&thick));
+}
+
 /// The array's numbers are those of `era response`, and the header is what NumPy reads.
 #[test]
 fn a_sweep_is_written_for_numpy() {

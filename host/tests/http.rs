@@ -113,7 +113,7 @@ fn each_bad_request_says_what_is_wrong() {
         ("no json", &["expected"]),
         ("[]", &["expected"]),
         (r#"{"x_px": 1}"#, &["missing field `y_px`"]),
-        (r#"{"x_px": "1", "y_px": 1}"#, &["string \"1\"", "x_px"]),
+        (r#"{"x_px": "1", "y_px": 1}"#, &["x_px is \"1\"", "a number"]),
         (r#"{"x_px": 1, "y_px": 1, "z_px": 1}"#, &["unknown field `z_px`", "intensity_g"]),
         (r#"{"x_px": 1921, "y_px": 1}"#, &["x_px is 1921", "0 to 1920"]),
         (r#"{"x_px": 1, "y_px": -0.5}"#, &["y_px is -0.5", "0 to 1280"]),

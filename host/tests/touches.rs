@@ -61,6 +61,7 @@ fn several_targets_quiet_zones_and_options_are_taken() {
             "quiet[0].radius_mm",
             json!(101.0),
         ),
+        (r#", "also": [{"x_px": 1, "y_px": 1, "intensity_g": "much"}]"#, "also[0].intensity_g", json!("much")),
         (r#", "quiet": [{"x_px": 1, "y_px": 1, "radius_mm": 1, "at_most_g": -1}]"#, "quiet[0].at_most_g", json!(-1.0)),
         (r#", "also": [{"x_px": 1, "y_px": 1}], "grouping": "shared""#, "grouping", json!("shared")),
         (r#", "also": [{"x_px": 1, "y_px": 1}], "objective": "reach""#, "objective", json!("reach")),

@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use super::Failure;
 pub use super::args_board::{Flash, Monitor};
 pub use super::args_field::Field;
+use super::wishes::Wishes;
 
 /// Localized touch feedback on large surfaces: two to four electrostatic resonant actuators (ERAs) on a flexibly held
 /// panel, each at its own frequency, placed by a finite-element model.
@@ -192,8 +193,8 @@ pub struct Serve {
 /// Where the daemon is.
 #[derive(Clone, Debug, Args)]
 pub struct Daemon {
-    /// The daemon's address
-    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878")]
+    /// The daemon's address, as http://HOST:PORT or HOST:PORT
+    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = super::client::parse_url)]
     pub url: String,
     /// Print JSON
     #[arg(long)]
@@ -222,6 +223,11 @@ pub struct Touch {
     pub effect: Option<NamedEffect>,
     #[command(flatten)]
     pub rhythm: Rhythm,
+    #[command(flatten)]
+    pub wishes: Wishes,
+    /// Say what can be had instead where it cannot all be had
+    #[arg(long)]
+    pub trade: bool,
     #[command(flatten)]
     pub daemon: Daemon,
 }

@@ -9,22 +9,121 @@ use std::time::Duration;
 /// An emulated board may take some seconds to answer.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-pub fn touch(options: &Touch) -> Outcome {
-    let mut body = json!({"x_px": options.x_px, "y_px": options.y_px});
-    if let Some(map) = body.as_object_mut() {
-        map.extend(options.intensity_g.map(|value| ("intensity_g".to_owned(), value.into())));
-        map.extend(options.duration_ms.map(|value| ("duration_ms".to_owned(), value.into())));
-        map.extend(options.intensity_db.map(|value| ("intensity_db".to_owned(), value.into())));
-        map.extend(options.rhythm.count.map(|value| ("count".to_owned(), value.into())));
-        map.extend(options.rhythm.period_ms.map(|value| ("period_ms".to_owned(), value.into())));
-        map.extend(options.effect.map(|effect| ("effect".to_owned(), json!(effect))));
+/// The address of a daemon: `http://` may be left out, and nothing else is spoken.
+pub fn parse_url(text: &str) -> Result<String, String> {
+    let (scheme, rest) = text.trim().split_once("://").unwrap_or(("http", text.trim()));
+    if !scheme.eq_ignore_ascii_case("http") {
+        return Err(format!("{text:?} begins with {scheme}://, but the daemon speaks http:// only"));
     }
-    let answer = call(&options.daemon, "POST", "/v1/touch", Some(body))?;
+    let rest = rest.trim_end_matches('/');
+    if rest.is_empty() || rest.contains(char::is_whitespace) {
+        return Err(format!("{text:?} is not of the form http://HOST:PORT"));
+    }
+    Ok(format!("http://{rest}"))
+}
+
+pub fn touch(options: &Touch) -> Outcome {
+    let answer = call(&options.daemon, "POST", "/v1/touch", Some(touch_body(options)))?;
     if options.daemon.json {
         return print_json(&answer);
     }
+    print_text(&touch_text(&answer))
+}
+
+/// The request; what was not given is left out, so that the daemon's defaults hold.
+fn touch_body(options: &Touch) -> Value {
+    let wishes = &options.wishes;
+    let mut body = json!({"x_px": options.x_px, "y_px": options.y_px});
+    let mut add = |name: &str, value: Option<Value>| body[name] = value.unwrap_or_default();
+    add("intensity_g", options.intensity_g.map(Value::from));
+    add("duration_ms", options.duration_ms.map(Value::from));
+    add("intensity_db", options.intensity_db.map(Value::from));
+    add("count", options.rhythm.count.map(Value::from));
+    add("period_ms", options.rhythm.period_ms.map(Value::from));
+    add("effect", options.effect.map(|effect| json!(effect)));
+    add("from_ms", wishes.window.map(|window| window.from_ms.into()));
+    add("to_ms", wishes.window.map(|window| window.to_ms.into()));
+    let also = wishes.also.iter().map(|also| {
+        json!({
+            "x_px": also.at.x, "y_px": also.at.y, "intensity_g": also.intensity_g,
+            "from_ms": also.window.map(|window| window.from_ms), "to_ms": also.window.map(|window| window.to_ms),
+        })
+    });
+    add("also", (!wishes.also.is_empty()).then(|| also.collect()));
+    let quiet = wishes.quiet.iter().map(|zone| {
+        json!({
+            "x_px": zone.at.x, "y_px": zone.at.y, "radius_mm": zone.radius_mm, "at_most_g": zone.at_most_g,
+        })
+    });
+    add("quiet", (!wishes.quiet.is_empty()).then(|| quiet.collect()));
+    add("objective", Some(json!(wishes.objective)));
+    add("grouping", Some(json!(wishes.grouping)));
+    add("trade", options.trade.then_some(Value::Bool(true)));
+    if let Some(map) = body.as_object_mut() {
+        map.retain(|_, value| !value.is_null());
+    }
+    body
+}
+
+/// What is driven, and what it should do; of an effect its own drives, which are not those of the steady plan.
+fn touch_text(answer: &Value) -> String {
     let mut text = String::new();
-    for drive in answer["drives"].as_array().into_iter().flatten() {
+    let effect = &answer["device"]["effect"];
+    let drives = if effect.is_object() { &effect["drives"] } else { &answer["drives"] };
+    drives_text(&mut text, drives);
+    let predicted = &answer["predicted"];
+    let text_of = |value: &Value| value.as_str().map(str::to_owned);
+    match text_of(&effect["name"]) {
+        Some(name) => {
+            let played = &effect["predicted"];
+            let _ = write!(
+                text,
+                "{name} of {:.0} ms, peak {:.3} g ({:.3} to {:.3} g as the drives' cycles fall together)",
+                number(&effect["duration_ms"]),
+                number(&played["peak_g"]),
+                number(&played["peak_least_g"]),
+                number(&played["peak_most_g"]),
+            );
+            if let Some(limit) = text_of(&effect["limited_by"]) {
+                let _ = write!(text, "; limited by {limit}");
+            }
+        }
+        None => {
+            let _ = write!(
+                text,
+                "predicted {:.3} g at the target, contrast {:.1} dB",
+                number(&predicted["target_peak_g"]),
+                number(&predicted["contrast_db"]),
+            );
+            if let Some(limit) = text_of(&answer["limited_by"]) {
+                let _ = write!(text, "; limited by {limit}");
+            }
+        }
+    }
+    let targets = answer["targets"].as_array().map(Vec::as_slice).unwrap_or_default();
+    for target in targets.iter().filter(|_| targets.len() > 1) {
+        let of = |name: &str| number(&target[name]);
+        let (x, y, peak, wanted) = (of("x_mm"), of("y_mm"), of("peak_g"), of("wanted_g"));
+        let _ = write!(text, "\n  {x:.1} mm, {y:.1} mm: {peak:.3} g of {wanted:.3} g wanted");
+    }
+    for stretch in answer["stretches"].as_array().into_iter().flatten() {
+        let _ = write!(text, "\n{:.0} to {:.0} ms:", number(&stretch["from_ms"]), number(&stretch["to_ms"]));
+        match stretch["plan"]["targets"].as_array() {
+            None => text.push_str(" nothing"),
+            Some(targets) => {
+                let peaks: Vec<String> = targets.iter().map(|t| format!("{:.3} g", number(&t["peak_g"]))).collect();
+                let _ = write!(text, " {}", peaks.join(", "));
+            }
+        }
+    }
+    if !answer["trade"].is_null() {
+        text.push_str("\nwhat can be had instead: see `trade` in --json");
+    }
+    text
+}
+
+fn drives_text(text: &mut String, drives: &Value) {
+    for drive in drives.as_array().into_iter().flatten() {
         let _ = writeln!(
             text,
             "{:12} {:7.2} Hz  {:7.1} V",
@@ -33,22 +132,6 @@ pub fn touch(options: &Touch) -> Outcome {
             number(&drive["voltage_v"]),
         );
     }
-    let predicted = &answer["predicted"];
-    let _ = write!(
-        text,
-        "predicted {:.3} g at the target, contrast {:.1} dB",
-        number(&predicted["target_peak_g"]),
-        number(&predicted["contrast_db"]),
-    );
-    if let Some(limit) = answer["limited_by"].as_str() {
-        let _ = write!(text, "; limited by {limit}");
-    }
-    let effect = &answer["device"]["effect"];
-    if let Some(name) = effect["name"].as_str() {
-        let (length, peak) = (number(&effect["duration_ms"]), number(&effect["predicted"]["peak_g"]));
-        let _ = write!(text, "\n{name} of {length:.0} ms, peak {peak:.3} g");
-    }
-    print_text(&text)
 }
 
 pub fn stop(options: &Daemon) -> Outcome {
@@ -109,7 +192,7 @@ fn number(value: &Value) -> f64 {
 fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Value, Failure> {
     let agent: ureq::Agent =
         ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(PATIENCE)).build().into();
-    let url = format!("{}{path}", daemon.url.trim_end_matches('/'));
+    let url = format!("{}{path}", daemon.url);
     let sent = match (method, body) {
         ("GET", _) => agent.get(&url).call(),
         (_, Some(body)) => agent.post(&url).send_json(body),
@@ -131,4 +214,59 @@ fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Resul
     } else {
         Failure::Failed(detail)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::args::{Arguments, Command};
+    use super::*;
+    use clap::Parser;
+
+    #[test]
+    fn an_address_may_leave_the_scheme_out() {
+        for text in ["127.0.0.1:7878", "http://127.0.0.1:7878", "HTTP://127.0.0.1:7878/"] {
+            assert_eq!(parse_url(text).as_deref(), Ok("http://127.0.0.1:7878"));
+        }
+        assert!(parse_url("https://panel:7878").unwrap_err().contains("http:// only"));
+        assert!(parse_url("ftp://panel").unwrap_err().contains("http:// only"));
+        assert!(parse_url("http://").unwrap_err().contains("HOST:PORT"));
+    }
+
+    #[test]
+    fn a_touch_asks_for_what_was_given_and_nothing_else() {
+        let body = |rest: &str| {
+            let arguments = format!("era touch 960 640 {rest}");
+            match Arguments::parse_from(arguments.split_whitespace()).command {
+                Some(Command::Touch(touch)) => touch_body(&touch),
+                other => panic!("{other:?}"),
+            }
+        };
+        let plain = json!({"x_px": 960.0, "y_px": 640.0, "objective": "contrast", "grouping": "distinct"});
+        assert_eq!(body(""), plain);
+        let many = body("--also 10,20:0.2:100-300 --also 5,6 --quiet 100,200:15:0.02 --grouping shared --trade");
+        let also = json!([
+            {"x_px": 10.0, "y_px": 20.0, "intensity_g": 0.2, "from_ms": 100.0, "to_ms": 300.0},
+            {"x_px": 5.0, "y_px": 6.0, "intensity_g": null, "from_ms": null, "to_ms": null},
+        ]);
+        assert_eq!(many["also"], also);
+        let quiet = json!([{"x_px": 100.0, "y_px": 200.0, "radius_mm": 15.0, "at_most_g": 0.02}]);
+        assert_eq!((&many["quiet"], &many["grouping"], &many["trade"]), (&quiet, &json!("shared"), &json!(true)));
+    }
+
+    #[test]
+    fn an_effect_is_told_with_its_own_drives() {
+        let drive = |volts: f64| json!([{"actuator": "left", "frequency_hz": 268.0, "voltage_v": volts}]);
+        let mut answer = json!({
+            "drives": drive(911.9), "predicted": {"target_peak_g": 0.5, "contrast_db": 2.5}, "device": {},
+        });
+        assert!(touch_text(&answer).contains("911.9 V\npredicted 0.500 g"));
+        let predicted = json!({"peak_g": 0.45, "peak_least_g": 0.4, "peak_most_g": 0.5});
+        answer["device"]["effect"] = json!({
+            "name": "click", "duration_ms": 30.0, "drives": drive(1600.0), "predicted": predicted,
+            "limited_by": "voltage of left",
+        });
+        let text = touch_text(&answer);
+        assert!(text.contains("1600.0 V\nclick of 30 ms, peak 0.450 g") && !text.contains("911.9"), "{text}");
+        assert!(text.ends_with("limited by voltage of left"), "{text}");
+    }
 }

@@ -95,8 +95,8 @@ pub fn run(options: &EffectOptions) -> Outcome {
         let _ = write!(text, " (without the brake {})", ms(Some(unbraked)));
     }
     let _ = write!(text, "\ndesigned in {elapsed_ms:.1} ms");
-    if design.limited {
-        text.push_str("\nlimited: the actuators allow no more");
+    if let Some(limit) = &design.limited_by {
+        let _ = write!(text, "\nlimited by {limit}");
     }
     print_text(&text)
 }

@@ -22,6 +22,7 @@ mod sweep;
 mod transient;
 mod trials;
 mod verify;
+mod wishes;
 
 use clap::Parser;
 use std::fmt;
@@ -111,7 +112,15 @@ fn start_log(verbose: u8) {
     };
     let filter = tracing_subscriber::EnvFilter::try_from_env("ERA_LOG")
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(default));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    // Colours for people; a file, a pipe and whoever sets NO_COLOR (https://no-color.org) get plain text.
+    let is_coloured = std::io::IsTerminal::is_terminal(&std::io::stderr())
+        && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(is_coloured)
+        .with_target(false)
+        .init();
 }
 
 /// Writes a line of JSON to standard output.

@@ -112,8 +112,9 @@ pub fn modes(options: &Modes) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
     let accuracy = options.panel.accuracy()?;
-    warn_if_thick(&scene, options.max_hz);
     let found = with_progress("computing modes", || bounded_modes(&scene, accuracy, options.max_hz))?;
+    // Only of what was not refused.
+    warn_if_thick(&scene, options.max_hz);
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let dofs = found.model.dofs();
     tell_steps(&options.panel, &scene, accuracy, &found.steps);

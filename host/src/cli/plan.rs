@@ -1,13 +1,14 @@
 //! `era plan`: the drives for a touch, or for several.
 
-use super::args::{At, Keep, Panel, Point, Unit, parse_point};
+use super::args::{At, Keep, Panel, Unit};
 use super::panel::{plan_table, point_of, target};
+use super::wishes::Wishes;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{Intensity, plan_with};
 use crate::planner::explain::Explanation;
 use crate::planner::schedule::{Stretch, Window, spans, stretches};
 use crate::planner::trade::Trade;
-use crate::planner::{Grouping, Objective, Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Weigh, Work};
+use crate::planner::{Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Weigh, Work};
 use crate::scene::Scene;
 use clap::Args;
 use serde::Serialize;
@@ -25,80 +26,14 @@ pub struct PlanOptions {
     /// The same in dB above the threshold of feeling; for targets of --also without a peak of their own as well
     #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g")]
     pub intensity_db: Option<f64>,
-    /// When the target is wanted, in ms from the beginning [default: as long as any other]
-    #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]
-    pub window: Option<Window>,
-    /// Another target, its peak in g, and when it is wanted; several times for several
-    #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_also, allow_hyphen_values = true)]
-    pub also: Vec<Also>,
-    /// A place to be spared, its radius in mm and the most peak acceleration there in g; several times for several
-    #[arg(long, value_name = "X,Y:MM:G", value_parser = parse_quiet, allow_hyphen_values = true)]
-    pub quiet: Vec<Spared>,
-    /// What is made least, or most
-    #[arg(long, value_enum, default_value_t)]
-    pub objective: Objective,
-    /// Which actuators share a frequency
-    #[arg(long, value_enum, default_value_t)]
-    pub grouping: Grouping,
+    #[command(flatten)]
+    pub wishes: Wishes,
     /// How accelerations of different frequencies count: with `felt` as they are felt, 1 g at 150 Hz as 1 g
     #[arg(long, value_enum, default_value_t)]
     pub weigh: Weigh,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
-}
-
-/// Another target, as written.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Also {
-    at: Point,
-    intensity_g: Option<f64>,
-    window: Option<Window>,
-}
-
-/// A quiet zone, as written.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spared {
-    at: Point,
-    radius_mm: f64,
-    at_most_g: f64,
-}
-
-fn number(text: &str) -> Result<f64, String> {
-    text.trim().parse().ok().filter(|value: &f64| value.is_finite()).ok_or(format!("{text:?} is not a number"))
-}
-
-fn parse_window(text: &str) -> Result<Window, String> {
-    let (from, to) = text.split_once('-').ok_or(format!("{text:?} is not of the form FROM-TO"))?;
-    let window = Window { from_ms: number(from)?, to_ms: number(to)? };
-    window.check().map_err(|error| error.to_string())?;
-    Ok(window)
-}
-
-fn parse_also(text: &str) -> Result<Also, String> {
-    let parts: Vec<&str> = text.split(':').collect();
-    let (at, intensity, window) = match parts.as_slice() {
-        [at] => (at, None, None),
-        [at, intensity] => (at, Some(intensity), None),
-        [at, intensity, window] => (at, Some(intensity), Some(window)),
-        _ => return Err(format!("{text:?} is not of the form X,Y[:G[:FROM-TO]]")),
-    };
-    let read = || -> Result<Also, String> {
-        Ok(Also {
-            at: parse_point(at)?,
-            // Left empty for a window alone.
-            intensity_g: intensity.filter(|text| !text.is_empty()).map(|text| number(text)).transpose()?,
-            window: window.map(|text| parse_window(text)).transpose()?,
-        })
-    };
-    read().map_err(|error| format!("{error} (the form is X,Y[:G[:FROM-TO]])"))
-}
-
-fn parse_quiet(text: &str) -> Result<Spared, String> {
-    match text.split(':').collect::<Vec<_>>().as_slice() {
-        [at, radius, most] => Ok(Spared { at: parse_point(at)?, radius_mm: number(radius)?, at_most_g: number(most)? }),
-        _ => Err(format!("{text:?} is not of the form X,Y:MM:G")),
-    }
 }
 
 /// A plan with what goes with it; the plan's own fields stay at the top.
@@ -193,16 +128,16 @@ fn explanations<'a>(
 fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
     let unit: Unit = options.at.unit;
     let mut request = Request::touch(&[target(scene, &options.at)?]);
-    for also in &options.also {
+    for also in &options.wishes.also {
         let (x_m, y_m) = point_of(scene, "--also", also.at.x, also.at.y, unit)?;
         request.targets.push(Target { x_m, y_m, intensity_g: also.intensity_g });
     }
-    for spared in &options.quiet {
+    for spared in &options.wishes.quiet {
         let (x_m, y_m) = point_of(scene, "--quiet", spared.at.x, spared.at.y, unit)?;
         request.quiet.push(Quiet { x_m, y_m, radius_m: spared.radius_mm / 1e3, at_most_g: spared.at_most_g });
     }
-    request.objective = options.objective;
-    request.grouping = options.grouping;
+    request.objective = options.wishes.objective;
+    request.grouping = options.wishes.grouping;
     request.weigh = options.weigh;
     request.work = Work::Study;
     Ok(request)
@@ -211,7 +146,7 @@ fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
 /// The windows of all targets, if any has one: those that have none last as long as any other.
 fn windows(options: &PlanOptions) -> Option<Vec<Window>> {
     let given: Vec<Option<Window>> =
-        std::iter::once(options.window).chain(options.also.iter().map(|also| also.window)).collect();
+        std::iter::once(options.wishes.window).chain(options.wishes.also.iter().map(|also| also.window)).collect();
     let to_ms = given.iter().flatten().map(|window| window.to_ms).reduce(f64::max)?;
     Some(given.into_iter().map(|window| window.unwrap_or(Window { from_ms: 0.0, to_ms })).collect())
 }
@@ -327,27 +262,5 @@ fn trade_text(text: &mut String, trade: Option<&Trade>) {
         }
         let zones = point.at_most_g.as_ref().map_or_else(|| "anything".into(), |g| format!("{} g", list(g)));
         let _ = write!(text, "\n  {zones}:  {} g, {:.1} % of the wishes", list(&point.peaks_g), 100.0 * point.part);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn options_are_read_as_written() {
-        let window = Window { from_ms: 200.0, to_ms: 500.0 };
-        let at = Point { x: 10.0, y: -2.5 };
-        assert_eq!(parse_also("10,-2.5"), Ok(Also { at, intensity_g: None, window: None }));
-        assert_eq!(parse_also("10,-2.5:0.3"), Ok(Also { at, intensity_g: Some(0.3), window: None }));
-        assert_eq!(parse_also("10,-2.5::200-500"), Ok(Also { at, intensity_g: None, window: Some(window) }));
-        assert_eq!(parse_quiet("10,-2.5:15:0.02"), Ok(Spared { at, radius_mm: 15.0, at_most_g: 0.02 }));
-        for (text, wanted) in
-            [("1,2:x", "\"x\""), ("1,2:1:2:3", "X,Y[:G[:FROM-TO]]"), ("1", "X,Y"), ("1,2:1:5", "FROM-TO")]
-        {
-            assert!(parse_also(text).unwrap_err().contains(wanted), "{text}");
-        }
-        assert!(parse_window("500-200").unwrap_err().contains("to_ms: 200"));
-        assert!(parse_quiet("1,2:3").is_err());
     }
 }

@@ -139,12 +139,8 @@ async fn closed(closing: &mut watch::Receiver<bool>) {
 
 /// Carries out what a page said; the answer, if there is one.
 async fn take(app: &App, text: &str, fingers: &watch::Sender<Fingers>) -> Option<Value> {
-    let wrong = |what: String| {
-        Some(error_message(&Problem::body(format!(
-            "{what}; expected {{\"type\": \"touch\", \"touches\": [...]}} or {{\"type\": \"stop\"}}"
-        ))))
-    };
-    match serde_json::from_str(text) {
+    let wanted = r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"#;
+    match super::body::from_json(text.as_bytes(), wanted) {
         Ok(Incoming {
             kind: Kind::Touch,
             touches: Some(touches),
@@ -159,12 +155,14 @@ async fn take(app: &App, text: &str, fingers: &watch::Sender<Fingers>) -> Option
             fingers.send_replace(Fingers { touches, feel });
             None
         }
-        Ok(Incoming { kind: Kind::Touch, touches: None, .. }) => wrong("missing field `touches`".into()),
+        Ok(Incoming { kind: Kind::Touch, touches: None, .. }) => {
+            Some(error_message(&Problem::body(format!("missing field `touches`; expected {wanted}"))))
+        }
         Ok(Incoming { kind: Kind::Stop, .. }) => {
             fingers.send_replace(Fingers::default());
             app.stop().await.err().map(|error| error_message(&error.into()))
         }
-        Err(error) => wrong(error.to_string()),
+        Err(problem) => Some(error_message(&problem)),
     }
 }
 

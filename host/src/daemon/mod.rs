@@ -7,6 +7,7 @@ mod app;
 mod asked;
 mod assets;
 mod attachments;
+mod body;
 mod live;
 mod metrics;
 mod preview;

@@ -90,7 +90,7 @@ fn from_body<T: DeserializeOwned>(
         let detail = format!("{}; at most {most} bytes are taken", rejection.body_text());
         Problem::new(rejection.status(), "bad-body", "The request's body cannot be used", detail)
     })?;
-    serde_json::from_slice(&body).map_err(|error| Problem::body(format!("{error}; expected {wanted}")))
+    super::body::from_json(&body, wanted)
 }
 
 async fn touch(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {

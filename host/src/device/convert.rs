@@ -18,18 +18,29 @@ pub struct SiDrive {
     pub phase_rad: f64,
 }
 
+/// Windows narrower than this, in ppm of a half period, may be shorter than a tick of the timer, of which a period has 43 000
+/// or more; boards refuse them. Their force is below 1e-4 of what the rail's voltage does.
+const NARROWEST_PPM: u32 = 50;
+
 /// The nearest drive that the wire can say. The voltage is rounded down, so that a limit met in V is met in mV; values
-/// outside the wire's range saturate there and are then refused by the device with its limits.
+/// outside the wire's range saturate there and are then refused by the device with its limits. A drive whose windows are
+/// shorter than a tick is sent as what it is, none: 0 V, at a pulse width that every board takes. Plans have such where two
+/// actuators share a rail and one needs next to no force.
 #[must_use]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, which is what is wanted")]
 pub fn to_wire(drive: &SiDrive) -> ChannelDrive {
     let turns = (drive.phase_rad / std::f64::consts::TAU).rem_euclid(1.0);
+    let (pulse_width_ppm, voltage_millivolts) =
+        match ((drive.pulse_width * 1e6).round() as u32, (drive.voltage_v * 1e3).floor() as u32) {
+            (0..NARROWEST_PPM, _) => (500_000, 0),
+            driven => driven,
+        };
     ChannelDrive {
         channel: drive.channel,
         frequency_millihertz: (drive.frequency_hz * 1e3).round() as u32,
-        pulse_width_ppm: (drive.pulse_width * 1e6).round() as u32,
+        pulse_width_ppm,
         phase_microturns: (turns * 1e6).round() as u32 % 1_000_000,
-        voltage_millivolts: (drive.voltage_v * 1e3).floor() as u32,
+        voltage_millivolts,
     }
 }
 
@@ -115,5 +126,22 @@ fn drive_error_text(error: &DriveError) -> String {
         DriveError::NotRepresentable { timer_clock_hz } => {
             format!("no timer setting gives this frequency from a clock of {timer_clock_hz} Hz")
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_below_a_tick_are_none() {
+        let drive =
+            |pulse_width| SiDrive { channel: 1, frequency_hz: 60.0, voltage_v: 900.0, pulse_width, phase_rad: 0.0 };
+        for pulse_width in [0.0, 17e-6, 49e-6] {
+            let wire = to_wire(&drive(pulse_width));
+            assert_eq!((wire.pulse_width_ppm, wire.voltage_millivolts), (500_000, 0), "{pulse_width}");
+        }
+        let wire = to_wire(&drive(51e-6));
+        assert_eq!((wire.pulse_width_ppm, wire.voltage_millivolts), (51, 900_000));
     }
 }

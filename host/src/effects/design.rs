@@ -8,11 +8,12 @@
 //! together is not known beforehand: peaks are given as the mean over all offsets, with the least and the most.
 
 use super::click;
-use super::envelope::length_s;
+use super::envelope::{Cut, length_s};
 use super::named::{EffectError, EffectRequest, NamedEffect, Shape};
-use super::part::{Part, Peak, STEP_S, combined, parts, signals};
+use super::part::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
 use super::travel::keep_within_travel;
 use crate::device::convert::SiDrive;
+use crate::planner::limits::Limit;
 use crate::planner::rise::RiseTimes;
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
 use era_shared::waveform::{Effect, FULL_LEVEL, Segment};
@@ -27,6 +28,11 @@ const AFTER_PEAK_S: f64 = 0.05;
 const QUIET: f64 = 0.1;
 /// Steps of bisections.
 const BISECTIONS: usize = 24;
+/// Part of the wished peak that counts as reached; fingers tell a tenth at best, and peaks of several drives, which equation
+/// 23 adds up, meet within some percent only in a few beats.
+const REACHED: f64 = 0.95;
+/// What is said of an effect that falls short though nothing limits its drives.
+const TOO_SHORT: &str = "the panel, which does not reach its steady motion within the effect";
 
 /// Why there is no effect.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -86,8 +92,8 @@ pub struct Design {
     pub drives: Vec<DesignedDrive>,
     /// At the first target.
     pub predicted: EffectPrediction,
-    /// Whether limits keep it below what was asked for.
-    pub limited: bool,
+    /// What keeps it below what was asked for, as `voltage of left`; `None` if nothing does.
+    pub limited_by: Option<String>,
 }
 
 impl Design {
@@ -115,11 +121,13 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
     let (shape, fixed) = (request.shape()?, request.envelope()?);
     let mut parts = parts(table, rise, plan)?;
     let wanted: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g * STANDARD_GRAVITY).collect();
-    let mut limited = plan.limited_by.is_some();
+    let mut limits: Vec<String> = plan.limited_by.iter().cloned().collect();
     let (effects, unbraked) = match shape {
         Shape::Fixed => (vec![fixed; parts.len()], None),
         Shape::Clicks { count, period_ms } => {
-            let pushes = overdrive(&mut parts, &wanted, &mut limited);
+            let (pushes, reaches) = overdrive(&mut parts, &wanted);
+            // A click may reach what the steady plan could not, and the other way round.
+            limits.clear();
             let all = |segments: &[Vec<Segment>]| -> Vec<Effect> {
                 segments.iter().zip(&parts).map(|(s, part)| repeated(s, count, period_ms, part)).collect()
             };
@@ -141,12 +149,20 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
             let segments = if quiet(&braked) < quiet(&plain) { braked } else { plain.clone() };
             let (effects, plain) = (all(&segments), all(&plain));
             // The brake's beginning may add to the peak.
-            limited |= adjust(&mut parts, &effects, &wanted);
+            if !reaches | adjust(&mut parts, &effects, &wanted) {
+                limits.extend(parts.iter().filter_map(|part| at_its_limit(table, part)));
+            }
             (effects, Some(plain))
         }
     };
-    limited |= keep_within_travel(table, rise, &mut parts, &effects);
+    if let Some((actuator, limit)) = keep_within_travel(table, rise, &mut parts, &effects) {
+        limits.push(limit_of(table, limit, actuator));
+    }
     let predicted = predict(&parts, &effects, unbraked.as_deref());
+    let falls_short = wanted.first().is_some_and(|wanted| predicted.peak_most_g * STANDARD_GRAVITY < REACHED * wanted);
+    if limits.is_empty() && falls_short {
+        limits.push(plan.limited_by.clone().unwrap_or_else(|| TOO_SHORT.into()));
+    }
     let drives = plan
         .drives
         .iter()
@@ -168,12 +184,25 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
             }
         })
         .collect();
-    Ok(Design { effect: request.effect, drives, predicted, limited })
+    limits.dedup();
+    let limited_by = (!limits.is_empty()).then(|| limits.join(", "));
+    Ok(Design { effect: request.effect, drives, predicted, limited_by })
+}
+
+fn limit_of(table: &PlanTable, limit: Limit, actuator: usize) -> String {
+    let id = table.scene.actuators.get(actuator).map_or("", |actuator| actuator.id.as_str());
+    format!("{} of {id}", limit.name())
+}
+
+/// What keeps a drive from more force, if it has all there is.
+fn at_its_limit(table: &PlanTable, part: &Part) -> Option<String> {
+    let is = part.drive.force_n > 0.0 && part.drive.force_n >= part.max_force_n * (1.0 - 1e-6);
+    is.then(|| limit_of(table, part.limit, part.drive.actuator))
 }
 
 /// Raises the drives in proportion until every target reaches what is wanted, with the shortest push that does; the cycles
-/// of each drive's push.
-fn overdrive(parts: &mut [Part], wanted: &[f64], limited: &mut bool) -> Vec<u16> {
+/// of each drive's push, and whether they do.
+fn overdrive(parts: &mut [Part], wanted: &[f64]) -> (Vec<u16>, bool) {
     let highest_hz = parts.iter().map(|part| part.channel.frequency_hz).fold(1.0, f64::max);
     let (mut best, mut best_share) = ((vec![1; parts.len()], 1.0), -1.0);
     for cycles in 1..=MOST_PUSH {
@@ -217,12 +246,11 @@ fn overdrive(parts: &mut [Part], wanted: &[f64], limited: &mut bool) -> Vec<u16>
             (best, best_share) = ((pushes, room), most);
         }
     }
-    *limited = best_share < 1.0;
     let (pushes, raise) = best;
     for part in parts {
         part.drive.force_n = (part.drive.force_n * raise).min(part.max_force_n);
     }
-    pushes
+    (pushes, best_share >= 1.0)
 }
 
 /// Scales all drives to the wish, as far as their limits go; says whether these keep it below.
@@ -257,6 +285,13 @@ fn repeated(segments: &[Segment], count: u16, period_ms: u16, part: &Part) -> Ef
 
 #[allow(clippy::cast_precision_loss, reason = "sample numbers")]
 fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> EffectPrediction {
+    // Times are told by the drive that is at it for longest.
+    let cut = |effects: &[Effect]| -> Vec<Cut> {
+        parts.iter().zip(effects).map(|(p, e)| Cut::new(e, p.channel.period_s(), PREDICTED_S)).collect()
+    };
+    let cuts = cut(effects);
+    let effects: Vec<Effect> = cuts.iter().map(|cut| cut.effect.clone()).collect();
+    let effects = effects.as_slice();
     let force = |part: &Part| part.drive.force_n;
     let alone = signals(parts, effects, 0, AFTER_S);
     let Peak { mean, least, most } = combined(&alone, parts, force);
@@ -270,7 +305,7 @@ fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> E
     let motion = together(&alone);
     let ends_s = parts.iter().zip(effects).map(|(p, e)| length_s(e, p.channel.period_s())).fold(0.0, f64::max);
     let peak_at = motion.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(i, _)| i);
-    let ms = |i: usize| i as f64 * STEP_S * 1e3;
+    let ms = |i: usize| cuts.iter().map(|cut| cut.whole_s(i as f64 * STEP_S)).fold(0.0, f64::max) * 1e3;
     let left = motion.iter().enumerate().filter(|(i, _)| *i as f64 * STEP_S >= ends_s).map(|(_, x)| x.abs());
     let quiet = |motion: &[f64]| {
         let last = motion.iter().rposition(|x| x.abs() > QUIET * mean)?;

@@ -6,6 +6,7 @@ use crate::planner::{Plan, PlanError, PlanTable, Request, STANDARD_GRAVITY};
 use crate::scene::SurfaceKind;
 use crate::transient::panel::Drive;
 use nalgebra::DVector;
+use num_complex::Complex64;
 use std::f64::consts::FRAC_PI_2;
 
 /// Range of a level above threshold in dB: from where nothing is felt to some 300 g.
@@ -53,12 +54,20 @@ pub fn forces(table: &PlanTable, plan: &Plan) -> Vec<Drive> {
         .collect()
 }
 
-/// Level of a plan above the threshold where `shape` holds the mode shapes, in dB; `None` where nothing moves.
+/// Level of a plan above the threshold where `shape` holds the mode shapes, in dB; `None` where nothing moves. Drives of one
+/// frequency add as phasors before they are compared with its threshold.
 #[must_use]
 pub fn level_db(rise: &RiseTimes, shape: &DVector<f64>, drives: &[Drive]) -> Option<f64> {
     let ringings = rise.ringings(shape, drives)?;
-    let components: Vec<(f64, f64)> =
-        drives.iter().zip(&ringings).map(|(drive, r)| (drive.frequency_hz, r.steady.norm() * drive.force_n)).collect();
+    let mut sums: Vec<(f64, Complex64)> = Vec::with_capacity(drives.len());
+    for (drive, ringing) in drives.iter().zip(&ringings) {
+        let phasor = ringing.steady * drive.force_n;
+        match sums.iter_mut().find(|(hz, _)| *hz == drive.frequency_hz) {
+            Some((_, sum)) => *sum += phasor,
+            None => sums.push((drive.frequency_hz, phasor)),
+        }
+    }
+    let components: Vec<(f64, f64)> = sums.into_iter().map(|(hz, sum)| (hz, sum.norm())).collect();
     perception::above_threshold_db(&components)
 }
 
@@ -142,5 +151,15 @@ mod tests {
             plan_with(&table, || rise.as_ref(), &Request::touch(&[target]), Some(Intensity::AboveThresholdDb(99.0)))
                 .unwrap_err();
         assert!(error.to_string().contains("intensity_db"), "{error}");
+
+        // Two equal drives of one frequency a third of a turn apart are as strong as one; of two frequencies, stronger.
+        let shape = shape_of(&table, 0.1, 0.1);
+        let drive = |frequency_hz, phase_rad| Drive { actuator: 0, frequency_hz, force_n: 0.02, phase_rad };
+        let level = |drives: &[Drive]| level_db(rise.as_ref().unwrap(), &shape, drives).unwrap();
+        let alone = level(&[drive(150.0, 0.0)]);
+        let apart = level(&[drive(150.0, 0.3), drive(150.0, 0.3 + std::f64::consts::TAU / 3.0)]);
+        assert!((apart - alone).abs() < 1e-9, "{apart} {alone}");
+        assert!((level(&[drive(150.0, 0.0), drive(150.0, 0.0)]) - alone - 20.0 * 2.0_f64.log10()).abs() < 1e-9);
+        assert!(level(&[drive(150.0, 0.0), drive(150.1, 2.0)]) > alone + 5.9);
     }
 }

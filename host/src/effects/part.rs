@@ -4,6 +4,7 @@ use super::design::DesignError;
 use super::envelope::{length_s, levels};
 use super::intensity::{forces, shape_of};
 use super::motion::{Channel, Response};
+use crate::planner::limits::Limit;
 use crate::planner::rise::{Ringing, RiseTimes};
 use crate::planner::{Plan, PlanTable};
 use crate::response::modal_coordinates;
@@ -13,7 +14,7 @@ use nalgebra::DVector;
 
 /// Step of predicted motions in s: ten in a period of 1 kHz.
 pub const STEP_S: f64 = 1e-4;
-/// Longest part of an effect that is predicted, in s: swings of hundreds of ms have long settled.
+/// To how much an effect's segments and repetitions are cut for its prediction, in s: whatever moves has settled by then.
 pub const PREDICTED_S: f64 = 1.0;
 /// Times, over its period, at which each drive may begin: it waits for a boundary of its own.
 const OFFSETS: usize = 8;
@@ -28,6 +29,8 @@ pub struct Part {
     pub responses: Vec<Response>,
     /// Driven alone and evenly.
     pub max_force_n: f64,
+    /// What sets that.
+    pub limit: Limit,
 }
 
 impl Part {
@@ -40,9 +43,8 @@ impl Part {
         fundamentals.zip(wanted).filter_map(|(ringing, wanted)| Some((ringing?.clone(), wanted * share))).collect()
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a second of cycles")]
     pub fn levels(&self, effect: &Effect) -> Vec<f64> {
-        levels(effect, self.channel.period_s(), (PREDICTED_S * self.channel.frequency_hz).ceil() as usize)
+        levels(effect, self.channel.period_s())
     }
 }
 
@@ -61,25 +63,26 @@ pub fn parts(table: &PlanTable, rise: &RiseTimes, plan: &Plan) -> Result<Vec<Par
             let responses = shapes.iter().map(|shape| Response::new(rise, shape, channel)).collect::<Option<Vec<_>>>();
             let responses = responses.ok_or(DesignError::Unbounded)?;
             // What is planned is allowed.
-            let max_force_n = max_force_n(table, &drive, channel.pulse_width)?.max(drive.force_n);
-            Ok(Part { drive, channel, responses, max_force_n })
+            let (max_force_n, limit) = max_force_n(table, &drive, channel.pulse_width)?;
+            let max_force_n = max_force_n.max(drive.force_n);
+            Ok(Part { drive, channel, responses, max_force_n, limit })
         })
         .collect()
 }
 
-/// Most force in N of an actuator that is driven alone and evenly.
-fn max_force_n(table: &PlanTable, drive: &Drive, pulse_width: f64) -> Result<f64, DesignError> {
+/// Most force in N of an actuator that is driven alone and evenly, and what sets it.
+fn max_force_n(table: &PlanTable, drive: &Drive, pulse_width: f64) -> Result<(f64, Limit), DesignError> {
     let coordinates = modal_coordinates(&table.model, drive.frequency_hz).map_err(|_| DesignError::Unbounded)?;
     let own = coordinates.get(drive.actuator).zip(table.electrodes.get(drive.actuator));
     let (coordinates, electrodes) = own.ok_or(DesignError::Unbounded)?;
-    Ok(electrodes.max_force(table.model.travel(drive.actuator, coordinates).norm(), pulse_width).0)
+    Ok(electrodes.max_force(table.model.travel(drive.actuator, coordinates).norm(), pulse_width))
 }
 
 /// Acceleration at a target by every drive alone, per N.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 1.3 s")]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some seconds")]
 pub fn signals(parts: &[Part], effects: &[Effect], target: usize, after_s: f64) -> Vec<Vec<f64>> {
     let ends = parts.iter().zip(effects).map(|(part, effect)| length_s(effect, part.channel.period_s()));
-    let count = ((ends.fold(0.0, f64::max).min(PREDICTED_S) + after_s) / STEP_S).ceil() as usize;
+    let count = ((ends.fold(0.0, f64::max) + after_s) / STEP_S).ceil() as usize;
     let one = |(part, effect): (&Part, &Effect)| {
         part.responses.get(target).map_or_else(Vec::new, |r| r.samples(&part.levels(effect), STEP_S, count))
     };

@@ -11,7 +11,8 @@ pub fn json(design: &Design) -> Value {
         "name": design.effect,
         "drives": design.drives.iter().map(drive).collect::<Vec<_>>(),
         "predicted": design.predicted,
-        "limited": design.limited,
+        "limited": design.limited_by.is_some(),
+        "limited_by": design.limited_by,
     })
 }
 

@@ -3,7 +3,8 @@
 
 use crate::daemon::wire_drives;
 use crate::device::convert::{from_wire, to_wire};
-use crate::device::sim::{Clock, Extreme, Panel, STEP_S, SimBoard, causal};
+use crate::device::sim::{Clock, Extreme, Panel, STEP_S, SimBoard, causal, kept};
+use crate::model::ReducedModel;
 use crate::planner::softening::{NotSafe, Transducer};
 use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
@@ -19,7 +20,7 @@ pub mod scenes;
 pub mod trials;
 mod waveform;
 
-pub use waveform::{Waveform, fundamentals};
+pub use waveform::{HIGHEST_LINE, Waveform, fundamentals};
 
 /// Part of the predicted peak to which the motion of switching on must have fallen before the record starts.
 const SETTLED: f64 = 1e-4;
@@ -79,7 +80,11 @@ pub struct Travel {
 
 /// One point, predicted and measured. "Fundamentals" is equation 23 over the drives' own frequencies; "band" is the largest
 /// acceleration of the whole waveform, odd harmonics of the square-edged force included, through the accelerometer's 1 kHz
-/// low-pass. Predictions have the electrodes' softening in them but for `linear_g`, the planner's `target_peak_g`.
+/// low-pass.
+///
+/// Equation 23 is predicted several times, each time with one thing more of what the device really does, so that what a
+/// difference comes from can be told: `linear_g` and `predicted_g` are the plan's own figures; `rounded_g`, `achieved_g`,
+/// `causal_g` and `kept_g` are worked out here.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     /// The point in mm.
@@ -88,20 +93,33 @@ pub struct Comparison {
     pub y_mm: f64,
     /// The drives.
     pub drives: Vec<crate::planner::Drive>,
-    /// Equation 23 with the force of the masses at rest, in g.
+    /// The plan's `target_peak_g`: the force of the masses at rest, in g.
     pub linear_g: f64,
-    /// Equation 23 with the force of the moving masses, in g.
+    /// The plan's `softened_peak_g`: the force of the moving masses, in g.
     pub predicted_g: f64,
-    /// The same with the viscous damping that stands in for a loss factor in time; `null` if there is none.
-    pub causal_g: Option<f64>,
+    /// As `predicted_g`, of the frequencies, voltages and pulse widths that the board's registers achieve.
+    pub rounded_g: f64,
+    /// And the harmonics' motion is among what closes the gaps.
+    pub achieved_g: f64,
+    /// And with the viscous damping that stands in for a loss factor in time; as `achieved_g` without a loss factor.
+    pub causal_g: f64,
+    /// And of those modes only that the simulation steps; as `causal_g` where it steps all.
+    pub kept_g: f64,
     /// Sum of the amplitudes at the drives' frequencies in the record, in g.
     pub simulated_g: f64,
     /// Relative difference of `simulated_g` from `predicted_g`.
     pub difference: f64,
     /// The same from `linear_g`.
     pub linear_difference: f64,
+    /// The same from `achieved_g`.
+    pub achieved_difference: f64,
     /// The same from `causal_g`.
-    pub causal_difference: Option<f64>,
+    pub causal_difference: f64,
+    /// Relative difference of the plan's `predicted_g` from `achieved_g`: what the plan leaves out.
+    pub plan_difference: f64,
+    /// Sum of the amplitudes of harmonics, and of sums and differences of frequencies, that coincide with a drive's
+    /// frequency, relative to `predicted_g`. They are in the record's amplitude at it, and not in equation 23.
+    pub coinciding: f64,
     /// Peak of the whole waveform, in g.
     pub predicted_band_g: f64,
     /// Largest magnitude in the record, in g.
@@ -157,7 +175,8 @@ pub fn compare_request(
     let shape = table.model.shape_at(x_mm / 1e3, y_mm / 1e3);
     let mut panel = panel.clone();
     panel.set_probe(&shape);
-    let Record { waveform, causal, samples, predicted_peak, unsettled, extremes } = run(table, panel, &shape, &plan)?;
+    let Record { waveform, fundamentals, samples, predicted_peak, unsettled, extremes } =
+        run(table, panel, &shape, &plan)?;
     let masses = table.scene.actuators.iter().zip(&waveform.motion.largest_m).zip(&extremes);
     let travel = masses
         .map(|((actuator, predicted_m), extreme)| Travel {
@@ -168,21 +187,29 @@ pub fn compare_request(
         })
         .collect();
     let in_g = |acceleration: f64| acceleration / STANDARD_GRAVITY;
-    let simulated_g = in_g(amplitudes(&samples, &waveform.frequencies_hz()).iter().sum::<f64>());
+    let (coinciding, beside_hz) = waveform.neighbours();
+    let simulated_g = in_g(amplitudes(&samples, &waveform.frequencies_hz(), &beside_hz).iter().sum::<f64>());
     let simulated_band_g = in_g(samples.iter().fold(0.0_f64, |most, a| most.max(a.abs())));
-    let (linear_g, predicted_g) = (plan.predicted.target_peak_g, in_g(waveform.fundamentals()));
-    let (causal_g, predicted_band_g) = (causal.map(in_g), in_g(predicted_peak));
-    let relative = |simulated: f64, predicted: f64| (simulated - predicted) / predicted.max(f64::MIN_POSITIVE);
+    let (linear_g, predicted_g) = (plan.predicted.target_peak_g, plan.predicted.softened_peak_g);
+    let [rounded_g, causal_g, kept_g] = fundamentals.map(in_g);
+    let (achieved_g, predicted_band_g) = (in_g(waveform.fundamentals()), in_g(predicted_peak));
+    let relative = |found: f64, predicted: f64| (found - predicted) / predicted.max(f64::MIN_POSITIVE);
     Ok(Comparison {
         x_mm,
         y_mm,
         linear_g,
         predicted_g,
+        rounded_g,
+        achieved_g,
         causal_g,
+        kept_g,
         simulated_g,
         difference: relative(simulated_g, predicted_g),
         linear_difference: relative(simulated_g, linear_g),
-        causal_difference: causal_g.map(|causal_g| relative(simulated_g, causal_g)),
+        achieved_difference: relative(simulated_g, achieved_g),
+        causal_difference: relative(simulated_g, causal_g),
+        plan_difference: relative(predicted_g, achieved_g),
+        coinciding: in_g(coinciding) / predicted_g.max(f64::MIN_POSITIVE),
         predicted_band_g,
         simulated_band_g,
         band_difference: relative(simulated_band_g, predicted_band_g),
@@ -210,8 +237,8 @@ pub fn spread(count: u32, length_m: f64, width_m: f64) -> Vec<(f64, f64)> {
 struct Record {
     /// Of the drives as the registers achieve them, their phases counted from the panel's time zero.
     waveform: Waveform,
-    /// Its fundamentals in m/s^2 with the damping that the panel has in time, where that is another.
-    causal: Option<f64>,
+    /// Fundamentals in m/s^2: without harmonics; with harmonics and the damping in time; and with the modes in time.
+    fundamentals: [f64; 3],
     /// Peak of `waveform` over the same window, in m/s^2.
     predicted_peak: f64,
     /// The accelerometer's samples in m/s^2, [`STEP_S`] apart.
@@ -237,10 +264,11 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
     bench.run_for(SOFT_START_S)?;
     let achieved = bench.in_time(&on_rails(achieved.iter().map(from_wire).collect()))?;
     let waveform = Waveform::new(&table.model, &transducers, shape, &achieved)?;
-    let causal = match causal(&table.model) {
-        Some(model) => Some(fundamentals(&model, &transducers, shape, &achieved)?),
-        None => None,
-    };
+    let of = |model: &ReducedModel, highest| fundamentals(model, &transducers, shape, &achieved, highest);
+    let in_time =
+        |parts: Option<ReducedModel>, otherwise: f64| parts.map_or(Ok(otherwise), |model| of(&model, HIGHEST_LINE));
+    let causal_sum = in_time(causal(&table.model), waveform.fundamentals())?;
+    let fundamentals = [of(&table.model, 1)?, causal_sum, in_time(kept(&table.model), causal_sum)?];
     // From rest, the motion is the steady one and a free one that cancels it at first.
     let peak = waveform.peak(0.0, STEP_S, samples_of(RECORD_S));
     let (settling_s, left) =
@@ -259,7 +287,7 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
     Ok(Record {
         predicted_peak: waveform.peak(from_s, STEP_S, samples.len()),
         waveform,
-        causal,
+        fundamentals,
         samples,
         unsettled: left / peak.max(f64::MIN_POSITIVE),
         extremes,

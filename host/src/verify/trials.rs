@@ -14,14 +14,13 @@ use serde::Serialize;
 pub const ALLOWED: f64 = 0.02;
 /// Intensities asked for, as powers of ten of g: gently up to what no panel does, so that the limits are met.
 const INTENSITIES: (f64, f64) = (-1.5, 1.5);
+/// Largest error bound that is given way to: beyond it a bound says little more than that the place hardly moves, and
+/// agreement within it proves nothing.
+pub const LARGEST_BOUND: f64 = 0.2;
+/// Difference between the plan's own figure and the one that is worked out here from then on they count as two.
+pub const SAME: f64 = 0.005;
 /// Part of the gap beyond which the planner's limit is broken.
 const TRAVEL: f64 = 1.0 / 3.0;
-/// Motion left of switching on, as a part of the peak, that may matter.
-const UNSETTLED: f64 = 2e-3;
-/// Frequencies in Hz that the record of 1 s does not tell apart.
-const TOGETHER_HZ: f64 = 2.0;
-/// Highest harmonic that may fall on another drive.
-const HARMONICS: [u32; 5] = [3, 5, 7, 9, 11];
 
 /// What is tried.
 #[derive(Clone, Copy, Debug)]
@@ -56,6 +55,12 @@ pub enum TrialError {
 pub struct Trial {
     /// Of the scene, from 0.
     pub scene: u64,
+    /// Of the touch on it, from 0.
+    pub touch: u32,
+    /// Where, in mm.
+    pub x_mm: f64,
+    /// Where, in mm.
+    pub y_mm: f64,
     /// Asked for, in g.
     pub intensity_g: f64,
     /// What came of it.
@@ -74,11 +79,33 @@ pub enum Outcome {
         /// The reason for an outlier.
         reason: Option<String>,
     },
-    /// No steady motion to compare.
+    /// No steady motion to compare, for a reason that the plan does not deny.
     NotCompared {
         /// Why.
         reason: String,
     },
+    /// The planner has no plan.
+    NoPlan {
+        /// What it says.
+        reason: String,
+    },
+    /// There is a plan, and it cannot be: the device refuses it, or what moves under it has no steady motion. Counts as one
+    /// that is not within what is allowed.
+    Failed {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// How a comparison counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Within the plan's error bound and [`ALLOWED`].
+    Within,
+    /// Not.
+    Outside,
+    /// The plan's error bound is above [`LARGEST_BOUND`]: counted apart.
+    BoundTooLarge,
 }
 
 impl Trial {
@@ -87,7 +114,7 @@ impl Trial {
     pub fn comparison(&self) -> Option<&Comparison> {
         match &self.outcome {
             Outcome::Compared { comparison, .. } => Some(comparison),
-            Outcome::NotCompared { .. } => None,
+            _ => None,
         }
     }
 
@@ -96,7 +123,8 @@ impl Trial {
     pub fn outlier(&self) -> Option<&str> {
         match &self.outcome {
             Outcome::Compared { reason, .. } => reason.as_deref(),
-            Outcome::NotCompared { .. } => None,
+            Outcome::Failed { reason } => Some(reason),
+            Outcome::NotCompared { .. } | Outcome::NoPlan { .. } => None,
         }
     }
 }
@@ -120,76 +148,77 @@ pub fn try_scene(options: &Options, scene: u64) -> Result<Vec<Trial>, TrialError
     let panel = Panel::of(&table);
     let mut random = Random::new(options.seed, !number);
     let mut trials = Vec::new();
-    for _ in 0..options.touches {
+    for touch in 0..options.touches {
         let x_m = random.unit() * scene.surface.length_m;
         let y_m = random.unit() * scene.surface.width_m;
         let intensity_g = random.decades(INTENSITIES.0, INTENSITIES.1);
         let outcome = match compare(&table, &panel, Target { x_m, y_m, intensity_g: Some(intensity_g) }) {
             Ok(comparison) => {
-                let reason = (!within(&comparison)).then(|| reason(&comparison));
+                let reason = (verdict(&comparison) == Verdict::Outside).then(|| reason(&comparison));
                 Outcome::Compared { comparison: Box::new(comparison), reason }
             }
-            Err(error @ (VerifyError::Device(_) | VerifyError::Plan(_))) => return Err(error.into()),
-            Err(error) => Outcome::NotCompared { reason: short(&error) },
+            Err(error) => not_compared(&error),
         };
-        trials.push(Trial { scene: number, intensity_g, outcome });
+        trials.push(Trial { scene: number, touch, x_mm: x_m * 1e3, y_mm: y_m * 1e3, intensity_g, outcome });
     }
     Ok(trials)
 }
 
-fn short(error: &VerifyError) -> String {
+fn not_compared(error: &VerifyError) -> Outcome {
     match error {
-        VerifyError::NeverSettles => "no steady state within the longest burst".into(),
-        error => error.to_string(),
+        VerifyError::NeverSettles => Outcome::NotCompared { reason: "no steady state within the longest burst".into() },
+        VerifyError::Nothing => Outcome::NotCompared { reason: error.to_string() },
+        VerifyError::Plan(error) => Outcome::NoPlan { reason: error.to_string() },
+        VerifyError::NotSafe(_) | VerifyError::Device(_) | VerifyError::Response(_) => {
+            Outcome::Failed { reason: error.to_string() }
+        }
     }
 }
 
-/// Whether the simulated peak is within the plan's error bound and [`ALLOWED`] of the predicted one.
+/// Whether the simulated peak is within the plan's error bound and [`ALLOWED`] of the one that the plan states.
 #[must_use]
-pub fn within(comparison: &Comparison) -> bool {
-    comparison.difference.abs() <= allowed(comparison)
+pub fn verdict(comparison: &Comparison) -> Verdict {
+    if comparison.error_bound.is_some_and(|bound| bound > LARGEST_BOUND) {
+        return Verdict::BoundTooLarge;
+    }
+    if comparison.difference.abs() <= allowed(comparison) { Verdict::Within } else { Verdict::Outside }
 }
 
+/// Relative difference that passes; a plan without a bound gets none.
 fn allowed(comparison: &Comparison) -> f64 {
     comparison.error_bound.unwrap_or(0.0) + ALLOWED
 }
 
-/// What the figures give as the reason for a difference.
+/// The reason for a difference, as far as it can be tested: what was seen in the simulation, or the first thing that,
+/// taken into the prediction, brings it within what is allowed.
 fn reason(comparison: &Comparison) -> String {
     if let Some(travel) = comparison.travel.iter().find(|travel| travel.snapped_in) {
         return format!("{} snaps in", travel.actuator);
     }
-    if let Some(difference) = comparison.causal_difference.filter(|difference| difference.abs() <= allowed(comparison))
+    let steps = [
+        (comparison.rounded_g, "voltages and frequencies as the board's registers round them"),
+        (comparison.achieved_g, "the harmonics' motion, which closes the gaps further"),
+        (comparison.causal_g, "the viscous damping that stands in for the loss factor in time"),
+        (comparison.kept_g, "the modes above 200 kHz, which the simulation leaves out"),
+    ];
+    let of = |predicted_g: f64| (comparison.simulated_g - predicted_g) / predicted_g.max(f64::MIN_POSITIVE);
+    if let Some((predicted_g, what)) =
+        steps.iter().find(|(predicted_g, _)| of(*predicted_g).abs() <= allowed(comparison))
     {
+        return format!("{what}: {:+.2} % from the prediction with that", of(*predicted_g) * 100.0);
+    }
+    let left = of(comparison.kept_g).abs() - allowed(comparison);
+    if comparison.coinciding >= left {
         return format!(
-            "the loss factor's viscous stand-in in time: {:+.2} % from the prediction with that damping",
-            difference * 100.0
+            "harmonics, or sums and differences of frequencies, at a drive's own frequency: up to {:.2} %",
+            comparison.coinciding * 100.0
         );
+    }
+    if comparison.unsettled >= left {
+        return format!("not settled in the longest burst: up to {:.2} % left", comparison.unsettled * 100.0);
     }
     if comparison.simulated_travel() > TRAVEL {
         return format!("travel of {:.2} of the gap, beyond a third", comparison.simulated_travel());
-    }
-    if comparison.unsettled > UNSETTLED {
-        return format!("not settled in the longest burst: up to {:.2} % left", comparison.unsettled * 100.0);
-    }
-    let drives = &comparison.drives;
-    for drive in drives {
-        for other in drives.iter().filter(|other| other.actuator != drive.actuator) {
-            let meets = |hz: f64| (hz - other.frequency_hz).abs() < TOGETHER_HZ;
-            if let Some(n) = HARMONICS.iter().find(|n| meets(f64::from(**n) * drive.frequency_hz)) {
-                return format!("harmonic {n} of {} is at the frequency of {}", drive.actuator, other.actuator);
-            }
-            for third in drives.iter().filter(|third| third.actuator != other.actuator) {
-                let sums =
-                    [2.0 * drive.frequency_hz - third.frequency_hz, 2.0 * drive.frequency_hz + third.frequency_hz];
-                if third.actuator != drive.actuator && sums.iter().any(|hz| meets(hz.abs())) {
-                    return format!(
-                        "the spring of {}, pulsating at twice its frequency, takes the motion of {} to the frequency of {}",
-                        drive.actuator, third.actuator, other.actuator
-                    );
-                }
-            }
-        }
     }
     "none of the known ones".into()
 }

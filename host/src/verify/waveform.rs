@@ -15,13 +15,18 @@ use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, PI, TAU};
 /// corner, which a resonance can make up for, and 1/256 of what lies at four times.
 const HIGHEST_HZ: f64 = 4000.0;
 /// Highest harmonic that moves the masses far enough for the electrodes to notice.
-const HIGHEST_LINE: u32 = 5;
+pub const HIGHEST_LINE: u32 = 5;
 /// Points of the quadrature over a window: of the 99th harmonic, 40 Hz to 4 kHz, 15 in a period.
 const WINDOW_POINTS: u32 = 500;
 /// Lowest sum or difference of frequencies that is counted, in Hz.
 const LOWEST_HZ: f64 = 1.0;
 /// Drives are of one frequency if they are nearer than this, in Hz.
 const SAME_HZ: f64 = 1e-9;
+/// Lines nearer than this, in Hz, are one to a record of 1 s: their phases go less than a fifth of a turn apart in it.
+const TOGETHER_HZ: f64 = 0.2;
+/// Half the main lobe of the window through which a record is looked at, and some: what is further from a drive's frequency
+/// adds nothing to its amplitude.
+const BESIDE_HZ: f64 = 8.0;
 
 /// The acceleration at one point, as a sum of sines.
 #[derive(Clone, Debug)]
@@ -128,7 +133,7 @@ impl Steady {
 }
 
 /// Equation 23 in m/s^2 at the point with the mode shapes `shape`, of the steady motion under `drives` with the electrodes'
-/// softening.
+/// softening, the motion of harmonics up to the number `highest` (1 to [`HIGHEST_LINE`]) included.
 ///
 /// # Errors
 /// As [`Waveform::new`].
@@ -137,8 +142,9 @@ pub fn fundamentals(
     actuators: &[Transducer],
     shape: &DVector<f64>,
     drives: &[SiDrive],
+    highest: u32,
 ) -> Result<f64, VerifyError> {
-    let steady = Steady::new(&Solver::new(model), model, actuators, drives, HIGHEST_LINE)?;
+    let steady = Steady::new(&Solver::new(model), model, actuators, drives, highest)?;
     let mut sum = 0.0;
     for (frequency, _, coordinates, forces) in steady.parts.iter().filter(|(_, harmonic, ..)| *harmonic == 1) {
         let omega = TAU * steady.frequencies_hz.get(*frequency).copied().unwrap_or_default();
@@ -204,6 +210,29 @@ impl Waveform {
     #[must_use]
     pub fn fundamentals(&self) -> f64 {
         self.tones.iter().map(|tone| tone.fundamental).sum()
+    }
+
+    /// What harmonics, and sums and differences of frequencies, have at the drives' own frequencies: the sum of the
+    /// amplitudes in m/s^2, without any low-pass, of those that a record of 1 s cannot tell from a drive's, and the
+    /// frequencies in Hz of those that are beside one.
+    #[must_use]
+    pub fn neighbours(&self) -> (f64, Vec<f64>) {
+        let harmonics = self.tones.iter().flat_map(|tone| {
+            let numbers = (3_u32..).step_by(2).map(f64::from);
+            numbers.zip(tone.phasors.iter().skip(1)).map(|(n, phasor)| (n * tone.frequency_hz, phasor))
+        });
+        let all = harmonics.chain(self.combinations.iter().map(|(hz, phasor)| (*hz, phasor)));
+        let (mut together, mut beside) = (0.0, Vec::<f64>::new());
+        for (hz, phasor) in all {
+            let from_a_drive = |tone: &Tone| (hz - tone.frequency_hz).abs();
+            let nearest_hz = self.tones.iter().map(from_a_drive).fold(f64::INFINITY, f64::min);
+            if nearest_hz < TOGETHER_HZ {
+                together += phasor.norm() / low_pass(hz).norm();
+            } else if nearest_hz < BESIDE_HZ && beside.iter().all(|other| (other - hz).abs() >= TOGETHER_HZ) {
+                beside.push(hz);
+            }
+        }
+        (together, beside)
     }
 
     /// Acceleration in m/s^2 through the accelerometer's low-pass, `time_s` after the drives' start.

@@ -15,7 +15,7 @@ mod terminal;
 
 pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, attenuation, low_pass};
 pub use board::{Clock, Defects, SimBoard};
-pub use modal::{ModalSystem, causal};
+pub use modal::{ModalSystem, causal, kept};
 pub use panel::{Extreme, Panel, STEP_S};
 pub use rails::Rail;
 pub use source::Source;

@@ -3,6 +3,9 @@
 use crate::model::ReducedModel;
 use nalgebra::{DMatrix, DVector};
 
+/// Modes above this frequency follow any force within the step statically; their compliance is below 1e-4 of that of the
+/// modes kept, and leaving them out keeps the matrix exponential well scaled.
+const HIGHEST_MODE_HZ: f64 = 200e3;
 /// Velocities are divided by this in the state (rad/s), to be of the size of displacements.
 pub(super) const VELOCITY_SCALE: f64 = 1e3;
 
@@ -39,6 +42,29 @@ pub fn causal(model: &ReducedModel) -> Option<ReducedModel> {
     causal.viscous = viscous_stand_in(model);
     causal.structured = None;
     Some(causal)
+}
+
+/// The model with the damping and the modes that it has in time (those up to 200 kHz), for the frequency
+/// domain; `None` if all of its modes are stepped. Those left out have no force and no coupling, and stay at rest.
+#[must_use]
+pub fn kept(model: &ReducedModel) -> Option<ReducedModel> {
+    let left_out: Vec<usize> = (0..model.order()).filter(|i| !is_stepped(model.lambda[*i])).collect();
+    if left_out.is_empty() {
+        return None;
+    }
+    let mut kept = causal(model).unwrap_or_else(|| model.clone());
+    for i in left_out {
+        kept.force.row_mut(i).fill(0.0);
+        kept.viscous.row_mut(i).fill(0.0);
+        kept.viscous.column_mut(i).fill(0.0);
+    }
+    kept.structured = None;
+    Some(kept)
+}
+
+/// Whether a mode with the squared angular frequency `lambda` (rad^2/s^2) is stepped in time.
+pub(super) fn is_stepped(lambda: f64) -> bool {
+    lambda < (std::f64::consts::TAU * HIGHEST_MODE_HZ).powi(2)
 }
 
 fn viscous_stand_in(model: &ReducedModel) -> DMatrix<f64> {

@@ -6,7 +6,7 @@
 //! itself yields: under the last step's force first, then under that of this mean. That is of second order in the step.
 
 use super::accelerometer::Accelerometer;
-use super::modal::{ModalSystem, Stepper, VELOCITY_SCALE};
+use super::modal::{ModalSystem, Stepper, VELOCITY_SCALE, is_stepped};
 use super::rails::Rail;
 use super::source::Source;
 use crate::planner::PlanTable;
@@ -18,9 +18,6 @@ use nalgebra::DVector;
 /// Step of the integration in s. The step itself is exact for any length; 25 us is what the accelerometer needs: the mean
 /// over a step loses (pi f dt)^2/6 = 1e-3 at 1 kHz and 1.6e-4 at 400 Hz.
 pub const STEP_S: f64 = 25e-6;
-/// Modes above this frequency follow any force within the step statically; their compliance is below 1e-4 of that of the
-/// modes kept, and leaving them out keeps the matrix exponential well scaled.
-const HIGHEST_MODE_HZ: f64 = 200e3;
 /// Below this part of its largest state the panel counts as at rest and costs nothing.
 const AT_REST: f64 = 1e-9;
 
@@ -79,8 +76,7 @@ impl Panel {
     }
 
     fn with_step(system: &ModalSystem, transducers: Vec<Transducer>, step_s: f64) -> Self {
-        let highest = (std::f64::consts::TAU * HIGHEST_MODE_HZ).powi(2);
-        let kept: Vec<usize> = (0..system.lambda.len()).filter(|i| system.lambda[*i] < highest).collect();
+        let kept: Vec<usize> = (0..system.lambda.len()).filter(|i| is_stepped(system.lambda[*i])).collect();
         let system = ModalSystem {
             lambda: system.lambda.select_rows(&kept),
             damping: system.damping.select_rows(&kept).select_columns(&kept),

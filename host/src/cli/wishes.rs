@@ -1,0 +1,101 @@
+//! What a touch asks for besides its own place and strength, as `era plan` and `era touch` take it.
+
+use super::args::{Point, parse_point};
+use crate::planner::schedule::Window;
+use crate::planner::{Grouping, Objective};
+use clap::Args;
+
+/// Other targets, quiet zones, times, what is optimised.
+#[derive(Clone, Debug, Args)]
+pub struct Wishes {
+    /// When the target is wanted, in ms from the beginning [default: as long as any other]
+    #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]
+    pub window: Option<Window>,
+    /// Another target, its peak in g, and when it is wanted; several times for several
+    #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_also, allow_hyphen_values = true)]
+    pub also: Vec<Also>,
+    /// A place to be spared, its radius in mm and the most peak acceleration there in g; several times for several
+    #[arg(long, value_name = "X,Y:MM:G", value_parser = parse_quiet, allow_hyphen_values = true)]
+    pub quiet: Vec<Spared>,
+    /// What is made least, or most
+    #[arg(long, value_enum, default_value_t)]
+    pub objective: Objective,
+    /// Which actuators share a frequency
+    #[arg(long, value_enum, default_value_t)]
+    pub grouping: Grouping,
+}
+
+/// Another target, as written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Also {
+    pub at: Point,
+    pub intensity_g: Option<f64>,
+    pub window: Option<Window>,
+}
+
+/// A quiet zone, as written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spared {
+    pub at: Point,
+    pub radius_mm: f64,
+    pub at_most_g: f64,
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    text.trim().parse().ok().filter(|value: &f64| value.is_finite()).ok_or(format!("{text:?} is not a number"))
+}
+
+fn parse_window(text: &str) -> Result<Window, String> {
+    let (from, to) = text.split_once('-').ok_or(format!("{text:?} is not of the form FROM-TO"))?;
+    let window = Window { from_ms: number(from)?, to_ms: number(to)? };
+    window.check().map_err(|error| error.to_string())?;
+    Ok(window)
+}
+
+fn parse_also(text: &str) -> Result<Also, String> {
+    let parts: Vec<&str> = text.split(':').collect();
+    let (at, intensity, window) = match parts.as_slice() {
+        [at] => (at, None, None),
+        [at, intensity] => (at, Some(intensity), None),
+        [at, intensity, window] => (at, Some(intensity), Some(window)),
+        _ => return Err(format!("{text:?} is not of the form X,Y[:G[:FROM-TO]]")),
+    };
+    let read = || -> Result<Also, String> {
+        Ok(Also {
+            at: parse_point(at)?,
+            // Left empty for a window alone.
+            intensity_g: intensity.filter(|text| !text.is_empty()).map(|text| number(text)).transpose()?,
+            window: window.map(|text| parse_window(text)).transpose()?,
+        })
+    };
+    read().map_err(|error| format!("{error} (the form is X,Y[:G[:FROM-TO]])"))
+}
+
+fn parse_quiet(text: &str) -> Result<Spared, String> {
+    match text.split(':').collect::<Vec<_>>().as_slice() {
+        [at, radius, most] => Ok(Spared { at: parse_point(at)?, radius_mm: number(radius)?, at_most_g: number(most)? }),
+        _ => Err(format!("{text:?} is not of the form X,Y:MM:G")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_read_as_written() {
+        let window = Window { from_ms: 200.0, to_ms: 500.0 };
+        let at = Point { x: 10.0, y: -2.5 };
+        assert_eq!(parse_also("10,-2.5"), Ok(Also { at, intensity_g: None, window: None }));
+        assert_eq!(parse_also("10,-2.5:0.3"), Ok(Also { at, intensity_g: Some(0.3), window: None }));
+        assert_eq!(parse_also("10,-2.5::200-500"), Ok(Also { at, intensity_g: None, window: Some(window) }));
+        assert_eq!(parse_quiet("10,-2.5:15:0.02"), Ok(Spared { at, radius_mm: 15.0, at_most_g: 0.02 }));
+        for (text, wanted) in
+            [("1,2:x", "\"x\""), ("1,2:1:2:3", "X,Y[:G[:FROM-TO]]"), ("1", "X,Y"), ("1,2:1:5", "FROM-TO")]
+        {
+            assert!(parse_also(text).unwrap_err().contains(wanted), "{text}");
+        }
+        assert!(parse_window("500-200").unwrap_err().contains("to_ms: 200"));
+        assert!(parse_quiet("1,2:3").is_err());
+    }
+}
