@@ -308,7 +308,7 @@ mod tests {
             let rest = rise.stepper(&rows, STEP_S);
             for effect in [NamedEffect::Swell, NamedEffect::PulseTrain, NamedEffect::Texture] {
                 let count = (effect == NamedEffect::PulseTrain).then_some(40);
-                let duration_ms = (effect != NamedEffect::PulseTrain).then_some(3000.0);
+                let duration_ms = (effect != NamedEffect::PulseTrain).then_some(6000.0);
                 let request = EffectRequest { count, duration_ms, ..EffectRequest::of(effect) };
                 let effects = vec![request.envelope().unwrap(); parts.len()];
                 let shortened = Shortened::new(&table.electrodes, &parts, &effects, &free);
