@@ -110,7 +110,7 @@ pub(super) fn scale<DB: DrawingBackend>(
         let at = (left + 24, y - HEIGHT / 2);
         text::draw(area, at, &format!("{value:.digits$}"), (Anchor::Start, Way::Along), BLACK)?;
     }
-    text::draw(area, (frame.right() + SCALE - HEIGHT - 8, frame.y(0.5)), unit, (Anchor::Middle, Way::Up), BLACK)
+    text::draw(area, (frame.right() + SCALE - HEIGHT - 18, frame.y(0.5)), unit, (Anchor::Middle, Way::Up), BLACK)
 }
 
 /// Colour of a part, 0 to 1, of a scale.

@@ -38,7 +38,7 @@ pub enum Scheme {
 }
 
 impl Scheme {
-    /// All of them.
+    /// All of them, in the order in which they are compared.
     pub const ALL: [Scheme; 3] =
         [Scheme::OneFrequencyInPhase, Scheme::OneFrequencyWithPhases, Scheme::DistinctFrequencies];
 
@@ -93,16 +93,15 @@ pub fn compare(table: &PlanTable, region: Option<Region>, measure: Measure) -> R
     }
     let view = View::new(table, region).ok_or(PlanError::NoFrequencies)?;
     let compared = Compared { table, view, measure };
+    let together = |phases| shared::strongest(table, &compared.view, measure, phases).ok_or(PlanError::NoFrequencies);
+    let in_phase = together(Phases::Equal)?;
+    let chosen = together(Phases::Chosen)?.or(&in_phase);
+    let distinct = compared.distinct().ok_or(PlanError::NoFrequencies)?;
+    let found = [Found::from(in_phase), Found::from(chosen), distinct];
     let mut schemes: Vec<SchemeReach> = Scheme::ALL
         .into_iter()
-        .map(|scheme| {
-            let found = match scheme {
-                Scheme::OneFrequencyInPhase => compared.together(Phases::Equal),
-                Scheme::OneFrequencyWithPhases => compared.together(Phases::Chosen),
-                Scheme::DistinctFrequencies => compared.distinct(),
-            };
-            found.and_then(|found| compared.told(scheme, found)).ok_or(PlanError::NoFrequencies)
-        })
+        .zip(found)
+        .map(|(scheme, found)| compared.told(scheme, found).ok_or(PlanError::NoFrequencies))
         .collect::<Result<_, _>>()?;
     let distinct = schemes.iter().find(|scheme| scheme.scheme == Scheme::DistinctFrequencies);
     let levels = distinct.map(|distinct| (distinct.one_setting.least, distinct.per_touch.least));
@@ -144,12 +143,13 @@ struct Found {
     per_touch: Vec<f64>,
 }
 
-impl Compared<'_> {
-    fn together(&self, phases: Phases) -> Option<Found> {
-        let found = shared::strongest(self.table, &self.view, self.measure, phases)?;
-        Some(Found { setting: found.one, scale: found.scale, at_most: None, per_touch: found.each })
+impl From<shared::Found> for Found {
+    fn from(found: shared::Found) -> Self {
+        Self { setting: found.one, scale: found.scale, at_most: None, per_touch: found.each }
     }
+}
 
+impl Compared<'_> {
     fn distinct(&self) -> Option<Found> {
         let space = Space::of(self.table, &self.view.shapes, |hz| self.measure.weight(hz));
         let touches = maps::strongest(self.table, &space, Options::default());

@@ -46,6 +46,8 @@ pub enum Phases {
 pub struct Found {
     /// The drive with the largest minimum over the points.
     pub one: Vec<Part>,
+    /// That minimum.
+    pub least: f64,
     /// Part of its forces that masses that move far have left.
     pub scale: f64,
     /// The largest peak at each point.
@@ -74,7 +76,7 @@ pub fn strongest(table: &PlanTable, view: &View, measure: Measure, phases: Phase
         let (one, scale) = at.commanded(&forces)?;
         Some((least * scale, one, scale))
     });
-    let (_, one, scale) = refined.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (least, one, scale) = refined.max_by(|a, b| a.0.total_cmp(&b.0))?;
     let each = (0..view.points.len())
         .into_par_iter()
         .map(|point| {
@@ -99,7 +101,19 @@ pub fn strongest(table: &PlanTable, view: &View, measure: Measure, phases: Phase
             best
         })
         .collect();
-    Some(Found { one, scale, each })
+    Some(Found { one, least, scale, each })
+}
+
+impl Found {
+    /// The better of two searches over the same view, as one with fewer choices may have come further.
+    #[must_use]
+    pub fn or(mut self, other: &Self) -> Self {
+        if other.least > self.least {
+            (self.one, self.least, self.scale) = (other.one.clone(), other.least, other.scale);
+        }
+        self.each.iter_mut().zip(&other.each).for_each(|(own, other)| *own = own.max(*other));
+        self
+    }
 }
 
 /// One frequency: responses at the points, limits.
