@@ -7,7 +7,7 @@ use era::planner::softening::{Excitation, Line, Transducer, settle, travel_recep
 use era::planner::{PlanTable, TableOptions, Target};
 use era::response::Solver;
 use era::scene::{EXAMPLE_BAR, Scene};
-use era::verify::trials::{Options, Trial, Verdict, scene_text, try_scene, verdict};
+use era::verify::trials::{Options, Outcome, Trial, Verdict, scene_text, try_scene, verdict};
 use era::verify::{VerifyError, compare};
 use era_shared::supply::{RAILS, rail_of};
 
@@ -34,6 +34,16 @@ fn prediction_and_simulation_agree_on_random_scenes() {
     assert_eq!(verdict(&other), Verdict::Outside);
     // Softening is not nothing here.
     assert!(compared.iter().any(|c| c.linear_difference.abs() > 0.02));
+}
+
+/// Two actuators of this scene share a rail, and one needs so little force that its windows would be shorter than a tick of
+/// the timer: it is sent as none, and the board takes the plan.
+#[test]
+fn a_drive_of_next_to_nothing_on_a_rail_is_taken() {
+    let options = Options { seed: 1, touches: 4, accuracy: Accuracy::FAST };
+    for trial in try_scene(&options, 107).unwrap() {
+        assert!(!matches!(trial.outcome, Outcome::Failed { .. }), "{trial:?}");
+    }
 }
 
 /// What the softened motion says is within the limits stays within them in time, switching on included: travel of a third of
