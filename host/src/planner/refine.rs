@@ -9,6 +9,8 @@ use super::table::{Entry, PlanTable, Width};
 
 /// Least relative gain that a frequency off the grid must bring.
 const WORTH: f64 = 1e-3;
+/// Part of that which it must gain by the parabola to be looked at: a parabola through the flank of a resonance may be half off.
+const LIKELY: f64 = 0.5;
 
 /// An actuator's drive.
 #[derive(Clone, Debug)]
@@ -63,11 +65,15 @@ impl PlanTable {
         let mut allocation = found.allocation.clone();
         let mut own = judge.empty(&choices.wanted);
         let hz: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
+        // To first order the whole gains what its parts earn more at the prices that they have.
+        let worth = LIKELY * WORTH * if allocation.met >= 1.0 { allocation.cost } else { allocation.met };
+        let better: Vec<_> = (0..p).map(|i| self.better_frequency(judge, choices, found, i, &hz)).collect();
         let mut moved = Vec::new();
-        for i in 0..p {
-            let Some(hz) = self.better_frequency(judge, choices, found, i, &hz) else { continue };
-            if let Ok(row) = self.row_at(hz) {
-                moved.push((i, hz, row));
+        if better.iter().flatten().map(|(_, gain)| gain).sum::<f64>() >= worth {
+            for (i, (hz, _)) in better.into_iter().enumerate().filter_map(|(i, better)| Some((i, better?))) {
+                if let Ok(row) = self.row_at(hz) {
+                    moved.push((i, hz, row));
+                }
             }
         }
         if !moved.is_empty() {
@@ -110,7 +116,8 @@ impl PlanTable {
     }
 
     /// The vertex of the parabola through what an actuator earns, at the prices of the best combination, at its frequency
-    /// and the two beside it; `None` where that is at the grid's, or nearer than the spacing to another drive's frequency.
+    /// and the two beside it, and by how much more it earns there; `None` where that is at the grid's, or nearer than the
+    /// spacing to another drive's frequency.
     fn better_frequency(
         &self,
         judge: &Judge<'_>,
@@ -118,7 +125,7 @@ impl PlanTable {
         found: &Found,
         i: usize,
         hz: &[f64],
-    ) -> Option<f64> {
+    ) -> Option<(f64, f64)> {
         let tag = choices.candidates[i][found.chosen[i]].tag;
         let (k, w) = (tag / 2, tag % 2);
         let own = *self.frequencies_hz.get(k)?;
@@ -140,6 +147,7 @@ impl PlanTable {
         let slope = (left * above + right * below) / (below + above);
         let step = (-slope / curvature).clamp(-below, above);
         let free = hz.iter().enumerate().all(|(j, other)| j == i || (own + step - other).abs() >= MIN_SPACING_HZ);
-        (free && step.abs() > 1e-3 * (below + above)).then_some(own + step)
+        let gain = (slope + 0.5 * curvature * step) * step;
+        (free && step.abs() > 1e-3 * (below + above)).then_some((own + step, gain))
     }
 }

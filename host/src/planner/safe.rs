@@ -5,9 +5,9 @@
 //! break down the gap that is left, or the supply deliver more than it can, all forces are scaled down together until none does.
 
 use super::ELECTRODE_CABLE_F;
-use super::limits::{Electrodes, Limit};
+use super::limits::{Electrodes, Limit, TRAVEL_PART};
 use super::refine::Chosen;
-use super::softening::{Excitation, Line, MAX_LINES, Motion, NotSafe, Transducer, settle};
+use super::softening::{Excitation, Line, MAX_LINES, Motion, NotSafe, Transducer, follow, settle};
 use super::table::{PlanTable, travel_m_per_n};
 use crate::scene::{EPS0, MAX_ACTUATORS};
 use era_shared::limits::MAX_AVERAGE_MICROAMPS;
@@ -22,12 +22,14 @@ pub(super) const LEVELS: u32 = 16;
 pub(super) const HALVINGS: u32 = 7;
 /// Softening times receptance that is too weak to move a resonance across a drive.
 pub(super) const WEAK: f64 = 0.3;
+/// Parts of the gap up to which motions are shown to stay: the third that is allowed, and less, where the softening is weaker.
+const CLOSED: [f64; 3] = [TRAVEL_PART, 0.2, 0.1];
 
-/// Most stiffness in N/m that an electrode at a voltage takes away, its mass a third of the gap off: F' = 2 F / (g - x), F
-/// grown by (g / (g - x))^2: 3.4 times that at rest.
-pub(super) fn most_softening(electrodes: &Electrodes, voltage_v: f64) -> f64 {
+/// Stiffness in N/m that an electrode at a voltage takes away at most, its mass a part of the gap off: F' = 2 F / (g - x), F
+/// grown by (g / (g - x))^2.
+pub(super) fn softening(electrodes: &Electrodes, voltage_v: f64, closed: f64) -> f64 {
     let force_n = electrodes.newtons_per_volt_squared() * voltage_v * voltage_v;
-    2.0 * force_n / electrodes.gap_m * 1.5_f64.powi(3)
+    2.0 * force_n / electrodes.gap_m / (1.0 - closed).powi(3)
 }
 
 /// Voltage and pulse width of one drive.
@@ -71,22 +73,34 @@ impl PlanTable {
     }
 
     fn safe_scale(&self, drives: &[Chosen]) -> Option<Settled> {
-        if self.is_hardly_softened(drives)
-            && let Ok(settled) = self.try_settle(drives, 1.0)
-        {
-            return Some(settled);
+        let part = |level: u32| f64::from(level) / f64::from(LEVELS);
+        // Up to a level nothing needs looking at: it is found by halving.
+        let (mut plain, mut above) = (0, LEVELS + 1);
+        let mut next = LEVELS;
+        while above - plain > 1 {
+            if self.is_hardly_softened(drives, part(next)) {
+                plain = next;
+            } else {
+                above = next;
+            }
+            next = u32::midpoint(plain, above);
         }
-        let mut known = self.try_settle(drives, 0.0).ok()?;
-        let mut low = 0.0;
-        for level in 1..=LEVELS {
-            let part = f64::from(level) / f64::from(LEVELS);
-            match self.try_settle(drives, part) {
-                Ok(settled) => (known, low) = (settled, part),
+        let mut low = part(plain);
+        let mut known = match self.try_settle(drives, low, None) {
+            Ok(settled) => settled,
+            Err(_) => {
+                (plain, low) = (0, 0.0);
+                self.try_settle(drives, 0.0, None).ok()?
+            }
+        };
+        for level in plain + 1..=LEVELS {
+            match self.try_settle(drives, part(level), Some((&known, low))) {
+                Ok(settled) => (known, low) = (settled, part(level)),
                 Err(mut limited) => {
-                    let mut high = part;
+                    let mut high = part(level);
                     for _ in 0..HALVINGS {
                         let middle = 0.5 * (low + high);
-                        match self.try_settle(drives, middle) {
+                        match self.try_settle(drives, middle, Some((&known, low))) {
                             Ok(settled) => (known, low) = (settled, middle),
                             Err(closer) => (limited, high) = (closer, middle),
                         }
@@ -99,33 +113,49 @@ impl PlanTable {
     }
 
     /// Whether every motion on the way is within the limits for the sum e of the softenings times the receptances of what they
-    /// soften: each turn of force to travel to force adds at most e of the largest travel, all of them e / (1 - e).
-    fn is_hardly_softened(&self, drives: &[Chosen]) -> bool {
-        let applied = self.applied(drives, 1.0);
+    /// soften: each turn of force to travel to force adds at most e of the largest travel, all of them e / (1 - e). The
+    /// softening is that of gaps closed by a part; as all motions begin at rest and grow steadily with the voltages, none goes
+    /// beyond that part if those within it do not. For forces times `scale`.
+    fn is_hardly_softened(&self, drives: &[Chosen], scale: f64) -> bool {
+        let applied = self.applied(drives, scale);
         let p = drives.len().min(MAX_ACTUATORS);
-        let softening = |i: usize| self.electrodes.get(i).map_or(0.0, |e| most_softening(e, applied[i].voltage_v));
-        let turn = |drive: &Chosen| -> f64 {
-            let into = |j: usize| drive.row.get(j).map_or(0.0, |entry| entry.travel.iter().map(|z| z.norm()).sum());
-            (0..p).map(|j| into(j) * softening(j)).sum()
-        };
-        let most = drives.iter().map(turn).fold(0.0, f64::max);
-        if most > WEAK {
-            return false;
+        let mut travel = [0.0; MAX_ACTUATORS];
+        for (j, drive) in drives.iter().enumerate().take(p) {
+            let Some(entry) = drive.row.get(j) else { return false };
+            let own = travel_m_per_n(entry, applied[j].pulse_width);
+            travel.iter_mut().zip(own).for_each(|(travel, own)| *travel += own * drive.force_n * scale);
         }
-        let travel = |i: usize| -> f64 {
-            let own = |(j, drive): (usize, &Chosen)| {
-                drive.row.get(j).map_or(0.0, |entry| travel_m_per_n(entry, applied[j].pulse_width)[i]) * drive.force_n
+        let largest = travel.iter().copied().fold(0.0, f64::max);
+        let is_within = |closed: f64| {
+            let softening = |i: usize| {
+                self.electrodes.get(i).map_or(0.0, |electrodes| softening(electrodes, applied[i].voltage_v, closed))
             };
-            drives.iter().enumerate().map(own).sum()
+            let turn = |drive: &Chosen| -> f64 {
+                let into = |j: usize| drive.row.get(j).map_or(0.0, |entry| entry.travel.iter().map(|z| z.norm()).sum());
+                (0..p).map(|j| into(j) * softening(j)).sum()
+            };
+            let most = drives.iter().map(turn).fold(0.0, f64::max);
+            if most >= 1.0 {
+                return false;
+            }
+            // Each mass goes as far as it does, and as any other goes for what the turns add.
+            let added = most / (1.0 - most) * largest;
+            self.electrodes.iter().zip(travel).zip(&applied).take(p).all(|((electrodes, travel), applied)| {
+                let travel = travel + added;
+                travel <= closed * electrodes.gap_m
+                    && electrodes.violated(travel, applied.voltage_v * (1.0 - 1e-12)).is_none()
+            })
         };
-        // Each mass goes as far as it does, and as any other goes for what the turns add.
-        let added = most / (1.0 - most) * (0..p).map(travel).fold(0.0, f64::max);
-        self.electrodes.iter().enumerate().take(p).all(|(i, electrodes)| {
-            electrodes.violated(travel(i) + added, applied[i].voltage_v * (1.0 - 1e-12)).is_none()
-        })
+        CLOSED.into_iter().any(is_within)
     }
 
-    fn try_settle(&self, drives: &[Chosen], scale: f64) -> Result<Settled, (usize, Limit)> {
+    /// The motion for forces times `scale`, if it is within all limits; from one `known` at a lower scale, if there is one.
+    fn try_settle(
+        &self,
+        drives: &[Chosen],
+        scale: f64,
+        known: Option<(&Settled, f64)>,
+    ) -> Result<Settled, (usize, Limit)> {
         let p = drives.len().min(MAX_ACTUATORS);
         let applied = self.applied(drives, scale);
         self.check_supply(drives, &applied)?;
@@ -161,7 +191,14 @@ impl PlanTable {
             excitations[i] =
                 Excitation { frequency: frequency[i], voltage_v, pulse_width, phase_rad: drives[i].phase_rad };
         }
-        let motion = settle(&transducers[..p], &excitations[..p], &lines).map_err(|error| match error {
+        let (transducers, excitations) = (&transducers[..p], &excitations[..p]);
+        let motion = match known {
+            Some((known, low)) if low > 0.0 => {
+                follow(transducers, excitations, &lines, &known.motion, scale / low)
+            }
+            _ => settle(transducers, excitations, &lines),
+        };
+        let motion = motion.map_err(|error| match error {
             NotSafe::Travel { actuator } => (actuator, Limit::Travel),
             NotSafe::Unstable | NotSafe::Shape { .. } => (0, Limit::Travel),
         })?;

@@ -32,7 +32,7 @@ pub const MAX_LINES: usize = HARMONICS * MAX_ACTUATORS;
 /// limit of a third ([`Electrodes::violated`]) lies far within.
 const FOLLOWED: f64 = 0.5;
 /// Change of the forces, relative to the largest, that counts as none.
-const CONVERGED: f64 = 1e-7;
+const CONVERGED: f64 = 1e-6;
 /// The same on the way to it.
 const ON_THE_WAY: f64 = 1e-2;
 /// Most steps of Newton's method; four or five are usual.
@@ -149,46 +149,56 @@ pub enum NotSafe {
     },
 }
 
-/// The steady motion of `actuators` under `excitations` (one each) on `lines`.
-///
-/// # Errors
-/// [`NotSafe`].
-pub fn settle(actuators: &[Transducer], excitations: &[Excitation], lines: &[Line]) -> Result<Motion, NotSafe> {
-    let complete = excitations.iter().all(|excitation| {
-        let own = |line: &Line| line.frequency == excitation.frequency && line.harmonic == 1;
-        excitation.voltage_v == 0.0 || lines.iter().any(own)
-    });
-    let odd = lines.iter().all(|line| describe::index_of(line.harmonic).is_some());
-    if !complete
-        || !odd
-        || actuators.len() > MAX_ACTUATORS
-        || actuators.len() != excitations.len()
-        || lines.len() > MAX_LINES
-    {
-        let (actuators, excitations, lines) = (actuators.len(), excitations.len(), lines.len());
-        return Err(NotSafe::Shape { actuators, excitations, lines });
-    }
-    let mut windows = [Windows::NONE; MAX_ACTUATORS];
-    for (windows, excitation) in windows.iter_mut().zip(excitations) {
-        *windows = Windows::new(excitation);
-    }
-    let problem = Problem { actuators, excitations, lines, windows };
-    let rest = Motion {
+impl Motion {
+    /// None at all.
+    pub const REST: Self = Self {
         force_n: [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES],
         travel_m: [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES],
         pulsating_n_per_m: [Complex64::ZERO; MAX_ACTUATORS],
         largest_m: [0.0; MAX_ACTUATORS],
     };
-    let mut motion = rest;
+
+    /// The same motion with forces and travels times `factor`, a first guess of what another voltage makes of it.
+    fn times(&self, factor: f64) -> Self {
+        let scaled = |vectors: &[Vector; MAX_LINES]| vectors.map(|vector| vector.map(|z| z * factor));
+        Self { force_n: scaled(&self.force_n), travel_m: scaled(&self.travel_m), ..*self }
+    }
+}
+
+/// The steady motion of `actuators` under `excitations` (one each) on `lines`.
+///
+/// # Errors
+/// [`NotSafe`].
+pub fn settle(actuators: &[Transducer], excitations: &[Excitation], lines: &[Line]) -> Result<Motion, NotSafe> {
+    let problem = Problem::new(actuators, excitations, lines)?;
+    let mut motion = Motion::REST;
     let at_once = problem.newton(&mut motion, 1.0, CONVERGED);
     let small = |(actuator, largest): (&Transducer, &f64)| *largest <= FROM_REST * actuator.gap_m;
     if at_once.is_ok() && actuators.iter().zip(&motion.largest_m).all(small) {
         return Ok(motion);
     }
-    motion = rest;
+    motion = Motion::REST;
     for step in 1..RAMP {
         problem.newton(&mut motion, f64::from(step) / f64::from(RAMP), ON_THE_WAY)?;
     }
+    problem.newton(&mut motion, 1.0, CONVERGED)?;
+    Ok(motion)
+}
+
+/// The same for voltages whose squares are `grown` times those of the motion `known`: it is followed from there, as a slow
+/// start would, if the step is as small as those of a [`RAMP`].
+///
+/// # Errors
+/// [`NotSafe`].
+pub fn follow(
+    actuators: &[Transducer],
+    excitations: &[Excitation],
+    lines: &[Line],
+    known: &Motion,
+    grown: f64,
+) -> Result<Motion, NotSafe> {
+    let problem = Problem::new(actuators, excitations, lines)?;
+    let mut motion = known.times(grown);
     problem.newton(&mut motion, 1.0, CONVERGED)?;
     Ok(motion)
 }
@@ -200,7 +210,33 @@ struct Problem<'a> {
     windows: [Windows; MAX_ACTUATORS],
 }
 
-impl Problem<'_> {
+impl<'a> Problem<'a> {
+    fn new(
+        actuators: &'a [Transducer],
+        excitations: &'a [Excitation],
+        lines: &'a [Line],
+    ) -> Result<Self, NotSafe> {
+        let complete = excitations.iter().all(|excitation| {
+            let own = |line: &Line| line.frequency == excitation.frequency && line.harmonic == 1;
+            excitation.voltage_v == 0.0 || lines.iter().any(own)
+        });
+        let odd = lines.iter().all(|line| describe::index_of(line.harmonic).is_some());
+        if !complete
+            || !odd
+            || actuators.len() > MAX_ACTUATORS
+            || actuators.len() != excitations.len()
+            || lines.len() > MAX_LINES
+        {
+            let (actuators, excitations, lines) = (actuators.len(), excitations.len(), lines.len());
+            return Err(NotSafe::Shape { actuators, excitations, lines });
+        }
+        let mut windows = [Windows::NONE; MAX_ACTUATORS];
+        for (windows, excitation) in windows.iter_mut().zip(excitations) {
+            *windows = Windows::new(excitation);
+        }
+        Ok(Self { actuators, excitations, lines, windows })
+    }
+
     /// Improves `motion` until it is steady, to `tolerance`, under `part` of the voltages' squares.
     fn newton(&self, motion: &mut Motion, part: f64, tolerance: f64) -> Result<(), NotSafe> {
         for _ in 0..MOST_STEPS {

@@ -2,9 +2,9 @@
 
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
 use crate::model::ReducedModel;
-use crate::planner::limits::{Electrodes, Limit};
+use crate::planner::limits::{Electrodes, Limit, TRAVEL_PART};
 use crate::planner::phased::PerPair;
-use crate::planner::safe::{HALVINGS, LEVELS, WEAK, most_softening};
+use crate::planner::safe::{HALVINGS, LEVELS, WEAK, softening};
 use crate::planner::softening::{Excitation, Line, Transducer, settle};
 use crate::planner::{HIGHEST_FELT_HZ, PULSE_WIDTH};
 use crate::response::sweep::SurfaceShapes;
@@ -221,7 +221,7 @@ fn safe_alone(
     most: (f64, Limit),
 ) -> (f64, Limit) {
     let voltage_at = |force_n: f64| electrodes.voltage_for(force_n, pulse_width).min(electrodes.max_voltage_v);
-    if most_softening(electrodes, voltage_at(most.0)) * receptance.norm() <= WEAK {
+    if softening(electrodes, voltage_at(most.0), TRAVEL_PART) * receptance.norm() <= WEAK {
         return most;
     }
     let mut matrix = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];

@@ -286,10 +286,16 @@ impl PlanTable {
 /// Response at a point: the sum of shape times coordinate.
 #[must_use]
 pub fn at_point(shape: &DVector<f64>, acceleration: &DVector<Complex64>) -> Complex64 {
-    let (mut re, mut im) = (0.0, 0.0);
-    for (shape, coordinate) in shape.as_slice().iter().zip(acceleration.as_slice()) {
-        re += coordinate.re * shape;
-        im += coordinate.im * shape;
+    // Four sums each, so that no addition waits for the one before.
+    const WIDE: usize = 4;
+    let (mut re, mut im) = ([0.0; WIDE], [0.0; WIDE]);
+    let (shapes, coordinates) = (shape.as_slice().chunks(WIDE), acceleration.as_slice().chunks(WIDE));
+    for (shapes, coordinates) in shapes.zip(coordinates) {
+        let sums = re.iter_mut().zip(&mut im);
+        for ((re, im), (shape, coordinate)) in sums.zip(shapes.iter().zip(coordinates)) {
+            *re += coordinate.re * shape;
+            *im += coordinate.im * shape;
+        }
     }
-    Complex64::new(re, im)
+    Complex64::new(re.iter().sum(), im.iter().sum())
 }
