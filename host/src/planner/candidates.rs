@@ -144,13 +144,26 @@ impl<'a> Judge<'a> {
         let wanted = wanted.min(BEYOND_REACH * rough.most_reach(&squares, p, f));
         let efficiencies = rough.efficiencies(&squares);
         let Some(known) = self.first(wanted, &squares, &efficiencies, fits) else { return self.all(&[wanted]) };
-        let (earns, needed) = if known.met >= 1.0 {
+        let earnings = |known: &Allocation, efficiencies: &[f64]| {
             // No better one unless its sum of earnings at this price is more than lambda a - cost.
             let lambda = known.prices.gain.first().copied().unwrap_or(0.0);
-            (rough.earnings(&squares, &efficiencies, lambda), lambda * wanted - known.cost)
+            (rough.earnings(&squares, efficiencies, lambda), lambda * wanted - known.cost)
+        };
+        let (known, earns, needed) = if known.met >= 1.0 {
+            let (earns, needed) = earnings(&known, &efficiencies);
+            // Those that are left are worth the mean square near the target.
+            let likely = likely(&earns, p, needed - SINGLE * needed.abs());
+            let near = table.gains().mean_squares(&self.zone.points(), &likely);
+            let efficiencies = rough.sharper(&squares, &near, self.zone.part, &likely);
+            let trial = self.first(wanted, &squares, &efficiencies, fits);
+            let known = trial.filter(|trial| is_better(trial, &known)).unwrap_or(known);
+            let (mut earns, needed) = earnings(&known, &efficiencies);
+            earns.iter_mut().zip(likely).filter(|(_, likely)| !likely).for_each(|(earns, _)| *earns = f64::NEG_INFINITY);
+            (known, earns, needed)
         } else {
             // No better one unless it reaches more.
-            (rough.reaches(&squares), known.met * wanted)
+            let needed = known.met * wanted;
+            (known, rough.reaches(&squares), needed)
         };
         let mut choices = self.empty(&[wanted]);
         // What a combination that is good by the bounds really is may show that more is needed.
@@ -265,6 +278,16 @@ impl<'a> Judge<'a> {
     }
 }
 
+/// Which actuators at which frequencies earn what is needed together with what the others earn at best, as if frequencies had no
+/// distance to keep.
+fn likely(earns: &[f64], p: usize, needed: f64) -> Vec<bool> {
+    let f = earns.len() / p.max(1);
+    let most: Vec<f64> = earns.chunks(f.max(1)).map(|own| own.iter().copied().fold(0.0, f64::max)).collect();
+    let sum: f64 = most.iter().sum();
+    let own = earns.chunks(f.max(1)).zip(&most);
+    own.flat_map(|(own, most)| own.iter().map(move |earns| *earns >= needed - (sum - most))).collect()
+}
+
 /// Frequencies and actuators, in ascending order, that are part of a combination whose earnings add up to what is needed.
 /// `improved` says of a combination, a frequency per actuator, by how much more is needed once it is known.
 fn kept(
@@ -276,15 +299,10 @@ fn kept(
 ) -> Vec<(usize, usize)> {
     let f = frequencies_hz.len();
     let own = |i: usize| &earns[i * f..(i + 1) * f];
-    // First by what the others earn at best, as if frequencies had no distance to keep.
-    let most: Vec<f64> = (0..p).map(|i| own(i).iter().copied().fold(0.0, f64::max)).collect();
-    let sum: f64 = most.iter().sum();
+    // First by what the others earn at best.
     let mut is_node = vec![false; f];
-    for (i, most) in most.iter().enumerate() {
-        let least = needed - (sum - most);
-        for (is_node, earns) in is_node.iter_mut().zip(own(i)) {
-            *is_node |= *earns >= least;
-        }
+    for own in likely(earns, p, needed).chunks(f.max(1)) {
+        is_node.iter_mut().zip(own).for_each(|(is_node, likely)| *is_node |= likely);
     }
     let nodes: Vec<usize> = (0..f).filter(|k| is_node[*k]).collect();
     // Then by the best combinations through each place.

@@ -65,6 +65,11 @@ impl Zone {
         Self { targets: shapes, points, part: (area / table.scene.area_m2()).min(MOST_PART) }
     }
 
+    /// Mode shapes at the points of the quadrature, and their weights.
+    pub fn points(&self) -> Vec<(&DVector<f64>, f64)> {
+        self.points.iter().map(|(shape, weight)| (shape, *weight)).collect()
+    }
+
     /// Mean over the zone of |acceleration|^2.
     #[must_use]
     pub fn mean_square(&self, acceleration: &DVector<Complex64>) -> f64 {

@@ -53,6 +53,101 @@ impl Gains {
     }
 }
 
+/// Frequencies that are taken together: with four points their sums are in the processor's registers.
+const LANES: usize = 8;
+/// Points that are taken together.
+const POINTS: usize = 4;
+
+/// Mode shapes of four points, coordinate by coordinate, and the points' weights.
+struct Four {
+    shapes: Vec<[f32; POINTS]>,
+    weights: [f32; POINTS],
+}
+
+impl Four {
+    fn of(points: &[(&DVector<f64>, f64)]) -> Self {
+        let n = points.first().map_or(0, |(shape, _)| shape.len());
+        let mut four = Self { shapes: vec![[0.0; POINTS]; n], weights: [0.0; POINTS] };
+        for (q, (shape, weight)) in points.iter().enumerate().take(POINTS) {
+            four.weights[q] = single(*weight);
+            four.shapes.iter_mut().zip(shape.iter()).for_each(|(shapes, value)| shapes[q] = single(*value));
+        }
+        four
+    }
+}
+
+impl Gains {
+    /// The mean of |acceleration|^2 in (m/s^2/N)^2 over points with these mode shapes and weights, actuator by actuator over all
+    /// frequencies, where it is `needed` (it may be told elsewhere as well; 0 where it is not).
+    #[must_use]
+    pub fn mean_squares(&self, points: &[(&DVector<f64>, f64)], needed: &[bool]) -> Vec<f64> {
+        let groups: Vec<Four> = points.chunks(POINTS).map(Four::of).collect();
+        let mut out = vec![0.0; self.actuators * self.frequencies];
+        pulp::Arch::new().dispatch(|| mean_squares(self, &groups, needed, &mut out));
+        out
+    }
+}
+
+#[inline(always)]
+fn mean_squares(gains: &Gains, groups: &[Four], needed: &[bool], out: &mut [f64]) {
+    let mut data = gains.data.as_slice();
+    let frequencies = gains.frequencies.max(1);
+    for (own, needed) in out.chunks_mut(frequencies).zip(needed.chunks(frequencies)) {
+        for (block, needed) in own.chunks_mut(BLOCK).zip(needed.chunks(BLOCK)) {
+            let width = block.len();
+            let (values, rest) = data.split_at(2 * gains.coordinates * width);
+            data = rest;
+            for from in (0..width).step_by(LANES) {
+                // The last ones of a block overlap those before, unless there are none.
+                let from = from.min(width.saturating_sub(LANES));
+                let upto = (from + LANES).min(width);
+                if !needed[from..upto].contains(&true) {
+                    continue;
+                }
+                let mut sum = [0.0_f32; LANES];
+                for four in groups {
+                    add_four(&mut sum, four, values, width, from);
+                }
+                for (out, sum) in block[from..upto].iter_mut().zip(sum) {
+                    *out = f64::from(sum);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add_four(sum: &mut [f32; LANES], four: &Four, values: &[f32], width: usize, from: usize) {
+    let (mut re, mut im) = ([[0.0_f32; LANES]; POINTS], [[0.0_f32; LANES]; POINTS]);
+    for (shapes, pair) in four.shapes.iter().zip(values.chunks_exact(2 * width)) {
+        let (values_re, values_im) = pair.split_at(width);
+        let (values_re, values_im) = (lanes(&values_re[from..]), lanes(&values_im[from..]));
+        for ((re, im), shape) in re.iter_mut().zip(&mut im).zip(shapes) {
+            for l in 0..LANES {
+                re[l] += values_re[l] * shape;
+                im[l] += values_im[l] * shape;
+            }
+        }
+    }
+    for ((re, im), weight) in re.iter().zip(&im).zip(four.weights) {
+        for l in 0..LANES {
+            sum[l] += weight * (re[l] * re[l] + im[l] * im[l]);
+        }
+    }
+}
+
+#[inline(always)]
+fn lanes(values: &[f32]) -> [f32; LANES] {
+    match values.first_chunk() {
+        Some(all) => *all,
+        None => {
+            let mut padded = [0.0; LANES];
+            padded.iter_mut().zip(values).for_each(|(padded, value)| *padded = *value);
+            padded
+        }
+    }
+}
+
 #[inline(always)]
 fn squares(gains: &Gains, shape: &[f32], out: &mut [f64]) {
     let mut data = gains.data.as_slice();

@@ -1,6 +1,6 @@
 //! Figures of the entries in the order in which a touch asks for them, for bounds.
 
-use super::Entry;
+use super::{Entry, SINGLE};
 use crate::planner::TARGET_RADIUS_M;
 use crate::scene::{Scene, SurfaceKind};
 
@@ -14,6 +14,8 @@ pub struct Rough {
     least: Vec<f64>,
     /// What it is where the zone takes nothing: no bound is above it.
     whole: Vec<f64>,
+    /// Harmonics' part of it, of the quieter pulse width.
+    harmonics: Vec<f64>,
     /// Most force in N, of any pulse width; 0 where there is no response.
     max_force_n: Vec<f64>,
 }
@@ -46,6 +48,7 @@ impl Rough {
                 (least.max(1e-9 * entry.mean_square) + quiet(entry)).max(f64::MIN_POSITIVE)
             }),
             whole: all(&|entry| entry.mean_square + quiet(entry)),
+            harmonics: all(&quiet),
             max_force_n: all(&|entry| entry.max_force_n),
         }
     }
@@ -62,6 +65,23 @@ impl Rough {
                 *out = if *force > 0.0 { square / energy } else { 0.0 };
             }
         });
+        out
+    }
+
+    /// The same where the mean squares `near` the target are known to single precision, over a zone that takes `part` of the
+    /// surface: for the few that are `likely`, 0 for all others.
+    #[must_use]
+    pub fn sharper(&self, squares: &[f64], near: &[f64], part: f64, likely: &[bool]) -> Vec<f64> {
+        let mut out = vec![0.0; squares.len()];
+        let known = squares.iter().zip(near).zip(likely);
+        let figures = self.whole.iter().zip(&self.harmonics).zip(&self.max_force_n);
+        for ((out, ((square, near), likely)), ((whole, harmonics), force)) in out.iter_mut().zip(known).zip(figures) {
+            if *likely && *force > 0.0 {
+                let all = whole - harmonics;
+                let rest = (all - part * near * (1.0 + SINGLE)) / (1.0 - part);
+                *out = square / (rest.max(1e-9 * all) + harmonics).max(f64::MIN_POSITIVE);
+            }
+        }
         out
     }
 
