@@ -158,7 +158,11 @@ impl<'a> Judge<'a> {
             let trial = self.first(wanted, &squares, &efficiencies, fits);
             let known = trial.filter(|trial| is_better(trial, &known)).unwrap_or(known);
             let (mut earns, needed) = earnings(&known, &efficiencies);
-            earns.iter_mut().zip(likely).filter(|(_, likely)| !likely).for_each(|(earns, _)| *earns = f64::NEG_INFINITY);
+            earns
+                .iter_mut()
+                .zip(likely)
+                .filter(|(_, likely)| !likely)
+                .for_each(|(earns, _)| *earns = f64::NEG_INFINITY);
             (known, earns, needed)
         } else {
             // No better one unless it reaches more.

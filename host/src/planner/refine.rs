@@ -71,7 +71,7 @@ impl PlanTable {
         let mut moved = Vec::new();
         if better.iter().flatten().map(|(_, gain)| gain).sum::<f64>() >= worth {
             for (i, (hz, _)) in better.into_iter().enumerate().filter_map(|(i, better)| Some((i, better?))) {
-                if let Ok(row) = self.row_at(hz) {
+                if let Ok(row) = self.row_for(hz, i) {
                     moved.push((i, hz, row));
                 }
             }

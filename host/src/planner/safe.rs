@@ -193,9 +193,7 @@ impl PlanTable {
         }
         let (transducers, excitations) = (&transducers[..p], &excitations[..p]);
         let motion = match known {
-            Some((known, low)) if low > 0.0 => {
-                follow(transducers, excitations, &lines, &known.motion, scale / low)
-            }
+            Some((known, low)) if low > 0.0 => follow(transducers, excitations, &lines, &known.motion, scale / low),
             _ => settle(transducers, excitations, &lines),
         };
         let motion = motion.map_err(|error| match error {

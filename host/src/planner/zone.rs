@@ -11,12 +11,25 @@ use num_complex::Complex64;
 use std::f64::consts::PI;
 
 /// Gauss-Legendre points and weights on -1 to 1, five of them: exact for polynomials of degree 9.
-const GAUSS: [(f64, f64); 5] = [
+const GAUSS_5: [(f64, f64); 5] = [
     (-0.906_179_845_938_664, 0.236_926_885_056_189),
     (-0.538_469_310_105_683, 0.478_628_670_499_366),
     (0.0, 0.568_888_888_888_889),
     (0.538_469_310_105_683, 0.478_628_670_499_366),
     (0.906_179_845_938_664, 0.236_926_885_056_189),
+];
+/// Four of them: degree 7.
+const GAUSS_4: [(f64, f64); 4] = [
+    (-0.861_136_311_594_053, 0.347_854_845_137_454),
+    (-0.339_981_043_584_856, 0.652_145_154_862_546),
+    (0.339_981_043_584_856, 0.652_145_154_862_546),
+    (0.861_136_311_594_053, 0.347_854_845_137_454),
+];
+/// Three of them: degree 5, as much as the rule of whole discs.
+const GAUSS_3: [(f64, f64); 3] = [
+    (-0.774_596_669_241_483, 0.555_555_555_555_556),
+    (0.0, 0.888_888_888_888_889),
+    (0.774_596_669_241_483, 0.555_555_555_555_556),
 ];
 /// Largest part of the surface that targets take: discs may overlap or cover a small surface whole; some of it is always
 /// "elsewhere".
@@ -107,8 +120,8 @@ impl Zone {
 }
 
 /// Distances from the centre and areas. Whole discs: seven points, exact for polynomials of degree 5 (Abramowitz and
-/// Stegun 25.4.61), which is degree 2 of the motion's; ones that an edge cuts, or a cut-out: Gauss' rule along and
-/// across.
+/// Stegun 25.4.61), which is degree 2 of the motion's; ones that an edge cuts, or a cut-out: Gauss' rule along, one
+/// more point as the chords' lengths vary, and across.
 fn disc(table: &PlanTable, x: f64, y: f64) -> Vec<(f64, f64, f64)> {
     let r = TARGET_RADIUS_M;
     let (length, width) = (table.scene.surface.length_m, table.scene.surface.width_m);
@@ -126,12 +139,12 @@ fn disc(table: &PlanTable, x: f64, y: f64) -> Vec<(f64, f64, f64)> {
     // x = r sin(angle): the chords' ends are smooth in the angle.
     let clamp = |part: f64| part.clamp(-1.0, 1.0).asin();
     let (from, to) = (clamp(-x / r), clamp((length - x) / r));
-    let mut points = Vec::with_capacity(GAUSS.len() * GAUSS.len());
-    for (u, u_weight) in GAUSS {
+    let mut points = Vec::with_capacity(GAUSS_4.len() * GAUSS_3.len());
+    for (u, u_weight) in GAUSS_4 {
         let angle = 0.5 * (from + to) + 0.5 * (to - from) * u;
         let (dx, half) = (r * angle.sin(), r * angle.cos());
         let (low, high) = ((-half).max(-y), half.min(width - y));
-        for (v, v_weight) in GAUSS {
+        for (v, v_weight) in GAUSS_3 {
             let dy = 0.5 * (low + high) + 0.5 * (high - low) * v;
             let weight = 0.25 * u_weight * v_weight * (to - from) * (high - low) * half;
             if weight > 0.0 && layout.at((x + dx).clamp(0.0, length), (y + dy).clamp(0.0, width)).is_some() {
@@ -147,7 +160,7 @@ fn segment(table: &PlanTable, x: f64, y: f64) -> Vec<(f64, f64, f64)> {
     let (length, width) = (table.scene.surface.length_m, table.scene.surface.width_m);
     let layout = table.scene.layout();
     let (from, to) = ((-TARGET_RADIUS_M).max(-x), TARGET_RADIUS_M.min(length - x));
-    GAUSS
+    GAUSS_5
         .into_iter()
         .map(|(u, weight)| (0.5 * (from + to) + 0.5 * (to - from) * u, 0.0, 0.5 * weight * (to - from) * width))
         .filter(|(dx, _, weight)| *weight > 0.0 && layout.at(x + dx, y).is_some())

@@ -211,11 +211,7 @@ struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    fn new(
-        actuators: &'a [Transducer],
-        excitations: &'a [Excitation],
-        lines: &'a [Line],
-    ) -> Result<Self, NotSafe> {
+    fn new(actuators: &'a [Transducer], excitations: &'a [Excitation], lines: &'a [Line]) -> Result<Self, NotSafe> {
         let complete = excitations.iter().all(|excitation| {
             let own = |line: &Line| line.frequency == excitation.frequency && line.harmonic == 1;
             excitation.voltage_v == 0.0 || lines.iter().any(own)

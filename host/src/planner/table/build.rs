@@ -383,8 +383,9 @@ fn figures_of(field: impl Iterator<Item = Complex64>, grid: &SurfaceGrid) -> [f6
 }
 
 /// The entries of all actuators off the grid. The mean magnitude is the mean square's root times what the two have to each
-/// other at the frequencies beside it; harmonics are those of the frequency below.
-pub(super) fn row_at(table: &PlanTable, frequency_hz: f64) -> Result<Vec<Entry>, ResponseError> {
+/// other at the frequencies beside it; harmonics are those of the frequency below. Forces and pulse widths are worked out for
+/// `driven` only, if it is told; the others' are those of the frequency below.
+pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>) -> Result<Vec<Entry>, ResponseError> {
     let after = table.frequencies_hz.partition_point(|hz| *hz <= frequency_hz);
     let at = |k: Option<usize>| {
         k.and_then(|k| table.entries.iter().map(|list| list.get(k)?.as_ref()).collect::<Option<Vec<_>>>())
@@ -409,9 +410,11 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64) -> Result<Vec<Entry>,
             let harmonic_travel = nearest.harmonic_travel;
             let overshoot = overshoots(model, &displacement, frequency_hz, electrodes);
             let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
-            let widths = nearest
-                .widths
-                .map(|width| width_of(electrodes, transducer, actuator, motion, width.pulse_width, width.harmonics));
+            let is_driven = driven.is_none_or(|driven| driven == actuator);
+            let widths = nearest.widths.map(|width| match is_driven {
+                true => width_of(electrodes, transducer, actuator, motion, width.pulse_width, width.harmonics),
+                false => width,
+            });
             let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
             let acceleration = displacement * scale;
             let mean_square = mean_square(&table.products, &acceleration);

@@ -229,7 +229,12 @@ impl PlanTable {
     /// # Errors
     /// [`ResponseError::Unbounded`].
     pub fn row_at(&self, frequency_hz: f64) -> Result<Vec<Entry>, ResponseError> {
-        build::row_at(self, frequency_hz)
+        build::row_at(self, frequency_hz, None)
+    }
+
+    /// The same for a drive of one actuator: forces and pulse widths of the others are of no account.
+    pub(super) fn row_for(&self, frequency_hz: f64, driven: usize) -> Result<Vec<Entry>, ResponseError> {
+        build::row_at(self, frequency_hz, Some(driven))
     }
 
     /// Mean square over the surface of a motion with these coordinates.
