@@ -2,12 +2,12 @@
 //!
 //! With a price on every target and every shared limit the problem falls apart into one for each actuator: what is left of
 //! the cost is sum_i phi_i(f_i), phi_i the most that actuator i earns at a frequency at these prices. Whatever the
-//! prices, no combination is better than what they say of all together (weak duality, [`dual`]), and the best sum over all
+//! prices, no combination is better than what they say of all together (weak duality, `dual`), and the best sum over all
 //! frequencies that keep their distance is a table ([`super::assignment`]).
 //!
 //! Where limits do not bind, the combination with the best sum at its own prices is the optimum, and a few rounds find it. Where
-//! they do, [`branch`] divides the frequencies again and again: each part has a bound, at the prices that are best for it
-//! ([`mixture`]), and parts whose bound is no better than the best combination known are done.
+//! they do, `branch` divides the frequencies again and again: each part has a bound, at the prices that are best for it
+//! (`mixture`), and parts whose bound is no better than the best combination known are done.
 
 mod branch;
 mod dual;

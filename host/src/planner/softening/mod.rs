@@ -186,7 +186,7 @@ pub fn settle(actuators: &[Transducer], excitations: &[Excitation], lines: &[Lin
 }
 
 /// The same for voltages whose squares are `grown` times those of the motion `known`: it is followed from there, as a slow
-/// start would, if the step is as small as those of a [`RAMP`].
+/// start would, if the step is as small as those that [`settle`] takes.
 ///
 /// # Errors
 /// [`NotSafe`].
