@@ -44,6 +44,14 @@ pub enum Error {
     /// The scene that measurements start from is not what they take it to be.
     #[error("the example plate has no line {0:?}")]
     Scene(&'static str),
+    /// Brute force found a better combination, or a worse one.
+    #[error("with {actuators} actuators the search differs from brute force by {difference:e}")]
+    NotTheBest {
+        /// How many.
+        actuators: usize,
+        /// Relative difference.
+        difference: f64,
+    },
     /// No plan.
     #[error(transparent)]
     Plan(#[from] era::planner::PlanError),

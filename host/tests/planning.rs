@@ -286,3 +286,26 @@ fn a_shared_frequency_is_driven_with_its_phases() {
     }
     assert!(turned > 0, "no plan has phases that matter");
 }
+
+/// Above its resonance a mass hardly follows its drive, and the receptance there says nothing of what holds it: two kilovolts
+/// would take more off these soft springs than there is, whatever the frequency.
+#[test]
+fn no_plan_takes_away_what_brings_a_mass_back() {
+    const STIFFNESS_N_PER_M: f64 = 300.0;
+    let text = EXAMPLE_BAR
+        .replace("mount = \"grounded\"", "mount = \"inertial\"")
+        .replace("moving_mass_g = 10.0", "moving_mass_g = 5.0")
+        .replace("stiffness_n_per_m = 5000.0", &format!("stiffness_n_per_m = {STIFFNESS_N_PER_M:.1}"));
+    let table = support::table(&text).between(120.0, 400.0).unwrap();
+    let panel = Panel::of(&table);
+    let target = Target { x_m: 0.04, y_m: 0.01, intensity_g: Some(20.0) };
+    let plan = table.plan(&[target]).unwrap();
+    assert!(plan.limited_by.as_deref().is_some_and(|limits| limits.contains("pull-in")), "{:?}", plan.limited_by);
+    for drive in &plan.drives {
+        // Each electrode is on for half of the pulse width: eps0 S V^2 / g^3 of both, that long.
+        let softening = drive.pulse_width * 8.854e-12 * 1963.5e-6 * drive.voltage_v.powi(2) / 500e-6_f64.powi(3);
+        assert!(drive.voltage_v > 500.0 && softening < 0.65 * STIFFNESS_N_PER_M, "{softening} N/m at {drive:?}");
+    }
+    let comparison = compare(&table, &panel, target).unwrap();
+    assert!(comparison.travel.iter().all(|travel| !travel.snapped_in), "{:?}", comparison.travel);
+}

@@ -32,6 +32,9 @@ pub enum Limit {
     Breakdown,
     /// The current of the board's supply.
     Supply,
+    /// The electrodes' mean pull takes nearly all of the stiffness that brings a mass back to its middle.
+    #[serde(rename = "pull-in")]
+    PullIn,
 }
 
 impl Limit {
@@ -43,6 +46,7 @@ impl Limit {
             Limit::Travel => "travel",
             Limit::Breakdown => "breakdown",
             Limit::Supply => "supply",
+            Limit::PullIn => "pull-in",
         }
     }
 }

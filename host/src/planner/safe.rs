@@ -1,7 +1,7 @@
 //! The last word on every plan: what the actuators do with the forces that their gaps make of the voltages.
 //!
 //! The search takes the force of the mass at rest. Here the steady motion with the force as it depends on the travel
-//! ([`super::softening`]) decides: where any actuator would travel beyond a third of its gap, or its voltage (its rail's)
+//! ([`super::softening`]) decides: where any actuator would travel beyond a third of its gap or be pulled in, or its voltage (its rail's)
 //! break down the gap that is left, or the supply deliver more than it can, all forces are scaled down together until none does.
 
 use super::ELECTRODE_CABLE_F;
@@ -22,6 +22,8 @@ pub(super) const LEVELS: u32 = 16;
 pub(super) const HALVINGS: u32 = 7;
 /// Softening times receptance that is too weak to move a resonance across a drive.
 pub(super) const WEAK: f64 = 0.3;
+/// Part of the static stiffness that electrodes may take away: the softening grows with the travel, and pulsates.
+const HELD: f64 = 0.6;
 /// Parts of the gap up to which motions are shown to stay: the third that is allowed, and less, where the softening is weaker.
 const CLOSED: [f64; 3] = [TRAVEL_PART, 0.2, 0.1];
 
@@ -119,13 +121,13 @@ impl PlanTable {
     fn is_hardly_softened(&self, drives: &[Chosen], scale: f64) -> bool {
         let applied = self.applied(drives, scale);
         let p = drives.len().min(MAX_ACTUATORS);
-        let mut travel = [0.0; MAX_ACTUATORS];
+        let (mut travel, mut largest) = ([0.0; MAX_ACTUATORS], 0.0);
         for (j, drive) in drives.iter().enumerate().take(p) {
             let Some(entry) = drive.row.get(j) else { return false };
             let own = travel_m_per_n(entry, applied[j].pulse_width);
             travel.iter_mut().zip(own).for_each(|(travel, own)| *travel += own * drive.force_n * scale);
+            largest += own.iter().take(p).copied().fold(0.0, f64::max) * drive.force_n * scale;
         }
-        let largest = travel.iter().copied().fold(0.0, f64::max);
         let is_within = |closed: f64| {
             let softening = |i: usize| {
                 self.electrodes.get(i).map_or(0.0, |electrodes| softening(electrodes, applied[i].voltage_v, closed))
@@ -135,10 +137,10 @@ impl PlanTable {
                 (0..p).map(|j| into(j) * softening(j)).sum()
             };
             let most = drives.iter().map(turn).fold(0.0, f64::max);
-            if most >= 1.0 {
+            if most >= 1.0 || self.pulled_in(&std::array::from_fn(softening)).is_some() {
                 return false;
             }
-            // Each mass goes as far as it does, and as any other goes for what the turns add.
+            // Each mass goes as far as it does, and, at each frequency, as any other goes for what the turns add.
             let added = most / (1.0 - most) * largest;
             self.electrodes.iter().zip(travel).zip(&applied).take(p).all(|((electrodes, travel), applied)| {
                 let travel = travel + added;
@@ -147,6 +149,17 @@ impl PlanTable {
             })
         };
         CLOSED.into_iter().any(is_within)
+    }
+
+    /// An actuator whose mass is hardly held any more: steady softenings times what masses yield to steady forces, which at 1
+    /// pull one in whatever the frequency of its drive.
+    fn pulled_in(&self, softening_n_per_m: &[f64; MAX_ACTUATORS]) -> Option<usize> {
+        let p = self.electrodes.len().min(MAX_ACTUATORS);
+        self.static_receptance.iter().take(p).position(|row| {
+            let terms = row.iter().zip(softening_n_per_m).take(p);
+            let part: f64 = terms.map(|(g, softening)| g * softening.max(0.0)).sum();
+            part > HELD || part.is_nan()
+        })
     }
 
     /// The motion for forces times `scale`, if it is within all limits; from one `known` at a lower scale, if there is one.
@@ -200,6 +213,9 @@ impl PlanTable {
             NotSafe::Travel { actuator } => (actuator, Limit::Travel),
             NotSafe::Unstable | NotSafe::Shape { .. } => (0, Limit::Travel),
         })?;
+        if let Some(actuator) = self.pulled_in(&motion.softening_n_per_m) {
+            return Err((actuator, Limit::PullIn));
+        }
         for (i, electrodes) in self.electrodes.iter().enumerate().take(p) {
             // Harmonics come on top; the fundamentals' part of the bound is replaced by what they really do.
             let linear = |drive: &Chosen, j: usize| drive.row.get(j).map_or(0.0, |entry| entry.travel[i].norm());

@@ -19,6 +19,7 @@ mod tests;
 
 use super::limits::{BREAKDOWN_MARGIN, Electrodes, Limit, TRAVEL_PART, breakdown_v};
 use crate::model::ReducedModel;
+use crate::response::Solver;
 use crate::scene::{Actuator, MAX_ACTUATORS};
 use describe::{Description, Windows};
 use nalgebra::DVector;
@@ -40,6 +41,8 @@ const MOST_STEPS: usize = 12;
 /// Part of the gap beyond which the motion is followed from no voltage on, so that of several motions that are possible
 /// (a softening spring bends its resonance over) the one is found that a soft start leads to.
 const FROM_REST: f64 = 0.2;
+/// Slow enough to count as steady, in Hz: a panel that nothing holds has no answer to a force that is.
+const STATIC_HZ: f64 = 0.1;
 /// Steps in V^2 on that way.
 const RAMP: u32 = 8;
 
@@ -118,6 +121,8 @@ pub struct Motion {
     /// another frequency makes forces of this times X at 2 f + f', and times the conjugate of X at 2 f - f'. These are not
     /// among the lines.
     pub pulsating_n_per_m: Vector,
+    /// Mean over time of what each actuator's electrodes take off its spring, in N/m, beyond what is `counted`.
+    pub softening_n_per_m: [f64; MAX_ACTUATORS],
     /// Most that each actuator's mass can be away from its middle, in m: the sum of the moduli.
     pub largest_m: [f64; MAX_ACTUATORS],
 }
@@ -155,6 +160,7 @@ impl Motion {
         force_n: [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES],
         travel_m: [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES],
         pulsating_n_per_m: [Complex64::ZERO; MAX_ACTUATORS],
+        softening_n_per_m: [0.0; MAX_ACTUATORS],
         largest_m: [0.0; MAX_ACTUATORS],
     };
 
@@ -252,6 +258,7 @@ impl<'a> Problem<'a> {
             }
             if change <= tolerance * tolerance * largest {
                 motion.pulsating_n_per_m = descriptions.map(|description| description.pulsating_slope[0]);
+                motion.softening_n_per_m = descriptions.map(|description| description.mean_slope);
                 for (i, largest) in motion.largest_m.iter_mut().enumerate() {
                     *largest = motion.travel_m.iter().take(self.lines.len()).map(|travel| travel[i].norm()).sum();
                 }
@@ -325,6 +332,15 @@ pub fn travel_receptance(model: &ReducedModel, coordinates: &[DVector<Complex64>
         }
     }
     matrix
+}
+
+/// How far the actuators' masses yield to a steady force on each, in m/N; infinite where the model does not say.
+#[must_use]
+pub fn static_receptance(model: &ReducedModel) -> [[f64; MAX_ACTUATORS]; MAX_ACTUATORS] {
+    match Solver::new(model).coordinates(STATIC_HZ) {
+        Ok(coordinates) => travel_receptance(model, &coordinates).map(|row| row.map(|z| z.norm())),
+        Err(_) => [[f64::INFINITY; MAX_ACTUATORS]; MAX_ACTUATORS],
+    }
 }
 
 fn times(matrix: &Matrix, vector: &Vector, p: usize) -> Vector {

@@ -16,7 +16,7 @@ use super::phased::PerPair;
 use super::reach::{Part, schemes};
 use super::rise::RiseTimes;
 use super::shared_limits::SharedLimits;
-use super::softening::Transducer;
+use super::softening::{Transducer, static_receptance};
 use crate::model::ReducedModel;
 use crate::model::bounded::{Estimator, Levels};
 use crate::response::ResponseError;
@@ -141,6 +141,8 @@ pub struct PlanTable {
     pub electrodes: Vec<Electrodes>,
     /// The same as what makes forces in moving gaps.
     pub transducers: Vec<Transducer>,
+    /// Travel of every actuator (row) per steady force on every one, in m/N.
+    pub(in crate::planner) static_receptance: [[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
     /// The surface.
     pub grid: SurfaceGrid,
     /// Accelerations of all actuators on the coarser models, level by level at every frequency of the grid.
@@ -178,6 +180,7 @@ impl PlanTable {
         let Computed { model, frequencies_hz, entries, electrodes, grid, products } = computed;
         Self {
             gains: Gains::new(&entries, model.order()),
+            static_receptance: static_receptance(&model),
             limits: SharedLimits::new(&electrodes, &entries),
             rough: Rough::new(scene, &entries),
             model,

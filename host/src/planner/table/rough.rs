@@ -39,8 +39,10 @@ impl Rough {
             entries.iter().flatten().map(|entry| entry.as_ref().map_or(0.0, of)).collect()
         };
         let run = |entry: &Entry| entry.steepest * TARGET_RADIUS_M;
+        // Across a cut-out the magnitude may jump, which no slope tells.
+        let known = if scene.cutouts.is_empty() { 0.0 } else { f64::NEG_INFINITY };
         Self {
-            base: all(&|entry| (entry.mean_square - part * 0.5 * run(entry).powi(2)) / rest + quiet(entry)),
+            base: all(&|entry| known + (entry.mean_square - part * 0.5 * run(entry).powi(2)) / rest + quiet(entry)),
             slope: all(&|entry| part / rest * 4.0 / 3.0 * run(entry)),
             square: part / rest,
             least: all(&|entry| {
