@@ -13,6 +13,11 @@ use crate::scene::EPS0;
 
 /// Rounds in which a first combination is improved.
 const FIRST_ROUNDS: usize = 4;
+/// Frequencies that are taken together where bounds are first looked at.
+const BAND_HZ: f64 = 5.0;
+/// Such bands may hold two frequencies that keep their distance if they are that many apart: from the lower end of one to the
+/// upper of the other are (3 + 1) 5 Hz, [`MIN_SPACING_HZ`].
+const BANDS_APART: usize = 3;
 /// Times what all actuators together can reach, at which a wish counts: what is beyond is as far beyond reach, and its
 /// shares would be lost in rounding.
 const BEYOND_REACH: f64 = 1e6;
@@ -152,10 +157,11 @@ impl<'a> Judge<'a> {
         let (known, earns, needed) = if known.met >= 1.0 {
             let (earns, needed) = earnings(&known, &efficiencies);
             // Those that are left are worth the mean square near the target.
-            let likely = likely(&earns, p, needed - SINGLE * needed.abs());
+            let likely = likely(&earns, p, &table.frequencies_hz, needed - SINGLE * needed.abs());
             let near = table.gains().mean_squares(&self.zone.points(), &likely);
             let efficiencies = rough.sharper(&squares, &near, self.zone.part, &likely);
-            let trial = self.first(wanted, &squares, &efficiencies, fits);
+            let (earns, _) = earnings(&known, &efficiencies);
+            let trial = self.of_peaks(&earns, wanted, fits);
             let known = trial.filter(|trial| is_better(trial, &known)).unwrap_or(known);
             let (mut earns, needed) = earnings(&known, &efficiencies);
             earns
@@ -246,6 +252,40 @@ impl<'a> Judge<'a> {
         Some(known)
     }
 
+    /// The best combination of the frequencies at which an actuator earns most of its band.
+    fn of_peaks(&self, earns: &[f64], wanted: f64, fits: &dyn Fn(f64, f64) -> bool) -> Option<Allocation> {
+        let hz = &self.table.frequencies_hz;
+        let f = hz.len();
+        let lowest_hz = hz.first().copied()?;
+        let mut is_peak = vec![false; f];
+        for own in earns.chunks(f.max(1)) {
+            let (mut upto_hz, mut peak) = (lowest_hz + BAND_HZ, None);
+            for (k, earns) in own.iter().enumerate() {
+                if hz[k] >= upto_hz {
+                    peak.take().into_iter().for_each(|(k, _): (usize, f64)| is_peak[k] = true);
+                    while hz[k] >= upto_hz {
+                        upto_hz += BAND_HZ;
+                    }
+                }
+                if *earns > peak.map_or(0.0, |(_, most)| most) {
+                    peak = Some((k, *earns));
+                }
+            }
+            peak.into_iter().for_each(|(k, _)| is_peak[k] = true);
+        }
+        let nodes: Vec<usize> = (0..f).filter(|k| is_peak[*k]).collect();
+        let nodes_hz: Vec<f64> = nodes.iter().map(|k| hz[*k]).collect();
+        let lags = lags(&nodes_hz, MIN_SPACING_HZ - 1e-9);
+        let p = earns.len() / f.max(1);
+        let value = (0..p).flat_map(|i| nodes.iter().map(move |k| earns[i * f + k])).collect();
+        let mut sums = Assignment::default();
+        sums.fill(p, value, &lags);
+        let places = sums.choice(&lags)?;
+        let picks: Vec<usize> = places[..p].iter().map(|place| nodes[*place]).collect();
+        let fit = (0..p).all(|i| (0..i).all(|j| fits(hz[picks[i]], hz[picks[j]])));
+        if fit { self.known(&picks, wanted) } else { None }
+    }
+
     /// The forces of one combination: with the quieter pulses where they reach, with the stronger ones otherwise.
     fn known(&self, picks: &[usize], wanted: f64) -> Option<Allocation> {
         let mut choices = self.empty(&[wanted]);
@@ -282,14 +322,34 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Which actuators at which frequencies earn what is needed together with what the others earn at best, as if frequencies had no
-/// distance to keep.
-fn likely(earns: &[f64], p: usize, needed: f64) -> Vec<bool> {
-    let f = earns.len() / p.max(1);
-    let most: Vec<f64> = earns.chunks(f.max(1)).map(|own| own.iter().copied().fold(0.0, f64::max)).collect();
-    let sum: f64 = most.iter().sum();
-    let own = earns.chunks(f.max(1)).zip(&most);
-    own.flat_map(|(own, most)| own.iter().map(move |earns| *earns >= needed - (sum - most))).collect()
+/// Which actuators at which frequencies earn what is needed together with the most that the others earn far enough from there:
+/// frequencies of a band count as one, and bands whose ends are the spacing apart as far enough.
+fn likely(earns: &[f64], p: usize, frequencies_hz: &[f64], needed: f64) -> Vec<bool> {
+    let lowest_hz = frequencies_hz.first().copied().unwrap_or(0.0);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred bands")]
+    let band = |hz: &f64| ((hz - lowest_hz) / BAND_HZ) as usize;
+    let bands: Vec<usize> = frequencies_hz.iter().map(band).collect();
+    let count = bands.last().map_or(0, |last| last + 1);
+    let mut value = vec![f64::NEG_INFINITY; p * count];
+    let by_actuator = || earns.chunks(frequencies_hz.len().max(1)).take(p).enumerate();
+    for (i, own) in by_actuator() {
+        for (earns, band) in own.iter().zip(&bands) {
+            let value = &mut value[i * count + band];
+            *value = value.max(*earns);
+        }
+    }
+    let turned = value.chunks(count.max(1)).flat_map(|own| own.iter().rev().copied()).collect();
+    let lags: Vec<usize> = (0..count).map(|band| (band + 1).saturating_sub(BANDS_APART)).collect();
+    let (mut up, mut down) = (Assignment::default(), Assignment::default());
+    up.fill(p, value, &lags);
+    down.fill(p, turned, &lags);
+    let mut out = Vec::with_capacity(earns.len());
+    for (i, own) in by_actuator() {
+        let others = |band: usize| up.through(&down, i, band, lags[band], lags[count - 1 - band]) - up.value(i, band);
+        let others: Vec<f64> = (0..count).map(others).collect();
+        out.extend(own.iter().zip(&bands).map(|(earns, band)| *earns + others[*band] >= needed));
+    }
+    out
 }
 
 /// Frequencies and actuators, in ascending order, that are part of a combination whose earnings add up to what is needed.
@@ -303,9 +363,9 @@ fn kept(
 ) -> Vec<(usize, usize)> {
     let f = frequencies_hz.len();
     let own = |i: usize| &earns[i * f..(i + 1) * f];
-    // First by what the others earn at best.
+    // First by bands.
     let mut is_node = vec![false; f];
-    for own in likely(earns, p, needed).chunks(f.max(1)) {
+    for own in likely(earns, p, frequencies_hz, needed).chunks(f.max(1)) {
         is_node.iter_mut().zip(own).for_each(|(is_node, likely)| *is_node |= likely);
     }
     let nodes: Vec<usize> = (0..f).filter(|k| is_node[*k]).collect();
