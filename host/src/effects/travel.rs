@@ -49,7 +49,8 @@ pub fn keep_within_travel(
     parts: &mut [Part],
     effects: &[Effect],
 ) -> Option<(usize, Limit)> {
-    let rows: Vec<DVector<f64>> = (0..table.electrodes.len()).map(|actuator| travel_row(table, actuator)).collect();
+    let rows: Vec<DVector<f64>> =
+        (0..table.electrodes.len()).map(|actuator| table.model.travel_row(actuator)).collect();
     let free: Vec<Option<Vec<Ringing>>> = parts.iter().map(|part| free_travel(rise, &rows, part)).collect();
     let shortened = Shortened::new(&table.electrodes, parts, effects, &free);
     if is_surely_small(&table.electrodes, parts, &shortened.levels, &free) {
@@ -202,18 +203,6 @@ fn rail_v(electrodes: &[Electrodes], parts: &[Part], actuator: usize, scale: f64
     on_its_rail.filter_map(volts).fold(0.0, f64::max)
 }
 
-/// Travel of an actuator per unit of each coordinate.
-fn travel_row(table: &PlanTable, actuator: usize) -> DVector<f64> {
-    let n = table.model.order();
-    let mut unit = DVector::from_element(n, Complex64::ZERO);
-    DVector::from_fn(n, |i, _| {
-        unit[i] = Complex64::ONE;
-        let travel = table.model.travel(actuator, &unit).re;
-        unit[i] = Complex64::ZERO;
-        travel
-    })
-}
-
 /// Largest travel of every actuator in m; not looked at any further once one is beyond a third of its gap. The digits of
 /// `combination` say when within its period each drive but the first begins.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "small counts")]
@@ -303,7 +292,7 @@ mod tests {
             let rise = RiseTimes::prepare(&table.model).unwrap();
             let plan = table.plan(&[Target { x_m: 0.06, y_m: 0.01, intensity_g: Some(0.5) }]).unwrap();
             let parts = parts(&table, &rise, &plan).unwrap();
-            let rows: Vec<DVector<f64>> = (0..parts.len()).map(|actuator| travel_row(&table, actuator)).collect();
+            let rows: Vec<DVector<f64>> = (0..parts.len()).map(|actuator| table.model.travel_row(actuator)).collect();
             let free: Vec<_> = parts.iter().map(|part| free_travel(&rise, &rows, part)).collect();
             let rest = rise.stepper(&rows, STEP_S);
             for effect in [NamedEffect::Swell, NamedEffect::PulseTrain, NamedEffect::Texture] {

@@ -132,31 +132,16 @@ impl ReducedModel {
         }
     }
 
+    /// What gives an actuator's travel for the model's coordinates.
+    #[must_use]
+    pub fn travel_row(&self, actuator: usize) -> DVector<f64> {
+        self.travel.row(actuator).transpose()
+    }
+
     /// Travel of an actuator's mass relative to its electrodes, for given coordinates.
     #[must_use]
     pub fn travel(&self, actuator: usize, coordinates: &DVector<Complex64>) -> Complex64 {
         self.travel.row(actuator).iter().zip(coordinates.iter()).map(|(row, q)| q * *row).sum()
-    }
-}
-
-impl ReducedModel {
-    /// How much further than in the steady state an actuator's mass may go while a drive at `omega` rad/s is switched on over
-    /// `rise_s`, its force growing as the square of the time: at most, in m, for the displacement's `coordinates`.
-    ///
-    /// Each mode's part of the steady motion begins as a free motion that cancels it. A mode of rate -d + j w' leaves
-    /// 2 / (|d + j (w - w')| rise) of it, or all, and by the time the two have come into step, half a beat later, of that
-    /// exp(-pi d / |w - w'|).
-    #[must_use]
-    pub fn overshoot(&self, actuator: usize, coordinates: &DVector<Complex64>, omega: f64, rise_s: f64) -> f64 {
-        let mut sum = 0.0;
-        for (r, (q, lambda)) in coordinates.iter().zip(self.lambda.iter()).enumerate() {
-            let own = lambda.sqrt();
-            let rate = 0.5 * (self.viscous[(r, r)] + self.structural[(r, r)] / own.max(omega));
-            let beat = (omega - own).abs();
-            let left = (2.0 / (rate.hypot(beat) * rise_s)).min(1.0) * (-std::f64::consts::PI * rate / beat).exp();
-            sum += (q * self.travel[(actuator, r)]).norm() * left;
-        }
-        sum
     }
 }
 

@@ -335,8 +335,10 @@ fn latest_s(parts: &[Ringing], limit: f64) -> Option<f64> {
     Some(high)
 }
 
+mod onset;
 mod stepper;
 #[cfg(test)]
 mod tests;
 
+pub use onset::Onset;
 pub use stepper::Stepper;

@@ -16,6 +16,11 @@ impl Random {
         random
     }
 
+    /// Another sequence, which leaves this one as it is.
+    const fn apart(&self) -> Self {
+        Self::new(self.0, 4)
+    }
+
     const fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -60,10 +65,15 @@ impl Random {
 const MATERIALS: [(f64, f64, f64); 4] =
     [(69e9, 0.33, 2700.0), (70e9, 0.22, 2500.0), (200e9, 0.29, 7850.0), (3.2e9, 0.37, 1190.0)];
 
+/// Part of the springs' stiffness that electrodes may take: ERAs of half of all scenes stand their own electrodes, those of
+/// others can be pulled in.
+const SOFTENED_BY: [f64; 4] = [0.2, 0.2, 0.5, 1.5];
+
 /// The text of a scene with 1 to 4 ERAs that could be built: a bar or plate of 0.1 to 0.5 m, edges, supports, masses and
 /// damping of every kind, gaps of 0.25 to 0.8 mm, voltages up to 2 kV.
 #[must_use]
 pub fn random_scene(random: &mut Random, name: &str) -> String {
+    let softened_by = random.apart().one_of(&SOFTENED_BY);
     let is_bar = random.chance(0.4);
     let (kind, length_mm, width_mm) = if is_bar {
         ("bar", random.between(120.0, 500.0), random.between(12.0, 40.0))
@@ -107,7 +117,7 @@ pub fn random_scene(random: &mut Random, name: &str) -> String {
     }
     for i in 0..=random.below(4) {
         let at = place(random);
-        actuator(random, &mut text, i + 1, &at);
+        actuator(random, &mut text, i + 1, &at, softened_by);
     }
     text
 }
@@ -127,16 +137,16 @@ fn edges(random: &mut Random, text: &mut String, is_bar: bool) {
     }
 }
 
-/// Springs that an ERA of this weight resonates on at 50 to 250 Hz, stiff enough to stand its own electrodes: at the highest
-/// voltage they take at most a fifth of the stiffness.
-fn actuator(random: &mut Random, text: &mut String, number: u32, at: &str) {
+/// Springs that an ERA of this weight resonates on at 50 to 250 Hz. At the highest voltage the electrodes take at most the part
+/// `softened_by` of the stiffness.
+fn actuator(random: &mut Random, text: &mut String, number: u32, at: &str, softened_by: f64) {
     let mount = if random.chance(0.7) { "inertial" } else { "grounded" };
     let mass_kg = random.decades(-2.5, -1.5);
     let stiffness = mass_kg * (std::f64::consts::TAU * random.between(50.0, 250.0)).powi(2);
     let damping = 2.0 * random.decades(-2.0, -1.0) * (stiffness * mass_kg).sqrt();
     let (area_m2, gap_m) = (random.between(6e-4, 2.5e-3), random.between(0.25e-3, 0.8e-3));
-    let softened_by_a_fifth = (0.2 * stiffness * gap_m.powi(3) / (crate::scene::EPS0 * area_m2)).sqrt();
-    let max_voltage_v = random.between(700.0, 2000.0).min(softened_by_a_fifth);
+    let highest_v = (softened_by * stiffness * gap_m.powi(3) / (crate::scene::EPS0 * area_m2)).sqrt();
+    let max_voltage_v = random.between(700.0, 2000.0).min(highest_v);
     let housing_g = if random.chance(0.5) { random.between(1.0, 10.0) } else { 0.0 };
     let bias_v = if random.chance(0.2) { max_voltage_v * random.between(0.3, 0.8) } else { 0.0 };
     let _ = write!(

@@ -182,3 +182,52 @@ fn the_stepper_follows_the_closed_form() {
         }
     }
 }
+
+/// Travel stepped while a drive's force grows with the square of the time, against the steady one and what is told to come on
+/// top. At 223 Hz a mode of the random panel takes the ERA's motion away, and takes its time over it.
+#[test]
+fn switching_on_goes_as_far_as_is_told() {
+    let absorbed = crate::verify::trials::scene_text(1, 130);
+    let (mut beyond, mut largest) = (0, 0.0_f64);
+    for (text, frequencies_hz) in [
+        (EXAMPLE_BAR, [60.0, 97.0, 143.0, 260.0]),
+        (EXAMPLE_PLATE, [45.0, 90.0, 131.0, 222.0]),
+        (&absorbed, [60.0, 190.0, 223.0, 260.0]),
+    ] {
+        let model = model(text);
+        let rise = RiseTimes::prepare(&model).unwrap();
+        let onset = rise.onset(&model);
+        let rows: Vec<DVector<f64>> = (0..model.actuators()).map(|actuator| model.travel_row(actuator)).collect();
+        let at_rest = rise.stepper(&rows, 5e-5);
+        for (driven, hz) in (0..model.actuators()).flat_map(|driven| frequencies_hz.map(|hz| (driven, hz))) {
+            let mut steady = [Complex64::ZERO; crate::scene::MAX_ACTUATORS];
+            for (steady, row) in steady.iter_mut().zip(&rows) {
+                let ringing = rise.ringings(row, &[sine(driven, hz, 1.0)]).unwrap().remove(0).displacement();
+                *steady = ringing.steady * Complex64::from_polar(1.0, FRAC_PI_2);
+            }
+            for rise_s in [0.02, 0.06] {
+                let told = onset.overshoots(driven, hz, rise_s, &steady);
+                let (mut stepper, mut out, mut most) =
+                    (at_rest.clone(), vec![0.0; rows.len()], vec![0.0_f64; rows.len()]);
+                for k in 0..12_000 {
+                    let t = (f64::from(k) + 0.5) * 5e-5;
+                    let mut forces = vec![0.0; rows.len()];
+                    forces[driven] = (t / rise_s).min(1.0).powi(2) * (TAU * hz * t).sin();
+                    stepper.step(&forces, &mut out);
+                    most.iter_mut().zip(&out).for_each(|(most, out)| *most = most.max(out.abs()));
+                }
+                for (i, most) in most.iter().enumerate() {
+                    let most_told = steady[i].norm() + told[i];
+                    assert!(*most <= 1.02 * most_told, "{driven} {i} at {hz} Hz: {most} {most_told}");
+                    // Near what the driven mass does it is no mere bound.
+                    if i == driven && told[i] > 0.1 * steady[i].norm() {
+                        beyond += 1;
+                        largest = largest.max(told[i] / steady[i].norm());
+                        assert!(most_told <= 1.35 * most, "{driven} {i} at {hz} Hz: {most} {most_told}");
+                    }
+                }
+            }
+        }
+    }
+    assert!(beyond >= 8 && largest > 3.0, "{beyond} {largest}");
+}

@@ -14,6 +14,7 @@
 
 mod describe;
 mod linear;
+mod ramp;
 #[cfg(test)]
 mod tests;
 
@@ -24,6 +25,7 @@ use crate::scene::{Actuator, MAX_ACTUATORS};
 use describe::{Description, Windows};
 use nalgebra::DVector;
 use num_complex::Complex64;
+pub use ramp::{Following, Swing, rise};
 
 /// Harmonics of a drive that may have a line: the first, third and fifth.
 pub const HARMONICS: usize = 3;

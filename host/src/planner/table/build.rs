@@ -4,6 +4,7 @@ use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Wi
 use crate::model::ReducedModel;
 use crate::planner::limits::{Electrodes, Limit, TRAVEL_PART};
 use crate::planner::phased::PerPair;
+use crate::planner::rise::{Onset, RiseTimes};
 use crate::planner::safe::{HALVINGS, LEVELS, WEAK, softening};
 use crate::planner::softening::{Excitation, Line, Transducer, settle};
 use crate::planner::{HIGHEST_FELT_HZ, PULSE_WIDTH};
@@ -43,15 +44,35 @@ pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
     let products = grid.products();
     let solver = Solver::new(&model);
+    let free = free_motion(&model);
+    let onset = free.as_ref().map(|(_, onset)| onset);
+    let panel = Panel { model: &model, products: &products, electrodes: &electrodes, transducers: &transducers, onset };
     let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
         .par_iter()
-        .map(|frequency_hz| entries_at(&model, &solver, &products, &electrodes, &transducers, *frequency_hz))
+        .map(|frequency_hz| entries_at(panel, &solver, *frequency_hz))
         .collect::<Result<_, _>>()?;
     let mut entries: Vec<Vec<Option<Entry>>> = (0..electrodes.len())
         .map(|actuator| columns.iter().map(|column| column.as_ref()?.get(actuator).cloned()).collect())
         .collect();
     surface_figures(scene, &model, &grid, &frequencies_hz, &mut entries)?;
-    Ok(PlanTable::of(scene, Computed { model, frequencies_hz, entries, electrodes, grid, products }))
+    Ok(PlanTable::of(scene, Computed { model, frequencies_hz, entries, electrodes, grid, products, free }))
+}
+
+/// The panel's free motion.
+pub(super) fn free_motion(model: &ReducedModel) -> Option<(RiseTimes, Onset)> {
+    let rise = RiseTimes::prepare(model)?;
+    let onset = rise.onset(model);
+    Some((rise, onset))
+}
+
+/// What entries are made of.
+#[derive(Clone, Copy)]
+pub(super) struct Panel<'a> {
+    pub model: &'a ReducedModel,
+    pub products: &'a DMatrix<f64>,
+    pub electrodes: &'a [Electrodes],
+    pub transducers: &'a [Transducer],
+    pub onset: Option<&'a Onset>,
 }
 
 /// The electrodes of a scene's actuators. Force limits are those of the electrodes; a rail's voltage is on all that hang on
@@ -87,13 +108,11 @@ pub(super) fn rows(model: &ReducedModel, frequencies_hz: &[f64]) -> Vec<Option<V
 
 /// Everything but the figures that take a look at every point; `None` where the response is unbounded.
 pub(super) fn entries_at(
-    model: &ReducedModel,
+    panel: Panel<'_>,
     solver: &Solver<'_>,
-    products: &DMatrix<f64>,
-    electrodes: &[Electrodes],
-    transducers: &[Transducer],
     frequency_hz: f64,
 ) -> Result<Option<Vec<Entry>>, ResponseError> {
+    let Panel { model, products, electrodes, transducers, onset } = panel;
     let coordinates = match solver.coordinates(frequency_hz) {
         Ok(coordinates) => coordinates,
         Err(error) if error.is_unbounded() => return Ok(None),
@@ -109,7 +128,7 @@ pub(super) fn entries_at(
         for (row, harmonic) in harmonic_travel.iter_mut().zip(&harmonics) {
             *row = harmonic.travel.get(actuator).copied().unwrap_or_default();
         }
-        let overshoot = overshoots(model, &displacement, frequency_hz, electrodes);
+        let (overshoot, onset_v) = overshoots_at_most(onset, actuator, frequency_hz, electrodes, &travel);
         let width = |pulse_width: f64| {
             let square = |harmonic: &Harmonic| {
                 harmonic_part(harmonic.number, pulse_width).powi(2)
@@ -131,6 +150,7 @@ pub(super) fn entries_at(
             travel,
             harmonic_travel,
             overshoot,
+            onset_v,
             widths,
             max_force_n: strongest.max_force_n,
             limit: strongest.limit,
@@ -147,10 +167,27 @@ fn travels(model: &ReducedModel, displacement: &DVector<Complex64>) -> [Complex6
     travel
 }
 
-/// Most travel of every actuator per N of the fundamental with this pulse width.
-pub(in crate::planner) fn travel_m_per_n(entry: &Entry, pulse_width: f64) -> [f64; MAX_ACTUATORS] {
-    let motion = MotionPerN { travel: &entry.travel, harmonics: &entry.harmonic_travel, overshoot: &entry.overshoot };
+/// Most travel of every actuator per N of the fundamental with this pulse width, when the rail rises to `rail_v`.
+pub(in crate::planner) fn travel_m_per_n(entry: &Entry, pulse_width: f64, rail_v: f64) -> [f64; MAX_ACTUATORS] {
+    // A rail that rises no higher is up sooner, and leaves up to that much more of the free motions.
+    let sooner = if rail_v > 0.0 { (entry.onset_v / rail_v).max(1.0) } else { 1.0 };
+    let overshoot = entry.overshoot.map(|overshoot| overshoot * sooner);
+    let motion = MotionPerN { travel: &entry.travel, harmonics: &entry.harmonic_travel, overshoot: &overshoot };
     travel_of(motion, pulse_width)
+}
+
+/// What odd harmonics add to the travel of every actuator at most, per N of the fundamental.
+pub(in crate::planner) fn harmonics_m_per_n(entry: &Entry, pulse_width: f64) -> [f64; MAX_ACTUATORS] {
+    harmonics_of(&entry.harmonic_travel, pulse_width)
+}
+
+fn harmonics_of(harmonics: &[[f64; MAX_ACTUATORS]; HARMONICS.len()], pulse_width: f64) -> [f64; MAX_ACTUATORS] {
+    let mut out = [0.0; MAX_ACTUATORS];
+    for (n, row) in HARMONICS.iter().zip(harmonics) {
+        let part = harmonic_part(*n, pulse_width).abs();
+        out.iter_mut().zip(row).for_each(|(out, travel)| *out += part * travel);
+    }
+    out
 }
 
 /// What a newton of an actuator does to all masses.
@@ -161,34 +198,50 @@ struct MotionPerN<'a> {
     overshoot: &'a [f64; MAX_ACTUATORS],
 }
 
-/// What switching on adds to the travel of every mass.
+/// What switching on adds to the travel of every mass when the rail rises to `onset_v`.
 fn overshoots(
-    model: &ReducedModel,
-    displacement: &DVector<Complex64>,
+    onset: Option<&Onset>,
+    actuator: usize,
+    frequency_hz: f64,
+    onset_v: f64,
+    travel: &[Complex64; MAX_ACTUATORS],
+) -> [f64; MAX_ACTUATORS] {
+    let rise_s = onset_v / f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS);
+    // Without poles: a single one's whole motion.
+    let added =
+        onset.map_or(travel.map(|z| z.norm()), |onset| onset.overshoots(actuator, frequency_hz, rise_s, travel));
+    added.map(|added| GROWN * added)
+}
+
+/// The same, and the voltage, for the most force that leaves room for it. Where travel limits the force the rail is up sooner,
+/// which takes more room again.
+fn overshoots_at_most(
+    onset: Option<&Onset>,
+    actuator: usize,
     frequency_hz: f64,
     electrodes: &Electrodes,
-) -> [f64; MAX_ACTUATORS] {
-    // The rail's slope of 20 V/ms, to half of the highest voltage: from there on what is left to gain counts more than its
-    // haste.
-    let volts_per_s = f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS);
-    let rise_s = 0.5 * electrodes.max_voltage_v / volts_per_s;
-    let mut overshoots = [0.0; MAX_ACTUATORS];
-    for (other, overshoot) in overshoots.iter_mut().enumerate().take(model.actuators()) {
-        *overshoot = GROWN * model.overshoot(other, displacement, TAU * frequency_hz, rise_s);
+    travel: &[Complex64; MAX_ACTUATORS],
+) -> ([f64; MAX_ACTUATORS], f64) {
+    const NEARLY: f64 = 0.9;
+    let mut onset_v = electrodes.max_voltage_v;
+    let mut overshoot = overshoots(onset, actuator, frequency_hz, onset_v, travel);
+    for _ in 0..2 {
+        let own = travel.get(actuator).map_or(0.0, |z| z.norm()) + overshoot.get(actuator).copied().unwrap_or(0.0);
+        let (force_n, _) = electrodes.max_force(own, WIDEST);
+        let most_v = electrodes.voltage_for(force_n, WIDEST);
+        if most_v >= NEARLY * onset_v {
+            break;
+        }
+        onset_v = most_v;
+        overshoot = overshoots(onset, actuator, frequency_hz, onset_v, travel);
     }
-    overshoots
+    (overshoot, onset_v)
 }
 
 fn travel_of(motion: MotionPerN<'_>, pulse_width: f64) -> [f64; MAX_ACTUATORS] {
-    let mut out = motion.travel.map(|z| z.norm());
-    for (out, overshoot) in out.iter_mut().zip(motion.overshoot) {
-        *out += overshoot;
-    }
-    for (n, row) in HARMONICS.iter().zip(motion.harmonics) {
-        let part = harmonic_part(*n, pulse_width).abs();
-        for (out, travel) in out.iter_mut().zip(row) {
-            *out += part * travel;
-        }
+    let mut out = harmonics_of(motion.harmonics, pulse_width);
+    for (out, (travel, overshoot)) in out.iter_mut().zip(motion.travel.iter().zip(motion.overshoot)) {
+        *out += travel.norm() + overshoot;
     }
     out
 }
@@ -408,9 +461,13 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>
         .map(|(actuator, ((displacement, (electrodes, transducer)), nearest))| {
             let travel = travels(model, &displacement);
             let harmonic_travel = nearest.harmonic_travel;
-            let overshoot = overshoots(model, &displacement, frequency_hz, electrodes);
-            let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
             let is_driven = driven.is_none_or(|driven| driven == actuator);
+            let onset_v = nearest.onset_v;
+            let overshoot = match is_driven {
+                true => overshoots(table.onset(), actuator, frequency_hz, onset_v, &travel),
+                false => nearest.overshoot,
+            };
+            let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
             let widths = nearest.widths.map(|width| match is_driven {
                 true => width_of(electrodes, transducer, actuator, motion, width.pulse_width, width.harmonics),
                 false => width,
@@ -432,6 +489,7 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>
                 travel,
                 harmonic_travel,
                 overshoot,
+                onset_v,
                 widths,
                 max_force_n: strongest.max_force_n,
                 limit: strongest.limit,

@@ -6,7 +6,7 @@ mod grid;
 mod rough;
 pub(super) mod stored;
 
-pub(super) use build::{harmonic_part, travel_m_per_n};
+pub(super) use build::{harmonic_part, harmonics_m_per_n, travel_m_per_n};
 pub use gains::{Gains, SINGLE};
 pub use grid::SurfaceGrid;
 pub use rough::Rough;
@@ -14,7 +14,7 @@ pub use rough::Rough;
 use super::limits::{Electrodes, Limit};
 use super::phased::PerPair;
 use super::reach::{Part, schemes};
-use super::rise::RiseTimes;
+use super::rise::{Onset, RiseTimes};
 use super::shared_limits::SharedLimits;
 use super::softening::{Transducer, static_receptance};
 use crate::model::ReducedModel;
@@ -104,8 +104,11 @@ pub struct Entry {
     pub travel: [Complex64; MAX_ACTUATORS],
     /// |travel| of every actuator in m/N at each of [`HARMONICS`].
     pub harmonic_travel: [[f64; MAX_ACTUATORS]; HARMONICS.len()],
-    /// What switching on adds to the travel of every actuator at most, in m/N.
+    /// What switching on adds to the travel of every actuator at most, in m/N, when the rail rises to the voltage of the most
+    /// force.
     pub overshoot: [f64; MAX_ACTUATORS],
+    /// That voltage in V.
+    pub onset_v: f64,
     /// Pulse widths worth choosing from: the one whose harmonics move the panel least, and the widest if it gives more force.
     pub widths: [Width; 2],
     /// Most force amplitude in N, of any width.
@@ -122,6 +125,7 @@ struct Computed {
     electrodes: Vec<Electrodes>,
     grid: SurfaceGrid,
     products: DMatrix<f64>,
+    free: Option<(RiseTimes, Onset)>,
 }
 
 /// The table of one scene.
@@ -157,9 +161,9 @@ pub struct PlanTable {
     pub(super) rough: Rough,
     /// Made when it is first asked for.
     over_surface: OnceLock<Vec<PerPair>>,
-    /// Likewise.
-    rise: OnceLock<Option<RiseTimes>>,
-    /// Likewise.
+    /// The panel's free motion; `None` for a model without poles to tell it by, which no scene is known to have.
+    free: Option<(RiseTimes, Onset)>,
+    /// Made when it is first asked for.
     everywhere: OnceLock<Option<(Vec<Part>, f64)>>,
 }
 
@@ -177,7 +181,7 @@ impl PlanTable {
 
     /// The table of what was computed, or kept from when it was.
     fn of(scene: &Scene, computed: Computed) -> Self {
-        let Computed { model, frequencies_hz, entries, electrodes, grid, products } = computed;
+        let Computed { model, frequencies_hz, entries, electrodes, grid, products, free } = computed;
         Self {
             gains: Gains::new(&entries, model.order()),
             static_receptance: static_receptance(&model),
@@ -194,7 +198,7 @@ impl PlanTable {
             grid,
             products,
             over_surface: OnceLock::new(),
-            rise: OnceLock::new(),
+            free,
             everywhere: OnceLock::new(),
         }
     }
@@ -214,14 +218,14 @@ impl PlanTable {
         fn keep<T>(list: Vec<T>, kept: &[bool]) -> Vec<T> {
             list.into_iter().zip(kept).filter(|(_, kept)| **kept).map(|(item, _)| item).collect()
         }
-        let Self { model, coarser, scene, frequencies_hz, entries, electrodes, grid, coarser_rows, products, .. } =
-            self;
+        let Self { model, coarser, scene, frequencies_hz, entries, electrodes, grid, coarser_rows, .. } = self;
+        let (products, free) = (self.products, self.free);
         let frequencies_hz = keep(frequencies_hz, &kept);
         if frequencies_hz.is_empty() {
             return None;
         }
         let entries = entries.into_iter().map(|list| keep(list, &kept)).collect();
-        let mut table = Self::of(&scene, Computed { model, frequencies_hz, entries, electrodes, grid, products });
+        let mut table = Self::of(&scene, Computed { model, frequencies_hz, entries, electrodes, grid, products, free });
         table.coarser = coarser;
         table.coarser_rows = coarser_rows.map(|rows| keep(rows, &kept));
         Some(table)
@@ -251,10 +255,15 @@ impl PlanTable {
         self.over_surface.get_or_init(|| build::over_surface(&self.products, &self.entries))
     }
 
-    /// What rise and decay are told from, prepared when it is first asked for; `None` for a model whose free motion has no
-    /// poles to tell it by.
+    /// What rise and decay are told from; `None` for a model whose free motion has no poles to tell it by.
+    #[must_use]
     pub fn rise(&self) -> Option<&RiseTimes> {
-        self.rise.get_or_init(|| RiseTimes::prepare(&self.model)).as_ref()
+        self.free.as_ref().map(|(rise, _)| rise)
+    }
+
+    /// What switching on is told from.
+    pub(super) fn onset(&self) -> Option<&Onset> {
+        self.free.as_ref().map(|(_, onset)| onset)
     }
 
     /// The setting with the largest minimum over the surface, found when it is first asked for, and by which part another

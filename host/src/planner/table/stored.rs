@@ -4,7 +4,7 @@
 //! arrays that a touch reads in its own order are made again of scene and entries, so that a table read is bit for bit the
 //! one that was written. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
 
-use super::build::{electrodes_of, entries_at, rows};
+use super::build::{Panel, electrodes_of, entries_at, free_motion, rows};
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
 use crate::model::bounded::{Levels, Step};
 use crate::model::stored::{Implausible, StoredLevels, StoredMatrix, complex, expect_size, pairs};
@@ -22,6 +22,9 @@ use serde::{Deserialize, Serialize};
 const SAME: f64 = 1e-9;
 /// The same of figures over the surface, which are summed in single precision.
 const SAME_IN_SINGLE: f64 = 1e-4;
+/// The same of force limits, which leave room for free motions: where poles are nearly equal each has its own share of what is
+/// theirs together, as rounding will have it.
+const SAME_OF_POLES: f64 = 1e-2;
 /// Parts of the list of frequencies, and of that of points, at which samples are taken.
 const SAMPLES: [f64; 3] = [0.15, 0.5, 0.85];
 
@@ -38,6 +41,7 @@ struct StoredEntry {
     travel: [[f64; 2]; MAX_ACTUATORS],
     harmonic_travel: [[f64; MAX_ACTUATORS]; HARMONICS.len()],
     overshoot: [f64; MAX_ACTUATORS],
+    onset_v: f64,
     widths: [Width; 2],
     max_force_n: f64,
     limit: Limit,
@@ -54,6 +58,7 @@ impl From<&Entry> for StoredEntry {
             travel: entry.travel.map(|z| [z.re, z.im]),
             harmonic_travel: entry.harmonic_travel,
             overshoot: entry.overshoot,
+            onset_v: entry.onset_v,
             widths: entry.widths,
             max_force_n: entry.max_force_n,
             limit: entry.limit,
@@ -61,13 +66,18 @@ impl From<&Entry> for StoredEntry {
     }
 }
 
-/// Numbers of an entry other than its acceleration.
+/// Numbers of an entry other than its acceleration and its limits.
 fn figures(entry: &Entry) -> impl Iterator<Item = f64> {
-    let of_width =
-        |width: Width| [width.pulse_width, width.harmonics, width.max_force_n].into_iter().chain(width.travel_m_per_n);
     let travel = entry.travel.map(Complex64::norm).into_iter().chain(entry.harmonic_travel.into_iter().flatten());
-    let widths = entry.widths.into_iter().flat_map(of_width);
-    [entry.mean_square, entry.max_force_n].into_iter().chain(travel).chain(widths)
+    let widths = entry.widths.into_iter().flat_map(|width| [width.pulse_width, width.harmonics]);
+    std::iter::once(entry.mean_square).chain(travel).chain(widths)
+}
+
+/// Force limits and what they are made of.
+fn limits(entry: &Entry) -> impl Iterator<Item = f64> {
+    let widths =
+        entry.widths.into_iter().flat_map(|width| std::iter::once(width.max_force_n).chain(width.travel_m_per_n));
+    [entry.max_force_n, entry.onset_v].into_iter().chain(entry.overshoot).chain(widths)
 }
 
 impl StoredEntry {
@@ -82,12 +92,14 @@ impl StoredEntry {
             travel: self.travel.map(|[re, im]| Complex64::new(re, im)),
             harmonic_travel: self.harmonic_travel,
             overshoot: self.overshoot,
+            onset_v: self.onset_v,
             widths: self.widths,
             max_force_n: self.max_force_n,
             limit: self.limit,
         };
         let over_surface = [entry.mean, entry.most_square, entry.steepest];
-        if !figures(&entry).chain(over_surface).all(|figure| figure.is_finite() && figure >= 0.0) {
+        if !figures(&entry).chain(limits(&entry)).chain(over_surface).all(|figure| figure.is_finite() && figure >= 0.0)
+        {
             return Err(Implausible::NotFinite(WHAT));
         }
         // No mean is above the root of the mean square, and no mean square above the largest.
@@ -149,7 +161,8 @@ impl StoredTable {
         let grid = SurfaceGrid { shapes: self.shapes.restore("shapes at the surface's points", points, n)?, ..grid };
         let products = self.products.restore("products over the surface", n, n)?;
         let electrodes = electrodes_of(scene);
-        let computed = Computed { model, frequencies_hz, entries, electrodes, grid, products };
+        let free = free_motion(&model);
+        let computed = Computed { model, frequencies_hz, entries, electrodes, grid, products, free };
         let mut table = PlanTable::of(scene, computed);
         let [middle, coarse] = self.coarser_rows;
         table.coarser_rows = [
@@ -179,15 +192,22 @@ fn restore_rows(
 /// Computes samples anew: entries, responses of the coarser levels, shapes.
 fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
     let solver = Solver::new(&table.model);
+    let panel = Panel {
+        model: &table.model,
+        products: &table.products,
+        electrodes: &table.electrodes,
+        transducers: &table.transducers,
+        onset: table.onset(),
+    };
     for k in samples(table.frequencies_hz.len()) {
         let hz = table.frequencies_hz[k];
-        let anew = entries_at(&table.model, &solver, &table.products, &table.electrodes, &table.transducers, hz)
-            .map_err(|_| Implausible::Differs("entries"))?;
+        let anew = entries_at(panel, &solver, hz).map_err(|_| Implausible::Differs("entries"))?;
         let kept: Option<Vec<&Entry>> = table.entries.iter().map(|list| list[k].as_ref()).collect();
         let is_same = match (&anew, &kept) {
             (Some(anew), Some(kept)) => anew.iter().zip(kept).all(|(anew, kept)| {
                 is_close(&anew.acceleration, &kept.acceleration)
                     && figures(anew).zip(figures(kept)).all(|(anew, kept)| is_same(anew, kept, SAME))
+                    && limits(anew).zip(limits(kept)).all(|(anew, kept)| is_same(anew, kept, SAME_OF_POLES))
                     && is_same(table.grid.mean(&anew.acceleration), kept.mean, SAME_IN_SINGLE)
             }),
             (anew, kept) => anew.is_none() && kept.is_none(),

@@ -1,0 +1,131 @@
+//! The way from rest to the steady motion while the rails rise.
+//!
+//! Every line's motion is carried by the poles near its frequency, as phasors relative to the drive: z' = (s - jw) z + b F for
+//! each pole s, travel the sum of a z, and F the force of [`super::settle`]'s describing functions for the travels as they are,
+//! under the voltages as they are. That is the averaged motion (Krylov and Bogoliubov) of what [`super::settle`] finds the end
+//! of: it tells how far masses go beyond it, and whether a softening spring's other motion is where they end.
+
+use super::{Excitation, Line, MAX_LINES, Matrix, Motion, NotSafe, Problem, Transducer, Vector, times};
+use crate::scene::MAX_ACTUATORS;
+use num_complex::Complex64;
+
+/// Between two looks in s: poles up to 80 Hz beside a drive turn by half a radian.
+const STEP_S: f64 = 1e-3;
+/// Longest time that is followed after the rails are up, in s.
+const LONGEST_S: f64 = 1.0;
+/// Part of the steady travel that does not count as beyond it.
+const NEARLY: f64 = 0.02;
+
+/// A pole near a line.
+#[derive(Clone, Copy, Debug)]
+pub struct Swing {
+    /// s - jw, in 1/s.
+    pub beat: Complex64,
+    /// What a force on each actuator drives it by.
+    pub input: Vector,
+    /// What it moves each actuator's mass by.
+    pub output: Vector,
+}
+
+/// A line's receptance in time.
+#[derive(Clone, Debug)]
+pub struct Following {
+    /// What takes its time.
+    pub swings: Vec<Swing>,
+    /// What follows at once, in m/N.
+    pub at_once: Matrix,
+}
+
+/// Most that each actuator's mass is away from its middle in m while the rails rise, each over its `rise_s`, and until the
+/// motion is `steady`.
+///
+/// # Errors
+/// [`NotSafe`], for motions that go beyond half the gap.
+pub fn rise(
+    actuators: &[Transducer],
+    excitations: &[Excitation],
+    lines: &[Line],
+    following: &[Following],
+    rise_s: &[f64; MAX_ACTUATORS],
+    steady: &Motion,
+) -> Result<[f64; MAX_ACTUATORS], NotSafe> {
+    let problem = Problem::new(actuators, excitations, lines)?;
+    let p = actuators.len();
+    let mut swings: Vec<Vec<State>> = following
+        .iter()
+        .zip(&steady.force_n)
+        .map(|(line, forces)| line.swings.iter().map(|swing| State::new(swing, forces)).collect())
+        .collect();
+    let longest_s = rise_s.iter().take(p).copied().fold(0.0, f64::max);
+    let mut most = [0.0_f64; MAX_ACTUATORS];
+    let mut motion = Motion::REST;
+    let mut before = motion.travel_m;
+    let mut time_s = 0.0;
+    while time_s < longest_s + LONGEST_S {
+        // Forces of the middle of the step: travels go on as they have.
+        let mut middle = motion;
+        for (l, travel) in middle.travel_m.iter_mut().enumerate().take(lines.len()) {
+            for (travel, before) in travel.iter_mut().zip(&before[l]) {
+                *travel = 1.5 * *travel - 0.5 * before;
+            }
+        }
+        before = motion.travel_m;
+        let mut forces = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES];
+        for i in 0..p {
+            let up = ((time_s + 0.5 * STEP_S) / rise_s[i]).min(1.0);
+            let description = problem.describe(i, &middle, up * up).ok_or(NotSafe::Travel { actuator: i })?;
+            forces.iter_mut().zip(&description.force).for_each(|(forces, force)| forces[i] = *force);
+        }
+        time_s += STEP_S;
+        let mut away = [0.0; MAX_ACTUATORS];
+        for (l, line) in following.iter().enumerate().take(lines.len()) {
+            let mut travel = times(&line.at_once, &forces[l], p);
+            for (state, swing) in swings[l].iter_mut().zip(&line.swings) {
+                let left = state.step(swing, &forces[l]);
+                for i in 0..p {
+                    travel[i] += swing.output[i] * state.now;
+                    away[i] += (swing.output[i] * left).norm();
+                }
+            }
+            motion.travel_m[l] = travel;
+        }
+        let mut is_there = time_s > longest_s;
+        for i in 0..p {
+            let travel: f64 = motion.travel_m.iter().take(lines.len()).map(|travel| travel[i].norm()).sum();
+            most[i] = most[i].max(travel);
+            let still = steady.largest_m[i] + away[i];
+            is_there &= still <= most[i].max((1.0 + NEARLY) * steady.largest_m[i]);
+        }
+        if is_there {
+            break;
+        }
+    }
+    for (most, steady) in most.iter_mut().zip(&steady.largest_m).take(p) {
+        *most = most.max(*steady);
+    }
+    Ok(most)
+}
+
+/// One pole on its way.
+struct State {
+    now: Complex64,
+    steady: Complex64,
+    /// e^(beat h), and what a force that stays for a step adds.
+    turn: Complex64,
+    gain: Complex64,
+}
+
+impl State {
+    fn new(swing: &Swing, steady_n: &Vector) -> Self {
+        let turn = (swing.beat * STEP_S).exp();
+        let input: Complex64 = swing.input.iter().zip(steady_n).map(|(b, force)| b * force).sum();
+        Self { now: Complex64::ZERO, steady: -input / swing.beat, turn, gain: (turn - 1.0) / swing.beat }
+    }
+
+    /// What is left to the steady motion after a step.
+    fn step(&mut self, swing: &Swing, forces: &Vector) -> Complex64 {
+        let input: Complex64 = swing.input.iter().zip(forces).map(|(b, force)| b * force).sum();
+        self.now = self.turn * self.now + self.gain * input;
+        self.now - self.steady
+    }
+}
