@@ -212,8 +212,8 @@ fn plan_text(text: &mut String, plan: &Plan) {
     for zone in &plan.quiet {
         let _ = write!(
             text,
-            "\n  quiet {:.1} mm, {:.1} mm, radius {:.1} mm: {:.4} g of {:.4} g allowed",
-            zone.x_mm, zone.y_mm, zone.radius_mm, zone.peak_g, zone.at_most_g
+            "\n  quiet {:.1} mm, {:.1} mm, radius {:.1} mm: {:.4} g of {:.4} g allowed, harmonics at most {:.4} g more",
+            zone.x_mm, zone.y_mm, zone.radius_mm, zone.peak_g, zone.at_most_g, zone.harmonics_g
         );
     }
     if let Some(limit) = &plan.limited_by {

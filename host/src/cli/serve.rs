@@ -94,16 +94,16 @@ fn first_plan(table: &PlanTable) -> Option<Plan> {
     })
 }
 
-/// Makes ready what the first effect and the first level in dB need, while nobody waits for it.
+/// Makes ready what the first request for the objective `reach` needs, while nobody waits for it.
 fn warm_up(app: &Arc<App>) {
     let app = Arc::clone(app);
     let started = std::thread::Builder::new().name("warm-up".into()).spawn(move || {
         let started = Instant::now();
-        let _ = app.table.rise();
-        tracing::debug!("rise times prepared in {:.0} ms", ms(started.elapsed()));
+        app.table.prepare_reach();
+        tracing::debug!("reach prepared in {:.0} ms", ms(started.elapsed()));
     });
     if let Err(error) = started {
-        tracing::debug!(%error, "the first effect will prepare its rise times itself");
+        tracing::debug!(%error, "the first request for reach will prepare it itself");
     }
 }
 

@@ -5,7 +5,8 @@ use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::verify::Comparison;
 use crate::verify::trials::{
-    ALLOWED, LARGEST_BOUND, Options, Outcome as Tried, SAME, Trial, TrialError, Verdict, try_scene, verdict,
+    ALLOWED, LARGEST_BOUND, Options, Outcome as Tried, SAME, Trial, TrialError, Verdict, goes_too_far, try_scene,
+    verdict,
 };
 use rayon::prelude::*;
 use serde_json::json;
@@ -52,6 +53,10 @@ pub fn run(options: &Verify, scenes: u64) -> Outcome {
         });
         let _ = write!(text, "\n{:.0} s", started.elapsed().as_secs_f64());
         print_text(&text)?;
+    }
+    let too_far = trials.iter().filter_map(Trial::comparison).filter(|c| goes_too_far(c)).count();
+    if too_far > 0 {
+        return Err(Failure::Failed(format!("{too_far} touches take a mass beyond a third of its gap")));
     }
     let part = part_of(counted.within.len(), counted.all());
     if part >= ENOUGH {

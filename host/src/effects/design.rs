@@ -11,6 +11,7 @@ use super::click;
 use super::envelope::{Cut, length_s};
 use super::named::{EffectError, EffectRequest, NamedEffect, Shape};
 use super::part::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
+use super::supply::keep_within_supply;
 use super::travel::keep_within_travel;
 use crate::device::convert::SiDrive;
 use crate::planner::limits::Limit;
@@ -155,6 +156,9 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
             (effects, Some(plain))
         }
     };
+    if let Some((actuator, limit)) = keep_within_supply(table, &mut parts) {
+        limits.push(limit_of(table, limit, actuator));
+    }
     if let Some((actuator, limit)) = keep_within_travel(table, rise, &mut parts, &effects) {
         limits.push(limit_of(table, limit, actuator));
     }
@@ -190,6 +194,9 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
 }
 
 fn limit_of(table: &PlanTable, limit: Limit, actuator: usize) -> String {
+    if limit == Limit::Supply {
+        return limit.name().into();
+    }
     let id = table.scene.actuators.get(actuator).map_or("", |actuator| actuator.id.as_str());
     format!("{} of {id}", limit.name())
 }

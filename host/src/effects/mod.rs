@@ -11,6 +11,7 @@ pub mod intensity;
 pub mod motion;
 pub mod named;
 mod part;
+mod supply;
 mod travel;
 pub mod view;
 

@@ -5,16 +5,17 @@
 //!
 //! A long effect brings nothing new after a while. The motion is the steady one of the present level and free motions of
 //! the levels before, which decay. Once they have, a level that is held longer moves nothing further, a repetition is like
-//! the one before, and a slower ramp stays below a faster one. So segments, and the repetitions together, are cut to the
+//! the one before, and a slower ramp is nearer to the steady motions of its levels, which plans keep within the limits at every
+//! level ([`crate::planner`]). So segments, and the repetitions together, are cut to the
 //! time in which the free motions decay, and what is then stepped, [`Shortened`], is stepped to its end. What they have
 //! left where they decay too slowly for that is added to the travel found.
 
 use super::envelope::{Cut, length_s, levels};
 use super::part::Part;
+use super::supply::rail_v;
 use crate::planner::PlanTable;
 use crate::planner::limits::{BREAKDOWN_MARGIN, Electrodes, Limit, TRAVEL_PART, breakdown_v};
 use crate::planner::rise::{Ringing, RiseTimes, Stepper};
-use era_shared::supply::rail_of;
 use era_shared::waveform::{Effect, Segment};
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -191,16 +192,6 @@ fn most_kept(levels: &[f64], exponent: f64) -> f64 {
         (before, most) = (*level, most.max(sum));
     }
     most
-}
-
-/// Voltage across an actuator's gap: the highest that is asked of its rail.
-fn rail_v(electrodes: &[Electrodes], parts: &[Part], actuator: usize, scale: f64) -> f64 {
-    let on_its_rail = parts.iter().filter(|part| rail_of(part.drive.actuator) == rail_of(actuator));
-    let volts = |part: &Part| {
-        let electrodes = electrodes.get(part.drive.actuator)?;
-        Some(electrodes.voltage_for(part.drive.force_n * scale, part.channel.pulse_width))
-    };
-    on_its_rail.filter_map(volts).fold(0.0, f64::max)
 }
 
 /// Largest travel of every actuator in m; not looked at any further once one is beyond a third of its gap. The digits of

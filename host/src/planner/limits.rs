@@ -1,7 +1,15 @@
 //! How strong an ERA may be driven: voltage, travel, breakdown of the air in the closing gap.
 
+use super::ELECTRODE_CABLE_F;
 use crate::scene::EPS0;
+use era_shared::limits::MAX_AVERAGE_MICROAMPS;
 use serde::{Deserialize, Serialize};
+
+/// Most mean current in A that the board's supply delivers for long.
+#[must_use]
+pub fn most_mean_current_a() -> f64 {
+    f64::from(MAX_AVERAGE_MICROAMPS) * 1e-6
+}
 
 /// Part of the breakdown voltage that may be used.
 pub(crate) const BREAKDOWN_MARGIN: f64 = 0.85;
@@ -95,6 +103,13 @@ impl Electrodes {
             if holds(middle) { low = middle } else { high = middle }
         }
         (low, Limit::Breakdown)
+    }
+
+    /// Mean current in A of electrodes that are each charged to `voltage_v` once a period.
+    #[must_use]
+    pub fn mean_current_a(&self, voltage_v: f64, frequency_hz: f64) -> f64 {
+        let capacitance = EPS0 * self.area_m2 / self.gap_m + ELECTRODE_CABLE_F;
+        2.0 * capacitance * voltage_v * frequency_hz
     }
 
     /// Most travel in m: a third of the gap.

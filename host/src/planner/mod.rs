@@ -16,6 +16,7 @@ pub mod cache;
 pub mod candidates;
 pub mod explain;
 mod grouped;
+mod harmonics;
 pub mod limits;
 mod linear;
 mod nearest;

@@ -25,6 +25,8 @@ const SLOWEST_BEAT_HZ: f64 = 0.5;
 const QUIET_ROUNDS: [usize; 2] = [3, 10];
 /// Gaps below this are rounding.
 const NO_GAP: f64 = 1e-9;
+/// Gaps above this say no more than that nothing is known: where next to nothing of the forces is safe.
+const MOST_GAP: f64 = 1e6;
 /// Levels in dB above the threshold below which nothing moves but rounding.
 const LEAST_DB: f64 = -150.0;
 /// Part of a wish that counts as met.
@@ -351,7 +353,7 @@ impl PlanTable {
 /// By which part another combination could be better; what safety took away another might not have lost.
 fn gap(selection: &Selection, settled: &Settled) -> f64 {
     let gap = (1.0 + selection.gap) / settled.scale.max(f64::MIN_POSITIVE) - 1.0;
-    if gap > NO_GAP { gap } else { 0.0 }
+    if gap > NO_GAP { gap.min(MOST_GAP) } else { 0.0 }
 }
 
 /// The best of `choices` under `fits`, with them.

@@ -43,6 +43,8 @@ pub struct QuietResult {
     /// Largest peak in it, in g: the larger one of forces of masses at rest and in moving gaps; right to 2 %, by which a crest
     /// between the points that are looked at may be higher.
     pub peak_g: f64,
+    /// Most that odd harmonics up to 1 kHz add to that where they are strongest, in g; the limit is about the fundamentals.
+    pub harmonics_g: f64,
 }
 
 #[derive(Clone, Debug)]
@@ -146,12 +148,17 @@ impl PlanTable {
             (settled.scale, settled.limited) = (scale, limited);
             peaks = zones.peaks(self, drives, &settled);
         }
+        if zones.areas.is_empty() {
+            return Some((settled, Vec::new()));
+        }
+        let harmonics = self.harmonics(drives, &settled);
         let results = zones.areas.iter().zip(peaks).map(|(area, peak)| QuietResult {
             x_mm: area.quiet.x_m * 1e3,
             y_mm: self.y_m(area.quiet.y_m) * 1e3,
             radius_mm: area.quiet.radius_m * 1e3,
             at_most_g: area.quiet.at_most_g,
             peak_g: peak / STANDARD_GRAVITY,
+            harmonics_g: harmonics.most_g(area.points.iter()),
         });
         Some((settled, results.collect()))
     }

@@ -28,8 +28,8 @@ impl PlanTable {
     #[must_use]
     pub fn report(&self, planned: &Planned, rise: Option<&RiseTimes>) -> Report {
         let shape = planned.shapes.first();
-        let harmonics =
-            shape.map(|shape| self.harmonic_peaks(&planned.drives, &planned.settled, shape)).unwrap_or_default();
+        let motions = self.harmonics(&planned.drives, &planned.settled);
+        let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
         let harmonics_m_per_s2: f64 = harmonics.iter().map(|(_, peak)| peak).sum();
         let over = harmonics.iter().map(|(hz, peak)| peak / threshold_m_per_s2(*hz)).fold(0.0, f64::max);
         let drives: Vec<Drive> = planned

@@ -4,17 +4,16 @@
 //! ([`super::softening`]) decides: where any actuator would travel beyond a third of its gap or be pulled in, or its voltage (its rail's)
 //! break down the gap that is left, or the supply deliver more than it can, all forces are scaled down together until none does.
 
-use super::ELECTRODE_CABLE_F;
-use super::limits::{Electrodes, Limit, TRAVEL_PART};
+use super::limits::{Electrodes, Limit, TRAVEL_PART, most_mean_current_a};
 use super::refine::Chosen;
 use super::softening::{Excitation, Following, Line, MAX_LINES, Motion, NotSafe, Transducer, follow, rise, settle};
 use super::table::{PlanTable, harmonics_m_per_n, travel_m_per_n};
-use crate::scene::{EPS0, MAX_ACTUATORS};
-use era_shared::limits::{MAX_AVERAGE_MICROAMPS, RAIL_SLOPE_MILLIVOLTS_PER_MS};
+use crate::scene::MAX_ACTUATORS;
+use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
 use era_shared::supply::{RAILS, rail_of};
 use nalgebra::DVector;
 use num_complex::Complex64;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::FRAC_PI_2;
 
 /// Levels of the squared voltages that are looked at on the way up.
 pub(super) const LEVELS: u32 = 16;
@@ -84,13 +83,6 @@ impl Problem {
 
 fn part_of(level: u32) -> f64 {
     f64::from(level) / f64::from(LEVELS)
-}
-
-fn which(error: NotSafe) -> (usize, Limit) {
-    match error {
-        NotSafe::Travel { actuator } => (actuator, Limit::Travel),
-        NotSafe::Unstable | NotSafe::Shape { .. } => (0, Limit::Travel),
-    }
 }
 
 impl PlanTable {
@@ -195,7 +187,7 @@ impl PlanTable {
         let rise_s = settled.applied.map(|applied| (applied.voltage_v / volts_per_s).max(1e-3));
         let (transducers, excitations) = (problem.transducers(), problem.excitations());
         let most = rise(transducers, excitations, &problem.lines, &following, &rise_s, &settled.motion);
-        self.within(drives, settled, &most.map_err(which)?)
+        self.within(drives, settled, &most.map_err(|error| self.which(error, &settled.applied))?)
     }
 
     /// The first limit that masses break which go as far as `travel_m` and as harmonics take them beyond that.
@@ -287,7 +279,7 @@ impl PlanTable {
             }
             _ => settle(transducers, excitations, &problem.lines),
         };
-        let motion = motion.map_err(which)?;
+        let motion = motion.map_err(|error| self.which(error, &applied))?;
         if let Some(actuator) = self.pulled_in(&motion.softening_n_per_m) {
             return Err((actuator, Limit::PullIn));
         }
@@ -299,6 +291,22 @@ impl PlanTable {
             Settled { applied, motion, frequency_of_line, lines: problem.leaders.len(), scale, limited: None };
         self.within(drives, &settled, &motion.largest_m)?;
         Ok(settled)
+    }
+
+    /// Which actuator an error is about: of a resonance that the softening makes unstable, the one that loses most of what holds
+    /// it.
+    fn which(&self, error: NotSafe, applied: &[Applied; MAX_ACTUATORS]) -> (usize, Limit) {
+        let lost = |i: &usize| {
+            let own = self.static_receptance[*i][*i];
+            self.electrodes.get(*i).map_or(0.0, |electrodes| own * softening(electrodes, applied[*i].voltage_v, 0.0))
+        };
+        let actuator = match error {
+            NotSafe::Travel { actuator } => Some(actuator),
+            NotSafe::Unstable | NotSafe::Shape { .. } => {
+                (0..self.electrodes.len().min(MAX_ACTUATORS)).max_by(|a, b| lost(a).total_cmp(&lost(b)))
+            }
+        };
+        (actuator.unwrap_or(0), Limit::Travel)
     }
 
     /// What the actuators do to the panel under these voltages. Equal frequencies are one line.
@@ -361,11 +369,10 @@ impl PlanTable {
     /// The mean current of all electrodes, each charged once a period.
     fn check_supply(&self, drives: &[Chosen], applied: &[Applied; MAX_ACTUATORS]) -> Result<(), (usize, Limit)> {
         let current = |((drive, applied), electrodes): ((&Chosen, &Applied), &Electrodes)| {
-            let capacitance = EPS0 * electrodes.area_m2 / electrodes.gap_m + ELECTRODE_CABLE_F;
-            2.0 * capacitance * applied.voltage_v * drive.frequency_hz
+            electrodes.mean_current_a(applied.voltage_v, drive.frequency_hz)
         };
         let amps: f64 = drives.iter().zip(applied).zip(&self.electrodes).map(current).sum();
-        if amps * 1e6 <= f64::from(MAX_AVERAGE_MICROAMPS) { Ok(()) } else { Err((0, Limit::Supply)) }
+        if amps <= most_mean_current_a() { Ok(()) } else { Err((0, Limit::Supply)) }
     }
 
     /// Peak acceleration in m/s^2 at the point with mode shapes `shape`, of the steady motion: equation 23 over the total
@@ -379,24 +386,5 @@ impl PlanTable {
                 .norm()
         };
         (0..settled.lines).map(line).sum()
-    }
-
-    /// Peaks in m/s^2 of the odd harmonics of all drives at a point, each with its frequency in Hz: their sum is how much
-    /// higher than the fundamentals' the whole waveform can be.
-    pub(super) fn harmonic_peaks(&self, drives: &[Chosen], settled: &Settled, shape: &DVector<f64>) -> Vec<(f64, f64)> {
-        let solver = crate::response::Solver::new(&self.model);
-        let mut peaks = Vec::new();
-        for (i, drive) in drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
-            let numbers = (1..).map(|k| f64::from(2 * k + 1));
-            for n in numbers.take_while(|n| n * drive.frequency_hz <= super::HIGHEST_FELT_HZ) {
-                let hz = n * drive.frequency_hz;
-                let Ok(coordinates) = solver.coordinates(hz) else { continue };
-                let Some(q) = coordinates.get(i) else { continue };
-                let part = super::table::harmonic_part(n, settled.applied[i].pulse_width).abs();
-                let omega = TAU * hz;
-                peaks.push((hz, super::table::at_point(shape, q).norm() * omega * omega * part * drive.force_n));
-            }
-        }
-        peaks
     }
 }

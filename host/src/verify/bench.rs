@@ -2,7 +2,7 @@
 
 use super::VerifyError;
 use crate::device::convert::SiDrive;
-use crate::device::sim::{Accelerometer, STEP_S, SimBoard, attenuation};
+use crate::device::sim::{Accelerometer, SimBoard, attenuation};
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
@@ -99,12 +99,12 @@ impl Bench {
 /// Coefficients of the four-term Blackman-Harris window (Harris 1978): side lobes 92 dB down from 4/T on.
 const WINDOW: [f64; 4] = [0.358_75, -0.488_29, 0.141_28, -0.011_68];
 
-/// Amplitudes of sines at the frequencies `wanted_hz` in a record: weighted least squares over all of them at once, and over
+/// Amplitudes of sines at the frequencies `wanted_hz` in a record of samples `step_s` apart: weighted least squares over all of them at once, and over
 /// those at `beside_hz`, so that they do not leak into each other. The weights are a window's, so that lines far off, which
 /// may be ten thousand times stronger where a panel hardly moves, do not either. The low-pass has made each smaller by a
 /// known factor, which is taken out again.
 #[allow(clippy::cast_precision_loss, reason = "sample numbers")]
-pub(super) fn amplitudes(record: &[f64], wanted_hz: &[f64], beside_hz: &[f64]) -> Vec<f64> {
+pub(super) fn amplitudes(record: &[f64], step_s: f64, wanted_hz: &[f64], beside_hz: &[f64]) -> Vec<f64> {
     let frequencies_hz: Vec<f64> = wanted_hz.iter().chain(beside_hz).copied().collect();
     let columns = 2 * frequencies_hz.len();
     let mut normal = DMatrix::<f64>::zeros(columns, columns);
@@ -112,7 +112,7 @@ pub(super) fn amplitudes(record: &[f64], wanted_hz: &[f64], beside_hz: &[f64]) -
     let mut row = DVector::<f64>::zeros(columns);
     for (i, value) in record.iter().enumerate() {
         for (k, frequency_hz) in frequencies_hz.iter().enumerate() {
-            let (sin, cos) = (TAU * frequency_hz * i as f64 * STEP_S).sin_cos();
+            let (sin, cos) = (TAU * frequency_hz * i as f64 * step_s).sin_cos();
             row[2 * k] = cos;
             row[2 * k + 1] = sin;
         }
@@ -149,6 +149,7 @@ pub(super) fn on_rails(drives: Vec<SiDrive>) -> Vec<SiDrive> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::sim::STEP_S;
 
     #[test]
     fn weak_sines_are_found_beside_strong_ones() {
@@ -158,7 +159,7 @@ mod tests {
             lines.iter().map(|(hz, a)| a * attenuation(*hz) * (TAU * hz * time_s + hz).cos()).sum::<f64>()
         };
         let record: Vec<f64> = (0..40_000).map(at).collect();
-        let found = amplitudes(&record, &[101.3, 160.0], &[102.1]);
+        let found = amplitudes(&record, STEP_S, &[101.3, 160.0], &[102.1]);
         assert!((found[0] / 1e-3 - 1.0).abs() < 5e-3 && (found[1] / 0.5 - 1.0).abs() < 1e-6, "{found:?}");
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::daemon::wire_drives;
 use crate::device::convert::{from_wire, to_wire};
-use crate::device::sim::{Clock, Extreme, Panel, STEP_S, SimBoard, causal, kept};
+use crate::device::sim::{Clock, Extreme, Panel, SimBoard, causal, kept};
 use crate::model::ReducedModel;
 use crate::planner::softening::{NotSafe, Transducer};
 use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
@@ -175,7 +175,7 @@ pub fn compare_request(
     let shape = table.model.shape_at(x_mm / 1e3, y_mm / 1e3);
     let mut panel = panel.clone();
     panel.set_probe(&shape);
-    let Record { waveform, fundamentals, samples, predicted_peak, unsettled, extremes } =
+    let Record { waveform, fundamentals, samples, step_s, predicted_peak, unsettled, extremes } =
         run(table, panel, &shape, &plan)?;
     let masses = table.scene.actuators.iter().zip(&waveform.motion.largest_m).zip(&extremes);
     let travel = masses
@@ -188,7 +188,7 @@ pub fn compare_request(
         .collect();
     let in_g = |acceleration: f64| acceleration / STANDARD_GRAVITY;
     let (coinciding, beside_hz) = waveform.neighbours();
-    let simulated_g = in_g(amplitudes(&samples, &waveform.frequencies_hz(), &beside_hz).iter().sum::<f64>());
+    let simulated_g = in_g(amplitudes(&samples, step_s, &waveform.frequencies_hz(), &beside_hz).iter().sum::<f64>());
     let simulated_band_g = in_g(samples.iter().fold(0.0_f64, |most, a| most.max(a.abs())));
     let (linear_g, predicted_g) = (plan.predicted.target_peak_g, plan.predicted.softened_peak_g);
     let [rounded_g, causal_g, kept_g] = fundamentals.map(in_g);
@@ -241,8 +241,9 @@ struct Record {
     fundamentals: [f64; 3],
     /// Peak of `waveform` over the same window, in m/s^2.
     predicted_peak: f64,
-    /// The accelerometer's samples in m/s^2, [`STEP_S`] apart.
+    /// The accelerometer's samples in m/s^2, `step_s` apart.
     samples: Vec<f64>,
+    step_s: f64,
     /// Part of the peak that may be left of the motion of switching on.
     unsettled: f64,
     /// How far each mass has been.
@@ -251,6 +252,7 @@ struct Record {
 
 /// The accelerometer's record after the panel has settled.
 fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Result<Record, VerifyError> {
+    let step_s = panel.step_s();
     let actuators = &table.scene.actuators;
     let volts: Vec<f64> = actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     let transducers: Vec<Transducer> = actuators.iter().map(Transducer::of).collect();
@@ -270,7 +272,7 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
     let causal_sum = in_time(causal(&table.model), waveform.fundamentals())?;
     let fundamentals = [of(&table.model, 1)?, causal_sum, in_time(kept(&table.model), causal_sum)?];
     // From rest, the motion is the steady one and a free one that cancels it at first.
-    let peak = waveform.peak(0.0, STEP_S, samples_of(RECORD_S));
+    let peak = waveform.peak(0.0, step_s, samples_of(RECORD_S, step_s));
     let (settling_s, left) =
         bench.board.panel_mut().settling(&waveform.displacement, &waveform.velocity, SETTLED * peak, LONGEST_SETTLE_S);
     if left > NEARLY_SETTLED * peak {
@@ -278,23 +280,24 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
     }
     bench.run_for(settling_s.max(SHORTEST_SETTLE_S))?;
     // A sample is the mean over a step and stands for the step's middle.
-    let from_s = bench.board.panel_mut().time_s() + 0.5 * STEP_S;
+    let from_s = bench.board.panel_mut().time_s() + 0.5 * step_s;
     bench.accelerometer().start_record();
     bench.run_for(RECORD_S)?;
     let samples = bench.accelerometer().take_record();
     let extremes = bench.board.panel_mut().take_extremes();
     bench.ask(&Request::Stop)?;
     Ok(Record {
-        predicted_peak: waveform.peak(from_s, STEP_S, samples.len()),
+        predicted_peak: waveform.peak(from_s, step_s, samples.len()),
         waveform,
         fundamentals,
         samples,
+        step_s,
         unsettled: left / peak.max(f64::MIN_POSITIVE),
         extremes,
     })
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a second or so")]
-fn samples_of(seconds: f64) -> usize {
-    (seconds / STEP_S) as usize
+fn samples_of(seconds: f64, step_s: f64) -> usize {
+    (seconds / step_s) as usize
 }

@@ -75,7 +75,9 @@ impl Panel {
         Self::with_step(system, transducers, STEP_S)
     }
 
-    fn with_step(system: &ModalSystem, transducers: Vec<Transducer>, step_s: f64) -> Self {
+    /// The same with another step than [`STEP_S`].
+    #[must_use]
+    pub fn with_step(system: &ModalSystem, transducers: Vec<Transducer>, step_s: f64) -> Self {
         let kept: Vec<usize> = (0..system.lambda.len()).filter(|i| is_stepped(system.lambda[*i])).collect();
         let system = ModalSystem {
             lambda: system.lambda.select_rows(&kept),
@@ -109,8 +111,20 @@ impl Panel {
     /// The panel of a planner's table, at rest.
     #[must_use]
     pub fn of(table: &PlanTable) -> Self {
+        Self::of_with_step(table, STEP_S)
+    }
+
+    /// The same with another step than [`STEP_S`].
+    #[must_use]
+    pub fn of_with_step(table: &PlanTable, step_s: f64) -> Self {
         let transducers = table.scene.actuators.iter().map(Transducer::of).collect();
-        Self::new(&ModalSystem::from_reduced(&table.model), transducers)
+        Self::with_step(&ModalSystem::from_reduced(&table.model), transducers, step_s)
+    }
+
+    /// Between two samples of the accelerometer, in s.
+    #[must_use]
+    pub const fn step_s(&self) -> f64 {
+        self.step_s
     }
 
     /// Puts the accelerometer where the mode shapes have the values `shape` (one per coordinate of the system).

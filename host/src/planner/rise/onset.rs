@@ -139,7 +139,7 @@ fn part_left(z: Complex64) -> Complex64 {
 fn overshoot_of(parts: impl Iterator<Item = (Complex64, Complex64)> + Clone, steady: Complex64) -> f64 {
     let at_rest = steady.norm();
     let sum: f64 = parts.clone().map(|(_, phasor)| phasor.norm()).sum();
-    if !(sum > SMALL * at_rest) {
+    if sum <= SMALL * at_rest || !sum.is_finite() {
         return sum;
     }
     // The strongest are followed, the rest adds up.

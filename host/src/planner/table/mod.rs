@@ -272,6 +272,11 @@ impl PlanTable {
         self.everywhere.get_or_init(|| schemes::everywhere(self)).as_ref()
     }
 
+    /// Finds that setting now, for those who will ask.
+    pub fn prepare_reach(&self) {
+        let _ = self.everywhere();
+    }
+
     /// What actuators move at the targets, ready for products with mode shapes.
     #[must_use]
     pub const fn gains(&self) -> &Gains {
