@@ -14,6 +14,7 @@ pub mod assignment;
 mod bound;
 pub mod cache;
 pub mod candidates;
+mod closer;
 pub mod explain;
 mod grouped;
 mod harmonics;

@@ -3,13 +3,13 @@
 //! The search takes the force of the mass at rest. Here the steady motion with the force as it depends on the travel
 //! ([`super::softening`]) decides: where any actuator would travel beyond a third of its gap or be pulled in, or its voltage (its rail's)
 //! break down the gap that is left, or the supply deliver more than it can, all forces are scaled down together until none does.
+//! Where the electrodes soften much, [`super::closer`] looks at the way there, and at what moves beside it.
 
 use super::limits::{Electrodes, Limit, TRAVEL_PART, most_mean_current_a};
 use super::refine::Chosen;
-use super::softening::{Excitation, Following, Line, MAX_LINES, Motion, NotSafe, Transducer, follow, rise, settle};
-use super::table::{PlanTable, harmonics_m_per_n, travel_m_per_n};
+use super::softening::{Excitation, Line, MAX_LINES, Motion, NotSafe, Transducer, follow, settle};
+use super::table::{HARMONICS, PlanTable, harmonics_m_per_n, travel_m_per_n};
 use crate::scene::MAX_ACTUATORS;
-use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
 use era_shared::supply::{RAILS, rail_of};
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -49,7 +49,7 @@ pub struct Applied {
 pub struct Settled {
     /// Voltages and pulse widths.
     pub applied: [Applied; MAX_ACTUATORS],
-    /// The steady motion.
+    /// The fundamentals' steady motion.
     pub motion: Motion,
     /// Frequencies of its lines.
     frequency_of_line: [usize; MAX_LINES],
@@ -62,21 +62,22 @@ pub struct Settled {
 }
 
 /// What actuators do to the panel.
-struct Problem {
+pub(super) struct Problem {
     transducers: [Transducer; MAX_ACTUATORS],
     excitations: [Excitation; MAX_ACTUATORS],
     actuators: usize,
-    lines: Vec<Line>,
+    /// The fundamentals'.
+    pub lines: Vec<Line>,
     /// Of each line the first drive at its frequency.
-    leaders: Vec<usize>,
+    pub leaders: Vec<usize>,
 }
 
 impl Problem {
-    fn transducers(&self) -> &[Transducer] {
+    pub(super) fn transducers(&self) -> &[Transducer] {
         &self.transducers[..self.actuators]
     }
 
-    fn excitations(&self) -> &[Excitation] {
+    pub(super) fn excitations(&self) -> &[Excitation] {
         &self.excitations[..self.actuators]
     }
 }
@@ -95,7 +96,7 @@ impl PlanTable {
         let plain = self.hardly_softened(drives);
         let mut settled = self.steady_scale(drives, plain)?;
         if settled.scale > part_of(plain)
-            && let Err(limited) = self.check_rise(drives, &settled)
+            && let Err(limited) = self.look_closer(drives, &settled)
         {
             settled = self.rising_scale(drives, part_of(plain), settled.scale, limited)?;
         }
@@ -162,7 +163,7 @@ impl PlanTable {
             let middle = 0.5 * (low + high);
             let found = self
                 .try_settle(drives, middle, None)
-                .and_then(|settled| self.check_rise(drives, &settled).map(|()| settled));
+                .and_then(|settled| self.look_closer(drives, &settled).map(|()| settled));
             match found {
                 Ok(settled) => (known, low) = (Some(settled), middle),
                 Err(closer) => (limited, high) = (closer, middle),
@@ -172,46 +173,36 @@ impl PlanTable {
         Some(Settled { limited: Some(limited), ..known })
     }
 
-    /// Whether the masses stay within the limits while the rails rise to the voltages of a steady motion.
-    fn check_rise(&self, drives: &[Chosen], settled: &Settled) -> Result<(), (usize, Limit)> {
-        let problem = self.problem(drives, settled.applied);
-        // Without poles nothing is known of the way.
-        let Some(onset) = self.onset() else { return Err((0, Limit::Travel)) };
-        let following: Vec<Following> = problem
-            .lines
-            .iter()
-            .zip(&problem.leaders)
-            .map(|(line, leader)| onset.following(drives[*leader].frequency_hz, &line.receptance))
-            .collect();
-        let volts_per_s = f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS);
-        let rise_s = settled.applied.map(|applied| (applied.voltage_v / volts_per_s).max(1e-3));
-        let (transducers, excitations) = (problem.transducers(), problem.excitations());
-        let most = rise(transducers, excitations, &problem.lines, &following, &rise_s, &settled.motion);
-        self.within(drives, settled, &most.map_err(|error| self.which(error, &settled.applied))?)
-    }
-
     /// The first limit that masses break which go as far as `travel_m` and as harmonics take them beyond that.
-    fn within(
+    pub(super) fn within(
         &self,
         drives: &[Chosen],
         settled: &Settled,
         travel_m: &[f64; MAX_ACTUATORS],
     ) -> Result<(), (usize, Limit)> {
-        let Settled { applied, scale, .. } = settled;
+        let applied = &settled.applied;
+        let harmonics = self.harmonics_m(drives, settled, &HARMONICS);
         for (i, electrodes) in self.electrodes.iter().enumerate().take(drives.len().min(MAX_ACTUATORS)) {
-            let added = |(j, drive): (usize, &Chosen)| {
-                Some(harmonics_m_per_n(drive.row.get(j)?, applied[j].pulse_width)[i] * drive.force_n * scale)
-            };
-            let harmonics: f64 = drives.iter().enumerate().filter_map(added).sum();
             let rail_v = applied.iter().enumerate().filter(|(j, _)| rail_of(*j) == rail_of(i));
             let rail_v = rail_v.map(|(_, applied)| applied.voltage_v).fold(0.0, f64::max);
             // To the last digits the voltage is the limit's own.
             let rail_v = rail_v * (1.0 - 1e-12);
-            if let Some(limit) = electrodes.violated(LEFT_OUT * travel_m[i] + harmonics, rail_v) {
+            if let Some(limit) = electrodes.violated(LEFT_OUT * travel_m[i] + harmonics[i], rail_v) {
                 return Err((i, limit));
             }
         }
         Ok(())
+    }
+
+    /// Travel in m that the first few of [`HARMONICS`] add at most, in gaps at rest.
+    pub(super) fn harmonics_m(&self, drives: &[Chosen], settled: &Settled, numbers: &[f64]) -> [f64; MAX_ACTUATORS] {
+        let mut sums = [0.0; MAX_ACTUATORS];
+        for (j, drive) in drives.iter().enumerate().take(MAX_ACTUATORS) {
+            let Some(entry) = drive.row.get(j) else { continue };
+            let own = harmonics_m_per_n(entry, settled.applied[j].pulse_width, numbers.len());
+            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own * drive.force_n * settled.scale);
+        }
+        sums
     }
 
     /// Whether every motion on the way is within the limits for the sum e of the softenings times the receptances of what they
@@ -295,7 +286,7 @@ impl PlanTable {
 
     /// Which actuator an error is about: of a resonance that the softening makes unstable, the one that loses most of what holds
     /// it.
-    fn which(&self, error: NotSafe, applied: &[Applied; MAX_ACTUATORS]) -> (usize, Limit) {
+    pub(super) fn which(&self, error: NotSafe, applied: &[Applied; MAX_ACTUATORS]) -> (usize, Limit) {
         let lost = |i: &usize| {
             let own = self.static_receptance[*i][*i];
             self.electrodes.get(*i).map_or(0.0, |electrodes| own * softening(electrodes, applied[*i].voltage_v, 0.0))
@@ -310,7 +301,7 @@ impl PlanTable {
     }
 
     /// What the actuators do to the panel under these voltages. Equal frequencies are one line.
-    fn problem(&self, drives: &[Chosen], applied: [Applied; MAX_ACTUATORS]) -> Problem {
+    pub(super) fn problem(&self, drives: &[Chosen], applied: [Applied; MAX_ACTUATORS]) -> Problem {
         let p = drives.len().min(MAX_ACTUATORS);
         let mut frequency = [0; MAX_ACTUATORS];
         let mut leaders: Vec<usize> = Vec::with_capacity(p);

@@ -1,12 +1,13 @@
 //! What the planner knows before a touch comes: how every actuator moves the panel at every frequency of a grid.
 
 mod build;
+mod forces;
 mod gains;
 mod grid;
 mod rough;
 pub(super) mod stored;
 
-pub(super) use build::{harmonic_part, harmonics_m_per_n, travel_m_per_n};
+pub(super) use forces::{harmonic_part, harmonics_m_per_n, travel_by, travel_m_per_n};
 pub use gains::{Gains, SINGLE};
 pub use grid::SurfaceGrid;
 pub use rough::Rough;

@@ -1,0 +1,90 @@
+//! A closer look at drives whose electrodes soften what they move: the way to the steady motion, and what moves beside it.
+//!
+//! [`super::safe`] takes the fundamentals' steady motion and adds what harmonics move in gaps at rest. Where the electrodes take
+//! a good part of the springs' stiffness, rails that rise make masses go further than they do in the end, harmonics close the gaps
+//! further for the fundamentals, and the springs' pulsation makes motion at sums and differences of the frequencies.
+
+use super::limits::Limit;
+use super::refine::Chosen;
+use super::safe::{Problem, Settled};
+use super::softening::{Following, Line, Motion, rise, settle, travel_receptance};
+use super::table::{PlanTable, travel_by};
+use crate::response::Solver;
+use crate::scene::MAX_ACTUATORS;
+use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
+
+/// Harmonics whose motion is among what closes the gaps; a seventh's force is at most a seventh of the fundamental's.
+const CLOSING: [u32; 2] = [3, 5];
+/// Lowest frequency in Hz at which a difference of frequencies counts as motion.
+const LOWEST_HZ: f64 = 1.0;
+/// Part of the gap's third below which motion at a sum or difference is left out.
+const SMALL: f64 = 1e-3;
+
+impl PlanTable {
+    /// Whether the masses stay within the limits while the rails rise to the voltages of a steady motion, with all that moves
+    /// beside it.
+    pub(super) fn look_closer(&self, drives: &[Chosen], settled: &Settled) -> Result<(), (usize, Limit)> {
+        let problem = self.problem(drives, settled.applied);
+        // Without poles nothing is known of the way.
+        let Some(onset) = self.onset() else { return Err((0, Limit::Travel)) };
+        let following: Vec<Following> = problem
+            .lines
+            .iter()
+            .zip(&problem.leaders)
+            .map(|(line, leader)| onset.following(drives[*leader].frequency_hz, &line.receptance))
+            .collect();
+        let volts_per_s = f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS);
+        let rise_s = settled.applied.map(|applied| (applied.voltage_v / volts_per_s).max(1e-3));
+        let (transducers, excitations) = (problem.transducers(), problem.excitations());
+        let named = |error| self.which(error, &settled.applied);
+        let mut travel_m =
+            rise(transducers, excitations, &problem.lines, &following, &rise_s, &settled.motion).map_err(named)?;
+        self.within(drives, settled, &travel_m)?;
+
+        let mut lines = problem.lines.clone();
+        let solver = Solver::new(&self.model);
+        for (line, leader) in problem.lines.iter().zip(&problem.leaders) {
+            for harmonic in CLOSING {
+                if let Ok(coordinates) = solver.coordinates(f64::from(harmonic) * drives[*leader].frequency_hz) {
+                    lines.push(Line { harmonic, receptance: travel_receptance(&self.model, &coordinates), ..*line });
+                }
+            }
+        }
+        let all = settle(transducers, excitations, &lines).map_err(named)?;
+        let beside = self.beside(drives, &problem, &all, &solver);
+        let alone = self.harmonics_m(drives, settled, &CLOSING.map(f64::from));
+        for (i, travel) in travel_m.iter_mut().enumerate() {
+            // Harmonics in gaps at rest are counted later on.
+            *travel += (all.largest_m[i] - settled.motion.largest_m[i] - alone[i]).max(0.0) + beside[i];
+        }
+        self.within(drives, settled, &travel_m)
+    }
+
+    /// Bound on the travel in m at sums and differences of frequencies: the spring of an actuator that is driven at f pulsates
+    /// at 2 f, and what moves it at f' is felt at 2 f + f' and 2 f - f' too.
+    fn beside(
+        &self,
+        drives: &[Chosen],
+        problem: &Problem,
+        motion: &Motion,
+        solver: &Solver<'_>,
+    ) -> [f64; MAX_ACTUATORS] {
+        let mut travel_m = [0.0; MAX_ACTUATORS];
+        for (i, excitation) in problem.excitations().iter().enumerate().filter(|(_, e)| e.voltage_v > 0.0) {
+            for (l, leader) in problem.leaders.iter().enumerate().filter(|(l, _)| *l != excitation.frequency) {
+                let force_n = (motion.pulsating_n_per_m[i] * motion.travel_m[l][i]).norm();
+                let (own_hz, other_hz) = (drives[i].frequency_hz, drives[*leader].frequency_hz);
+                for hz in [2.0 * own_hz + other_hz, (2.0 * own_hz - other_hz).abs()] {
+                    let Ok(coordinates) = solver.coordinates(hz.max(LOWEST_HZ)) else { continue };
+                    let Some(q) = coordinates.get(i) else { continue };
+                    let moved = travel_by(&self.model, q);
+                    for ((sum, z), electrodes) in travel_m.iter_mut().zip(moved).zip(&self.electrodes) {
+                        let own = z.norm() * force_n;
+                        *sum += if own > SMALL * electrodes.most_travel_m() { own } else { 0.0 };
+                    }
+                }
+            }
+        }
+        travel_m
+    }
+}
