@@ -39,6 +39,12 @@ fn several_targets_quiet_zones_and_options_are_taken() {
         (&power["objective"], power["predicted"]["target_peak_g"].as_f64() > Some(0.19)),
         (&json!("power"), true)
     );
+    let (status, ..) = touch(r#", "weigh": "felt""#);
+    let (refused, _, problem) = touch(r#", "weigh": "loud""#);
+    assert!(
+        (status, refused) == (200, 400) && problem["detail"].as_str().is_some_and(|d| d.contains("felt")),
+        "{problem}"
+    );
     let (_, _, shared) = touch(r#", "grouping": "shared""#);
     assert_eq!(shared["grouping"], "shared");
     assert_eq!(shared["drives"][0]["frequency_hz"], shared["drives"][1]["frequency_hz"]);

@@ -2,6 +2,7 @@
 
 use super::args::{Daemon, Touch};
 use super::{Failure, Outcome, print_json, print_text};
+use crate::planner::Weigh;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::time::Duration;
@@ -58,6 +59,7 @@ fn touch_body(options: &Touch) -> Value {
     add("quiet", (!wishes.quiet.is_empty()).then(|| quiet.collect()));
     add("objective", Some(json!(wishes.objective)));
     add("grouping", Some(json!(wishes.grouping)));
+    add("weigh", (wishes.weigh != Weigh::default()).then(|| json!(wishes.weigh)));
     add("trade", options.trade.then_some(Value::Bool(true)));
     if let Some(map) = body.as_object_mut() {
         map.retain(|_, value| !value.is_null());
@@ -250,6 +252,7 @@ mod tests {
         ]);
         assert_eq!(many["also"], also);
         let quiet = json!([{"x_px": 100.0, "y_px": 200.0, "radius_mm": 15.0, "at_most_g": 0.02}]);
+        assert_eq!(body("--weigh felt")["weigh"], "felt");
         assert_eq!((&many["quiet"], &many["grouping"], &many["trade"]), (&quiet, &json!("shared"), &json!(true)));
     }
 

@@ -8,7 +8,7 @@ use crate::effects::{Intensity, plan_with};
 use crate::planner::explain::Explanation;
 use crate::planner::schedule::{Stretch, Window, spans, stretches};
 use crate::planner::trade::Trade;
-use crate::planner::{Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Weigh, Work};
+use crate::planner::{Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Work};
 use crate::scene::Scene;
 use clap::Args;
 use serde::Serialize;
@@ -28,9 +28,6 @@ pub struct PlanOptions {
     pub intensity_db: Option<f64>,
     #[command(flatten)]
     pub wishes: Wishes,
-    /// How accelerations of different frequencies count: with `felt` as they are felt, 1 g at 150 Hz as 1 g
-    #[arg(long, value_enum, default_value_t)]
-    pub weigh: Weigh,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -138,7 +135,7 @@ fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
     }
     request.objective = options.wishes.objective;
     request.grouping = options.wishes.grouping;
-    request.weigh = options.weigh;
+    request.weigh = options.wishes.weigh;
     request.work = Work::Study;
     Ok(request)
 }

@@ -2,7 +2,7 @@
 
 use super::args::{Point, parse_point};
 use crate::planner::schedule::Window;
-use crate::planner::{Grouping, Objective};
+use crate::planner::{Grouping, Objective, Weigh};
 use clap::Args;
 
 /// Other targets, quiet zones, times, what is optimised.
@@ -23,6 +23,9 @@ pub struct Wishes {
     /// Which actuators share a frequency
     #[arg(long, value_enum, default_value_t)]
     pub grouping: Grouping,
+    /// How accelerations of different frequencies count: with `felt` as they are felt, 1 g at 150 Hz as 1 g
+    #[arg(long, value_enum, default_value_t)]
+    pub weigh: Weigh,
 }
 
 /// Another target, as written.

@@ -102,6 +102,7 @@ impl TouchRequest {
         }
         request.objective = self.objective.unwrap_or_default();
         request.grouping = self.grouping.unwrap_or_default();
+        request.weigh = self.weigh.unwrap_or_default();
         let ends: Vec<(Option<f64>, Option<f64>)> =
             std::iter::once((self.from_ms, self.to_ms)).chain(also.map(|other| (other.from_ms, other.to_ms))).collect();
         let spans = self.spans(&ends, manner, name)?;

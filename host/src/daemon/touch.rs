@@ -2,7 +2,7 @@
 
 use super::problem::Problem;
 use crate::effects::{DesignError, EffectError, EffectRequest, Intensity, NamedEffect};
-use crate::planner::{Grouping, Objective};
+use crate::planner::{Grouping, Objective, Weigh};
 use axum::http::StatusCode;
 use serde::Deserialize;
 use std::time::Duration;
@@ -44,6 +44,8 @@ pub struct TouchRequest {
     pub objective: Option<Objective>,
     /// Which actuators share a frequency.
     pub grouping: Option<Grouping>,
+    /// How accelerations of different frequencies count.
+    pub weigh: Option<Weigh>,
     /// Whether to say what can be had where it cannot be had in full.
     pub trade: Option<bool>,
 }
