@@ -85,14 +85,14 @@ fn a_motion_that_is_said_to_be_safe_is() {
         }
     }
     println!("{safe} safe, {near} of them beyond a fifth of the gap");
-    assert!(safe >= 8, "{safe} safe, {near} near the limit");
+    assert!(safe >= 8 && near >= 3, "{safe} safe, {near} near the limit");
 }
 
 /// Touches that used to go further, to 0.67 of the gap: in the first scene a mode of the panel takes an ERA's motion away, and
-/// takes its time over it; in the second harmonics close a soft ERA's gap for its fundamental.
+/// takes its time over it; in the second electrodes soften two such modes; in the third harmonics close a soft ERA's gap for its fundamental.
 #[test]
 fn no_touch_goes_beyond_a_third_of_the_gap() {
-    for (seed, scene, touches) in [(1, 130, 10), (2, 144, 4)] {
+    for (seed, scene, touches) in [(1, 130, 10), (1, 93, 10), (2, 144, 4)] {
         let options = Options { seed, touches, accuracy: Accuracy::FAST };
         let trials = try_scene(&options, scene).unwrap();
         assert!(trials.iter().filter_map(Trial::comparison).count() >= 4, "{trials:?}");

@@ -228,7 +228,12 @@ fn details_text(text: &mut String, plan: &Plan, details: &Report) {
         let _ = write!(text, " (the strongest {db:.1} dB above its threshold)");
     }
     let ms = |time: Option<f64>| time.map_or_else(|| String::from("never"), |ms| format!("after {ms:.0} ms"));
-    let _ = write!(text, "\n90 % of it {}, down to 10 % {}", ms(details.reaches_90_ms), ms(details.decays_to_10_ms));
+    let _ = write!(
+        text,
+        "\nonce the rails are up 90 % of it {}, down to 10 % {}",
+        ms(details.reaches_90_ms),
+        ms(details.decays_to_10_ms)
+    );
     if plan.optimality_gap > 0.0 {
         let more = if plan.optimality_gap >= 1.0 {
             format!("{:.1} times as good", 1.0 + plan.optimality_gap)

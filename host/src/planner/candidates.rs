@@ -107,11 +107,15 @@ impl<'a> Judge<'a> {
         let quiet: Vec<f64> =
             self.quiet.rows.iter().map(|(shape, _)| at_point(shape, &entry.acceleration).norm()).collect();
         for (w, width) in [first, second].into_iter().enumerate() {
-            if w == 1 && width == first {
+            // The limits of quiet zones are about fundamentals: no drive buys strength with harmonics there.
+            if w == 1 && (width == first || !self.quiet.rows.is_empty()) {
                 break;
             }
             let (energy, power) = match self.objective {
-                Objective::Contrast | Objective::Reach => (elsewhere + width.harmonics, 0.0),
+                Objective::Contrast | Objective::Reach => {
+                    let is_felt = self.weigh == Weigh::Felt;
+                    (elsewhere + if is_felt { width.felt_harmonics } else { width.harmonics }, 0.0)
+                }
                 Objective::Power => (0.0, self.power_w_per_n(actuator, frequency_hz, width.pulse_width)),
             };
             let candidate = Candidate { node, energy, power, max_force_n: width.max_force_n, tag: 2 * tag + w };

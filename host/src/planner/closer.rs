@@ -39,6 +39,10 @@ impl PlanTable {
         let named = |error| self.which(error, &settled.applied);
         let mut travel_m =
             rise(transducers, excitations, &problem.lines, &following, &rise_s, &settled.motion).map_err(named)?;
+        for (l, leader) in problem.leaders.iter().enumerate() {
+            let left = onset.beyond(drives[*leader].frequency_hz, &settled.motion.force_n[l], &rise_s);
+            travel_m.iter_mut().zip(left).for_each(|(travel, left)| *travel += left);
+        }
         self.within(drives, settled, &travel_m)?;
 
         let mut lines = problem.lines.clone();

@@ -239,8 +239,14 @@ impl PlanTable {
             let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz)?;
             let table = Self::build(&scene, levels.fine, options)?;
             let request = Request { grouping: Grouping::Distinct, objective: Objective::Contrast, ..request.clone() };
-            let plan = table.plan_for(&request)?;
-            let change = format!("one more actuator like {}, at {:.0}, {:.0} mm", like.id, x_m * 1e3, y_m * 1e3);
+            // Where this one has no plan another place may.
+            let Ok(plan) = table.plan_for(&request) else { continue };
+            let change = format!(
+                "one more actuator like {}, at {:.0}, {:.0} mm (modelled to 1 %)",
+                like.id,
+                x_m * 1e3,
+                y_m * 1e3
+            );
             let found = table.alternative(change, &Judge::new(&table, &request), &plan);
             let is_better = |best: &Alternative| {
                 let (more, less) = (found.target_peak_g, best.target_peak_g);

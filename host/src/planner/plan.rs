@@ -100,7 +100,8 @@ pub struct Plan {
     /// By which part of its cost, or of its reach where the wishes are not met, another combination of the grid's frequencies
     /// could be better at most: 0 where the plan is proven to be the best. Of the problem with forces of masses at rest and
     /// the limits of actuators and quiet zones; what safety under moving masses took away counts as what another might have
-    /// kept. Not part of it: frequencies between the grid's, and the supply's current.
+    /// kept. Not part of it: frequencies between the grid's, ones of which an odd harmonic meets another drive, and the
+    /// supply's current.
     pub optimality_gap: f64,
     /// What is made least, or most.
     pub objective: Objective,

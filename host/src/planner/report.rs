@@ -17,7 +17,7 @@ pub struct Report {
     pub harmonics_g: f64,
     /// How far the strongest of the harmonics is above the threshold of feeling, in dB; `null` without any.
     pub strongest_harmonic_db: Option<f64>,
-    /// When the target has 90 % of its steady peak and keeps it, in ms from switching on; `null` if never.
+    /// When the target has 90 % of its steady peak and keeps it, in ms from switching on with rails that are up; `null` if never.
     pub reaches_90_ms: Option<f64>,
     /// When it has decayed to 10 % after switching off, in ms; `null` if never.
     pub decays_to_10_ms: Option<f64>,

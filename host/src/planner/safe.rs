@@ -205,10 +205,11 @@ impl PlanTable {
         sums
     }
 
-    /// Whether every motion on the way is within the limits for the sum e of the softenings times the receptances of what they
+    /// Whether the fundamentals' motion on the way is within the limits for the sum e of the softenings times the receptances of what they
     /// soften: each turn of force to travel to force adds at most e of the largest travel, all of them e / (1 - e). The
     /// softening is that of gaps closed by a part; as all motions begin at rest and grow steadily with the voltages, none goes
-    /// beyond that part if those within it do not. For forces times `scale`.
+    /// beyond that part if those within it do not. For forces times `scale`. What switching on adds has room for its own softening
+    /// in the figure itself (`GROWN` in `table/forces.rs`).
     fn is_hardly_softened(&self, drives: &[Chosen], scale: f64) -> bool {
         let applied = self.applied(drives, scale);
         let p = drives.len().min(MAX_ACTUATORS);

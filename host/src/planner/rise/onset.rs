@@ -95,9 +95,7 @@ impl Onset {
             .map(|pole| {
                 let beat = pole.s - jw;
                 let sum = pole.s + jw;
-                // |p(z)| is 2 (2 + |z|) / |z|^2 at most.
-                let z = sum.norm() * rise_s;
-                let left = (2.0 * (2.0 + z) / (z * z)).min(1.0) / sum.norm() * pole.input[driven].norm();
+                let left = most_left(sum.norm() * rise_s) / sum.norm() * pole.input[driven].norm();
                 against.iter_mut().zip(&pole.output).for_each(|(against, output)| *against += left * output.norm());
                 (beat, part_left(beat * rise_s) / beat * pole.input[driven], &pole.output)
             })
@@ -110,13 +108,32 @@ impl Onset {
         overshoots
     }
 
+    /// What the poles that [`Onset::following`] takes to follow at once may leave of their parts on the way, in m, for these
+    /// forces at `frequency_hz` over `rise_s` each, and the phasors that turn the other way.
+    #[must_use]
+    pub fn beyond(&self, frequency_hz: f64, forces: &Vector, rise_s: &[f64; MAX_ACTUATORS]) -> [f64; MAX_ACTUATORS] {
+        let jw = Complex64::new(0.0, TAU * frequency_hz);
+        let mut sums = [0.0; MAX_ACTUATORS];
+        for pole in &self.poles {
+            let left = |beat: Complex64| -> f64 {
+                let of = |((input, force), rise_s): ((&Complex64, &Complex64), &f64)| {
+                    most_left(beat.norm() * rise_s) / beat.norm() * (input * force).norm()
+                };
+                pole.input.iter().zip(forces).zip(rise_s).map(of).sum()
+            };
+            let far = if is_near(pole, jw) { 0.0 } else { left(pole.s - jw) };
+            let all = far + left(pole.s + jw);
+            sums.iter_mut().zip(&pole.output).for_each(|(sum, output)| *sum += all * output.norm());
+        }
+        sums
+    }
+
     /// How masses follow forces at `frequency_hz`, where their steady travel is `receptance` per force.
     #[must_use]
     pub fn following(&self, frequency_hz: f64, receptance: &Matrix) -> Following {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
-        let is_near = |pole: &&OwnPole| pole.s.im > pole.s.re.abs() && (pole.s - jw).norm() < TAU * NEAR_HZ;
         let swing = |pole: &OwnPole| Swing { beat: pole.s - jw, input: pole.input, output: pole.output };
-        let swings: Vec<Swing> = self.poles.iter().filter(is_near).map(swing).collect();
+        let swings: Vec<Swing> = self.poles.iter().filter(|pole| is_near(pole, jw)).map(swing).collect();
         let mut at_once = *receptance;
         for swing in &swings {
             for (row, output) in at_once.iter_mut().zip(&swing.output) {
@@ -127,6 +144,16 @@ impl Onset {
         }
         Following { swings, at_once }
     }
+}
+
+/// Whether a pole takes its time beside a drive; one that hardly swings has no amplitude to speak of.
+fn is_near(pole: &OwnPole, jw: Complex64) -> bool {
+    pole.s.im > pole.s.re.abs() && (pole.s - jw).norm() < TAU * NEAR_HZ
+}
+
+/// |p(z)| for |z| at most, the real part of z not above 0: |e^z - 1 - z| is neither above 2 + |z| nor above |z|^2 / 2.
+fn most_left(z: f64) -> f64 {
+    (2.0 * (2.0 + z) / (z * z)).min(1.0)
 }
 
 /// p(z) of the module's text.

@@ -3,11 +3,11 @@
 use super::forces::{MotionPerN, harmonic_part, overshoots, overshoots_at_most, travel_by, width_of, widths};
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions};
 use crate::model::ReducedModel;
-use crate::planner::HIGHEST_FELT_HZ;
 use crate::planner::limits::Electrodes;
 use crate::planner::phased::PerPair;
 use crate::planner::rise::{Onset, RiseTimes};
 use crate::planner::softening::Transducer;
+use crate::planner::{HIGHEST_FELT_HZ, perception};
 use crate::response::sweep::SurfaceShapes;
 use crate::response::{ResponseError, Solver};
 use crate::scene::{MAX_ACTUATORS, Scene};
@@ -122,6 +122,12 @@ pub(super) fn entries_at(
                     * harmonic.squares.get(actuator).copied().unwrap_or(0.0)
             };
             let surface = harmonics.iter().map(square).sum();
+            let felt = |harmonic: &Harmonic| {
+                // What no one feels has no square.
+                let hz = (harmonic.number * frequency_hz).min(HIGHEST_FELT_HZ);
+                perception::weight(hz).powi(2) * square(harmonic)
+            };
+            let surface = [surface, harmonics.iter().map(felt).sum()];
             let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
             width_of(electrodes, transducer, actuator, motion, pulse_width, surface)
         };
@@ -286,7 +292,13 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>
     Ok(own
         .map(|(actuator, ((displacement, (electrodes, transducer)), nearest))| {
             let travel = travel_by(model, &displacement);
-            let harmonic_travel = nearest.harmonic_travel;
+            // Those of the frequencies beside it, whichever is more: a harmonic's resonance is seldom narrower than their distance.
+            let mut harmonic_travel = nearest.harmonic_travel;
+            for other in [&below, &above].into_iter().flatten().filter_map(|row| row.get(actuator)) {
+                for (own, other) in harmonic_travel.iter_mut().flatten().zip(other.harmonic_travel.iter().flatten()) {
+                    *own = own.max(*other);
+                }
+            }
             let is_driven = driven.is_none_or(|driven| driven == actuator);
             let onset_v = nearest.onset_v;
             let overshoot = match is_driven {
@@ -295,7 +307,10 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>
             };
             let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
             let widths = nearest.widths.map(|width| match is_driven {
-                true => width_of(electrodes, transducer, actuator, motion, width.pulse_width, width.harmonics),
+                true => {
+                    let harmonics = [width.harmonics, width.felt_harmonics];
+                    width_of(electrodes, transducer, actuator, motion, width.pulse_width, harmonics)
+                }
                 false => width,
             });
             let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };

@@ -123,7 +123,7 @@ pub(super) fn width_of(
     actuator: usize,
     motion: MotionPerN<'_>,
     pulse_width: f64,
-    harmonics: f64,
+    [harmonics, felt_harmonics]: [f64; 2],
 ) -> Width {
     let travel_m_per_n = travel_of(motion, pulse_width);
     let own = travel_m_per_n.get(actuator).copied().unwrap_or(0.0);
@@ -131,7 +131,7 @@ pub(super) fn width_of(
     let receptance = motion.travel.get(actuator).copied().unwrap_or_default();
     let (max_force_n, limit) =
         safe_alone(electrodes, transducer, receptance, own - receptance.norm(), pulse_width, (max_force_n, limit));
-    Width { pulse_width, harmonics, travel_m_per_n, max_force_n, limit }
+    Width { pulse_width, harmonics, felt_harmonics, travel_m_per_n, max_force_n, limit }
 }
 
 /// `most` force, or as much of it as leaves an ERA that is driven alone within its limits on the whole way up to it, when its

@@ -69,7 +69,7 @@ impl From<&Entry> for StoredEntry {
 /// Numbers of an entry other than its acceleration and its limits.
 fn figures(entry: &Entry) -> impl Iterator<Item = f64> {
     let travel = entry.travel.map(Complex64::norm).into_iter().chain(entry.harmonic_travel.into_iter().flatten());
-    let widths = entry.widths.into_iter().flat_map(|width| [width.pulse_width, width.harmonics]);
+    let widths = entry.widths.into_iter().flat_map(|width| [width.pulse_width, width.harmonics, width.felt_harmonics]);
     std::iter::once(entry.mean_square).chain(travel).chain(widths)
 }
 
