@@ -4,7 +4,7 @@ use era::model::Accuracy;
 use era::model::bounded::Levels;
 use era::planner::reach::setting::{Part, command};
 use era::planner::reach::{Maps, Measure, Region, SchemeReach, rigid, schemes};
-use era::planner::{PlanTable, TableOptions, Target};
+use era::planner::{Objective, PlanError, PlanTable, Request, TableOptions, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 
 fn table(text: &str, options: TableOptions) -> PlanTable {
@@ -140,9 +140,35 @@ fn a_part_of_a_band_is_that_band() {
             assert!((a.frequency_hz - b.frequency_hz).abs() <= 1e-6 * b.frequency_hz, "{a:?} {b:?}");
             assert!((a.force_n - b.force_n).abs() <= 1e-6 * b.force_n, "{a:?} {b:?}");
         }
-        let (a, b) = (schemes::everywhere(&cut).unwrap(), schemes::everywhere(&built).unwrap());
+        let (a, b) = (schemes::everywhere(&cut, None).unwrap(), schemes::everywhere(&built, None).unwrap());
         assert!(a.0.iter().zip(&b.0).all(|(a, b)| a.frequency == b.frequency));
     }
     let narrow = table(EXAMPLE_BAR, COARSE);
     assert!(narrow.clone().between(401.0, 500.0).is_none() && narrow.between(200.0, 100.0).is_none());
+}
+
+/// A touch for the objective reach, of a part of the surface: nowhere in it is it weaker than the whole surface's is anywhere in it,
+/// and what makes no sense is refused by name.
+#[test]
+fn a_touch_may_ask_for_the_reach_of_a_region() {
+    let table = table(EXAMPLE_BAR, COARSE);
+    let target = Target { x_m: 0.12, y_m: 0.0, intensity_g: Some(1e3) };
+    let region = Region { x_m: [0.1, 0.15], y_m: [0.0, 0.02] };
+    let request = |zone| Request { objective: Objective::Reach, zone, ..Request::touch(&[target]) };
+    let weakest = |zone| {
+        let plan = table.plan_for(&request(zone)).unwrap();
+        let peaks = table.field(&plan);
+        let columns = table.grid.x_m.len();
+        let own = peaks.iter().enumerate().filter(|(point, _)| (0.1..=0.15).contains(&table.grid.x_m[point % columns]));
+        own.filter_map(|(_, peak)| *peak).fold(f64::INFINITY, f64::min)
+    };
+    let (part, whole) = (weakest(Some(region)), weakest(None));
+    assert!(part > 1.02 * whole, "{part} {whole}");
+    let refused = |request: Request| table.plan_for(&request).unwrap_err();
+    let contrast = Request { objective: Objective::Contrast, ..request(Some(region)) };
+    assert!(matches!(refused(contrast), PlanError::Together { option: "zone", .. }));
+    let outside = Region { x_m: [0.1, 3.0], ..region };
+    assert!(matches!(refused(request(Some(outside))), PlanError::Range { field: "zone.x_mm", .. }));
+    let beside = Region { x_m: [0.1001, 0.1002], ..region };
+    assert_eq!(refused(request(Some(beside))), PlanError::EmptyZone);
 }

@@ -61,7 +61,7 @@ pub struct Corners {
     pub y: [f64; 2],
 }
 
-fn parse_corners(text: &str) -> Result<Corners, String> {
+pub(super) fn parse_corners(text: &str) -> Result<Corners, String> {
     let numbers = text.split(',').map(parse_finite).collect::<Result<Vec<_>, _>>()?;
     match numbers.as_slice() {
         [x0, y0, x1, y1] => Ok(Corners { x: [x0.min(*x1), x0.max(*x1)], y: [y0.min(*y1), y0.max(*y1)] }),

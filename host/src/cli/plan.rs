@@ -1,7 +1,9 @@
 //! `era plan`: the drives for a touch, or for several.
 
 use super::args::{At, Keep, Panel, Unit};
+use super::args_field::{Corners, parse_corners};
 use super::panel::{plan_table, point_of, target};
+use super::reach::region;
 use super::wishes::Wishes;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{Intensity, plan_with};
@@ -28,6 +30,9 @@ pub struct PlanOptions {
     pub intensity_db: Option<f64>,
     #[command(flatten)]
     pub wishes: Wishes,
+    /// For --objective reach: a rectangle in mm instead of the whole surface; on a bar only x counts
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_corners, allow_hyphen_values = true)]
+    pub zone: Option<Corners>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -136,6 +141,7 @@ fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
     request.objective = options.wishes.objective;
     request.grouping = options.wishes.grouping;
     request.weigh = options.wishes.weigh;
+    request.zone = region(scene, options.zone)?;
     request.work = Work::Study;
     Ok(request)
 }

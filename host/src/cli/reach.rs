@@ -1,6 +1,7 @@
 //! `era field --reach` and `era field --schemes`: what a panel's actuators can do at all.
 
 use super::args::Field;
+use super::args_field::Corners;
 use super::panel::{need_actuators, plan_table};
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
@@ -219,7 +220,7 @@ fn nearest(table: &PlanTable, hz: &[Option<Vec<f64>>], [x_mm, y_mm]: [f64; 2]) -
 fn prepared(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failure> {
     let scene = options.panel.load()?;
     need_actuators(&scene)?;
-    let region = region(&scene, options)?;
+    let region = region(&scene, options.zone)?;
     let table = restricted(plan_table(&options.panel, options.keep, &scene)?, options)?;
     if View::new(&table, region).is_none() {
         let step = |lines: &[f64]| lines.windows(2).map(|pair| (pair[1] - pair[0]) * 1e3).fold(0.0, f64::max);
@@ -231,8 +232,9 @@ fn prepared(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failu
     Ok((scene, table, region))
 }
 
-fn region(scene: &Scene, options: &Field) -> Result<Option<Region>, Failure> {
-    let Some(zone) = options.zone else { return Ok(None) };
+/// What `--zone` says, on this scene.
+pub(super) fn region(scene: &Scene, zone: Option<Corners>) -> Result<Option<Region>, Failure> {
+    let Some(zone) = zone else { return Ok(None) };
     let metres = |name: &str, [from, to]: [f64; 2], side_m: f64| {
         let most = side_m * 1e3;
         for value in [from, to] {

@@ -177,6 +177,9 @@ impl From<PlanError> for Problem {
                     None,
                 )
             }
+            PlanError::EmptyZone => {
+                Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A zone without a point", error.to_string())
+            }
             PlanError::Cutout { .. } => {
                 Self::new(StatusCode::BAD_REQUEST, "in-cutout", "There is no surface at this point", error.to_string())
             }

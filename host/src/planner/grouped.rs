@@ -4,6 +4,7 @@
 use super::allocate::{Allocation, MOST, Prices};
 use super::candidates::Judge;
 use super::phased::{self, Field, PerActuator, PerPair};
+use super::reach::{Region, schemes};
 use super::refine::{Chosen, Selection};
 use super::request::{Grouping, PlanError};
 use super::table::{PlanTable, Width, at_point};
@@ -73,8 +74,15 @@ impl PlanTable {
 
 impl PlanTable {
     /// The drives that leave no dead zone, scaled to what the target asks for.
-    pub(super) fn evened(&self, judge: &Judge<'_>, wanted: &[f64]) -> Result<Selection, PlanError> {
-        let (setting, gap) = self.everywhere().ok_or(PlanError::NoFrequencies)?;
+    pub(super) fn evened(
+        &self,
+        judge: &Judge<'_>,
+        zone: Option<Region>,
+        wanted: &[f64],
+    ) -> Result<Selection, PlanError> {
+        let within = zone.map(|zone| schemes::everywhere(self, Some(zone)));
+        let found = within.as_ref().map_or_else(|| self.everywhere(), Option::as_ref);
+        let (setting, gap) = found.ok_or(PlanError::NoFrequencies)?;
         let mut drives = Vec::with_capacity(setting.len());
         let mut peak = 0.0;
         for (i, part) in setting.iter().enumerate() {

@@ -150,7 +150,9 @@ impl PlanTable {
         let wanted: Vec<f64> =
             wanted_g.iter().enumerate().map(|(t, g)| judge.countable(g * STANDARD_GRAVITY, t)).collect();
         let mut selection = match request.grouping {
-            Grouping::Distinct if request.objective == Objective::Reach => self.evened(&judge, &wanted)?,
+            Grouping::Distinct if request.objective == Objective::Reach => {
+                self.evened(&judge, request.zone, &wanted)?
+            }
             Grouping::Distinct => self.chosen(&mut judge, request, &wanted)?,
             grouping => self.grouped(&judge, grouping, &wanted)?,
         };

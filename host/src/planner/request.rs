@@ -1,5 +1,7 @@
 //! What is asked of the planner.
 
+use super::reach::Region;
+use super::reach::measure::View;
 use super::search::Work;
 use super::table::PlanTable;
 use super::{DEFAULT_INTENSITY_G, MAX_QUIET_ZONES, MIN_SPACING_HZ};
@@ -82,6 +84,8 @@ pub struct Request {
     pub quiet: Vec<Quiet>,
     /// What is made least, or most.
     pub objective: Objective,
+    /// For [`Objective::Reach`]: the part of the surface that counts, if not all of it.
+    pub zone: Option<Region>,
     /// Which actuators share a frequency. Groups are for one target, without quiet zones, and for contrast.
     pub grouping: Grouping,
     /// How accelerations count. Only distinct frequencies and contrast or power can be weighed.
@@ -153,6 +157,9 @@ pub enum PlanError {
          response is unbounded at every one (no damping at all?)"
     )]
     NoFrequencies,
+    /// A zone of which no point is looked at.
+    #[error("zone: none of the points that are looked at is on the surface in there")]
+    EmptyZone,
     /// Options that do not go together.
     #[error("{option}: {value} is for {allowed} only")]
     Together {
@@ -196,6 +203,18 @@ impl PlanTable {
         if request.objective == Objective::Reach && !(targets.len() == 1 && request.quiet.is_empty()) {
             let allowed = "one target without quiet zones";
             return Err(PlanError::Together { option: "objective", value: "reach", allowed });
+        }
+        if let Some(zone) = request.zone {
+            if request.objective != Objective::Reach {
+                return Err(PlanError::Together { option: "zone", value: "given", allowed: "the objective reach" });
+            }
+            for (x_m, y_m) in zone.x_m.into_iter().zip(zone.y_m) {
+                within("zone.x_mm", x_m, 0.0, self.scene.surface.length_m, 1e3)?;
+                within("zone.y_mm", y_m, 0.0, self.scene.surface.width_m, 1e3)?;
+            }
+            if View::new(self, Some(zone)).is_none() {
+                return Err(PlanError::EmptyZone);
+            }
         }
         if request.weigh == Weigh::Felt
             && (request.grouping != Grouping::Distinct || request.objective == Objective::Reach)

@@ -112,11 +112,11 @@ pub fn compare(table: &PlanTable, region: Option<Region>, measure: Measure) -> R
     Ok(schemes)
 }
 
-/// The setting at distinct frequencies with the largest minimum over the surface, for masses at rest, and by which part another
+/// The setting at distinct frequencies with the largest minimum over the surface, or a part of it, for masses at rest, and by which part another
 /// could have a larger one. `None` where no frequencies are usable.
 #[must_use]
-pub fn everywhere(table: &PlanTable) -> Option<(Vec<Part>, f64)> {
-    let compared = Compared { table, view: View::new(table, None)?, measure: Measure::G };
+pub fn everywhere(table: &PlanTable, region: Option<Region>) -> Option<(Vec<Part>, f64)> {
+    let compared = Compared { table, view: View::new(table, region)?, measure: Measure::G };
     let space = Space::of(table, &compared.view.shapes, |hz| compared.measure.weight(hz));
     let (setting, at_most) = compared.everywhere(space)?;
     let least = compared.least(&compared.view.finer, &setting);

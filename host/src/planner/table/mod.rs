@@ -272,7 +272,7 @@ impl PlanTable {
     /// The setting with the largest minimum over the surface, found when it is first asked for, and by which part another
     /// could have a larger one.
     pub(super) fn everywhere(&self) -> Option<&(Vec<Part>, f64)> {
-        self.everywhere.get_or_init(|| schemes::everywhere(self)).as_ref()
+        self.everywhere.get_or_init(|| schemes::everywhere(self, None)).as_ref()
     }
 
     /// Finds that setting now, for those who will ask.
