@@ -8,15 +8,17 @@
 //! together is not known beforehand: peaks are given as the mean over all offsets, with the least and the most.
 
 use super::click;
-use super::envelope::{Cut, length_s};
+use super::envelope::{Cut, length_s, levels};
 use super::named::{EffectError, EffectRequest, NamedEffect, Shape};
 use super::part::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
 use super::supply::keep_within_supply;
-use super::travel::keep_within_travel;
+use super::travel::{Within, keep_within_travel};
 use crate::device::convert::SiDrive;
 use crate::planner::limits::Limit;
 use crate::planner::rise::RiseTimes;
+use crate::planner::succession::{Push, Swing};
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
+use crate::scene::MAX_ACTUATORS;
 use era_shared::waveform::{Effect, FULL_LEVEL, Segment};
 
 /// Most cycles of a push, of the drive of the highest frequency.
@@ -95,9 +97,24 @@ pub struct Design {
     pub predicted: EffectPrediction,
     /// What keeps it below what was asked for, as `voltage of left`; `None` if nothing does.
     pub limited_by: Option<String>,
+    /// Bound of every actuator's travel in m, from rest.
+    pub travel_m: Vec<f64>,
 }
 
 impl Design {
+    /// How far it takes the masses and what it leaves; `None` where that cannot be told.
+    #[must_use]
+    pub fn swing(&self, table: &PlanTable) -> Option<Swing> {
+        let push = |(channel, drive): (usize, &DesignedDrive)| {
+            let levels = levels(&drive.effect, 1.0 / drive.frequency_hz);
+            Push { channel, frequency_hz: drive.frequency_hz, force_n: drive.force_n, levels }
+        };
+        let pushes: Vec<Push> = self.drives.iter().enumerate().map(push).collect();
+        let mut travel_m = [0.0; MAX_ACTUATORS];
+        travel_m.iter_mut().zip(&self.travel_m).for_each(|(travel, known)| *travel = *known);
+        table.swing_of(&pushes, &travel_m)
+    }
+
     /// Its drives with their channels: actuator i of the scene is on channel i of the board.
     #[must_use]
     pub fn wire_drives(&self) -> Vec<SiDrive> {
@@ -159,7 +176,8 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
     if let Some((actuator, limit)) = keep_within_supply(table, &mut parts) {
         limits.push(limit_of(table, limit, actuator));
     }
-    if let Some((actuator, limit)) = keep_within_travel(table, rise, &mut parts, &effects) {
+    let Within { limited, travel_m } = keep_within_travel(table, rise, &mut parts, &effects);
+    if let Some((actuator, limit)) = limited {
         limits.push(limit_of(table, limit, actuator));
     }
     let predicted = predict(&parts, &effects, unbraked.as_deref());
@@ -190,7 +208,7 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
         .collect();
     limits.dedup();
     let limited_by = (!limits.is_empty()).then(|| limits.join(", "));
-    Ok(Design { effect: request.effect, drives, predicted, limited_by })
+    Ok(Design { effect: request.effect, drives, predicted, limited_by, travel_m })
 }
 
 fn limit_of(table: &PlanTable, limit: Limit, actuator: usize) -> String {

@@ -39,54 +39,68 @@ const USED: f64 = 0.92;
 /// Times over its period at which each drive may begin, of effects that are over within a few beats; in longer ones the
 /// beats try them all, and two are enough for how the drives begin.
 const OFFSETS: u32 = 2;
+/// What harmonics make of a small travel, as a rule.
+const WITH_HARMONICS: f64 = 2.0;
 /// Halvings in the search for a strength that fits: to 1/64.
 const HALVINGS: usize = 6;
 
+/// What became of the drives.
+pub struct Within {
+    /// What made it necessary to lower them.
+    pub limited: Option<(usize, Limit)>,
+    /// Bound of every actuator's travel in m.
+    pub travel_m: Vec<f64>,
+}
+
 /// Lowers all drives until no actuator travels beyond a third of its gap, or closes it below what its voltage takes; says
-/// what made that necessary.
-pub fn keep_within_travel(
-    table: &PlanTable,
-    rise: &RiseTimes,
-    parts: &mut [Part],
-    effects: &[Effect],
-) -> Option<(usize, Limit)> {
+/// what made that necessary, and how far they go.
+pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part], effects: &[Effect]) -> Within {
     let rows: Vec<DVector<f64>> =
         (0..table.electrodes.len()).map(|actuator| table.model.travel_row(actuator)).collect();
     let free: Vec<Option<Vec<Ringing>>> = parts.iter().map(|part| free_travel(rise, &rows, part)).collect();
     let shortened = Shortened::new(&table.electrodes, parts, effects, &free);
-    if is_surely_small(&table.electrodes, parts, &shortened.levels, &free) {
-        return None;
+    if let Some(travel_m) = surely_small(&table.electrodes, parts, &shortened.levels, &free) {
+        return Within { limited: None, travel_m };
     }
     let rest = rise.stepper(&rows, STEP_S);
     let most = OFFSETS.pow(u32::try_from(parts.len().saturating_sub(1)).unwrap_or(0));
     let combinations = if shortened.is_long(parts) { most.min(OFFSETS) } else { most };
-    // The first limit that is broken, if any is.
-    let broken = |scale: f64| {
-        (0..combinations).find_map(|combination| {
+    // How far the masses go, or the first limit that is broken, if any is.
+    let tried = |scale: f64| -> Result<Vec<f64>, (usize, Limit)> {
+        let mut largest_m = vec![0.0_f64; table.electrodes.len()];
+        for combination in 0..combinations {
             let travels = largest(rest.clone(), &table.electrodes, parts, &shortened.levels, scale, combination);
             let added = travels.iter().zip(&shortened.left_m).map(|(travel, left)| travel + left * scale);
-            table.electrodes.iter().zip(added).enumerate().find_map(|(actuator, (electrodes, travel))| {
+            let all = table.electrodes.iter().zip(added).zip(&mut largest_m).enumerate();
+            for (actuator, ((electrodes, travel), largest)) in all {
                 let allowed = USED * TRAVEL_PART * electrodes.gap_m;
                 let volts = rail_v(&table.electrodes, parts, actuator, scale);
                 if travel > allowed {
-                    return Some((actuator, Limit::Travel));
+                    return Err((actuator, Limit::Travel));
                 }
                 let holds = BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel / USED);
-                (volts > holds).then_some((actuator, Limit::Breakdown))
-            })
-        })
+                if volts > holds {
+                    return Err((actuator, Limit::Breakdown));
+                }
+                *largest = largest.max(travel / USED);
+            }
+        }
+        Ok(largest_m)
     };
-    let mut limited = broken(1.0)?;
-    let (mut low, mut high) = (0.0, 1.0);
+    let mut limited = match tried(1.0) {
+        Ok(travel_m) => return Within { limited: None, travel_m },
+        Err(limited) => limited,
+    };
+    let (mut low, mut high, mut travel_m) = (0.0, 1.0, vec![0.0; table.electrodes.len()]);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
-        match broken(middle) {
-            Some(limit) => (limited, high) = (limit, middle),
-            None => low = middle,
+        match tried(middle) {
+            Err(limit) => (limited, high) = (limit, middle),
+            Ok(found_m) => (travel_m, low) = (found_m, middle),
         }
     }
     parts.iter_mut().for_each(|part| part.drive.force_n *= low);
-    Some(limited)
+    Within { limited: Some(limited), travel_m }
 }
 
 /// The fundamental's travel of every actuator under 1 N of a drive from rest; `None` at an undamped resonance.
@@ -163,12 +177,17 @@ fn left_per_n(effect: &Effect, period_s: f64, ringing: &Ringing, after_s: f64) -
     changes * ringing.free.iter().map(of).sum::<f64>()
 }
 
-/// Whether all travels are so small that nothing has to be stepped: a bound of the fundamentals' travel, from the steady
-/// motion and what is left, at its most, of the free motion that every change of level adds, against 1/50 of the gap. The
+/// A bound of all travels in m if they are so small that nothing has to be stepped: of the fundamentals' travel, from the
+/// steady motion and what is left, at its most, of the free motion that every change of level adds, below 1/50 of the gap. The
 /// factor of sixteen from there to a third of it is for harmonics, of a third of the fundamental at most and a resonance of
-/// their own at worst.
-fn is_surely_small(all: &[Electrodes], parts: &[Part], levels: &[Vec<f64>], free: &[Option<Vec<Ringing>>]) -> bool {
-    all.iter().enumerate().all(|(actuator, electrodes)| {
+/// their own at worst; the bound itself has [`WITH_HARMONICS`].
+fn surely_small(
+    all: &[Electrodes],
+    parts: &[Part],
+    levels: &[Vec<f64>],
+    free: &[Option<Vec<Ringing>>],
+) -> Option<Vec<f64>> {
+    let travel = |(actuator, electrodes): (usize, &Electrodes)| {
         let bounds = parts.iter().zip(levels).zip(free).map(|((part, levels), free)| {
             let ringing = free.as_ref()?.get(actuator)?;
             let highest = levels.iter().fold(0.0_f64, |most, level| most.max(level.abs()));
@@ -176,12 +195,13 @@ fn is_surely_small(all: &[Electrodes], parts: &[Part], levels: &[Vec<f64>], free
                 ringing.free.iter().map(|(s, c)| c.norm() * most_kept(levels, s.re * part.channel.period_s())).sum();
             Some(part.drive.force_n * (ringing.steady.norm() * highest + free))
         });
-        let travel = bounds.sum::<Option<f64>>();
+        let travel = bounds.sum::<Option<f64>>()?;
         let volts = rail_v(all, parts, actuator, 1.0);
-        travel.is_some_and(|travel| {
-            travel < 0.02 * electrodes.gap_m && volts <= BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel)
-        })
-    })
+        let is_small =
+            travel < 0.02 * electrodes.gap_m && volts <= BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel);
+        is_small.then_some(WITH_HARMONICS * travel)
+    };
+    all.iter().enumerate().map(travel).collect()
 }
 
 /// Most that the changes of `levels` add up to when each loses its part e^`exponent` in every period.

@@ -6,15 +6,15 @@
 
 use super::limits::Limit;
 use super::refine::Chosen;
-use super::safe::{Problem, Settled};
-use super::softening::{Following, Line, Motion, rise, settle, travel_receptance};
+use super::safe::{Problem, Settled, harmonics_m};
+use super::softening::{Following, Line, Motion, NotSafe, rise, settle, travel_receptance};
 use super::table::{PlanTable, travel_by};
 use crate::response::Solver;
 use crate::scene::MAX_ACTUATORS;
 use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
 
 /// Harmonics whose motion is among what closes the gaps; a seventh's force is at most a seventh of the fundamental's.
-const CLOSING: [u32; 2] = [3, 5];
+pub(super) const CLOSING: [u32; 2] = [3, 5];
 /// Lowest frequency in Hz at which a difference of frequencies counts as motion.
 const LOWEST_HZ: f64 = 1.0;
 /// Part of the gap's third below which motion at a sum or difference is left out.
@@ -24,9 +24,28 @@ impl PlanTable {
     /// Whether the masses stay within the limits while the rails rise to the voltages of a steady motion, with all that moves
     /// beside it.
     pub(super) fn look_closer(&self, drives: &[Chosen], settled: &Settled) -> Result<(), (usize, Limit)> {
-        let problem = self.problem(drives, settled.applied);
+        let (applied, motion) = (&settled.applied, &settled.motion);
+        let problem = self.problem(drives, *applied);
+        let named = |error| self.which(error, applied);
         // Without poles nothing is known of the way.
-        let Some(onset) = self.onset() else { return Err((0, Limit::Travel)) };
+        let risen = self.risen(drives, &problem, motion).ok_or((0, Limit::Travel))?;
+        let mut travel_m = risen.map_err(named)?;
+        self.within(drives, settled, &travel_m)?;
+        let alone_m = harmonics_m(drives, applied, settled.scale, &CLOSING.map(f64::from));
+        let besides_m = self.besides(drives, &problem, motion, &alone_m).map_err(named)?;
+        travel_m.iter_mut().zip(besides_m).for_each(|(travel, beside)| *travel += beside);
+        self.within(drives, settled, &travel_m)
+    }
+
+    /// How far masses go while the rails rise to the voltages of a steady motion, in m, without harmonics; `None` without
+    /// poles.
+    pub(super) fn risen(
+        &self,
+        drives: &[Chosen],
+        problem: &Problem,
+        motion: &Motion,
+    ) -> Option<Result<[f64; MAX_ACTUATORS], NotSafe>> {
+        let onset = self.onset()?;
         let following: Vec<Following> = problem
             .lines
             .iter()
@@ -34,17 +53,30 @@ impl PlanTable {
             .map(|(line, leader)| onset.following(drives[*leader].frequency_hz, &line.receptance))
             .collect();
         let volts_per_s = f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS);
-        let rise_s = settled.applied.map(|applied| (applied.voltage_v / volts_per_s).max(1e-3));
-        let (transducers, excitations) = (problem.transducers(), problem.excitations());
-        let named = |error| self.which(error, &settled.applied);
-        let mut travel_m =
-            rise(transducers, excitations, &problem.lines, &following, &rise_s, &settled.motion).map_err(named)?;
-        for (l, leader) in problem.leaders.iter().enumerate() {
-            let left = onset.beyond(drives[*leader].frequency_hz, &settled.motion.force_n[l], &rise_s);
-            travel_m.iter_mut().zip(left).for_each(|(travel, left)| *travel += left);
+        let mut rise_s = [1e-3_f64; MAX_ACTUATORS];
+        for (rise_s, excitation) in rise_s.iter_mut().zip(problem.excitations()) {
+            *rise_s = (excitation.voltage_v / volts_per_s).max(*rise_s);
         }
-        self.within(drives, settled, &travel_m)?;
+        let (transducers, excitations) = (problem.transducers(), problem.excitations());
+        let risen = rise(transducers, excitations, &problem.lines, &following, &rise_s, motion);
+        Some(risen.map(|mut travel_m| {
+            for (leader, force_n) in problem.leaders.iter().zip(&motion.force_n) {
+                let left = onset.beyond(drives[*leader].frequency_hz, force_n, &rise_s);
+                travel_m.iter_mut().zip(left).for_each(|(travel, left)| *travel += left);
+            }
+            travel_m
+        }))
+    }
 
+    /// What comes to the travel of a steady motion in m by harmonics that close the gaps for it, and at sums and differences of
+    /// frequencies; `alone_m` are the harmonics of [`CLOSING`] in gaps at rest, which are counted later on.
+    pub(super) fn besides(
+        &self,
+        drives: &[Chosen],
+        problem: &Problem,
+        motion: &Motion,
+        alone_m: &[f64; MAX_ACTUATORS],
+    ) -> Result<[f64; MAX_ACTUATORS], NotSafe> {
         let mut lines = problem.lines.clone();
         let solver = Solver::new(&self.model);
         for (line, leader) in problem.lines.iter().zip(&problem.leaders) {
@@ -54,14 +86,12 @@ impl PlanTable {
                 }
             }
         }
-        let all = settle(transducers, excitations, &lines).map_err(named)?;
-        let beside = self.beside(drives, &problem, &all, &solver);
-        let alone = self.harmonics_m(drives, settled, &CLOSING.map(f64::from));
-        for (i, travel) in travel_m.iter_mut().enumerate() {
-            // Harmonics in gaps at rest are counted later on.
-            *travel += (all.largest_m[i] - settled.motion.largest_m[i] - alone[i]).max(0.0) + beside[i];
+        let all = settle(problem.transducers(), problem.excitations(), &lines)?;
+        let mut besides_m = self.beside(drives, problem, &all, &solver);
+        for (i, beside) in besides_m.iter_mut().enumerate() {
+            *beside += (all.largest_m[i] - motion.largest_m[i] - alone_m[i]).max(0.0);
         }
-        self.within(drives, settled, &travel_m)
+        Ok(besides_m)
     }
 
     /// Bound on the travel in m at sums and differences of frequencies: the spring of an actuator that is driven at f pulsates

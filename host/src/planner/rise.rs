@@ -340,5 +340,5 @@ mod stepper;
 #[cfg(test)]
 mod tests;
 
-pub use onset::Onset;
+pub use onset::{Onset, Ring, Share};
 pub use stepper::Stepper;

@@ -24,7 +24,7 @@ pub(super) const WEAK: f64 = 0.3;
 /// Part of the static stiffness that electrodes may take away: the softening grows with the travel, and pulsates.
 const HELD: f64 = 0.6;
 /// Simulated travel over the averaged motion's, at most: 1.002 was seen on random panels.
-const LEFT_OUT: f64 = 1.01;
+pub(super) const LEFT_OUT: f64 = 1.01;
 /// Parts of the gap up to which motions are shown to stay: the third that is allowed, and less, where the softening is weaker.
 const CLOSED: [f64; 3] = [TRAVEL_PART, 0.2, 0.1];
 
@@ -73,6 +73,11 @@ pub(super) struct Problem {
 }
 
 impl Problem {
+    /// Its steady motion.
+    pub(super) fn settled(&self) -> Result<Motion, NotSafe> {
+        settle(self.transducers(), self.excitations(), &self.lines)
+    }
+
     pub(super) fn transducers(&self) -> &[Transducer] {
         &self.transducers[..self.actuators]
     }
@@ -84,6 +89,22 @@ impl Problem {
 
 fn part_of(level: u32) -> f64 {
     f64::from(level) / f64::from(LEVELS)
+}
+
+/// Travel in m that the first few of [`HARMONICS`] add at most, in gaps at rest, for forces times `scale`.
+pub(super) fn harmonics_m(
+    drives: &[Chosen],
+    applied: &[Applied; MAX_ACTUATORS],
+    scale: f64,
+    numbers: &[f64],
+) -> [f64; MAX_ACTUATORS] {
+    let mut sums = [0.0; MAX_ACTUATORS];
+    for (j, (drive, applied)) in drives.iter().zip(applied).enumerate() {
+        let Some(entry) = drive.row.get(j) else { continue };
+        let own = harmonics_m_per_n(entry, applied.pulse_width, numbers.len());
+        sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own * drive.force_n * scale);
+    }
+    sums
 }
 
 impl PlanTable {
@@ -181,7 +202,7 @@ impl PlanTable {
         travel_m: &[f64; MAX_ACTUATORS],
     ) -> Result<(), (usize, Limit)> {
         let applied = &settled.applied;
-        let harmonics = self.harmonics_m(drives, settled, &HARMONICS);
+        let harmonics = harmonics_m(drives, applied, settled.scale, &HARMONICS);
         for (i, electrodes) in self.electrodes.iter().enumerate().take(drives.len().min(MAX_ACTUATORS)) {
             let rail_v = applied.iter().enumerate().filter(|(j, _)| rail_of(*j) == rail_of(i));
             let rail_v = rail_v.map(|(_, applied)| applied.voltage_v).fold(0.0, f64::max);
@@ -192,17 +213,6 @@ impl PlanTable {
             }
         }
         Ok(())
-    }
-
-    /// Travel in m that the first few of [`HARMONICS`] add at most, in gaps at rest.
-    pub(super) fn harmonics_m(&self, drives: &[Chosen], settled: &Settled, numbers: &[f64]) -> [f64; MAX_ACTUATORS] {
-        let mut sums = [0.0; MAX_ACTUATORS];
-        for (j, drive) in drives.iter().enumerate().take(MAX_ACTUATORS) {
-            let Some(entry) = drive.row.get(j) else { continue };
-            let own = harmonics_m_per_n(entry, settled.applied[j].pulse_width, numbers.len());
-            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own * drive.force_n * settled.scale);
-        }
-        sums
     }
 
     /// Whether the fundamentals' motion on the way is within the limits for the sum e of the softenings times the receptances of what they
@@ -269,7 +279,7 @@ impl PlanTable {
             Some((known, low)) if low > 0.0 => {
                 follow(transducers, excitations, &problem.lines, &known.motion, scale / low)
             }
-            _ => settle(transducers, excitations, &problem.lines),
+            _ => problem.settled(),
         };
         let motion = motion.map_err(|error| self.which(error, &applied))?;
         if let Some(actuator) = self.pulled_in(&motion.softening_n_per_m) {

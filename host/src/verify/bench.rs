@@ -30,6 +30,12 @@ impl Bench {
         Self { device, board, port: Port::new(LinkId(0)), sequence: 0, time_us: 0 }
     }
 
+    /// By its clock, in s.
+    #[allow(clippy::cast_precision_loss, reason = "microseconds of some seconds")]
+    pub(super) fn time_s(&self) -> f64 {
+        self.time_us as f64 * 1e-6
+    }
+
     pub(super) fn accelerometer(&mut self) -> &mut Accelerometer {
         &mut self.board.panel_mut().accelerometer
     }

@@ -17,6 +17,7 @@ use serde::Serialize;
 
 mod bench;
 pub mod scenes;
+pub mod succession;
 pub mod trials;
 mod waveform;
 
@@ -57,6 +58,9 @@ pub enum VerifyError {
     /// The electrodes leave no steady state, or none within their gap.
     #[error("there is no steady motion to compare with: {0}")]
     NotSafe(#[from] NotSafe),
+    /// What a plan leaves when it ends cannot be told.
+    #[error("what the plan leaves cannot be told: it meets the resonance of an undamped mode")]
+    Unknown,
     /// No force moves the place.
     #[error("the plan drives nothing: no actuator moves the panel there")]
     Nothing,

@@ -174,7 +174,7 @@ fn not_compared(error: &VerifyError) -> Outcome {
         VerifyError::NeverSettles => Outcome::NotCompared { reason: "no steady state within the longest burst".into() },
         VerifyError::Nothing => Outcome::NotCompared { reason: error.to_string() },
         VerifyError::Plan(error) => Outcome::NoPlan { reason: error.to_string() },
-        VerifyError::NotSafe(_) | VerifyError::Device(_) | VerifyError::Response(_) => {
+        VerifyError::NotSafe(_) | VerifyError::Device(_) | VerifyError::Response(_) | VerifyError::Unknown => {
             Outcome::Failed { reason: error.to_string() }
         }
     }

@@ -51,6 +51,34 @@ struct OwnPole {
     output: Vector,
 }
 
+impl OwnPole {
+    /// What forces drive it by.
+    fn pushed(&self, force_n: &Vector) -> Complex64 {
+        self.input.iter().zip(force_n).map(|(b, force)| b * force).sum()
+    }
+}
+
+/// A pole by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ring {
+    /// How fast it decays, in 1/s.
+    pub rate_per_s: f64,
+    /// Travel of every mass in m per amplitude of the pole.
+    pub travel: [f64; MAX_ACTUATORS],
+}
+
+/// What a force does to a pole.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Share {
+    /// Amplitudes of its part of the steady motion, of the phasor that turns with the force and of the one that turns against
+    /// it: all of it is what is left of the pole when the force ends.
+    pub steady: [Complex64; 2],
+    /// Amplitude of the free motion that is there once the rails are up; of an effect, once it has ended.
+    pub afterwards: f64,
+    /// How much amplitude comes in a second at most.
+    pub gain_per_s: f64,
+}
+
 impl RiseTimes {
     /// Of a model's actuators. Rigid motions, whose drift is no vibration, are left out.
     #[must_use]
@@ -86,6 +114,76 @@ impl Onset {
         rise_s: f64,
         steady: &[Complex64; MAX_ACTUATORS],
     ) -> [f64; MAX_ACTUATORS] {
+        let push = |pole: &OwnPole| (pole.input[driven], pole.input[driven].norm());
+        self.overshoots_under(push, frequency_hz, rise_s, steady)
+    }
+
+    /// The same while forces with the phasors `force_n` on all actuators are switched on together at once; `steady` in m.
+    #[must_use]
+    pub fn overshoots_at_once(
+        &self,
+        force_n: &Vector,
+        frequency_hz: f64,
+        steady: &[Complex64; MAX_ACTUATORS],
+    ) -> [f64; MAX_ACTUATORS] {
+        let turned = force_n.map(|force| force.conj());
+        let push = |pole: &OwnPole| (pole.pushed(force_n), pole.pushed(&turned).norm());
+        self.overshoots_under(push, frequency_hz, 0.0, steady)
+    }
+
+    /// What every pole does by itself.
+    #[must_use]
+    pub fn rings(&self) -> Vec<Ring> {
+        let ring = |pole: &OwnPole| Ring { rate_per_s: (-pole.s.re).max(0.0), travel: pole.output.map(|z| z.norm()) };
+        self.poles.iter().map(ring).collect()
+    }
+
+    /// What forces with the phasors `force_n` at `frequency_hz` do to every pole, whose rails take `rise_s` to rise.
+    #[must_use]
+    pub fn shares(&self, force_n: &Vector, frequency_hz: f64, rise_s: f64) -> Vec<Share> {
+        let jw = Complex64::new(0.0, TAU * frequency_hz);
+        let turned_n = force_n.map(|force| force.conj());
+        let share = |pole: &OwnPole| {
+            let (with, against) = (pole.pushed(force_n), pole.pushed(&turned_n));
+            let steady = [with / (jw - pole.s), against / (-jw - pole.s)];
+            let left = [pole.s - jw, pole.s + jw].map(|beat| part_left(beat * rise_s).norm());
+            Share {
+                steady,
+                afterwards: steady.iter().zip(left).map(|(steady, left)| steady.norm() * left).sum(),
+                gain_per_s: with.norm() + against.norm(),
+            }
+        };
+        self.poles.iter().map(share).collect()
+    }
+
+    /// The same of an effect on one actuator, period by period at `levels` of `force_n`: the largest amplitude as the steady
+    /// one. A period P of sin(wt) brings the pole s, which is driven by b, w (e^(sP) - 1) / (s^2 + w^2) b.
+    #[must_use]
+    pub fn played(&self, actuator: usize, force_n: f64, frequency_hz: f64, levels: &[f64]) -> Vec<Share> {
+        let omega = TAU * frequency_hz;
+        let share = |pole: &OwnPole| {
+            // Twice, as a pole stands for its conjugate too.
+            let push = pole.input.get(actuator).copied().unwrap_or_default() * (2.0 * force_n);
+            let turn = (pole.s / frequency_hz).exp();
+            let brought = push * omega * (turn - 1.0) / (pole.s * pole.s + omega * omega);
+            let (mut now, mut most) = (Complex64::ZERO, 0.0_f64);
+            for level in levels {
+                now = now * turn + brought * level;
+                most = most.max(now.norm_sqr());
+            }
+            Share { steady: [most.sqrt().into(), Complex64::ZERO], afterwards: now.norm(), gain_per_s: push.norm() }
+        };
+        self.poles.iter().map(share).collect()
+    }
+
+    /// `push` is what drives a pole, and how much in the second phasor.
+    fn overshoots_under(
+        &self,
+        push: impl Fn(&OwnPole) -> (Complex64, f64),
+        frequency_hz: f64,
+        rise_s: f64,
+        steady: &[Complex64; MAX_ACTUATORS],
+    ) -> [f64; MAX_ACTUATORS] {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         // What does not depend on the mass.
         let mut against = [0.0; MAX_ACTUATORS];
@@ -95,9 +193,10 @@ impl Onset {
             .map(|pole| {
                 let beat = pole.s - jw;
                 let sum = pole.s + jw;
-                let left = most_left(sum.norm() * rise_s) / sum.norm() * pole.input[driven].norm();
+                let (push, turned) = push(pole);
+                let left = most_left(sum.norm() * rise_s) / sum.norm() * turned;
                 against.iter_mut().zip(&pole.output).for_each(|(against, output)| *against += left * output.norm());
-                (beat, part_left(beat * rise_s) / beat * pole.input[driven], &pole.output)
+                (beat, part_left(beat * rise_s) / beat * push, &pole.output)
             })
             .collect();
         let mut overshoots = [0.0; MAX_ACTUATORS];

@@ -24,7 +24,7 @@ const WIDEST: f64 = 0.96;
 const WORTH: f64 = 1.01;
 /// What the electrodes' pull makes of a motion of switching on that is as large as the gap allows: 1.24 times was seen in the
 /// simulation of random panels.
-const GROWN: f64 = 1.5;
+pub(in crate::planner) const GROWN: f64 = 1.5;
 
 /// Travel of every actuator for the model's coordinates.
 pub(in crate::planner) fn travel_by(

@@ -7,7 +7,7 @@ mod grid;
 mod rough;
 pub(super) mod stored;
 
-pub(super) use forces::{harmonic_part, harmonics_m_per_n, travel_by, travel_m_per_n};
+pub(super) use forces::{GROWN, harmonic_part, harmonics_m_per_n, travel_by, travel_m_per_n};
 pub use gains::{Gains, SINGLE};
 pub use grid::SurfaceGrid;
 pub use rough::Rough;

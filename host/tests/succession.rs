@@ -1,0 +1,112 @@
+//! Touches that follow each other, on the simulated device in time.
+
+use era::device::sim::Panel;
+use era::effects::{EffectRequest, NamedEffect, design};
+use era::model::Accuracy;
+use era::model::bounded::Levels;
+use era::planner::moving::{Board, CONCEDED, Moving, Verdict};
+use era::planner::{Plan, PlanTable, TableOptions, Target};
+use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use era::verify::succession::{Order, Turn, Turned, follow};
+use era::verify::trials::scene_text;
+use std::time::Instant;
+
+/// Most travel in parts of the gap.
+const MOST: f64 = (1.0 + CONCEDED) / 3.0;
+/// The travel limit decides everywhere.
+const AT_THE_LIMIT_G: f64 = 1e3;
+
+fn table_of(text: &str) -> PlanTable {
+    let scene = Scene::parse("succession", text).unwrap();
+    let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
+    let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
+    PlanTable::build(&scene, levels.fine, options).unwrap()
+}
+
+fn plan_at(table: &PlanTable, x: f64, y: f64, intensity_g: f64) -> Plan {
+    let (x_m, y_m) = (x * table.scene.surface.length_m, y * table.scene.surface.width_m);
+    table.plan(&[Target { x_m, y_m, intensity_g: Some(intensity_g) }]).unwrap()
+}
+
+fn most(turned: &[Turned]) -> f64 {
+    turned.iter().flat_map(|turned| &turned.travel).copied().fold(0.0, f64::max)
+}
+
+/// Two plans at the limit, 20 ms between them: beyond a third of the gap, or pulled in, if they are sent as they come.
+#[test]
+fn plans_at_the_limit_stay_within_it_one_after_the_other() {
+    let (mut snapped_in, mut waited) = (0, 0);
+    // Both causes: rails that are up, and motion that is left.
+    for (number, targets) in [
+        (17, [(0.31, 0.62), (0.5, 0.5)]),
+        (46, [(0.87, 0.13), (0.5, 0.5)]),
+        (68, [(0.87, 0.13), (0.31, 0.62)]),
+        (80, [(0.31, 0.62), (0.87, 0.13)]),
+        (84, [(0.31, 0.62), (0.5, 0.5)]),
+    ] {
+        let table = table_of(&scene_text(11, number));
+        let panel = Panel::of(&table);
+        let plans = targets.map(|(x, y)| plan_at(&table, x, y, AT_THE_LIMIT_G));
+        let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.6, pause_s: 0.02 }).collect();
+        let plainly = follow(&table, &panel, &turns, Order::Plainly).unwrap();
+        let fitting = follow(&table, &panel, &turns, Order::AsItFits).unwrap();
+        println!("{number}: {:.3} plainly, {:.3} {:?}", most(&plainly), most(&fitting), fitting[1].verdict);
+        assert!(most(&plainly) > MOST, "scene {number}");
+        assert!(most(&fitting) <= MOST, "scene {number}");
+        snapped_in += u32::from(most(&plainly) > 0.9);
+        waited += u32::from(matches!(fitting[1].verdict, Verdict::Softly { after_s } if after_s > 0.0));
+    }
+    assert!(snapped_in >= 1 && waited >= 3, "{snapped_in} snapped in, {waited} waited");
+}
+
+/// A finger that is drawn over a panel, as strong as it goes, a new plan every frame of a page.
+#[test]
+fn a_drawn_finger_stays_within_the_limit() {
+    for number in [46, 80] {
+        let table = table_of(&scene_text(11, number));
+        let plans: Vec<Plan> =
+            (0..40).map(|i| plan_at(&table, 0.2 + 0.015 * f64::from(i), 0.4, AT_THE_LIMIT_G)).collect();
+        let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.016, pause_s: 0.0 }).collect();
+        let fitting = follow(&table, &Panel::of(&table), &turns, Order::AsItFits).unwrap();
+        let plainly = follow(&table, &Panel::of(&table), &turns, Order::Plainly).unwrap();
+        println!("{number}: {:.3} plainly, {:.3}", most(&plainly), most(&fitting));
+        assert!(most(&fitting) <= MOST, "scene {number}");
+        // It is felt all the same.
+        assert!(most(&fitting) > 0.2, "scene {number}");
+    }
+}
+
+/// The same on the example panels at usual strengths, then taps in quick succession, then clicks: nothing waits.
+#[test]
+fn ordinary_touches_are_not_delayed() {
+    for (text, intensity_g) in [(EXAMPLE_BAR, 0.3), (EXAMPLE_PLATE, 0.3), (EXAMPLE_BAR, 0.6)] {
+        let table = table_of(text);
+        let mut moving = Moving::new(table.rings());
+        let (mut now_s, mut board, mut took) = (0.0, Board::Down, Vec::new());
+        for i in 0..300_u32 {
+            let along = f64::from(i) / 300.0;
+            let plan = plan_at(&table, 0.05 + 0.9 * along, 0.5 + 0.4 * (9.0 * along).sin(), intensity_g);
+            let begun = Instant::now();
+            let swing = table.swing(&plan).unwrap();
+            took.push(begun.elapsed().as_secs_f64() * 1e6);
+            let drives = Some(plan.drives.as_slice());
+            let verdict = moving.fits(&swing, drives, now_s, board);
+            assert_eq!(verdict, Verdict::AtOnce, "touch {i} of {intensity_g} g");
+            let is_tap = i >= 200;
+            moving.begin(u64::from(i), &swing, drives, board, now_s, now_s + if is_tap { 0.05 } else { 1.0 });
+            board = if is_tap { Board::Up } else { Board::Driving };
+            now_s += if is_tap { 0.1 } else { 0.016 };
+        }
+        took.sort_by(f64::total_cmp);
+        println!("{} poles, {:.0} us for a swing (median)", table.rings().len(), took[took.len() / 2]);
+        for i in 0..20_u32 {
+            let plan = plan_at(&table, 0.1 + 0.04 * f64::from(i), 0.3, intensity_g);
+            let design = design(&table, table.rise().unwrap(), &plan, EffectRequest::of(NamedEffect::Click)).unwrap();
+            let swing = design.swing(&table).unwrap();
+            let verdict = moving.fits(&swing, None, now_s, Board::Up);
+            assert_eq!(verdict, Verdict::AtOnce, "click {i} of {intensity_g} g");
+            moving.begin(1000 + u64::from(i), &swing, None, Board::Up, now_s, now_s + 0.03);
+            now_s += 0.15;
+        }
+    }
+}
