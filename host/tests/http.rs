@@ -86,7 +86,13 @@ fn an_old_order_is_refused_after_a_stop() {
     runtime.block_on(async {
         let mut seen = session.snapshots();
         seen.wait_for(|snapshot| snapshot.connected).await.unwrap();
-        let order = |stops| era::device::DriveOrder { id: 1, stops, drives: Vec::new(), hold: Duration::from_secs(1) };
+        let order = |stops| era::device::DriveOrder {
+            id: 1,
+            stops,
+            drives: Vec::new(),
+            hold: Duration::from_secs(1),
+            from_zero: false,
+        };
         let before = session.stops();
         session.drive(order(before)).await.unwrap();
         session.stop().await.unwrap();

@@ -1,5 +1,7 @@
 //! Touches that follow each other, on the simulated device in time.
 
+mod support;
+
 use era::device::sim::Panel;
 use era::effects::{EffectRequest, NamedEffect, design};
 use era::model::Accuracy;
@@ -9,7 +11,10 @@ use era::planner::{Plan, PlanTable, TableOptions, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use era::verify::succession::{Order, Turn, Turned, follow};
 use era::verify::trials::scene_text;
-use std::time::Instant;
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+use support::Daemon;
+use tungstenite::Message;
 
 /// Most travel in parts of the gap.
 const MOST: f64 = (1.0 + CONCEDED) / 3.0;
@@ -109,4 +114,100 @@ fn ordinary_touches_are_not_delayed() {
             now_s += 0.15;
         }
     }
+}
+
+/// A daemon on a scene.
+struct Served {
+    daemon: Daemon,
+    width_px: f64,
+    height_px: f64,
+}
+
+impl Served {
+    fn start(text: &str) -> Self {
+        let daemon = Daemon::start(text);
+        let (_, scene) = daemon.get("/v1/scene");
+        let [width_px, height_px] = ["width_px", "height_px"].map(|key| scene["screen"][key].as_f64().unwrap());
+        Self { daemon, width_px, height_px }
+    }
+
+    /// A touch at parts of the screen.
+    fn touch(&self, x: f64, y: f64, intensity_g: f64, hold_ms: u32) -> (u16, Value) {
+        let (x_px, y_px) = (x * self.width_px, y * self.height_px);
+        let body = json!({"x_px": x_px, "y_px": y_px, "intensity_g": intensity_g, "duration_ms": hold_ms}).to_string();
+        let (status, _, answer) = self.daemon.post("/v1/touch", &body);
+        (status, answer)
+    }
+}
+
+/// Over HTTP: the second of two strong touches comes later and says so; a newer one takes its place, a stop ends it.
+#[test]
+fn a_touch_that_does_not_fit_waits() {
+    let served = Served::start(&scene_text(11, 68));
+    let first = |x: f64, y: f64| {
+        let (status, answer) = served.touch(x, y, AT_THE_LIMIT_G, 9000);
+        assert_eq!(status, 200, "{answer}");
+        // Long enough to be steady.
+        std::thread::sleep(Duration::from_millis(600));
+        answer["device"]["delayed_ms"].clone()
+    };
+    assert_eq!(first(0.87, 0.13), Value::Null, "nothing moved before");
+    let delayed_ms = first(0.31, 0.62);
+    assert!(delayed_ms.as_f64() > Some(20.0), "{delayed_ms}");
+    assert_eq!(served.daemon.state()["device"]["state"], "running");
+    // What was driven ends, and the next one waits.
+    let waits = || served.daemon.wait_for(|state| state["plan"].is_null());
+    std::thread::scope(|threads| {
+        let second = threads.spawn(|| served.touch(0.87, 0.13, AT_THE_LIMIT_G, 9000));
+        waits();
+        let (status, answer) = served.touch(0.5, 0.5, AT_THE_LIMIT_G, 9000);
+        assert!(status == 200 && answer["device"]["delayed_ms"].is_number(), "{status} {answer}");
+        let (status, answer) = second.join().unwrap();
+        assert_eq!((status, &answer["type"]), (409, &json!("urn:era:problem:superseded")), "{answer}");
+        std::thread::sleep(Duration::from_millis(600));
+        let fourth = threads.spawn(|| served.touch(0.87, 0.13, AT_THE_LIMIT_G, 9000));
+        waits();
+        assert_eq!(served.daemon.post("/v1/stop", "").0, 200);
+        let (status, answer) = fourth.join().unwrap();
+        assert_eq!((status, &answer["type"]), (409, &json!("urn:era:problem:stopped")), "{answer}");
+        assert_eq!(served.daemon.state()["plan"], Value::Null);
+    });
+}
+
+/// Usual touches go the same way as ever.
+#[test]
+fn a_second_ordinary_touch_is_not_delayed() {
+    let served = Served::start(EXAMPLE_PLATE);
+    for i in 0..6_u32 {
+        let (status, answer) = served.touch(0.2 + 0.1 * f64::from(i), 0.4, 0.3, 300);
+        assert!(status == 200 && answer["device"]["delayed_ms"].is_null(), "{answer}");
+        std::thread::sleep(Duration::from_millis(30 * u64::from(i)));
+    }
+}
+
+/// On a page: a finger that is lifted while its touch waits is not driven afterwards, and no error is told of it.
+#[test]
+fn a_lifted_finger_waits_for_nothing() {
+    let served = Served::start(&scene_text(11, 68));
+    let url = served.daemon.url.replace("http", "ws");
+    let (mut socket, _) = tungstenite::connect(format!("{url}/v1/live")).unwrap();
+    let mut say = |fingers: Option<(f64, f64)>| {
+        let at = |(x, y)| json!([{"id": 1, "x_px": x * served.width_px, "y_px": y * served.height_px}]);
+        let touches = fingers.map_or(json!([]), at);
+        let message = json!({"type": "touch", "touches": touches, "intensity_g": AT_THE_LIMIT_G});
+        socket.send(Message::text(message.to_string())).unwrap();
+    };
+    say(Some((0.87, 0.13)));
+    let first = served.daemon.wait_for(|state| state["plan_id"].is_number())["plan_id"].clone();
+    std::thread::sleep(Duration::from_millis(600));
+    say(Some((0.31, 0.62)));
+    // What was driven ends, the other waits.
+    served.daemon.wait_for(|state| state["plan"].is_null());
+    say(None);
+    std::thread::sleep(Duration::from_millis(900));
+    let state = served.daemon.state();
+    assert!(state["plan"].is_null() && state["device"]["state"] != "running", "{state}");
+    drop(socket);
+    let (status, answer) = served.touch(0.5, 0.5, 0.1, 100);
+    assert!(status == 200 && answer["plan_id"].as_u64() > first.as_u64(), "{answer}");
 }

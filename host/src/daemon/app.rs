@@ -5,17 +5,19 @@ use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
 use super::touch::{Manner, TouchRequest};
+use super::turns::{Turn, Turns, board};
 use super::view::{FieldView, PlanView, SceneView, TouchView};
 use crate::device::convert::{SiDrive, to_wire};
 use crate::device::sim::SimControl;
-use crate::device::{DriveOrder, EffectOrder, OpenDevice, Session, SessionError, Snapshot};
-use crate::effects::{DesignError, Intensity, design, plan_with};
+use crate::device::{DriveOrder, EffectOrder, LinkError, OpenDevice, Session, SessionError, Snapshot};
+use crate::effects::{Design, DesignError, Intensity, design, plan_with};
 use crate::planner::schedule::Stretch;
+use crate::planner::succession::Swing;
 use crate::planner::trade::Trade;
-use crate::planner::{Plan, PlanTable, Request};
+use crate::planner::{Drive, Plan, PlanTable, Request};
 use axum::http::StatusCode;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tokio::sync::{broadcast, watch};
 
 /// Events kept for a slow page before it misses some.
@@ -75,10 +77,27 @@ pub struct App {
     /// The last plan and when its drive ends.
     active: Mutex<Option<(Arc<Active>, Instant)>>,
     next_id: Mutex<u64>,
-    /// The newest plan that has been driven.
-    newest: tokio::sync::Mutex<u64>,
+    turns: Turns,
     updates: broadcast::Sender<Update>,
     closing: watch::Sender<bool>,
+}
+
+/// What a plan needs to be driven.
+struct Prepared {
+    swing: Swing,
+    kind: Kind,
+}
+
+enum Kind {
+    Hold(Duration),
+    Effect(Box<Design>),
+}
+
+impl Prepared {
+    /// Even drives.
+    fn drives<'a>(&self, plan: &'a Plan) -> Option<&'a [Drive]> {
+        matches!(self.kind, Kind::Hold(_)).then_some(plan.drives.as_slice())
+    }
 }
 
 impl App {
@@ -97,7 +116,7 @@ impl App {
             sim,
             active: Mutex::new(None),
             next_id: Mutex::new(0),
-            newest: tokio::sync::Mutex::new(0),
+            turns: Turns::new(table.rings()),
             updates: broadcast::channel(EVENTS).0,
             closing: watch::channel(false).0,
             table,
@@ -218,44 +237,88 @@ impl App {
         touches: &[TouchView],
         manner: Manner,
     ) -> Result<Touched, Problem> {
+        let prepared = tokio::task::block_in_place(|| self.prepared(&plan, manner))?;
         // One at a time, and what has been driven is not overtaken by a stretch of something older.
-        let mut newest = self.newest.lock().await;
-        if id < *newest {
-            let detail = "a newer touch was driven meanwhile";
-            return Err(Problem::new(StatusCode::CONFLICT, "superseded", "A newer touch came first", detail));
-        }
-        *newest = id;
+        let board = || board(&self.session.snapshots().borrow());
+        let release = |older: u64| self.release(older, Instant::now());
+        let is_stopped = || self.session.stops() != stops;
+        let turn = self.turns.take(id, &prepared.swing, prepared.drives(&plan), board, release, is_stopped).await?;
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
             sim.set_probe(self.table.model.shape_at(target.x_mm / 1e3, target.y_mm / 1e3));
         }
-        let (device, until) = match manner {
-            Manner::Hold(hold) => {
-                let drives = wire_drives(&plan).iter().map(to_wire).collect();
-                let driven = self.session.drive(DriveOrder { id, stops, drives, hold }).await?;
-                (super::view::achieved(&plan, &driven.achieved), Instant::now() + hold)
-            }
-            Manner::Effect(request) => {
-                let design = tokio::task::block_in_place(|| {
-                    let rise = self.table.rise().ok_or(DesignError::Unbounded)?;
-                    design(&self.table, rise, &plan, request)
-                })?;
-                let drives = design.wire_drives().iter().map(to_wire).collect();
-                let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
-                let played = self.session.play(EffectOrder { id, stops, drives, effects, start: None }).await?;
-                (super::view::played(&plan, &design, &played), played.start + played.length)
-            }
-        };
-        drop(newest);
+        let (mut device, until) = self.begun(&turn, stops, &plan, &prepared).await?;
+        if let (Some(delayed), Some(map)) = (turn.delayed(), device.as_object_mut()) {
+            map.insert("delayed_ms".into(), (delayed.as_secs_f64() * 1e3).into());
+        }
+        drop(turn);
         let active = self.shown(id, plan, touches, device.get("effect").cloned());
         self.activate(&active, until, stops)?;
         Ok(Touched { active, device, stretches: None, trade: None })
     }
 
+    fn prepared(&self, plan: &Plan, manner: Manner) -> Result<Prepared, Problem> {
+        let (swing, kind) = match manner {
+            Manner::Hold(hold) => (self.table.swing(plan), Kind::Hold(hold)),
+            Manner::Effect(request) => {
+                let rise = self.table.rise().ok_or(DesignError::Unbounded)?;
+                let design = design(&self.table, rise, plan, request)?;
+                (design.swing(&self.table), Kind::Effect(Box::new(design)))
+            }
+        };
+        let untold = || {
+            let detail =
+                "what the plan leaves when it ends cannot be told: a drive meets the resonance of an undamped mode";
+            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", detail)
+        };
+        Ok(Prepared { swing: swing.ok_or_else(untold)?, kind })
+    }
+
+    /// Has the device drive what it is the turn of; what it achieves, and when it ends.
+    async fn begun(
+        &self,
+        turn: &Turn<'_>,
+        stops: u64,
+        plan: &Plan,
+        prepared: &Prepared,
+    ) -> Result<(serde_json::Value, Instant), Problem> {
+        let Prepared { swing, kind } = prepared;
+        let planned = prepared.drives(plan);
+        let id = turn.id();
+        let begun = match kind {
+            Kind::Hold(hold) => {
+                let drives = wire_drives(plan).iter().map(to_wire).collect();
+                let order = DriveOrder { id, stops, drives, hold: *hold, from_zero: turn.is_soft() };
+                let driven = self.session.drive(order).await;
+                driven.map(|driven| (super::view::achieved(plan, &driven.achieved), Instant::now() + *hold))
+            }
+            Kind::Effect(design) => {
+                let drives = design.wire_drives().iter().map(to_wire).collect();
+                let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
+                let played = self.session.play(EffectOrder { id, stops, drives, effects, start: None }).await;
+                played.map(|played| (super::view::played(plan, design, &played), played.start + played.length))
+            }
+        };
+        match &begun {
+            Ok((_, until)) => turn.drives(swing, planned, *until),
+            // Whether the device has heard of it is not known.
+            Err(SessionError::Link(error)) if !matches!(error, LinkError::Refused(_) | LinkError::TooOld { .. }) => {
+                turn.drives(swing, planned, Instant::now());
+            }
+            Err(_) => {}
+        }
+        Ok(begun?)
+    }
+
+    /// Drops touches that wait for what is left of those before: there is something newer.
+    pub fn drop_waiting(&self) {
+        self.turns.drop_waiting();
+    }
+
     /// Ends what is driven for older plans than `id`, which drives nothing yet.
     pub(super) async fn make_way(&self, id: u64) {
-        let mut newest = self.newest.lock().await;
-        *newest = id.max(*newest);
-        if let Some(active) = self.active().filter(|active| active.id < id) {
+        if self.turns.overtake(id).await.is_ok()
+            && let Some(active) = self.active().filter(|active| active.id < id)
+        {
             self.release(active.id, Instant::now());
         }
     }
@@ -300,6 +363,7 @@ impl App {
             *until = (*until).min(when);
         }
         self.session.end_at(id, when);
+        self.turns.end_of(id, when);
     }
 
     /// Everything off.
@@ -307,7 +371,9 @@ impl App {
     /// # Errors
     /// [`SessionError`]; the board's dead-man timer then does it.
     pub async fn stop(&self) -> Result<(), SessionError> {
+        self.turns.stop();
         let result = self.session.stop().await;
+        self.turns.drop_waiting();
         *self.active.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let _ = self.updates.send(Update::Stopped);
         result

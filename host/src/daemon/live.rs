@@ -18,6 +18,8 @@ use tokio::sync::{mpsc, watch};
 
 /// Least time for which a tap vibrates, however short the finger was down.
 const TAP: Duration = Duration::from_millis(400);
+/// Between two looks whether a touch that nobody wants any more has begun to wait for its turn.
+const AGAIN: Duration = Duration::from_millis(10);
 /// Longest message in bytes: ten fingers take under 1 kB.
 const MAX_MESSAGE: usize = 16 * 1024;
 /// Messages that may wait for a slow page.
@@ -170,7 +172,10 @@ async fn take(app: &App, text: &str, fingers: &watch::Sender<Fingers>) -> Option
 async fn drive(app: Arc<App>, mut newest: watch::Receiver<Fingers>, outbox: mpsc::Sender<Value>) {
     // When the fingers went down, and the plan that is driven for them.
     let mut down: Option<(Instant, u64)> = None;
-    while newest.changed().await.is_ok() {
+    // Fingers that came while others waited for their turn.
+    let (mut is_changed, mut is_gone) = (false, false);
+    while is_changed || newest.changed().await.is_ok() {
+        is_changed = false;
         let Fingers { touches, feel } = newest.borrow_and_update().clone();
         if touches.is_empty() {
             if let Some((since, plan)) = down.take() {
@@ -179,7 +184,21 @@ async fn drive(app: Arc<App>, mut newest: watch::Receiver<Fingers>, outbox: mpsc
             continue;
         }
         let driven = match feel.check(MAX_DURATION_MS) {
-            Ok((intensity, manner)) => app.touch_all(touches, intensity, manner).await.map(|done| (done, manner)),
+            Ok((intensity, manner)) => {
+                let mut touch = std::pin::pin!(app.touch_all(touches, intensity, manner));
+                // To its end in any case, but without waiting for its turn once there are newer fingers, or none.
+                let done = loop {
+                    tokio::select! {
+                        done = &mut touch => break done,
+                        changed = newest.changed(), if !is_changed && !is_gone => {
+                            (is_changed, is_gone) = (changed.is_ok(), changed.is_err());
+                        }
+                        () = tokio::time::sleep(AGAIN), if is_changed || is_gone => {}
+                    }
+                    app.drop_waiting();
+                };
+                done.map(|done| (done, manner))
+            }
             Err(problem) => Err(problem),
         };
         match driven {
@@ -188,6 +207,8 @@ async fn drive(app: Arc<App>, mut newest: watch::Receiver<Fingers>, outbox: mpsc
             Ok((done, Manner::Hold(_))) => {
                 down = Some((down.map_or_else(Instant::now, |(since, _)| since), done.active.id));
             }
+            // The page itself has asked for something newer.
+            Err(problem) if (is_changed || is_gone) && problem.is("superseded") => {}
             Err(problem) => {
                 let _ = outbox.send(error_message(&problem)).await;
             }

@@ -15,6 +15,7 @@ mod problem;
 mod routes;
 mod stretches;
 mod touch;
+mod turns;
 mod view;
 
 pub use app::{App, wire_drives};

@@ -106,6 +106,12 @@ impl Problem {
         self
     }
 
+    /// Whether it is of this kind.
+    #[must_use]
+    pub fn is(&self, kind: &str) -> bool {
+        self.0.kind.rsplit(':').next() == Some(kind)
+    }
+
     /// In words.
     #[must_use]
     pub fn detail(&self) -> &str {

@@ -134,6 +134,8 @@ pub struct DriveOrder {
     pub drives: Vec<ChannelDrive>,
     /// How long.
     pub hold: Duration,
+    /// Whether the rails are brought down first, so that they rise with the drives.
+    pub from_zero: bool,
 }
 
 /// What to play on which drives, and when.
@@ -196,7 +198,8 @@ impl Session {
         self.stops.load(Ordering::SeqCst)
     }
 
-    /// Arms if need be, sets the drives and ends them after a while.
+    /// Arms if need be, sets the drives and ends them after a while. Where they are to begin with the rails down, whatever is
+    /// driven ends first, and the device is armed anew: its self-test waits for the rails.
     ///
     /// # Errors
     /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since the order's count was read; nothing is

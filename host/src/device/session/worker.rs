@@ -259,11 +259,16 @@ impl Worker {
     }
 
     fn try_drive(&mut self, order: DriveOrder) -> Result<Driven, SessionError> {
-        let DriveOrder { id, stops, drives, hold } = order;
+        let DriveOrder { id, stops, drives, hold, from_zero } = order;
         if stops != self.stops.load(Ordering::SeqCst) {
             return Err(SessionError::Stopped);
         }
         self.connected()?;
+        if from_zero && self.armed {
+            self.ask(&Request::Disarm)?;
+            self.armed = false;
+            self.drive_until = None;
+        }
         let fresh = self.arm()?;
         let drives: heapless::Vec<_, _> = drives.into_iter().take(era_shared::MAX_CHANNELS).collect();
         let state = if drives.is_empty() { State::Armed } else { State::Running };

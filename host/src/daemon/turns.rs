@@ -1,0 +1,186 @@
+//! One touch after the other: none overtakes a newer one, and none begins while too much is left of those before.
+
+use super::problem::Problem;
+use crate::device::{SessionError, Snapshot};
+use crate::planner::Drive;
+use crate::planner::moving::{Board, Ending, Moving, Verdict};
+use crate::planner::rise::Ring;
+use crate::planner::succession::Swing;
+use axum::http::StatusCode;
+use era_shared::safety::State;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// What has been driven, and what is left of it.
+#[derive(Debug)]
+pub struct Turns {
+    /// The newest plan that has been driven, or waits to be.
+    newest: tokio::sync::Mutex<u64>,
+    moving: Mutex<Moving>,
+    /// Wakes those that wait for their turn: nobody wants it any more.
+    unwanted: tokio::sync::Notify,
+    /// Zero of [`Moving`]'s time.
+    started: Instant,
+}
+
+/// Leave to drive, for as long as it is held.
+#[derive(Debug)]
+pub struct Turn<'a> {
+    turns: &'a Turns,
+    id: u64,
+    board: Board,
+    since: Instant,
+    waits: Option<Instant>,
+    _newest: tokio::sync::MutexGuard<'a, u64>,
+}
+
+impl Turns {
+    /// For a panel at rest with these poles.
+    #[must_use]
+    pub fn new(rings: Vec<Ring>) -> Self {
+        let (newest, moving) = (tokio::sync::Mutex::new(0), Mutex::new(Moving::new(rings)));
+        Self { newest, moving, unwanted: tokio::sync::Notify::new(), started: Instant::now() }
+    }
+
+    /// Waits until what is left of the touches before leaves room for `drives` ([`Moving::fits`]); those that are on then are ended by
+    /// `release`. A newer turn takes the place of one that waits.
+    ///
+    /// # Errors
+    /// [`Problem`]: there was a newer turn, or a stop, or too much is left for too long.
+    pub async fn take(
+        &self,
+        id: u64,
+        swing: &Swing,
+        drives: Option<&[Drive]>,
+        board: impl Fn() -> Board,
+        release: impl Fn(u64),
+        is_stopped: impl Fn() -> bool,
+    ) -> Result<Turn<'_>, Problem> {
+        let (mut waits, mut is_off): (Option<Instant>, bool) = (None, false);
+        loop {
+            let newest = self.overtake(id).await?;
+            // Whoever has ended the drives before switches the rails off.
+            let board = if is_off { Board::Down } else { board() };
+            let now = Instant::now();
+            let (verdict, driven) = {
+                let moving = self.moving();
+                (moving.fits(swing, drives, self.s(now), board), moving.driven())
+            };
+            let after_s = match verdict {
+                Verdict::AtOnce => {
+                    return Ok(Turn { turns: self, id, board, since: now, waits, _newest: newest });
+                }
+                Verdict::Later { after_s } => after_s,
+                Verdict::Softly { after_s } => {
+                    is_off = true;
+                    if let Some(driven) = driven {
+                        release(driven);
+                    }
+                    self.moving().end(self.s(now), Ending::AtItsBoundary);
+                    after_s
+                }
+                Verdict::TooFar { part } => return Err(too_far(part)),
+            };
+            waits.get_or_insert(now);
+            tracing::info!(plan = id, wait_ms = after_s * 1e3, is_off, "waits for what is left of the touches before");
+            drop(newest);
+            let is_wanted = tokio::select! {
+                () = tokio::time::sleep(Duration::from_secs_f64(after_s)) => true,
+                () = self.unwanted.notified() => false,
+            };
+            if is_stopped() {
+                return Err(SessionError::Stopped.into());
+            }
+            if !is_wanted {
+                return Err(superseded());
+            }
+        }
+    }
+
+    /// Ends the turns of older plans than `id`.
+    ///
+    /// # Errors
+    /// [`Problem`]: there was a newer one.
+    pub async fn overtake(&self, id: u64) -> Result<tokio::sync::MutexGuard<'_, u64>, Problem> {
+        let mut newest = self.newest.lock().await;
+        if id < *newest {
+            return Err(superseded());
+        }
+        *newest = id;
+        Ok(newest)
+    }
+
+    /// Ends all waits; who has not begun to wait is not concerned.
+    pub fn drop_waiting(&self) {
+        self.unwanted.notify_waiters();
+    }
+
+    /// The drives of plan `id` end at `when`.
+    pub fn end_of(&self, id: u64, when: Instant) {
+        self.moving().end_of(id, self.s(when));
+    }
+
+    /// Whatever is driven ends with a stop.
+    pub fn stop(&self) {
+        self.moving().end(self.s(Instant::now()), Ending::AtOnce);
+    }
+
+    fn moving(&self) -> MutexGuard<'_, Moving> {
+        self.moving.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn s(&self, when: Instant) -> f64 {
+        when.saturating_duration_since(self.started).as_secs_f64()
+    }
+}
+
+impl Turn<'_> {
+    /// The plan that it is the turn of.
+    #[must_use]
+    pub const fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// Whether the rails have to rise with the drives.
+    #[must_use]
+    pub fn is_soft(&self) -> bool {
+        self.board == Board::Down
+    }
+
+    /// How long it has waited until now, if it had to.
+    #[must_use]
+    pub fn delayed(&self) -> Option<Duration> {
+        self.waits.map(|since| since.elapsed())
+    }
+
+    /// The drives have begun, since it is this one's turn, and will end at `until`.
+    pub fn drives(&self, swing: &Swing, drives: Option<&[Drive]>, until: Instant) {
+        let turns = self.turns;
+        turns.moving().begin(self.id, swing, drives, self.board, turns.s(self.since), turns.s(until));
+    }
+}
+
+/// What the board does, as far as its state has been told.
+#[must_use]
+pub fn board(device: &Snapshot) -> Board {
+    match device.state() {
+        Some(State::Running) => Board::Driving,
+        Some(State::Armed | State::Arming) | None => Board::Up,
+        Some(State::Boot | State::Safe | State::Fault | State::Discharging) => Board::Down,
+    }
+}
+
+fn superseded() -> Problem {
+    let detail = "a newer touch was driven meanwhile";
+    Problem::new(StatusCode::CONFLICT, "superseded", "A newer touch came first", detail)
+}
+
+fn too_far(part: f64) -> Problem {
+    let detail = format!(
+        "the panel still moves from the touches before: with what will be left of that in {} s a mass would travel {:.2} of \
+         what its gap allows; wait, or ask for less",
+        crate::planner::moving::LONGEST_WAIT_S,
+        part
+    );
+    Problem::new(StatusCode::CONFLICT, "still-moving", "The panel still moves", detail)
+}
