@@ -34,6 +34,8 @@ fn several_targets_quiet_zones_and_options_are_taken() {
     let (status, _, quiet) = touch(spared);
     assert_eq!(status, 200, "{quiet}");
     assert!(quiet["targets"][0]["peak_g"].as_f64().unwrap() < 0.2 || quiet["limited_by"].is_null(), "{quiet}");
+    let times = &quiet["times"];
+    assert!(times["reaches_90_ms"].as_f64() > Some(1.0) && times["decays_to_10_ms"].as_f64() > Some(1.0), "{quiet}");
     let (_, _, power) = touch(r#", "objective": "power""#);
     assert_eq!(
         (&power["objective"], power["predicted"]["target_peak_g"].as_f64() > Some(0.19)),

@@ -10,7 +10,7 @@ use crate::effects::{Intensity, plan_with};
 use crate::planner::explain::Explanation;
 use crate::planner::schedule::{Stretch, Window, spans, stretches};
 use crate::planner::trade::Trade;
-use crate::planner::{Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Work};
+use crate::planner::{Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Times, Work};
 use crate::scene::Scene;
 use clap::Args;
 use serde::Serialize;
@@ -65,7 +65,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
         None => {
             let request = at_level(&table, request, options.intensity_db)?;
             let (planned, trade) = table.planned_with_trade(&request)?;
-            let details = Some(table.report(&planned, table.rise()));
+            let details = Some(table.report(&planned));
             let explanations = explanations(&table, options, [&request].into_iter())?;
             Answer { details, trade, plan: planned.plan, stretches: None, explanations }
         }
@@ -80,6 +80,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
                 Ok(planned.plan)
             })?;
             for (stretch, trade) in all.iter_mut().filter(|stretch| stretch.plan.is_some()).zip(trades) {
+                stretch.times = stretch.plan.as_ref().map(|plan| table.times(plan));
                 stretch.trade = trade;
             }
             let explanations = explanations(&table, options, requests.iter())?;
@@ -171,6 +172,9 @@ fn text(answer: &Answer) -> String {
                     Some(plan) => plan_text(&mut text, plan),
                     None => text.push_str("nothing"),
                 }
+                if let Some(times) = &stretch.times {
+                    times_text(&mut text, times);
+                }
                 trade_text(&mut text, stretch.trade.as_ref());
                 text.push('\n');
             }
@@ -233,13 +237,7 @@ fn details_text(text: &mut String, plan: &Plan, details: &Report) {
     if let Some(db) = details.strongest_harmonic_db {
         let _ = write!(text, " (the strongest {db:.1} dB above its threshold)");
     }
-    let ms = |time: Option<f64>| time.map_or_else(|| String::from("never"), |ms| format!("after {ms:.0} ms"));
-    let _ = write!(
-        text,
-        "\nonce the rails are up 90 % of it {}, down to 10 % {}",
-        ms(details.reaches_90_ms),
-        ms(details.decays_to_10_ms)
-    );
+    times_text(text, &details.times);
     if plan.optimality_gap > 0.0 {
         let more = if plan.optimality_gap >= 1.0 {
             format!("{:.1} times as good", 1.0 + plan.optimality_gap)
@@ -251,6 +249,16 @@ fn details_text(text: &mut String, plan: &Plan, details: &Report) {
     } else {
         text.push_str("\nproven: no other combination of the grid's frequencies is better");
     }
+}
+
+fn times_text(text: &mut String, times: &Times) {
+    let ms = |time: Option<f64>| time.map_or_else(|| String::from("never"), |ms| format!("after {ms:.0} ms"));
+    let _ = write!(
+        text,
+        "\nonce the rails are up 90 % of it {}, down to 10 % {}",
+        ms(times.reaches_90_ms),
+        ms(times.decays_to_10_ms)
+    );
 }
 
 fn trade_text(text: &mut String, trade: Option<&Trade>) {

@@ -333,7 +333,7 @@ impl App {
     ) -> Arc<Active> {
         tokio::task::block_in_place(|| {
             let field = FieldView::new(&self.table, Some(&plan), id);
-            Arc::new(Active { id, plan: PlanView::new(plan), field, touches: touches.to_vec(), effect })
+            Arc::new(Active { id, plan: PlanView::new(&self.table, plan), field, touches: touches.to_vec(), effect })
         })
     }
 

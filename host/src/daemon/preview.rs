@@ -164,7 +164,7 @@ fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
     }
     let field = FieldView::new(&table, Some(&plan), 0);
     Ok(Preview {
-        plan: PlanView::new(plan),
+        plan: PlanView::new(&table, plan),
         field,
         scene_toml,
         tolerance: ACCURACY.value(),

@@ -52,6 +52,7 @@ impl App {
         tokio::spawn(drive_later(Arc::downgrade(self), id, stops, begun, later));
         for stretch in &mut all {
             if let Some(plan) = &stretch.plan {
+                stretch.times = Some(self.table.times(plan));
                 stretch.trade = self.trade(asked, &asked.request.only(&stretch.span.targets), plan)?;
             }
         }

@@ -5,7 +5,7 @@ use crate::device::Identity;
 use crate::device::convert::from_wire;
 use crate::device::session::Played;
 use crate::effects::{self, Design};
-use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};
+use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY, Times};
 use crate::scene::Scene;
 use era_shared::protocol::AchievedDrive;
 use serde::{Deserialize, Serialize};
@@ -85,16 +85,18 @@ impl SceneView {
 
 /// A plan as sent to clients.
 #[derive(Clone, Debug, Serialize)]
-#[serde(transparent)]
 pub struct PlanView {
+    #[serde(flatten)]
     plan: Plan,
+    /// When the first target vibrates under it, and when it has stopped.
+    times: Times,
 }
 
 impl PlanView {
-    /// The view of `plan`.
+    /// The view of `plan`, one of this table's.
     #[must_use]
-    pub const fn new(plan: Plan) -> Self {
-        Self { plan }
+    pub fn new(table: &PlanTable, plan: Plan) -> Self {
+        Self { times: table.times(&plan), plan }
     }
 }
 

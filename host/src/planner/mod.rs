@@ -43,7 +43,7 @@ mod zone;
 
 pub use plan::{Drive, Plan, Planned, Predicted, TargetResult};
 pub use quiet::QuietResult;
-pub use report::Report;
+pub use report::{Report, Times};
 pub use request::{Grouping, Objective, PlanError, Quiet, Request, Target, Weigh};
 pub use search::Work;
 pub use table::{PlanTable, TableOptions};

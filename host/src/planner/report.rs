@@ -2,8 +2,7 @@
 
 use super::STANDARD_GRAVITY;
 use super::perception::threshold_m_per_s2;
-use super::plan::Planned;
-use super::rise::RiseTimes;
+use super::plan::{Plan, Planned};
 use super::table::PlanTable;
 use crate::transient::panel::Drive;
 use serde::Serialize;
@@ -17,22 +16,26 @@ pub struct Report {
     pub harmonics_g: f64,
     /// How far the strongest of the harmonics is above the threshold of feeling, in dB; `null` without any.
     pub strongest_harmonic_db: Option<f64>,
-    /// When the target has 90 % of its steady peak and keeps it, in ms from switching on with rails that are up; `null` if never.
+    /// When it is there, and gone.
+    #[serde(flatten)]
+    pub times: Times,
+}
+
+/// When a plan's first target vibrates, and when it has stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Times {
+    /// When it has 90 % of its steady peak and keeps it, in ms from switching on with rails that are up; `null` if never.
     pub reaches_90_ms: Option<f64>,
     /// When it has decayed to 10 % after switching off, in ms; `null` if never.
     pub decays_to_10_ms: Option<f64>,
 }
 
 impl PlanTable {
-    /// The report on a plan. `rise` is prepared once for the table's model.
+    /// When a plan's first target vibrates, and when it has stopped.
     #[must_use]
-    pub fn report(&self, planned: &Planned, rise: Option<&RiseTimes>) -> Report {
-        let shape = planned.shapes.first();
-        let motions = self.harmonics(&planned.drives, &planned.settled);
-        let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
-        let harmonics_m_per_s2: f64 = harmonics.iter().map(|(_, peak)| peak).sum();
-        let over = harmonics.iter().map(|(hz, peak)| peak / threshold_m_per_s2(*hz)).fold(0.0, f64::max);
-        let drives: Vec<Drive> = planned
+    pub fn times(&self, plan: &Plan) -> Times {
+        let shape = plan.targets.first().map(|target| self.model.shape_at(target.x_mm / 1e3, target.y_mm / 1e3));
+        let drives: Vec<Drive> = plan
             .drives
             .iter()
             .enumerate()
@@ -44,14 +47,27 @@ impl PlanTable {
                 phase_rad: drive.phase_rad,
             })
             .collect();
-        let timing = rise.zip(shape).map(|(rise, shape)| rise.times(shape, &drives));
+        let timing = self.rise().zip(shape).map(|(rise, shape)| rise.times(&shape, &drives));
         let ms = |seconds: Option<f64>| seconds.map(|seconds| seconds * 1e3);
+        Times {
+            reaches_90_ms: ms(timing.and_then(|timing| timing.reaches_90_s)),
+            decays_to_10_ms: ms(timing.and_then(|timing| timing.decays_to_10_s)),
+        }
+    }
+
+    /// The report on a plan.
+    #[must_use]
+    pub fn report(&self, planned: &Planned) -> Report {
+        let shape = planned.shapes.first();
+        let motions = self.harmonics(&planned.drives, &planned.settled);
+        let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
+        let harmonics_m_per_s2: f64 = harmonics.iter().map(|(_, peak)| peak).sum();
+        let over = harmonics.iter().map(|(hz, peak)| peak / threshold_m_per_s2(*hz)).fold(0.0, f64::max);
         Report {
             waveform_peak_g: planned.plan.predicted.softened_peak_g + harmonics_m_per_s2 / STANDARD_GRAVITY,
             harmonics_g: harmonics_m_per_s2 / STANDARD_GRAVITY,
             strongest_harmonic_db: (over > 0.0).then(|| 20.0 * over.log10()),
-            reaches_90_ms: ms(timing.and_then(|timing| timing.reaches_90_s)),
-            decays_to_10_ms: ms(timing.and_then(|timing| timing.decays_to_10_s)),
+            times: self.times(&planned.plan),
         }
     }
 }

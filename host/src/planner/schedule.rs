@@ -4,6 +4,7 @@
 //! the plan is the same again.
 
 use super::plan::Plan;
+use super::report::Times;
 use super::request::{MAX_TARGETS, PlanError, Request, within};
 use super::trade::Trade;
 use serde::Serialize;
@@ -78,6 +79,9 @@ pub struct Stretch {
     pub span: Span,
     /// The plan for these; `None` in a pause.
     pub plan: Option<Plan>,
+    /// When its first target vibrates, and when it has stopped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub times: Option<Times>,
     /// What can be had of it, where it could not be had in full.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trade: Option<Trade>,
@@ -95,7 +99,7 @@ pub fn stretches<E>(
         .into_iter()
         .map(|span| {
             let plan = if span.targets.is_empty() { None } else { Some(plan_for(&span.targets)?) };
-            Ok(Stretch { span, plan, trade: None })
+            Ok(Stretch { span, plan, times: None, trade: None })
         })
         .collect()
 }
