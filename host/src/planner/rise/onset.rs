@@ -114,6 +114,10 @@ impl Onset {
         rise_s: f64,
         steady: &[Complex64; MAX_ACTUATORS],
     ) -> [f64; MAX_ACTUATORS] {
+        // Actuators beyond the most are not planned for.
+        if driven >= self.actuators {
+            return [0.0; MAX_ACTUATORS];
+        }
         let push = |pole: &OwnPole| (pole.input[driven], pole.input[driven].norm());
         self.overshoots_under(push, frequency_hz, rise_s, steady)
     }
