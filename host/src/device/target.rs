@@ -246,5 +246,9 @@ impl OpenDevice {
 }
 
 fn ports() -> Vec<String> {
+    // Without libudev the crate lists this folder, and panics where it is missing (a chroot without /sys).
+    if cfg!(target_os = "linux") && !std::path::Path::new("/sys/class/tty").is_dir() {
+        return Vec::new();
+    }
     serialport::available_ports().unwrap_or_default().into_iter().map(|port| port.port_name).collect()
 }
