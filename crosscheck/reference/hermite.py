@@ -1,0 +1,85 @@
+"""Cubic Hermite functions on a line of cells: the parts of which bars and plates are assembled.
+
+The unknowns of a node are deflection and slope times the node's own length scale, so that they are of like size on
+cells of very different lengths.
+"""
+
+import numpy as np
+
+_COEFFICIENTS = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], dtype=float)
+_PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+_PLACES, _WEIGHTS = (_PLACES + 1) / 2, _WEIGHTS / 2
+
+
+def unit_functions(place, derivative=0):
+    """The four cubics of a cell of length 1, or a derivative of them, at `place` [n]: [n, 4]."""
+    columns = [np.polynomial.Polynomial(row).deriv(derivative)(np.asarray(place, dtype=float)) for row in _COEFFICIENTS]
+    return np.stack(np.broadcast_arrays(*columns), axis=-1)
+
+
+def node_scales(lines):
+    """The length scale of each node: the mean of its cells' lengths."""
+    h = np.diff(lines)
+    return np.concatenate([[h[0]], (h[1:] + h[:-1]) / 2, [h[-1]]])
+
+
+def cell_scales(lines):
+    """What turns unit-cell functions into those of the nodes' scaled unknowns: [cell, 4]."""
+    h, s = np.diff(lines), node_scales(lines)
+    return np.stack([np.ones_like(h), h / s[:-1], np.ones_like(h), h / s[1:]], axis=1)
+
+
+def cell_matrices(lines, left, right):
+    """Integrals over each cell of the products of derivatives of order `left` and `right`: [cell, 4, 4]."""
+    h, scales = np.diff(lines), cell_scales(lines)
+    unit = np.einsum("ga,gb,g->ab", unit_functions(_PLACES, left), unit_functions(_PLACES, right), _WEIGHTS)
+    return unit[None] * scales[:, :, None] * scales[:, None, :] * (h ** (1 - left - right))[:, None, None]
+
+
+def functions_at(lines, cells, places, derivative=0):
+    """The four functions of the given cells at places on the line, or a derivative: [n, 4]."""
+    h = np.diff(lines)[cells]
+    unit = unit_functions((places - lines[cells]) / h, derivative)
+    return unit * cell_scales(lines)[cells] / (h**derivative)[:, None]
+
+
+def locate(lines, place):
+    """The cells that a place belongs to: one, or the two at a line. The nearer one first."""
+    tolerance = 1e-9 * (lines[-1] - lines[0])
+    last = len(lines) - 2
+    found = {min(max(int(np.searchsorted(lines, place + d, side="right")) - 1, 0), last) for d in (-tolerance, tolerance)}
+    return sorted(found)
+
+
+def graded_lines(fixed, length, size, levels):
+    """Lines from 0 to `length` through the `fixed` places, cells no longer than `size`.
+
+    `fixed` maps a place to the number of geometric layers (ratio 4) towards it, at most `levels`.
+    """
+    tolerance = 1e-6 * length
+    places = {0.0: 0, length: 0}
+    for place, layers in sorted(fixed.items()):
+        near = [known for known in places if abs(known - place) <= tolerance]
+        if near:
+            places[near[0]] = max(places[near[0]], layers)
+        else:
+            places[place] = layers
+    order = sorted(places)
+    result = [0.0]
+    for a, b in zip(order, order[1:]):
+        span = b - a
+        inner = [a, b]
+        at_a, at_b = min(places[a], levels), min(places[b], levels)
+        reach = min(size, span / 2 if at_a and at_b else span)
+        floor = 5e-4 * length
+        for end, sign, layers in ((a, 1.0, at_a), (b, -1.0, at_b)):
+            for k in range(1, layers + 1):
+                distance = reach * 4.0**-k
+                if distance >= floor:
+                    inner.append(end + sign * distance)
+        inner = sorted(inner)
+        for left, right in zip(inner, inner[1:]):
+            count = max(1, int(np.ceil((right - left) / size - 1e-9)))
+            result.extend(left + (right - left) * np.arange(1, count + 1) / count)
+            result[-1] = right
+    return np.array(result)

@@ -1,0 +1,149 @@
+"""What the reference says about a scene's panel, and how far it may itself be off.
+
+Two meshes, cells 1.5 times smaller on the finer one: answers are those of the finer, and their difference from the coarser
+is the reference's estimate of its own error. (Cubic Hermite cells converge with h^4, next to cut-outs with h^1.3 or so on
+graded cells; with h^4 the finer mesh is off by a quarter of the difference, so that the estimate is on the safe side.)
+"""
+
+from functools import cached_property
+
+import numpy as np
+
+from .reduced import Reduced
+
+# How much finer the second mesh is.
+REFINEMENT = 1.5
+# Of the reference's estimate of its own error: parts of it, at attachments, converge more slowly or from both sides.
+SAFETY = 2.0
+
+
+class Panel:
+    """A scene's panel for frequencies up to `max_hz`. Phasors are those of e^(+j w t), deflection toward the user."""
+
+    def __init__(self, scene, max_hz, fineness=1.0):
+        self.scene, self.max_hz, self.fineness = scene, float(max_hz), fineness
+
+    @cached_property
+    def fine(self):
+        """The model that answers."""
+        return Reduced(self.scene, self.max_hz, self.fineness * REFINEMENT)
+
+    @cached_property
+    def coarse(self):
+        """The model that it is compared with."""
+        return Reduced(self.scene, self.max_hz, self.fineness)
+
+    # Modes.
+
+    def rigid_modes(self):
+        """How many motions nothing resists, counted from what holds the panel."""
+        scene = self.scene
+        rows = []
+        add = lambda x, y: rows.append([1.0, x / scene.length - 0.5, 0.0 if scene.is_bar else y / scene.width - 0.5])
+        turn = [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0 if scene.is_bar else 1.0]]
+        for support in scene.supports:
+            if support.stiffness > 0:
+                add(support.x, support.y)
+            if support.rotational_stiffness > 0:
+                rows.extend(turn)
+        loose = 0
+        for actuator in scene.actuators:
+            if actuator.inertial:
+                loose += actuator.linear_stiffness <= 0
+            elif actuator.linear_stiffness > 0:
+                add(actuator.x, actuator.y)
+        for edge in scene.edges:
+            holds = edge.kind != "elastic" or edge.stiffness > 0
+            turns = edge.kind == "clamped" or (edge.kind == "elastic" and edge.rotational_stiffness > 0)
+            ends = {"left": [(0, 0), (0, 1)], "right": [(1, 0), (1, 1)], "top": [(0, 0), (1, 0)], "bottom": [(0, 1), (1, 1)]}[edge.side]
+            for x, y in ends:
+                if holds:
+                    add(x * scene.length, y * scene.width)
+            if turns:
+                rows.append(turn[0] if edge.side in ("left", "right") else turn[1])
+        held = np.linalg.matrix_rank(np.array(rows), tol=1e-9) if rows else 0
+        return (2 if scene.is_bar else 3) - int(held) + int(loose)
+
+    def modes(self, max_hz):
+        """Frequencies (Hz, rigid ones 0) and damping ratios of the modes up to `max_hz`."""
+        return self._modes(self.fine, max_hz)
+
+    def mode_errors(self, max_hz):
+        """The reference's own error of each frequency and damping ratio of [`modes`], relative and absolute."""
+        f, z = self._modes(self.fine, max_hz)
+        g, y = self._modes(self.coarse, max_hz * 1.05)
+        count = min(len(f), len(g))
+        frequency, ratio = np.full(len(f), np.inf), np.full(len(f), np.inf)
+        frequency[:count] = SAFETY * np.abs(f[:count] - g[:count]) / np.maximum(f[:count], 1e-300)
+        ratio[:count] = SAFETY * np.abs(z[:count] - y[:count])
+        return frequency + 1e-9, ratio
+
+    def _modes(self, model, max_hz):
+        omega, phi = model.modes()
+        omega = omega.copy()
+        omega[: self.rigid_modes()] = 0.0
+        keep = omega <= 2 * np.pi * max_hz
+        omega, phi = omega[keep], phi[:, keep]
+        viscous = np.einsum("in,ij,jn->n", phi, model.viscous, phi, optimize=True)
+        lossy = np.einsum("in,ij,jn->n", phi, model.hysteretic, phi, optimize=True)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(omega > 0, viscous / (2 * omega) + lossy / (2 * omega**2), 0.0)
+        return omega / (2 * np.pi), ratio
+
+    # Responses.
+
+    def accelerance(self, points_m, frequencies_hz):
+        """Acceleration at points per newton at each actuator alone: [frequency, actuator, point], m/s^2 per N."""
+        return self._accelerance(self.fine, points_m, frequencies_hz)
+
+    def accelerance_error(self, points_m, frequencies_hz):
+        """The reference's own error of [`accelerance`], absolute, of the same shape."""
+        difference = self._accelerance(self.fine, points_m, frequencies_hz) - self._accelerance(self.coarse, points_m, frequencies_hz)
+        return SAFETY * np.abs(difference)
+
+    def _accelerance(self, model, points_m, frequencies_hz):
+        f = np.atleast_1d(np.asarray(frequencies_hz, dtype=float))
+        rows = model.output_rows(points_m)
+        answer = np.einsum("pn,fnk->fkp", rows, model.solve(f, model.forces), optimize=True)
+        return -((2 * np.pi * f)[:, None, None] ** 2) * answer
+
+    def gap_change(self, frequencies_hz):
+        """Displacement of each moving mass against its electrodes: [frequency, loaded actuator, actuator], m per N."""
+        return self._gap_change(self.fine, frequencies_hz)
+
+    def gap_change_error(self, frequencies_hz):
+        """The reference's own error of [`gap_change`], absolute."""
+        return SAFETY * np.abs(self.gap_change(frequencies_hz) - self._gap_change(self.coarse, frequencies_hz))
+
+    def _gap_change(self, model, frequencies_hz):
+        f = np.atleast_1d(np.asarray(frequencies_hz, dtype=float))
+        return np.einsum("an,fnk->fka", model.gaps, model.solve(f, model.forces), optimize=True)
+
+    # Time.
+
+    def time_model(self, max_hz, points_m):
+        """A reduced model for integration in time, of the modes up to `max_hz` and the static shapes of the rest.
+
+        `M`, `C`, `K` [n, n] with the moving masses in them; `forces` [n, actuator] for 1 N (the pair, for inertial mounts);
+        `points` [point, n] deflection in m; `gaps` [actuator, n] travel of each mass against its electrodes in m.
+        Hysteretic loss is stood in for by the viscous damping that loses as much at each mode's own resonance:
+        c_n = eta phi_n^T K_surface phi_n / omega_n.
+        """
+        model = self.fine
+        omega, phi = model.modes()
+        omega = omega.copy()
+        omega[: self.rigid_modes()] = 0.0
+        keep = omega <= 2 * np.pi * max_hz
+        phi, omega = phi[:, keep], omega[keep]
+        damping = phi.T @ model.viscous @ phi
+        lossy = np.einsum("in,ij,jn->n", phi, model.hysteretic, phi, optimize=True)
+        damping += np.diag(np.where(omega > 0, lossy / np.maximum(omega, 1e-300), 0.0))
+        return {
+            "M": np.eye(len(omega)),
+            "C": damping,
+            "K": np.diag(omega**2),
+            "forces": phi.T @ model.forces,
+            "points": model.output_rows(points_m) @ phi,
+            "gaps": model.gaps @ phi,
+            "omega": omega,
+        }

@@ -1,0 +1,233 @@
+"""A panel in a few hundred coordinates: modes of the bare surface, static shapes of its attachments, and the attachments.
+
+The basis is made of the bare surface's modes below a multiple of the highest frequency and, for every attachment, the
+Krylov vectors (K - s M)^-1 b, (K - s M)^-1 M (K - s M)^-1 b, ... about a negative shift s, which hold what the modes left
+out. Everything is then projected (Rayleigh-Ritz). Attachments couple through their points only.
+
+Coordinates y: Ritz coordinates of the surface; amplitudes of the local compliance (see `plate.Local`); moving masses of
+inertial ERAs.
+"""
+
+import numpy as np
+import scipy.linalg as la
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from .bar import Bar
+from .mesh import factor
+from .plate import Plate
+
+# Modes of the bare surface are kept up to this multiple of the highest frequency asked for.
+KEEP = 2.5
+# Krylov vectors of each attachment.
+KRYLOV = 4
+# A spring this much stiffer than the surface at its point is as good as rigid: the error is its inverse.
+RIGID = 1e8
+
+
+class Reduced:
+    """The scene's panel on one mesh.
+
+    Matrices over the coordinates: `mass`, `surface_stiffness` (the surface's own, with the local compliance), `edge_stiffness`,
+    `spring_stiffness` (supports and ERAs), `surface_mass`, `dashpots`. `forces` has a column per actuator (1 N), `gaps` a
+    row per actuator (travel of the mass against its electrodes).
+    """
+
+    def __init__(self, scene, max_hz, fineness):
+        self.scene, self.max_hz = scene, max_hz
+        self.shift = -((2 * np.pi * 0.25 * max_hz) ** 2)
+        attached = list(scene.supports) + list(scene.masses) + list(scene.actuators)
+        self.points = sorted({(item.x, item.y) for item in attached})
+        if scene.is_bar:
+            self.surface = Bar(scene, max_hz, fineness, self.points)
+        else:
+            self.surface = Plate(scene, max_hz, fineness, self.shift)
+        self._basis()
+        self._attach()
+
+    # The bare surface.
+
+    def _basis(self):
+        surface = self.surface
+        total = surface.stiffness + surface.edge_stiffness
+        solver = factor(total - self.shift * surface.mass)
+        vectors = self._modes(total, solver)
+        turning = [support for support in self.scene.supports if support.rotational_stiffness > 0]
+        self.turning_rows = [row for support in turning for row in surface.slope_rows((support.x, support.y))]
+        self.turning_stiffness = [s.rotational_stiffness for s in turning for _ in range(1 if self.scene.is_bar else 2)]
+        rows = [surface.rows(self.points).toarray()] if self.points else []
+        rows += [row.toarray() for row in self.turning_rows]
+        if rows:
+            block = np.vstack(rows).T
+            krylov = []
+            for _ in range(KRYLOV):
+                block = solver.solve(np.ascontiguousarray(block))
+                block = block / np.maximum(np.sqrt(np.einsum("ij,ij->j", block, surface.mass @ block)), 1e-300)
+                krylov.append(block)
+                block = surface.mass @ block
+            vectors = self._orthonormal(vectors, np.hstack(krylov))
+        stiffness = vectors.T @ (total @ vectors)
+        mass = vectors.T @ (surface.mass @ vectors)
+        # Against K - s M, so that stiff shapes do not blur soft ones.
+        theta, turn = la.eigh((mass + mass.T) / 2, (stiffness + stiffness.T) / 2 - self.shift * mass)
+        keep = theta > 1e-13 * theta.max()
+        theta, turn = theta[keep][::-1], turn[:, keep][:, ::-1]
+        self.ritz = self.shift + 1 / theta
+        self.shapes = vectors @ (turn / np.sqrt(theta))
+        edge = self.shapes.T @ (surface.edge_stiffness @ self.shapes)
+        self.edge_reduced = (edge + edge.T) / 2
+
+    def _modes(self, total, solver):
+        """Modes of the bare surface up to KEEP times the highest frequency, orthonormal in the mass."""
+        surface = self.surface
+        limit = (2 * np.pi * KEEP * self.max_hz) ** 2
+        count = 24
+        while True:
+            if count >= surface.size - 1:
+                values, vectors = la.eigh(total.toarray(), surface.mass.toarray())
+                return vectors[:, : max(1, int((values <= limit).sum()))]
+            inverse = LinearOperator(total.shape, matvec=solver.solve)
+            start = np.random.default_rng(1).standard_normal(surface.size)
+            values, vectors = eigsh(total, k=count, M=surface.mass, sigma=self.shift, OPinv=inverse, v0=start, tol=1e-10)
+            if values.max() > limit:
+                return vectors[:, values <= max(limit, values.min())]
+            count *= 2
+
+    def _orthonormal(self, modes, more):
+        mass = self.surface.mass
+        result = modes
+        for column in more.T:
+            size = 1.0
+            for _ in range(3):
+                column = column - result @ (result.T @ (mass @ column))
+                size = np.sqrt(max(column @ (mass @ column), 0.0))
+                if size < 1e-9:
+                    break
+                column = column / size
+            if size > 0.5:
+                result = np.hstack([result, column[:, None]])
+        return result
+
+    # What is attached to it.
+
+    def _attach(self):
+        scene, surface = self.scene, self.surface
+        self.local = surface.local(self.points)
+        values, vectors = la.eigh(self.local.compliance) if self.points else (np.zeros(0), np.zeros((0, 0)))
+        keep = values > 1e-9 * max(values.max(initial=0.0), 1e-300)
+        series = vectors[:, keep] * np.sqrt(values[keep])
+        # Amplitudes a of the local compliance back to the forces: E F = E U S^(-1/2) a.
+        self.forces_of_amplitudes = vectors[:, keep] / np.sqrt(values[keep])
+        inertial = [n for n, actuator in enumerate(scene.actuators) if actuator.inertial]
+        n, r = len(self.ritz), series.shape[1]
+        size = n + r + len(inertial)
+        self.surface_part, self.local_part = slice(0, n), slice(n, n + r)
+        self.size = size
+        at = np.zeros((len(self.points), size))
+        if self.points:
+            at[:, :n] = surface.rows(self.points) @ self.shapes
+            at[:, n : n + r] = series
+        self.at = {point: at[k] for k, point in enumerate(self.points)}
+
+        self.surface_stiffness = np.zeros((size, size))
+        self.surface_stiffness[:n, :n] = np.diag(self.ritz) - self.edge_reduced
+        self.surface_stiffness[self.local_part, self.local_part] = np.eye(r)
+        self.edge_stiffness = np.zeros((size, size))
+        self.edge_stiffness[:n, :n] = self.edge_reduced
+        self.surface_mass = np.zeros((size, size))
+        self.surface_mass[:n, :n] = np.eye(n)
+        self.mass = self.surface_mass.copy()
+        self.spring_stiffness, self.dashpots = np.zeros((size, size)), np.zeros((size, size))
+        # The held surface without ERAs, which is what a modal ratio refers to.
+        self.held_mass, self.held_stiffness = self.mass.copy(), self.surface_stiffness + self.edge_stiffness
+
+        for support in scene.supports:
+            row = self.at[support.x, support.y]
+            spring = self._capped(support.stiffness, row) * np.outer(row, row)
+            self.spring_stiffness += spring
+            self.held_stiffness += spring
+            self.dashpots += support.damping * np.outer(row, row)
+        for slope, stiffness in zip(self.turning_rows, self.turning_stiffness):
+            row = np.zeros(size)
+            row[:n] = (slope @ self.shapes)[0]
+            spring = self._capped(stiffness, row) * np.outer(row, row)
+            self.spring_stiffness += spring
+            self.held_stiffness += spring
+        for mass in scene.masses:
+            row = self.at[mass.x, mass.y]
+            self.mass += mass.mass * np.outer(row, row)
+            self.held_mass += mass.mass * np.outer(row, row)
+        self.forces, self.gaps = np.zeros((size, len(scene.actuators))), np.zeros((len(scene.actuators), size))
+        for k, actuator in enumerate(scene.actuators):
+            row = self.at[actuator.x, actuator.y]
+            self.mass += actuator.housing_mass * np.outer(row, row)
+            travel = -row
+            if actuator.inertial:
+                own = np.zeros(size)
+                own[n + r + inertial.index(k)] = 1.0
+                self.mass += actuator.moving_mass * np.outer(own, own)
+                travel = own - row
+                # A force on the surface, the opposite one on the moving mass.
+                self.forces[:, k] = row - own
+                self.gaps[k] = travel
+            else:
+                self.mass += actuator.moving_mass * np.outer(row, row)
+                self.forces[:, k] = row
+                self.gaps[k] = row
+            self.spring_stiffness += self._capped(actuator.linear_stiffness, travel) * np.outer(travel, travel)
+            self.dashpots += actuator.damping * np.outer(travel, travel)
+        self.stiffness = self.surface_stiffness + self.edge_stiffness + self.spring_stiffness
+        self._damping()
+
+    def _capped(self, stiffness, row):
+        surface = row[self.surface_part]
+        compliance = surface @ (surface / (self.ritz - self.shift)) + row[self.local_part] @ row[self.local_part]
+        return min(stiffness, RIGID / compliance) if compliance > 0 else stiffness
+
+    def _damping(self):
+        """The viscous matrix and the hysteretic part of the stiffness."""
+        damping = self.scene.damping
+        self.viscous = self.dashpots.copy()
+        if damping.kind == "rayleigh":
+            self.viscous += damping.rayleigh_alpha * self.surface_mass + damping.rayleigh_beta * self.surface_stiffness
+        if damping.kind == "modal_ratio":
+            # C = M sum(2 zeta omega_n phi_n phi_n^T) M over the modes of the held surface.
+            omega, phi = self._eigen(self.held_mass, self.held_stiffness, self.surface_part.stop + self.local_part.stop - self.local_part.start)
+            weighted = self.held_mass[:, : phi.shape[0]] @ phi
+            self.viscous += 2 * damping.modal_ratio * (weighted * omega) @ weighted.T
+        self.hysteretic = damping.loss_factor * self.surface_stiffness
+
+    def _eigen(self, mass, stiffness, size):
+        """Angular frequencies and mass-normalised shapes, of the first `size` coordinates."""
+        mass, stiffness = mass[:size, :size], stiffness[:size, :size]
+        theta, phi = la.eigh(mass, stiffness - self.shift * mass)
+        keep = theta > 1e-13 * theta.max()
+        theta, phi = theta[keep][::-1], phi[:, keep][:, ::-1]
+        return np.sqrt(np.maximum(self.shift + 1 / theta, 0.0)), phi / np.sqrt(theta)
+
+    # Answers.
+
+    def modes(self):
+        """Angular frequencies (rad/s) and mass-normalised shapes [coordinate, mode] of the undamped panel."""
+        return self._eigen(self.mass, self.stiffness, self.size)
+
+    def output_rows(self, points):
+        """Deflection at points over the coordinates: [n, coordinate]."""
+        rows = np.zeros((len(points), self.size))
+        rows[:, self.surface_part] = self.surface.rows(points) @ self.shapes
+        if self.forces_of_amplitudes.shape[1]:
+            rows[:, self.local_part] = self.local.at(points) @ self.forces_of_amplitudes
+        return rows
+
+    def solve(self, frequencies_hz, forces):
+        """Coordinates under harmonic forces [coordinate, load]: [frequency, coordinate, load]."""
+        omega = 2 * np.pi * np.atleast_1d(np.asarray(frequencies_hz, dtype=float))
+        result = np.empty((len(omega), self.size, forces.shape[1]), dtype=complex)
+        # Coordinates scaled by their stiffness at the shift: the local compliance and the surface are then of one size.
+        scale = 1 / np.sqrt(np.diagonal(self.stiffness - self.shift * self.mass))
+        scaled = lambda matrix: matrix * scale[:, None] * scale[None, :]
+        k, c, m = scaled(self.stiffness + 1j * self.hysteretic), scaled(self.viscous), scaled(self.mass)
+        loads = scale[:, None] * forces
+        for start in range(0, len(omega), 32):
+            w = omega[start : start + 32, None, None]
+            result[start : start + 32] = np.linalg.solve(k + 1j * w * c - w**2 * m, loads[None]) * scale[None, :, None]
+        return result

@@ -1,0 +1,274 @@
+"""Scene files: what they say, in SI units, with the defaults of the scene reference (`docs/src/scene.md`)."""
+
+import tomllib
+from dataclasses import dataclass, field, replace
+
+VACUUM_PERMITTIVITY_F_PER_M = 8.8541878128e-12
+
+
+@dataclass(frozen=True)
+class Material:
+    """Of the surface or of a patch; a bar has no use for Poisson's ratio."""
+
+    youngs_modulus_pa: float
+    density_kg_m3: float
+    poisson_ratio: float = 0.0
+
+
+@dataclass(frozen=True)
+class Damping:
+    """Of the surface's own material. `kind` is none, loss_factor, modal_ratio or rayleigh."""
+
+    kind: str = "none"
+    loss_factor: float = 0.0
+    modal_ratio: float = 0.0
+    rayleigh_alpha: float = 0.0
+    rayleigh_beta: float = 0.0
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A rectangle of other thickness or material. For a bar `width` is the bar's own width within the step."""
+
+    x: float
+    y: float
+    length: float
+    width: float
+    thickness: float
+    material: Material
+
+
+@dataclass(frozen=True)
+class Cutout:
+    """A rectangle without surface."""
+
+    x: float
+    y: float
+    length: float
+    width: float
+
+
+@dataclass(frozen=True)
+class Support:
+    """A point spring-damper to ground."""
+
+    x: float
+    y: float
+    stiffness: float
+    damping: float = 0.0
+    rotational_stiffness: float = 0.0
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A line support. Elastic: stiffnesses per metre of edge for a plate, of the end for a bar."""
+
+    side: str
+    kind: str
+    stiffness: float = 0.0
+    rotational_stiffness: float = 0.0
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """A mass fixed to the surface."""
+
+    x: float
+    y: float
+    mass: float
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """An electrostatic resonant actuator (ERA)."""
+
+    id: str
+    x: float
+    y: float
+    mount: str
+    moving_mass: float
+    stiffness: float
+    damping: float
+    housing_mass: float
+    electrode_area: float
+    air_gap: float
+    max_voltage: float
+    bias_voltage: float = 0.0
+
+    @property
+    def inertial(self):
+        """Whether the moving mass hangs inside a housing that rides on the surface."""
+        return self.mount == "inertial"
+
+    @property
+    def softening(self):
+        """What the bias takes from the springs, in N/m: eps0 A V^2 / g^3."""
+        return VACUUM_PERMITTIVITY_F_PER_M * self.electrode_area * self.bias_voltage**2 / self.air_gap**3
+
+    @property
+    def linear_stiffness(self):
+        """Stiffness of the springs in the linear model, in N/m."""
+        return self.stiffness - self.softening
+
+    def force(self, voltage_v):
+        """Pull of one electrode on the mass at rest in N: eps0 A V^2 / (2 g^2)."""
+        return VACUUM_PERMITTIVITY_F_PER_M * self.electrode_area * voltage_v**2 / (2 * self.air_gap**2)
+
+
+@dataclass(frozen=True)
+class Screen:
+    """Which pixels lie where: `x`, `y`, `length`, `width` in metres are the active area."""
+
+    width_px: float
+    height_px: float
+    x: float
+    y: float
+    length: float
+    width: float
+
+    def to_m(self, x_px, y_px):
+        """The place of a pixel on the surface."""
+        return self.x + x_px * self.length / self.width_px, self.y + y_px * self.width / self.height_px
+
+    def to_px(self, x_m, y_m):
+        """The pixel of a place on the surface."""
+        return (x_m - self.x) * self.width_px / self.length, (y_m - self.y) * self.height_px / self.width
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A panel and all that is attached to it. `kind` is plate or bar; a bar lies along x at y = width / 2."""
+
+    name: str
+    kind: str
+    length: float
+    width: float
+    thickness: float
+    material: Material
+    damping: Damping = field(default_factory=Damping)
+    screen: Screen | None = None
+    patches: tuple[Patch, ...] = ()
+    cutouts: tuple[Cutout, ...] = ()
+    supports: tuple[Support, ...] = ()
+    edges: tuple[Edge, ...] = ()
+    masses: tuple[PointMass, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
+
+    @property
+    def is_bar(self):
+        """Whether the surface is a beam."""
+        return self.kind == "bar"
+
+    def in_cutout(self, x, y):
+        """Whether a place lies inside a cut-out, its border not counted."""
+        return any(c.x < x < c.x + c.length and c.y < y < c.y + c.width for c in self.cutouts)
+
+    def without_actuators(self):
+        """The same panel without its ERAs, housings included."""
+        return replace(self, actuators=())
+
+
+def _material(table, base=None):
+    take = lambda key, default: float(table.get(key, default))
+    if base is None:
+        return Material(float(table["youngs_modulus_pa"]), float(table["density_kg_m3"]), take("poisson_ratio", 0.0))
+    return Material(
+        take("youngs_modulus_pa", base.youngs_modulus_pa),
+        take("density_kg_m3", base.density_kg_m3),
+        take("poisson_ratio", base.poisson_ratio),
+    )
+
+
+def _damping(table):
+    numbers = {key: float(value) for key, value in table.items()}
+    if "loss_factor" in numbers:
+        return Damping("loss_factor", **numbers)
+    if "modal_ratio" in numbers:
+        return Damping("modal_ratio", **numbers)
+    if numbers:
+        return Damping("rayleigh", **numbers)
+    return Damping()
+
+
+def parse(text):
+    """The scene of a TOML text."""
+    data = tomllib.loads(text)
+    surface = data["surface"]
+    mm = lambda table, key, default=None: float(table[key] if default is None else table.get(key, default)) * 1e-3
+    length, width, thickness = (mm(surface, key) for key in ("length_mm", "width_mm", "thickness_mm"))
+    bar = surface["kind"] == "bar"
+    material = _material(surface["material"])
+    place = lambda table: {"x": mm(table, "x_mm"), "y": width / 2 if bar else mm(table, "y_mm")}
+
+    screen = data.get("screen")
+    if screen is None:
+        screen = Screen(length * 1e3, width * 1e3, 0.0, 0.0, length, width)
+    else:
+        area = [mm(screen, "x_mm", 0.0), mm(screen, "y_mm", 0.0)]
+        area += [mm(screen, "width_mm", length * 1e3), mm(screen, "height_mm", width * 1e3)]
+        screen = Screen(float(screen["width_px"]), float(screen["height_px"]), *area)
+
+    patches = []
+    for table in data.get("patch", []):
+        own_width = mm(table, "width_mm", width * 1e3) if bar else mm(table, "width_mm")
+        patches.append(
+            Patch(
+                mm(table, "x_mm"),
+                0.0 if bar else mm(table, "y_mm"),
+                mm(table, "length_mm"),
+                own_width,
+                mm(table, "thickness_mm", thickness * 1e3),
+                _material(table.get("material", {}), material),
+            )
+        )
+    cutouts = [Cutout(*(mm(table, key) for key in ("x_mm", "y_mm", "length_mm", "width_mm"))) for table in data.get("cutout", [])]
+    supports = [
+        Support(
+            **place(table),
+            stiffness=float(table["stiffness_n_per_m"]),
+            damping=float(table.get("damping_n_s_per_m", 0.0)),
+            rotational_stiffness=float(table.get("rotational_stiffness_n_m_per_rad", 0.0)),
+        )
+        for table in data.get("support", [])
+    ]
+    keys = ("stiffness_n_per_m", "rotational_stiffness_n_m_per_rad") if bar else ("stiffness_n_per_m2", "rotational_stiffness_n_per_rad")
+    edges = [Edge(table["side"], table["kind"], *(float(table.get(key, 0.0)) for key in keys)) for table in data.get("edge", [])]
+    masses = [PointMass(**place(table), mass=float(table["mass_g"]) * 1e-3) for table in data.get("mass", [])]
+    actuators = [
+        Actuator(
+            id=table["id"],
+            **place(table),
+            mount=table["mount"],
+            moving_mass=float(table["moving_mass_g"]) * 1e-3,
+            stiffness=float(table["stiffness_n_per_m"]),
+            damping=float(table.get("damping_n_s_per_m", 0.0)),
+            housing_mass=float(table.get("housing_mass_g", 0.0)) * 1e-3,
+            electrode_area=float(table["electrode_area_mm2"]) * 1e-6,
+            air_gap=float(table["air_gap_um"]) * 1e-6,
+            max_voltage=float(table["max_voltage_v"]),
+            bias_voltage=float(table.get("bias_voltage_v", 0.0)),
+        )
+        for table in data.get("actuator", [])
+    ]
+    return Scene(
+        name=data["name"],
+        kind=surface["kind"],
+        length=length,
+        width=width,
+        thickness=thickness,
+        material=material,
+        damping=_damping(surface.get("damping", {})),
+        screen=screen,
+        patches=tuple(patches),
+        cutouts=tuple(cutouts),
+        supports=tuple(supports),
+        edges=tuple(edges),
+        masses=tuple(masses),
+        actuators=tuple(actuators),
+    )
+
+
+def load(path):
+    """The scene of a file."""
+    with open(path, encoding="utf-8") as file:
+        return parse(file.read())
