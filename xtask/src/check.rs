@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{emulate, firmware, fuzz, miri, root, waveforms};
+use crate::{emulate, firmware, fuzz, miri, root, setup, waveforms};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -10,11 +10,16 @@ use std::time::Instant;
 /// How long each fuzz target runs among the other checks, in s. Ten minutes are for before a release.
 const FUZZ_S: u64 = 40;
 
-/// Makes the firmware and the emulator's environment, then runs every test of the workspace.
+/// Gets what the tests need, makes the firmware and the emulator's environment, then runs every test of the workspace.
 ///
 /// # Errors
-/// The first step that failed.
+/// [`Error::Missing`] before anything is run, or the first step that failed.
 pub fn test() -> Result<(), Error> {
+    setup::ensure("cargo xtask test", setup::TEST)?;
+    tests()
+}
+
+fn tests() -> Result<(), Error> {
     let root = root()?;
     step("firmware image", || firmware::command(&firmware::Options::default()))?;
     step("emulator", || run(Command::new("python3").arg("emulator/launch.py").arg("--setup-only").current_dir(&root)))?;
@@ -29,15 +34,15 @@ pub fn test() -> Result<(), Error> {
 /// Formatting, lints, documentation and dependencies of both workspaces, then [`test()`].
 ///
 /// # Errors
-/// The first step that failed.
+/// As [`test()`].
 pub fn ci() -> Result<(), Error> {
+    setup::ensure("cargo xtask ci", setup::CI)?;
     let root = root()?;
     let firmware = root.join("firmware");
     step("formatting", || {
         run(cargo(&root).args(["fmt", "--all", "--check"]))?;
         run(cargo(&firmware).args(["fmt", "--check"]))
     })?;
-    // The image first: it makes sure of the compilation target, which the firmware's lints need too.
     step("firmware image, budgets", || firmware::command(&firmware::Options::with_budget()))?;
     step("lints", || {
         run(cargo(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
@@ -47,7 +52,7 @@ pub fn ci() -> Result<(), Error> {
         run(cargo(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
     })?;
     step("dependencies", || deny(&root))?;
-    test()?;
+    tests()?;
     step("miri", miri::short)?;
     step("fuzzing", || fuzz::command(&fuzz::Options::bounded(FUZZ_S)))
 }

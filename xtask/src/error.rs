@@ -7,6 +7,14 @@ use std::time::Duration;
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
+    /// The machine lacks something that could not be installed.
+    #[error("`{command}` needs what is not on this machine:{list}")]
+    Missing {
+        /// What needs it.
+        command: String,
+        /// All that is missing and how it is installed, in lines.
+        list: String,
+    },
     /// A waveform is not as it must be.
     #[error("a waveform is not as it must be; the table says which")]
     Waveforms,
@@ -56,8 +64,10 @@ pub enum Error {
         reason: String,
     },
     /// Neither way gave the compilation target.
-    #[error("the target {target} cannot be had: not by rustup, and not by building it: {source}", target = crate::target::TARGET)]
+    #[error("the target {target} cannot be had: not by rustup: {rustup}; and not by building it: {source}", target = crate::target::TARGET)]
     NoTarget {
+        /// Why the first way failed.
+        rustup: String,
         /// Why the second way failed.
         source: Box<Error>,
     },

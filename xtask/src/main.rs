@@ -10,6 +10,7 @@ mod firmware;
 mod fuzz;
 mod miri;
 mod process;
+mod setup;
 mod stack;
 mod start;
 mod target;

@@ -6,6 +6,7 @@
 
 use crate::error::Error;
 use crate::process::{output, run};
+use crate::setup::said;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -45,22 +46,27 @@ impl Way {
 /// # Errors
 /// [`Error::NoTarget`] if both ways fail.
 pub fn ensure(scratch: &Path, build_std: bool) -> Result<Way, Error> {
-    if !build_std {
-        if is_installed()? {
-            return Ok(Way::Installed);
-        }
-        eprintln!("firmware: adding the target {TARGET} with rustup");
-        match run(Command::new("rustup").args(["target", "add", TARGET])) {
-            Ok(()) if is_installed()? => return Ok(Way::Rustup),
-            Ok(()) => eprintln!("firmware: rustup added it to another toolchain than the one in use"),
-            Err(error) => eprintln!("firmware: {error}"),
-        }
+    if !build_std && is_installed()? {
+        return Ok(Way::Installed);
     }
+    if build_std {
+        return ensure_sources(scratch).map(|()| Way::BuildStd);
+    }
+    eprintln!("firmware: adding the target {TARGET} with rustup");
+    let rustup = match said(Command::new("rustup").args(["target", "add", TARGET])) {
+        Ok(()) if is_installed()? => return Ok(Way::Rustup),
+        Ok(()) => "it was added to another toolchain than the one in use".to_owned(),
+        Err(reason) => reason,
+    };
     match ensure_sources(scratch) {
         Ok(()) => Ok(Way::BuildStd),
-        Err(source) if build_std => Err(source),
-        Err(source) => Err(Error::NoTarget { source: Box::new(source) }),
+        Err(source) => Err(Error::NoTarget { rustup, source: Box::new(source) }),
     }
+}
+
+/// Whether the target is installed, or can be built from sources that are there.
+pub fn is_here() -> bool {
+    is_installed().unwrap_or(false) || library().is_ok_and(|(_, library)| has_core(&library))
 }
 
 fn rustc() -> Command {
@@ -74,15 +80,30 @@ fn is_installed() -> Result<bool, Error> {
     }))
 }
 
-/// Puts the standard library's sources where cargo looks for them.
-fn ensure_sources(scratch: &Path) -> Result<(), Error> {
+/// The compiler's version, and where cargo looks for the sources of its standard library.
+fn library() -> Result<(String, PathBuf), Error> {
     let verbose = output(rustc().arg("-vV"))?;
     let compiler = verbose.lines().find_map(|line| line.strip_prefix("release: ")).unwrap_or("unknown").to_owned();
     let sysroot = PathBuf::from(output(rustc().args(["--print", "sysroot"]))?);
-    let library = sysroot.join("lib/rustlib/src/rust/library");
-    if library.join("core/src/lib.rs").exists() {
+    Ok((compiler, sysroot.join("lib/rustlib/src/rust/library")))
+}
+
+fn has_core(library: &Path) -> bool {
+    library.join("core/src/lib.rs").exists()
+}
+
+/// Puts the standard library's sources where cargo looks for them.
+fn ensure_sources(scratch: &Path) -> Result<(), Error> {
+    let (compiler, library) = library()?;
+    if has_core(&library) {
         return Ok(());
     }
+    // Before anything is downloaded: it may not be this user's to write to.
+    let parent = library.parent().unwrap_or(&library);
+    fs::create_dir_all(parent).map_err(|source| Error::NoSources {
+        compiler: compiler.clone(),
+        reason: format!("cannot make {}: {source}", parent.display()),
+    })?;
     eprintln!("firmware: fetching the sources of the standard library from Debian's {SUITE}");
     let package = download(scratch, &compiler)?;
     let unpacked = scratch.join("unpacked");
@@ -92,12 +113,6 @@ fn ensure_sources(scratch: &Path) -> Result<(), Error> {
         let reason = format!("{} does not hold usr/src/rustc-{compiler}/library", package.display());
         return Err(Error::NoSources { compiler, reason });
     }
-    let parent = library.parent().unwrap_or(&library);
-    fs::create_dir_all(parent).map_err(|source| Error::File {
-        what: "cannot make",
-        path: parent.to_path_buf(),
-        source,
-    })?;
     // Copied under another name and renamed last, so that a copy that was broken off is not taken for a whole one.
     let partial = parent.join("library.partial");
     run(Command::new("rm").arg("-rf").arg(&partial))?;
@@ -143,7 +158,8 @@ fn download(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
             .stdout(Stdio::null());
         command
     };
-    run(&mut apt("apt-get", &["update"]))?;
+    let failed = |reason| Error::NoSources { compiler: compiler.to_owned(), reason };
+    said(&mut apt("apt-get", &["update"])).map_err(failed)?;
     // The suite keeps the packages of several compilers; the newest is not the one wanted.
     let listed = output(apt("apt-cache", &["madison", "rust-src"]).stdout(Stdio::piped()))?;
     let versions: Vec<&str> = listed.lines().filter_map(|line| line.split('|').nth(1)).map(str::trim).collect();
@@ -151,7 +167,7 @@ fn download(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
         let reason = format!("{SUITE} has {}", versions.join(", "));
         return Err(Error::NoSources { compiler: compiler.to_owned(), reason });
     };
-    run(&mut apt("apt-get", &["download", &format!("rust-src={version}")]))?;
+    said(&mut apt("apt-get", &["download", &format!("rust-src={version}")])).map_err(failed)?;
     let directory = scratch.join("package");
     let entries = fs::read_dir(&directory).map_err(file_error("cannot read", &directory))?;
     entries

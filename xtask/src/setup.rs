@@ -1,0 +1,354 @@
+//! What a command needs of the machine besides Rust and a C linker: gets it if it may, and otherwise names all that is
+//! missing, and the command that installs it, in one message before anything else is run.
+//!
+//! Debian's packages are installed by root, or through a `sudo` that asks no question. The compilation target and the
+//! toolchain's components come from rustup, which needs no rights. This is the only list of packages.
+
+use crate::error::Error;
+use crate::target::{self, TARGET};
+use crate::{emulate, root};
+use std::fmt::Write;
+use std::process::{Command, Stdio};
+
+/// Something that may be missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// Python with its modules for virtual environments.
+    Python,
+    /// A browser that takes commands.
+    Browser,
+    /// A compiler for libFuzzer.
+    Cxx,
+    /// rustfmt and clippy.
+    Lints,
+    /// What the firmware is compiled with.
+    Target,
+}
+
+/// What `cargo xtask test` needs.
+pub const TEST: &[Need] = &[Need::Python, Need::Browser, Need::Target];
+/// What `cargo xtask ci` needs.
+pub const CI: &[Need] = &[Need::Python, Need::Browser, Need::Cxx, Need::Lints, Need::Target];
+
+/// Programs that the page's tests take for a browser.
+const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+/// Set by whoever wants the page's tests skipped.
+const NO_BROWSER: &str = "ERA_NO_BROWSER";
+
+impl Need {
+    /// What it is, and what for.
+    fn describe(self) -> String {
+        match self {
+            Need::Python => "python3 with the modules venv and ensurepip, for the emulated board".into(),
+            Need::Browser => format!("a browser ({}), for the tests of the page", BROWSERS.join(", ")),
+            Need::Cxx => "a C++ compiler (c++), for the fuzzing engine".into(),
+            Need::Lints => "rustfmt and clippy, for formatting and lints".into(),
+            Need::Target => format!("the compilation target {TARGET}, for the firmware"),
+        }
+    }
+
+    /// Debian's packages for it; none if it is no matter of packages.
+    fn packages(self) -> &'static [&'static str] {
+        match self {
+            Need::Python => &["python3", "python3-venv"],
+            Need::Browser => &["chromium"],
+            Need::Cxx => &["g++"],
+            Need::Lints | Need::Target => &[],
+        }
+    }
+
+    /// What rustup gets it by.
+    fn rustup(self) -> Option<&'static [&'static str]> {
+        match self {
+            Need::Lints => Some(&["component", "add", "rustfmt", "clippy"]),
+            Need::Target => Some(&["target", "add", TARGET]),
+            Need::Python | Need::Browser | Need::Cxx => None,
+        }
+    }
+}
+
+/// How this user may install packages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rights {
+    /// As root.
+    Root,
+    /// By a `sudo` that does not ask.
+    Sudo,
+    /// Only after a question, or not at all.
+    None,
+}
+
+/// A machine, as far as the set-up is concerned.
+trait Machine {
+    fn has(&self, need: Need) -> bool;
+    fn has_apt(&self) -> bool;
+    fn rights(&self) -> Rights;
+    /// Installs Debian's packages, or says why not.
+    fn install(&self, packages: &[&str], rights: Rights) -> Result<(), String>;
+    /// Gets what is no matter of packages, or says why not.
+    fn get(&self, need: Need) -> Result<(), String>;
+}
+
+/// Gets what `command` needs.
+///
+/// # Errors
+/// [`Error::Missing`] with all that is missing and how to install it.
+pub fn ensure(command: &str, needs: &[Need]) -> Result<(), Error> {
+    ensure_on(&This, command, needs)
+}
+
+fn ensure_on(machine: &impl Machine, command: &str, needs: &[Need]) -> Result<(), Error> {
+    let missing = |needs: &[Need]| needs.iter().copied().filter(|need| !machine.has(*need)).collect::<Vec<_>>();
+    let first = missing(needs);
+    let packages = packages(&first);
+    let rights = machine.rights();
+    let mut reasons = Vec::new();
+    if !packages.is_empty() && machine.has_apt() && rights != Rights::None {
+        eprintln!("set-up: installing {}", packages.join(" "));
+        if let Err(reason) = machine.install(&packages, rights) {
+            reasons.push(reason);
+        }
+    }
+    // Tried even if packages stay missing, so that the message has everything.
+    for need in first.iter().copied().filter(|need| need.rustup().is_some()) {
+        if let Err(reason) = machine.get(need) {
+            reasons.push(reason);
+        }
+    }
+    // What is there is not looked for twice.
+    let still = missing(&first);
+    if still.is_empty() {
+        return Ok(());
+    }
+    Err(Error::Missing { command: command.to_owned(), list: message(&still, &reasons, machine.has_apt(), rights) })
+}
+
+fn packages(missing: &[Need]) -> Vec<&'static str> {
+    missing.iter().flat_map(|need| need.packages()).copied().collect()
+}
+
+/// All that is missing, why it could not be had, and the command that installs it.
+fn message(missing: &[Need], reasons: &[String], has_apt: bool, rights: Rights) -> String {
+    let mut text = String::new();
+    for need in missing {
+        let _ = write!(text, "\n  - {}", need.describe());
+    }
+    for reason in reasons {
+        let _ = write!(text, "\n(tried: {reason})");
+    }
+    let packages = packages(missing);
+    let mut commands = Vec::new();
+    if !packages.is_empty() {
+        let sudo = if rights == Rights::Root { "" } else { "sudo " };
+        commands.push(format!("{sudo}apt-get update && {sudo}apt-get install {}", packages.join(" ")));
+    }
+    commands.extend(missing.iter().filter_map(|need| Some(format!("rustup {}", need.rustup()?.join(" ")))));
+    let on_debian = if packages.is_empty() || has_apt { "" } else { " on Debian and Ubuntu" };
+    let _ = write!(text, "\nThis installs it{on_debian}:\n  {}", commands.join(" && "));
+    if missing.contains(&Need::Browser) {
+        let _ = write!(text, "\n({NO_BROWSER}=1 leaves out the tests of the page instead.)");
+    }
+    text
+}
+
+/// The machine that this runs on.
+struct This;
+
+impl This {
+    /// Whether a program runs and ends well.
+    fn runs(program: &str, arguments: &[&str]) -> bool {
+        let mut command = Command::new(program);
+        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.status().is_ok_and(|status| status.success())
+    }
+}
+
+impl Machine for This {
+    fn has(&self, need: Need) -> bool {
+        match need {
+            Need::Python => emulate::is_possible(),
+            Need::Browser => {
+                std::env::var_os(NO_BROWSER).is_some() || BROWSERS.iter().any(|name| Self::runs(name, &["--version"]))
+            }
+            Need::Cxx => Self::runs("c++", &["--version"]),
+            Need::Lints => Self::runs("cargo", &["fmt", "--version"]) && Self::runs("cargo", &["clippy", "--version"]),
+            Need::Target => target::is_here(),
+        }
+    }
+
+    fn has_apt(&self) -> bool {
+        Self::runs("apt-get", &["--version"])
+    }
+
+    fn rights(&self) -> Rights {
+        let id = Command::new("id").arg("-u").output();
+        if id.is_ok_and(|id| id.stdout.trim_ascii() == b"0") {
+            Rights::Root
+        } else if Self::runs("sudo", &["-n", "true"]) {
+            Rights::Sudo
+        } else {
+            Rights::None
+        }
+    }
+
+    fn install(&self, packages: &[&str], rights: Rights) -> Result<(), String> {
+        let apt = |arguments: &[&str]| {
+            let mut command = match rights {
+                Rights::Root => Command::new("env"),
+                Rights::Sudo | Rights::None => {
+                    let mut sudo = Command::new("sudo");
+                    sudo.args(["-n", "env"]);
+                    sudo
+                }
+            };
+            command.args(["DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq"]).args(arguments).stdin(Stdio::null());
+            said(&mut command)
+        };
+        apt(&["update"])?;
+        apt(&[&["install", "--yes", "--no-install-recommends"], packages].concat())
+    }
+
+    fn get(&self, need: Need) -> Result<(), String> {
+        match (need, need.rustup()) {
+            (Need::Target, _) => {
+                let scratch = root().map_err(|error| error.to_string())?.join("target/rust-src");
+                target::ensure(&scratch, false).map(|_| ()).map_err(|error| error.to_string())
+            }
+            (_, Some(arguments)) => said(Command::new("rustup").args(arguments)),
+            (_, None) => Ok(()),
+        }
+    }
+}
+
+/// Runs a program without showing what it says; if it fails, that is the reason.
+pub fn said(command: &mut Command) -> Result<(), String> {
+    let shown = crate::process::shown(command);
+    let output = command.output().map_err(|error| format!("`{shown}`: {error}"))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let text = String::from_utf8_lossy(&output.stderr);
+    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    // The line that names the cause, or the last one.
+    let names_it = |line: &&&str| ["error", "E:", "fatal"].iter().any(|word| line.starts_with(word));
+    let cause = lines.iter().find(names_it).or(lines.last()).copied().unwrap_or("it said nothing");
+    Err(format!("`{shown}` failed ({}): {cause}", output.status))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::RefCell;
+
+    /// Has what it was given or got; notes what is done to it.
+    struct Fake {
+        has: RefCell<Vec<Need>>,
+        rights: Rights,
+        has_apt: bool,
+        /// Whether mirrors and servers answer.
+        online: bool,
+        done: RefCell<Vec<String>>,
+    }
+
+    impl Fake {
+        fn new(has: &[Need], rights: Rights) -> Self {
+            Self { has: RefCell::new(has.to_vec()), rights, has_apt: true, online: true, done: RefCell::default() }
+        }
+
+        fn ensure(&self, needs: &[Need]) -> Result<(), String> {
+            ensure_on(self, "cargo xtask test", needs).map_err(|error| error.to_string())
+        }
+    }
+
+    impl Machine for Fake {
+        fn has(&self, need: Need) -> bool {
+            self.has.borrow().contains(&need)
+        }
+        fn has_apt(&self) -> bool {
+            self.has_apt
+        }
+        fn rights(&self) -> Rights {
+            self.rights
+        }
+        fn install(&self, packages: &[&str], rights: Rights) -> Result<(), String> {
+            assert_eq!(rights, self.rights);
+            self.done.borrow_mut().push(packages.join(" "));
+            if !self.online {
+                return Err("no mirror".into());
+            }
+            let all = [Need::Python, Need::Browser, Need::Cxx];
+            let got = all.into_iter().filter(|need| need.packages().iter().all(|name| packages.contains(name)));
+            self.has.borrow_mut().extend(got);
+            Ok(())
+        }
+        fn get(&self, need: Need) -> Result<(), String> {
+            self.done.borrow_mut().push(format!("{need:?}"));
+            if !self.online {
+                return Err(format!("no server for {need:?}"));
+            }
+            self.has.borrow_mut().push(need);
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn nothing_is_done_where_all_is_there() {
+        let machine = Fake::new(CI, Rights::Root);
+        machine.ensure(CI).unwrap();
+        assert!(machine.done.borrow().is_empty());
+    }
+
+    #[test]
+    fn what_is_missing_is_installed_by_whoever_may() {
+        for rights in [Rights::Root, Rights::Sudo] {
+            let machine = Fake::new(&[Need::Cxx, Need::Lints], rights);
+            machine.ensure(CI).unwrap();
+            assert_eq!(*machine.done.borrow(), ["python3 python3-venv chromium", "Target"]);
+        }
+    }
+
+    #[test]
+    fn whoever_may_not_is_told_everything_at_once() {
+        let machine = Fake { online: false, ..Fake::new(&[], Rights::None) };
+        let told = machine.ensure(CI).unwrap_err();
+        // No package was tried.
+        assert_eq!(*machine.done.borrow(), ["Lints", "Target"]);
+        for piece in [
+            "`cargo xtask test` needs",
+            "python3 with",
+            "a browser",
+            "C++ compiler",
+            "rustfmt",
+            TARGET,
+            "tried: no server for Target",
+            "sudo apt-get install python3 python3-venv chromium g++ && rustup component add rustfmt clippy && rustup \
+             target add thumbv7em-none-eabihf",
+        ] {
+            assert!(told.contains(piece), "{piece:?} is not in {told}");
+        }
+        // What could be had is had, and not named.
+        let machine = Fake::new(&[Need::Browser], Rights::None);
+        let told = machine.ensure(TEST).unwrap_err();
+        assert!(machine.has(Need::Target) && !told.contains(TARGET) && !told.contains("browser"), "{told}");
+    }
+
+    #[test]
+    fn an_installation_that_fails_is_told_with_its_reason() {
+        let machine = Fake { online: false, ..Fake::new(&[Need::Browser, Need::Target], Rights::Root) };
+        let told = machine.ensure(TEST).unwrap_err();
+        assert!(told.contains("tried: no mirror") && !told.contains("sudo"), "{told}");
+        let elsewhere = Fake { has_apt: false, ..Fake::new(&[Need::Target], Rights::Root) };
+        let told = elsewhere.ensure(TEST).unwrap_err();
+        assert!(elsewhere.done.borrow().is_empty() && told.contains("on Debian and Ubuntu"), "{told}");
+    }
+
+    #[test]
+    fn why_a_program_failed_is_kept() {
+        let told = said(Command::new("sh").args(["-c", "echo first >&2; echo the last >&2; exit 3"])).unwrap_err();
+        assert!(told.contains("the last") && !told.contains("first") && told.contains('3'), "{told}");
+        let told =
+            said(Command::new("sh").args(["-c", "echo error: the cause >&2; echo a hint >&2; exit 1"])).unwrap_err();
+        assert!(told.contains("the cause") && !told.contains("hint"), "{told}");
+        assert!(said(Command::new("/no/such/program").arg("x")).unwrap_err().contains("/no/such/program x"));
+    }
+}
