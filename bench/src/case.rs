@@ -2,13 +2,12 @@
 
 use crate::environment::Environment;
 use crate::error::Error;
-use crate::problem::evenly;
 use crate::process::json;
 use clap::{Args, Subcommand};
 use era::model::grid::Fineness;
 use era::model::{Accuracy, Bound, PanelModel, bounded_modes};
 use era::response::{Solver, bounded_curves};
-use era::scene::Scene;
+use era::scene::{Scene, evenly};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -5,7 +5,7 @@ use crate::error::Error;
 use era::model::PanelModel;
 use era::model::grid::Fineness;
 use era::response::Solver;
-use era::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping};
+use era::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping, evenly};
 use nalgebra::DMatrix;
 use num_complex::Complex64;
 use serde_json::json;
@@ -166,14 +166,6 @@ pub fn curves(
         }
     }
     Ok(Curves { values, count })
-}
-
-/// `count` numbers from one to another.
-#[allow(clippy::cast_precision_loss, reason = "counts of a thousand")]
-#[must_use]
-pub fn evenly(from: f64, to: f64, count: usize) -> Vec<f64> {
-    let step = (to - from) / (count - 1) as f64;
-    (0..count).map(|i| if i + 1 == count { to } else { from + step * i as f64 }).collect()
 }
 
 #[cfg(test)]

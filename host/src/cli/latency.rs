@@ -26,9 +26,7 @@ pub fn run(options: &Latency) -> Outcome {
 
     let screen = scene.screen;
     let mut points = spread(WARM_UP + options.touches, f64::from(screen.width_px), f64::from(screen.height_px));
-    points.retain(|(x_px, y_px)| {
-        screen.px_to_surface_m(*x_px, *y_px).is_ok_and(|(x_m, y_m)| scene.cutout_at(x_m, y_m).is_none())
-    });
+    points.retain(|(x_px, y_px)| scene.place_px(*x_px, *y_px).is_ok());
     let mut to_device = Vec::new();
     let mut to_answer = Vec::new();
     for (i, (x_px, y_px)) in (0_u32..).zip(points) {

@@ -245,31 +245,11 @@ pub fn surface_point(scene: &Scene, x: f64, y: f64, unit: Unit) -> Result<(f64, 
 
 /// The point of an option on the surface, in m.
 pub fn point_of(scene: &Scene, option: &str, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
-    let (x_m, y_m) = rectangle_point(scene, option, x, y, unit)?;
-    match scene.cutout_at(x_m, y_m) {
-        None => Ok((x_m, y_m)),
-        Some(cutout) => {
-            let mm = |metres: f64| (metres * 1e9).round() / 1e6;
-            Err(PlanError::Cutout { x_mm: mm(x_m), y_mm: mm(y_m), cutout }.into())
-        }
-    }
-}
-
-/// The same, cut-outs or not.
-fn rectangle_point(scene: &Scene, option: &str, x: f64, y: f64, unit: Unit) -> Result<(f64, f64), Failure> {
-    match unit {
-        Unit::Px => scene.screen.px_to_surface_m(x, y).map_err(|error| Failure::usage(format!("{option}: {error}"))),
-        Unit::Mm => {
-            let within = |name: &str, value: f64, side_m: f64| {
-                let most = side_m * 1e3;
-                if (0.0..=most * (1.0 + 1e-12)).contains(&value) {
-                    return Ok((value / 1e3).min(side_m));
-                }
-                Err(Failure::usage(format!("{option}: {name}_mm {value} is not in the allowed range 0 to {most}")))
-            };
-            Ok((within("x", x, scene.surface.length_m)?, within("y", y, scene.surface.width_m)?))
-        }
-    }
+    let place = match unit {
+        Unit::Px => scene.place_px(x, y),
+        Unit::Mm => scene.place(x / 1e3, y / 1e3).map_err(Into::into),
+    };
+    Ok(place.map_err(|error| Failure::usage(format!("{option}: {error}")))?.xy_m())
 }
 
 /// The planner's table for a scene.

@@ -7,7 +7,7 @@ use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::planner::reach::{Maps, Measure, Region, Scheme, SchemeReach, Spread, measure::View, rigid, schemes};
 use crate::planner::{MIN_SPACING_HZ, PlanTable};
-use crate::scene::Scene;
+use crate::scene::{PlaceError, Scene, along_side};
 use crate::study::reach as pictures;
 use serde_json::json;
 use std::fmt::Write;
@@ -235,19 +235,14 @@ fn prepared(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failu
 /// What `--zone` says, on this scene.
 pub(super) fn region(scene: &Scene, zone: Option<Corners>) -> Result<Option<Region>, Failure> {
     let Some(zone) = zone else { return Ok(None) };
-    let metres = |name: &str, [from, to]: [f64; 2], side_m: f64| {
-        let most = side_m * 1e3;
-        for value in [from, to] {
-            if !(0.0..=most * (1.0 + 1e-12)).contains(&value) {
-                return Err(Failure::usage(format!(
-                    "--zone: {name}_mm {value} is not in the allowed range 0 to {most}"
-                )));
-            }
-        }
-        Ok([from / 1e3, to / 1e3])
+    let metres = |field: &'static str, [from, to]: [f64; 2], side_m: f64| -> Result<[f64; 2], PlaceError> {
+        Ok([along_side(field, from / 1e3, side_m)?, along_side(field, to / 1e3, side_m)?])
     };
     let (length_m, width_m) = (scene.surface.length_m, scene.surface.width_m);
-    Ok(Some(Region { x_m: metres("x", zone.x, length_m)?, y_m: metres("y", zone.y, width_m)? }))
+    let region = |zone: Corners| -> Result<Region, PlaceError> {
+        Ok(Region { x_m: metres("x_mm", zone.x, length_m)?, y_m: metres("y_mm", zone.y, width_m)? })
+    };
+    region(zone).map(Some).map_err(|error| Failure::usage(format!("--zone: {error}")))
 }
 
 /// The table without the frequencies that `--from` and `--to` leave out.

@@ -86,10 +86,10 @@ fn megabytes(bytes: u64) -> f64 {
 
 /// A plan for the screen's middle, or the nearest place to it on its diagonal that has not been cut out. Nothing is driven.
 fn first_plan(table: &PlanTable) -> Option<Plan> {
-    let screen = table.scene.screen;
+    let screen = &table.scene.screen;
     let middle = [f64::from(screen.width_px), f64::from(screen.height_px)].map(|side| side / 2.0);
     DIAGONAL.iter().find_map(|part| {
-        let (x_m, y_m) = screen.px_to_surface_m(middle[0] * part, middle[1] * part).ok()?;
+        let (x_m, y_m) = table.scene.place_px(middle[0] * part, middle[1] * part).ok()?.xy_m();
         table.plan(&[TouchTarget { x_m, y_m, intensity_g: None }]).ok()
     })
 }

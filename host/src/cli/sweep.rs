@@ -7,7 +7,7 @@ use super::{Failure, Outcome, print_json, print_text};
 use crate::model::Bounded;
 use crate::response::bounded_sweep;
 use crate::response::sweep::{Arithmetic, Sweep};
-use crate::scene::{Scene, SurfaceKind};
+use crate::scene::{Scene, SurfaceKind, evenly};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -175,16 +175,9 @@ fn summary<T: Stored>(
 }
 
 /// Columns and rows in m, border to border.
-#[allow(clippy::cast_precision_loss, reason = "at most 10000")]
 fn grid(options: &Options, scene: &Scene) -> (Vec<f64>, Vec<f64>) {
-    let line = |side: f64, count: usize| -> Vec<f64> {
-        if count == 1 {
-            return vec![side / 2.0];
-        }
-        (0..count).map(|i| side * i as f64 / (count - 1) as f64).collect()
-    };
     let rows = if scene.surface.kind == SurfaceKind::Bar { 1 } else { options.grid.1 };
-    (line(scene.surface.length_m, options.grid.0), line(scene.surface.width_m, rows))
+    (evenly(0.0, scene.surface.length_m, options.grid.0), evenly(0.0, scene.surface.width_m, rows))
 }
 
 #[allow(clippy::cast_precision_loss, reason = "a size to be refused")]

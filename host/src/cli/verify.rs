@@ -37,7 +37,7 @@ pub fn run(options: &Verify) -> Outcome {
     let table = plan_table(&options.panel, options.keep, &scene)?;
     let panel = crate::device::sim::Panel::of(&table);
     let mut points = spread(options.points, scene.surface.length_m, scene.surface.width_m);
-    points.retain(|(x_m, y_m)| scene.cutout_at(*x_m, *y_m).is_none());
+    points.retain(|(x_m, y_m)| scene.place(*x_m, *y_m).is_ok());
     let results: Vec<Comparison> = with_progress("simulating", || {
         points
             .par_iter()

@@ -166,7 +166,7 @@ impl App {
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
     pub async fn touch(self: &Arc<Self>, request: &TouchRequest) -> Result<Touched, Problem> {
-        let asked = request.asked(&self.table.scene.screen);
+        let asked = request.asked(&self.table.scene);
         let result = match asked {
             Ok(asked) => self.try_touch(&asked).await,
             Err(problem) => Err(problem),
@@ -185,7 +185,7 @@ impl App {
         intensity: Option<Intensity>,
         manner: Manner,
     ) -> Result<Touched, Problem> {
-        let result = match Asked::fingers(touches, intensity, manner, &self.table.scene.screen) {
+        let result = match Asked::fingers(touches, intensity, manner, &self.table.scene) {
             Ok(asked) => self.try_touch(&asked).await,
             Err(problem) => Err(problem),
         };

@@ -7,7 +7,7 @@ use crate::effects::Intensity;
 use crate::planner::request::MAX_QUIET_RADIUS_M;
 use crate::planner::schedule::{Span, Window, spans};
 use crate::planner::{Quiet, Request, Target};
-use crate::scene::Screen;
+use crate::scene::Scene;
 
 /// How long a touch vibrates if it does not say, in ms.
 pub const DEFAULT_DURATION_MS: u32 = 1_000;
@@ -38,16 +38,16 @@ impl Asked {
         touches: Vec<TouchView>,
         intensity: Option<Intensity>,
         manner: Manner,
-        screen: &Screen,
+        scene: &Scene,
     ) -> Result<Self, Problem> {
-        let targets = touches.iter().map(|touch| target(touch, screen)).collect::<Result<Vec<_>, _>>()?;
+        let targets = touches.iter().map(|touch| target(touch, scene)).collect::<Result<Vec<_>, _>>()?;
         let request = Request::touch(&targets);
         Ok(Self { touches, request, intensity, manner, spans: None, with_trade: false })
     }
 }
 
-fn target(touch: &TouchView, screen: &Screen) -> Result<Target, Problem> {
-    let (x_m, y_m) = screen.px_to_surface_m(touch.x_px, touch.y_px)?;
+fn target(touch: &TouchView, scene: &Scene) -> Result<Target, Problem> {
+    let (x_m, y_m) = scene.place_px(touch.x_px, touch.y_px)?.xy_m();
     if let Some(g) = touch.intensity_g {
         at_least_0("intensity_g", g)?;
     }
@@ -58,8 +58,8 @@ fn at_least_0(field: &'static str, value: f64) -> Result<(), Problem> {
     if value.is_finite() && value >= 0.0 { Ok(()) } else { Err(Problem::range(field, value, 0, f64::INFINITY)) }
 }
 
-fn quiet(zone: &QuietRequest, screen: &Screen) -> Result<Quiet, Problem> {
-    let (x_m, y_m) = screen.px_to_surface_m(zone.x_px, zone.y_px)?;
+fn quiet(zone: &QuietRequest, scene: &Scene) -> Result<Quiet, Problem> {
+    let (x_m, y_m) = scene.place_px(zone.x_px, zone.y_px)?.xy_m();
     let most_mm = MAX_QUIET_RADIUS_M * 1e3;
     if !(0.0..=most_mm).contains(&zone.radius_mm) {
         return Err(Problem::range("radius_mm", zone.radius_mm, 0, most_mm));
@@ -79,11 +79,11 @@ fn window(from_ms: Option<f64>, to_ms: Option<f64>, end_ms: f64) -> Result<Optio
 }
 
 impl TouchRequest {
-    /// What this asks for, on a scene with this screen.
+    /// What this asks for, on this scene.
     ///
     /// # Errors
     /// [`Problem`] that names the field, `also[0].x_px` for one of the first other target.
-    pub fn asked(&self, screen: &Screen) -> Result<Asked, Problem> {
+    pub fn asked(&self, scene: &Scene) -> Result<Asked, Problem> {
         let (intensity, manner) = self.feel().check(DEFAULT_DURATION_MS)?;
         let also = self.also.iter().flatten();
         let first = TouchView { id: 0, x_px: self.x_px, y_px: self.y_px, intensity_g: None };
@@ -95,10 +95,10 @@ impl TouchRequest {
         let name = |t: usize| (t > 0).then(|| format!("also[{}]", t - 1));
         let mut request = Request::touch(&[]);
         for (t, touch) in touches.iter().enumerate() {
-            request.targets.push(target(touch, screen).map_err(|problem| problem.of(name(t)))?);
+            request.targets.push(target(touch, scene).map_err(|problem| problem.of(name(t)))?);
         }
         for (i, zone) in self.quiet.iter().flatten().enumerate() {
-            request.quiet.push(quiet(zone, screen).map_err(|problem| problem.of(Some(format!("quiet[{i}]"))))?);
+            request.quiet.push(quiet(zone, scene).map_err(|problem| problem.of(Some(format!("quiet[{i}]"))))?);
         }
         request.objective = self.objective.unwrap_or_default();
         request.grouping = self.grouping.unwrap_or_default();

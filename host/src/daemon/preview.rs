@@ -142,7 +142,7 @@ fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
     let scene_toml = attachments.moved(&request.moves)?;
     let scene = Scene::parse(SOURCE, &scene_toml)?;
     check(&scene, &attachments)?;
-    let (x_m, y_m) = scene.screen.px_to_surface_m(request.x_px, request.y_px)?;
+    let (x_m, y_m) = scene.place_px(request.x_px, request.y_px)?.xy_m();
     let target = Target { x_m, y_m, intensity_g: request.intensity_g };
     let options = TableOptions::preview();
     let expected = Levels::expected_unknowns(&scene, ACCURACY, options.to_hz)?;

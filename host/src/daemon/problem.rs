@@ -4,7 +4,7 @@ use crate::device::{LinkError, SessionError};
 use crate::model::ModelError;
 use crate::planner::PlanError;
 use crate::response::ResponseError;
-use crate::scene::SceneError;
+use crate::scene::{PixelError, SceneError};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -130,6 +130,15 @@ impl IntoResponse for Problem {
 impl From<crate::scene::ScreenError> for Problem {
     fn from(error: crate::scene::ScreenError) -> Self {
         Self::range(error.field, error.value, error.min, error.max)
+    }
+}
+
+impl From<PixelError> for Problem {
+    fn from(error: PixelError) -> Self {
+        match error {
+            PixelError::Screen(error) => error.into(),
+            PixelError::Place(error) => PlanError::from(error).into(),
+        }
     }
 }
 

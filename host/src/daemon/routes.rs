@@ -138,7 +138,7 @@ async fn field(State(app): State<Arc<App>>, uri: Uri) -> Result<Response, Proble
     })?;
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
-            let (x_m, y_m) = app.table.scene.screen.px_to_surface_m(x_px, y_px)?;
+            let (x_m, y_m) = app.table.scene.place_px(x_px, y_px)?.xy_m();
             let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
             tokio::task::block_in_place(|| -> Result<_, Problem> {
                 let plan = app.table.plan(&[target])?;

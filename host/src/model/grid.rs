@@ -1,6 +1,6 @@
 //! The mesh of a surface and the numbering of its unknowns.
 
-use super::mesh::Lines;
+use super::mesh::{Lines, MERGE};
 use super::placement::{forced, singular};
 use super::points::Points;
 use super::sections::{Sections, Waves};
@@ -273,6 +273,23 @@ impl Grid {
         (self.x.at[self.x.cells()], self.y.as_ref().map_or(1.0, |y| y.at[y.cells()]))
     }
 
+    /// Where the functions are looked at for a place, which rounding may have put beyond an edge or into a cut-out whose border
+    /// it is on ([`crate::scene::Layout::at`] has it so, too); `None` in a cut-out. Beyond an edge the cells' polynomials would go
+    /// on and the functions of point forces end: half of a shape.
+    fn on_surface(&self, x_m: f64, y_m: f64) -> Option<(f64, f64)> {
+        let along = |lines: &Lines, at: f64| at.clamp(0.0, lines.at[lines.cells()]);
+        let (x, y) = (along(&self.x, x_m), self.y.as_ref().map_or(y_m, |y| along(y, y_m)));
+        if !self.sections.has_cutouts() || self.is_there(x, y) {
+            return Some((x, y));
+        }
+        let on_line = |lines: &Lines, at: f64| {
+            let line = lines.at[lines.nearest(at)];
+            if (line - at).abs() <= MERGE * lines.at[lines.cells()] { line } else { at }
+        };
+        let near = (on_line(&self.x, x), self.y.as_ref().map_or(y, |lines| on_line(lines, y)));
+        [(near.0, y), (x, near.1), near].into_iter().find(|(x, y)| self.is_there(*x, *y))
+    }
+
     /// Whether any cell that has the point, on its border or inside, is there.
     fn is_there(&self, x_m: f64, y_m: f64) -> bool {
         let beside = |lines: &Lines, at: f64| {
@@ -283,12 +300,11 @@ impl Grid {
         in_y.iter().any(|j| in_x.iter().any(|i| self.sections.at(*i, *j).is_some()))
     }
 
-    /// The deflection, or a slope, anywhere on the surface: the functions' values there; none in a cut-out.
+    /// The deflection, or a slope, anywhere on the surface: the functions' values there; none in a cut-out. What rounding took
+    /// beyond an edge is on it.
     #[must_use]
     pub fn row_at(&self, x_m: f64, y_m: f64, what: Derivative) -> SparseVector {
-        if self.sections.has_cutouts() && !self.is_there(x_m, y_m) {
-            return Vec::new();
-        }
+        let Some((x_m, y_m)) = self.on_surface(x_m, y_m) else { return Vec::new() };
         let along = |lines: &Lines, at: f64, slope: bool| {
             let (cell, place) = lines.locate(at);
             let width = lines.at[cell + 1] - lines.at[cell];

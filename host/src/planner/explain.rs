@@ -226,9 +226,10 @@ impl PlanTable {
         let rows: &[f64] = if surface.kind == SurfaceKind::Bar { &PLACES[1..2] } else { &PLACES };
         let mut best: Option<Alternative> = None;
         for (x, y) in rows.iter().flat_map(|y| PLACES.iter().map(move |x| (*x, *y))) {
-            let (x_m, y_m) = (x * surface.length_m, y * surface.width_m);
+            let Ok(place) = self.scene.place(x * surface.length_m, y * surface.width_m) else { continue };
+            let (x_m, y_m) = place.xy_m();
             let is_taken = |other: &crate::scene::Actuator| (other.x_m - x_m).hypot(other.y_m - y_m) < 1e-3;
-            if self.scene.cutout_at(x_m, y_m).is_some() || self.scene.actuators.iter().any(is_taken) {
+            if self.scene.actuators.iter().any(is_taken) {
                 continue;
             }
             let mut scene = self.scene.clone();

@@ -146,6 +146,7 @@ impl PlanTable {
     pub fn planned(&self, request: &Request) -> Result<Planned, PlanError> {
         let started = Instant::now();
         let wanted_g = self.check(request)?;
+        let request = &self.placed(request)?;
         let mut judge = Judge::new(self, request);
         let wanted: Vec<f64> =
             wanted_g.iter().enumerate().map(|(t, g)| judge.countable(g * STANDARD_GRAVITY, t)).collect();

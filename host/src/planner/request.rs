@@ -5,7 +5,7 @@ use super::reach::measure::View;
 use super::search::Work;
 use super::table::PlanTable;
 use super::{DEFAULT_INTENSITY_G, MAX_QUIET_ZONES, MIN_SPACING_HZ};
-use crate::scene::{MAX_ACTUATORS, SurfaceKind};
+use crate::scene::{MAX_ACTUATORS, PlaceError, SurfaceKind, along_side};
 use serde::{Deserialize, Serialize};
 
 /// Most targets at once: ten fingers.
@@ -172,6 +172,15 @@ pub enum PlanError {
     },
 }
 
+impl From<PlaceError> for PlanError {
+    fn from(error: PlaceError) -> Self {
+        match error {
+            PlaceError::Outside { field, value, max } => Self::Range { field, value, min: 0.0, max },
+            PlaceError::Cutout { x_mm, y_mm, cutout } => Self::Cutout { x_mm, y_mm, cutout },
+        }
+    }
+}
+
 fn range_text(min: f64, max: f64) -> String {
     if max.is_finite() { format!("{min} to {max}") } else { format!("of finite numbers from {min} up") }
 }
@@ -209,8 +218,8 @@ impl PlanTable {
                 return Err(PlanError::Together { option: "zone", value: "given", allowed: "the objective reach" });
             }
             for (x_m, y_m) in zone.x_m.into_iter().zip(zone.y_m) {
-                within("zone.x_mm", x_m, 0.0, self.scene.surface.length_m, 1e3)?;
-                within("zone.y_mm", y_m, 0.0, self.scene.surface.width_m, 1e3)?;
+                along_side("zone.x_mm", x_m, self.scene.surface.length_m)?;
+                along_side("zone.y_mm", y_m, self.scene.surface.width_m)?;
             }
             if View::new(self, Some(zone)).is_none() {
                 return Err(PlanError::EmptyZone);
@@ -223,14 +232,14 @@ impl PlanTable {
             return Err(PlanError::Together { option: "weigh", value: "felt", allowed });
         }
         for quiet in &request.quiet {
-            self.check_point(quiet.x_m, quiet.y_m)?;
+            self.scene.place(quiet.x_m, quiet.y_m)?;
             within("radius_mm", quiet.radius_m, 0.0, MAX_QUIET_RADIUS_M, 1e3)?;
             within("at_most_g", quiet.at_most_g, 0.0, f64::INFINITY, 1.0)?;
         }
         targets
             .iter()
             .map(|target| {
-                self.check_point(target.x_m, target.y_m)?;
+                self.scene.place(target.x_m, target.y_m)?;
                 let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
                 within("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
                 Ok(intensity_g)
@@ -238,16 +247,16 @@ impl PlanTable {
             .collect()
     }
 
-    fn check_point(&self, x_m: f64, y_m: f64) -> Result<(), PlanError> {
-        within("x_mm", x_m, 0.0, self.scene.surface.length_m, 1e3)?;
-        within("y_mm", y_m, 0.0, self.scene.surface.width_m, 1e3)?;
-        match self.scene.cutout_at(x_m, y_m) {
-            None => Ok(()),
-            Some(cutout) => {
-                let mm = |metres: f64| (metres * 1e9).round() / 1e6;
-                Err(PlanError::Cutout { x_mm: mm(x_m), y_mm: mm(y_m), cutout })
-            }
+    /// The request with its targets and quiet zones where they are on the surface, after [`PlanTable::check`].
+    pub(super) fn placed(&self, request: &Request) -> Result<Request, PlanError> {
+        let mut request = request.clone();
+        for target in &mut request.targets {
+            (target.x_m, target.y_m) = self.scene.place(target.x_m, target.y_m)?.xy_m();
         }
+        for quiet in &mut request.quiet {
+            (quiet.x_m, quiet.y_m) = self.scene.place(quiet.x_m, quiet.y_m)?.xy_m();
+        }
+        Ok(request)
     }
 
     /// A bar's points lie on its axis.

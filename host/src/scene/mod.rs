@@ -7,12 +7,14 @@ mod actuator;
 mod layout;
 mod parse;
 mod patch;
+mod place;
 mod read;
 mod screen;
 
 pub use actuator::{Actuator, EPS0, Mount};
 pub use layout::{Layer, Layout, SAME_PLACE, Vertex};
 pub use patch::{Cutout, Patch};
+pub use place::{PixelError, PlaceError, ROUNDING, SurfacePoint, along_side, evenly};
 pub use read::{Mistake, SceneError};
 pub use screen::{Screen, ScreenError};
 

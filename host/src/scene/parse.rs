@@ -2,6 +2,7 @@
 
 use super::layout::Layout;
 use super::patch::{cutouts, patches};
+use super::place::{ROUNDING, along_side, mm};
 use super::read::{Allowed, Mistake, Report, SceneError, Section};
 use super::{
     Actuator, Edge, EdgeKind, Mass, Material, Mount, Scene, Screen, Side, Support, Surface, SurfaceDamping, SurfaceKind,
@@ -88,8 +89,8 @@ impl Size {
             let text = format!(
                 "{} and y_mm: ({}, {}) lies in a [[cutout]], but must be on the surface",
                 section.key("x_mm"),
-                (x_m * 1e12).round() / 1e9,
-                (y_m * 1e12).round() / 1e9
+                mm(x_m),
+                mm(y_m)
             );
             section.report().add(&section.place("x_mm"), text);
         }
@@ -102,13 +103,13 @@ impl Size {
     }
 
     fn x_m(&self, section: &Section<'_, '_>) -> f64 {
-        (section.number("x_mm", side_range(self.length_m)) / 1e3).min(self.length_m)
+        snapped(section.number("x_mm", side_range(self.length_m)), self.length_m)
     }
 
     /// A bar's attachments lie on its axis, whatever y is given.
     fn y_m(&self, section: &Section<'_, '_>) -> f64 {
         match self.kind {
-            SurfaceKind::Plate => (section.number("y_mm", side_range(self.width_m)) / 1e3).min(self.width_m),
+            SurfaceKind::Plate => snapped(section.number("y_mm", side_range(self.width_m)), self.width_m),
             SurfaceKind::Bar => {
                 section.number_or("y_mm", 0.0, side_range(self.width_m));
                 self.width_m / 2.0
@@ -117,12 +118,13 @@ impl Size {
     }
 }
 
+/// A position in mm that has been looked at, in m; on the edge if it is within rounding of it.
+fn snapped(at_mm: f64, side_m: f64) -> f64 {
+    along_side("", at_mm / 1e3, side_m).unwrap_or_else(|_| (at_mm / 1e3).min(side_m))
+}
+
 pub(super) fn side_range(side_m: f64) -> Allowed {
-    if side_m.is_nan() {
-        return Allowed::NotNegative;
-    }
-    // In the units of the file, free of the rounding of the way to metres and back.
-    Allowed::Along((side_m * 1e12).round() / 1e9)
+    if side_m.is_nan() { Allowed::NotNegative } else { Allowed::Along(mm(side_m)) }
 }
 
 fn surface(section: Section<'_, '_>) -> Surface {
@@ -211,7 +213,7 @@ fn screen(section: Option<Section<'_, '_>>, size: &Size) -> Screen {
             ("height_mm", "y_mm", screen.y_m, &mut screen.height_m, size.width_m),
         ] {
             let end = start + *extent;
-            if end > side * (1.0 + 1e-9) {
+            if end > side * (1.0 + ROUNDING) {
                 let text = format!(
                     "{} makes the active area end at {} mm, but must keep it within the surface's {} mm",
                     section.key(key),

@@ -2,6 +2,7 @@
 
 use super::layout::Layout;
 use super::parse::{DENSITY_KG_M3, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MODULUS_PA, side_range};
+use super::place::{ROUNDING, mm};
 use super::read::{Allowed, Section};
 use super::{Material, Surface, SurfaceKind};
 use serde::Serialize;
@@ -62,23 +63,18 @@ impl Cutout {
 /// Where a rectangle begins and how long it is along one side, in m.
 fn span(section: &Section<'_, '_>, keys: [&'static str; 2], side_m: f64) -> (f64, f64) {
     let start = section.number(keys[0], side_range(side_m)) / 1e3;
-    let longest = if side_m.is_nan() { Allowed::Positive } else { Allowed::Within(LEAST_SIDE_MM, side_mm(side_m)) };
+    let longest = if side_m.is_nan() { Allowed::Positive } else { Allowed::Within(LEAST_SIDE_MM, mm(side_m)) };
     let extent = section.number(keys[1], longest) / 1e3;
-    if start + extent > side_m * (1.0 + 1e-9) {
+    if start + extent > side_m * (1.0 + ROUNDING) {
         let text = format!(
             "{} makes it end at {} mm, but must keep it within the surface's {} mm",
             section.key(keys[1]),
-            side_mm(start + extent),
-            side_mm(side_m)
+            mm(start + extent),
+            mm(side_m)
         );
         section.report().add(&section.place(keys[1]), text);
     }
     (start, extent)
-}
-
-/// In mm, free of the rounding of the way to metres and back.
-fn side_mm(side_m: f64) -> f64 {
-    (side_m * 1e12).round() / 1e9
 }
 
 /// All `[[patch]]`.
@@ -153,8 +149,8 @@ fn problem(left: &Layout) -> Option<String> {
         return Some(format!(
             "leaves parts of the surface that meet in the point ({}, {}) mm only, but they must be joined along a line: \
              let the cut-outs overlap, or move them apart",
-            side_mm(x),
-            side_mm(y)
+            mm(x),
+            mm(y)
         ));
     }
     match left.pieces() {

@@ -1,5 +1,6 @@
 //! Reading TOML tables with places: every value knows its line, every mistake is collected.
 
+use super::ROUNDING;
 use std::cell::RefCell;
 use std::fmt;
 use std::ops::Range;
@@ -109,7 +110,7 @@ impl Allowed {
                 Allowed::Positive => value > 0.0,
                 Allowed::NotNegative => value >= 0.0,
                 Allowed::Within(min, max) => (min..=max).contains(&value),
-                Allowed::Along(side) => value >= 0.0 && value <= side * (1.0 + 1e-9),
+                Allowed::Along(side) => (-ROUNDING * side..=side * (1.0 + ROUNDING)).contains(&value),
                 Allowed::Between(min, max) => value > min && value < max,
             }
     }

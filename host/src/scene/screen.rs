@@ -1,5 +1,6 @@
 //! Between pixels of the screen and the surface.
 
+use super::ROUNDING;
 use serde::Serialize;
 
 /// Where the screen's pixels lie on the surface.
@@ -33,11 +34,9 @@ pub struct ScreenError {
     pub max: f64,
 }
 
-/// What rounding may add to a position, relative to the screen's side.
-const ROUNDING: f64 = 1e-9;
-
 impl Screen {
-    /// The point of the surface in m under a pixel position, 0..=width_px and 0..=height_px.
+    /// The point of the surface in m under a pixel position, 0..=width_px and 0..=height_px, as arithmetic has it:
+    /// [`super::Scene::place_px`] makes a place of it.
     ///
     /// # Errors
     /// [`ScreenError`] outside the screen.

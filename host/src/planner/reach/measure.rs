@@ -3,6 +3,7 @@
 use crate::planner::STANDARD_GRAVITY;
 use crate::planner::perception::threshold_m_per_s2;
 use crate::planner::table::PlanTable;
+use crate::scene::evenly;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
@@ -100,10 +101,6 @@ impl View {
 
 /// The lines, and `times` - 1 between every two.
 fn between(lines: &[f64], times: usize) -> Vec<f64> {
-    #[allow(clippy::cast_precision_loss, reason = "a small count")]
-    let parts = |pair: &[f64]| {
-        let (from, to) = (pair[0], pair[1]);
-        (0..times).map(|k| from + (to - from) * k as f64 / times as f64).collect::<Vec<_>>()
-    };
+    let parts = |pair: &[f64]| evenly(pair[0], pair[1], times + 1).into_iter().take(times);
     lines.windows(2).flat_map(parts).chain(lines.last().copied()).collect()
 }

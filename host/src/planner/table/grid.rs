@@ -1,7 +1,7 @@
 //! Points over the surface, with the mode shapes there.
 
 use crate::model::ReducedModel;
-use crate::scene::{Layer, Scene, SurfaceKind};
+use crate::scene::{Layer, Scene, SurfaceKind, evenly};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
@@ -38,23 +38,15 @@ impl SurfaceGrid {
     }
 
     /// The points alone.
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
-        reason = "small counts"
-    )]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
     pub(super) fn without_shapes(scene: &Scene, max_hz: f64) -> Self {
         let (length, width) = (scene.surface.length_m, scene.surface.width_m);
         let cell = cell_m(scene, max_hz);
         let count = |side: f64| (side / cell - 1e-9).ceil().max(LEAST_CELLS) as usize + 1;
-        let line = |side: f64, points: usize| -> Vec<f64> {
-            (0..points).map(|i| side * i as f64 / (points - 1) as f64).collect()
-        };
-        let x_m = line(length, count(length));
+        let x_m = evenly(0.0, length, count(length));
         let y_m = match scene.surface.kind {
             SurfaceKind::Bar => vec![width / 2.0],
-            SurfaceKind::Plate => line(width, count(width)),
+            SurfaceKind::Plate => evenly(0.0, width, count(width)),
         };
         let (wx, wy) = (trapezoid(x_m.len()), trapezoid(y_m.len()));
         let layout = scene.layout();
@@ -125,4 +117,32 @@ fn trapezoid(points: usize) -> Vec<f64> {
     }
     let step = 1.0 / (points - 1) as f64;
     (0..points).map(|i| if i == 0 || i == points - 1 { 0.5 * step } else { step }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::EXAMPLE_PLATE;
+
+    /// Every point of the grid of a panel of any whole millimetres is a place on it, and the outer ones are on its edges.
+    #[test]
+    fn grids_end_at_the_edges_of_any_panel() {
+        let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+        for side_mm in (20..=1500_u32).chain((1500..=10_000).step_by(37)) {
+            let side = f64::from(side_mm) / 1e3;
+            for (kind, length, width) in
+                [(SurfaceKind::Plate, side, 0.05), (SurfaceKind::Plate, 0.05, side), (SurfaceKind::Bar, side, 0.02)]
+            {
+                (scene.surface.kind, scene.surface.length_m, scene.surface.width_m) = (kind, length, width);
+                let grid = SurfaceGrid::without_shapes(&scene, 400.0);
+                assert_eq!((grid.x_m[0], grid.x_m.last()), (0.0, Some(&length)));
+                if kind == SurfaceKind::Plate {
+                    assert_eq!((grid.y_m[0], grid.y_m.last()), (0.0, Some(&width)));
+                }
+                let exact = |x: f64, y: f64| scene.surface.place(x, y).unwrap().xy_m() == (x, y);
+                assert!(grid.x_m.iter().all(|x| exact(*x, grid.y_m[0])), "{length} x {width}");
+                assert!(grid.y_m.iter().all(|y| exact(0.0, *y)), "{length} x {width}");
+            }
+        }
+    }
 }
