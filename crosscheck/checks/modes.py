@@ -20,6 +20,8 @@ MAX_HZ = 400.0
 USEFUL = 2e-4
 # Where the program prints no bound for it: a damping ratio is to be within this of itself, and of the frequency's bound.
 RATIO_TOLERANCE = 2e-3
+# Modes closer than this, relative, are a group.
+CLOSE = 0.02
 
 
 def run(context):
@@ -51,11 +53,26 @@ def run(context):
             continue
         difference = abs(got[k] - wanted[k]) / wanted[k]
         results.append(Result("mode frequency", name, difference, bounds[k] + own[k], True, f"mode {k + 1}, {got[k]:.6g} Hz for {wanted[k]:.6g}"))
-        # Of close modes any mixture is a mode; only what both have in common can be compared.
-        near = np.abs(wanted - wanted[k]) < 0.02 * wanted[k]
-        if near.sum() > 1:
-            results.append(not_comparable("mode damping ratio", name, f"mode {k + 1} is close to another"))
-        elif damping[k] > 0:
-            tolerance = RATIO_TOLERANCE + 20 * (bounds[k] + own[k]) + own_damping[k] / damping[k]
-            results.append(Result("mode damping ratio", name, abs(ratios[k] / damping[k] - 1), tolerance, True, f"mode {k + 1}"))
+    return results + _ratios(name, rigid, ratios, bounds, wanted, damping, own, own_damping)
+
+
+def _ratios(name, rigid, ratios, bounds, wanted, damping, own, own_damping):
+    """Damping ratios. Any mixture of close modes is a mode: of a group of them the sum is compared, which mixing leaves alone."""
+    results, first = [], rigid
+    while first < len(wanted):
+        last = first + 1
+        while last < len(wanted) and wanted[last] < wanted[last - 1] * (1 + CLOSE):
+            last += 1
+        group, first = slice(first, last), last
+        if last > len(ratios):
+            break
+        note = f"modes {group.start + 1} to {last}" if last - group.start > 1 else f"mode {last}"
+        total = damping[group].sum()
+        if np.isnan(bounds[group]).any() or own[group].max() > USEFUL:
+            results.append(not_comparable("mode damping ratio", name, note))
+        elif total > 0:
+            # Ratios follow from shapes, which are off by more than frequencies are.
+            off = (bounds[group] + own[group]).max()
+            tolerance = RATIO_TOLERANCE + 20 * off + own_damping[group].sum() / total
+            results.append(Result("mode damping ratio", name, abs(ratios[group].sum() / total - 1), tolerance, True, note))
     return results

@@ -40,6 +40,7 @@ class Bar:
         self.number = np.full((nodes, 2), -1)
         self.size = int(free.sum())
         self.number[free] = np.arange(self.size)
+        self._slowness = float((np.diff(self.lines) * (parts[:, 1] / parts[:, 0]) ** 0.25).sum())
         self.stiffness = self._sum(parts[:, 0, None, None] * hermite.cell_matrices(self.lines, 2, 2))
         self.mass = self._sum(parts[:, 1, None, None] * hermite.cell_matrices(self.lines, 0, 0))
         self.edge_stiffness = sp.csc_matrix((self.size, self.size))
@@ -49,6 +50,10 @@ class Bar:
                 for rows, amount in ((self.rows(end), edge.stiffness), (self.slope_rows(end[0])[0], edge.rotational_stiffness)):
                     self.edge_stiffness = self.edge_stiffness + amount * (rows.T @ rows)
         self.edge_stiffness = self.edge_stiffness.tocsc()
+
+    def mode_count(self, hz):
+        """About how many modes lie below a frequency: length times (mu omega^2 / E I)^(1/4) / pi."""
+        return self._slowness * np.sqrt(2 * np.pi * hz) / np.pi
 
     @staticmethod
     def _middles(lines):
@@ -66,8 +71,8 @@ class Bar:
 
     def rows(self, points, derivative=0):
         """Deflection, or slope, at points: sparse [n, unknowns]."""
-        places = np.atleast_2d(np.asarray(points, dtype=float))[:, 0]
-        cells = np.array([hermite.locate(self.lines, place)[0] for place in places], dtype=int)
+        places = np.asarray(points, dtype=float).reshape(-1, 2)[:, 0]
+        cells = hermite.locate(self.lines, places)[0]
         values = hermite.functions_at(self.lines, cells, places, derivative)
         columns = self._cell_unknowns(cells)
         rows = np.repeat(np.arange(len(places))[:, None], 4, axis=1)
@@ -78,7 +83,7 @@ class Bar:
         """Slope along the bar at a point."""
         return [self.rows([point], 1)]
 
-    def local(self, points):
+    def local(self, points, _solutions):
         """Nothing is lacking at nodes."""
         return NothingLacking(len(points))
 

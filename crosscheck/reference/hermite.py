@@ -43,12 +43,12 @@ def functions_at(lines, cells, places, derivative=0):
     return unit * cell_scales(lines)[cells] / (h**derivative)[:, None]
 
 
-def locate(lines, place):
-    """The cells that a place belongs to: one, or the two at a line. The nearer one first."""
+def locate(lines, places):
+    """The cells that places belong to, once from below and once from above: two arrays, equal but at lines."""
     tolerance = 1e-9 * (lines[-1] - lines[0])
-    last = len(lines) - 2
-    found = {min(max(int(np.searchsorted(lines, place + d, side="right")) - 1, 0), last) for d in (-tolerance, tolerance)}
-    return sorted(found)
+    places = np.asarray(places, dtype=float)
+    cell = lambda shift: np.clip(np.searchsorted(lines, places + shift, side="right") - 1, 0, len(lines) - 2)
+    return cell(-tolerance), cell(tolerance)
 
 
 def graded_lines(fixed, length, size, levels):

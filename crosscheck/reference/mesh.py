@@ -120,22 +120,25 @@ class Mesh:
                 total = total + self._sum(self._cell_unknowns(i, j), amount * blocks)
         return total.tocsc()
 
-    def cell_of(self, x, y):
-        """A cell that is there and holds the place, which may be on its border."""
-        for i in hermite.locate(self.x, x):
-            for j in hermite.locate(self.y, y):
-                if self.there[i, j]:
-                    return i, j
-        raise ValueError(f"there is no surface at {x} m, {y} m")
+    def cells_of(self, points):
+        """A cell each that is there and holds the point [n, 2], which may be on its border: arrays i and j."""
+        found_i, found_j = np.full(len(points), -1), np.full(len(points), -1)
+        for i in hermite.locate(self.x, points[:, 0]):
+            for j in hermite.locate(self.y, points[:, 1]):
+                take = (found_i < 0) & self.there[i, j]
+                found_i[take], found_j[take] = i[take], j[take]
+        if (found_i < 0).any():
+            raise ValueError(f"there is no surface at {points[found_i < 0][0]} m")
+        return found_i, found_j
 
     def rows(self, points, x_derivative=0, y_derivative=0):
         """Rows that give the deflection, or a derivative of it, at points [n, 2] m: sparse [n, unknowns]."""
-        points = np.atleast_2d(np.asarray(points, dtype=float))
-        cells = np.array([self.cell_of(*point) for point in points]).reshape(-1, 2)
-        fx = hermite.functions_at(self.x, cells[:, 0], points[:, 0], x_derivative)
-        fy = hermite.functions_at(self.y, cells[:, 1], points[:, 1], y_derivative)
+        points = np.asarray(points, dtype=float).reshape(-1, 2)
+        i, j = self.cells_of(points)
+        fx = hermite.functions_at(self.x, i, points[:, 0], x_derivative)
+        fy = hermite.functions_at(self.y, j, points[:, 1], y_derivative)
         values = np.einsum("na,nb->nab", fx, fy).reshape(len(points), 16)
-        columns = self._cell_unknowns(cells[:, 0], cells[:, 1])
+        columns = self._cell_unknowns(i, j)
         rows = np.repeat(np.arange(len(points))[:, None], 16, axis=1)
         keep = columns >= 0
         return sp.csr_matrix((values[keep], (rows[keep], columns[keep])), shape=(len(points), self.size))

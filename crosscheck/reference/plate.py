@@ -1,18 +1,19 @@
 """The plate of a scene as a mesh, and what the mesh is short of at point forces.
 
 A point force makes the deflection go as r^2 log r around it, which cubics on cells of size h miss by c h^2 / D
-(numerics: c = 0.002052 at a node between square cells). That part is local. So around every attachment the same problem is
-solved twice, on a window of the mesh and on a much finer one, held at the window's inner border: the difference is a local
-compliance, in series with the attachment, and a local shape.
+(c = 0.002052 at a node between square cells). That part is local. So around every attachment the panel's own static solution is
+solved again on a much finer mesh of a window around it, whose inner border stays as it was: the difference is a local
+shape, and its work a local compliance in series with the attachment.
 """
 
 import numpy as np
+import scipy.sparse as sp
 
 from . import hermite
 from .mesh import Mesh, factor
 
 # Cells of a window to each side of the point, in units of the larger side of the cell that it is in.
-WINDOW_CELLS = 3.0
+WINDOW_CELLS = 4.0
 # Layers of the fine mesh of a window towards its point, each a third of the one before.
 WINDOW_LAYERS = 6
 
@@ -47,8 +48,8 @@ class Plate:
     def __init__(self, scene, max_hz, fineness, shift):
         self.scene, self.shift = scene, shift
         a, b = scene.length, scene.width
-        size = min(max(a, b) / 10, min(a, b) / 6, shortest_wavelength(scene, max_hz) / 13) / fineness
-        # More layers where moments are singular: r^-0.36 at a cut-out's corner, less at a patch's.
+        size = min(max(a, b) / 12, min(a, b) / 8, shortest_wavelength(scene, max_hz) / 15) / fineness
+        # Layers where moments are singular: r^-0.36 at a cut-out's corner, less at a patch's.
         extra = round(np.log(fineness) / np.log(4) * 2) if fineness > 1 else 0
         at_x, at_y = {}, {}
         for parts, layers in ((scene.patches, 1 + extra), (scene.cutouts, 3 + extra)):
@@ -58,6 +59,12 @@ class Plate:
                         inside = 1e-6 * side < place < (1 - 1e-6) * side
                         if inside:
                             places[place] = max(places.get(place, 0), layers)
+        # Nor are they regular where a held side ends at a free one.
+        held = {edge.side for edge in scene.edges if edge.kind != "elastic"}
+        for end_x, place_x in (("left", 0.0), ("right", a)):
+            for end_y, place_y in (("top", 0.0), ("bottom", b)):
+                if (end_x in held) != (end_y in held):
+                    at_x[place_x] = at_y[place_y] = 2 + extra
         x = hermite.graded_lines(at_x, a, size, 3 + extra)
         y = hermite.graded_lines(at_y, b, size, 3 + extra)
         middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
@@ -65,6 +72,12 @@ class Plate:
         edges = {edge.side: (edge.kind, edge.stiffness, edge.rotational_stiffness) for edge in scene.edges}
         self.mesh = Mesh(x, y, parts[:, :, 0], parts[:, :, 1], parts[:, :, 2], edges)
         self.size = self.mesh.size
+
+    def mode_count(self, hz):
+        """About how many modes lie below a frequency (Weyl): area times omega sqrt(mu / D) / (4 pi)."""
+        mesh = self.mesh
+        area = np.diff(mesh.x)[:, None] * np.diff(mesh.y)[None, :]
+        return float((area * np.sqrt(mesh.weight / mesh.rigidity)).sum() * hz / 2)
 
     @property
     def stiffness(self):
@@ -89,46 +102,70 @@ class Plate:
         """Slopes along x and y at a point."""
         return [self.mesh.rows([point], 1, 0), self.mesh.rows([point], 0, 1)]
 
-    def local(self, points):
+    def local(self, points, solutions):
         """What the mesh is short of at attachments, [`Local`]."""
-        return Local(self, points)
+        return Local(self, points, solutions)
 
 
 class Window:
-    """One point force on a piece of the mesh and on a finer mesh of the same piece."""
+    """One attachment's piece of the mesh, on a much finer mesh, held to the panel's own solution at its inner border.
 
-    def __init__(self, plate, point):
+    `solutions` [unknowns of the panel's mesh, attachment] are those of the panel's mesh for unit forces at all `points`.
+    """
+
+    def __init__(self, plate, points, own, solutions):
         mesh = plate.mesh
-        self.point = point
-        i, j = mesh.cell_of(*point)
-        reach = WINDOW_CELLS * max(self._cell_size(mesh.x, point[0], i), self._cell_size(mesh.y, point[1], j))
+        point = points[own]
+        reach = WINDOW_CELLS * max(self._cell_size(mesh.x, point[0]), self._cell_size(mesh.y, point[1]))
         i0, i1 = self._span(mesh.x, point[0], reach)
         j0, j1 = self._span(mesh.y, point[1], reach)
         x, y = mesh.x[i0 : i1 + 1], mesh.y[j0 : j1 + 1]
         self.box = (x[0], x[-1], y[0], y[-1])
-        edges = {}
         inner = {"left": i0 > 0, "right": i1 < mesh.nx, "top": j0 > 0, "bottom": j1 < mesh.ny}
-        for side, cut in inner.items():
-            if cut:
-                edges[side] = ("clamped", 0.0, 0.0)
-            elif side in mesh.edges:
-                edges[side] = mesh.edges[side]
-        cells = np.ix_(range(i0, i1), range(j0, j1))
-        self.coarse = Mesh(x, y, mesh.rigidity[cells], mesh.poisson[cells], mesh.weight[cells], edges)
-        fine_x, fine_y = self._refined(x, point[0]), self._refined(y, point[1])
+        edges = {side: edge for side, edge in mesh.edges.items() if not inner[side]}
+        size = reach / WINDOW_CELLS / 2
+        fine_x, fine_y = self._refined(x, point[0], size), self._refined(y, point[1], size)
         of_x = np.searchsorted(x, (fine_x[1:] + fine_x[:-1]) / 2) - 1
         of_y = np.searchsorted(y, (fine_y[1:] + fine_y[:-1]) / 2) - 1
         pick = np.ix_(i0 + of_x, j0 + of_y)
         self.fine = Mesh(fine_x, fine_y, mesh.rigidity[pick], mesh.poisson[pick], mesh.weight[pick], edges)
-        self.solutions = []
-        for part in (self.coarse, self.fine):
-            load = part.rows([point]).toarray()[0]
-            self.solutions.append(factor(part.dynamic(plate.shift)).solve(load) if part.size else load)
+
+        prolonged, free = self._prolongation(mesh, inner)
+        loads = np.zeros((self.fine.size, len(points)))
+        inside = np.flatnonzero(self.holds(points))
+        loads[:, inside] = self.fine.rows(points[inside]).toarray().T
+        dynamic = self.fine.dynamic(plate.shift)
+        # What the panel's solutions leave unbalanced on the fine mesh.
+        residuals = (loads - dynamic @ (prolonged @ solutions))[free]
+        inverse = factor(dynamic[free][:, free])
+        self.error = np.zeros(self.fine.size)
+        self.error[free] = inverse.solve(residuals[:, own])
+        # The work of every attachment's residual on this one's error: what the compliances lack.
+        self.lacking = residuals.T @ self.error[free]
+
+    def _prolongation(self, mesh, inner):
+        """Unknowns of the panel's mesh to those of the fine one (sparse), and which of these lie off the inner border."""
+        fine = self.fine
+        scale_x, scale_y = hermite.node_scales(fine.x), hermite.node_scales(fine.y)
+        blocks, order, free = [], [], []
+        for a in (0, 1):
+            for b in (0, 1):
+                numbers = fine.number[:, 2 * a + b]
+                nodes = np.flatnonzero(numbers >= 0)
+                at_x, at_y = nodes // (fine.ny + 1), nodes % (fine.ny + 1)
+                places = np.stack([fine.x[at_x], fine.y[at_y]], axis=1)
+                factors = scale_x[at_x] ** a * scale_y[at_y] ** b
+                blocks.append(sp.diags(factors) @ mesh.rows(places, a, b))
+                order.append(numbers[nodes])
+                held = (inner["left"] & (at_x == 0)) | (inner["right"] & (at_x == fine.nx))
+                held |= (inner["top"] & (at_y == 0)) | (inner["bottom"] & (at_y == fine.ny))
+                free.append(numbers[nodes][~held])
+        back = np.argsort(np.concatenate(order))
+        return sp.vstack(blocks).tocsr()[back], np.sort(np.concatenate(free))
 
     @staticmethod
-    def _cell_size(lines, place, index):
-        sizes = [lines[k + 1] - lines[k] for k in hermite.locate(lines, place)]
-        return max(sizes + [lines[index + 1] - lines[index]])
+    def _cell_size(lines, place):
+        return max(float(lines[k + 1] - lines[k]) for k in hermite.locate(lines, place))
 
     @staticmethod
     def _span(lines, place, reach):
@@ -137,17 +174,15 @@ class Window:
         return max(low, 0), min(high, len(lines) - 1)
 
     @staticmethod
-    def _refined(lines, place):
-        """Every cell in two, and layers towards the point."""
-        keep = list(lines) + list((lines[1:] + lines[:-1]) / 2)
-        size = max(lines[k + 1] - lines[k] for k in hermite.locate(lines, place)) / 2
-        extra = [place]
-        for k in range(WINDOW_LAYERS):
-            extra += [place - size * 3.0**-k, place + size * 3.0**-k]
-        result = sorted(keep)
-        tolerance = size * 3.0 ** (-WINDOW_LAYERS) / 2
-        for line in extra:
-            if lines[0] < line < lines[-1] and min(abs(line - known) for known in result) > tolerance:
+    def _refined(lines, place, size):
+        """Cells in halves, and layers towards the point, from `size` down. Cells already thin against that are let be:
+        thinner ones lose digits."""
+        finest = size * 3.0 ** (1 - WINDOW_LAYERS)
+        halves = [(a + b) / 2 for a, b in zip(lines, lines[1:]) if b - a > 8 * finest]
+        result = sorted([*lines, *halves])
+        layers = [place] + [place + sign * size * 3.0**-k for k in range(WINDOW_LAYERS) for sign in (-1, 1)]
+        for line in layers:
+            if lines[0] < line < lines[-1] and min(abs(line - known) for known in result) > finest / 2:
                 result.append(line)
         return np.array(sorted(result))
 
@@ -163,18 +198,17 @@ class Window:
         result = np.zeros(len(points))
         inside = self.holds(points)
         if inside.any():
-            coarse, fine = (m.rows(points[inside]) @ s for m, s in zip((self.coarse, self.fine), self.solutions))
-            result[inside] = fine - coarse
+            result[inside] = self.fine.rows(points[inside]) @ self.error
         return result
 
 
 class Local:
     """Local compliance of all attachments [n, n] m/N, and their local shapes."""
 
-    def __init__(self, plate, points):
-        self.points = np.asarray(points, dtype=float).reshape(-1, 2)
-        self.windows = [Window(plate, tuple(point)) for point in self.points]
-        raw = self.at(self.points)
+    def __init__(self, plate, points, solutions):
+        points = np.asarray(points, dtype=float).reshape(-1, 2)
+        self.windows = [Window(plate, points, own, solutions) for own in range(len(points))]
+        raw = np.array([window.lacking for window in self.windows]).reshape(len(points), len(points))
         self.compliance = (raw + raw.T) / 2
 
     def at(self, points):

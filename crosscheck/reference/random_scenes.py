@@ -54,7 +54,8 @@ class _Maker:
         else:
             count = log_uniform(rng, 0.5, 25)
             thickness = a * b * 200 * np.sqrt(12 * rho * (1 - nu**2) / e) / count
-        thickness = float(np.clip(thickness, 5e-5, min(a, b if not self.bar else a) / 15))
+        # The format's limit is 100 mm, of a patch too.
+        thickness = float(np.clip(thickness, 5e-5, min(a / 15, a if self.bar else b / 15, 0.045)))
         self.thickness = float(f"{thickness * 1e3:.3g}")
         self.weight_kg = rho * a * b * self.thickness * 1e-3
         surface = {

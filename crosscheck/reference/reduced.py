@@ -56,8 +56,10 @@ class Reduced:
         self.turning_stiffness = [s.rotational_stiffness for s in turning for _ in range(1 if self.scene.is_bar else 2)]
         rows = [surface.rows(self.points).toarray()] if self.points else []
         rows += [row.toarray() for row in self.turning_rows]
+        block = np.vstack(rows).T if rows else np.zeros((surface.size, 0))
+        solutions = solver.solve(np.ascontiguousarray(block[:, : len(self.points)])) if self.points else block
+        self.local = surface.local(self.points, solutions)
         if rows:
-            block = np.vstack(rows).T
             krylov = []
             for _ in range(KRYLOV):
                 block = solver.solve(np.ascontiguousarray(block))
@@ -80,7 +82,7 @@ class Reduced:
         """Modes of the bare surface up to KEEP times the highest frequency, orthonormal in the mass."""
         surface = self.surface
         limit = (2 * np.pi * KEEP * self.max_hz) ** 2
-        count = 24
+        count = 12 + int(1.2 * surface.mode_count(KEEP * self.max_hz))
         while True:
             if count >= surface.size - 1:
                 values, vectors = la.eigh(total.toarray(), surface.mass.toarray())
@@ -90,7 +92,7 @@ class Reduced:
             values, vectors = eigsh(total, k=count, M=surface.mass, sigma=self.shift, OPinv=inverse, v0=start, tol=1e-10)
             if values.max() > limit:
                 return vectors[:, values <= max(limit, values.min())]
-            count *= 2
+            count = int(1.4 * count)
 
     def _orthonormal(self, modes, more):
         mass = self.surface.mass
@@ -111,7 +113,6 @@ class Reduced:
 
     def _attach(self):
         scene, surface = self.scene, self.surface
-        self.local = surface.local(self.points)
         values, vectors = la.eigh(self.local.compliance) if self.points else (np.zeros(0), np.zeros((0, 0)))
         keep = values > 1e-9 * max(values.max(initial=0.0), 1e-300)
         series = vectors[:, keep] * np.sqrt(values[keep])

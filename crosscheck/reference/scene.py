@@ -163,6 +163,14 @@ class Scene:
         """Whether a place lies inside a cut-out, its border not counted."""
         return any(c.x < x < c.x + c.length and c.y < y < c.y + c.width for c in self.cutouts)
 
+    def has_surface(self, x, y):
+        """Whether there is surface at a place or at its border: some of what is next to it is neither cut out nor outside."""
+        step = 1e-7 * max(self.length, self.width)
+        beside = [(x + dx, y + dy) for dx in (-step, step) for dy in (-step, step)]
+        within = lambda u, v: 0 < u < self.length and (self.is_bar or 0 < v < self.width)
+        cut = lambda u, v: any(c.x < u < c.x + c.length and c.y < v < c.y + c.width for c in self.cutouts)
+        return any(within(u, v) and not cut(u, v) for u, v in beside)
+
     def without_actuators(self):
         """The same panel without its ERAs, housings included."""
         return replace(self, actuators=())

@@ -1,0 +1,93 @@
+"""Fields of a touch: `era field` as JSON and CSV, `GET /v1/field` of a daemon, for the drives that `era plan` prints."""
+
+import csv
+import io
+
+import numpy as np
+
+from ..harness import Result, change_all, not_comparable
+
+QUANTITIES = ("field", "field as CSV", "field over HTTP")
+PLANTS = {"field": change_all("actuator", "x_mm", 1.01), "field as CSV": "answer", "field over HTTP": "answer"}
+EVERY = 3
+MAX_HZ = 400.0
+STANDARD_GRAVITY = 9.80665
+# The reference's own error beyond which it says too little, of the field's largest value.
+USEFUL = 5e-3
+# What CSV and HTTP may round away: six decimals of a g, and a like share of the largest value.
+DECIMALS_G = 1e-6
+
+
+def run(context):
+    """Compares the field of one random touch."""
+    rng, scene, name = context.rng("field"), context.scene, context.name
+    x_px, y_px = rng.uniform(0, scene.screen.width_px), rng.uniform(0, scene.screen.height_px)
+    for _ in range(1000):
+        if scene.has_surface(*scene.screen.to_m(x_px, y_px)):
+            break
+        x_px, y_px = rng.uniform(0, scene.screen.width_px), rng.uniform(0, scene.screen.height_px)
+    if scene.is_bar:
+        y_px = (scene.width / 2 - scene.screen.y) * scene.screen.height_px / scene.screen.width
+        y_px = min(max(y_px, 0.0), scene.screen.height_px)
+    intensity = float(rng.choice([0.05, 0.5, 2.0]))
+    touch = ("--at", f"{x_px!r},{y_px!r}", "--intensity-g", intensity)
+    plan = context.era.json("plan", *touch)
+    said = context.era.json("field", *touch)
+    text = context.era.run("field", *touch, "--csv", "-")[0]
+    table = np.array([[float(value) if value else np.nan for value in row] for row in list(csv.reader(io.StringIO(text)))[1:]])
+    with context.era.serve() as request:
+        status, over_http = request("GET", f"/v1/field?x_px={x_px!r}&y_px={y_px!r}&intensity_g={intensity}")
+    if status != 200:
+        return [Result("field over HTTP", name, np.inf, 0, True, f"{status}: {over_http}")]
+
+    nx, ny = over_http["nx"], over_http["ny"]
+    points = np.array([(x * 1e-3, y * 1e-3) for y in over_http["y_mm"] for x in over_http["x_mm"]])
+    values = lambda numbers: np.array([np.nan if value is None else value for value in numbers])
+    json_g, http_g = values(said["field"]["peak_g"]), values(over_http["peak_g"])
+    if context.planted("field over HTTP"):
+        http_g[[0, -1]] = http_g[[0, -1]] * 1.01 + 1e-3
+    if context.planted("field as CSV"):
+        table[-1, 2] = table[-1, 2] * 1.01 + 1e-3
+    there = np.array([scene.has_surface(*point) for point in points])
+    places = points[there]
+    wanted, own = peak_field(context.panel(MAX_HZ), plan["drives"], places)
+    top = wanted.max()
+    results = []
+    same_size = len(json_g) == len(points) == nx * ny
+    if not same_size or (np.isnan(json_g) == there).any() or (np.isnan(http_g) == there).any():
+        return [Result("field", name, np.inf, 0, True, "points given or missing wrongly")]
+    bound = said["error_bound"]
+    if bound is None or top == 0 or own.max() > USEFUL * top:
+        results.append(not_comparable("field", name, f"bound {bound}, own error {own.max() / max(top, 1e-300):.1e}"))
+    else:
+        difference = np.abs(json_g[there] - wanted) / top
+        worst = (difference - own / top).argmax()
+        x, y = places[worst] * 1e3
+        note = f"at {x:.5g},{y:.5g} mm, touch {x_px:.5g},{y_px:.5g} px; bound {bound:.1e}"
+        results.append(Result("field", name, difference[worst], bound + own[worst] / top, True, note))
+    allowed = DECIMALS_G + 1e-6 * np.nanmax(json_g)
+    results.append(Result("field over HTTP", name, np.nanmax(np.abs(http_g - json_g)), allowed))
+    # The CSV has its own places, to a micrometre.
+    given = table[~np.isnan(table[:, 2])]
+    shifted = np.nan if len(given) != there.sum() else np.abs(given[:, :2] * 1e-3 - places).max()
+    results.append(Result("field as CSV", name, max(np.abs(given[:, 2] - json_g[there]).max() if shifted < 2e-6 else np.inf, 0), allowed))
+    return results
+
+
+def peak_field(panel, drives, places):
+    """Peak acceleration in g at places, equation 23, and the reference's own error of it.
+
+    Phasors of one frequency are added before their sizes are.
+    """
+    ids = [actuator.id for actuator in panel.scene.actuators]
+    wanted, own = np.zeros(len(places)), np.zeros(len(places))
+    for hz in sorted({drive["frequency_hz"] for drive in drives}):
+        curve, error = panel.accelerance(places, [hz])[0], panel.accelerance_error(places, [hz])[0]
+        phasor = np.zeros(len(places), dtype=complex)
+        for drive in drives:
+            if drive["frequency_hz"] == hz:
+                k = ids.index(drive["actuator"])
+                phasor += drive["force_n"] * np.exp(1j * drive["phase_rad"]) * curve[k]
+                own += drive["force_n"] * error[k]
+        wanted += np.abs(phasor)
+    return wanted / STANDARD_GRAVITY, own / STANDARD_GRAVITY
