@@ -39,7 +39,9 @@ def run(context):
     got = np.array([np.array(a["acceleration_re"]) + 1j * np.array(a["acceleration_im"]) for a in answer["actuators"]])
     ids = [a["id"] for a in answer["actuators"]]
     wanted = panel.accelerance([(x, y)], hz)[:, :, 0].T
+    # Over the whole curve, as the bound is meant: at single frequencies two meshes may agree by chance.
     own = panel.accelerance_error([(x, y)], hz)[:, :, 0].T
+    own = np.broadcast_to(own.max(axis=1, keepdims=True), own.shape)
     peak = np.abs(wanted).max()
     if ids != [actuator.id for actuator in context.scene.actuators]:
         return [Result("response", name, np.inf, 0, True, f"actuators {ids}")]

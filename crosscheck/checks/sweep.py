@@ -15,7 +15,7 @@ MAX_HZ = 400.0
 USEFUL = 5e-3
 # The file has single precision, relative to a curve's largest magnitude.
 SINGLE = 3e-6
-# A place that moves less than this part of the liveliest place is held.
+# A place that moves less than this part of the acceleration of the free panel, 1 N over its weight, is held.
 STILL = 1e-9
 
 
@@ -52,11 +52,12 @@ def run(context):
     panel = context.panel(MAX_HZ)
     places = [points[k] for k in kept]
     wanted, own = panel.accelerance(places, hz), panel.accelerance_error(places, hz)
-    # Of each point's own curve; places that an edge holds have none, and are to be still against the rest.
-    peak = np.abs(wanted).max(axis=0, keepdims=True)
-    peak = np.maximum(peak, max(STILL * peak.max(), 1e-300))
-    difference, own = np.abs(flat[:, :, kept] - wanted) / peak, own / peak
-    useful = own.max(axis=0) <= USEFUL
+    # Of each point's own curve; places that an edge holds have none.
+    weight = scene.material.density_kg_m3 * scene.length * scene.width * scene.thickness
+    peak = np.maximum(np.abs(wanted).max(axis=0, keepdims=True), STILL / weight)
+    difference = np.abs(flat[:, :, kept] - wanted) / peak
+    own = np.broadcast_to((own / peak).max(axis=0, keepdims=True), own.shape)
+    useful = own[0] <= USEFUL
     for k, actuator in enumerate(said["actuators"]):
         if actuator["error_bound"] is None:
             results.append(not_comparable("sweep", name, "no bound"))
