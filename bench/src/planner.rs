@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::table::{Table, relative, seconds};
 use era::model::Accuracy;
-use era::model::bounded::Levels;
+use era::model::levels::Levels;
 use era::planner::allocate::Allocation;
 use era::planner::candidates::Judge;
 use era::planner::{Grouping, PlanTable, Request, STANDARD_GRAVITY, TableOptions, Target, Work};

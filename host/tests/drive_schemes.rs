@@ -1,7 +1,7 @@
 //! The ways to drive a panel, against each other and against the limits.
 
 use era::model::Accuracy;
-use era::model::bounded::Levels;
+use era::model::levels::Levels;
 use era::planner::reach::setting::{Part, command};
 use era::planner::reach::{Maps, Measure, Region, SchemeReach, rigid, schemes};
 use era::planner::{Objective, PlanError, PlanTable, Request, TableOptions, Target};

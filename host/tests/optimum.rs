@@ -1,7 +1,7 @@
 //! The best combination that the planner finds, against all combinations, on random scenes.
 
 use era::model::Accuracy;
-use era::model::bounded::Levels;
+use era::model::levels::Levels;
 use era::planner::allocate::Allocation;
 use era::planner::candidates::Judge;
 use era::planner::search::Choices;

@@ -3,7 +3,7 @@
 mod support;
 
 use era::model::Accuracy;
-use era::model::bounded::Levels;
+use era::model::levels::Levels;
 use era::planner::{PlanTable, TableOptions, Target};
 use era::scene::Scene;
 use serde_json::json;

@@ -5,7 +5,7 @@ mod support;
 use era::device::sim::Panel;
 use era::effects::{EffectRequest, NamedEffect, design};
 use era::model::Accuracy;
-use era::model::bounded::Levels;
+use era::model::levels::Levels;
 use era::planner::moving::{Board, CONCEDED, Moving, Verdict};
 use era::planner::{Plan, PlanTable, TableOptions, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};

@@ -1,7 +1,7 @@
 //! Random scenes: the simulated device against the prediction, and what the electrodes do to the masses.
 
 use era::device::sim::Panel;
-use era::model::bounded::Levels;
+use era::model::levels::Levels;
 use era::model::{Accuracy, PanelModel};
 use era::planner::softening::{Excitation, Line, Transducer, settle, travel_receptance};
 use era::planner::{PlanTable, TableOptions, Target};

@@ -40,7 +40,7 @@ pub fn text(explanation: &Explanation) -> String {
 mod tests {
     use super::*;
     use crate::model::Accuracy;
-    use crate::model::bounded::Levels;
+    use crate::model::levels::Levels;
     use crate::planner::{PlanTable, Request, TableOptions, Target};
     use crate::scene::{EXAMPLE_BAR, Scene};
 

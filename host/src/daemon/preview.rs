@@ -7,7 +7,7 @@ use super::attachments::Attachments;
 use super::problem::Problem;
 use super::view::{FieldView, PlanView};
 use crate::model::Accuracy;
-use crate::model::bounded::Levels;
+use crate::model::levels::Levels;
 use crate::planner::{PlanTable, TableOptions, Target};
 use crate::scene::{MAX_ACTUATORS, Scene};
 use axum::http::StatusCode;

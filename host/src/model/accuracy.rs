@@ -2,11 +2,13 @@
 
 use super::ModelError;
 use std::str::FromStr;
+use std::time::Duration;
 
-/// A relative tolerance, by name or number.
+/// A relative tolerance, by name or number, or the time that there is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     tolerance: f64,
+    within: Option<Duration>,
 }
 
 /// Tightest tolerance that a mesh is chosen for.
@@ -16,11 +18,11 @@ const LOOSEST: f64 = 0.1;
 
 impl Accuracy {
     /// 1e-2.
-    pub const FAST: Accuracy = Accuracy { tolerance: 1e-2 };
+    pub const FAST: Accuracy = Accuracy { tolerance: 1e-2, within: None };
     /// 1e-3.
-    pub const BALANCED: Accuracy = Accuracy { tolerance: 1e-3 };
+    pub const BALANCED: Accuracy = Accuracy { tolerance: 1e-3, within: None };
     /// 1e-6.
-    pub const REFERENCE: Accuracy = Accuracy { tolerance: 1e-6 };
+    pub const REFERENCE: Accuracy = Accuracy { tolerance: 1e-6, within: None };
 
     /// A tolerance between 1e-8 and 0.1.
     ///
@@ -28,12 +30,24 @@ impl Accuracy {
     /// [`ModelError::Tolerance`] outside that range.
     pub fn tolerance(value: f64) -> Result<Self, ModelError> {
         if (TIGHTEST..=LOOSEST).contains(&value) {
-            return Ok(Self { tolerance: value });
+            return Ok(Self { tolerance: value, within: None });
         }
         Err(ModelError::Tolerance { value, min: TIGHTEST, max: LOOSEST })
     }
 
-    /// The tolerance as a number.
+    /// As accurate as can be had within a time, from the first level on: at least two levels are asked, however long they take.
+    #[must_use]
+    pub const fn within(time: Duration) -> Self {
+        Self { tolerance: TIGHTEST, within: Some(time) }
+    }
+
+    /// The time that there is, if that is what was asked for.
+    #[must_use]
+    pub const fn time(self) -> Option<Duration> {
+        self.within
+    }
+
+    /// The tolerance as a number; the tightest of all where a time was given.
     #[must_use]
     pub const fn value(self) -> f64 {
         self.tolerance

@@ -16,7 +16,9 @@
 //! * [`eigen`]: the modes, by shift-invert block Lanczos,
 //! * [`damping`]: dampers, loss factor, Rayleigh's and modal damping over a basis,
 //! * [`reduced`]: modes and residual shapes as a small model for response, planning and simulation,
-//! * [`bounded`]: the same question at rising orders, and a bound from the differences,
+//! * [`bounded`]: the same question at rising orders until the bound meets a tolerance, or as long as there is time,
+//! * [`estimator`]: a bound from the differences of the orders,
+//! * [`levels`]: models of three orders to plan with,
 //! * [`stored`]: reduced models as plain numbers, to be kept on disk.
 //!
 //! Data flows down this list; [`PanelModel`] is what the rest of the program uses.
@@ -29,7 +31,9 @@ pub mod damping;
 pub mod eigen;
 mod enriched;
 mod error;
+pub mod estimator;
 pub mod grid;
+pub mod levels;
 pub mod mesh;
 mod panel;
 mod placement;

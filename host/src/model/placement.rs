@@ -104,6 +104,21 @@ pub fn is_singular(scene: &Scene, fineness: Fineness) -> bool {
     !layout.is_uniform() || attachments(scene).any(beside_corner)
 }
 
+/// Whether two attachments of a plate are so near to each other, and not at one place, that their functions overlap in a cell.
+#[must_use]
+pub fn has_close_points(scene: &Scene, fineness: Fineness) -> bool {
+    if scene.surface.kind == SurfaceKind::Bar {
+        return false;
+    }
+    let merged = MERGE * scene.surface.length_m.max(scene.surface.width_m);
+    let at: Vec<(f64, f64)> = attachments(scene).collect();
+    let are_close = |a: &(f64, f64), b: &(f64, f64)| {
+        let distance = (a.0 - b.0).hypot(a.1 - b.1);
+        distance > merged && distance < NEAR_BORDER * fineness.cell_m
+    };
+    at.iter().enumerate().any(|(k, a)| at[k + 1..].iter().any(|b| are_close(a, b)))
+}
+
 /// The functions of all attachments, one set for each place.
 pub(super) fn singular(scene: &Scene, layout: &Layout, fineness: Fineness) -> Vec<Singular> {
     let mut places: Vec<(f64, f64)> = Vec::new();

@@ -1,6 +1,7 @@
 //! The questions that [`super::bounded`] puts to a panel: its modes.
 
-use super::bounded::{Bounded, Question, Rounding, bounded};
+use super::bounded::{Bounded, Question, bounded};
+use super::estimator::Rounding;
 use super::panel::{Mode, PanelModel};
 use super::{Accuracy, ModelError};
 use crate::scene::Scene;
@@ -33,6 +34,10 @@ impl Question for ModesUpTo {
                 None => f64::INFINITY,
             })
             .collect()
+    }
+
+    fn is_response(&self) -> bool {
+        false
     }
 
     fn floors(&self, fine: &Vec<Mode>, rounding: Rounding) -> Vec<f64> {

@@ -3,7 +3,9 @@
 //! What follows from the scene in no time (the meshes and their functions) is not kept but made again. Everything that is
 //! read is looked at before it is used: sizes that agree, numbers that are finite.
 
-use super::bounded::{Estimator, Levels, Step};
+use super::bounded::Step;
+use super::estimator::Estimator;
+use super::levels::Levels;
 use super::damping::{Coupling, Structured};
 use super::grid::Grid;
 use super::panel::fineness;

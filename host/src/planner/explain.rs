@@ -5,7 +5,7 @@ use super::plan::{Plan, contrast_db};
 use super::request::{Grouping, Objective, PlanError, Request};
 use super::table::{PlanTable, TableOptions, at_point, harmonic_part};
 use super::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
-use crate::model::bounded::Levels;
+use crate::model::levels::Levels;
 use crate::model::{Accuracy, ModelError};
 use crate::response::ResponseError;
 use crate::scene::{MAX_ACTUATORS, SurfaceKind};

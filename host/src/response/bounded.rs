@@ -2,16 +2,28 @@
 
 use super::sweep::{Arithmetic, SurfaceShapes, Sweep};
 use super::{ResponseError, acceleration_curves};
-use crate::model::bounded::{HIDDEN_IN_RESPONSES, Question, RESPONSE_SAFETY, Rounding, SHARPEST, bounded};
+use crate::model::bounded::{Question, bounded};
+use crate::model::estimator::{RESPONSE_SAFETY, Rounding, SHARPEST};
 use crate::model::{Accuracy, Bounded, ModelError, PanelModel};
 use crate::scene::Scene;
 use num_complex::Complex64;
 use std::marker::PhantomData;
 
+/// Values of a sweep that are compared at least, where it has more: from one level to the next errors change slowly along
+/// the surface (waves are several points long), so that a lattice shows the largest.
+const COMPARED: usize = 200_000;
+/// Points along a side that are compared at least.
+const LEAST_ALONG: usize = 9;
+/// Largest difference at any point over the largest at the points compared: 1.05 at most on the random scenes of
+/// `host/tests/sweep.rs`.
+const BETWEEN_POINTS: f64 = 1.25;
+
 /// Acceleration, relative to that of the surface under the same force, which is as good as none.
 const NOTHING: f64 = 1e-6;
 /// Tolerance that a sweep meets with the usual number of modes.
 const RESIDUALS_DO: f64 = 1e-3;
+/// The same for a sweep that has a time instead of a tolerance.
+const WITHIN_TIME: f64 = 1e-4;
 /// Error of a product over the rounding of its numbers, relative to the largest value on a curve: sums of dozens of terms
 /// that are up to a few times larger than what they add up to.
 const ARITHMETIC: f64 = 50.0;
@@ -34,6 +46,8 @@ struct Surface<'a, T> {
     frequencies_hz: &'a [f64],
     /// What the model is reduced for.
     modes_hz: f64,
+    /// Columns and rows that are compared.
+    compared: [Vec<usize>; 2],
     arithmetic: PhantomData<T>,
 }
 
@@ -73,8 +87,8 @@ impl Question for Curves<'_> {
         RESPONSE_SAFETY
     }
 
-    fn hidden(&self) -> f64 {
-        HIDDEN_IN_RESPONSES
+    fn is_response(&self) -> bool {
+        true
     }
 
     fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
@@ -82,29 +96,77 @@ impl Question for Curves<'_> {
     }
 }
 
+impl<T: Arithmetic + Into<f64>> Surface<'_, T> {
+    fn sweep(&self, model: &PanelModel, x_m: &[f64], y_m: &[f64]) -> Result<Sweep<T>, CurveError> {
+        let reduced = model.reduce(self.modes_hz, &[])?;
+        Ok(SurfaceShapes::new(self.scene, &reduced, x_m, y_m).sweep(self.frequencies_hz)?)
+    }
+
+    /// Where a sweep, of all points or of those compared, has the points compared.
+    fn places(&self, sweep: &Sweep<T>) -> Vec<usize> {
+        let [columns, rows] = &self.compared;
+        if sweep.points == columns.len() * rows.len() {
+            return (0..sweep.points).collect();
+        }
+        rows.iter().flat_map(|row| columns.iter().map(move |column| row * self.x_m.len() + column)).collect()
+    }
+}
+
+/// Evenly chosen of `count`, both ends among them, mirror images of each other: every `step`th or so.
+fn chosen(count: usize, part: f64) -> Vec<usize> {
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "small counts, and `as` saturates"
+    )]
+    let wanted = ((count as f64 * part).ceil() as usize).max(LEAST_ALONG);
+    if wanted >= count {
+        return (0..count).collect();
+    }
+    let last = count - 1;
+    let half = (wanted - 1) / 2;
+    // From both ends towards the middle, so that a symmetrical grid stays one.
+    let mut out: Vec<usize> = (0..=half).map(|k| k * last / (2 * half.max(1))).collect();
+    let mirrored: Vec<usize> = out.iter().rev().map(|k| last - k).collect();
+    out.extend(mirrored);
+    out.dedup();
+    out
+}
+
 impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
     type Answer = Sweep<T>;
     type Error = CurveError;
 
     fn ask(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
-        let reduced = model.reduce(self.modes_hz, &[])?;
-        Ok(SurfaceShapes::new(self.scene, &reduced, self.x_m, self.y_m).sweep(self.frequencies_hz)?)
+        self.sweep(model, self.x_m, self.y_m)
     }
 
-    /// For each actuator, the largest over the points of the difference relative to the largest magnitude on the point's curve.
+    /// At the points that are compared only.
+    fn ask_to_compare(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
+        let of = |all: &[f64], which: &[usize]| which.iter().map(|k| all[*k]).collect::<Vec<_>>();
+        self.sweep(model, &of(self.x_m, &self.compared[0]), &of(self.y_m, &self.compared[1]))
+    }
+
+    /// For each actuator, the largest over the points compared of the difference relative to the largest magnitude on the
+    /// point's curve.
     fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
+        let (coarse_at, fine_at) = (self.places(coarse), self.places(fine));
+        let is_all = fine_at.len() == self.x_m.len() * self.y_m.len();
+        let safety = if is_all { 1.0 } else { BETWEEN_POINTS };
         (0..fine.actuators)
             .map(|actuator| {
-                let mut curves = vec![(0.0_f64, 0.0_f64); fine.points];
+                let mut curves = vec![(0.0_f64, 0.0_f64); fine_at.len()];
                 for frequency in 0..self.frequencies_hz.len() {
-                    let (fine, coarse) = (fine.field(frequency, actuator), coarse.field(frequency, actuator));
-                    for ((difference, peak), (fine, coarse)) in curves.iter_mut().zip(fine.zip(coarse)) {
-                        *difference = difference.max((fine - coarse).norm_sqr());
+                    let places = coarse_at.iter().zip(&fine_at);
+                    for ((difference, peak), (coarse_at, fine_at)) in curves.iter_mut().zip(places) {
+                        let fine = fine.value(frequency, actuator, *fine_at);
+                        *difference = difference.max((fine - coarse.value(frequency, actuator, *coarse_at)).norm_sqr());
                         *peak = peak.max(fine.norm_sqr());
                     }
                 }
                 let relative = |(difference, peak): &(f64, f64)| difference.sqrt() / peak.sqrt().max(self.nothing);
-                curves.iter().map(relative).fold(0.0, f64::max)
+                safety * curves.iter().map(relative).fold(0.0, f64::max)
             })
             .collect()
     }
@@ -113,8 +175,8 @@ impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
         RESPONSE_SAFETY
     }
 
-    fn hidden(&self) -> f64 {
-        HIDDEN_IN_RESPONSES
+    fn is_response(&self) -> bool {
+        true
     }
 
     fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
@@ -136,9 +198,24 @@ pub fn bounded_sweep<T: Arithmetic + Into<f64>>(
     let max_hz = frequencies_hz.iter().copied().fold(1.0, f64::max);
     // There are residual shapes of the actuators but not of every point: what the modes leave out falls with the sixth power
     // of how far they reach, not the eighth, and for tolerances below 1e-3 that is what is missing.
-    let modes_hz = max_hz * (RESIDUALS_DO / accuracy.value()).powf(1.0 / 6.0).max(1.0);
-    let question =
-        Surface { scene, nothing: nothing(scene), x_m, y_m, frequencies_hz, modes_hz, arithmetic: PhantomData::<T> };
+    let tolerance = if accuracy.time().is_some() { WITHIN_TIME } else { accuracy.value() };
+    let modes_hz = max_hz * (RESIDUALS_DO / tolerance).powf(1.0 / 6.0).max(1.0);
+    #[allow(clippy::cast_precision_loss, reason = "far below 2^52")]
+    let part = {
+        let values = (x_m.len() * y_m.len() * frequencies_hz.len() * scene.actuators.len()).max(1) as f64;
+        (COMPARED as f64 / values).sqrt().min(1.0)
+    };
+    let compared = [chosen(x_m.len(), part), chosen(y_m.len(), part)];
+    let question = Surface {
+        scene,
+        nothing: nothing(scene),
+        x_m,
+        y_m,
+        frequencies_hz,
+        modes_hz,
+        compared,
+        arithmetic: PhantomData::<T>,
+    };
     bounded(&question, scene, accuracy, max_hz)
 }
 

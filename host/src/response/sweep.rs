@@ -73,6 +73,12 @@ impl<T: Copy> Sweep<T> {
 }
 
 impl<T: Arithmetic + Into<f64>> Sweep<T> {
+    /// One value in double precision.
+    pub(super) fn value(&self, frequency: usize, actuator: usize, point: usize) -> Complex64 {
+        let z = self.at(frequency, actuator, point);
+        Complex64::new(z.re.into(), z.im.into())
+    }
+
     /// All points for one frequency and actuator.
     pub fn field(&self, frequency: usize, actuator: usize) -> impl Iterator<Item = Complex64> {
         let from = (frequency * self.actuators + actuator) * self.points;

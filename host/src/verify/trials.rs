@@ -3,7 +3,7 @@
 use super::scenes::{Random, random_scene};
 use super::{Comparison, VerifyError, compare};
 use crate::device::sim::{Panel, STEP_S};
-use crate::model::bounded::Levels;
+use crate::model::levels::Levels;
 use crate::model::{Accuracy, ModelError};
 use crate::planner::{PlanTable, TableOptions, Target};
 use crate::response::ResponseError;

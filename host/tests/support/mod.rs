@@ -7,7 +7,7 @@ pub mod scenes;
 use era::daemon::{App, Background};
 use era::device::sim::SimControl;
 use era::device::{OpenDevice, Target};
-use era::model::bounded::Levels;
+use era::model::levels::Levels;
 use era::model::{Accuracy, PanelModel};
 use era::planner::{PlanTable, TableOptions};
 use era::scene::Scene;

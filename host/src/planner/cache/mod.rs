@@ -19,7 +19,8 @@ pub use key::Key;
 
 use super::table::stored::StoredTable;
 use super::{PlanTable, TableOptions};
-use crate::model::bounded::{Levels, Step};
+use crate::model::bounded::Step;
+use crate::model::levels::Levels;
 use crate::model::{Accuracy, ModelError};
 use crate::response::ResponseError;
 use crate::scene::Scene;

@@ -6,7 +6,8 @@
 
 use super::build::{Panel, electrodes_of, entries_at, free_motion, rows};
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
-use crate::model::bounded::{Levels, Step};
+use crate::model::bounded::Step;
+use crate::model::levels::Levels;
 use crate::model::stored::{Implausible, StoredLevels, StoredMatrix, complex, expect_size, pairs};
 use crate::model::{Accuracy, ReducedModel};
 use crate::planner::limits::Limit;
