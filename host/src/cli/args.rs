@@ -7,6 +7,7 @@ use crate::planner::cache::{Cache, DIRECTORY_VARIABLE};
 use crate::scene::Scene;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
+use std::time::Duration;
 
 use super::Failure;
 pub use super::args_board::{Flash, Monitor};
@@ -124,6 +125,10 @@ pub struct Panel {
     /// Relative tolerance as a number, 1e-8 to 0.1
     #[arg(long, value_name = "REL")]
     pub tolerance: Option<f64>,
+    /// For modes, response and sweep: the most accurate answer that fits in this time, 50ms or 2s say, instead of a tolerance;
+    /// the bound says what was reached
+    #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["tolerance", "accuracy"])]
+    pub within: Option<Duration>,
     /// Say on standard error what was modelled, what was left out, and what each step towards the tolerance cost and bought
     #[arg(long)]
     pub explain: bool,
@@ -144,14 +149,38 @@ impl Panel {
         Ok((Scene::parse(&source, &text).map_err(Failure::usage)?, text))
     }
 
-    /// The accuracy.
+    /// The accuracy of what climbs from level to level: a tolerance, or the time that there is.
+    pub fn climb(&self) -> Result<Accuracy, Failure> {
+        self.within.map_or_else(|| self.accuracy(), |time| Ok(Accuracy::within(time)))
+    }
+
+    /// The accuracy of all else.
     pub fn accuracy(&self) -> Result<Accuracy, Failure> {
+        if self.within.is_some() {
+            return Err(Failure::usage(
+                "--within is for modes, response and sweep: give --tolerance or --accuracy here",
+            ));
+        }
         match (self.accuracy, self.tolerance) {
             (_, Some(tolerance)) => Accuracy::tolerance(tolerance).map_err(Failure::usage),
             (Some(accuracy), None) => Ok(accuracy),
             (None, None) => Ok(Accuracy::BALANCED),
         }
     }
+}
+
+/// Times that make sense for an answer.
+const TIMES: std::ops::RangeInclusive<f64> = 1e-3..=3600.0;
+
+/// A time such as `50ms` or `2s`.
+fn parse_time(text: &str) -> Result<Duration, String> {
+    let wrong = || format!("{text:?} is not a time from 1ms to 3600s, such as 50ms or 2s");
+    let (number, unit_s) = match text.strip_suffix("ms") {
+        Some(number) => (number, 1e-3),
+        None => (text.strip_suffix('s').ok_or_else(wrong)?, 1.0),
+    };
+    let seconds = number.trim().parse::<f64>().map_err(|_| wrong())? * unit_s;
+    if TIMES.contains(&seconds) { Ok(Duration::from_secs_f64(seconds)) } else { Err(wrong()) }
 }
 
 /// Whether plan tables are kept on disk.

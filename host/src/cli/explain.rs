@@ -1,5 +1,6 @@
 //! What was modelled, what was left out, and what each step cost and bought: `--explain`.
 
+use crate::model::Accuracy;
 use crate::model::bounded::Step;
 use crate::scene::{EdgeKind, Mount, Scene, SurfaceDamping, SurfaceKind};
 use std::fmt::Write;
@@ -54,7 +55,7 @@ fn modelled(scene: &Scene) -> String {
 
 /// The whole text.
 #[must_use]
-pub fn explain(scene: &Scene, tolerance: f64, steps: &[Step]) -> String {
+pub fn explain(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> String {
     let mut text = modelled(scene);
     text.push_str(
         "\nleft out: shear and rotary inertia, stretching in the plane, the air, what the electrodes' field does to an ERA's \
@@ -77,7 +78,12 @@ pub fn explain(scene: &Scene, tolerance: f64, steps: &[Step]) -> String {
         );
     }
     let total: f64 = steps.iter().map(|step| step.elapsed_ms).sum();
-    let _ = match steps.last().map(|step| step.bound) {
+    let tolerance = accuracy.value();
+    let best = steps.iter().map(|step| step.bound).reduce(f64::min);
+    let _ = match best {
+        Some(bound) if accuracy.time().is_some() && bound.is_finite() => {
+            write!(text, "\n{bound:.0e} is what fits in the time, {total:.1} ms in all")
+        }
         Some(bound) if bound <= tolerance => write!(text, "\ntolerance {tolerance:.0e} met, {total:.1} ms in all"),
         // A table of plans: each plan has its own.
         Some(f64::INFINITY) => write!(text, "\n{total:.1} ms in all; the bound is each answer's own"),
@@ -89,13 +95,13 @@ pub fn explain(scene: &Scene, tolerance: f64, steps: &[Step]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Accuracy, bounded_modes};
+    use crate::model::bounded_modes;
 
     #[test]
     fn every_step_and_every_part_is_told() {
         let scene = Scene::parse("bar", crate::scene::EXAMPLE_BAR).unwrap();
         let found = bounded_modes(&scene, Accuracy::BALANCED, 300.0).unwrap();
-        let text = explain(&scene, 1e-3, &found.steps);
+        let text = explain(&scene, Accuracy::BALANCED, &found.steps);
         for piece in ["a beam", "2 grounded ERAs", "hysteretic", "left out: shear", "tolerance 1e-3 met"] {
             assert!(text.contains(piece), "{piece:?} is not in {text}");
         }

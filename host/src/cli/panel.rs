@@ -111,7 +111,7 @@ pub fn need_actuators(scene: &Scene) -> Result<(), Failure> {
 pub fn modes(options: &Modes) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
-    let accuracy = options.panel.accuracy()?;
+    let accuracy = options.panel.climb()?;
     let found = with_progress("computing modes", || bounded_modes(&scene, accuracy, options.max_hz))?;
     // Only of what was not refused.
     warn_if_thick(&scene, options.max_hz);
@@ -149,7 +149,7 @@ pub fn modes(options: &Modes) -> Outcome {
 /// `--explain`.
 pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Step]) {
     if panel.explain {
-        eprintln!("{}", explain(scene, accuracy.value(), steps));
+        eprintln!("{}", explain(scene, accuracy, steps));
     }
 }
 
@@ -159,8 +159,11 @@ pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
         eprintln!("error_bound is null: {reason}");
     }
     let largest = bounds.iter().filter_map(|bound| bound.value()).fold(0.0, f64::max);
-    if largest > accuracy.value() {
-        eprintln!("error_bound {largest:.1e} is above the tolerance {:.1e}: no finer mesh was tried", accuracy.value());
+    if accuracy.time().is_none() && largest > accuracy.value() {
+        eprintln!(
+            "error_bound {largest:.1e} is above the tolerance {:.1e}, and the finest meshes did not bring it down",
+            accuracy.value()
+        );
     }
 }
 
@@ -169,7 +172,7 @@ pub fn response(options: &Response) -> Outcome {
     let scene = options.panel.load()?;
     let frequencies_hz = frequencies(&options.band)?;
     let (x_m, y_m) = surface_point(&scene, options.at.x, options.at.y, Unit::Mm)?;
-    let accuracy = options.panel.accuracy()?;
+    let accuracy = options.panel.climb()?;
     need_actuators(&scene)?;
     warn_if_thick(&scene, options.band.to);
     let found = with_progress("computing the response", || {

@@ -45,7 +45,7 @@ impl Stored for f64 {
 }
 
 pub fn run(options: &Options) -> Outcome {
-    if options.panel.accuracy()?.value() >= SINGLE { run_in::<f32>(options) } else { run_in::<f64>(options) }
+    if options.panel.climb()?.value() >= SINGLE { run_in::<f32>(options) } else { run_in::<f64>(options) }
 }
 
 fn run_in<T: Stored>(options: &Options) -> Outcome {
@@ -56,7 +56,7 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
         let from = options.band.from;
         return Err(Failure::usage(format!("--from {from} is not in the allowed range above 0 Hz")));
     }
-    let accuracy = options.panel.accuracy()?;
+    let accuracy = options.panel.climb()?;
     let (x_m, y_m) = grid(options, &scene);
     check_size(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
     need_actuators(&scene)?;

@@ -159,7 +159,16 @@ pub fn bounded<Q: Question>(
     max_hz: f64,
 ) -> Result<Bounded<Q::Answer>, Q::Error> {
     let first = first_order(scene, accuracy, question.is_response());
-    let mut ladder = Ladder { question, scene, accuracy, max_hz, started: Instant::now(), levels: Vec::new(), best: None, steps: Vec::new() };
+    let mut ladder = Ladder {
+        question,
+        scene,
+        accuracy,
+        max_hz,
+        started: Instant::now(),
+        levels: Vec::new(),
+        best: None,
+        steps: Vec::new(),
+    };
     ladder.mesh(Rung { order: first, part: 1.0 })?;
     let mut rung = Rung { order: first, part: 1.0 };
     while let Some(next) = ladder.next(rung) {
@@ -290,7 +299,8 @@ impl<Q: Question> Ladder<'_, Q> {
         let best = self.best.as_ref()?;
         let last = self.steps.last()?.bound;
         // Nothing to gain where rounding is all that is left, or has begun to grow.
-        let is_rounding = best.is_near_floor(2.0) || (last > GETTING_WORSE * best.largest() && best.is_near_floor(NEAR_FLOOR));
+        let is_rounding =
+            best.is_near_floor(2.0) || (last > GETTING_WORSE * best.largest() && best.is_near_floor(NEAR_FLOOR));
         if best.largest() <= self.accuracy.value() || is_rounding || has_point_moment(self.scene) {
             return None;
         }
@@ -314,7 +324,8 @@ impl<Q: Question> Ladder<'_, Q> {
         let grown = last.dofs as f64 / before.dofs.max(1) as f64;
         let power = if grown > 1.0 { (last.elapsed_ms / before.elapsed_ms).ln() / grown.ln() } else { GROWTH.1 };
         let more = (unknowns as f64 / last.dofs.max(1) as f64).max(1.0);
-        let predicted_ms = last.elapsed_ms * more.powf(power.clamp(GROWTH.0, GROWTH.1)) * if is_new_mesh { 2.0 } else { 1.0 };
+        let predicted_ms =
+            last.elapsed_ms * more.powf(power.clamp(GROWTH.0, GROWTH.1)) * if is_new_mesh { 2.0 } else { 1.0 };
         self.started.elapsed() + Duration::from_secs_f64(predicted_ms / 1e3) <= within
     }
 

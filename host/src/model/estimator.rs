@@ -20,7 +20,7 @@ use crate::scene::{Scene, SurfaceKind};
 use serde::{Deserialize, Serialize};
 
 /// Times the estimate.
-const SAFETY: f64 = 2.5;
+const SAFETY: f64 = 1.75;
 /// Largest ratio of differences that is believed to stay.
 const LARGEST_RATIO: f64 = 0.7;
 /// The same where errors fall with the square of the order: from 9, 11 and 13 the ratio is 0.57, from 13, 15 and 17 it is 0.69.
@@ -135,7 +135,7 @@ impl Estimator {
         if last == 0.0 {
             return 0.0;
         }
-        if !(last <= SMALL) {
+        if last.is_nan() || last > SMALL {
             return f64::INFINITY;
         }
         let ratio = match before {
@@ -185,7 +185,14 @@ mod tests {
     use super::*;
 
     fn of(order: usize, may_stall: bool) -> Estimator {
-        Estimator { order, power: LEAST_POWER, largest_ratio: LARGEST_RATIO, may_stall, rounding: ROUNDING, has_point_moment: false }
+        Estimator {
+            order,
+            power: LEAST_POWER,
+            largest_ratio: LARGEST_RATIO,
+            may_stall,
+            rounding: ROUNDING,
+            has_point_moment: false,
+        }
     }
 
     #[test]

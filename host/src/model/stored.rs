@@ -4,10 +4,10 @@
 //! read is looked at before it is used: sizes that agree, numbers that are finite.
 
 use super::bounded::Step;
-use super::estimator::Estimator;
-use super::levels::Levels;
 use super::damping::{Coupling, Structured};
+use super::estimator::Estimator;
 use super::grid::Grid;
+use super::levels::Levels;
 use super::panel::fineness;
 use super::{Accuracy, ReducedModel};
 use crate::scene::Scene;

@@ -238,3 +238,20 @@ pub fn bounded_curves(
     let max_hz = frequencies_hz.iter().copied().fold(1.0, f64::max);
     bounded(&Curves { nothing: nothing(scene), at, frequencies_hz, max_hz }, scene, accuracy, max_hz)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::chosen;
+
+    #[test]
+    fn a_lattice_has_both_ends_and_is_its_own_mirror_image() {
+        for count in [1, 2, 9, 10, 33, 49, 50, 201] {
+            for part in [0.01, 0.2, 0.5, 1.0] {
+                let at = chosen(count, part);
+                assert_eq!((at[0], at[at.len() - 1]), (0, count - 1), "{count} {part}");
+                assert!(at.windows(2).all(|pair| pair[0] < pair[1]), "{at:?}");
+                assert!(at.iter().eq(at.iter().rev().map(|k| count - 1 - k).collect::<Vec<_>>().iter()), "{at:?}");
+            }
+        }
+    }
+}
