@@ -138,7 +138,7 @@ pub trait Question {
 /// Order of the first level whose bound is looked at.
 fn first_order(scene: &Scene, accuracy: Accuracy, is_response: bool) -> usize {
     // Loose enough for order 9: of frequencies, and of responses.
-    let (frequencies, responses) = (1e-5, 1e-2);
+    let (frequencies, responses) = (1e-3, 1e-2);
     if accuracy.time().is_some() {
         FIRST_ORDER_WITHIN
     } else if accuracy.value() >= if is_response { responses } else { frequencies } || has_singular_corner(scene) {

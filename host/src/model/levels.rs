@@ -2,11 +2,14 @@
 
 use super::bounded::Step;
 use super::estimator::Estimator;
-use super::grid::expected_unknowns;
+use super::grid::{Fineness, expected_unknowns};
 use super::panel::{PanelModel, fineness};
 use super::{Accuracy, ModelError, ReducedModel};
 use crate::scene::Scene;
 use std::time::Instant;
+
+/// Size of the cells of a plate with cut-outs over the usual one.
+const BESIDE_CUTOUTS: f64 = 0.5;
 
 /// Reduced models of three levels, for answers that are asked for over and over.
 #[derive(Clone, Debug)]
@@ -28,7 +31,7 @@ impl Levels {
     /// As [`super::bounded()`], if the mesh would be too fine.
     #[allow(clippy::cast_precision_loss, reason = "about")]
     pub fn expected_unknowns(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
-        Ok(expected_unknowns(scene, fineness(scene, Self::order(accuracy), 1.0, max_hz)?) as f64)
+        Ok(expected_unknowns(scene, Self::meshes(scene, accuracy, max_hz)?[0]) as f64)
     }
 
     /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.
@@ -36,12 +39,22 @@ impl Levels {
     /// # Errors
     /// As [`super::bounded()`].
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
-        Self::of_order(scene, Self::order(accuracy), max_hz)
+        Self::of_meshes(scene, Self::meshes(scene, accuracy, max_hz)?, max_hz)
     }
 
-    /// Order of the finest level's elements: one step finer than a first try, as nobody climbs from here.
-    pub(super) fn order(accuracy: Accuracy) -> usize {
-        accuracy.order() + 2
+    /// The meshes for frequencies up to `max_hz`, finest first: one order more than a first try, as nobody climbs from here, and
+    /// cells of half the size where a cut-out's corners let errors fall with the square of the order only.
+    ///
+    /// # Errors
+    /// As [`super::bounded()`].
+    pub(super) fn meshes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<[Fineness; 3], ModelError> {
+        let part = if scene.cutouts.is_empty() { 1.0 } else { BESIDE_CUTOUTS };
+        Self::meshes_of(scene, accuracy.order() + 2, part, max_hz)
+    }
+
+    fn meshes_of(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<[Fineness; 3], ModelError> {
+        let of = |order| fineness(scene, order, part, max_hz);
+        Ok([of(order)?, of(order - 2)?, of(order - 4)?])
     }
 
     /// Levels of elements of `order` (7 and above) and of the orders 2 and 4 below it.
@@ -49,19 +62,22 @@ impl Levels {
     /// # Errors
     /// As [`super::bounded()`].
     pub fn of_order(scene: &Scene, order: usize, max_hz: f64) -> Result<Self, ModelError> {
+        Self::of_meshes(scene, Self::meshes_of(scene, order, 1.0, max_hz)?, max_hz)
+    }
+
+    fn of_meshes(scene: &Scene, [fine, middle, coarse]: [Fineness; 3], max_hz: f64) -> Result<Self, ModelError> {
         let mut steps = Vec::new();
-        let mut level = |order: usize| -> Result<_, ModelError> {
+        let mut level = |fineness: Fineness| -> Result<_, ModelError> {
             let started = Instant::now();
-            let fineness = fineness(scene, order, 1.0, max_hz)?;
             let model = PanelModel::with_fineness(scene, fineness)?;
             let reduced = model.reduce(max_hz, &[])?;
             let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
             steps.push(Step { fineness, parts: model.parts(), dofs: model.dofs(), elapsed_ms, bound: f64::INFINITY });
             Ok((Estimator::new(scene, &model), reduced))
         };
-        let (_, coarse) = level(order - 4)?;
-        let (_, middle) = level(order - 2)?;
-        let (estimator, fine) = level(order)?;
+        let (_, coarse) = level(coarse)?;
+        let (_, middle) = level(middle)?;
+        let (estimator, fine) = level(fine)?;
         Ok(Self { fine, coarser: [middle, coarse], estimator, steps })
     }
 }

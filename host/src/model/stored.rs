@@ -8,7 +8,6 @@ use super::damping::{Coupling, Structured};
 use super::estimator::Estimator;
 use super::grid::Grid;
 use super::levels::Levels;
-use super::panel::fineness;
 use super::{Accuracy, ReducedModel};
 use crate::scene::Scene;
 use nalgebra::{DMatrix, DVector};
@@ -209,13 +208,11 @@ impl StoredLevels {
     /// [`Implausible`], if they cannot be that.
     pub fn restore(self, scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Levels, Implausible> {
         expect_size("levels", self.steps.len(), self.models.len())?;
-        let finest = Levels::order(accuracy);
-        for (step, below) in self.steps.iter().rev().zip([0, 2, 4]) {
-            if fineness(scene, finest - below, 1.0, max_hz).ok() != Some(step.fineness) {
-                return Err(Implausible::Differs("mesh"));
-            }
+        let meshes = Levels::meshes(scene, accuracy, max_hz).map_err(|_| Implausible::Differs("mesh"))?;
+        if self.steps.iter().rev().zip(meshes).any(|(step, mesh)| step.fineness != mesh) {
+            return Err(Implausible::Differs("mesh"));
         }
-        if !self.estimator.is_plausible(finest) {
+        if !self.estimator.is_plausible(meshes[0].order) {
             return Err(Implausible::Differs("error estimator"));
         }
         let models = self.models.into_par_iter().zip(self.steps.par_iter().rev());
