@@ -2,6 +2,7 @@
 //! `cargo xtask bench planner`.
 
 mod arithmetic;
+mod before;
 mod calculix;
 mod case;
 mod clock;
@@ -16,6 +17,7 @@ mod planner;
 mod plot;
 mod problem;
 mod process;
+mod proof;
 mod references;
 mod table;
 mod table1;
@@ -69,6 +71,7 @@ enum Part {
     Peers,
     Table1,
     Arithmetic,
+    Proof,
     #[value(hide = true)]
     Planner,
 }
@@ -145,6 +148,10 @@ fn model(options: &Options) -> Result<(), Error> {
         if let Some(path) = &options.plot {
             plot::write(path, &responses, &modes)?;
         }
+    }
+    if wants(Part::Proof) {
+        tell(Part::Proof, proof::price(&environment, &problem)?);
+        tell(Part::Proof, proof::tightness(&environment)?);
     }
     if wants(Part::Growth) {
         let most_s = options.longest_s.unwrap_or(if options.quick { LONGEST_QUICK_S } else { LONGEST_S });

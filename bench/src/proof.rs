@@ -1,0 +1,235 @@
+//! (f): what the bound costs beside the answer, and how far it is above the error; beside the levels as they were.
+
+use crate::before;
+use crate::clock::{median, timed};
+use crate::environment::Environment;
+use crate::error::Error;
+use crate::problem::{MAX_HZ, Problem};
+use crate::table::{Table, relative, seconds, three};
+use era::model::{Accuracy, PanelModel, bounded_modes};
+use era::response::sweep::{SurfaceShapes, Sweep};
+use era::response::{acceleration_curves, bounded_curves, bounded_sweep};
+use era::scene::{Scene, SurfaceKind, evenly};
+use era::verify::trials::scene_text;
+use num_complex::Complex64;
+
+/// Random scenes.
+const SCENES: u64 = 60;
+/// Their seed.
+const SEED: u64 = 11;
+/// Highest frequency that random scenes are asked about, in Hz.
+const BAND_HZ: f64 = 400.0;
+/// Errors below this are rounding's.
+const ROUNDING: f64 = 1e-9;
+/// How much tighter the solution is that stands for the exact one.
+const EXACT: f64 = 1e-2;
+
+/// The price: the sweep of the example plate with and without its bound.
+///
+/// # Errors
+/// [`Error::Model`], [`Error::Curves`], [`Error::Response`].
+pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Error> {
+    let runs = if environment.quick { 3 } else { 15 };
+    let columns =
+        ["tolerance", "answer alone", "with its bound", "ratio", "levels as they were", "ratio", "bound", "bound then"];
+    let mut table = Table::new("(f) The price of proof: sweep of the example plate", &columns);
+    let points = (problem.x_m.as_slice(), problem.y_m.as_slice());
+    for tolerance in [1e-2, 1e-3] {
+        let accuracy = Accuracy::tolerance(tolerance)?;
+        let (mut alone, mut proven, mut then) = (Vec::new(), Vec::new(), Vec::new());
+        let mut bounds = (f64::NAN, f64::NAN);
+        for _ in 0..runs {
+            let (found, elapsed_s) =
+                timed(|| bounded_sweep::<f32>(&problem.scene, accuracy, points, &problem.frequencies_hz))?;
+            proven.push(elapsed_s);
+            bounds.0 = found.bounds.iter().map(|bound| bound.value().unwrap_or(f64::NAN)).fold(0.0, f64::max);
+            let fineness = found.model.fineness();
+            let (one, elapsed_s) = timed(|| -> Result<_, Error> {
+                sweep(problem, &PanelModel::with_fineness(&problem.scene, fineness)?)
+            })?;
+            drop(one);
+            alone.push(elapsed_s);
+            let (old, elapsed_s) = timed(|| {
+                before::climb(&problem.scene, accuracy, MAX_HZ, true, |model| sweep(problem, model), sweep_differences)
+            })?;
+            then.push(elapsed_s);
+            bounds.1 = old.bounds.iter().copied().fold(0.0, f64::max);
+        }
+        let (alone, proven, then) = (median(alone), median(proven), median(then));
+        table.row([
+            relative(tolerance),
+            seconds(alone),
+            seconds(proven),
+            three(proven / alone),
+            seconds(then),
+            three(then / alone),
+            relative(bounds.0),
+            relative(bounds.1),
+        ]);
+    }
+    table.above.push(format!(
+        "Loss factor 0.005, {} frequencies from 50 to {MAX_HZ} Hz, {} points, two actuators, single precision. Alone: the level that \
+         answered, from the scene to all values. Medians of {runs} runs.",
+        problem.frequencies_hz.len(),
+        problem.points()
+    ));
+    Ok(table)
+}
+
+fn sweep(problem: &Problem, model: &PanelModel) -> Result<Sweep<f32>, Error> {
+    let reduced = model.reduce(MAX_HZ, &[])?;
+    let shapes = SurfaceShapes::<f32>::new(&problem.scene, &reduced, &problem.x_m, &problem.y_m);
+    Ok(shapes.sweep(&problem.frequencies_hz)?)
+}
+
+/// At every point, relative to the point's own peak.
+fn sweep_differences(coarse: &Sweep<f32>, fine: &Sweep<f32>) -> Vec<f64> {
+    let frequencies = fine.re.len() / (fine.actuators * fine.points).max(1);
+    (0..fine.actuators)
+        .map(|actuator| {
+            let mut curves = vec![(0.0_f64, 0.0_f64); fine.points];
+            for frequency in 0..frequencies {
+                let values = fine.field(frequency, actuator).zip(coarse.field(frequency, actuator));
+                for ((difference, peak), (fine, coarse)) in curves.iter_mut().zip(values) {
+                    *difference = difference.max((fine - coarse).norm_sqr());
+                    *peak = peak.max(fine.norm_sqr());
+                }
+            }
+            curves.iter().map(|(difference, peak)| (difference / peak).sqrt()).fold(0.0, f64::max)
+        })
+        .collect()
+}
+
+/// Bounds over errors, and how many were below their error.
+#[derive(Default)]
+struct Tightness {
+    ratios: Vec<f64>,
+    below: usize,
+    missing: usize,
+    levels: usize,
+}
+
+impl Tightness {
+    fn add(&mut self, bound: f64, error: f64) {
+        if !bound.is_finite() {
+            self.missing += 1;
+        } else if error > ROUNDING {
+            self.below += usize::from(error > bound);
+            self.ratios.push(bound / error);
+        }
+    }
+
+    fn row(self, what: &str, whose: &str, table: &mut Table) {
+        table.row([
+            what.into(),
+            whose.into(),
+            self.ratios.len().to_string(),
+            self.below.to_string(),
+            self.missing.to_string(),
+            self.levels.to_string(),
+            three(median(self.ratios)),
+        ]);
+    }
+}
+
+/// Bound over error on random scenes, now and as it was.
+///
+/// # Errors
+/// [`Error::Parse`], [`Error::Model`], [`Error::Curves`], [`Error::Response`].
+pub fn tightness(environment: &Environment) -> Result<Table, Error> {
+    let scenes = if environment.quick { SCENES / 6 } else { SCENES };
+    let columns =
+        ["what", "levels", "compared", "bounds below the error", "no bound", "levels asked", "bound / error, median"];
+    let mut table = Table::new("(f) Bound over error on random scenes", &columns);
+    let mut all: [Tightness; 4] = Default::default();
+    let frequencies = evenly(4.0, BAND_HZ, 100);
+    for number in 0..scenes {
+        let scene = Scene::parse("random", &scene_text(SEED, number))?;
+        let tolerance = [1e-2, 1e-3, 1e-4][usize::try_from(number % 3).unwrap_or(0)];
+        let (accuracy, exactly) = (Accuracy::tolerance(tolerance)?, Accuracy::tolerance(EXACT * tolerance)?);
+        frequencies_of(&scene, accuracy, exactly, &mut all)?;
+        responses_of(&scene, accuracy, exactly, &frequencies, &mut all)?;
+    }
+    let names =
+        [("frequencies", "now"), ("frequencies", "as they were"), ("responses", "now"), ("responses", "as they were")];
+    for ((what, whose), found) in names.into_iter().zip(all) {
+        found.row(what, whose, &mut table);
+    }
+    table.above.push(format!(
+        "{scenes} scenes of `era verify --scenes` (seed {SEED}), up to {BAND_HZ} Hz, at tolerances 1e-2, 1e-3 and 1e-4 in turn; the error is \
+         against this program's answer at a hundredth of the tolerance, so that a bound below it is counted where it is below by \
+         more than that answer's own bound. Errors below {ROUNDING:e} are rounding's and left out."
+    ));
+    Ok(table)
+}
+
+fn frequencies_of(scene: &Scene, accuracy: Accuracy, exactly: Accuracy, all: &mut [Tightness; 4]) -> Result<(), Error> {
+    let (found, exact) = (bounded_modes(scene, accuracy, BAND_HZ)?, bounded_modes(scene, exactly, BAND_HZ)?);
+    let old = before::climb(
+        scene,
+        accuracy,
+        BAND_HZ,
+        false,
+        |model| Ok(model.modes(1.3 * BAND_HZ)?.into_iter().map(|mode| mode.frequency_hz).collect::<Vec<_>>()),
+        |coarse, fine| {
+            let pairs = fine.iter().enumerate().take_while(|(_, hz)| **hz <= BAND_HZ);
+            pairs
+                .map(|(k, hz)| match coarse.get(k) {
+                    _ if *hz == 0.0 => 0.0,
+                    Some(coarse) => (coarse / hz - 1.0).abs(),
+                    None => f64::INFINITY,
+                })
+                .collect()
+        },
+    )?;
+    all[0].levels += found.steps.len();
+    all[1].levels += old.levels;
+    for (k, exact_mode) in exact.answer.iter().enumerate().filter(|(_, mode)| mode.frequency_hz > 0.0) {
+        let own = exact.bounds[k].value().unwrap_or(f64::INFINITY);
+        let error = |hz: f64| ((hz / exact_mode.frequency_hz - 1.0).abs() - own).max(0.0);
+        if let (Some(mode), Some(bound)) = (found.answer.get(k), found.bounds.get(k)) {
+            all[0].add(bound.value().unwrap_or(f64::INFINITY), error(mode.frequency_hz));
+        }
+        if let (Some(hz), Some(bound)) = (old.answer.get(k), old.bounds.get(k)) {
+            all[1].add(*bound, error(*hz));
+        }
+    }
+    Ok(())
+}
+
+fn responses_of(
+    scene: &Scene,
+    accuracy: Accuracy,
+    exactly: Accuracy,
+    frequencies: &[f64],
+    all: &mut [Tightness; 4],
+) -> Result<(), Error> {
+    let across = if scene.surface.kind == SurfaceKind::Bar { 0.5 } else { 0.47 };
+    let at = (0.31 * scene.surface.length_m, across * scene.surface.width_m);
+    let found = bounded_curves(scene, accuracy, at, frequencies)?;
+    let exact = bounded_curves(scene, exactly, at, frequencies)?;
+    let difference = |a: &[Complex64], b: &[Complex64]| {
+        let peak = b.iter().map(|z| z.norm()).fold(0.0, f64::max);
+        a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / peak
+    };
+    let old = before::climb(
+        scene,
+        accuracy,
+        BAND_HZ,
+        true,
+        |model| {
+            let reduced = model.reduce(BAND_HZ, &[at])?;
+            Ok(acceleration_curves(&reduced, &reduced.shape_at(at.0, at.1), frequencies)?)
+        },
+        |coarse, fine| coarse.iter().zip(fine).map(|(coarse, fine)| difference(coarse, fine)).collect(),
+    )?;
+    all[2].levels += found.steps.len();
+    all[3].levels += old.levels;
+    for (k, exact_curve) in exact.answer.iter().enumerate() {
+        let Some(own) = exact.bounds[k].value() else { continue };
+        let error = |curve: &[Complex64]| (difference(curve, exact_curve) - own).max(0.0);
+        all[2].add(found.bounds[k].value().unwrap_or(f64::INFINITY), error(&found.answer[k]));
+        all[3].add(old.bounds[k], error(&old.answer[k]));
+    }
+    Ok(())
+}
