@@ -11,7 +11,7 @@ use std::marker::PhantomData;
 
 /// Values of a sweep that are compared at least, where it has more: from one level to the next errors change slowly along
 /// the surface (waves are several points long), so that a lattice shows the largest.
-const COMPARED: usize = 200_000;
+const COMPARED: usize = 100_000;
 /// Points along a side that are compared at least.
 const LEAST_ALONG: usize = 9;
 /// Largest difference at any point over the largest at the points compared: 1.05 at most on the random scenes of
