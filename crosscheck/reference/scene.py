@@ -210,7 +210,9 @@ def parse(text):
 
     screen = data.get("screen")
     if screen is None:
-        screen = Screen(length * 1e3, width * 1e3, 0.0, 0.0, length, width)
+        # 1 px per mm, to whole pixels.
+        pixels = [max(1.0, float(round(side * 1e3))) for side in (length, width)]
+        screen = Screen(*pixels, 0.0, 0.0, length, width)
     else:
         area = [mm(screen, "x_mm", 0.0), mm(screen, "y_mm", 0.0)]
         area += [mm(screen, "width_mm", length * 1e3), mm(screen, "height_mm", width * 1e3)]

@@ -1,0 +1,160 @@
+"""Electrodes: the force law of the contract, breakdown of air, charge, and the steady motion in gaps that close.
+
+Sign of a gap's change: positive where electrode A, whose pull is the positive force, comes nearer. A static force therefore
+changes its own gap by a positive amount.
+"""
+
+from itertools import product
+
+import numpy as np
+from .scene import VACUUM_PERMITTIVITY_F_PER_M
+
+# Least time between one electrode's pulse and the other's (docs/src/safety.md, "guard time").
+GUARD_TIME_S = 200e-6
+# Part of the breakdown voltage, and of the gap, that may be used (docs/src/planner.md, "What is decided").
+BREAKDOWN_PART = 0.85
+TRAVEL_PART = 1 / 3
+# Mean current that the board's supply delivers (docs/src/safety.md, "average current").
+SUPPLY_A = 0.5e-3
+
+
+def force_amplitude(actuator, voltage_v, pulse_width, harmonic=1):
+    """Amplitude in N of an odd harmonic of the force with the mass at rest (contract, "Drive")."""
+    angle = harmonic * np.pi * pulse_width / 2
+    return 4 / (harmonic * np.pi) * actuator.force(voltage_v) * np.abs(np.sin(angle))
+
+
+def harmonic_ratio(pulse_width, harmonic):
+    """Amplitude of an odd harmonic over that of the fundamental."""
+    return np.abs(np.sin(harmonic * np.pi * pulse_width / 2) / np.sin(np.pi * pulse_width / 2)) / harmonic
+
+
+def widest_pulse(frequency_hz):
+    """Widest pulse, as a part of the half period, that leaves the guard time between the electrodes."""
+    return 1 - 2 * frequency_hz * GUARD_TIME_S
+
+
+def breakdown_v(gap_m):
+    """Breakdown voltage of an air gap: 24.22 d + 6.08 sqrt(d) kV, d in cm (the engineering fit of Paschen's curve)."""
+    gap_cm = np.maximum(gap_m, 0.0) * 100
+    return 1e3 * (24.22 * gap_cm + 6.08 * np.sqrt(gap_cm))
+
+
+def _lattice(dimensions):
+    """Points on a torus of some dimensions, in radians: a Korobov lattice, exact for low orders."""
+    if dimensions == 0:
+        return np.zeros((1, 0))
+    if dimensions == 1:
+        return 2 * np.pi * np.arange(24)[:, None] / 24
+    points, generator = (89, 55) if dimensions == 2 else (307, 75)
+    steps = np.array([pow(generator, k, points) for k in range(dimensions)])
+    return 2 * np.pi * ((np.arange(points)[:, None] * steps) % points) / points
+
+
+class MovingGaps:
+    """Steady motion of drives whose forces grow as their gaps close: harmonic balance.
+
+    The frequencies are taken as incommensurate, so time averages are averages over the torus of their phases. The gaps move
+    at the fundamentals, which are unknown, and at odd harmonics, which are those of masses at rest. The force on every mass
+    is that of the window of its electrodes and of the gap of that moment,
+    eps0 A / 2 (V_A^2 / (g - x)^2 - V_B^2 / (g + x)^2); what a bias already took from the springs is given back.
+    """
+
+    def __init__(self, actuators, frequencies, drive_frequency, drives, gap_change, harmonic_gap_change):
+        """`frequencies`: how many distinct ones. `drive_frequency[i]`: index into them, or None where actuator i is not driven.
+
+        `drives[i]`: (voltage, pulse width, phase). `gap_change` [frequency, loaded, actuator] at the fundamentals;
+        `harmonic_gap_change`: {harmonic: the same at that multiple}.
+        """
+        self.actuators = actuators
+        self.frequencies = frequencies
+        self.index = drive_frequency
+        self.drives = drives
+        self.gap_change = gap_change
+        self.harmonics = harmonic_gap_change
+        self.rest = self._harmonics_at_rest()
+        self.nodes = [self._nodes(i) for i in range(len(actuators))]
+
+    def _nodes(self, i):
+        """Where actuator i pulls: phasors e^(j theta) [point, frequency], weights, signs (+ electrode A, - B), and there
+        the gap's change by harmonics. None where it is not driven."""
+        own = self.index[i]
+        if own is None:
+            return None
+        _, pulse, phase = self.drives[i]
+        nodes, weights = np.polynomial.legendre.leggauss(8)
+        window = np.pi / 2 * pulse
+        others = _lattice(self.frequencies - 1)
+        phases, all_weights, signs = [], [], []
+        for sign, centre in ((1.0, 0.0), (-1.0, np.pi)):
+            for node, weight in zip(nodes, weights):
+                # The force's fundamental is cos(theta + phase): electrode A is on about theta = -phase.
+                phases.append(np.insert(others, own, centre - phase + window * node, axis=1))
+                all_weights.append(np.full(len(others), weight * window / (2 * np.pi) / len(others)))
+                signs.append(np.full(len(others), sign))
+        turns = np.exp(1j * np.concatenate(phases))
+        harmonics = sum((turns[:, k] ** n * amplitude for (n, k), amplitude in self.rest[i].items()), np.zeros(len(turns)))
+        return turns, np.concatenate(all_weights), np.concatenate(signs), np.real(harmonics)
+
+    def _forces(self, motion, level):
+        """Complex amplitudes [frequency, actuator] of the forces for a motion [frequency, actuator] of the gaps, and slopes.
+
+        Slopes [actuator, 2, frequency, frequency]: of the amplitudes by real and imaginary part of the motion's.
+        """
+        forces = np.zeros((self.frequencies, len(self.actuators)), dtype=complex)
+        slopes = np.zeros((len(self.actuators), 2, self.frequencies, self.frequencies), dtype=complex)
+        for i, actuator in enumerate(self.actuators):
+            if self.index[i] is not None:
+                turns, weights, signs, harmonics = self.nodes[i]
+                change = (turns @ motion[:, i]).real + level**2 * harmonics
+                gap = actuator.air_gap - signs * change
+                volts = self.drives[i][0] * level
+                pull = VACUUM_PERMITTIVITY_F_PER_M * actuator.electrode_area / 2 * volts**2 / gap**2
+                forces[:, i] = 2 * (weights * signs * pull) @ turns.conj()
+                steep = (2 * weights * 2 * pull / gap)[:, None] * turns.conj()
+                slopes[i] = steep.T @ turns.real, -(steep.T @ turns.imag)
+            forces[:, i] -= actuator.softening * motion[:, i]
+            slopes[i] -= actuator.softening * np.multiply.outer([1, 1j], np.eye(self.frequencies))
+        return forces, slopes
+
+    def _harmonics_at_rest(self):
+        """For every actuator {(harmonic, frequency): complex amplitude of its gap} by forces of masses at rest."""
+        rest = [{} for _ in self.actuators]
+        for (harmonic, change), loaded in product(self.harmonics.items(), range(len(self.actuators))):
+            own = self.index[loaded]
+            if own is None:
+                continue
+            volts, pulse, phase = self.drives[loaded]
+            actuator = self.actuators[loaded]
+            # Signed: the n-th harmonic of the pulse train is 4/(n pi) sin(n pi w / 2) cos(n theta).
+            force = 4 / (harmonic * np.pi) * actuator.force(volts) * np.sin(harmonic * np.pi * pulse / 2)
+            for i in range(len(self.actuators)):
+                key = (harmonic, own)
+                rest[i][key] = rest[i].get(key, 0) + force * np.exp(1j * harmonic * phase) * change[own, loaded, i]
+        return rest
+
+    def solve(self, levels=6):
+        """Forces and motions, both [frequency, actuator], of the branch that rising voltages lead to. None if there is none."""
+        count, actuators = self.frequencies, len(self.actuators)
+        gaps = np.array([actuator.air_gap for actuator in self.actuators])
+        motion = np.zeros((count, actuators), dtype=complex)
+        identity = np.eye(count * actuators)
+        for level in np.linspace(1 / levels, 1, levels):
+            for _ in range(30):
+                forces, slopes = self._forces(motion, level)
+                wrong = np.einsum("kl,kli->ki", forces, self.gap_change) - motion
+                if np.abs(wrong / gaps).max() < 1e-10:
+                    break
+                # d wrong[k, i] / d (part of motion[m, l]) = gap_change[k, l, i] slopes[l, part, k, m], less the identity's.
+                by_part = np.einsum("kli,lpkm->pkiml", self.gap_change, slopes).reshape(2, count * actuators, -1)
+                real, imaginary = by_part[0] - identity, by_part[1] - 1j * identity
+                matrix = np.block([[real.real, imaginary.real], [real.imag, imaginary.imag]])
+                step = np.linalg.solve(matrix, -np.concatenate([wrong.real.ravel(), wrong.imag.ravel()]))
+                step = (step[: count * actuators] + 1j * step[count * actuators :]).reshape(count, actuators)
+                # A step that would close a gap is shortened.
+                motion = motion + step * min(1.0, 0.3 / np.abs(step / gaps).max())
+            else:
+                return None
+            if (np.abs(motion).sum(axis=0) >= gaps).any():
+                return None
+        return self._forces(motion, 1.0)[0], motion

@@ -1,0 +1,61 @@
+"""When a target has most of its steady peak after switching on, and when it has decayed: the thesis' equation 19.
+
+From rest, a force cos(w t + phase) moves a point by its steady phasor and by free motions c e^(s t), one for each pole s of
+the panel. With poles of positive frequency only this is the analytic signal, and its modulus the running amplitude.
+"""
+
+import numpy as np
+import scipy.linalg as la
+
+# Poles above this follow any force at once: twice what the skin feels (docs/src/effects.md, "Rise and decay").
+HIGHEST_HZ = 2000.0
+
+
+class Ringing:
+    """Poles of a panel in time, and what drives leave in them."""
+
+    def __init__(self, time_model):
+        """`time_model`: `Panel.time_model` with the target as its only point."""
+        size = len(time_model["M"])
+        inverse = np.linalg.inv(time_model["M"])
+        matrix = np.block(
+            [[np.zeros((size, size)), np.eye(size)], [-inverse @ time_model["K"], -inverse @ time_model["C"]]]
+        )
+        poles, right = la.eig(matrix)
+        left = np.linalg.inv(right)
+        # Acceleration at the point per force: s^2 times the displacement's residue.
+        point = time_model["points"][0] @ right[:size]
+        forces = left[:, size:] @ inverse @ time_model["forces"]
+        keep = (poles.imag >= 0) & (np.abs(poles) <= 2 * np.pi * HIGHEST_HZ)
+        self.poles = poles[keep]
+        twice = np.where(self.poles.imag > 0, 2.0, 1.0)
+        self.residues = (twice * self.poles**2 * point[keep])[:, None] * forces[keep]
+
+    def free(self, actuator, frequency_hz, phase):
+        """Coefficients c of the free motions for 1 N: residues times the force's Laplace transform at the poles."""
+        omega = 2 * np.pi * frequency_hz
+        force = (self.poles * np.cos(phase) - omega * np.sin(phase)) / (self.poles**2 + omega**2)
+        return self.residues[:, actuator] * force
+
+    def times_s(self, drives, steady, part_on, part_off):
+        """(when the sum of the running amplitudes stays above `part_on` of the steady peak, when it stays below `part_off`).
+
+        `steady`: complex phasors of the drives' accelerations. Drives of one frequency are one running amplitude.
+        """
+        slowest = max(-self.poles[self.poles.real < 0].real.max(initial=-1e3), 1e-2)
+        # Until every free motion is down by e^-7, sampled at 20 points of the fastest beat that counts.
+        time = np.arange(0.0, min(7.0 / slowest, 20.0), 1 / 20_000)
+        rising, falling = np.zeros(len(time)), np.zeros(len(time))
+        frequencies = sorted({drive.frequency for drive in drives})
+        for frequency in frequencies:
+            own = [(drive, phasor) for drive, phasor in zip(drives, steady) if drive.frequency == frequency]
+            free = sum(drive.force * self.free(drive.actuator, frequency, drive.phase) for drive, _ in own)
+            decaying = np.zeros(len(time), dtype=complex)
+            for pole, coefficient in zip(self.poles, free):
+                decaying += coefficient * np.exp(pole * time)
+            forced = sum(phasor for _, phasor in own) * np.exp(2j * np.pi * frequency * time)
+            rising += np.abs(forced + decaying)
+            falling += np.abs(decaying)
+        peak = sum(abs(sum(p for d, p in zip(drives, steady) if d.frequency == frequency)) for frequency in frequencies)
+        last = lambda wrong: time[np.nonzero(wrong)[0][-1]] if wrong.any() else 0.0
+        return last(rising < part_on * peak), last(falling > part_off * peak)
