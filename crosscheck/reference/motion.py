@@ -54,14 +54,27 @@ def windows(drives, seconds):
     ]
 
 
-class System:
-    """A reduced model (`Panel.time_model`) with the ERAs of its scene."""
+# In Hz: where what the modes left out is read off, so far below them that it stands still.
+STATIC_HZ = 20.0
 
-    def __init__(self, model, actuators):
+
+class System:
+    """The modes of a panel up to `max_hz` in time, with deflections at points, and the ERAs of its scene."""
+
+    def __init__(self, panel, max_hz, points_m):
+        model, actuators = panel.time_model(max_hz, points_m), panel.scene.actuators
         self.mass, self.damping, self.stiffness = (np.asarray(model[key], float) for key in "MCK")
         self.force = np.asarray(model["forces"], float)
-        self.gaps = np.asarray(model["gaps"], float)
+        # Travel is counted the way the force pushes: F > 0 is A's pull, and moves the mass against the surface towards A.
+        sign = np.array([-1.0 if era.inertial else 1.0 for era in actuators])
+        self.gaps = sign[:, None] * np.asarray(model["gaps"], float)
         self.points = np.asarray(model["points"], float)
+        root = np.where(model["omega"] > 0, 1 / np.sqrt(np.maximum(model["omega"], 1e-300)), 0.0)
+        self.stand_in = np.asarray(model["H"], float) * np.outer(root, root)
+        self.hysteretic = np.asarray(model["H"], float)
+        self._panel, self._points_m = panel, points_m
+        # What modes above `max_hz` add to the gaps at once, in m per N: [gap, actuator].
+        self.gaps_rest = (sign[:, None] * panel.gap_change([STATIC_HZ])[0].T - self.gaps @ self._lossy([STATIC_HZ])[0]).real
         self.area = np.array([era.electrode_area for era in actuators])
         self.gap = np.array([era.air_gap for era in actuators])
         self.bias_stiffness = np.array([era.softening for era in actuators])
@@ -72,6 +85,23 @@ class System:
         self.state = np.vstack([np.hstack([np.zeros((size, size)), np.eye(size)]), self.accelerate])
         self.input = np.vstack([np.zeros_like(self.push), self.push])
         self._modes = None
+
+    def steady(self, frequencies_hz):
+        """Phasors of the coordinates per N: [frequency, coordinate, actuator] (thesis, equation 15)."""
+        omega = 2 * np.pi * np.asarray(frequencies_hz, float)[:, None, None]
+        return np.linalg.solve(self.stiffness + 1j * omega * self.damping - omega**2 * self.mass, self.force[None].astype(complex))
+
+    def _lossy(self, frequencies_hz):
+        """[`steady`] with the hysteretic loss itself."""
+        omega = 2 * np.pi * np.asarray(frequencies_hz, float)[:, None, None]
+        dynamic = self.stiffness + 1j * (self.hysteretic + omega * (self.damping - self.stand_in)) - omega**2 * self.mass
+        return np.linalg.solve(dynamic, self.force[None].astype(complex))
+
+    def points_rest(self, frequencies_hz):
+        """What modes above `max_hz` add to the points' steady displacement in m per N: [frequency, point, actuator]."""
+        omega = 2 * np.pi * np.asarray(frequencies_hz, float)[:, None, None]
+        whole = -self._panel.accelerance(self._points_m, frequencies_hz).transpose(0, 2, 1) / omega**2
+        return whole - self.points @ self._lossy(frequencies_hz)
 
     @property
     def size(self):
@@ -91,12 +121,18 @@ class System:
         """(s, V, V^-1) of the state matrix (thesis, equation 16)."""
         if self._modes is None:
             values, vectors = np.linalg.eig(self.state)
-            self._modes = values, vectors, np.linalg.inv(vectors)
+            self._modes = values, vectors, np.linalg.pinv(vectors)
         return self._modes
 
     def slowest(self):
         """The longest time constant in s of a pole."""
-        return float(1 / np.min(-self.modes()[0].real))
+        return float(1 / max(np.min(-self.modes()[0].real), 1e-9))
+
+    @property
+    def defective(self):
+        """Whether poles coincide, as those of a rigid motion do, so that their eigenvectors do not span the states."""
+        poles, vectors, inverse = self.modes()
+        return not np.allclose((vectors * poles) @ inverse, self.state, rtol=0, atol=1e-7 * np.abs(self.state).max())
 
     def acceleration(self, states, forces):
         """Of the points, for rows of states and forces."""
@@ -128,6 +164,20 @@ class Voltages:
         return int(np.searchsorted(self.edges, time, side="right"))
 
 
+def steady_start(system, drives):
+    """State of the steady motion at 0 under even drives with gaps at rest: fundamentals and harmonics up to the ninth, of the
+    cosine series of pulses that have A's in the middle of phase 0."""
+    state = np.zeros(2 * system.size)
+    for drive in drives:
+        electrode = pulses.EPSILON_0 * system.area[drive.actuator] * drive.voltage_v**2 / (2 * system.gap[drive.actuator] ** 2)
+        for n in range(1, 10, 2):
+            force = electrode * 4 / (n * np.pi) * np.sin(n * np.pi * drive.pulse_width / 2)
+            omega = 2 * np.pi * n * drive.frequency_hz
+            phasor = system.steady([n * drive.frequency_hz])[0][:, drive.actuator] * force * np.exp(1j * n * drive.phase_rad)
+            state += np.concatenate([phasor.real, (1j * omega * phasor).real])
+    return state
+
+
 @dataclass
 class Motion:
     """A record: times in s, gap changes in m (rows of times), accelerations of the points in m/s^2, the last state."""
@@ -137,6 +187,38 @@ class Motion:
     acceleration: np.ndarray
     state: np.ndarray
     pulled_in: bool
+
+
+def integrate_linear(system, drives, times, tolerance=1e-9):
+    """Displacement in m and acceleration in m/s^2 of the points, [time, point], from rest at 0 under forces
+    amplitude cos(2 pi f t + phase), `drives` (actuator, f in Hz, amplitude in N, phase in rad); by DOP853."""
+    size = system.size
+    number, hz, newton, phase = (np.array(column) for column in zip(*drives))
+    share = np.zeros((len(drives), system.force.shape[1]))
+    share[np.arange(len(drives)), number] = newton
+    omega = 2 * np.pi * hz
+    force = lambda t: np.cos(omega * t + phase) @ share
+    slope = lambda t, z: system.state @ z + system.input @ force(t)
+    # Relative to the largest of a coordinate: the steady displacement that a mode of the drive's frequency would have.
+    absolute = tolerance * np.abs(system.push).max() * newton.max() / omega.max() ** 2
+    scale = np.concatenate([np.full(size, absolute), np.full(size, absolute * omega.max())])
+    solution = solve_ivp(slope, (times[0], times[-1]), np.zeros(2 * size), "DOP853", t_eval=times, rtol=tolerance, atol=scale)
+    states = solution.y.T
+    forces = np.cos(np.outer(times, omega) + phase) @ share
+    displacement, acceleration = states[:, :size] @ system.points.T, system.acceleration(states, forces)
+    # What is above the modes follows at once, as it does in the steady state.
+    rest = system.points_rest(hz)[np.arange(len(drives)), :, number] * (newton * np.exp(1j * phase))[:, None]
+    turning = np.exp(1j * np.outer(times, omega))
+    return displacement + (turning @ rest).real, acceleration - (turning @ (rest * omega[:, None] ** 2)).real
+
+
+def steady_acceleration(system, drives):
+    """Phasors of the points' acceleration in m/s^2 under the same drives, in time's damping: frequency -> [point]."""
+    result = {}
+    for number, hz, newton, phase in drives:
+        rows = system.points @ system.steady([hz])[0] + system.points_rest([hz])[0]
+        result[hz] = result.get(hz, 0) - (2 * np.pi * hz) ** 2 * rows[:, number] * newton * np.exp(1j * phase)
+    return result
 
 
 def integrate(system, voltages, seconds, step, start=None, begin=0.0, moving=True):
@@ -197,7 +279,7 @@ def integrate(system, voltages, seconds, step, start=None, begin=0.0, moving=Tru
     rows = (states[sampled] @ vectors.T).real
     return Motion(
         nodes[sampled],
-        rows[:, : system.size] @ system.gaps.T,
+        rows[:, : system.size] @ system.gaps.T + forces[sampled] @ system.gaps_rest.T,
         system.acceleration(rows, forces[sampled]),
         rows[-1],
         pulled_in,
@@ -229,7 +311,7 @@ def integrate_scipy(system, voltages, seconds, step, start=None, begin=0.0, movi
             rows[index] = solution.sol(min(max(times[index], left), right))
             forces[index] = force(*voltages.at(interval, times[index]), system.gaps @ rows[index, :size])
         state = solution.y[:, -1]
-    return Motion(times, rows[:, :size] @ system.gaps.T, system.acceleration(rows, forces), state, False)
+    return Motion(times, rows[:, :size] @ system.gaps.T + forces @ system.gaps_rest.T, system.acceleration(rows, forces), state, False)
 
 
 def amplitudes(time, record, frequencies):

@@ -144,8 +144,8 @@ class Panel:
 
         `M`, `C`, `K` [n, n] with the moving masses in them; `forces` [n, actuator] for 1 N (the pair, for inertial mounts);
         `points` [point, n] deflection in m; `gaps` [actuator, n] travel of each mass against its electrodes in m.
-        Hysteretic loss is stood in for by the viscous damping that loses as much at each mode's own resonance:
-        c_n = eta phi_n^T K_surface phi_n / omega_n.
+        Hysteretic loss, `H` (K + j H), is stood in for in `C` by the viscous damping that loses as much at each mode's own resonance, the coupling of
+        two modes by the geometric mean of their frequencies: C_mn = eta phi_m^T K_surface phi_n / sqrt(omega_m omega_n).
         """
         model = self.fine
         omega, phi = model.modes()
@@ -153,13 +153,14 @@ class Panel:
         omega[: self.rigid_modes()] = 0.0
         keep = omega <= 2 * np.pi * max_hz
         phi, omega = phi[:, keep], omega[keep]
-        damping = phi.T @ model.viscous @ phi
-        lossy = np.einsum("in,ij,jn->n", phi, model.hysteretic, phi, optimize=True)
-        damping += np.diag(np.where(omega > 0, lossy / np.maximum(omega, 1e-300), 0.0))
+        root = np.where(omega > 0, 1 / np.sqrt(np.maximum(omega, 1e-300)), 0.0)
+        hysteretic = phi.T @ model.hysteretic @ phi
+        damping = phi.T @ model.viscous @ phi + hysteretic * np.outer(root, root)
         return {
             "M": np.eye(len(omega)),
             "C": damping,
             "K": np.diag(omega**2),
+            "H": hysteretic,
             "forces": phi.T @ model.forces,
             "points": model.output_rows(points_m) @ phi,
             "gaps": model.gaps @ phi,
