@@ -1,37 +1,28 @@
 //! Tells the program which code it was made of: tables that are kept on disk are those of the same code only.
 
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+#[path = "src/planner/cache/code.rs"]
+mod code;
 
-/// What a table depends on.
-const SOURCES: [&str; 4] = ["src/scene", "src/model", "src/response", "src/planner"];
+use std::io;
+use std::path::Path;
+use std::process::Command;
 
 fn main() -> io::Result<()> {
-    let mut files = Vec::new();
-    for source in SOURCES {
-        println!("cargo::rerun-if-changed={source}");
-        collect(Path::new(source), &mut files)?;
+    // Build scripts run in their package's folder.
+    let host = Path::new(".");
+    let files = code::files(host)?;
+    for file in &files {
+        println!("cargo::rerun-if-changed={}", file.display());
     }
-    files.sort();
-    let mut hash = 0xcbf2_9ce4_8422_2325;
-    for file in files {
-        hash = add(hash, file.to_string_lossy().as_bytes());
-        hash = add(hash, &fs::read(file)?);
+    // New files, too.
+    for (_, folder) in code::FOLDERS {
+        println!("cargo::rerun-if-changed={folder}/src");
     }
-    println!("cargo::rustc-env=ERA_CODE={hash:016x}");
+    let variables =
+        std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)));
+    let rustc = std::env::var_os("RUSTC").ok_or_else(|| io::Error::other("cargo sets RUSTC"))?;
+    let version = Command::new(rustc).arg("-vV").output()?;
+    let number = code::number(host, &files, variables, &String::from_utf8_lossy(&version.stdout))?;
+    println!("cargo::rustc-env=ERA_CODE={number:016x}");
     Ok(())
-}
-
-fn collect(directory: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
-    for entry in fs::read_dir(directory)? {
-        let path = entry?.path();
-        if path.is_dir() { collect(&path, files)? } else { files.push(path) }
-    }
-    Ok(())
-}
-
-/// FNV-1a of 64 bits: it has to tell versions apart, not to resist anybody.
-fn add(hash: u64, bytes: &[u8]) -> u64 {
-    bytes.iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3))
 }

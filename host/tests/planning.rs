@@ -309,3 +309,30 @@ fn no_plan_takes_away_what_brings_a_mass_back() {
     let comparison = compare(&table, &panel, target).unwrap();
     assert!(comparison.travel.iter().all(|travel| !travel.snapped_in), "{:?}", comparison.travel);
 }
+
+/// One more actuator than a board has channels is told everywhere that a plan is asked for, and never left out in silence.
+#[test]
+fn one_actuator_too_many_is_told() {
+    let mut text = String::from(EXAMPLE_BAR);
+    let first = EXAMPLE_BAR.find("[[actuator]]").unwrap();
+    let one = &EXAMPLE_BAR[first..first + 1 + EXAMPLE_BAR[first + 1..].find("[[actuator]]").unwrap()];
+    let id = one.lines().find(|line| line.starts_with("id")).unwrap();
+    let count = era_shared::MAX_CHANNELS + 1;
+    for number in EXAMPLE_BAR.matches("[[actuator]]").count()..count {
+        text += &one.replace(id, &format!("id = \"more{number}\""));
+    }
+    let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("too-many.toml");
+    std::fs::write(&file, &text).unwrap();
+    for command in
+        [&["plan", "--at", "10,10"][..], &["field", "--at", "10,10"], &["field", "--reach"], &["serve"], &["verify"]]
+    {
+        let mut era = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
+        let output = era.args(command).arg("--scene").arg(&file).arg("--no-cache").output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{command:?}: {told}");
+        assert!(told.contains(&format!("{count} actuators")) && told.contains("at most 4"), "{command:?}: {told}");
+    }
+    let table = support::table(&text);
+    let target = Target { x_m: 0.1, y_m: 0.01, intensity_g: None };
+    assert_eq!(table.plan(&[target]), Err(PlanError::Actuators { count }));
+}

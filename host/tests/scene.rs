@@ -272,3 +272,17 @@ fn a_bias_stays_below_pull_in() {
     let told = with("1500", "stiffness_n_per_m = 300.0").unwrap_err();
     assert!(told.contains("1468.7 V") && told.contains("pull the mass in"), "{told}");
 }
+
+/// Keys that are asked for twice, whether they are there and for their value, are listed once.
+#[test]
+fn known_keys_are_listed_once() {
+    for (place, key) in
+        [("[screen]", "zzzzzzzzzz = 1"), ("[[support]]", "zzzzzzzzzz = 1"), ("[surface]", "zzzzzzzzzz = 1")]
+    {
+        let said = mistake(place, &format!("{place}\n{key}"));
+        let line = said.lines().find(|line| line.contains("known keys here: ")).unwrap();
+        let keys: Vec<&str> = line.split_once("known keys here: ").unwrap().1.split(", ").collect();
+        let each: std::collections::BTreeSet<&str> = keys.iter().copied().collect();
+        assert!(keys.len() > 3 && keys.len() == each.len(), "{said}");
+    }
+}

@@ -8,7 +8,7 @@ use crate::model::bounded::Step;
 use crate::model::{Accuracy, Bound, ModelError, bounded_modes};
 use crate::planner::cache::{self, PrepareError, Prepared};
 use crate::planner::{PlanError, PlanTable, TableOptions, Target};
-use crate::scene::{MAX_ACTUATORS, Scene, SurfaceKind};
+use crate::scene::{MAX_ACTUATORS, Scene, Side, SurfaceKind};
 use crate::{response, study};
 use serde_json::json;
 use std::fmt::Write;
@@ -62,16 +62,12 @@ impl From<PlanError> for Failure {
 
 /// Says where thin-plate theory ends: by the panel's side, and by the waves at the highest frequency.
 pub fn warn_if_thick(scene: &Scene, max_hz: f64) {
-    let surface = &scene.surface;
-    let side = match surface.kind {
-        SurfaceKind::Plate => surface.length_m.min(surface.width_m),
-        SurfaceKind::Bar => surface.length_m,
-    };
+    let side = span_m(scene);
     let thickest = scene.layout().layers().map(|(_, layer)| layer.thickness_m).fold(0.0, f64::max);
     let slenderness = thickest / side;
     if slenderness > THIN {
         tracing::warn!(
-            "thickness is {:.3} of the side: thin-plate theory is too stiff by some percent there",
+            "thickness is {:.3} of the side that bends: thin-plate theory is too stiff by some percent there",
             slenderness
         );
     }
@@ -82,6 +78,23 @@ pub fn warn_if_thick(scene: &Scene, max_hz: f64) {
              thin-plate theory leaves out shear and rotary inertia",
             100.0 * too_high
         );
+    }
+}
+
+/// The shortest side that the panel has to bend along at whatever low frequency: the longer one, and one with a line support
+/// at its end. Across a narrow strip that nothing holds nothing bends below frequencies whose waves are as short, and for
+/// those there is [`too_high_by`]; it is a bar, however it is called.
+fn span_m(scene: &Scene) -> f64 {
+    let surface = &scene.surface;
+    let is_held = |sides: [Side; 2]| scene.edges.iter().any(|edge| sides.contains(&edge.side));
+    match surface.kind {
+        SurfaceKind::Bar => surface.length_m,
+        SurfaceKind::Plate => {
+            let longer = surface.length_m.max(surface.width_m);
+            let along = is_held([Side::Left, Side::Right]).then_some(surface.length_m);
+            let across = is_held([Side::Top, Side::Bottom]).then_some(surface.width_m);
+            [along, across].into_iter().flatten().fold(longer, f64::min)
+        }
     }
 }
 
@@ -311,4 +324,34 @@ pub fn field(options: &Field) -> Outcome {
         return print_text(field.csv().trim_end());
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A strip is the same panel as a plate and as a bar; it is stubby where it has to bend along a short side.
+    #[test]
+    fn the_side_that_bends_counts() {
+        let strip = |kind: &str, length_mm: f64, width_mm: f64, edges: &str| {
+            let text = format!(
+                "version = 1\nname = \"strip\"\n[surface]\nkind = \"{kind}\"\nlength_mm = {length_mm}\nwidth_mm = {width_mm}\n\
+                 thickness_mm = 2\n[surface.material]\nyoungs_modulus_pa = 69e9\npoisson_ratio = 0.33\n\
+                 density_kg_m3 = 2700\n{edges}"
+            );
+            Scene::parse("strip", &text).unwrap()
+        };
+        let edge = |side: &str, kind: &str| format!("[[edge]]\nside = \"{side}\"\nkind = \"{kind}\"\n");
+        for scene in [
+            strip("bar", 300.0, 40.0, ""),
+            strip("plate", 300.0, 40.0, ""),
+            strip("plate", 40.0, 300.0, ""),
+            strip("plate", 300.0, 40.0, &edge("left", "clamped")),
+        ] {
+            assert_eq!(span_m(&scene), 0.3, "{scene:?}");
+        }
+        assert_eq!(span_m(&strip("plate", 300.0, 40.0, &edge("top", "pinned"))), 0.04);
+        assert_eq!(span_m(&strip("plate", 40.0, 30.0, "")), 0.04);
+        assert_eq!(span_m(&strip("bar", 40.0, 30.0, "")), 0.04);
+    }
 }

@@ -16,6 +16,9 @@ use clap::Args;
 use serde::Serialize;
 use std::fmt::Write;
 
+/// Levels in dB below the threshold of feeling that are still told by their number.
+const LEAST_SHOWN_DB: f64 = -60.0;
+
 /// What to plan for.
 #[derive(Clone, Debug, Args)]
 pub struct PlanOptions {
@@ -228,14 +231,21 @@ fn plan_text(text: &mut String, plan: &Plan) {
     }
 }
 
+/// A level in dB in words; below the threshold nothing is felt, and how far below says nothing to anybody where it is far.
+fn level(db: Option<f64>, threshold: &str) -> String {
+    match db {
+        Some(db) if db >= 0.0 => format!("{db:.1} dB above {threshold}"),
+        Some(db) if db >= LEAST_SHOWN_DB => format!("{:.1} dB below {threshold}: not felt", -db),
+        _ => format!("far below {threshold}: not felt"),
+    }
+}
+
 fn details_text(text: &mut String, plan: &Plan, details: &Report) {
     let _ = write!(text, "\nwith the masses moving: {:.3} g", plan.predicted.softened_peak_g);
-    if let Some(db) = plan.predicted.above_threshold_db {
-        let _ = write!(text, ", {db:.1} dB above the threshold of feeling");
-    }
+    let _ = write!(text, ", {}", level(plan.predicted.above_threshold_db, "the threshold of feeling"));
     let _ = write!(text, "; with harmonics at most {:.3} g", details.waveform_peak_g);
-    if let Some(db) = details.strongest_harmonic_db {
-        let _ = write!(text, " (the strongest {db:.1} dB above its threshold)");
+    if details.harmonics_g > 0.0 {
+        let _ = write!(text, " (the strongest {})", level(details.strongest_harmonic_db, "its threshold"));
     }
     times_text(text, &details.times);
     if plan.optimality_gap > 0.0 {
@@ -278,5 +288,19 @@ fn trade_text(text: &mut String, trade: Option<&Trade>) {
         }
         let zones = point.at_most_g.as_ref().map_or_else(|| "anything".into(), |g| format!("{} g", list(g)));
         let _ = write!(text, "\n  {zones}:  {} g, {:.1} % of the wishes", list(&point.peaks_g), 100.0 * point.part);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_told_as_far_as_they_say_something() {
+        assert_eq!(level(Some(21.7), "its threshold"), "21.7 dB above its threshold");
+        assert_eq!(level(Some(-6.0), "its threshold"), "6.0 dB below its threshold: not felt");
+        for nothing in [Some(-120.0), None] {
+            assert_eq!(level(nothing, "its threshold"), "far below its threshold: not felt");
+        }
     }
 }

@@ -5,6 +5,7 @@ use super::args_field::Corners;
 use super::panel::{need_actuators, plan_table};
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
+use crate::planner::perception::level_db;
 use crate::planner::reach::{Maps, Measure, Region, Scheme, SchemeReach, Spread, measure::View, rigid, schemes};
 use crate::planner::{MIN_SPACING_HZ, PlanTable};
 use crate::scene::{PlaceError, Scene, along_side};
@@ -181,7 +182,7 @@ fn percent(part: f64) -> String {
 fn shown(measure: Measure, peak: f64) -> String {
     match measure {
         Measure::G => format!("{peak:.3}"),
-        Measure::Thresholds => format!("{:.1}", 20.0 * peak.log10()),
+        Measure::Thresholds => level_db(peak).map_or_else(|| String::from("nothing"), |db| format!("{db:.1}")),
     }
 }
 
@@ -305,7 +306,7 @@ pub fn tell_written(path: &Path, (width, height): (u32, u32)) {
 }
 
 /// Lines of `x_mm,y_mm` and for each scheme the peak with one setting and with the best for the touch, in g or dB above the
-/// threshold.
+/// threshold (empty where nothing moves).
 fn csv(table: &PlanTable, measure: Measure, schemes: &[SchemeReach]) -> String {
     let unit = match measure {
         Measure::G => "g",
@@ -321,9 +322,9 @@ fn csv(table: &PlanTable, measure: Measure, schemes: &[SchemeReach]) -> String {
         let _ = write!(text, "{:.3},{:.3}", x * 1e3, y * 1e3);
         for scheme in schemes {
             for values in [&scheme.one_setting_field, &scheme.per_touch_field] {
-                let cell = values.get(point).copied().flatten().map(|peak| match measure {
-                    Measure::G => format!("{peak:.4}"),
-                    Measure::Thresholds => format!("{:.2}", 20.0 * peak.log10()),
+                let cell = values.get(point).copied().flatten().and_then(|peak| match measure {
+                    Measure::G => Some(format!("{peak:.4}")),
+                    Measure::Thresholds => level_db(peak).map(|db| format!("{db:.2}")),
                 });
                 let _ = write!(text, ",{}", cell.unwrap_or_default());
             }

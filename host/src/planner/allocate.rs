@@ -10,9 +10,8 @@
 //! what one more unit of it would cost, from which [`super::search`] knows what no other frequencies can beat.
 
 use super::linear::Programme;
+use crate::scene::MAX_ACTUATORS;
 
-/// Most actuators.
-pub const MOST: usize = 4;
 /// Part of a row's size by which it may be violated: rounding.
 const FEASIBLE: f64 = 1e-13;
 /// Rows that the dual method exchanges at most; the tests count up to 12.
@@ -39,7 +38,7 @@ pub struct Setting<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Allocation {
     /// Force of each actuator in N.
-    pub forces_n: [f64; MOST],
+    pub forces_n: [f64; MAX_ACTUATORS],
     /// s: the part of what was wanted that every target gets, at most 1.
     pub met: f64,
     /// What is minimised.
@@ -57,10 +56,10 @@ pub struct Prices {
     pub load: Vec<f64>,
 }
 
-/// The forces for `settings`, at most [`MOST`], with what is wanted at the targets and allowed by the shared limits.
+/// The forces for `settings`, at most [`MAX_ACTUATORS`], with what is wanted at the targets and allowed by the shared limits.
 #[must_use]
 pub fn allocate(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64]) -> Allocation {
-    let settings = &settings[..settings.len().min(MOST)];
+    let settings = &settings[..settings.len().min(MAX_ACTUATORS)];
     if let Some(found) = without_shared_limits(settings, wanted, allowed) {
         return found;
     }
@@ -85,7 +84,7 @@ fn without_shared_limits(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f6
         return None;
     }
     let gain = |setting: &Setting<'_>| setting.gain.first().copied().unwrap_or(0.0);
-    let mut limited = [false; MOST];
+    let mut limited = [false; MAX_ACTUATORS];
     let lambda = loop {
         // Those at their limit give what they can; the others share the rest.
         let (mut rest, mut slope) = (*wanted, 0.0);
@@ -114,7 +113,7 @@ fn without_shared_limits(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f6
             break lambda;
         }
     };
-    let mut forces_n = [0.0; MOST];
+    let mut forces_n = [0.0; MAX_ACTUATORS];
     for ((force, setting), limited) in forces_n.iter_mut().zip(settings).zip(&limited) {
         *force = if *limited { setting.max_force_n } else { lambda * gain(setting) / (2.0 * setting.energy) };
     }
@@ -161,9 +160,9 @@ fn reach(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64]) -> Allocatio
     let first: Vec<f64> = (0..=p).map(|j| f64::from(u8::from(j == p))).collect();
     let second: Vec<f64> = settings.iter().map(|setting| -setting.power * setting.max_force_n).collect();
     let Some(vertex) = programme.maximise(&first, &second) else {
-        return Allocation { forces_n: [0.0; MOST], met: 0.0, cost: 0.0, prices: Prices::default() };
+        return Allocation { forces_n: [0.0; MAX_ACTUATORS], met: 0.0, cost: 0.0, prices: Prices::default() };
     };
-    let mut forces_n = [0.0; MOST];
+    let mut forces_n = [0.0; MAX_ACTUATORS];
     for ((force, setting), x) in forces_n.iter_mut().zip(settings).zip(&vertex.x) {
         *force = x.clamp(0.0, 1.0) * setting.max_force_n;
     }
@@ -179,7 +178,7 @@ fn reach(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64]) -> Allocatio
 /// A row a . x >= b of the quadratic programme, of the size of one.
 #[derive(Clone, Copy)]
 struct Row {
-    a: [f64; MOST],
+    a: [f64; MAX_ACTUATORS],
     b: f64,
     scale: f64,
 }
@@ -190,14 +189,14 @@ fn least_energy(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64], part:
     // Forces over their limits; an actuator without one stays at rest.
     let size = |i: usize| settings[i].max_force_n.max(f64::MIN_POSITIVE);
     let of = |entry: &dyn Fn(&Setting<'_>) -> f64| {
-        let mut a = [0.0; MOST];
+        let mut a = [0.0; MAX_ACTUATORS];
         for i in 0..p {
             a[i] = entry(&settings[i]) * size(i);
         }
         a
     };
     let mut rows: Vec<Row> = Vec::with_capacity(wanted.len() + allowed.len() + 2 * p);
-    let mut add = |a: [f64; MOST], b: f64, sign: f64| {
+    let mut add = |a: [f64; MAX_ACTUATORS], b: f64, sign: f64| {
         let scale = a.iter().fold(b.abs(), |most, a| most.max(a.abs())).max(f64::MIN_POSITIVE);
         rows.push(Row { a: a.map(|a| sign * a / scale), b: sign * b / scale, scale });
     };
@@ -208,14 +207,14 @@ fn least_energy(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64], part:
         add(of(&|s| s.load.get(c).copied().unwrap_or(0.0)), *allowed, -1.0);
     }
     for i in 0..p {
-        let mut unit = [0.0; MOST];
+        let mut unit = [0.0; MAX_ACTUATORS];
         unit[i] = 1.0;
         add(unit, 1.0, -1.0);
         add(unit, 0.0, 1.0);
     }
     // The cost in units of the largest E U^2, so that its rows are of the size of one as well.
-    let mut d = [0.0; MOST];
-    let mut c = [0.0; MOST];
+    let mut d = [0.0; MAX_ACTUATORS];
+    let mut c = [0.0; MAX_ACTUATORS];
     for i in 0..p {
         d[i] = 2.0 * settings[i].energy * size(i) * size(i);
         c[i] = settings[i].power * size(i);
@@ -226,7 +225,7 @@ fn least_energy(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64], part:
         c[i] /= unit;
     }
     let (x, multipliers) = dual_method(p, &d, &c, &rows)?;
-    let mut forces_n = [0.0; MOST];
+    let mut forces_n = [0.0; MAX_ACTUATORS];
     for i in 0..p {
         forces_n[i] = x[i].clamp(0.0, 1.0) * settings[i].max_force_n;
     }
@@ -247,13 +246,18 @@ type Active = Vec<(usize, f64)>;
 
 /// Minimises x . D x / 2 + c . x subject to the rows: Goldfarb and Idnani. D is diagonal, so that the few active rows'
 /// equations are solved anew each time instead of updating factors. Returns x and the active rows with their multipliers.
-fn dual_method(p: usize, d: &[f64; MOST], c: &[f64; MOST], rows: &[Row]) -> Option<([f64; MOST], Active)> {
-    let mut x = [0.0; MOST];
+fn dual_method(
+    p: usize,
+    d: &[f64; MAX_ACTUATORS],
+    c: &[f64; MAX_ACTUATORS],
+    rows: &[Row],
+) -> Option<([f64; MAX_ACTUATORS], Active)> {
+    let mut x = [0.0; MAX_ACTUATORS];
     for i in 0..p {
         x[i] = -c[i] / d[i];
     }
-    let mut active: Active = Vec::with_capacity(MOST + 1);
-    let value = |row: &Row, x: &[f64; MOST]| (0..p).map(|i| row.a[i] * x[i]).sum::<f64>() - row.b;
+    let mut active: Active = Vec::with_capacity(MAX_ACTUATORS + 1);
+    let value = |row: &Row, x: &[f64; MAX_ACTUATORS]| (0..p).map(|i| row.a[i] * x[i]).sum::<f64>() - row.b;
     for _ in 0..MOST_EXCHANGES {
         let worst = rows
             .iter()
@@ -270,7 +274,7 @@ fn dual_method(p: usize, d: &[f64; MOST], c: &[f64; MOST], rows: &[Row]) -> Opti
             // r: how the active multipliers change; z: how x moves, per unit of the entering row's multiplier.
             let right = |active: &Row| product(p, d, &active.a, &row.a);
             let r = solve_active(p, d, rows, &active, right)?;
-            let mut z = [0.0; MOST];
+            let mut z = [0.0; MAX_ACTUATORS];
             for i in 0..p {
                 let held: f64 = active.iter().zip(&r).map(|((k, _), r)| rows[*k].a[i] * r).sum();
                 z[i] = (row.a[i] - held) / d[i];
@@ -314,14 +318,14 @@ fn dual_method(p: usize, d: &[f64; MOST], c: &[f64; MOST], rows: &[Row]) -> Opti
 /// where some actuators cost a million times as much as others.
 fn afresh(
     p: usize,
-    d: &[f64; MOST],
-    c: &[f64; MOST],
+    d: &[f64; MAX_ACTUATORS],
+    c: &[f64; MAX_ACTUATORS],
     rows: &[Row],
     mut active: Active,
-    mut x: [f64; MOST],
-) -> ([f64; MOST], Active) {
-    let rest = |row: &Row, x: &[f64; MOST]| row.b - (0..p).map(|i| row.a[i] * x[i]).sum::<f64>();
-    let mut start = [0.0; MOST];
+    mut x: [f64; MAX_ACTUATORS],
+) -> ([f64; MAX_ACTUATORS], Active) {
+    let rest = |row: &Row, x: &[f64; MAX_ACTUATORS]| row.b - (0..p).map(|i| row.a[i] * x[i]).sum::<f64>();
+    let mut start = [0.0; MAX_ACTUATORS];
     for i in 0..p {
         start[i] = -c[i] / d[i];
     }
@@ -341,25 +345,25 @@ fn afresh(
     (x, active)
 }
 
-fn product(p: usize, d: &[f64; MOST], u: &[f64; MOST], v: &[f64; MOST]) -> f64 {
+fn product(p: usize, d: &[f64; MAX_ACTUATORS], u: &[f64; MAX_ACTUATORS], v: &[f64; MAX_ACTUATORS]) -> f64 {
     (0..p).map(|i| u[i] * v[i] / d[i]).sum()
 }
 
 /// (N' D^-1 N) r = right for the active rows N: at most four equations.
 fn solve_active(
     p: usize,
-    d: &[f64; MOST],
+    d: &[f64; MAX_ACTUATORS],
     rows: &[Row],
     active: &[(usize, f64)],
     right: impl Fn(&Row) -> f64,
-) -> Option<[f64; MOST]> {
+) -> Option<[f64; MAX_ACTUATORS]> {
     let m = active.len();
-    let mut matrix = [[0.0; MOST + 1]; MOST];
+    let mut matrix = [[0.0; MAX_ACTUATORS + 1]; MAX_ACTUATORS];
     for (i, (row, _)) in active.iter().enumerate() {
         for (j, (column, _)) in active.iter().enumerate() {
             matrix[i][j] = product(p, d, &rows[*row].a, &rows[*column].a);
         }
-        matrix[i][MOST] = right(&rows[*row]);
+        matrix[i][MAX_ACTUATORS] = right(&rows[*row]);
     }
     for k in 0..m {
         let pivot = (k..m).max_by(|a, b| matrix[*a][k].abs().total_cmp(&matrix[*b][k].abs()))?;
@@ -369,15 +373,15 @@ fn solve_active(
         matrix.swap(pivot, k);
         for i in k + 1..m {
             let factor = matrix[i][k] / matrix[k][k];
-            for j in (k..m).chain([MOST]) {
+            for j in (k..m).chain([MAX_ACTUATORS]) {
                 matrix[i][j] -= factor * matrix[k][j];
             }
         }
     }
-    let mut r = [0.0; MOST];
+    let mut r = [0.0; MAX_ACTUATORS];
     for k in (0..m).rev() {
         let known: f64 = (k + 1..m).map(|j| matrix[k][j] * r[j]).sum();
-        r[k] = (matrix[k][MOST] - known) / matrix[k][k];
+        r[k] = (matrix[k][MAX_ACTUATORS] - known) / matrix[k][k];
     }
     Some(r)
 }

@@ -6,7 +6,7 @@
 //! B also says, for whatever has been chosen from the top down, what the rest can add at most: with it every combination
 //! above a given sum can be listed without meeting many others.
 
-use super::allocate::MOST;
+use crate::scene::MAX_ACTUATORS;
 
 /// Sums over all sets of actuators and all prefixes of the frequencies.
 #[derive(Clone, Debug, Default)]
@@ -116,8 +116,8 @@ impl Assignment {
 
     /// One best choice: a frequency per actuator. `None` if there is none that keeps the distance.
     #[must_use]
-    pub fn choice(&self, lags: &[usize]) -> Option<[usize; MOST]> {
-        let mut chosen = [0; MOST];
+    pub fn choice(&self, lags: &[usize]) -> Option<[usize; MAX_ACTUATORS]> {
+        let mut chosen = [0; MAX_ACTUATORS];
         let (mut set, mut upto) = ((1 << self.actuators) - 1, self.frequencies);
         while set != 0 {
             let best = self.best(set, upto);

@@ -1,6 +1,6 @@
 //! What a touch has to choose from: every actuator at every frequency that can be part of the best combination.
 
-use super::allocate::{Allocation, MOST};
+use super::allocate::Allocation;
 use super::assignment::{Assignment, lags};
 use super::perception;
 use super::quiet::QuietZones;
@@ -10,6 +10,7 @@ use super::table::{Entry, PlanTable, SINGLE, Width, at_point};
 use super::zone::Zone;
 use super::{ELECTRODE_CABLE_F, MIN_SPACING_HZ};
 use crate::scene::EPS0;
+use crate::scene::MAX_ACTUATORS;
 
 /// Rounds in which a first combination is improved.
 const FIRST_ROUNDS: usize = 4;
@@ -67,7 +68,7 @@ impl<'a> Judge<'a> {
     /// An empty list of choices with this request's rows. `wanted` in m/s^2.
     #[must_use]
     pub fn empty(&self, wanted: &[f64]) -> Choices {
-        let p = self.table.entries.len().min(MOST);
+        let p = self.table.entries.len().min(MAX_ACTUATORS);
         Choices {
             frequencies_hz: Vec::new(),
             candidates: vec![Vec::new(); p],
@@ -131,7 +132,7 @@ impl<'a> Judge<'a> {
     pub fn all(&self, wanted: &[f64]) -> Choices {
         let mut choices = self.empty(wanted);
         choices.frequencies_hz.clone_from(&self.table.frequencies_hz);
-        for (actuator, list) in self.table.entries.iter().take(MOST).enumerate() {
+        for (actuator, list) in self.table.entries.iter().take(MAX_ACTUATORS).enumerate() {
             for (k, entry) in list.iter().enumerate() {
                 if let Some(entry) = entry {
                     self.add(&mut choices, actuator, k, k, entry, self.table.frequencies_hz[k]);
@@ -146,7 +147,7 @@ impl<'a> Judge<'a> {
     #[must_use]
     pub fn shortlist(&self, wanted: f64, fits: &dyn Fn(f64, f64) -> bool) -> Choices {
         let table = self.table;
-        let (p, f) = (table.entries.len().min(MOST), table.frequencies_hz.len());
+        let (p, f) = (table.entries.len().min(MAX_ACTUATORS), table.frequencies_hz.len());
         let Some(shape) = self.zone.targets.first() else { return self.empty(&[wanted]) };
         let squares = table.gains().squares(shape);
         let rough = &table.rough;
@@ -212,7 +213,7 @@ impl<'a> Judge<'a> {
         fits: &dyn Fn(f64, f64) -> bool,
     ) -> Option<Allocation> {
         let table = self.table;
-        let (p, f) = (table.entries.len().min(MOST), table.frequencies_hz.len());
+        let (p, f) = (table.entries.len().min(MAX_ACTUATORS), table.frequencies_hz.len());
         let hz = |k: usize| table.frequencies_hz[k];
         let mut picks: Vec<usize> = Vec::with_capacity(p);
         for actuator in 0..p {
@@ -315,7 +316,7 @@ impl<'a> Judge<'a> {
     /// A wanted acceleration in m/s^2, at most a million times the sum of what the actuators reach at their best.
     #[must_use]
     pub fn countable(&self, wanted: f64, target: usize) -> f64 {
-        let (p, f) = (self.table.entries.len().min(MOST), self.table.frequencies_hz.len());
+        let (p, f) = (self.table.entries.len().min(MAX_ACTUATORS), self.table.frequencies_hz.len());
         if wanted < 1e6 {
             return wanted;
         }

@@ -1,7 +1,7 @@
 //! Plans whose forces come from elsewhere than the search: one frequency for all actuators or for groups of them, with
 //! phases, and one setting for the whole surface.
 
-use super::allocate::{Allocation, MOST, Prices};
+use super::allocate::{Allocation, Prices};
 use super::candidates::Judge;
 use super::phased::{self, Field, PerActuator, PerPair};
 use super::reach::{Region, schemes};
@@ -9,6 +9,7 @@ use super::refine::{Chosen, Selection};
 use super::request::{Grouping, PlanError};
 use super::table::{PlanTable, Width, at_point};
 use super::{MIN_SPACING_HZ, MOST_CONDITION};
+use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
 /// Part of a wish that is met.
@@ -60,7 +61,7 @@ impl PlanTable {
         }
         let drives: Vec<Chosen> = drives.into_iter().collect::<Option<_>>().ok_or(PlanError::NoFrequencies)?;
         let met = if wanted > 0.0 { (found.reached / wanted).min(1.0) } else { 1.0 };
-        let mut forces_n = [0.0; MOST];
+        let mut forces_n = [0.0; MAX_ACTUATORS];
         forces_n.iter_mut().zip(&drives).for_each(|(force, drive)| *force = drive.force_n);
         let allocation = Allocation { forces_n, met, cost: found.energy, prices: Prices::default() };
         Ok(Selection {
@@ -103,7 +104,7 @@ impl PlanTable {
         }
         let wanted = wanted.first().copied().unwrap_or(0.0);
         let scale = if peak > wanted { wanted / peak } else { 1.0 };
-        let mut forces_n = [0.0; MOST];
+        let mut forces_n = [0.0; MAX_ACTUATORS];
         for (force, drive) in forces_n.iter_mut().zip(&mut drives) {
             drive.force_n *= scale;
             *force = drive.force_n;
@@ -118,19 +119,19 @@ impl PlanTable {
 struct Data {
     gain: Vec<PerActuator>,
     energy: Vec<PerPair>,
-    max_force_n: Vec<[f64; MOST]>,
+    max_force_n: Vec<[f64; MAX_ACTUATORS]>,
     travel: Vec<PerPair>,
 }
 
 impl Data {
     /// With each entry's pulse width number `strong`.
     fn new(table: &PlanTable, judge: &Judge<'_>, strong: usize) -> Self {
-        let (p, f) = (table.entries.len().min(MOST), table.frequencies_hz.len());
+        let (p, f) = (table.entries.len().min(MAX_ACTUATORS), table.frequencies_hz.len());
         let mut data = Self {
-            gain: vec![[Complex64::ZERO; MOST]; f],
-            energy: vec![[[Complex64::ZERO; MOST]; MOST]; f],
-            max_force_n: vec![[0.0; MOST]; f],
-            travel: vec![[[Complex64::ZERO; MOST]; MOST]; f],
+            gain: vec![[Complex64::ZERO; MAX_ACTUATORS]; f],
+            energy: vec![[[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS]; f],
+            max_force_n: vec![[0.0; MAX_ACTUATORS]; f],
+            travel: vec![[[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS]; f],
         };
         let over_all = table.over_surface();
         for k in 0..f {
@@ -156,14 +157,14 @@ impl Data {
     }
 
     fn field<'a>(&'a self, table: &'a PlanTable) -> Field<'a> {
-        let mut max_travel_m = [f64::INFINITY; MOST];
+        let mut max_travel_m = [f64::INFINITY; MAX_ACTUATORS];
         max_travel_m
             .iter_mut()
             .zip(&table.electrodes)
             .for_each(|(most, electrodes)| *most = electrodes.most_travel_m());
         Field {
             frequencies_hz: &table.frequencies_hz,
-            actuators: table.entries.len().min(MOST),
+            actuators: table.entries.len().min(MAX_ACTUATORS),
             gain: &self.gain,
             energy: &self.energy,
             max_force_n: &self.max_force_n,

@@ -37,6 +37,9 @@ fn threshold_db_g(hz: f64) -> f64 {
     db0 + (db1 - db0) * (hz - f0) / (f1 - f0)
 }
 
+/// Levels in dB above the threshold below which nothing moves but rounding: a thirty-millionth of what is just felt.
+pub const LEAST_DB: f64 = -150.0;
+
 /// Least peak acceleration that is felt at `hz`, in m/s^2.
 #[must_use]
 pub fn threshold_m_per_s2(hz: f64) -> f64 {
@@ -66,11 +69,16 @@ pub fn in_thresholds(components: &[(f64, f64)]) -> f64 {
     components.iter().map(|(hz, acceleration)| acceleration.abs() / threshold_m_per_s2(*hz)).sum()
 }
 
-/// Level above the threshold in dB: 20 log10 of [`in_thresholds`]; negative below it, `None` where nothing moves.
+/// A strength in thresholds as a level in dB; `None` below [`LEAST_DB`], where nothing moves but rounding.
+#[must_use]
+pub fn level_db(thresholds: f64) -> Option<f64> {
+    Some(20.0 * thresholds.log10()).filter(|db| *db >= LEAST_DB)
+}
+
+/// Level above the threshold in dB, as [`level_db`] of [`in_thresholds`]; negative below it, `None` where nothing moves.
 #[must_use]
 pub fn above_threshold_db(components: &[(f64, f64)]) -> Option<f64> {
-    let times = in_thresholds(components);
-    (times > 0.0).then(|| 20.0 * times.log10())
+    level_db(in_thresholds(components))
 }
 
 /// Factor for the strength of `components` that brings them to `db` above the threshold; `None` where nothing moves.
@@ -121,6 +129,12 @@ mod tests {
         }
         assert_eq!(above_threshold_db(&[(160.0, 0.0)]), None);
         assert_eq!(scale_for_db(&[], 20.0), None);
+    }
+
+    #[test]
+    fn rounding_has_no_level() {
+        assert_eq!((level_db(0.0), level_db(1e-18), level_db(f64::NAN)), (None, None, None));
+        assert_eq!((level_db(1e-7), level_db(1.0), level_db(100.0)), (Some(-140.0), Some(0.0), Some(40.0)));
     }
 
     #[test]

@@ -27,8 +27,6 @@ const QUIET_ROUNDS: [usize; 2] = [3, 10];
 const NO_GAP: f64 = 1e-9;
 /// Gaps above this say no more than that nothing is known: where next to nothing of the forces is safe.
 const MOST_GAP: f64 = 1e6;
-/// Levels in dB above the threshold below which nothing moves but rounding.
-const LEAST_DB: f64 = -150.0;
 /// Part of a wish that counts as met.
 const MET: f64 = 1.0 - 1e-6;
 
@@ -287,9 +285,7 @@ impl PlanTable {
             mean_elsewhere_g: ((mean - zone.part * near_mean) / (1.0 - zone.part)).max(0.0) / STANDARD_GRAVITY,
             contrast_db: contrast_db(near, if all > 0.0 { zone.elsewhere(all, near) } else { 0.0 }),
             softened_peak_g: shape.map_or(0.0, |shape| self.settled_peak(drives, settled, shape)) / STANDARD_GRAVITY,
-            above_threshold_db: shape
-                .and_then(|shape| above_threshold_db(&components(shape)))
-                .filter(|db| *db >= LEAST_DB),
+            above_threshold_db: shape.and_then(|shape| above_threshold_db(&components(shape))),
         }
     }
 

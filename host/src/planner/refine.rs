@@ -1,11 +1,12 @@
 //! From the best combination on the grid to drives, with frequencies between the grid's where that is better.
 
 use super::MIN_SPACING_HZ;
-use super::allocate::{Allocation, MOST};
+use super::allocate::Allocation;
 use super::candidates::Judge;
 use super::plan::meets;
 use super::search::{Choices, Found};
 use super::table::{Entry, PlanTable, Width};
+use crate::scene::MAX_ACTUATORS;
 
 /// Least relative gain that a frequency off the grid must bring.
 const WORTH: f64 = 1e-3;
@@ -85,7 +86,7 @@ impl PlanTable {
                 trial[i] = Chosen { frequency_hz: hz, on_grid: None, row, width, ..trial[i].clone() };
             }
             own.frequencies_hz = trial.iter().map(|drive| drive.frequency_hz).collect();
-            let mut at = [0; MOST];
+            let mut at = [0; MAX_ACTUATORS];
             for (i, drive) in trial.iter().enumerate() {
                 if let Some(entry) = drive.row.get(i) {
                     judge.add(&mut own, i, i, 0, entry, drive.frequency_hz);

@@ -1,7 +1,7 @@
 //! What is told of a plan besides its drives, by those who have the time: harmonics, rise and decay.
 
 use super::STANDARD_GRAVITY;
-use super::perception::threshold_m_per_s2;
+use super::perception::{level_db, threshold_m_per_s2};
 use super::plan::{Plan, Planned};
 use super::table::PlanTable;
 use crate::transient::panel::Drive;
@@ -14,7 +14,8 @@ pub struct Report {
     pub waveform_peak_g: f64,
     /// The harmonics' part of it, in g.
     pub harmonics_g: f64,
-    /// How far the strongest of the harmonics is above the threshold of feeling, in dB; `null` without any.
+    /// How far the strongest of the harmonics is above the threshold of feeling, in dB; negative below it, `null` where nothing
+    /// moves but rounding.
     pub strongest_harmonic_db: Option<f64>,
     /// When it is there, and gone.
     #[serde(flatten)]
@@ -66,7 +67,7 @@ impl PlanTable {
         Report {
             waveform_peak_g: planned.plan.predicted.softened_peak_g + harmonics_m_per_s2 / STANDARD_GRAVITY,
             harmonics_g: harmonics_m_per_s2 / STANDARD_GRAVITY,
-            strongest_harmonic_db: (over > 0.0).then(|| 20.0 * over.log10()),
+            strongest_harmonic_db: level_db(over),
             times: self.times(&planned.plan),
         }
     }

@@ -15,7 +15,8 @@ mod mixture;
 #[cfg(test)]
 mod tests;
 
-use super::allocate::{Allocation, MOST, Prices, Setting, allocate};
+use super::allocate::{Allocation, Prices, Setting, allocate};
+use crate::scene::MAX_ACTUATORS;
 use branch::Search;
 
 /// How much is looked at where limits bind, before the search ends with what is proven by then.
@@ -78,7 +79,7 @@ pub struct Choices {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// Index of each actuator's candidate.
-    pub chosen: [usize; MOST],
+    pub chosen: [usize; MAX_ACTUATORS],
     /// Its forces.
     pub allocation: Allocation,
     /// By which part of its cost, or of what it reaches, another combination could be better at most; 0 where it is
@@ -102,7 +103,7 @@ impl Choices {
     #[must_use]
     pub fn exhaustive(&self, fits: Fits<'_>) -> (Option<Allocation>, u64) {
         let (mut best, mut looked) = (None, 0);
-        self.descend(fits, &mut Vec::with_capacity(MOST), &mut best, &mut looked);
+        self.descend(fits, &mut Vec::with_capacity(MAX_ACTUATORS), &mut best, &mut looked);
         (best, looked)
     }
 
@@ -129,7 +130,7 @@ impl Choices {
     #[must_use]
     pub fn allocation(&self, chosen: &[usize]) -> Allocation {
         const NOTHING: Setting<'_> = Setting { energy: 0.0, power: 0.0, max_force_n: 0.0, gain: &[], load: &[] };
-        let mut settings = [NOTHING; MOST];
+        let mut settings = [NOTHING; MAX_ACTUATORS];
         let p = self.candidates.len();
         for (i, setting) in settings.iter_mut().enumerate().take(p) {
             *setting = self.setting(i, chosen[i]);

@@ -1,10 +1,10 @@
 //! What counts as "at the target": the surface within 10 mm of it.
 
 use super::TARGET_RADIUS_M;
-use super::allocate::MOST;
 use super::phased::PerPair;
 use super::request::Target;
 use super::table::{PlanTable, at_point};
+use crate::scene::MAX_ACTUATORS;
 use crate::scene::SurfaceKind;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -92,9 +92,9 @@ impl Zone {
     /// Means over the zone of conj(a_i) a_j, for several motions.
     #[must_use]
     pub fn products(&self, accelerations: &[&DVector<Complex64>]) -> PerPair {
-        let mut sums = [[Complex64::ZERO; MOST]; MOST];
+        let mut sums = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
         for (shape, weight) in &self.points {
-            let mut at = [Complex64::ZERO; MOST];
+            let mut at = [Complex64::ZERO; MAX_ACTUATORS];
             at.iter_mut().zip(accelerations).for_each(|(at, acceleration)| *at = at_point(shape, acceleration));
             for (row, a) in sums.iter_mut().zip(&at) {
                 for (sum, b) in row.iter_mut().zip(&at) {

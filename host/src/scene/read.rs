@@ -167,12 +167,12 @@ impl<'r, 't> Section<'r, 't> {
     }
 
     pub fn has(&self, key: &'static str) -> bool {
-        self.known.borrow_mut().push(key);
+        self.note(key);
         self.table.contains_key(key)
     }
 
     fn value(&self, key: &'static str) -> Option<&'r DeValue<'t>> {
-        self.known.borrow_mut().push(key);
+        self.note(key);
         self.table.get(key).map(toml::Spanned::get_ref)
     }
 
@@ -300,6 +300,14 @@ impl<'r, 't> Section<'r, 't> {
             }
         }
         sections
+    }
+
+    /// Notes a key as known, once: some are asked for twice, whether they are there and for their value.
+    fn note(&self, key: &'static str) {
+        let mut known = self.known.borrow_mut();
+        if !known.contains(&key) {
+            known.push(key);
+        }
     }
 
     /// Ends the reading: every key that nobody asked for is a mistake.

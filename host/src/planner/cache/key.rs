@@ -6,7 +6,7 @@ use crate::scene::Scene;
 use sha2::{Digest, Sha256};
 use std::fmt;
 
-/// Hash of the code that computes tables, as the build found it.
+/// Hash of all the code of this program, the compiler and what it was told, as the build found them (`code.rs`).
 const CODE: &str = env!("ERA_CODE");
 
 /// SHA-256 of a scene as it was understood (comments and the order of keys are of no account), tolerance, frequencies,

@@ -7,6 +7,10 @@
 //!
 //! The directory is bounded: [`MOST_FILES`] and [`MOST_BYTES`], of which those go first that have not been used for longest.
 
+#[cfg(test)]
+mod code;
+#[cfg(test)]
+mod code_tests;
 mod directory;
 mod file;
 mod key;

@@ -1,5 +1,6 @@
 use super::{Cache, Key, Origin, Unusable, directory, file, prepare};
 use crate::model::{Accuracy, Bound};
+use crate::planner::limits::Limit;
 use crate::planner::{PlanTable, TableOptions, Target};
 use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use proptest::prelude::*;
@@ -60,6 +61,75 @@ fn a_kept_table_plans_as_the_computed_one_to_the_last_bit() {
         assert!(without.kept.is_none());
         assert_eq!(plans(&computed.table), plans(&without.table));
     }
+}
+
+/// Scenes of any size and kind are read again, as the table of a panel of 360 mm never was: symmetric ones, whose figures over
+/// the surface come from a quarter of it, and random ones.
+#[test]
+fn tables_of_any_scene_are_read_again() {
+    let corners = "version = 1\nname = \"four\"\n[surface]\nkind = \"plate\"\nlength_mm = 360\nwidth_mm = 240\n\
+                   thickness_mm = 2.5\n[surface.material]\nyoungs_modulus_pa = 69e9\npoisson_ratio = 0.33\n\
+                   density_kg_m3 = 2700\n";
+    let mut four = String::from(corners);
+    for (x, y) in [(0, 0), (360, 0), (0, 240), (360, 240)] {
+        four += &format!("[[support]]\nx_mm = {x}\ny_mm = {y}\nstiffness_n_per_m = 2e3\ndamping_n_s_per_m = 1.3\n");
+    }
+    for (i, (x, y)) in [(60, 60), (300, 60), (60, 180), (300, 180)].into_iter().enumerate() {
+        four += &format!(
+            "[[actuator]]\nid = \"era{i}\"\nx_mm = {x}\ny_mm = {y}\nmount = \"grounded\"\nmoving_mass_g = 10\n\
+             stiffness_n_per_m = 5e3\ndamping_n_s_per_m = 1.1\nelectrode_area_mm2 = 1963.5\nair_gap_um = 500\n\
+             max_voltage_v = 2000\n"
+        );
+    }
+    let random = (0..24).map(|scene| crate::verify::trials::scene_text(3, scene));
+    for text in std::iter::once(four).chain(random) {
+        let scene = Scene::parse("any", &text).unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let cache = Cache::at(directory.path().to_path_buf());
+        let options = TableOptions { from_hz: 40.0, to_hz: 400.0, step_hz: 8.0 };
+        let computed = prepare(Some(&cache), &scene, Accuracy::FAST, options).unwrap();
+        let path = computed.kept.as_ref().unwrap().0.clone();
+        let key = Key::new(&scene, Accuracy::FAST, options).unwrap();
+        let read = super::load(&path, &key, &scene, Accuracy::FAST, options);
+        let read = read.unwrap_or_else(|reason| panic!("{reason}\n{text}"));
+        assert_eq!(format!("{:?}", computed.table), format!("{:?}", read.table));
+    }
+}
+
+/// A limit, its cause, a bound of the largest value or slope, or a product, that is not the scene's, at a frequency or in a column
+/// that is looked at.
+#[test]
+fn limits_and_figures_are_among_the_samples() {
+    let scene = bar();
+    let made = prepare(None, &scene, Accuracy::FAST, FEW).unwrap();
+    let restored = |change: &dyn Fn(&mut PlanTable)| {
+        let mut table = made.table.clone();
+        change(&mut table);
+        let stored = crate::planner::table::stored::StoredTable::new(&table, &made.steps).unwrap();
+        stored.restore(&scene, Accuracy::FAST, FEW)
+    };
+    assert!(restored(&|_| {}).is_ok());
+    // The middle of 21 frequencies is always a sample.
+    fn entry(table: &mut PlanTable) -> &mut crate::planner::table::Entry {
+        table.entries[1][10].as_mut().unwrap()
+    }
+    let changes: [&dyn Fn(&mut PlanTable); 8] = [
+        &|table| entry(table).max_force_n *= 1.1,
+        &|table| entry(table).widths[0].max_force_n *= 0.9,
+        &|table| entry(table).limit = other(entry(table).limit),
+        &|table| entry(table).widths[1].limit = other(entry(table).widths[1].limit),
+        &|table| entry(table).onset_v *= 1.1,
+        &|table| entry(table).overshoot[0] = 2.0 * entry(table).overshoot[0] + 1e-9,
+        &|table| entry(table).most_square *= 1.01,
+        &|table| entry(table).steepest *= 1.01,
+    ];
+    for (number, change) in changes.into_iter().enumerate() {
+        assert!(restored(change).is_err(), "{number}");
+    }
+}
+
+fn other(limit: Limit) -> Limit {
+    if limit == Limit::Voltage { Limit::Travel } else { Limit::Voltage }
 }
 
 #[test]

@@ -3,7 +3,8 @@
 use super::dual::{Evaluation, Space};
 use super::mixture::{self, Column, Mixture};
 use super::{Choices, Fits, Found, Kind, is_better};
-use crate::planner::allocate::{Allocation, MOST, Prices};
+use crate::planner::allocate::{Allocation, Prices};
+use crate::scene::MAX_ACTUATORS;
 
 /// What is nearer than this to the best, as a part of it, is as good.
 const SAME: f64 = 1e-10;
@@ -42,7 +43,7 @@ pub struct Search<'a> {
     choices: &'a Choices,
     fits: Fits<'a>,
     kind: Kind,
-    best: Option<([usize; MOST], Allocation)>,
+    best: Option<([usize; MAX_ACTUATORS], Allocation)>,
     /// Whether other frequencies have been tried around the best.
     is_polished: bool,
     steps: usize,
@@ -105,7 +106,7 @@ impl<'a> Search<'a> {
     }
 
     /// Works out a combination, and keeps it if it is the best that fits.
-    fn consider(&mut self, chosen: &[usize; MOST]) -> Allocation {
+    fn consider(&mut self, chosen: &[usize; MAX_ACTUATORS]) -> Allocation {
         self.steps += 1;
         let allocation = self.choices.allocation(chosen);
         let fits = self.is_allowed(chosen);
@@ -116,7 +117,7 @@ impl<'a> Search<'a> {
         allocation
     }
 
-    fn is_allowed(&self, chosen: &[usize; MOST]) -> bool {
+    fn is_allowed(&self, chosen: &[usize; MAX_ACTUATORS]) -> bool {
         let p = self.choices.candidates.len();
         (0..p).all(|i| (0..i).all(|j| self.choices.go_together(self.fits, (i, chosen[i]), (j, chosen[j]))))
     }
@@ -191,9 +192,9 @@ impl<'a> Search<'a> {
 
     /// Looks at every combination of a part.
     fn list(&mut self, space: &Space) {
-        let mut at = [0; MOST];
+        let mut at = [0; MAX_ACTUATORS];
         loop {
-            let mut chosen = [0; MOST];
+            let mut chosen = [0; MAX_ACTUATORS];
             for ((chosen, list), at) in chosen.iter_mut().zip(&space.lists).zip(&at) {
                 let Some(candidate) = list.get(*at) else { return };
                 *chosen = *candidate;
@@ -269,7 +270,7 @@ impl<'a> Search<'a> {
     }
 
     /// Looks at the combination of what has the largest shares of a part's mixture.
-    fn consider_shares(&mut self, part: &Part, otherwise: &[usize; MOST]) {
+    fn consider_shares(&mut self, part: &Part, otherwise: &[usize; MAX_ACTUATORS]) {
         let mut chosen = *otherwise;
         for (i, chosen) in chosen.iter_mut().enumerate().take(self.choices.candidates.len()) {
             let own = part.columns.iter().filter(|column| column.actuator == i && column.share > 0.0);
@@ -282,7 +283,12 @@ impl<'a> Search<'a> {
     }
 
     /// What earns most at the prices of `found`, and a combination with its forces; whether any is new.
-    fn add_columns(&self, part: &mut Part, found: &Evaluation, known: Option<(&[usize; MOST], &Allocation)>) -> bool {
+    fn add_columns(
+        &self,
+        part: &mut Part,
+        found: &Evaluation,
+        known: Option<(&[usize; MAX_ACTUATORS], &Allocation)>,
+    ) -> bool {
         let mut is_new = false;
         let Part { space, columns, .. } = part;
         for i in 0..self.choices.candidates.len() {

@@ -5,8 +5,9 @@
 //! phi_i = max over 0 <= u <= U_i of (pull_i - P_i) u - E_i u^2; pull_i = lambda . h_i - mu . r_i.
 
 use super::{Choices, Kind};
-use crate::planner::allocate::{MOST, Prices};
+use crate::planner::allocate::Prices;
 use crate::planner::assignment::{Assignment, lags};
+use crate::scene::MAX_ACTUATORS;
 
 /// Rounding of a bound, as a part of the sums that it is the difference of.
 const ROUNDING: f64 = 1e-14;
@@ -43,11 +44,11 @@ pub struct Evaluation {
     /// No combination is worth more.
     pub bound: f64,
     /// The one with the best sum.
-    pub choice: [usize; MOST],
+    pub choice: [usize; MAX_ACTUATORS],
     /// Of each actuator's candidates what they earn, and with which force, list by list.
     earned: Vec<Vec<(f64, f64)>>,
     /// Of each actuator what all others earn at best, and the rest of the bound.
-    others: [f64; MOST],
+    others: [f64; MAX_ACTUATORS],
 }
 
 impl Evaluation {
@@ -92,7 +93,7 @@ impl Evaluation {
         let mut sums = Assignment::default();
         sums.fill(p, value, &lags);
         let nodes = sums.choice(&lags)?;
-        let mut choice = [0; MOST];
+        let mut choice = [0; MAX_ACTUATORS];
         for i in 0..p {
             choice[i] = at[i * f + nodes[i]];
         }
@@ -101,7 +102,7 @@ impl Evaluation {
         let asked = if kind == Kind::Cost { asked } else { 0.0 };
         let constant = allowed - asked + ROUNDING * (allowed + asked + sums.most());
         let all = (1 << p) - 1;
-        let mut others = [0.0; MOST];
+        let mut others = [0.0; MAX_ACTUATORS];
         for (i, others) in others.iter_mut().enumerate().take(p) {
             *others = constant + sums.best(all & !(1 << i), f);
         }

@@ -62,7 +62,7 @@ pub fn best(choices: &Choices, columns: &mut [Column], kind: Kind) -> Option<Mix
     let mut scales: Vec<(usize, f64)> = Vec::new();
     for (c, allowed) in choices.allowed.iter().enumerate() {
         let entries = columns.iter().map(|column| load(column, c));
-        let mut most = [0.0_f64; crate::planner::allocate::MOST];
+        let mut most = [0.0_f64; crate::scene::MAX_ACTUATORS];
         for (column, entry) in columns.iter().zip(entries.clone()) {
             most[column.actuator] = most[column.actuator].max(entry);
         }

@@ -245,11 +245,10 @@ fn surface_figures(
 }
 
 /// Weighted mean of the magnitude, a bound of its square, and one of its slope per m.
-fn figures_of(field: impl Iterator<Item = Complex64>, grid: &SurfaceGrid) -> [f64; 3] {
+pub(super) fn figures_of(field: impl Iterator<Item = Complex64>, grid: &SurfaceGrid) -> [f64; 3] {
     let (mut mean, mut most, mut steepest) = (0.0, 0.0_f64, 0.0_f64);
     let columns = grid.x_m.len();
-    let step = |line: &[f64]| line.get(1).zip(line.first()).map_or(f64::INFINITY, |(b, a)| b - a);
-    let (dx, dy) = (step(&grid.x_m), step(&grid.y_m));
+    let (dx, dy) = grid.steps_m();
     let mut above = vec![Complex64::ZERO; columns];
     let mut left = Complex64::ZERO;
     for (at, ((z, weight), there)) in field.zip(&grid.weights).zip(&grid.there).enumerate() {

@@ -61,6 +61,12 @@ impl SurfaceGrid {
         Self { shapes: DMatrix::zeros(0, 0), x_m, y_m, weights, there }
     }
 
+    /// Distance of neighbouring columns and rows in m; infinite where there is but one.
+    pub(super) fn steps_m(&self) -> (f64, f64) {
+        let step = |line: &[f64]| line.get(1).zip(line.first()).map_or(f64::INFINITY, |(b, a)| b - a);
+        (step(&self.x_m), step(&self.y_m))
+    }
+
     /// Acceleration at every point, in (m/s^2) per what `acceleration` is for.
     #[must_use]
     pub fn field(&self, acceleration: &DVector<Complex64>) -> Vec<Complex64> {
@@ -83,6 +89,12 @@ impl SurfaceGrid {
             row *= *weight;
         }
         self.shapes.tr_mul(&weighted)
+    }
+
+    /// Columns of [`SurfaceGrid::products`].
+    pub(super) fn products_of(&self, columns: impl Iterator<Item = usize>) -> impl Iterator<Item = DVector<f64>> {
+        let weights = DVector::from_column_slice(&self.weights);
+        columns.map(move |column| self.shapes.tr_mul(&self.shapes.column(column).component_mul(&weights)))
     }
 }
 

@@ -4,7 +4,7 @@
 //! arrays that a touch reads in its own order are made again of scene and entries, so that a table read is bit for bit the
 //! one that was written. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
 
-use super::build::{Panel, electrodes_of, entries_at, free_motion, rows};
+use super::build::{Panel, electrodes_of, entries_at, figures_of, free_motion, rows};
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
 use crate::model::bounded::Step;
 use crate::model::levels::Levels;
@@ -190,7 +190,24 @@ fn restore_rows(
     stored.into_par_iter().map(|stored| stored.map(row).transpose()).collect()
 }
 
-/// Computes samples anew: entries, responses of the coarser levels, shapes.
+/// What sets an entry's limits.
+fn limited_by(entry: &Entry) -> impl Iterator<Item = Limit> {
+    std::iter::once(entry.limit).chain(entry.widths.into_iter().map(|width| width.limit))
+}
+
+/// Whether an entry's figures over the surface are those of its acceleration.
+fn over_surface(table: &PlanTable, acceleration: &DVector<Complex64>, kept: &Entry) -> bool {
+    let anew = figures_of(table.grid.field(acceleration).into_iter(), &table.grid);
+    // The steepest slope is a difference of neighbours in single precision: of what rounding makes of the largest value.
+    let [mean, most_square, steepest] = anew;
+    let (dx, dy) = table.grid.steps_m();
+    let slope = most_square.sqrt() / dx.min(dy);
+    is_same(mean, kept.mean, SAME_IN_SINGLE)
+        && is_same(most_square, kept.most_square, SAME_IN_SINGLE)
+        && (steepest - kept.steepest).abs() <= SAME_IN_SINGLE * slope
+}
+
+/// Computes samples anew: entries with their limits, responses of the coarser levels, products and shapes.
 fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
     let solver = Solver::new(&table.model);
     let panel = Panel {
@@ -209,7 +226,8 @@ fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
                 is_close(&anew.acceleration, &kept.acceleration)
                     && figures(anew).zip(figures(kept)).all(|(anew, kept)| is_same(anew, kept, SAME))
                     && limits(anew).zip(limits(kept)).all(|(anew, kept)| is_same(anew, kept, SAME_OF_POLES))
-                    && is_same(table.grid.mean(&anew.acceleration), kept.mean, SAME_IN_SINGLE)
+                    && limited_by(anew).eq(limited_by(kept))
+                    && over_surface(table, &anew.acceleration, kept)
             }),
             (anew, kept) => anew.is_none() && kept.is_none(),
         };
@@ -224,6 +242,12 @@ fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
             if !is_same {
                 return Err(Implausible::Differs("responses of a coarser level"));
             }
+        }
+    }
+    let products = table.grid.products_of(samples(table.model.order()));
+    for (column, anew) in samples(table.model.order()).zip(products) {
+        if (&anew - table.products.column(column)).amax() > SAME * anew.amax() {
+            return Err(Implausible::Differs("products over the surface"));
         }
     }
     let columns = table.grid.x_m.len();

@@ -1,0 +1,111 @@
+//! The key follows from all of the code: whatever changes of it, the key does.
+
+use super::code::{FOLDERS, files, local_packages, number};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+fn own() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn own_number(variables: &[(&str, &str)], compiler: &str, host: &Path) -> u64 {
+    let variables = variables.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+    number(host, &files(host).unwrap(), variables, compiler).unwrap()
+}
+
+/// A copy of all files that count, to be changed.
+fn copy() -> (tempfile::TempDir, PathBuf) {
+    let directory = tempfile::tempdir().unwrap();
+    let host = directory.path().join("host");
+    std::fs::create_dir(&host).unwrap();
+    for file in files(own()).unwrap() {
+        let to = host.join(&file);
+        std::fs::create_dir_all(to.parent().unwrap()).unwrap();
+        std::fs::copy(own().join(&file), to).unwrap();
+    }
+    (directory, host)
+}
+
+/// Every source that a table was ever computed by, and the build script with this very function.
+#[test]
+fn all_code_counts() {
+    let files: BTreeSet<PathBuf> = files(own()).unwrap().into_iter().collect();
+    for file in [
+        "../Cargo.lock",
+        "../Cargo.toml",
+        "./Cargo.toml",
+        "./build.rs",
+        "./src/lib.rs",
+        "./src/model/singular.rs",
+        "./src/planner/cache/code.rs",
+        "./src/planner/table/build.rs",
+        "./src/transient/propagator.rs",
+        "./src/device/sim/modal.rs",
+        "../shared/Cargo.toml",
+        "../shared/src/limits.rs",
+        "../shared/src/supply.rs",
+    ] {
+        assert!(files.contains(Path::new(file)), "{file}");
+    }
+}
+
+#[test]
+fn every_change_of_the_code_changes_the_number() {
+    let (_directory, host) = copy();
+    let told = [("CARGO_CFG_TARGET_FEATURE", "fxsr,sse,sse2"), ("OPT_LEVEL", "3"), ("HOME", "/home/me")];
+    let compiler = "rustc 1.95.0\nrelease: 1.95.0\n";
+    let first = own_number(&told, compiler, &host);
+    assert_eq!(first, own_number(&told, compiler, own()));
+    let mut seen = BTreeSet::from([first]);
+    for file in files(&host).unwrap() {
+        let path = host.join(&file);
+        let text = std::fs::read(&path).unwrap();
+        std::fs::write(&path, [&text[..], b"\n"].concat()).unwrap();
+        assert!(seen.insert(own_number(&told, compiler, &host)), "{}", file.display());
+        std::fs::write(&path, &text).unwrap();
+    }
+    assert_eq!(first, own_number(&told, compiler, &host));
+    // A new file, and the same one under another name.
+    for name in ["src/planner/new.rs", "../shared/src/new.rs"] {
+        std::fs::write(host.join(name), "").unwrap();
+        assert!(seen.insert(own_number(&told, compiler, &host)), "{name}");
+        std::fs::remove_file(host.join(name)).unwrap();
+    }
+    for (name, value) in [
+        ("CARGO_CFG_TARGET_FEATURE", "avx2,fma,fxsr,sse,sse2"),
+        ("CARGO_FEATURE_FAST", "1"),
+        ("CARGO_ENCODED_RUSTFLAGS", "-Ctarget-cpu=native"),
+        ("CARGO_PKG_VERSION", "0.2.0"),
+        ("OPT_LEVEL", "2"),
+    ] {
+        let changed: Vec<_> = told.into_iter().filter(|(known, _)| *known != name).chain([(name, value)]).collect();
+        assert!(seen.insert(own_number(&changed, compiler, &host)), "{name}");
+    }
+    assert!(seen.insert(own_number(&told, "rustc 1.96.0\nrelease: 1.96.0\n", &host)));
+    // What no compiler is told.
+    let elsewhere = told.map(|(name, value)| (name, if name == "HOME" { "/home/you" } else { value }));
+    assert_eq!(first, own_number(&elsewhere, compiler, &host));
+}
+
+/// A package of the workspace that the host comes to depend on must not be forgotten.
+#[test]
+fn a_new_package_of_the_workspace_is_asked_for() {
+    let (_directory, host) = copy();
+    let lock = host.join("../Cargo.lock");
+    let text = std::fs::read_to_string(&lock).unwrap();
+    let of = |text: &str| local_packages(text, "era-host").unwrap();
+    let expected: BTreeSet<String> = FOLDERS.iter().map(|(name, _)| (*name).to_owned()).collect();
+    assert_eq!(of(&text), expected);
+    let more = text.replace(
+        "name = \"era-shared\"",
+        "name = \"era-more\"\nversion = \"0.1.0\"\n\n[[package]]\nname = \"era-shared\"",
+    );
+    // Of another member of the workspace, which the host does not use.
+    assert_eq!(of(&more), expected);
+    let used = more.replacen(" \"era-shared\",\n", " \"era-more\",\n \"era-shared\",\n", usize::MAX);
+    assert!(of(&used).contains("era-more"));
+    std::fs::write(&lock, used).unwrap();
+    let error = files(&host).unwrap_err().to_string();
+    assert!(error.contains("era-more"), "{error}");
+    assert!(local_packages(&text, "era-nothing").is_err());
+}
