@@ -140,3 +140,54 @@ fn a_touch_that_is_no_number_is_refused() {
         assert!(told(&output).contains("is not a finite number"), "{arguments:?}: {}", told(&output));
     }
 }
+
+const BAR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/scenes/bar.toml");
+
+/// Whoever reads the table has the bound with it: a column for each actuator, as in JSON.
+#[test]
+fn a_response_has_its_bounds_in_the_table() {
+    let arguments = ["response", "--scene", BAR, "--at", "100,10", "--from", "100", "--to", "120", "--step", "5"];
+    let told = json(&[&arguments[..], &["--json"]].concat());
+    let text = String::from_utf8(era(&arguments).stdout).unwrap();
+    let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(lines.len(), 6);
+    assert!(lines.iter().all(|line| line.len() == 7), "{text}");
+    for (number, actuator) in told["actuators"].as_array().unwrap().iter().enumerate() {
+        assert_eq!(lines[0][5 + number], format!("{}_error_bound", actuator["id"].as_str().unwrap()));
+        let bound = actuator["error_bound"].as_f64().unwrap();
+        assert!(bound > 0.0 && bound <= told["error_bound"].as_f64().unwrap());
+        for line in &lines[1..] {
+            let value: f64 = line[5 + number].parse().unwrap();
+            // Three digits are printed.
+            assert!((value / bound - 1.0).abs() < 5.1e-3, "{value} {bound}");
+        }
+    }
+}
+
+/// What is not as right as was asked for is said, by every command that has a bound.
+#[test]
+fn a_bound_above_the_tolerance_is_told() {
+    let plan = ["plan", "--at", "480,80"];
+    let field = ["field", "--at", "480,80"];
+    let response = ["response", "--at", "100,10", "--from", "100", "--to", "120", "--step", "5"];
+    let modes = ["modes"];
+    for command in [&plan[..], &field, &response, &modes] {
+        // Rounding alone is more than the tightest tolerance.
+        for (tolerance, is_met) in [("0.1", true), ("1e-8", false)] {
+            let output = era(&[command, &["--scene", BAR, "--no-cache", "--json", "--tolerance", tolerance]]
+                .concat()
+                .into_iter()
+                .filter(
+                    // Of those that keep nothing there is nothing to be left.
+                    |argument| *argument != "--no-cache" || ["plan", "field"].contains(&command[0]),
+                )
+                .collect::<Vec<_>>());
+            let answer: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", told(&output)));
+            assert_eq!(answer["tolerance"], tolerance.parse::<f64>().unwrap(), "{command:?}");
+            assert_eq!(answer["tolerance_met"], is_met, "{command:?} {tolerance}: {}", told(&output));
+            assert_eq!(told(&output).contains("is above the tolerance"), !is_met, "{command:?}: {}", told(&output));
+        }
+    }
+    let explained = era(&["plan", "--at", "480,80", "--scene", BAR, "--no-cache", "--tolerance", "0.1", "--explain"]);
+    assert!(told(&explained).contains("tolerance 1e-1 met: the target's peak is right to"), "{}", told(&explained));
+}

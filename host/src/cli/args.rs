@@ -53,8 +53,11 @@ pub enum Command {
     /// Show what a running daemon and its device are doing
     #[command(after_help = "Example:\n  era state --json")]
     State(Daemon),
-    /// List a panel's modes: frequencies and damping ratios
-    #[command(after_help = "Example:\n  era modes --scene examples/scenes/bar.toml --max-hz 500 --tolerance 1e-6")]
+    /// List a panel's modes: frequencies and damping ratios; write and draw their shapes
+    #[command(after_help = "\
+Examples:
+  era modes --scene examples/scenes/bar.toml --max-hz 500 --tolerance 1e-6
+  era modes --png modes.png --npy modes.npy        the shapes, as a picture and for NumPy")]
     Modes(Modes),
     /// Acceleration at a point per newton at each actuator, over frequency
     #[command(after_help = "Example:\n  era response --at 100,60 --from 50 --to 400 --step 2")]
@@ -279,6 +282,20 @@ pub struct Modes {
     /// Highest frequency in Hz
     #[arg(long, value_name = "F", default_value_t = 500.0, allow_negative_numbers = true)]
     pub max_hz: f64,
+    /// For --csv, --npy and --png: columns and rows of the grid, border to border; a bar has one row, its axis
+    #[arg(long, value_name = "NX,NY", value_parser = parse_counts, default_value = "49,33")]
+    pub grid: (usize, usize),
+    /// Write the mass-normalised shapes, a line mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg per mode and point;
+    /// `-` is standard output
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// Write the mass-normalised shapes: a NumPy array [mode, row, column] of float64 in kg^-1/2, NaN in cut-outs; and its axes
+    /// beside it, for modes.npy in modes.frequency_hz.npy, modes.y_m.npy and modes.x_m.npy
+    #[arg(long, value_name = "FILE.npy", value_parser = parse_npy)]
+    pub npy: Option<PathBuf>,
+    /// Draw the shapes on one sheet, with supports, masses, actuators and held edges
+    #[arg(long, value_name = "FILE.png", value_parser = parse_png)]
+    pub png: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -294,7 +311,7 @@ pub struct Sweep {
     #[command(flatten)]
     pub band: Band,
     /// Write all values: a NumPy array [frequency, actuator, row, column] of complex64, or complex128 below a tolerance of
-    /// 1e-5, in m/s^2 per N
+    /// 1e-5, in m/s^2 per N; and its axes beside it, for plate.npy in plate.frequency_hz.npy, plate.y_m.npy and plate.x_m.npy
     #[arg(long, value_name = "FILE")]
     pub npy: Option<PathBuf>,
     /// Print JSON
@@ -471,6 +488,22 @@ pub(super) fn parse_point(text: &str) -> Result<Point, String> {
 /// A number that JSON can carry: anything else would arrive as "not given".
 pub(super) fn parse_finite(text: &str) -> Result<f64, String> {
     text.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{text:?} is not a finite number"))
+}
+
+/// Names of files are refused before anything is computed.
+fn parse_npy(text: &str) -> Result<PathBuf, String> {
+    named(text, "npy", "arrays are NumPy's, and the name has to end in .npy")
+}
+
+/// The extension says of what type a picture is.
+pub(super) fn parse_png(text: &str) -> Result<PathBuf, String> {
+    named(text, "png", "pictures are PNG, and the name has to end in .png")
+}
+
+fn named(text: &str, extension: &str, otherwise: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let fits = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension));
+    if fits { Ok(path) } else { Err(otherwise.to_owned()) }
 }
 
 fn parse_counts(text: &str) -> Result<(usize, usize), String> {

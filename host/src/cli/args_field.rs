@@ -1,6 +1,6 @@
 //! Arguments of `era field`.
 
-use super::args::{Keep, Panel, Point, Unit, parse_finite, parse_point};
+use super::args::{Keep, Panel, Point, Unit, parse_finite, parse_png, parse_point};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -66,15 +66,6 @@ pub(super) fn parse_corners(text: &str) -> Result<Corners, String> {
     match numbers.as_slice() {
         [x0, y0, x1, y1] => Ok(Corners { x: [x0.min(*x1), x0.max(*x1)], y: [y0.min(*y1), y0.max(*y1)] }),
         _ => Err(format!("{text:?} is not of the form X0,Y0,X1,Y1")),
-    }
-}
-
-/// Refused before anything is computed: the extension says of what type a picture is.
-fn parse_png(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    match path.extension() {
-        Some(extension) if extension.eq_ignore_ascii_case("png") => Ok(path),
-        _ => Err(String::from("pictures are PNG, and the name has to end in .png")),
     }
 }
 

@@ -1,7 +1,7 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
 use super::args::{At, Keep, Panel, Rhythm};
-use super::panel::{plan_table, target};
+use super::panel::{bounds_of, is_met, plan_table, target, tell_plan};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{self, DesignError, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
 use crate::planner::Request;
@@ -55,11 +55,15 @@ pub fn run(options: &EffectOptions) -> Outcome {
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
     let shape = intensity::shape_of(&table, target.x_m, target.y_m);
     let drives = intensity::forces(&table, &plan);
+    let accuracy = options.panel.accuracy()?;
+    tell_plan(&[&plan], accuracy, options.panel.explain);
     let (timing, level_db) = (rise.times(&shape, &drives), intensity::level_db(&rise, &shape, &drives));
     if options.json {
         let mut answer = effects::view::json(&design);
         answer["elapsed_ms"] = json!(elapsed_ms);
         answer["plan"] = json!(plan);
+        answer["tolerance"] = json!(accuracy.value());
+        answer["tolerance_met"] = json!(is_met(&bounds_of(&[&plan]), accuracy));
         answer["plan_timing"] = json!(timing);
         answer["plan_level_db"] = json!(level_db);
         return print_json(&answer);

@@ -7,10 +7,12 @@ mod args;
 mod args_board;
 mod args_field;
 mod client;
+mod cost;
 mod effect;
 mod explain;
 mod flash;
 mod latency;
+mod modes;
 mod monitor;
 mod panel;
 mod plan;
@@ -28,6 +30,10 @@ use clap::Parser;
 use std::fmt;
 use std::process::ExitCode;
 use std::time::Instant;
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// Why a command ended early.
 #[derive(Debug)]
@@ -89,7 +95,7 @@ fn run(arguments: args::Arguments, started: Instant) -> Outcome {
         Some(Command::Touch(options)) => client::touch(&options),
         Some(Command::Stop(options)) => client::stop(&options),
         Some(Command::State(options)) => client::state(&options),
-        Some(Command::Modes(options)) => panel::modes(&options),
+        Some(Command::Modes(options)) => modes::run(&options),
         Some(Command::Response(options)) => panel::response(&options),
         Some(Command::Sweep(options)) => sweep::run(&options),
         Some(Command::Transient(options)) => transient::run(&options),
@@ -115,12 +121,14 @@ fn start_log(verbose: u8) {
     // Colours for people; a file, a pipe and whoever sets NO_COLOR (https://no-color.org) get plain text.
     let is_coloured = std::io::IsTerminal::is_terminal(&std::io::stderr())
         && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let log = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(is_coloured)
         .with_target(false)
-        .init();
+        .with_filter(filter);
+    // Whatever is logged: progress tells the model's levels.
+    let levels = Targets::new().with_target(progress::LevelWatch::TARGET, tracing::Level::DEBUG);
+    tracing_subscriber::registry().with(log).with(progress::LevelWatch.with_filter(levels)).init();
 }
 
 /// Writes a line of JSON to standard output.
@@ -135,5 +143,32 @@ fn print_text(text: &str) -> Outcome {
     match writeln!(std::io::stdout().lock(), "{text}") {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::failed(error)),
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    /// Every command's text for `--help` and for `-h`, with those of its subcommands.
+    fn helps(command: &mut clap::Command) -> Vec<String> {
+        let mut all = vec![command.render_long_help().to_string(), command.render_help().to_string()];
+        command.get_subcommands_mut().for_each(|command| all.extend(helps(command)));
+        all
+    }
+
+    /// Comments in the code are the texts of the help; what is a link in the one is noise in the other.
+    #[test]
+    fn no_help_has_a_link_of_rustdoc() {
+        let mut command = args::Arguments::command();
+        command.build();
+        let all = helps(&mut command);
+        assert!(all.len() > 30, "{}", all.len());
+        for line in all.iter().flat_map(|text| text.lines()) {
+            for link in ["[`", "`]", "](", "::"] {
+                assert!(!line.contains(link), "{link} in {line:?}");
+            }
+        }
     }
 }

@@ -1,15 +1,17 @@
-//! Commands that study a panel: modes, response, field; and what others need of a panel.
+//! Commands that study a panel: response, field; and what others need of a panel.
 
-use super::args::{At, Band, Field, Keep, Modes, Panel, Response, Unit};
+use super::args::{At, Band, Field, Keep, Panel, Response, Unit};
+use super::cost::Cost;
 use super::explain::explain;
-use super::progress::with_progress;
+use super::progress::{with_cost, with_progress};
 use super::{Failure, Outcome, print_json, print_text, reach};
 use crate::model::bounded::Step;
-use crate::model::{Accuracy, Bound, ModelError, bounded_modes};
+use crate::model::{Accuracy, Bound, ModelError};
 use crate::planner::cache::{self, PrepareError, Prepared};
-use crate::planner::{PlanError, PlanTable, TableOptions, Target};
+use crate::planner::{Plan, PlanError, PlanTable, TableOptions, Target};
 use crate::scene::{MAX_ACTUATORS, Scene, Side, SurfaceKind};
 use crate::{response, study};
+use num_complex::Complex64;
 use serde_json::json;
 use std::fmt::Write;
 use std::time::Instant;
@@ -121,49 +123,25 @@ pub fn need_actuators(scene: &Scene) -> Result<(), Failure> {
     Ok(())
 }
 
-pub fn modes(options: &Modes) -> Outcome {
-    let started = Instant::now();
-    let scene = options.panel.load()?;
-    let accuracy = options.panel.climb()?;
-    let found = with_progress("computing modes", || bounded_modes(&scene, accuracy, options.max_hz))?;
-    // Only of what was not refused.
-    warn_if_thick(&scene, options.max_hz);
-    let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    let dofs = found.model.dofs();
-    tell_steps(&options.panel, &scene, accuracy, &found.steps);
-    tell_missing(&found.bounds, accuracy);
-    let modes = || found.answer.iter().zip(&found.bounds);
-    if options.json {
-        let list: Vec<_> = modes()
-            .map(|(mode, bound)| {
-                json!({
-                    "frequency_hz": mode.frequency_hz, "damping_ratio": mode.damping_ratio, "error_bound": bound.value(),
-                })
-            })
-            .collect();
-        return print_json(&json!({"dofs": dofs, "elapsed_ms": elapsed_ms, "modes": list}));
-    }
-    let mut text = format!(
-        "{}: {dofs} unknowns, {elapsed_ms:.0} ms\n mode   frequency   error at most   damping ratio",
-        scene.name
-    );
-    for (i, (mode, bound)) in modes().enumerate() {
-        let bound = bound.value().map_or_else(|| String::from("unknown"), |bound| format!("{bound:.0e}"));
-        let _ = write!(text, "\n{:5} {:8.3} Hz   {bound:>13}   {:.5}", i + 1, mode.frequency_hz, mode.damping_ratio);
-        if mode.frequency_hz == 0.0 {
-            text.push_str("   (nothing holds this motion)");
-        } else if mode.damping_ratio == 0.0 {
-            text.push_str("   (undamped: unbounded at resonance)");
-        }
-    }
-    print_text(&text)
-}
-
 /// `--explain`.
 pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Step]) {
     if panel.explain {
         eprintln!("{}", explain(scene, accuracy, steps));
     }
+}
+
+/// What was asked for of a bound; nothing where time was.
+pub fn tolerance_of(accuracy: Accuracy) -> Option<f64> {
+    accuracy.time().is_none().then(|| accuracy.value())
+}
+
+/// Whether all bounds are within what was asked for; `None` where nothing was, or where one is missing and none is above it.
+pub fn is_met(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
+    let tolerance = tolerance_of(accuracy)?;
+    if bounds.iter().filter_map(|bound| bound.value()).any(|bound| bound > tolerance) {
+        return Some(false);
+    }
+    bounds.iter().all(|bound| bound.value().is_some()).then_some(true)
 }
 
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
@@ -180,6 +158,32 @@ pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
     }
 }
 
+/// Says on standard error where the bound on a plan's peak is missing or above what was asked for; with `--explain` also that it
+/// is not. A plan's target has a bound of its own: the table's mesh is chosen once, for all of them.
+pub fn tell_plan(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
+    if plans.iter().any(|plan| plan.error_bound.is_none()) {
+        eprintln!(
+            "error_bound is null: nothing moves at the target, or the panel's model has none (see `era response`)"
+        );
+    }
+    let tolerance = accuracy.value();
+    let Some(largest) = plans.iter().filter_map(|plan| plan.error_bound).reduce(f64::max) else { return };
+    if largest > tolerance {
+        eprintln!(
+            "error_bound {largest:.1e} of the target's peak is above the tolerance {tolerance:.1e}: a plan is made on the mesh \
+             that usually meets it; ask for a tighter --tolerance"
+        );
+    } else if explain {
+        eprintln!("tolerance {tolerance:.0e} met: the target's peak is right to {largest:.0e}");
+    }
+}
+
+/// The bounds of plans.
+pub fn bounds_of(plans: &[&Plan]) -> Vec<Bound> {
+    let bound = |plan: &&Plan| plan.error_bound.map_or(Bound::Unknown("of a plan"), Bound::AtMost);
+    plans.iter().map(bound).collect()
+}
+
 pub fn response(options: &Response) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
@@ -188,7 +192,8 @@ pub fn response(options: &Response) -> Outcome {
     let accuracy = options.panel.climb()?;
     need_actuators(&scene)?;
     warn_if_thick(&scene, options.band.to);
-    let found = with_progress("computing the response", || {
+    let cost = Cost::of_responses(&scene, accuracy, options.band.to, (frequencies_hz.len(), 1))?;
+    let found = with_cost("computing the response", cost, || {
         response::bounded_curves(&scene, accuracy, (x_m, y_m), &frequencies_hz)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
@@ -200,9 +205,11 @@ pub fn response(options: &Response) -> Outcome {
             .actuators
             .iter()
             .zip(curves)
-            .map(|(actuator, curve)| {
+            .zip(&found.bounds)
+            .map(|((actuator, curve), bound)| {
                 json!({
                     "id": actuator.id,
+                    "error_bound": bound.value(),
                     "acceleration_re": curve.iter().map(|z| z.re).collect::<Vec<_>>(),
                     "acceleration_im": curve.iter().map(|z| z.im).collect::<Vec<_>>(),
                 })
@@ -211,21 +218,35 @@ pub fn response(options: &Response) -> Outcome {
         // One number for all curves; none without curves.
         let bound = found.bounds.iter().map(|bound| bound.value()).reduce(|a, b| Some(a?.max(b?))).flatten();
         return print_json(&json!({
-            "dofs": found.model.dofs(), "elapsed_ms": elapsed_ms, "error_bound": bound,
-            "frequency_hz": frequencies_hz, "actuators": actuators,
+            "dofs": found.model.dofs(), "elapsed_ms": elapsed_ms, "error_bound": bound, "tolerance": tolerance_of(accuracy),
+            "tolerance_met": is_met(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
         }));
     }
+    print_text(&csv(&scene, &frequencies_hz, curves, &found.bounds))
+}
+
+/// A line for each frequency: of every actuator amplitude and phase, then the bounds, each the same in all lines, so that
+/// whatever reads CSV reads them; `nan` where there is none.
+fn csv(scene: &Scene, frequencies_hz: &[f64], curves: &[Vec<Complex64>], bounds: &[Bound]) -> String {
     let mut text = String::from("frequency_hz");
     for actuator in &scene.actuators {
         let _ = write!(text, ",{0}_m_per_s2_per_n,{0}_phase_deg", actuator.id);
     }
+    for actuator in &scene.actuators {
+        let _ = write!(text, ",{}_error_bound", actuator.id);
+    }
+    let bounds: Vec<String> =
+        bounds.iter().map(|bound| bound.value().map_or_else(|| "nan".into(), |bound| format!("{bound:.2e}"))).collect();
     for (i, frequency) in frequencies_hz.iter().enumerate() {
         let _ = write!(text, "\n{frequency}");
         for curve in curves {
             let _ = write!(text, ",{:.6e},{:.2}", curve[i].norm(), curve[i].arg().to_degrees());
         }
+        for bound in &bounds {
+            let _ = write!(text, ",{bound}");
+        }
     }
-    print_text(&text)
+    text
 }
 
 #[allow(
@@ -283,7 +304,12 @@ pub fn prepared_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<Prepar
     let accuracy = panel.accuracy()?;
     warn_if_thick(scene, TableOptions::default().to_hz);
     let prepare = || cache::prepare(keep.cache().as_ref(), scene, accuracy, options);
-    let prepared = with_progress("computing modes and the response of every actuator", prepare)?;
+    let what = "computing modes and the response of every actuator";
+    let prepared = if cache::is_kept(keep.cache().as_ref(), scene, accuracy, options) {
+        with_progress(what, prepare)
+    } else {
+        with_cost(what, Cost::of_table(scene, accuracy, options)?, prepare)
+    }?;
     tell_steps(panel, scene, accuracy, &prepared.steps);
     Ok(prepared)
 }
@@ -306,7 +332,9 @@ pub fn field(options: &Field) -> Outcome {
     let plan = table.plan(&[target])?;
     let field = study::Field::of(&table, &plan);
     let bound = table.field_bound(&plan);
-    tell_missing(&[bound], options.panel.accuracy()?);
+    let accuracy = options.panel.accuracy()?;
+    tell_missing(&[bound], accuracy);
+    tell_plan(&[&plan], accuracy, options.panel.explain);
     if let Some(path) = &options.png {
         reach::tell_written(path, study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?);
     }
@@ -318,7 +346,10 @@ pub fn field(options: &Field) -> Outcome {
         std::fs::write(path, field.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
     }
     if options.json {
-        return print_json(&json!({"plan": plan, "field": field, "error_bound": bound.value()}));
+        return print_json(&json!({
+            "plan": plan, "field": field, "error_bound": bound.value(), "tolerance": accuracy.value(),
+            "tolerance_met": is_met(&[bound], accuracy),
+        }));
     }
     if to_output || options.png.is_none() && options.csv.is_none() {
         return print_text(field.csv().trim_end());

@@ -2,13 +2,14 @@
 
 use super::args::{At, Keep, Panel, Unit};
 use super::args_field::{Corners, parse_corners};
-use super::panel::{plan_table, point_of, target};
+use super::panel::{bounds_of, is_met, plan_table, point_of, target, tell_plan};
+use super::progress::with_progress;
 use super::reach::region;
 use super::wishes::Wishes;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{Intensity, plan_with};
 use crate::planner::explain::Explanation;
-use crate::planner::schedule::{Stretch, Window, spans, stretches};
+use crate::planner::schedule::{Span, Stretch, Window, spans, stretches};
 use crate::planner::trade::Trade;
 use crate::planner::{Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Times, Work};
 use crate::scene::Scene;
@@ -46,6 +47,10 @@ pub struct PlanOptions {
 struct Answer {
     #[serde(flatten)]
     plan: Plan,
+    /// What was asked for of `error_bound`, relative.
+    tolerance: f64,
+    /// Whether that of every plan is within it; `null` where one is missing and none is above it.
+    tolerance_met: Option<bool>,
     /// Of a plan without windows.
     #[serde(skip_serializing_if = "Option::is_none")]
     details: Option<Report>,
@@ -64,19 +69,50 @@ pub fn run(options: &PlanOptions) -> Outcome {
     let windows = windows(options);
     let spans = windows.map(|windows| spans(&windows)).transpose()?;
     let table = plan_table(&options.panel, options.keep, &scene)?;
-    let answer = match spans {
+    let accuracy = options.panel.accuracy()?;
+    let mut answer = with_progress("planning", || answer(&table, options, request, spans, accuracy.value()))?;
+    // In JSON they are part of the answer.
+    for explanation in answer.explanations.iter().filter(|_| !options.json) {
+        eprintln!("{}", super::plan_explain::text(explanation));
+    }
+    let plans = plans(&answer);
+    tell_plan(&plans, accuracy, options.panel.explain);
+    answer.tolerance_met = is_met(&bounds_of(&plans), accuracy);
+    if options.json {
+        return print_json(&answer);
+    }
+    print_text(&text(&answer))
+}
+
+/// Plans for a request, as a whole or stretch by stretch.
+fn answer(
+    table: &PlanTable,
+    options: &PlanOptions,
+    request: Request,
+    spans: Option<Vec<Span>>,
+    tolerance: f64,
+) -> Result<Answer, Failure> {
+    match spans {
         None => {
-            let request = at_level(&table, request, options.intensity_db)?;
+            let request = at_level(table, request, options.intensity_db)?;
             let (planned, trade) = table.planned_with_trade(&request)?;
             let details = Some(table.report(&planned));
-            let explanations = explanations(&table, options, [&request].into_iter())?;
-            Answer { details, trade, plan: planned.plan, stretches: None, explanations }
+            let explanations = explanations(table, options, [&request].into_iter())?;
+            Ok(Answer {
+                details,
+                trade,
+                plan: planned.plan,
+                tolerance,
+                tolerance_met: None,
+                stretches: None,
+                explanations,
+            })
         }
         Some(spans) => {
             let mut requests = Vec::new();
             let mut trades = Vec::new();
             let mut all = stretches(spans, |targets| -> Result<Plan, PlanError> {
-                let request = at_level(&table, request.only(targets), options.intensity_db)?;
+                let request = at_level(table, request.only(targets), options.intensity_db)?;
                 let (planned, trade) = table.planned_with_trade(&request)?;
                 requests.push(request);
                 trades.push(trade);
@@ -86,22 +122,29 @@ pub fn run(options: &PlanOptions) -> Outcome {
                 stretch.times = stretch.plan.as_ref().map(|plan| table.times(plan));
                 stretch.trade = trade;
             }
-            let explanations = explanations(&table, options, requests.iter())?;
+            let explanations = explanations(table, options, requests.iter())?;
             // The one in which the first target begins stands for all.
             let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
             let plan = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
-            Answer { plan, details: None, trade: None, stretches: Some(all), explanations }
+            Ok(Answer {
+                plan,
+                tolerance,
+                tolerance_met: None,
+                details: None,
+                trade: None,
+                stretches: Some(all),
+                explanations,
+            })
         }
-    };
-    if options.json {
-        if answer.plan.error_bound.is_none() {
-            eprintln!(
-                "error_bound is null: nothing moves at the target, or the panel's model has none (see `era response`)"
-            );
-        }
-        return print_json(&answer);
     }
-    print_text(&text(&answer))
+}
+
+/// All plans of an answer.
+fn plans(answer: &Answer) -> Vec<&Plan> {
+    match &answer.stretches {
+        Some(all) => all.iter().filter_map(|stretch| stretch.plan.as_ref()).collect(),
+        None => vec![&answer.plan],
+    }
 }
 
 /// The request with the peaks in g that are as far above the threshold of feeling as is asked for.
@@ -114,7 +157,7 @@ fn at_level(table: &PlanTable, mut request: Request, level_db: Option<f64>) -> R
     Ok(request)
 }
 
-/// Why the plans of these requests are what they are, if that was asked; also on standard error, unless it goes into the JSON.
+/// Why the plans of these requests are what they are, if that was asked.
 fn explanations<'a>(
     table: &PlanTable,
     options: &PlanOptions,
@@ -122,11 +165,7 @@ fn explanations<'a>(
 ) -> Result<Vec<Explanation>, Failure> {
     let mut all = Vec::new();
     for request in requests.filter(|_| options.panel.explain) {
-        let explanation = table.explain(request).map_err(Failure::failed)?;
-        if !options.json {
-            eprintln!("{}", super::plan_explain::text(&explanation));
-        }
-        all.push(explanation);
+        all.push(table.explain(request).map_err(Failure::failed)?);
     }
     Ok(all)
 }

@@ -1,17 +1,18 @@
 //! `era sweep`: the response at every point of a grid.
 
 use super::args::Sweep as Options;
-use super::panel::{frequencies, need_actuators, tell_missing, tell_steps, warn_if_thick};
-use super::progress::with_progress;
+use super::cost::Cost;
+use super::panel::{frequencies, is_met, need_actuators, tell_missing, tell_steps, tolerance_of, warn_if_thick};
+use super::progress::with_cost;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::Bounded;
 use crate::response::bounded_sweep;
 use crate::response::sweep::{Arithmetic, Sweep};
 use crate::scene::{Scene, SurfaceKind, evenly};
+use crate::study::npy;
 use serde_json::json;
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::Path;
+use std::io::Write;
 use std::time::Instant;
 
 /// Tolerance from which on single precision does: its own error is 6e-6 of a curve's peak at most.
@@ -23,24 +24,20 @@ const MOST_VALUES: f64 = 7e7;
 trait Stored: Arithmetic + Into<f64> {
     /// NumPy's name of the complex type.
     const TYPE: &'static str;
-    fn bytes(self) -> [u8; 8];
-    const SIZE: usize;
+    fn write(self, file: &mut impl Write) -> std::io::Result<()>;
 }
 
 impl Stored for f32 {
     const TYPE: &'static str = "<c8";
-    const SIZE: usize = 4;
-    fn bytes(self) -> [u8; 8] {
-        let [a, b, c, d] = self.to_le_bytes();
-        [a, b, c, d, 0, 0, 0, 0]
+    fn write(self, file: &mut impl Write) -> std::io::Result<()> {
+        file.write_all(&self.to_le_bytes())
     }
 }
 
 impl Stored for f64 {
     const TYPE: &'static str = "<c16";
-    const SIZE: usize = 8;
-    fn bytes(self) -> [u8; 8] {
-        self.to_le_bytes()
+    fn write(self, file: &mut impl Write) -> std::io::Result<()> {
+        file.write_all(&self.to_le_bytes())
     }
 }
 
@@ -57,11 +54,13 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
         return Err(Failure::usage(format!("--from {from} is not in the allowed range above 0 Hz")));
     }
     let accuracy = options.panel.climb()?;
-    let (x_m, y_m) = grid(options, &scene);
+    let (x_m, y_m) = grid(options.grid, &scene);
     check_size(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
     need_actuators(&scene)?;
     warn_if_thick(&scene, options.band.to);
-    let found = with_progress("computing the responses", || {
+    let size = (frequencies_hz.len(), x_m.len() * y_m.len());
+    let cost = Cost::of_responses(&scene, accuracy, options.band.to, size)?;
+    let found = with_cost("computing the responses", cost, || {
         bounded_sweep::<T>(&scene, accuracy, (&x_m, &y_m), &frequencies_hz)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
@@ -69,8 +68,12 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
     tell_missing(&found.bounds, accuracy);
     if let Some(path) = &options.npy {
         let shape = [frequencies_hz.len(), scene.actuators.len(), y_m.len(), x_m.len()];
-        write_npy(path, &found.answer, shape)
-            .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+        let values = found.answer.re.iter().zip(&found.answer.im);
+        npy::write(path, T::TYPE, &shape, |file| {
+            values.into_iter().try_for_each(|(re, im)| re.write(file).and_then(|()| im.write(file)))
+        })
+        .and_then(|()| npy::write_axes(path, &[("frequency_hz", &frequencies_hz), ("y_m", &y_m), ("x_m", &x_m)]))
+        .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
     }
     let layout = scene.layout();
     let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
@@ -80,7 +83,10 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
         .collect();
     let place = |point: usize| (x_m[point % x_m.len()] * 1e3, y_m[point / x_m.len()] * 1e3);
     if options.json {
-        return print_json(&summary(&scene, &found, &extremes, &frequencies_hz, place, elapsed_ms));
+        let mut answer = summary(&scene, &found, &extremes, &frequencies_hz, place, elapsed_ms);
+        answer["tolerance"] = json!(tolerance_of(accuracy));
+        answer["tolerance_met"] = json!(is_met(&found.bounds, accuracy));
+        return print_json(&answer);
     }
     let mut text = format!(
         "{}: {} unknowns, {} points, {} frequencies, {elapsed_ms:.0} ms",
@@ -175,9 +181,9 @@ fn summary<T: Stored>(
 }
 
 /// Columns and rows in m, border to border.
-fn grid(options: &Options, scene: &Scene) -> (Vec<f64>, Vec<f64>) {
-    let rows = if scene.surface.kind == SurfaceKind::Bar { 1 } else { options.grid.1 };
-    (evenly(0.0, scene.surface.length_m, options.grid.0), evenly(0.0, scene.surface.width_m, rows))
+pub fn grid((columns, rows): (usize, usize), scene: &Scene) -> (Vec<f64>, Vec<f64>) {
+    let rows = if scene.surface.kind == SurfaceKind::Bar { 1 } else { rows };
+    (evenly(0.0, scene.surface.length_m, columns), evenly(0.0, scene.surface.width_m, rows))
 }
 
 #[allow(clippy::cast_precision_loss, reason = "a size to be refused")]
@@ -191,21 +197,4 @@ fn check_size(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Fa
          {MOST_VALUES:.1e} are allowed",
         scene.actuators.len()
     )))
-}
-
-/// Version 1.0 of NumPy's format: a magic number, a header padded to 64 bytes, the numbers.
-fn write_npy<T: Stored>(path: &Path, sweep: &Sweep<T>, [f, a, y, x]: [usize; 4]) -> std::io::Result<()> {
-    let mut header = format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({f}, {a}, {y}, {x}), }}", T::TYPE);
-    let length = (header.len() + 11).next_multiple_of(64) - 11;
-    header = format!("{header:length$}\n");
-    let mut file = std::io::BufWriter::new(std::fs::File::create(path)?);
-    file.write_all(b"\x93NUMPY\x01\x00")?;
-    let length = u16::try_from(header.len()).map_err(std::io::Error::other)?;
-    file.write_all(&length.to_le_bytes())?;
-    file.write_all(header.as_bytes())?;
-    for (re, im) in sweep.re.iter().zip(&sweep.im) {
-        file.write_all(&re.bytes()[..T::SIZE])?;
-        file.write_all(&im.bytes()[..T::SIZE])?;
-    }
-    file.flush()
 }

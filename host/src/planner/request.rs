@@ -71,7 +71,8 @@ pub enum Weigh {
     /// All the same.
     #[default]
     Equal,
-    /// As they are felt: by [`super::perception::weight`], at targets and elsewhere. Quiet zones keep their limits in g.
+    // Also the text of `--help`, where a link of rustdoc is none: the weights are those of `super::perception::weight`.
+    /// As they are felt: by the skin's sensitivity at their frequency, at targets and elsewhere. Quiet zones keep their limits in g.
     Felt,
 }
 

@@ -8,6 +8,9 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::f64::consts::PI;
 
+/// Least radius of an actuator's circle in pixels.
+const LEAST_RADIUS: i32 = 3;
+
 /// Draws `field` into `frame`, `color` its values, `range` the ends of the scale and `unit` its title.
 pub(super) fn draw<DB: DrawingBackend>(
     area: &DrawingArea<DB, Shift>,
@@ -15,6 +18,21 @@ pub(super) fn draw<DB: DrawingBackend>(
     scene: &Scene,
     field: &Field,
     (range, unit): ((f64, f64), &str),
+    color: impl Fn(f64) -> RGBColor,
+) -> Drawn<DB> {
+    let (length_mm, width_mm) = (scene.surface.length_m * 1e3, scene.surface.width_m * 1e3);
+    paint(area, frame, scene, field, &color)?;
+    actuators(area, frame, scene, WHITE)?;
+    axes::axes(area, frame, length_mm, (0.0, width_mm, "y in mm"))?;
+    axes::scale(area, frame, range, unit, color)
+}
+
+/// Fills `frame` with the colours of a field; cut-outs are left as they are.
+pub(super) fn paint<DB: DrawingBackend>(
+    area: &DrawingArea<DB, Shift>,
+    frame: Frame,
+    scene: &Scene,
+    field: &Field,
     color: impl Fn(f64) -> RGBColor,
 ) -> Drawn<DB> {
     let (length_mm, width_mm) = (scene.surface.length_m * 1e3, scene.surface.width_m * 1e3);
@@ -28,14 +46,23 @@ pub(super) fn draw<DB: DrawingBackend>(
             area.draw_pixel((frame.left + px, frame.top + py), &color(value))?;
         }
     }
+    Ok(())
+}
+
+/// Circles of the actuators' electrodes, to scale but never too small to be seen.
+pub(super) fn actuators<DB: DrawingBackend>(
+    area: &DrawingArea<DB, Shift>,
+    frame: Frame,
+    scene: &Scene,
+    color: RGBColor,
+) -> Drawn<DB> {
     for actuator in &scene.actuators {
-        let radius_mm = (actuator.electrode_area_m2 / PI).sqrt() * 1e3;
+        let radius_m = (actuator.electrode_area_m2 / PI).sqrt();
         let at = place(frame, scene, actuator.x_m * 1e3, actuator.y_m * 1e3);
-        let radius = frame.x(radius_mm / length_mm) - frame.left;
-        area.draw(&Circle::new(at, radius, WHITE.stroke_width(2)))?;
+        let radius = frame.x(radius_m / scene.surface.length_m) - frame.left;
+        area.draw(&Circle::new(at, radius.max(LEAST_RADIUS), color.stroke_width(2)))?;
     }
-    axes::axes(area, frame, length_mm, (0.0, width_mm, "y in mm"))?;
-    axes::scale(area, frame, range, unit, color)
+    Ok(())
 }
 
 /// Pixel of a place on the surface.

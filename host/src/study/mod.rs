@@ -2,7 +2,10 @@
 
 mod axes;
 mod map;
+pub mod mode_sheet;
+pub mod npy;
 pub mod reach;
+pub mod shapes;
 mod text;
 
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY};

@@ -169,6 +169,13 @@ fn load(
     Ok(Prepared { table, steps, origin, kept: Some((path.to_path_buf(), bytes.len() as u64)) })
 }
 
+/// Whether `cache` has a file for the table; whether it is sound shows when it is read.
+#[must_use]
+pub fn is_kept(cache: Option<&Cache>, scene: &Scene, accuracy: Accuracy, options: TableOptions) -> bool {
+    let key = cache.and_then(|cache| Some(cache.path(&Key::new(scene, accuracy, options)?)));
+    key.is_some_and(|path| path.exists())
+}
+
 /// The table of a scene: from `cache` if it has it, computed and kept there otherwise.
 ///
 /// # Errors

@@ -67,6 +67,13 @@ impl SurfaceGrid {
         (step(&self.x_m), step(&self.y_m))
     }
 
+    /// How many points the grid of a scene has for frequencies up to `max_hz`.
+    #[must_use]
+    pub fn points(scene: &Scene, max_hz: f64) -> usize {
+        let grid = Self::without_shapes(scene, max_hz);
+        grid.x_m.len() * grid.y_m.len()
+    }
+
     /// Acceleration at every point, in (m/s^2) per what `acceleration` is for.
     #[must_use]
     pub fn field(&self, acceleration: &DVector<Complex64>) -> Vec<Complex64> {

@@ -1,0 +1,111 @@
+//! `era modes`: frequencies, damping ratios and shapes.
+
+use super::args::Modes as Options;
+use super::cost::Cost;
+use super::panel::{is_met, tell_missing, tell_steps, tolerance_of, warn_if_thick};
+use super::progress::{with_cost, with_progress};
+use super::{Failure, Outcome, print_json, print_text, reach, sweep};
+use crate::model::{Bound, Mode, bounded_modes};
+use crate::scene::Scene;
+use crate::study::shapes::ModeShapes;
+use crate::study::{mode_sheet, npy};
+use serde_json::json;
+use std::fmt::Write;
+use std::path::Path;
+use std::time::Instant;
+
+/// Most values of shapes: 160 MB, some three times that while they are computed.
+const MOST_VALUES: f64 = 2e7;
+
+pub fn run(options: &Options) -> Outcome {
+    let started = Instant::now();
+    let scene = options.panel.load()?;
+    let accuracy = options.panel.climb()?;
+    let wants_shapes = options.csv.is_some() || options.npy.is_some() || options.png.is_some();
+    let cost = Cost::of_modes(&scene, accuracy, options.max_hz)?;
+    let found = with_cost("computing modes", cost, || bounded_modes(&scene, accuracy, options.max_hz))?;
+    // Only of what was not refused.
+    warn_if_thick(&scene, options.max_hz);
+    let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+    let dofs = found.model.dofs();
+    tell_steps(&options.panel, &scene, accuracy, &found.steps);
+    tell_missing(&found.bounds, accuracy);
+    if wants_shapes {
+        let grid = sweep::grid(options.grid, &scene);
+        check_size(grid.0.len() * grid.1.len(), found.answer.len())?;
+        let shapes = with_progress("computing the shapes", || ModeShapes::of(&scene, &found, options.max_hz, grid))?;
+        if write(options, &scene, &shapes)? {
+            return Ok(());
+        }
+    }
+    let modes = || found.answer.iter().zip(&found.bounds);
+    if options.json {
+        let list: Vec<_> = modes()
+            .map(|(mode, bound)| {
+                json!({
+                    "frequency_hz": mode.frequency_hz, "damping_ratio": mode.damping_ratio, "error_bound": bound.value(),
+                })
+            })
+            .collect();
+        return print_json(&json!({
+            "dofs": dofs, "elapsed_ms": elapsed_ms, "tolerance": tolerance_of(accuracy),
+            "tolerance_met": is_met(&found.bounds, accuracy), "modes": list,
+        }));
+    }
+    let heading = format!("{}: {dofs} unknowns, {elapsed_ms:.0} ms", scene.name);
+    print_text(&table(&heading, modes()))
+}
+
+#[allow(clippy::cast_precision_loss, reason = "a size to be refused")]
+fn check_size(points: usize, modes: usize) -> Result<(), Failure> {
+    let values = points as f64 * modes as f64;
+    if values <= MOST_VALUES {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "--grid and --max-hz: {points} points and {modes} modes are {values:.1e} values, at most {MOST_VALUES:.1e} are allowed"
+    )))
+}
+
+fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) -> String {
+    let mut text = format!("{heading}\n mode   frequency   error at most   damping ratio");
+    for (i, (mode, bound)) in modes.enumerate() {
+        let bound = bound.value().map_or_else(|| String::from("unknown"), |bound| format!("{bound:.0e}"));
+        let _ = write!(text, "\n{:5} {:8.3} Hz   {bound:>13}   {:.5}", i + 1, mode.frequency_hz, mode.damping_ratio);
+        if mode.frequency_hz == 0.0 {
+            text.push_str("   (nothing holds this motion)");
+        } else if mode.damping_ratio == 0.0 {
+            text.push_str("   (undamped: unbounded at resonance)");
+        }
+    }
+    text
+}
+
+/// Writes the shapes as asked for; whether they went to standard output.
+fn write(options: &Options, scene: &Scene, shapes: &ModeShapes) -> Result<bool, Failure> {
+    let failed = |path: &Path, error: std::io::Error| Failure::failed(format!("{}: {error}", path.display()));
+    if let Some(path) = &options.npy {
+        let sides = [shapes.frequencies_hz.len(), shapes.y_m.len(), shapes.x_m.len()];
+        let axes: [(&str, &[f64]); 3] =
+            [("frequency_hz", &shapes.frequencies_hz), ("y_m", &shapes.y_m), ("x_m", &shapes.x_m)];
+        npy::write_doubles(path, &sides, shapes.values())
+            .and_then(|()| npy::write_axes(path, &axes))
+            .map_err(|error| failed(path, error))?;
+        eprintln!("wrote {}, and its axes beside it", path.display());
+    }
+    if let Some(path) = &options.png {
+        if shapes.frequencies_hz.len() > mode_sheet::MOST_MODES {
+            eprintln!("--png draws the first {} of {} modes", mode_sheet::MOST_MODES, shapes.frequencies_hz.len());
+        }
+        reach::tell_written(path, mode_sheet::write(path, scene, shapes).map_err(Failure::failed)?);
+    }
+    match &options.csv {
+        Some(path) if path.as_os_str() == "-" => print_text(shapes.csv().trim_end()).map(|()| true),
+        Some(path) => {
+            std::fs::write(path, shapes.csv()).map_err(|error| failed(path, error))?;
+            eprintln!("wrote {}", path.display());
+            Ok(false)
+        }
+        None => Ok(false),
+    }
+}
