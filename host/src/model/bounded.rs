@@ -10,7 +10,7 @@
 //! on this machine, fits in the time.
 
 use super::corners::has_singular_corner;
-use super::estimator::{Estimator, NOT_SETTLED, POINT_MOMENT, Rounding, has_point_moment};
+use super::estimator::{Estimator, NOT_SETTLED, POINT_MOMENT, RESPONSE_SAFETY, Rounding, has_point_moment};
 use super::grid::{Fineness, expected_unknowns};
 use super::panel::{PanelModel, Parts, fineness};
 use super::placement::{has_close_points, is_singular};
@@ -122,14 +122,9 @@ pub trait Question {
     /// come from [`Question::ask_to_compare`].
     fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64>;
 
-    /// Whether waves come together so that a loose tolerance, too, wants the orders of a tight one: responses, whose errors
-    /// of frequencies are multiplied by the quality of the resonances.
+    /// Whether it is a response: errors of frequencies are multiplied by the quality of the resonances, those of shapes and of what
+    /// the modes leave out come on top.
     fn is_response(&self) -> bool;
-
-    /// A factor on the bound, for answers whose errors come together in more ways than a frequency's.
-    fn safety(&self) -> f64 {
-        1.0
-    }
 
     /// What each part may be wrong by for reasons that no finer mesh mends; `rounding` is what a frequency's is.
     fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64>;
@@ -279,7 +274,11 @@ impl<Q: Question> Ladder<'_, Q> {
             .map(|(k, (last, floor))| {
                 // The level before may have had fewer parts to compare.
                 let earlier = earlier.as_ref().map(|earlier| earlier.get(k).copied().unwrap_or(f64::INFINITY));
-                self.question.safety() * estimator.estimate(earlier, *last) + floor
+                if self.question.is_response() {
+                    RESPONSE_SAFETY * estimator.estimate_response(earlier, *last) + floor
+                } else {
+                    estimator.estimate(earlier, *last) + floor
+                }
             })
             .collect();
         let (step, found) = (fine.step, largest(&bounds));

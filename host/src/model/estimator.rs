@@ -16,7 +16,7 @@ use super::corners::has_singular_corner;
 use super::panel::PanelModel;
 use super::placement::{has_close_points, is_singular};
 use super::sections::Waves;
-use crate::scene::{Scene, SurfaceKind};
+use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 use serde::{Deserialize, Serialize};
 
 /// Times the estimate.
@@ -35,6 +35,9 @@ const LEAST_POWER: f64 = 5.0;
 const LEAST_POWER_CORNER: f64 = 2.0;
 /// The same at patches and cut-outs, and with attachments beside a corner (measured there: 4 and more).
 const LEAST_POWER_SINGULAR: f64 = 2.0;
+/// The same of responses where damping is the same ratio on every mode: what modes leave over is damped by a mean of their mass
+/// and stiffness, whose error falls with the number of modes kept, which grows with the order (measured: 1.25).
+const LEAST_POWER_MODAL: f64 = 1.0;
 /// Relative error of a frequency by rounding on a regular mesh.
 const ROUNDING: f64 = 2e-10;
 /// Rounding in the entries of K on thin cells, per cube of the panel's side over the least cell.
@@ -95,6 +98,8 @@ pub struct Estimator {
     order: usize,
     /// Least power that errors fall with.
     power: f64,
+    /// The same of responses.
+    response_power: f64,
     /// Largest ratio of successive differences that is believed.
     largest_ratio: f64,
     /// Whether a larger one may be more than chance, as the power is not known.
@@ -108,15 +113,18 @@ impl Estimator {
     pub(super) fn new(scene: &Scene, model: &PanelModel) -> Self {
         // What the mesh has no functions for: patches, cut-outs, attachments beside a corner.
         let singular = is_singular(scene, model.fineness());
+        let power = if singular {
+            LEAST_POWER_SINGULAR
+        } else if has_singular_corner(scene) {
+            LEAST_POWER_CORNER
+        } else {
+            LEAST_POWER
+        };
+        let is_modal = matches!(scene.surface.damping, SurfaceDamping::ModalRatio(_));
         Self {
             order: model.fineness().order,
-            power: if singular {
-                LEAST_POWER_SINGULAR
-            } else if has_singular_corner(scene) {
-                LEAST_POWER_CORNER
-            } else {
-                LEAST_POWER
-            },
+            power,
+            response_power: if is_modal { LEAST_POWER_MODAL } else { power },
             largest_ratio: if singular { LARGEST_RATIO_SINGULAR } else { LARGEST_RATIO },
             may_stall: has_close_points(scene, model.fineness()),
             rounding: Rounding::new(scene, model).of_bending(),
@@ -126,13 +134,22 @@ impl Estimator {
 
     /// Whether it can belong to elements of this order.
     pub(super) fn is_plausible(&self, order: usize) -> bool {
-        let numbers = [self.power, self.largest_ratio, self.rounding];
+        let numbers = [self.power, self.response_power, self.largest_ratio, self.rounding];
         self.order == order && numbers.iter().all(|number| number.is_finite() && *number >= 0.0)
     }
 
     /// The bound from the difference of the last two levels and, where it is known, that of the two before; infinite where they
     /// do not shrink.
     pub(super) fn estimate(&self, before: Option<f64>, last: f64) -> f64 {
+        self.with_power(self.power, before, last)
+    }
+
+    /// The same for responses, without [`RESPONSE_SAFETY`].
+    pub(super) fn estimate_response(&self, before: Option<f64>, last: f64) -> f64 {
+        self.with_power(self.response_power, before, last)
+    }
+
+    fn with_power(&self, power: f64, before: Option<f64>, last: f64) -> f64 {
         if last == 0.0 {
             return 0.0;
         }
@@ -153,20 +170,20 @@ impl Estimator {
         } else {
             ratio
         };
-        SAFETY * last * self.rest().max(ratio / (1.0 - ratio))
+        SAFETY * last * self.rest(power).max(ratio / (1.0 - ratio))
     }
 
-    /// Error of order p over the difference from order p - 2, if errors fall as the least power of the order.
+    /// Error of order p over the difference from order p - 2, if errors fall as this power of the order.
     #[allow(clippy::cast_precision_loss, reason = "orders are small")]
-    fn rest(&self) -> f64 {
+    fn rest(&self, power: f64) -> f64 {
         let p = self.order as f64;
-        1.0 / ((p / (p - 2.0)).powf(self.power) - 1.0)
+        1.0 / ((p / (p - 2.0)).powf(power) - 1.0)
     }
 
     /// The bound of a response from the relative differences of the two coarser levels and of the two finer ones.
     #[must_use]
     pub fn response_bound(&self, before: f64, last: f64) -> Bound {
-        match RESPONSE_SAFETY * self.estimate(Some(before), last) + SHARPEST * self.rounding {
+        match RESPONSE_SAFETY * self.estimate_response(Some(before), last) + SHARPEST * self.rounding {
             _ if self.has_point_moment => Bound::Unknown(POINT_MOMENT),
             bound if bound.is_finite() => Bound::AtMost(bound),
             _ => Bound::Unknown(NOT_SETTLED),
@@ -189,6 +206,7 @@ mod tests {
         Estimator {
             order,
             power: LEAST_POWER,
+            response_power: LEAST_POWER,
             largest_ratio: LARGEST_RATIO,
             may_stall,
             rounding: ROUNDING,

@@ -3,7 +3,7 @@
 use super::sweep::{Arithmetic, SurfaceShapes, Sweep};
 use super::{ResponseError, acceleration_curves};
 use crate::model::bounded::{Question, bounded};
-use crate::model::estimator::{RESPONSE_SAFETY, Rounding, SHARPEST};
+use crate::model::estimator::{Rounding, SHARPEST};
 use crate::model::{Accuracy, Bounded, ModelError, PanelModel};
 use crate::scene::Scene;
 use num_complex::Complex64;
@@ -81,10 +81,6 @@ impl Question for Curves<'_> {
             if difference == 0.0 { 0.0 } else { difference / peak.max(nothing) }
         };
         coarse.iter().zip(fine).map(relative).collect()
-    }
-
-    fn safety(&self) -> f64 {
-        RESPONSE_SAFETY
     }
 
     fn is_response(&self) -> bool {
@@ -169,10 +165,6 @@ impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
                 safety * curves.iter().map(relative).fold(0.0, f64::max)
             })
             .collect()
-    }
-
-    fn safety(&self) -> f64 {
-        RESPONSE_SAFETY
     }
 
     fn is_response(&self) -> bool {
