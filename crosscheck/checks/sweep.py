@@ -16,7 +16,7 @@ USEFUL = 5e-3
 # The file has single precision, relative to a curve's largest magnitude.
 SINGLE = 3e-6
 # A place that moves less than this part of the acceleration of the free panel, 1 N over its weight, is held.
-STILL = 1e-9
+STILL = 1e-7
 
 
 def run(context):

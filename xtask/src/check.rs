@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{emulate, firmware, fuzz, miri, root, setup, waveforms};
+use crate::{crosscheck, emulate, firmware, fuzz, miri, root, setup, waveforms};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -26,6 +26,7 @@ fn tests() -> Result<(), Error> {
     step("waveforms", || waveforms::command(&waveforms::Options::default()))?;
     step("report from the emulated board", emulate::test)?;
     step("tests", || run(cargo(&root).args(["test", "--workspace"])))?;
+    step("independent reference", crosscheck::part)?;
     // Optimised code may keep other roundings and no overflow checks: the extremes hold there too.
     let extremes = ["--test", "model_extremes", "--test", "transient", "--test", "sweep"];
     step("extremes, optimised", || run(cargo(&root).args(["test", "--release", "-p", "era-host"]).args(extremes)))

@@ -15,6 +15,9 @@ pub enum Error {
         /// All that is missing and how it is installed, in lines.
         list: String,
     },
+    /// No environment for the independent reference.
+    #[error(transparent)]
+    Python(python_environment::Error),
     /// A waveform is not as it must be.
     #[error("a waveform is not as it must be; the table says which")]
     Waveforms,

@@ -1,8 +1,9 @@
-//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `bench`.
+//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `crosscheck`, `bench`.
 
 mod bench;
 mod budget;
 mod check;
+mod crosscheck;
 mod elf;
 mod emulate;
 mod error;
@@ -43,6 +44,8 @@ enum Command {
     Fuzz(fuzz::Options),
     /// Check the electrodes' waveforms over the whole space of drives, from registers to edges
     Waveforms(waveforms::Options),
+    /// Compare what the program prints with an independent reference in Python, on random scenes
+    Crosscheck(crosscheck::Options),
     /// Run the tests of the shared crate under Miri, which needs a nightly compiler with that component.
     Miri,
     /// Build the firmware, run it on the emulated board and say hello to it.
@@ -57,6 +60,7 @@ fn main() -> ExitCode {
         Command::Bench(options) => bench::command(&options),
         Command::Fuzz(options) => fuzz::command(&options),
         Command::Waveforms(options) => waveforms::command(&options),
+        Command::Crosscheck(options) => crosscheck::command(&options),
         Command::Miri => miri::command(),
         Command::Emulate(options) => emulate::command(&options),
     };

@@ -30,6 +30,9 @@ pub const TEST: &[Need] = &[Need::Python, Need::Browser, Need::Target];
 /// What `cargo xtask ci` needs.
 pub const CI: &[Need] = &[Need::Python, Need::Browser, Need::Cxx, Need::Lints, Need::Target];
 
+/// What `cargo xtask crosscheck` needs.
+pub const CROSSCHECK: &[Need] = &[Need::Python];
+
 /// Programs that the page's tests take for a browser.
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 /// Set by whoever wants the page's tests skipped.
@@ -39,7 +42,10 @@ impl Need {
     /// What it is, and what for.
     fn describe(self) -> String {
         match self {
-            Need::Python => "python3 with the modules venv and ensurepip, for the emulated board".into(),
+            Need::Python => {
+                "python3 with the modules venv and ensurepip, for the emulated board and the independent reference"
+                    .into()
+            }
             Need::Browser => format!("a browser ({}), for the tests of the page", BROWSERS.join(", ")),
             Need::Cxx => "a C++ compiler (c++), for the fuzzing engine".into(),
             Need::Lints => "rustfmt and clippy, for formatting and lints".into(),

@@ -1,0 +1,94 @@
+//! `cargo xtask crosscheck`: the program, built in release mode, against the independent reference of `crosscheck/`.
+
+use crate::error::Error;
+use crate::process::run;
+use crate::{root, setup};
+use clap::Args;
+use std::process::Command;
+
+/// Random scenes among the other tests: some three minutes on two cores.
+const PART_SCENES: &str = "30";
+/// What else they run: the reference's own tests. Planted mistakes in every quantity take longer: `--prove`.
+const OWN_TESTS: [&str; 7] =
+    ["-m", "unittest", "discover", "--top-level-directory", ".", "--start-directory", "crosscheck/tests"];
+
+/// Which scenes, and which comparisons.
+#[derive(Args, Default)]
+pub struct Options {
+    /// How many random scenes
+    #[arg(long, default_value = "300")]
+    scenes: u32,
+    /// Seed of the random scenes
+    #[arg(long, default_value = "1")]
+    seed: u64,
+    /// Comparisons to make, by name, with commas between; all unless told
+    #[arg(long)]
+    part: Option<String>,
+    /// One scene only, by its index
+    #[arg(long)]
+    only: Option<u32>,
+    /// Plant a mistake in this quantity: the comparison must fail
+    #[arg(long)]
+    plant: Option<String>,
+    /// Plant a mistake in every quantity, one after the other, and fail if one is not found
+    #[arg(long)]
+    prove: bool,
+    /// Print every result
+    #[arg(long)]
+    verbose: bool,
+}
+
+/// Compares.
+///
+/// # Errors
+/// [`Error::Missing`], [`Error::Python`], [`Error::Start`], [`Error::Failed`] where something differs.
+pub fn command(options: &Options) -> Result<(), Error> {
+    setup::ensure("cargo xtask crosscheck", setup::CROSSCHECK)?;
+    let mut arguments =
+        vec!["--scenes".to_owned(), options.scenes.to_string(), "--seed".into(), options.seed.to_string()];
+    let values = [
+        ("--part", options.part.clone()),
+        ("--only", options.only.map(|index| index.to_string())),
+        ("--plant", options.plant.clone()),
+    ];
+    for (name, value) in values {
+        arguments.extend(value.into_iter().flat_map(|value| [name.to_owned(), value]));
+    }
+    let flags = [("--prove", options.prove), ("--verbose", options.verbose)];
+    arguments.extend(flags.iter().filter(|(_, set)| *set).map(|(name, _)| (*name).to_owned()));
+    compare(&arguments)
+}
+
+/// The reference's own tests, and a part of the comparison, for `cargo xtask test`.
+///
+/// # Errors
+/// As [`command`].
+pub fn part() -> Result<(), Error> {
+    run(python()?.args(OWN_TESTS))?;
+    compare(&["--scenes".to_owned(), PART_SCENES.to_owned()])
+}
+
+fn compare(arguments: &[String]) -> Result<(), Error> {
+    let root = root()?;
+    run(Command::new("cargo").current_dir(&root).args([
+        "build",
+        "--release",
+        "--quiet",
+        "-p",
+        "era-host",
+        "--bin",
+        "era",
+    ]))?;
+    run(python()?.args(["-m", "crosscheck", "--era"]).arg(root.join("target/release/era")).args(arguments))
+}
+
+/// The environment's interpreter, in the repository's root, with one thread per process.
+fn python() -> Result<Command, Error> {
+    let root = root()?;
+    let requirements = root.join("crosscheck/requirements.txt");
+    let python =
+        python_environment::ensure(&requirements, &root.join("target/crosscheck-venv")).map_err(Error::Python)?;
+    let mut command = Command::new(python);
+    command.current_dir(&root).envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")]);
+    Ok(command)
+}
