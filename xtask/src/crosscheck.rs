@@ -6,9 +6,7 @@ use crate::{root, setup};
 use clap::Args;
 use std::process::Command;
 
-/// Random scenes among the other tests: some three minutes on two cores.
-const PART_SCENES: &str = "30";
-/// What else they run: the reference's own tests. Planted mistakes in every quantity take longer: `--prove`.
+/// What `cargo xtask test` runs: the reference's own tests. Random scenes and planted mistakes are for `cargo xtask crosscheck`.
 const OWN_TESTS: [&str; 7] =
     ["-m", "unittest", "discover", "--top-level-directory", ".", "--start-directory", "crosscheck/tests"];
 
@@ -59,13 +57,12 @@ pub fn command(options: &Options) -> Result<(), Error> {
     compare(&arguments)
 }
 
-/// The reference's own tests, and a part of the comparison, for `cargo xtask test`.
+/// The reference's own tests, for `cargo xtask test`.
 ///
 /// # Errors
 /// As [`command`].
-pub fn part() -> Result<(), Error> {
-    run(python()?.args(OWN_TESTS))?;
-    compare(&["--scenes".to_owned(), PART_SCENES.to_owned()])
+pub fn own_tests() -> Result<(), Error> {
+    run(python()?.args(OWN_TESTS))
 }
 
 fn compare(arguments: &[String]) -> Result<(), Error> {

@@ -1,5 +1,7 @@
 //! The published cases.
 
+#![allow(clippy::approx_constant, reason = "published numbers have the digits that were printed")]
+
 use super::closed;
 use super::ritz::{Plate, Side};
 use super::scenes::SceneText;
