@@ -2,7 +2,7 @@
 //!
 //! The same question is put to elements of order p - 2 and p (and p - 4 where a scene's kind leaves a doubt), whose spaces are
 //! contained in each other; [`super::estimator`] makes a bound of the differences. As long as it is above the tolerance, p
-//! grows by two up to [`MOST_ORDER`], and then the cells shrink. Every tolerance climbs the same way and ends at the first level
+//! grows by two up to `MOST_ORDER`, and then the cells shrink. Every tolerance climbs the same way and ends at the first level
 //! that meets it, so what a tight one meets a loose one meets, too. Levels beyond the best are forgotten: where rounding has
 //! taken over, bounds grow with every step.
 //!

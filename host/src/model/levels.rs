@@ -28,7 +28,7 @@ impl Levels {
     /// About how many unknowns the finest level has, before anything is built.
     ///
     /// # Errors
-    /// As [`super::bounded()`], if the mesh would be too fine.
+    /// As [`super::bounded::bounded()`], if the mesh would be too fine.
     #[allow(clippy::cast_precision_loss, reason = "about")]
     pub fn expected_unknowns(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
         Ok(expected_unknowns(scene, Self::meshes(scene, accuracy, max_hz)?[0]) as f64)
@@ -37,7 +37,7 @@ impl Levels {
     /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.
     ///
     /// # Errors
-    /// As [`super::bounded()`].
+    /// As [`super::bounded::bounded()`].
     pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
         Self::of_meshes(scene, Self::meshes(scene, accuracy, max_hz)?, max_hz)
     }
@@ -46,7 +46,7 @@ impl Levels {
     /// cells of half the size where a cut-out's corners let errors fall with the square of the order only.
     ///
     /// # Errors
-    /// As [`super::bounded()`].
+    /// As [`super::bounded::bounded()`].
     pub(super) fn meshes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<[Fineness; 3], ModelError> {
         let part = if scene.cutouts.is_empty() { 1.0 } else { BESIDE_CUTOUTS };
         Self::meshes_of(scene, accuracy.order() + 2, part, max_hz)
@@ -60,7 +60,7 @@ impl Levels {
     /// Levels of elements of `order` (7 and above) and of the orders 2 and 4 below it.
     ///
     /// # Errors
-    /// As [`super::bounded()`].
+    /// As [`super::bounded::bounded()`].
     pub fn of_order(scene: &Scene, order: usize, max_hz: f64) -> Result<Self, ModelError> {
         Self::of_meshes(scene, Self::meshes_of(scene, order, 1.0, max_hz)?, max_hz)
     }

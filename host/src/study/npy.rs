@@ -35,7 +35,7 @@ pub fn write(
 /// Writes an array of doubles.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_doubles(path: &Path, shape: &[usize], numbers: impl Iterator<Item = f64>) -> io::Result<()> {
     write(path, "<f8", shape, |file| {
         for number in numbers {
@@ -48,7 +48,7 @@ pub fn write_doubles(path: &Path, shape: &[usize], numbers: impl Iterator<Item =
 /// Writes the axes of the array in `path` beside it, one file each.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_axes(path: &Path, axes: &[(&str, &[f64])]) -> io::Result<()> {
     axes.iter()
         .try_for_each(|(name, values)| write_doubles(&beside(path, name), &[values.len()], values.iter().copied()))
