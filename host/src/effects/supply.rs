@@ -15,9 +15,11 @@ pub fn keep_within_supply(table: &PlanTable, parts: &mut [Part]) -> Option<(usiz
             electrodes.mean_current_a(volts, part.channel.frequency_hz)
         })
     };
-    let part_left = most_mean_current_a() / parts.iter().filter_map(current).sum::<f64>();
-    // The charge goes with the voltage, the force with its square.
-    (part_left < 1.0).then(|| {
+    let drawn_a: f64 = parts.iter().filter_map(current).sum();
+    // The sum of no currents is -0: nothing is divided by it.
+    (drawn_a > most_mean_current_a()).then(|| {
+        let part_left = most_mean_current_a() / drawn_a;
+        // The charge goes with the voltage, the force with its square.
         parts.iter_mut().for_each(|part| part.drive.force_n *= part_left * part_left);
         (0, Limit::Supply)
     })
@@ -40,6 +42,20 @@ mod tests {
     use crate::model::{Accuracy, PanelModel};
     use crate::planner::{TableOptions, Target};
     use crate::scene::{EXAMPLE_PLATE, Scene};
+
+    /// Where no actuator moves the target, all forces are 0: there is no current to share.
+    #[test]
+    fn drives_that_are_off_stay_off() {
+        let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+        let options = TableOptions { from_hz: 330.0, to_hz: 400.0, step_hz: 2.0 };
+        let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+        let table = PlanTable::build(&scene, model, options).unwrap();
+        let plan = table.plan(&[Target { x_m: 0.1, y_m: 0.1, intensity_g: Some(0.02) }]).unwrap();
+        let mut parts = parts(&table, table.rise().unwrap(), &plan).unwrap();
+        parts.iter_mut().for_each(|part| part.drive.force_n = 0.0);
+        assert_eq!(keep_within_supply(&table, &mut parts), None);
+        assert!(parts.iter().all(|part| part.drive.force_n == 0.0));
+    }
 
     #[test]
     fn pushes_draw_no_more_than_there_is() {
