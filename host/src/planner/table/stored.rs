@@ -195,12 +195,20 @@ fn limited_by(entry: &Entry) -> impl Iterator<Item = Limit> {
     std::iter::once(entry.limit).chain(entry.widths.into_iter().map(|width| width.limit))
 }
 
+/// Acceleration, relative to that of the surface under the same force, which is as good as none.
+const NOTHING: f64 = 1e-6;
+
 /// Whether an entry's figures over the surface are those of its acceleration.
 fn over_surface(table: &PlanTable, acceleration: &DVector<Complex64>, kept: &Entry) -> bool {
     let anew = figures_of(table.grid.field(acceleration).into_iter(), &table.grid);
     // The steepest slope is a difference of neighbours in single precision: of what rounding makes of the largest value.
     let [mean, most_square, steepest] = anew;
     let (dx, dy) = table.grid.steps_m();
+    // Of a force on an edge that does not move there is only rounding, whose figures are not the same twice.
+    let nothing = NOTHING / table.scene.mass_kg();
+    if most_square.max(kept.most_square).sqrt() <= nothing {
+        return true;
+    }
     let slope = most_square.sqrt() / dx.min(dy);
     is_same(mean, kept.mean, SAME_IN_SINGLE)
         && is_same(most_square, kept.most_square, SAME_IN_SINGLE)
