@@ -350,10 +350,11 @@ mod tests {
 
     #[test]
     fn why_a_program_failed_is_kept() {
-        let told = said(Command::new("sh").args(["-c", "echo first >&2; echo the last >&2; exit 3"])).unwrap_err();
+        // The message begins with the command, so that the texts are put together by the shell.
+        let told = said(Command::new("sh").args(["-c", "echo fir''st >&2; echo the la''st >&2; exit 3"])).unwrap_err();
         assert!(told.contains("the last") && !told.contains("first") && told.contains('3'), "{told}");
-        let told =
-            said(Command::new("sh").args(["-c", "echo error: the cause >&2; echo a hint >&2; exit 1"])).unwrap_err();
+        let told = said(Command::new("sh").args(["-c", "echo error: the cau''se >&2; echo a hi''nt >&2; exit 1"]))
+            .unwrap_err();
         assert!(told.contains("the cause") && !told.contains("hint"), "{told}");
         assert!(said(Command::new("/no/such/program").arg("x")).unwrap_err().contains("/no/such/program x"));
     }
