@@ -142,7 +142,7 @@ fn legendre(n: usize, x: f64) -> Vec<f64> {
 }
 
 /// Gauss-Legendre points and weights on 0..=1, by Newton's iteration from Tricomi's estimate.
-pub(super) fn gauss(n: usize) -> Vec<(f64, f64)> {
+pub(crate) fn gauss(n: usize) -> Vec<(f64, f64)> {
     (0..n)
         .map(|i| {
             let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();

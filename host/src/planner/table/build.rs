@@ -1,6 +1,7 @@
 //! Filling the table.
 
 use super::forces::{MotionPerN, harmonic_part, overshoots, overshoots_at_most, travel_by, width_of, widths};
+use super::quadrature::products;
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions};
 use crate::model::ReducedModel;
 use crate::planner::limits::Electrodes;
@@ -29,7 +30,7 @@ pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -
     let grid = SurfaceGrid::new(scene, &model, options.to_hz);
     let electrodes = electrodes_of(scene);
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
-    let products = grid.products();
+    let products = products(scene, &model);
     let solver = Solver::new(&model);
     let free = free_motion(&model);
     let onset = free.as_ref().map(|(_, onset)| onset);

@@ -1,7 +1,7 @@
 //! Points over the surface, with the mode shapes there.
 
 use crate::model::ReducedModel;
-use crate::scene::{Layer, Scene, SurfaceKind, evenly};
+use crate::scene::{Layer, Layout, Scene, SurfaceKind, evenly};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
@@ -52,12 +52,11 @@ impl SurfaceGrid {
         let layout = scene.layout();
         let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
         let there: Vec<bool> = points.map(|(x, y)| layout.at(x, y).is_some()).collect();
-        let whole = wy.iter().flat_map(|v| wx.iter().map(move |u| u * v));
-        let mut weights: Vec<f64> = whole.zip(&there).map(|(part, there)| if *there { part } else { 0.0 }).collect();
-        let sum: f64 = weights.iter().sum();
-        if there.contains(&false) && sum > 0.0 {
-            weights.iter_mut().for_each(|part| *part /= sum);
-        }
+        let weights = if there.contains(&false) {
+            around_cutouts(&layout, &x_m, &y_m, &there)
+        } else {
+            wy.iter().flat_map(|v| wx.iter().map(move |u| u * v)).collect()
+        };
         Self { shapes: DMatrix::zeros(0, 0), x_m, y_m, weights, there }
     }
 
@@ -87,22 +86,6 @@ impl SurfaceGrid {
     pub fn mean(&self, acceleration: &DVector<Complex64>) -> f64 {
         self.field(acceleration).iter().zip(&self.weights).map(|(z, weight)| z.norm() * weight).sum()
     }
-
-    /// Weighted products of the shapes with each other, n x n: the mean square of a motion with coordinates q is q* M q.
-    #[must_use]
-    pub(super) fn products(&self) -> DMatrix<f64> {
-        let mut weighted = self.shapes.clone();
-        for (mut row, weight) in weighted.row_iter_mut().zip(&self.weights) {
-            row *= *weight;
-        }
-        self.shapes.tr_mul(&weighted)
-    }
-
-    /// Columns of [`SurfaceGrid::products`].
-    pub(super) fn products_of(&self, columns: impl Iterator<Item = usize>) -> impl Iterator<Item = DVector<f64>> {
-        let weights = DVector::from_column_slice(&self.weights);
-        columns.map(move |column| self.shapes.tr_mul(&self.shapes.column(column).component_mul(&weights)))
-    }
 }
 
 /// Side of a cell of the surface grid in m.
@@ -119,7 +102,7 @@ fn cell_m(scene: &Scene, max_hz: f64) -> f64 {
 }
 
 /// Length of the shortest bending wave in m: 2 pi (E h^2 / (12 rho w^2))^(1/4). A plate's is longer by (1 - nu^2)^(-1/4).
-fn bending_wave_m(scene: &Scene, frequency_hz: f64) -> f64 {
+pub(super) fn bending_wave_m(scene: &Scene, frequency_hz: f64) -> f64 {
     let omega = std::f64::consts::TAU * frequency_hz;
     let ratio = |layer: &Layer| {
         layer.material.youngs_modulus_pa * layer.thickness_m.powi(2) / (12.0 * layer.material.density_kg_m3)
@@ -136,6 +119,57 @@ fn trapezoid(points: usize) -> Vec<f64> {
     }
     let step = 1.0 / (points - 1) as f64;
     (0..points).map(|i| if i == 0 || i == points - 1 { 0.5 * step } else { step }).collect()
+}
+
+/// The trapezoidal rule where there are cut-outs, whose borders need not be lines of the grid: what is linear between points is
+/// integrated exactly over each rectangle of the surface. A share that falls to a point within a cut-out is its neighbours'
+/// who are on the surface, so that the mean is off by the square of a cell.
+fn around_cutouts(layout: &Layout, x_m: &[f64], y_m: &[f64], there: &[bool]) -> Vec<f64> {
+    let columns = x_m.len();
+    let mut weights = vec![0.0; there.len()];
+    for (bottom, top) in pairs(layout.y_m()) {
+        let along_y = hats(y_m, bottom, top);
+        for (left, right) in pairs(layout.x_m()) {
+            if layout.at(0.5 * (left + right), 0.5 * (bottom + top)).is_some() {
+                let along_x = hats(x_m, left, right);
+                let shares = along_y.iter().flat_map(|v| along_x.iter().map(move |u| u * v));
+                weights.iter_mut().zip(shares).for_each(|(weight, share)| *weight += share);
+            }
+        }
+    }
+    for point in (0..there.len()).filter(|point| !there[*point]) {
+        let share = std::mem::take(&mut weights[point]);
+        let (column, row) = (point % columns, point / columns);
+        let rows = row.saturating_sub(1)..=(row + 1).min(y_m.len() - 1);
+        let beside = rows.flat_map(|row| {
+            (column.saturating_sub(1)..=(column + 1).min(columns - 1)).map(move |column| row * columns + column)
+        });
+        let neighbours: Vec<usize> = beside.filter(|at| there[*at]).collect();
+        for at in &neighbours {
+            weights[*at] += share / neighbours.len() as f64;
+        }
+    }
+    let sum: f64 = weights.iter().sum();
+    weights.iter_mut().for_each(|weight| *weight /= sum);
+    weights
+}
+
+fn pairs(lines: &[f64]) -> impl Iterator<Item = (f64, f64)> {
+    lines.windows(2).map(|ends| (ends[0], ends[1]))
+}
+
+/// Integrals from one place to another of each point's function that is 1 there, 0 at its neighbours and linear between.
+fn hats(points: &[f64], from: f64, to: f64) -> Vec<f64> {
+    let mut integrals = vec![0.0; points.len()];
+    for (k, (left, right)) in pairs(points).enumerate() {
+        let (a, b) = (left.max(from), right.min(to));
+        if a < b {
+            let part = (0.5 * (a + b) - left) / (right - left);
+            integrals[k] += (b - a) * (1.0 - part);
+            integrals[k + 1] += (b - a) * part;
+        }
+    }
+    integrals
 }
 
 #[cfg(test)]
@@ -162,6 +196,28 @@ mod tests {
                 assert!(grid.x_m.iter().all(|x| exact(*x, grid.y_m[0])), "{length} x {width}");
                 assert!(grid.y_m.iter().all(|y| exact(0.0, *y)), "{length} x {width}");
             }
+        }
+    }
+
+    /// Means of 1, x and x^2 over a plate with a cut-out at an edge and one in the middle, whose borders are no lines of the grid.
+    #[test]
+    fn weights_are_those_of_the_surface_around_cutouts() {
+        let cutout =
+            |x: f64, y: f64| format!("\n[[cutout]]\nx_mm = {x}\ny_mm = {y}\nlength_mm = 40.3\nwidth_mm = 33.3\n");
+        let scene =
+            Scene::parse("plate", &format!("{EXAMPLE_PLATE}{}{}", cutout(31.7, 0.0), cutout(131.7, 71.3))).unwrap();
+        let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+        let grid = SurfaceGrid::without_shapes(&scene, 400.0);
+        let (hole, boxes) = ((40.3e-3, 33.3e-3), [31.7e-3, 131.7e-3]);
+        let area = length * width - 2.0 * hole.0 * hole.1;
+        for power in 0..3 {
+            let moment = |from: f64, to: f64| (to.powi(power + 1) - from.powi(power + 1)) / f64::from(power + 1);
+            let cut: f64 = boxes.iter().map(|left| moment(*left, left + hole.0) * hole.1).sum();
+            let wanted = (moment(0.0, length) * width - cut) / area;
+            let columns = grid.x_m.len();
+            let found: f64 =
+                grid.weights.iter().enumerate().map(|(k, weight)| weight * grid.x_m[k % columns].powi(power)).sum();
+            assert!((found / wanted - 1.0).abs() < 1e-3, "x^{power}: {found} for {wanted}");
         }
     }
 }

@@ -4,6 +4,7 @@ mod build;
 mod forces;
 mod gains;
 mod grid;
+mod quadrature;
 mod rough;
 pub(super) mod stored;
 
