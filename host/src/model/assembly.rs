@@ -115,7 +115,7 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
 
 fn cells(grid: &Grid, lines: &Lines) -> Vec<CellMatrices> {
     let pairs = lines.at.windows(2).zip(lines.scale.windows(2));
-    pairs.map(|(at, scale)| grid.element.matrices(at[1] - at[0], [scale[0], scale[1]])).collect()
+    pairs.map(|(at, scale)| grid.element_along(lines).matrices(at[1] - at[0], [scale[0], scale[1]])).collect()
 }
 
 fn surface_matrices(grid: &Grid) -> (Entries, Entries) {

@@ -5,11 +5,17 @@
 //! orthogonalised against all others twice.
 
 use super::ModelError;
+use super::columns::{Columns, LANES};
 use super::sparse::{Factor, Symmetric};
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Vectors in a block: symmetric panels have pairs, equal ERAs on them up to four equal modes.
-const BLOCK: usize = 4;
+const BLOCK: usize = LANES;
+/// Part of its length that a vector has to keep beside the others of its block; of one that loses more, what was left along the
+/// space before has grown too much against it.
+const KEPT: f64 = 0.1;
+/// Order of a dense eigenproblem from which on faer's solver is the faster one; below, nalgebra's starts sooner.
+const LARGE: usize = 100;
 /// Relative residual of a Ritz pair of the inverted operator at which it counts as converged; the eigenvalue is then right
 /// to about its square.
 const CONVERGED: f64 = 1e-9;
@@ -49,17 +55,20 @@ pub fn modes(operator: Operator<'_>, known: &Modes, lambda_max: f64) -> Result<M
     if most == 0 {
         return Ok(Modes { lambda: known.lambda.clone(), vectors: known.vectors.clone() });
     }
-    let mut block = space.orthonormal(operator.factor.solve(&operator.mass.times(&start_block(n))));
+    let start = operator.factor.solve(&operator.mass.times(&start_block(n)));
+    let nothing = DMatrix::zeros(0, start.ncols());
+    let mut block = space.orthonormal(start, &nothing);
     let theta_min = 1.0 / (lambda_max + operator.shift);
     let mut next_check = 4 * BLOCK;
     loop {
         let next = space.extend(&block);
-        let size = space.vectors.ncols();
+        let size = space.vectors.len();
         let ended = next.vectors.ncols() == 0 || size >= most;
         if ended || size >= next_check {
-            let eigen = SymmetricEigen::new(space.projected.clone());
+            let eigen = Eigen::of(&space.projected)
+                .ok_or_else(|| ModelError::Factorisation { reason: "projected eigenproblem".to_owned() })?;
             // Twice as many vectors as modes is the least that was seen to do; a check costs as much as dozens of them.
-            let found = eigen.eigenvalues.iter().filter(|theta| **theta >= theta_min).count();
+            let found = eigen.values.iter().filter(|theta| **theta >= theta_min).count();
             next_check = (size + (size / 8).max(2 * BLOCK)).max(2 * found + 2 * BLOCK);
             // In all of the space nothing is left to converge to.
             let is_whole = next.vectors.ncols() == 0 || size >= n - known.lambda.len();
@@ -90,22 +99,45 @@ fn start_block(n: usize) -> DMatrix<f64> {
 }
 
 /// Whether every Ritz value down to `theta_min` is settled, and there is one below it: nothing is missing in between.
-fn is_converged(eigen: &SymmetricEigen<f64, nalgebra::Dyn>, coupling: &DMatrix<f64>, theta_min: f64) -> bool {
-    let size = eigen.eigenvalues.len();
+fn is_converged(eigen: &Eigen, coupling: &DMatrix<f64>, theta_min: f64) -> bool {
+    let size = eigen.values.len();
     let tail = coupling.ncols();
     let mut below = false;
     for i in 0..size {
-        let theta = eigen.eigenvalues[i];
+        let theta = eigen.values[i];
         if theta < theta_min {
             below = true;
             continue;
         }
-        let last = eigen.eigenvectors.view((size - tail, i), (tail, 1));
+        let last = eigen.vectors.view((size - tail, i), (tail, 1));
         if (coupling * last).norm() > CONVERGED * theta {
             return false;
         }
     }
     below
+}
+
+/// Eigenvalues and vectors of a dense symmetric matrix, in any order.
+struct Eigen {
+    values: DVector<f64>,
+    vectors: DMatrix<f64>,
+}
+
+impl Eigen {
+    /// `None` if the iteration does not end.
+    fn of(matrix: &DMatrix<f64>) -> Option<Self> {
+        let n = matrix.nrows();
+        if n < LARGE {
+            let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(matrix.clone());
+            return Some(Self { values: eigenvalues, vectors: eigenvectors });
+        }
+        let eigen =
+            faer::MatRef::from_column_major_slice(matrix.as_slice(), n, n).self_adjoint_eigen(faer::Side::Lower);
+        let eigen = eigen.ok()?;
+        let values = DVector::from_iterator(n, eigen.S().column_vector().iter().copied());
+        let vectors = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)]);
+        (values.iter().all(|value| value.is_finite())).then_some(Self { values, vectors })
+    }
 }
 
 /// M-orthonormal vectors Q, M Q, and R with block = Q R + what lies in the space before.
@@ -129,21 +161,26 @@ impl Block {
 
 struct Space<'a> {
     operator: Operator<'a>,
-    known: &'a DMatrix<f64>,
-    mass_known: DMatrix<f64>,
-    vectors: DMatrix<f64>,
-    mass_vectors: DMatrix<f64>,
+    known: Columns,
+    mass_known: Columns,
+    vectors: Columns,
+    mass_vectors: Columns,
     /// V' M (K + s M)^-1 M V.
     projected: DMatrix<f64>,
 }
 
 impl<'a> Space<'a> {
-    fn new(operator: Operator<'a>, known: &'a Modes, n: usize) -> Self {
+    fn new(operator: Operator<'a>, known: &Modes, n: usize) -> Self {
+        let of = |matrix: &DMatrix<f64>| {
+            let mut columns = Columns::new(n);
+            columns.push(matrix);
+            columns
+        };
         Self {
-            mass_known: operator.mass.times(&known.vectors),
-            known: &known.vectors,
-            vectors: DMatrix::zeros(n, 0),
-            mass_vectors: DMatrix::zeros(n, 0),
+            mass_known: of(&operator.mass.times(&known.vectors)),
+            known: of(&known.vectors),
+            vectors: Columns::new(n),
+            mass_vectors: Columns::new(n),
             projected: DMatrix::zeros(0, 0),
             operator,
         }
@@ -151,11 +188,11 @@ impl<'a> Space<'a> {
 
     /// Adds an orthonormal block and returns the next one.
     fn extend(&mut self, block: &Block) -> Block {
-        let (old, width) = (self.vectors.ncols(), block.vectors.ncols());
-        self.vectors = append(std::mem::take(&mut self.vectors), &block.vectors);
-        self.mass_vectors = append(std::mem::take(&mut self.mass_vectors), &block.mass);
+        let (old, width) = (self.vectors.len(), block.vectors.ncols());
+        self.vectors.push(&block.vectors);
+        self.mass_vectors.push(&block.mass);
         let image = self.operator.factor.solve(&block.mass);
-        let column = self.mass_vectors.tr_mul(&image);
+        let column = self.mass_vectors.inner(&image);
         let mut projected = std::mem::take(&mut self.projected).resize(old + width, old + width, 0.0);
         for j in 0..width {
             for i in 0..old + width {
@@ -164,36 +201,42 @@ impl<'a> Space<'a> {
             }
         }
         self.projected = projected;
-        self.orthonormal(image)
+        self.orthonormal(image, &column)
     }
 
-    /// The part of `block` that is M-orthogonal to everything so far, made orthonormal.
-    fn orthonormal(&self, block: DMatrix<f64>) -> Block {
+    /// The part of `block` that is M-orthogonal to everything so far, made orthonormal; `inner` is what it has of the space.
+    fn orthonormal(&self, block: DMatrix<f64>, inner: &DMatrix<f64>) -> Block {
         let mass = self.operator.mass.times(&block);
         let lengths =
             (0..block.ncols()).map(|j| block.column(j).dot(&mass.column(j)).max(0.0).sqrt()).collect::<Vec<_>>();
         let mut rest = block;
-        for _ in 0..2 {
-            self.take_out(&mut rest);
+        self.vectors.take_out(&mut rest, inner);
+        self.take_out_known(&mut rest);
+        // Once more for what rounding of the long vectors has left in the short ones.
+        self.take_out(&mut rest);
+        let (first, kept) = self.within_block(&rest, &lengths);
+        if kept >= KEPT {
+            return first;
         }
-        let first = self.within_block(&rest, &lengths);
-        // What is left of a vector may be little, and its rounding large against it: once more for what is kept.
         let mut rest = first.vectors;
         self.take_out(&mut rest);
-        let again = self.within_block(&rest, &vec![1.0; rest.ncols()]);
+        let (again, _) = self.within_block(&rest, &vec![1.0; rest.ncols()]);
         let coupling = &again.coupling * &first.coupling;
         Block { coupling, ..again }
     }
 
-    /// Makes vectors orthonormal among themselves, without those of which next to nothing of `lengths` is left.
-    fn within_block(&self, vectors: &DMatrix<f64>, lengths: &[f64]) -> Block {
+    /// Makes vectors orthonormal among themselves, without those of which next to nothing of `lengths` is left; and the least
+    /// part that one keeps beside the others.
+    fn within_block(&self, vectors: &DMatrix<f64>, lengths: &[f64]) -> (Block, f64) {
         let (rows, width) = vectors.shape();
         let mass = self.operator.mass.times(vectors);
         let none = || DMatrix::zeros(rows, 0);
         let mut out = Block { vectors: none(), mass: none(), coupling: DMatrix::zeros(0, width) };
+        let mut kept = 1.0_f64;
         for (j, length) in lengths.iter().enumerate() {
             let mut vector = vectors.columns(j, 1).into_owned();
             let mut mass = mass.columns(j, 1).into_owned();
+            let before = vector.dot(&mass).max(0.0).sqrt();
             for _ in 0..2 {
                 out.take_out(&mut vector, &mut mass, j);
             }
@@ -201,27 +244,31 @@ impl<'a> Space<'a> {
             if norm <= EXHAUSTED * length || norm == 0.0 {
                 continue;
             }
+            kept = norm.min(kept * before) / before;
             let rows = out.coupling.nrows();
             out.coupling = out.coupling.resize_vertically(rows + 1, 0.0);
             out.coupling[(rows, j)] = norm;
             out.vectors = append(out.vectors, &(vector / norm));
             out.mass = append(out.mass, &(mass / norm));
         }
-        out
+        (out, kept)
     }
 
     /// Takes out of `vectors` what lies in the space found so far or is known.
     fn take_out(&self, vectors: &mut DMatrix<f64>) {
-        vectors.gemm(-1.0, self.known, &self.mass_known.tr_mul(vectors), 1.0);
-        vectors.gemm(-1.0, &self.vectors, &self.mass_vectors.tr_mul(vectors), 1.0);
+        self.take_out_known(vectors);
+        self.vectors.take_out(vectors, &self.mass_vectors.inner(vectors));
     }
 
-    fn result(&self, eigen: &SymmetricEigen<f64, nalgebra::Dyn>, known: &Modes, lambda_max: f64) -> Modes {
-        let lambda_of = |i: usize| 1.0 / eigen.eigenvalues[i] - self.operator.shift;
-        let found: Vec<usize> = (0..eigen.eigenvalues.len())
-            .filter(|i| eigen.eigenvalues[*i] > 0.0 && lambda_of(*i) <= lambda_max)
-            .collect();
-        let elastic = &self.vectors * eigen.eigenvectors.select_columns(&found);
+    fn take_out_known(&self, vectors: &mut DMatrix<f64>) {
+        self.known.take_out(vectors, &self.mass_known.inner(vectors));
+    }
+
+    fn result(&self, eigen: &Eigen, known: &Modes, lambda_max: f64) -> Modes {
+        let lambda_of = |i: usize| 1.0 / eigen.values[i] - self.operator.shift;
+        let found: Vec<usize> =
+            (0..eigen.values.len()).filter(|i| eigen.values[*i] > 0.0 && lambda_of(*i) <= lambda_max).collect();
+        let elastic = self.vectors.times(&eigen.vectors.select_columns(&found));
         // The shift loses digits of an eigenvalue far below it; it stays positive, as only rigid modes are zero.
         let found = found.iter().map(|i| lambda_of(*i).max(f64::MIN_POSITIVE));
         let all: Vec<f64> = known.lambda.iter().copied().chain(found).collect();

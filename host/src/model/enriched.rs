@@ -10,7 +10,8 @@ use super::shape::gauss;
 use super::singular::{Jet, Singular};
 use super::sparse::Entries;
 
-/// Rectangles touching a singular point are cut until they are this part of the cell: frequencies are then right to 1e-11 even
+/// Rectangles touching a singular point are cut until they are this part of the cell, or of the distance of two places whose
+/// functions' difference quotient is a function: frequencies are then right to 1e-11 even
 /// on rigid points inside a plate, 20 times less than their other rounding (cut to a millionth, they change no more).
 const SMALLEST: f64 = 1.0 / 4096.0;
 /// Largest side of a rectangle over its distance to the singular point: 3 for three quarters of a side cut at a quarter.
@@ -19,7 +20,8 @@ const NEAREST: f64 = 3.01;
 const EXTRA_POINTS: usize = 6;
 
 /// Fewer points on smaller rectangles: an energy of 16^-l needs that many digits less after l cuts, log 16 / (2 log 3) = 1.26
-/// points each.
+/// points each. A difference quotient has as much energy in every ring down to the distance of its places: cuts count from
+/// there.
 const FEWER_POINTS: f64 = 1.2;
 /// Least points.
 const LEAST_POINTS: usize = 4;
@@ -37,9 +39,10 @@ pub(super) fn add_singular(grid: &Grid, y: &Lines, stiffness: &mut Entries, mass
             let active: Vec<(usize, &Singular)> = grid.singular_in(bounds).collect();
             let Some(section) = grid.sections.at(cell_x, cell_y).filter(|_| !active.is_empty()) else { continue };
             let centres = centres(&active);
+            let largest = size(bounds).min(active.iter().map(|(_, f)| f.finest).fold(f64::INFINITY, f64::min));
             let mut block = Block::new(n, active.len());
-            for part in rectangles(bounds, &centres) {
-                let rule = rules.of(part, bounds);
+            for part in rectangles(bounds, &centres, SMALLEST * largest) {
+                let rule = rules.of(part, largest);
                 let x = Along::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
                 let y = Along::new(grid, y, cell_y, [part[2], part[3]], rule);
                 block.add(&x, &y, &active, section.poisson);
@@ -69,6 +72,11 @@ fn both(entries: &mut Entries, row: usize, column: usize, value: f64) {
     entries.add(column, row, value);
 }
 
+/// The longer side.
+fn size(r: Rectangle) -> f64 {
+    (r[1] - r[0]).max(r[3] - r[2])
+}
+
 /// Gauss rules by the number of their points.
 struct Rules(Vec<Vec<(f64, f64)>>);
 
@@ -77,16 +85,15 @@ impl Rules {
         Self((0..=most).map(|points| if points < LEAST_POINTS { Vec::new() } else { gauss(points) }).collect())
     }
 
-    /// The rule for a part of a cell.
+    /// The rule for a part of a cell that is cut from the size `largest` on.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
         reason = "small counts, and `as` saturates"
     )]
-    fn of(&self, part: Rectangle, cell: Rectangle) -> &[(f64, f64)] {
-        let size = |r: Rectangle| (r[1] - r[0]).max(r[3] - r[2]);
-        let cuts = (size(cell) / size(part)).log(4.0).max(0.0);
+    fn of(&self, part: Rectangle, largest: f64) -> &[(f64, f64)] {
+        let cuts = (largest / size(part)).log(4.0).max(0.0);
         let most = self.0.len() - 1;
         let points = (most as f64 - FEWER_POINTS * cuts).round() as usize;
         &self.0[points.clamp(LEAST_POINTS.min(most), most)]
@@ -112,10 +119,10 @@ impl Along {
     fn new(grid: &Grid, lines: &Lines, cell: usize, part: [f64; 2], rule: &[(f64, f64)]) -> Self {
         let (from, width) = (lines.at[cell], lines.at[cell + 1] - lines.at[cell]);
         let scale = [lines.scale[cell], lines.scale[cell + 1]];
-        let length = part[1] - part[0];
+        let (length, element) = (part[1] - part[0], grid.element_along(lines));
         let at: Vec<f64> = rule.iter().map(|(t, _)| part[0] + t * length).collect();
         Self {
-            functions: at.iter().map(|at| grid.element.derivatives((at - from) / width, width, scale)).collect(),
+            functions: at.iter().map(|at| element.derivatives((at - from) / width, width, scale)).collect(),
             weight: rule.iter().map(|(_, weight)| weight * length).collect(),
             at,
         }
@@ -183,9 +190,9 @@ fn centres(active: &[(usize, &Singular)]) -> Vec<(f64, f64)> {
     all
 }
 
-/// The rectangle cut up for integration; all centres' coordinates become borders, as the blending has its joints there.
-fn rectangles(bounds: Rectangle, centres: &[(f64, f64)]) -> Vec<Rectangle> {
-    let smallest = SMALLEST * (bounds[1] - bounds[0]).max(bounds[3] - bounds[2]);
+/// The rectangle cut up for integration, down to the size `smallest`; all centres' coordinates become borders, as the
+/// blending has its joints there.
+fn rectangles(bounds: Rectangle, centres: &[(f64, f64)], smallest: f64) -> Vec<Rectangle> {
     let stops = |from: f64, to: f64, at: &dyn Fn(&(f64, f64)) -> f64| {
         if from >= to {
             // A stretch of a line.
@@ -274,7 +281,8 @@ impl EdgeSprings<'_> {
             // A rectangle without height: the same cuts, by the distance from the line.
             let centres = centres(&active);
             let bounds = if self.along_y { [x[0], x[0], from, to] } else { [from, to, y[0], y[0]] };
-            for part in rectangles(bounds, &centres) {
+            let largest = size(bounds).min(active.iter().map(|(_, f)| f.finest).fold(f64::INFINITY, f64::min));
+            for part in rectangles(bounds, &centres, SMALLEST * largest) {
                 let stretch = if self.along_y { [part[2], part[3]] } else { [part[0], part[1]] };
                 let along = Along::new(grid, self.lines, cell, stretch, &rule);
                 for ((at, weight), functions) in along.at.iter().zip(&along.weight).zip(&along.functions) {
@@ -338,7 +346,7 @@ mod tests {
         let rule = gauss(12);
         let integral = |bounds: Rectangle, at: (f64, f64)| {
             let mut sum = 0.0;
-            for [x0, x1, y0, y1] in rectangles(bounds, &[at]) {
+            for [x0, x1, y0, y1] in rectangles(bounds, &[at], SMALLEST * size(bounds)) {
                 for (u, wu) in &rule {
                     for (v, wv) in &rule {
                         let (x, y) = (x0 + u * (x1 - x0) - at.0, y0 + v * (y1 - y0) - at.1);

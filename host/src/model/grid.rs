@@ -1,15 +1,16 @@
 //! The mesh of a surface and the numbering of its unknowns.
 
 use super::mesh::{Lines, MERGE};
-use super::placement::{forced, singular};
-use super::points::Points;
+use super::neighbours::{Clusters, distance, places};
+use super::placement::{cell_at_attachments, forced, singular};
+use super::points::{Held, Points};
 use super::sections::{Sections, Waves};
 use super::shape::Element;
 use super::singular::Singular;
 use super::sparse::Entries;
 use crate::scene::{EdgeKind, Scene, Side, SurfaceKind};
 use serde::{Deserialize, Serialize};
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 /// Non-zero entries of a vector over the free unknowns.
 pub type SparseVector = Vec<(usize, f64)>;
@@ -66,12 +67,16 @@ pub struct Grid {
     pub y: Option<Lines>,
     /// The cells' functions.
     pub element: Element,
+    /// The same across a strip.
+    straight: Element,
     /// What the cells are made of.
     pub sections: Sections,
     /// Number of each unknown: the tensor products of the directions' functions, x running fastest.
     numbers: Vec<Option<usize>>,
     /// What point forces do; their unknowns come after the tensor products.
     singular: Vec<Singular>,
+    /// Where something is attached, nearly equal places as one.
+    attached: Vec<(f64, f64)>,
     /// Deflections that are unknowns of their own.
     points: Points,
     /// Free unknowns of the surface.
@@ -83,13 +88,18 @@ impl Grid {
     #[must_use]
     pub(super) fn new(scene: &Scene, fineness: Fineness) -> Self {
         let layout = scene.layout();
-        let [x, y] = lines(scene, fineness);
+        let [mut x, mut y] = lines(scene, fineness);
+        if scene.surface.kind == SurfaceKind::Plate {
+            x.is_strip = x.cells() == 1 && !has_edges(scene, [Side::Left, Side::Right]);
+            y.is_strip = y.cells() == 1 && !has_edges(scene, [Side::Top, Side::Bottom]);
+        }
         let y = (scene.surface.kind == SurfaceKind::Plate).then_some(y);
-        let element = Element::new(fineness.order);
+        let (element, straight) = (Element::new(fineness.order), Element::straight(fineness.order));
         let sections = Sections::new(scene.surface.kind, &layout, &x, y.as_ref());
         let singular = if y.is_some() { singular(scene, &layout, fineness) } else { Vec::new() };
-        let mut grid =
-            Self { x, y, element, sections, numbers: Vec::new(), singular, points: Points::default(), free: 0 };
+        let (numbers, points, free) = (Vec::new(), Points::default(), 0);
+        let attached = places(scene).into_iter().map(|place| place.at).collect();
+        let mut grid = Self { x, y, element, straight, sections, numbers, singular, attached, points, free };
         let mut fixed = grid.fixed(scene);
         grid.fix_cut_away(&mut fixed);
         grid.numbers = fixed
@@ -101,24 +111,41 @@ impl Grid {
             })
             .collect();
         grid.free += grid.singular.len();
-        grid.points = grid.stiff_points(scene);
+        grid.points = grid.stiff_points(scene, fineness);
         grid
     }
 
+    /// The functions of the cells along these lines.
+    pub(super) fn element_along(&self, lines: &Lines) -> &Element {
+        if lines.is_strip { &self.straight } else { &self.element }
+    }
+
     /// The stiffly held points of a plate; on a bar each attachment has a line, and its deflection is an unknown anyway.
-    fn stiff_points(&self, scene: &Scene) -> Points {
+    fn stiff_points(&self, scene: &Scene, fineness: Fineness) -> Points {
         if self.y.is_none() {
             return Points::default();
         }
         let (length, width) = self.size();
         let stiff = STIFF * Waves::of(scene).softest / length.max(width).powi(2);
-        let supports = scene.supports.iter().map(|s| (s.x_m, s.y_m, s.stiffness_n_per_m));
-        let springs = supports.chain(scene.actuators.iter().map(|a| (a.x_m, a.y_m, a.effective_stiffness_n_per_m())));
-        let at: Vec<(f64, f64)> = springs.filter(|spring| spring.2 > stiff).map(|(x, y, _)| (x, y)).collect();
-        let rows: Vec<SparseVector> = at.iter().map(|(x, y)| self.row_at(*x, *y, Derivative::Value)).collect();
+        let mut clusters = Clusters::new(cell_at_attachments(scene, fineness));
+        let (mut points, mut deflections, mut rows): (Vec<Held>, Vec<SparseVector>, Vec<SparseVector>) =
+            Default::default();
+        for place in places(scene).into_iter().filter(|place| place.held > stiff) {
+            let deflection = self.row_at(place.at.0, place.at.1, Derivative::Value);
+            if deflection.is_empty() {
+                continue;
+            }
+            let beside = clusters.add(place.at).map(|near| (near.nearest, near.ratio));
+            rows.push(match beside {
+                None => deflection.clone(),
+                Some((other, ratio)) => difference(&deflection, &deflections[other], ratio),
+            });
+            points.push(Held { at: place.at, beside });
+            deflections.push(deflection);
+        }
         // Products of two bubbles live in one cell.
         let inner: HashSet<usize> = self.inner_unknowns().collect();
-        Points::new(&at, &rows, |unknown| inner.contains(&unknown))
+        Points::new(&points, &rows, |unknown| inner.contains(&unknown))
     }
 
     /// Unknowns whose functions live in one cell.
@@ -135,10 +162,7 @@ impl Grid {
     #[must_use]
     pub fn attachment(&self, x_m: f64, y_m: f64) -> SparseVector {
         let (x_m, y_m) = self.attached_at(x_m, y_m);
-        match self.points.unknown(x_m, y_m) {
-            Some(unknown) => vec![(unknown, 1.0)],
-            None => self.row_at(x_m, y_m, Derivative::Value),
-        }
+        self.points.deflection(x_m, y_m).unwrap_or_else(|| self.row_at(x_m, y_m, Derivative::Value))
     }
 
     /// A matrix over the functions, over the unknowns.
@@ -153,7 +177,7 @@ impl Grid {
 
     /// How many stiffly held points have unknowns of their own.
     pub(super) fn stiff_points_held(&self) -> usize {
-        self.points.all().len()
+        self.points.len()
     }
 
     /// The singular functions that reach into a rectangle (x from, x to, y from, y to), with their unknowns.
@@ -261,10 +285,14 @@ impl Grid {
         self.numbers.get(in_y * self.functions_x() + in_x).copied().flatten()
     }
 
-    /// Where an attachment is on the mesh: on a bar at a line, those that are nearly at one place at the same.
+    /// Where an attachment is on the mesh: those that are nearly at one place at the same, on a bar at a line.
     #[must_use]
     pub fn attached_at(&self, x_m: f64, y_m: f64) -> (f64, f64) {
-        if self.y.is_some() { (x_m, y_m) } else { (self.x.at[self.x.nearest(x_m)], 0.0) }
+        if self.y.is_none() {
+            return (self.x.at[self.x.nearest(x_m)], 0.0);
+        }
+        let merged = MERGE * self.size().0.max(self.size().1);
+        self.attached.iter().copied().find(|at| distance(*at, (x_m, y_m)) <= merged).unwrap_or((x_m, y_m))
     }
 
     /// Length and width; the latter is 1 on a bar, which has none of its own.
@@ -309,7 +337,7 @@ impl Grid {
             let (cell, place) = lines.locate(at);
             let width = lines.at[cell + 1] - lines.at[cell];
             let [values, slopes, _] =
-                self.element.derivatives(place, width, [lines.scale[cell], lines.scale[cell + 1]]);
+                self.element_along(lines).derivatives(place, width, [lines.scale[cell], lines.scale[cell + 1]]);
             (cell, if slope { slopes } else { values })
         };
         let (cell_x, in_x) = along(&self.x, x_m, what == Derivative::SlopeX);
@@ -340,31 +368,50 @@ impl Grid {
         self.points.row(out)
     }
 
+    /// Along lines, the functions that a linear deflection is made of: each with its place, and the length that a slope is
+    /// multiplied with to give the next function's part.
+    fn linear_functions(&self, lines: &Lines) -> Vec<(usize, f64, Option<f64>)> {
+        if lines.is_strip {
+            let half = 0.5 * lines.at[1];
+            return vec![(0, half, Some(half))];
+        }
+        let places = lines.at.iter().zip(&lines.scale).enumerate();
+        places.map(|(i, (at, scale))| (self.at_line(i), *at, Some(*scale))).collect()
+    }
+
     /// The unknowns' values for the rigid deflection c + cx x + cy y.
     #[must_use]
     pub fn linear(&self, c: f64, cx: f64, cy: f64) -> Vec<f64> {
         let mut out = vec![0.0; self.free];
-        let lines_y = self.y.as_ref().map_or(1, |y| y.at.len());
-        for j in 0..lines_y {
-            let (y_at, y_scale) = self.y.as_ref().map_or((0.0, 0.0), |y| (y.at[j], y.scale[j]));
-            for (i, (x_at, x_scale)) in self.x.at.iter().zip(&self.x.scale).enumerate() {
-                let (here_x, here_y) = (self.at_line(i), self.at_line(j));
-                let slope_y = if self.y.is_some() { self.number(here_x, here_y + 1) } else { None };
-                let entries = [
-                    (self.number(here_x, here_y), c + cx * x_at + cy * y_at),
-                    (self.number(here_x + 1, here_y), cx * x_scale),
-                    (slope_y, cy * y_scale),
-                ];
-                for (number, value) in entries {
+        let in_y = self.y.as_ref().map_or_else(|| vec![(0, 0.0, None)], |y| self.linear_functions(y));
+        for (here_y, y_at, slope_y) in in_y {
+            for (here_x, x_at, slope_x) in self.linear_functions(&self.x) {
+                let slope_x = slope_x.map(|scale| (self.number(here_x + 1, here_y), cx * scale));
+                let slope_y = slope_y.map(|scale| (self.number(here_x, here_y + 1), cy * scale));
+                let value = (self.number(here_x, here_y), c + cx * x_at + cy * y_at);
+                for (number, value) in [Some(value), slope_x, slope_y].into_iter().flatten() {
                     if let Some(number) = number {
                         out[number] = value;
                     }
                 }
             }
         }
-        for ((x, y), unknown) in self.points.all() {
-            out[*unknown] = c + cx * x + cy * y;
+        for (unknown, value) in self.points.linear(c, cx, cy) {
+            out[unknown] = value;
         }
         out
     }
+}
+
+fn has_edges(scene: &Scene, sides: [Side; 2]) -> bool {
+    scene.edges.iter().any(|edge| sides.contains(&edge.side))
+}
+
+/// (a - b) / ratio.
+fn difference(a: &[(usize, f64)], b: &[(usize, f64)], ratio: f64) -> SparseVector {
+    let mut sums: BTreeMap<usize, f64> = a.iter().copied().collect();
+    for (index, value) in b {
+        *sums.entry(*index).or_insert(0.0) -= value;
+    }
+    sums.into_iter().map(|(index, value)| (index, value / ratio)).filter(|(_, value)| *value != 0.0).collect()
 }

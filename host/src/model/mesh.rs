@@ -17,6 +17,8 @@ pub struct Lines {
     pub at: Vec<f64>,
     /// Length that the slope at each line is scaled with: the mean of the cells beside it.
     pub scale: Vec<f64>,
+    /// One cell with free borders: its functions are written straight ([`super::shape`]).
+    pub is_strip: bool,
 }
 
 /// A position that must have a line of its own.
@@ -57,7 +59,7 @@ impl Lines {
                 }
             })
             .collect();
-        Self { at, scale }
+        Self { at, scale, is_strip: false }
     }
 
     /// Number of cells.

@@ -6,6 +6,7 @@
 //! * [`sections`]: what each cell is made of,
 //! * `corners`: where moments are unbounded,
 //! * `surroundings`: how far the function of an attachment may reach,
+//! * `neighbours`: attachments, and which of them are very near to each other,
 //! * `placement`: where the scene asks for lines and for those functions,
 //! * [`points`]: deflections of stiffly held points as unknowns of their own,
 //! * [`grid`]: the lines' functions and the numbering of their unknowns,
@@ -13,6 +14,7 @@
 //!   supports, masses, ERAs,
 //! * [`sparse`]: the matrices and their factorisation,
 //! * [`rigid`]: motions that nothing holds,
+//! * `columns`: an iteration's basis,
 //! * [`eigen`]: the modes, by shift-invert block Lanczos,
 //! * [`damping`]: dampers, loss factor, Rayleigh's and modal damping over a basis,
 //! * [`reduced`]: modes and residual shapes as a small model for response, planning and simulation,
@@ -26,6 +28,7 @@
 pub mod accuracy;
 pub mod assembly;
 pub mod bounded;
+mod columns;
 mod corners;
 pub mod damping;
 pub mod eigen;
@@ -35,6 +38,7 @@ pub mod estimator;
 pub mod grid;
 pub mod levels;
 pub mod mesh;
+mod neighbours;
 mod panel;
 mod placement;
 pub mod points;

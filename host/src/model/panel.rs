@@ -25,6 +25,11 @@ const MOST_MODES: f64 = 1000.0;
 const LEAST_CELLS: f64 = 2.0;
 /// Modes of a reduced model, besides one for each order.
 const LEAST_MODES: usize = 3;
+/// Part of a shape's modal mass below which that of the surface itself is rounding.
+const LEAST_MASS: f64 = 1e-12;
+/// Part of its aspect that rounding on a narrow strip's mesh goes with: with the cube of the aspect it was seen to be 1e-8 at
+/// 4000, which is 1e-19 of the cube, and counts as 2e-13.
+const IN_STRIPS: f64 = 0.05;
 /// Least shift, as a part of what a uniform surface with as many modes has.
 const LEAST_SHIFT: f64 = 1e-5;
 
@@ -38,6 +43,9 @@ pub struct Mode {
     pub damping_ratio: f64,
     /// Springs so soft hold it that it was computed with a surface that stays straight.
     pub straight: bool,
+    /// Frequency in Hz of the same shape without what the masses attached weigh: how stiff it is against the panel's own
+    /// bending, which is what rounding in the panel's stiffness is held against. A heavy mass moves slowly on a stiff panel.
+    pub unloaded_hz: f64,
 }
 
 /// What a mesh is made of.
@@ -115,6 +123,13 @@ impl PanelModel {
         }
     }
 
+    /// What a frequency may be wrong by, relative, at attachments, whatever the mesh: rigid points very near to each other in a
+    /// corner or at a patch, strips that are modelled as bars around points. 0 where there is nothing of the kind.
+    #[must_use]
+    pub fn unresolved(&self) -> f64 {
+        super::placement::unresolved(&self.scene, self.fineness)
+    }
+
     /// The mesh.
     #[must_use]
     pub fn fineness(&self) -> Fineness {
@@ -127,14 +142,17 @@ impl PanelModel {
         self.fineness.order
     }
 
-    /// The panel's longer side over the mesh's least cell.
+    /// The panel's longer side over the mesh's least cell; a strip's width does not count, whose functions are made for it.
     #[must_use]
     pub fn aspect(&self) -> f64 {
         let grid = &self.assembled.grid;
-        let least =
-            |lines: &super::mesh::Lines| lines.at.windows(2).map(|at| at[1] - at[0]).fold(f64::INFINITY, f64::min);
+        let all = [Some(&grid.x), grid.y.as_ref()].into_iter().flatten().filter(|lines| !lines.is_strip);
+        let least = all.flat_map(|lines| lines.at.windows(2).map(|at| at[1] - at[0])).fold(f64::INFINITY, f64::min);
         let (length, width) = grid.size();
-        grid.y.as_ref().map_or_else(|| length / least(&grid.x), |y| length.max(width) / least(&grid.x).min(least(y)))
+        let aspect = (if grid.y.is_some() { length.max(width) } else { length }) / least;
+        // Functions of point forces that end after some widths of a strip do not meet those of the other cells.
+        let is_narrow = super::placement::narrow_strip(&self.scene, self.fineness).is_some();
+        if is_narrow { (aspect * IN_STRIPS).max(1.0) } else { aspect }
     }
 
     /// All modes up to `max_hz`, ascending, rigid ones first.
@@ -144,6 +162,11 @@ impl PanelModel {
     pub fn modes(&self, max_hz: f64) -> Result<Vec<Mode>, ModelError> {
         let found = self.raw_modes(max_hz)?;
         let damping = self.damping(&found.lambda, &found.vectors, 1.5 * max_hz)?;
+        let attached = found.vectors.column_iter().map(|shape| -> f64 {
+            let along = |vector: &[(usize, f64)]| vector.iter().map(|(i, value)| shape[*i] * value).sum::<f64>();
+            self.assembled.attachments.iter().map(|part| part.mass * along(&part.vector).powi(2)).sum()
+        });
+        let attached: Vec<f64> = attached.collect();
         // Slow modes are kept whatever was asked for.
         let highest = (std::f64::consts::TAU * max_hz).powi(2);
         Ok(found
@@ -158,6 +181,7 @@ impl PanelModel {
                     frequency_hz: omega / std::f64::consts::TAU,
                     damping_ratio: if *lambda > 0.0 { ratio.max(0.0) } else { 0.0 },
                     straight: *lambda <= self.straight,
+                    unloaded_hz: omega / std::f64::consts::TAU / (1.0 - attached[i]).max(LEAST_MASS).sqrt(),
                 }
             })
             .collect())
@@ -308,7 +332,7 @@ fn modes_below(scene: &Scene, max_hz: f64) -> f64 {
 
 /// The shift in rad^2/s^2: a quarter of the first bending frequency of the free surface, squared (omega L^2 / sqrt(D/m) =
 /// 22.4). Small enough to separate the low modes, large enough that K + s M is definite whatever holds the panel.
-fn shift(scene: &Scene) -> f64 {
+pub(super) fn shift(scene: &Scene) -> f64 {
     let length = scene.surface.length_m.max(scene.surface.width_m);
     // With patches the softest part may bend under the heaviest one; a shift much below the other modes separates nothing.
     let waves = Waves::of(scene);

@@ -4,6 +4,8 @@
 use super::corners::{Corner, Kind, corners, layers};
 use super::grid::Fineness;
 use super::mesh::{Forced, Lines, MERGE};
+use super::neighbours::{Clusters, NEAR, distance, places};
+use super::sections::Waves;
 use super::singular::{Singular, Source, clamped_edge, free_edge};
 use super::surroundings::{Border, SIDES, Surroundings};
 use crate::scene::{Layout, Scene, Side, SurfaceKind};
@@ -21,6 +23,49 @@ const NEAR_CORNER: f64 = 0.3;
 const NARROWEST: f64 = 1.0 / 16.0;
 /// Most cells that shrink towards an attachment beside a patch.
 const MOST_LAYERS: usize = 2;
+
+/// A strip narrower than this part of a cell has smaller ones where something is attached: around it the strip bends as a
+/// plate, over a stretch of some widths, and beyond as a bar, whose third derivative jumps there.
+const NARROW: f64 = 0.25;
+/// Width of those cells over the strip's.
+const STRIP_CELL: f64 = 2.0;
+/// A strip narrower than this part of a cell is a bar there too: a line, and no function. Next to what it gives way over a wave
+/// of length l, l^3 / 248 D b (b its width), it gives way around the point by some 0.3 b^2 / D: 100 (b / cell)^3, or 4e-6.
+const BAR_LIKE: f64 = 1.0 / 300.0;
+/// The factor in that.
+const GIVES_WAY: f64 = 100.0;
+
+/// The width over a regular cell of a narrow strip of one layer; `None` for other surfaces.
+pub(super) fn narrow_strip(scene: &Scene, fineness: Fineness) -> Option<f64> {
+    let part = scene.surface.length_m.min(scene.surface.width_m) / fineness.cell_m;
+    let is_plain = scene.surface.kind == SurfaceKind::Plate && scene.patches.is_empty() && scene.cutouts.is_empty();
+    (is_plain && part < NARROW).then_some(part)
+}
+
+/// Width of the cells around attachments, in m, which their functions are measured in: the regular ones', but on narrow
+/// strips.
+pub(super) fn cell_at_attachments(scene: &Scene, fineness: Fineness) -> f64 {
+    narrow_strip(scene, fineness).map_or(1.0, |part| STRIP_CELL * part) * fineness.cell_m
+}
+
+/// Lines along x and y that cells shrink towards on narrow strips: at attachments, one for those that share a cell.
+fn along_strip(scene: &Scene, fineness: Fineness) -> [Vec<Forced>; 2] {
+    let cell = cell_at_attachments(scene, fineness);
+    let mut lines = [Vec::new(), Vec::new()];
+    if let Some(part) = narrow_strip(scene, fineness) {
+        let width = if part < BAR_LIKE { f64::INFINITY } else { cell };
+        let along_x = scene.surface.length_m > scene.surface.width_m;
+        let own: &mut Vec<Forced> = &mut lines[usize::from(!along_x)];
+        let mut all: Vec<f64> = attachments(scene).map(|at| if along_x { at.0 } else { at.1 }).collect();
+        all.sort_by(f64::total_cmp);
+        for at in all {
+            if own.last().is_none_or(|last| at - last.at > cell) {
+                own.push(Forced { at, width });
+            }
+        }
+    }
+    lines
+}
 
 /// Places of all attachments.
 pub(super) fn attachments(scene: &Scene) -> impl Iterator<Item = (f64, f64)> {
@@ -52,6 +97,9 @@ pub(super) fn forced(scene: &Scene, layout: &Layout, fineness: Fineness) -> [Vec
         for (lines, at) in forced.iter_mut().zip([at.0, at.1]) {
             lines.push(Forced { at, width });
         }
+    }
+    for (lines, strip) in forced.iter_mut().zip(along_strip(scene, fineness)) {
+        lines.extend(strip);
     }
     forced
 }
@@ -89,7 +137,7 @@ pub fn is_singular(scene: &Scene, fineness: Fineness) -> bool {
         return false;
     }
     let layout = scene.layout();
-    let near = NEAR_CORNER * fineness.cell_m;
+    let near = NEAR_CORNER * cell_at_attachments(scene, fineness);
     let corners = corners(&layout);
     let beside_corner = |at: (f64, f64)| {
         corners.iter().any(|corner| {
@@ -119,41 +167,118 @@ pub fn has_close_points(scene: &Scene, fineness: Fineness) -> bool {
     at.iter().enumerate().any(|(k, a)| at[k + 1..].iter().any(|b| are_close(a, b)))
 }
 
-/// The functions of all attachments, one set for each place.
-pub(super) fn singular(scene: &Scene, layout: &Layout, fineness: Fineness) -> Vec<Singular> {
-    let mut places: Vec<(f64, f64)> = Vec::new();
-    let merged = MERGE * scene.surface.length_m.max(scene.surface.width_m);
-    for at in attachments(scene) {
-        if places.iter().all(|known| (known.0 - at.0).hypot(known.1 - at.1) > merged) {
-            places.push(at);
+/// What a frequency may be wrong by, relative, for what no finer mesh mends at attachments. Two firmly held places very near to
+/// each other of which one has no function (in a corner, on a patch's border): together they hold a slope, with a stiffness
+/// of about k d^2 against the plate's rigidity D, and the elements approach that with the logarithm of their size only; all of
+/// it may be missing, up to 1. And on strips like bars what the points give way. 0 where there is neither.
+#[must_use]
+pub fn unresolved(scene: &Scene, fineness: Fineness) -> f64 {
+    if scene.surface.kind == SurfaceKind::Bar {
+        return 0.0;
+    }
+    let layout = scene.layout();
+    let spaces = Spaces::new(scene, &layout, fineness);
+    let places = places(scene);
+    if spaces.is_bar_like {
+        let part = narrow_strip(scene, fineness).unwrap_or(0.0);
+        return if places.is_empty() { 0.0 } else { GIVES_WAY * part.powi(3) };
+    }
+    let near = NEAR * spaces.cell_m;
+    let rigidity = Waves::of(scene).softest;
+    let mut worst = 0.0_f64;
+    for (k, place) in places.iter().enumerate() {
+        // The first of two is held the more firmly.
+        for other in &places[k + 1..] {
+            let distance = distance(place.at, other.at);
+            if distance <= near && (spaces.around(place.at).is_none() || spaces.around(other.at).is_none()) {
+                let part = other.held * distance * distance / rigidity;
+                worst = worst.max(part / (1.0 + part));
+            }
         }
     }
-    // Functions end at lines that every order has.
-    let regular = |side: f64, borders: &[f64]| {
-        let forced: Vec<Forced> = borders.iter().map(|at| Forced { at: *at, width: f64::INFINITY }).collect();
-        Lines::new(side, fineness.cell_m, &forced)
-    };
-    let (x, y) = (regular(scene.surface.length_m, layout.x_m()), regular(scene.surface.width_m, layout.y_m()));
-    let least = LEAST_REACH * fineness.cell_m;
-    let function = |at: (f64, f64)| {
-        let ([left, right], [top, bottom]) = (wanted(&x, at.0, least), wanted(&y, at.1, least));
-        let around = Surroundings::of(scene, layout, at, [left, right, top, bottom])?;
-        if around.clear() < NARROWEST * fineness.cell_m {
+    worst
+}
+
+/// The spaces that functions of point forces may take.
+struct Spaces<'a> {
+    scene: &'a Scene,
+    layout: &'a Layout,
+    /// Lines that every order has: where functions end.
+    lines: [Lines; 2],
+    /// Width of the cells around attachments in m.
+    cell_m: f64,
+    /// A strip so narrow that there are none.
+    is_bar_like: bool,
+}
+
+impl<'a> Spaces<'a> {
+    fn new(scene: &'a Scene, layout: &'a Layout, fineness: Fineness) -> Self {
+        let regular = |side: f64, borders: &[f64], strip: Vec<Forced>| {
+            let borders = borders.iter().map(|at| Forced { at: *at, width: f64::INFINITY });
+            Lines::new(side, fineness.cell_m, &borders.chain(strip).collect::<Vec<_>>())
+        };
+        let [in_x, in_y] = along_strip(scene, fineness);
+        let x = regular(scene.surface.length_m, layout.x_m(), in_x);
+        let y = regular(scene.surface.width_m, layout.y_m(), in_y);
+        let is_bar_like = narrow_strip(scene, fineness).is_some_and(|part| part < BAR_LIKE);
+        Self { scene, layout, lines: [x, y], cell_m: cell_at_attachments(scene, fineness), is_bar_like }
+    }
+
+    /// The space around a place; `None` where it has no function.
+    fn around(&self, at: (f64, f64)) -> Option<Surroundings> {
+        if self.is_bar_like {
+            return None;
+        }
+        let least = LEAST_REACH * self.cell_m;
+        let [[left, right], [top, bottom]] = [wanted(&self.lines[0], at.0, least), wanted(&self.lines[1], at.1, least)];
+        let around = Surroundings::of(self.scene, self.layout, at, [left, right, top, bottom])?;
+        if around.clear() < NARROWEST * self.cell_m {
             return None;
         }
         let touched: Vec<Side> = SIDES.into_iter().filter(|side| around.distance(*side) == 0.0).collect();
         match touched.as_slice() {
-            [] => {}
-            [side] if around.border(*side) == Border::Free => {}
+            [] => Some(around),
+            [side] if around.border(*side) == Border::Free => Some(around),
             // A corner, where a force only twists, or an edge that does not move.
-            _ => return None,
+            _ => None,
         }
-        let near = Images::of(&around, NEAR_BORDER * fineness.cell_m);
-        let [x, y] = around.reach(|side| near.answered(side));
-        let scale = 0.5 * (x.to - x.from).min(y.to - y.from);
-        Some(Singular { sources: near.sources(&around, scale), x, y, scale })
-    };
-    places.into_iter().filter_map(function).collect()
+    }
+}
+
+/// The functions of all attachments, one set for each place: of a cluster's first place its own, of the others the difference
+/// quotient of theirs and their neighbour's, which ends where the first one's does.
+pub(super) fn singular(scene: &Scene, layout: &Layout, fineness: Fineness) -> Vec<Singular> {
+    let spaces = Spaces::new(scene, layout, fineness);
+    let cell_m = spaces.cell_m;
+    let mut clusters = Clusters::new(cell_m);
+    let mut functions: Vec<Singular> = Vec::new();
+    // Of each function: the space around its place, and the sources of a force there.
+    let mut alone: Vec<(Surroundings, Vec<Source>)> = Vec::new();
+    for place in places(scene) {
+        let Some(own) = spaces.around(place.at) else { continue };
+        let function = match clusters.add(place.at) {
+            None => {
+                let near = Images::of(&own, NEAR_BORDER * cell_m);
+                let [x, y] = own.reach(|side| near.answered(side));
+                let scale = 0.5 * (x.to - x.from).min(y.to - y.from);
+                let sources = near.sources(&own, scale);
+                alone.push((own, sources.clone()));
+                Singular { sources, x, y, scale, finest: f64::INFINITY }
+            }
+            Some(beside) => {
+                let first = &functions[beside.first];
+                let around = Surroundings { at: own.at, ..alone[beside.first].0 };
+                let near = Images::of(&alone[beside.first].0, NEAR_BORDER * cell_m);
+                let sources = near.sources(&around, first.scale);
+                let other = alone[beside.nearest].1.iter().map(|source| source.times(-1.0 / beside.ratio));
+                let difference = sources.iter().map(|source| source.times(1.0 / beside.ratio)).chain(other).collect();
+                alone.push((around, sources));
+                Singular { sources: difference, finest: beside.distance_m, ..first.clone() }
+            }
+        };
+        functions.push(function);
+    }
+    functions
 }
 
 /// From the first line at least `least` below `at` to the first one at least that much above it, or to the borders.

@@ -12,24 +12,39 @@ use std::collections::{BTreeMap, HashMap};
 /// Least value of a function at the point, over the largest, for it to be preferred because it lives in one cell alone.
 const PREFERRED: f64 = 0.1;
 
+/// A stiffly held point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Held {
+    /// In m.
+    pub at: (f64, f64),
+    /// Which of the points before it is its neighbour, and their distance over the mesh's length (`neighbours`): its row is then
+    /// the difference of their deflections over that.
+    pub beside: Option<(usize, f64)>,
+}
+
 /// The change of unknowns; the identity where nothing is stiff.
 #[derive(Clone, Debug, Default)]
 pub struct Points {
-    /// Places (m), and the unknown that each has become.
-    at: Vec<((f64, f64), usize)>,
+    /// The points that have unknowns.
+    held: Vec<Held>,
+    /// The unknown that each has become.
+    unknowns: Vec<usize>,
     /// What a replaced unknown is in the new ones.
     replaced: HashMap<usize, SparseVector>,
 }
 
 impl Points {
-    /// The change for deflections `rows` at places `at`; `inner` tells functions that live in one cell. Points that depend
-    /// on others stay as they are.
-    pub(super) fn new(at: &[(f64, f64)], rows: &[SparseVector], inner: impl Fn(usize) -> bool) -> Self {
+    /// The change for deflections (or differences of them) `rows` of `points`; `inner` tells functions that live in one cell.
+    /// Points that depend on others stay as they are, and so do their neighbours.
+    pub(super) fn new(points: &[Held], rows: &[SparseVector], inner: impl Fn(usize) -> bool) -> Self {
         let mut pivots: Vec<usize> = Vec::new();
         let mut kept: Vec<usize> = Vec::new();
         // Elimination row by row; each is cleared of the pivots before it.
         let mut cleared: Vec<HashMap<usize, f64>> = Vec::new();
         for (m, row) in rows.iter().enumerate() {
+            if points[m].beside.is_some_and(|(other, _)| !kept.contains(&other)) {
+                continue;
+            }
             let mut rest: HashMap<usize, f64> = row.iter().copied().collect();
             let size = rest.values().fold(0.0, |most: f64, value| most.max(value.abs()));
             for (pivot, other) in pivots.iter().zip(&cleared) {
@@ -70,17 +85,45 @@ impl Points {
             (*pivot, row)
         });
         let replaced = replaced.collect();
-        Self { at: kept.iter().zip(&pivots).map(|(m, pivot)| (at[*m], *pivot)).collect(), replaced }
+        let held = kept.iter().map(|m| {
+            let beside = points[*m].beside;
+            // Where the neighbour is among those kept.
+            let beside = beside.and_then(|(other, ratio)| Some((kept.iter().position(|k| *k == other)?, ratio)));
+            Held { beside, ..points[*m] }
+        });
+        Self { held: held.collect(), unknowns: pivots, replaced }
     }
 
-    /// The unknown that is the deflection at a place, if it is one of these.
-    pub(super) fn unknown(&self, x_m: f64, y_m: f64) -> Option<usize> {
-        self.at.iter().find(|(at, _)| *at == (x_m, y_m)).map(|(_, unknown)| *unknown)
+    /// The deflection at a place over the unknowns, if it is one of these: its own, or its neighbours' and the differences.
+    pub(super) fn deflection(&self, x_m: f64, y_m: f64) -> Option<SparseVector> {
+        let mut point = self.held.iter().position(|held| held.at == (x_m, y_m))?;
+        let mut out = Vec::new();
+        while let Some((other, ratio)) = self.held[point].beside {
+            out.push((self.unknowns[point], ratio));
+            point = other;
+        }
+        out.push((self.unknowns[point], 1.0));
+        Some(out)
     }
 
-    /// All of them with their places.
-    pub(super) fn all(&self) -> &[((f64, f64), usize)] {
-        &self.at
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.held.len()
+    }
+
+    /// Each one's unknown with the value that it has where the deflection is linear: c at (0, 0), and slopes cx and cy.
+    pub(super) fn linear(&self, c: f64, cx: f64, cy: f64) -> impl Iterator<Item = (usize, f64)> {
+        self.held.iter().zip(&self.unknowns).map(move |(held, unknown)| {
+            let (x, y) = held.at;
+            let value = match held.beside {
+                None => c + cx * x + cy * y,
+                Some((other, ratio)) => {
+                    let from = self.held[other].at;
+                    (cx * (x - from.0) + cy * (y - from.1)) / ratio
+                }
+            };
+            (*unknown, value)
+        })
     }
 
     /// A row over the old unknowns, over the new ones.
@@ -146,9 +189,10 @@ mod tests {
     #[test]
     fn deflections_become_unknowns() {
         let rows = vec![vec![(0, 0.5), (1, 1.0), (2, 0.2)], vec![(1, 0.9), (2, 0.4), (3, -0.3)]];
-        let points = Points::new(&[(0.1, 0.2), (0.3, 0.4)], &rows, |index| index == 2);
-        for (row, at) in rows.iter().zip([(0.1, 0.2), (0.3, 0.4)]) {
-            let unknown = points.unknown(at.0, at.1).unwrap();
+        let places = [(0.1, 0.2), (0.3, 0.4)].map(alone);
+        let points = Points::new(&places, &rows, |index| index == 2);
+        for (row, held) in rows.iter().zip(places) {
+            let [(unknown, 1.0)] = points.deflection(held.at.0, held.at.1).unwrap()[..] else { panic!("alone") };
             let new = points.row(row.clone());
             for (index, value) in new {
                 assert!((value - if index == unknown { 1.0 } else { 0.0 }).abs() < 1e-15, "{index} {value}");
@@ -172,8 +216,33 @@ mod tests {
     #[test]
     fn dependent_points_are_left_alone() {
         let rows = vec![vec![(0, 0.5), (1, 1.0)], vec![(0, 1.0), (1, 2.0)], vec![]];
-        let points = Points::new(&[(0.1, 0.0), (0.2, 0.0), (0.3, 0.0)], &rows, |_| true);
-        assert!(points.unknown(0.1, 0.0).is_some() && points.unknown(0.2, 0.0).is_none());
-        assert!(points.unknown(0.3, 0.0).is_none());
+        let points = Points::new(&[(0.1, 0.0), (0.2, 0.0), (0.3, 0.0)].map(alone), &rows, |_| true);
+        assert!(points.deflection(0.1, 0.0).is_some() && points.deflection(0.2, 0.0).is_none());
+        assert!(points.deflection(0.3, 0.0).is_none());
+    }
+
+    /// A neighbour's deflection is that of the first and a part of the difference.
+    #[test]
+    fn differences_of_neighbours_become_unknowns() {
+        let (first, second) = (vec![(0, 0.5), (1, 1.0), (2, 0.2)], vec![(0, 0.5), (1, 1.001), (2, 0.2005)]);
+        let rows = vec![first.clone(), vec![(1, 1.0), (2, 0.5)]];
+        let places = [alone((0.1, 0.0)), Held { at: (0.101, 0.0), beside: Some((0, 1e-3)) }];
+        let points = Points::new(&places, &rows, |_| true);
+        for (row, held) in [first, second].into_iter().zip(places) {
+            let mut expected = points.deflection(held.at.0, held.at.1).unwrap();
+            expected.sort_by_key(|(index, _)| *index);
+            let found = points.row(row).into_iter().filter(|(_, value)| value.abs() > 1e-12).collect::<Vec<_>>();
+            assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
+            for ((i, found), (j, expected)) in found.into_iter().zip(expected) {
+                assert!(i == j && (found - expected).abs() < 1e-12);
+            }
+        }
+        // A slope of 2 along x.
+        let slopes: Vec<f64> = points.linear(0.0, 2.0, 0.0).map(|(_, value)| value).collect();
+        assert!((slopes[0] - 0.2).abs() < 1e-15 && (slopes[1] - 2.0).abs() < 1e-10, "{slopes:?}");
+    }
+
+    fn alone(at: (f64, f64)) -> Held {
+        Held { at, beside: None }
     }
 }

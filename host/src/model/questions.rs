@@ -44,7 +44,7 @@ impl Question for ModesUpTo {
         let floor = |mode: &Mode| match mode {
             _ if mode.frequency_hz == 0.0 => 0.0,
             _ if mode.straight => STRAIGHT,
-            _ => rounding.of(mode.frequency_hz),
+            _ => rounding.of(mode.unloaded_hz),
         };
         fine.iter().map(floor).collect()
     }

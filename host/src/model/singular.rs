@@ -172,6 +172,9 @@ pub struct Singular {
     pub sources: Vec<Source>,
     /// Length that distances are measured in, in m.
     pub scale: f64,
+    /// Distance (m) of the two places that it is a difference quotient of, infinite where it belongs to one: away from its
+    /// centres it varies over no less.
+    pub finest: f64,
 }
 
 impl Singular {
@@ -210,6 +213,12 @@ impl Source {
     #[must_use]
     pub fn inside(centre: (f64, f64)) -> Self {
         Self { centre, side: Side::Left, parts: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] }
+    }
+
+    /// The same times a number.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        Self { parts: self.parts.map(|part| factor * part), ..*self }
     }
 
     /// Its value at a distance from the centre in units of the scale; 0 with all derivatives at the centre.
@@ -297,7 +306,13 @@ mod tests {
             let mut parts = [0.0; PARTS];
             parts[k] = 1.0;
             let sources = vec![Source { centre: (0.0, 0.0), side, parts }];
-            let f = Singular { x: reach(0.0, x_from, 0.9), y: reach(0.0, y_from, 1.1), sources, scale: 0.8 };
+            let f = Singular {
+                x: reach(0.0, x_from, 0.9),
+                y: reach(0.0, y_from, 1.1),
+                sources,
+                scale: 0.8,
+                finest: f64::INFINITY,
+            };
             let h = 1e-5;
             for (x, y) in [(0.2, 0.3), (0.55, 0.1), (0.8, 0.9), (1e-3, 2e-3 + 0.04)] {
                 let here = f.at(x, y);
@@ -339,6 +354,7 @@ mod tests {
             y: reach(0.0, -0.7, 1.1),
             sources: vec![Source::inside((0.0, 0.0))],
             scale: 1.0,
+            finest: f64::INFINITY,
         };
         for (x, y) in [(-0.5, 0.2), (0.9, 0.3), (0.1, -0.7), (0.2, 1.1), (2.0, 0.0)] {
             let jet = f.at(x, y);
@@ -353,7 +369,7 @@ mod tests {
         let (poisson, d) = (0.33, 0.2);
         let open = |centre: f64| Reach { centre, from: -10.0, to: 10.0, at_from: End::Open, at_to: End::Open };
         let sources = vec![Source::inside((d, 0.0)), free_edge(Side::Left, (-d, 0.0), d, poisson)];
-        let f = Singular { x: open(d), y: open(0.0), sources, scale: 1.0 };
+        let f = Singular { x: open(d), y: open(0.0), sources, scale: 1.0, finest: f64::INFINITY };
         let h = 1e-4;
         let [mut moments, mut shears] = [Vec::new(), Vec::new()];
         for t in [-0.5, -0.1, 0.05, 0.3, 0.9] {
@@ -374,7 +390,13 @@ mod tests {
         let d = 0.2;
         let open = |centre: f64| Reach { centre, from: -10.0, to: 10.0, at_from: End::Open, at_to: End::Open };
         let inside = Source::inside((d, 0.0));
-        let with = |image: Source| Singular { x: open(d), y: open(0.0), sources: vec![inside, image], scale: 1.0 };
+        let with = |image: Source| Singular {
+            x: open(d),
+            y: open(0.0),
+            sources: vec![inside, image],
+            scale: 1.0,
+            finest: f64::INFINITY,
+        };
         let (clamped, pinned) = (with(clamped_edge(Side::Left, (-d, 0.0), d)), with(inside.mirrored(Side::Left, 0.0)));
         for t in [-0.5, 0.0, 0.3, 0.9] {
             let (clamped, pinned) = (clamped.at(0.0, t), pinned.at(0.0, t));
