@@ -23,6 +23,8 @@ const EXTRA_POINTS: usize = 6;
 /// points each. A difference quotient has as much energy in every ring down to the distance of its places: cuts count from
 /// there.
 const FEWER_POINTS: f64 = 1.2;
+/// Digits that Gauss points have to bring on parts that are far from singular points for their size.
+const DIGITS: f64 = 13.0;
 /// Least points.
 const LEAST_POINTS: usize = 4;
 
@@ -39,10 +41,10 @@ pub(super) fn add_singular(grid: &Grid, y: &Lines, stiffness: &mut Entries, mass
             let active: Vec<(usize, &Singular)> = grid.singular_in(bounds).collect();
             let Some(section) = grid.sections.at(cell_x, cell_y).filter(|_| !active.is_empty()) else { continue };
             let centres = centres(&active);
-            let largest = size(bounds).min(active.iter().map(|(_, f)| f.finest).fold(f64::INFINITY, f64::min));
             let mut block = Block::new(n, active.len());
-            for part in rectangles(bounds, &centres, SMALLEST * largest) {
-                let rule = rules.of(part, largest);
+            for part in rectangles(bounds, &centres, size(bounds)) {
+                let rule = rules.of(&part, size(bounds));
+                let part = part.bounds;
                 let x = Along::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
                 let y = Along::new(grid, y, cell_y, [part[2], part[3]], rule);
                 block.add(&x, &y, &active, section.poisson);
@@ -58,7 +60,7 @@ pub(super) fn add_singular(grid: &Grid, y: &Lines, stiffness: &mut Entries, mass
                     }
                 }
                 for (f, (other, _)) in active.iter().enumerate() {
-                    let [bend, inertia] = block.among[e * active.len() + f];
+                    let [bend, inertia] = block.of_two(e, f);
                     stiffness.add(*number, *other, section.rigidity * bend);
                     mass.add(*number, *other, section.per_area * inertia);
                 }
@@ -85,17 +87,24 @@ impl Rules {
         Self((0..=most).map(|points| if points < LEAST_POINTS { Vec::new() } else { gauss(points) }).collect())
     }
 
-    /// The rule for a part of a cell that is cut from the size `largest` on.
+    /// The rule for a part of a cell of this size.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
         reason = "small counts, and `as` saturates"
     )]
-    fn of(&self, part: Rectangle, largest: f64) -> &[(f64, f64)] {
-        let cuts = (largest / size(part)).log(4.0).max(0.0);
+    fn of(&self, part: &Part, cell: f64) -> &[(f64, f64)] {
+        let own = size(part.bounds);
+        let cuts = (part.cut_from / own).log(4.0).max(0.0);
         let most = self.0.len() - 1;
-        let points = (most as f64 - FEWER_POINTS * cuts).round() as usize;
+        let cut = most as f64 - FEWER_POINTS * cuts;
+        // Gauss points converge as rho^-2n, rho the half axes' sum of the ellipse about the part through the nearest singular
+        // point (and no larger than the cell, beyond which the elements' polynomials grow).
+        let apart = 1.0 + 2.0 * part.distance / own;
+        let rho = (apart + (apart * apart - 1.0).sqrt()).min(1.5 * cell / own);
+        let enough = if rho > 1.0 { DIGITS * std::f64::consts::LN_10 / (2.0 * rho.ln()) + 1.0 } else { f64::INFINITY };
+        let points = cut.min(enough).round() as usize;
         &self.0[points.clamp(LEAST_POINTS.min(most), most)]
     }
 }
@@ -104,7 +113,8 @@ impl Rules {
 struct Block {
     n: usize,
     with_cell: Vec<[f64; 2]>,
-    among: Vec<[f64; 2]>,
+    /// Bending, and inertia: functions x functions, of which one half is summed.
+    among: [Vec<f64>; 2],
 }
 
 /// Points and weights of one rectangle in one direction, with the cell's functions there.
@@ -129,28 +139,45 @@ impl Along {
     }
 }
 
+/// Jets of all functions at one point, kind by kind.
+struct Jets {
+    value: Vec<f64>,
+    xx: Vec<f64>,
+    yy: Vec<f64>,
+    xy: Vec<f64>,
+}
+
 impl Block {
     fn new(n: usize, singular: usize) -> Self {
-        Self { n, with_cell: vec![[0.0; 2]; singular * n * n], among: vec![[0.0; 2]; singular * singular] }
+        Self { n, with_cell: vec![[0.0; 2]; singular * n * n], among: [0; 2].map(|_| vec![0.0; singular * singular]) }
+    }
+
+    /// Two functions' integrals.
+    fn of_two(&self, e: usize, f: usize) -> [f64; 2] {
+        let count = self.among[0].len().isqrt();
+        // Only one half is summed.
+        let at = e.max(f) * count + e.min(f);
+        [self.among[0][at], self.among[1][at]]
     }
 
     fn add(&mut self, x: &Along, y: &Along, active: &[(usize, &Singular)], poisson: f64) {
-        let n = self.n;
-        let mut jets = vec![Jet::default(); active.len()];
+        let (n, count) = (self.n, active.len());
+        let zeros = || vec![0.0; count];
+        let mut jets = Jets { value: zeros(), xx: zeros(), yy: zeros(), xy: zeros() };
         // Sums along x for each function a: against N_a'', N_a (bending), N_a' and N_a (inertia).
-        let mut along_x = vec![[0.0; 4]; active.len() * n];
+        let mut along_x = vec![[0.0; 4]; count * n];
         for (at_y, (y_m, weight_y)) in y.at.iter().zip(&y.weight).enumerate() {
             along_x.fill([0.0; 4]);
             for (at_x, (x_m, weight_x)) in x.at.iter().zip(&x.weight).enumerate() {
                 let weight = weight_x * weight_y;
                 let [value, first, second] = &x.functions[at_x];
                 for (e, (_, f)) in active.iter().enumerate() {
-                    let jet = f.at(*x_m, *y_m);
-                    jets[e] = jet;
-                    let bend_x = weight * (jet.xx + poisson * jet.yy);
-                    let bend_y = weight * (jet.yy + poisson * jet.xx);
-                    let twist = weight * 2.0 * (1.0 - poisson) * jet.xy;
-                    let inertia = weight * jet.value;
+                    let Jet { value: own, xx, yy, xy, .. } = f.at(*x_m, *y_m);
+                    (jets.value[e], jets.xx[e], jets.yy[e], jets.xy[e]) = (own, xx, yy, xy);
+                    let bend_x = weight * (xx + poisson * yy);
+                    let bend_y = weight * (yy + poisson * xx);
+                    let twist = weight * 2.0 * (1.0 - poisson) * xy;
+                    let inertia = weight * own;
                     for (a, sum) in along_x[e * n..(e + 1) * n].iter_mut().enumerate() {
                         sum[0] += second[a] * bend_x;
                         sum[1] += value[a] * bend_y;
@@ -158,7 +185,7 @@ impl Block {
                         sum[3] += value[a] * inertia;
                     }
                 }
-                self.add_among(&jets, weight, poisson);
+                pulp::Arch::new().dispatch(|| add_among(&jets, weight, poisson, &mut self.among));
             }
             let [value, first, second] = &y.functions[at_y];
             for (sum, out) in along_x.iter().zip(self.with_cell.chunks_exact_mut(n)) {
@@ -169,31 +196,62 @@ impl Block {
             }
         }
     }
+}
 
-    fn add_among(&mut self, jets: &[Jet], weight: f64, poisson: f64) {
-        for (e, f) in jets.iter().enumerate() {
-            for (g, out) in jets.iter().zip(&mut self.among[e * jets.len()..]) {
-                let curvature = f.xx * (g.xx + poisson * g.yy) + f.yy * (g.yy + poisson * g.xx);
-                out[0] += weight * (curvature + 2.0 * (1.0 - poisson) * f.xy * g.xy);
-                out[1] += weight * f.value * g.value;
-            }
+/// Adds a point to the lower half of the functions' integrals among themselves: with hundreds of functions' rectangles times
+/// their squared number, most of the work.
+#[inline(always)]
+fn add_among(jets: &Jets, weight: f64, poisson: f64, [bend, inertia]: &mut [Vec<f64>; 2]) {
+    let count = jets.value.len();
+    for e in 0..count {
+        let along_x = weight * (jets.xx[e] + poisson * jets.yy[e]);
+        let along_y = weight * (jets.yy[e] + poisson * jets.xx[e]);
+        let twist = weight * 2.0 * (1.0 - poisson) * jets.xy[e];
+        let own = weight * jets.value[e];
+        let (row, others) = (e * count..e * count + e + 1, ..=e);
+        let curvatures = jets.xx[others].iter().zip(&jets.yy[others]).zip(&jets.xy[others]);
+        for (out, ((xx, yy), xy)) in bend[row.clone()].iter_mut().zip(curvatures) {
+            *out += along_x * xx + along_y * yy + twist * xy;
         }
+        inertia[row].iter_mut().zip(&jets.value[others]).for_each(|(out, value)| *out += own * value);
     }
 }
 
-/// Where the functions are singular, and where their blending has its joints.
-fn centres(active: &[(usize, &Singular)]) -> Vec<(f64, f64)> {
-    let sources = active.iter().flat_map(|(_, f)| f.sources.iter().map(|source| source.centre));
-    let mut all: Vec<(f64, f64)> = active.iter().map(|(_, f)| (f.x.centre, f.y.centre)).chain(sources).collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    all.dedup();
+/// A place where functions are singular, or where their blending has its joints.
+#[derive(Clone, Copy, Debug)]
+struct Centre {
+    at: (f64, f64),
+    /// The least distance that a function about it varies over, other than towards it; infinite if there is none.
+    finest: f64,
+}
+
+/// All of them, each once.
+fn centres(active: &[(usize, &Singular)]) -> Vec<Centre> {
+    let of = |f: &Singular| {
+        let sources = f.sources.iter().map(|source| Centre { at: source.centre, finest: f.finest });
+        sources.chain([Centre { at: (f.x.centre, f.y.centre), finest: f64::INFINITY }]).collect::<Vec<_>>()
+    };
+    let mut all: Vec<Centre> = active.iter().flat_map(|(_, f)| of(f)).collect();
+    all.sort_by(|a, b| a.at.0.total_cmp(&b.at.0).then(a.at.1.total_cmp(&b.at.1)).then(a.finest.total_cmp(&b.finest)));
+    // The finest of each place comes first, and stays.
+    all.dedup_by(|b, a| a.at == b.at);
     all
 }
 
-/// The rectangle cut up for integration, down to the size `smallest`; all centres' coordinates become borders, as the
-/// blending has its joints there.
-fn rectangles(bounds: Rectangle, centres: &[(f64, f64)], smallest: f64) -> Vec<Rectangle> {
-    let stops = |from: f64, to: f64, at: &dyn Fn(&(f64, f64)) -> f64| {
+/// A part of a rectangle.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    bounds: Rectangle,
+    /// Distance of the nearest centre.
+    distance: f64,
+    /// From this size on less counts towards that centre: the cell's, or of what varies finer there.
+    cut_from: f64,
+}
+
+/// The rectangle cut up for integration. All centres' coordinates become borders, as the blending has its joints there.
+fn rectangles(bounds: Rectangle, centres: &[Centre], cell: f64) -> Vec<Part> {
+    let finest = centres.iter().map(|centre| centre.finest).fold(cell, f64::min);
+    let stops = |from: f64, to: f64, at: &dyn Fn(&Centre) -> f64| {
         if from >= to {
             // A stretch of a line.
             return vec![from, to];
@@ -201,31 +259,38 @@ fn rectangles(bounds: Rectangle, centres: &[(f64, f64)], smallest: f64) -> Vec<R
         let mut stops: Vec<f64> = centres.iter().map(at).filter(|at| *at > from && *at < to).collect();
         stops.extend([from, to]);
         stops.sort_by(f64::total_cmp);
-        stops.dedup_by(|b, a| *b - *a < smallest);
+        stops.dedup_by(|b, a| *b - *a < SMALLEST * finest);
         stops
     };
-    let (in_x, in_y) = (stops(bounds[0], bounds[1], &|c| c.0), stops(bounds[2], bounds[3], &|c| c.1));
+    let (in_x, in_y) = (stops(bounds[0], bounds[1], &|c| c.at.0), stops(bounds[2], bounds[3], &|c| c.at.1));
     let mut out = Vec::new();
     for y in in_y.windows(2) {
         for x in in_x.windows(2) {
-            cut([x[0], x[1], y[0], y[1]], centres, smallest, &mut out);
+            cut([x[0], x[1], y[0], y[1]], centres, cell, &mut out);
         }
     }
     out
 }
 
-fn cut(part: Rectangle, centres: &[(f64, f64)], smallest: f64, out: &mut Vec<Rectangle>) {
+fn cut(part: Rectangle, centres: &[Centre], cell: f64, out: &mut Vec<Part>) {
     let (width, height) = (part[1] - part[0], part[3] - part[2]);
     let largest = width.max(height);
     let beside = |from: f64, to: f64, at: f64| (from - at).max(at - to).max(0.0);
-    let nearest = centres
-        .iter()
-        .map(|(x, y)| (beside(part[0], part[1], *x).hypot(beside(part[2], part[3], *y)), (*x, *y)))
-        .min_by(|a, b| a.0.total_cmp(&b.0));
-    let Some((distance, (x, y))) = nearest else { return out.push(part) };
-    if largest <= NEAREST * distance || largest <= smallest {
-        return out.push(part);
-    }
+    let away = |centre: &Centre| {
+        let (x, y) = centre.at;
+        beside(part[0], part[1], x).hypot(beside(part[2], part[3], y))
+    };
+    // The one that asks for the smallest parts, of those that ask for smaller ones than this.
+    let is_large =
+        |centre: &(f64, &Centre)| largest > NEAREST * centre.0 && largest > SMALLEST * cell.min(centre.1.finest);
+    let all = centres.iter().map(|centre| (away(centre), centre));
+    let nearest = |a: &(f64, &Centre), b: &(f64, &Centre)| a.0.total_cmp(&b.0);
+    let Some((_, centre)) = all.clone().filter(is_large).min_by(nearest) else {
+        let (distance, finest) =
+            all.min_by(nearest).map_or((f64::INFINITY, f64::INFINITY), |(distance, centre)| (distance, centre.finest));
+        return out.push(Part { bounds: part, distance, cut_from: cell.min(finest) });
+    };
+    let (x, y) = centre.at;
     // At a quarter from the end that is nearer to the point; a long rectangle is first cut across.
     let place = |from: f64, to: f64, at: f64| {
         if at - from <= to - at { 0.75 * from + 0.25 * to } else { 0.25 * from + 0.75 * to }
@@ -235,7 +300,7 @@ fn cut(part: Rectangle, centres: &[(f64, f64)], smallest: f64, out: &mut Vec<Rec
     let in_y = if 2.0 * height > width { vec![[part[2], at_y], [at_y, part[3]]] } else { vec![[part[2], part[3]]] };
     for [y0, y1] in in_y {
         for [x0, x1] in &in_x {
-            cut([*x0, *x1, y0, y1], centres, smallest, out);
+            cut([*x0, *x1, y0, y1], centres, cell, out);
         }
     }
 }
@@ -281,8 +346,7 @@ impl EdgeSprings<'_> {
             // A rectangle without height: the same cuts, by the distance from the line.
             let centres = centres(&active);
             let bounds = if self.along_y { [x[0], x[0], from, to] } else { [from, to, y[0], y[0]] };
-            let largest = size(bounds).min(active.iter().map(|(_, f)| f.finest).fold(f64::INFINITY, f64::min));
-            for part in rectangles(bounds, &centres, SMALLEST * largest) {
+            for Part { bounds: part, .. } in rectangles(bounds, &centres, size(bounds)) {
                 let stretch = if self.along_y { [part[2], part[3]] } else { [part[0], part[1]] };
                 let along = Along::new(grid, self.lines, cell, stretch, &rule);
                 for ((at, weight), functions) in along.at.iter().zip(&along.weight).zip(&along.functions) {
@@ -346,7 +410,8 @@ mod tests {
         let rule = gauss(12);
         let integral = |bounds: Rectangle, at: (f64, f64)| {
             let mut sum = 0.0;
-            for [x0, x1, y0, y1] in rectangles(bounds, &[at], SMALLEST * size(bounds)) {
+            let centre = Centre { at, finest: f64::INFINITY };
+            for Part { bounds: [x0, x1, y0, y1], .. } in rectangles(bounds, &[centre], size(bounds)) {
                 for (u, wu) in &rule {
                     for (v, wv) in &rule {
                         let (x, y) = (x0 + u * (x1 - x0) - at.0, y0 + v * (y1 - y0) - at.1);

@@ -1,6 +1,7 @@
 //! The reduced model's coordinates at a frequency: (Lambda - w^2 + j S + j w C) q = B.
 
 use super::ResponseError;
+use super::elimination::Equations;
 use crate::model::ReducedModel;
 use crate::model::damping::Structured;
 use nalgebra::{DMatrix, DVector};
@@ -121,30 +122,30 @@ impl<'a> LowRank<'a> {
         }
         let sum = |at: usize| Complex64::new(sums_re[at], sums_im[at]);
         // Rows of 1 + Z G over 1 + |Z_k| |G_kk|: of the size of one for dashpots from none to ones that hold the point.
-        let mut matrix = vec![Complex64::ZERO; r * r];
-        let mut right = vec![Complex64::ZERO; r * p];
+        let mut equations = Equations::new(r, p);
         for (k, coupling) in self.structured.couplings.iter().enumerate() {
             let impedance = Complex64::new(0.0, coupling.structural + omega * coupling.viscous);
             let scale = 1.0 / (1.0 + impedance.im.abs() * sum(k * (k + 1) / 2 + k).norm());
             for l in 0..r {
                 let (high, low) = (k.max(l), k.min(l));
-                matrix[k * r + l] = impedance * sum(high * (high + 1) / 2 + low) * scale;
+                let entry = impedance * sum(high * (high + 1) / 2 + low) * scale;
+                equations.set(k, l, entry.re + if k == l { scale } else { 0.0 }, entry.im);
             }
-            matrix[k * r + k] += scale;
             for j in 0..p {
-                right[k * p + j] = impedance * sum(r * (r + 1) / 2 + j * r + k) * scale;
+                let entry = impedance * sum(r * (r + 1) / 2 + j * r + k) * scale;
+                equations.set(k, r + j, entry.re, entry.im);
             }
         }
-        eliminate(&mut matrix, &mut right, r, p)?;
+        equations.solve().filter(|pivot| *pivot >= TOO_SMALL)?;
         for j in 0..p {
             let (re, im) = (&mut re[j * n..(j + 1) * n], &mut im[j * n..(j + 1) * n]);
             re.copy_from_slice(model.force.column(j).as_slice());
             im.fill(0.0);
             for (k, coupling) in self.structured.couplings.iter().enumerate() {
-                let y = right[k * p + j];
+                let (y_re, y_im) = equations.solution(k, j);
                 for ((shape, re), im) in coupling.shape.iter().zip(&mut *re).zip(&mut *im) {
-                    *re -= shape * y.re;
-                    *im -= shape * y.im;
+                    *re -= shape * y_re;
+                    *im -= shape * y_im;
                 }
             }
             for ((re, im), inverse) in re.iter_mut().zip(im).zip(&inverse) {
@@ -153,43 +154,6 @@ impl<'a> LowRank<'a> {
         }
         Some(())
     }
-}
-
-/// Gaussian elimination with row pivoting of the r x r `matrix` (row by row) and p right sides, in place. `None` where a
-/// pivot is as good as zero.
-fn eliminate(matrix: &mut [Complex64], right: &mut [Complex64], r: usize, p: usize) -> Option<()> {
-    for column in 0..r {
-        let pivot = (column..r)
-            .max_by(|a, b| matrix[a * r + column].norm_sqr().total_cmp(&matrix[b * r + column].norm_sqr()))?;
-        let size = matrix[pivot * r + column].norm_sqr();
-        // A NaN is no pivot either.
-        if size.is_nan() || size < TOO_SMALL * TOO_SMALL {
-            return None;
-        }
-        if pivot != column {
-            (0..r).for_each(|l| matrix.swap(pivot * r + l, column * r + l));
-            (0..p).for_each(|j| right.swap(pivot * p + j, column * p + j));
-        }
-        let inverse = matrix[column * r + column].inv();
-        for row in column + 1..r {
-            let factor = matrix[row * r + column] * inverse;
-            let (above, below) = matrix.split_at_mut(row * r);
-            let (above, below) = (&above[column * r + column + 1..(column + 1) * r], &mut below[column + 1..r]);
-            below.iter_mut().zip(above).for_each(|(below, above)| *below -= factor * above);
-            for j in 0..p {
-                let above = right[column * p + j];
-                right[row * p + j] -= factor * above;
-            }
-        }
-    }
-    for column in (0..r).rev() {
-        let inverse = matrix[column * r + column].inv();
-        for j in 0..p {
-            let known: Complex64 = (column + 1..r).map(|l| matrix[column * r + l] * right[l * p + j]).sum();
-            right[column * p + j] = (right[column * p + j] - known) * inverse;
-        }
-    }
-    Some(())
 }
 
 /// The same with the full matrix, n x p.
@@ -224,9 +188,19 @@ fn full(model: &ReducedModel, frequency_hz: f64) -> Result<DMatrix<Complex64>, R
             }
         }
     } else {
-        let lu = matrix.lu();
-        let solved = lu.solve_mut(&mut solution);
-        let pivot = (0..n).map(|i| lu.lu_internal()[(i, i)].norm()).fold(f64::INFINITY, f64::min);
+        let mut equations = Equations::new(n, force.ncols());
+        for (at, entry) in matrix.iter().enumerate() {
+            equations.set(at % n, at / n, entry.re, entry.im);
+        }
+        for (at, entry) in force.iter().enumerate() {
+            equations.set(at % n, n + at / n, entry.re, entry.im);
+        }
+        let least = equations.solve();
+        let (solved, pivot) = (least.is_some(), least.unwrap_or(0.0));
+        for (at, out) in solution.iter_mut().enumerate() {
+            let (re, im) = equations.solution(at % n, at / n);
+            *out = Complex64::new(re, im);
+        }
         let response = solution.iter().map(|z| z.norm()).fold(0.0, f64::max);
         let load = force.iter().map(|z| z.norm()).fold(f64::MIN_POSITIVE, f64::max);
         if !solved || !response.is_finite() || pivot < SINGULAR && response > 1e-3 / SINGULAR * load {

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 mod bounded;
 mod coordinates;
+mod elimination;
 mod mirror;
 mod peak;
 pub mod sweep;
