@@ -53,6 +53,8 @@ pub struct Assembled {
     pub surface: Option<[Symmetric; 2]>,
     /// What is attached at points.
     pub attachments: Vec<Attachment>,
+    /// How many of them, the first ones, are supports and masses; the others are of ERAs.
+    pub without_actuators: usize,
     /// All actuators, in the scene's order.
     pub actuators: Vec<ActuatorVectors>,
     /// Unknowns of inertial ERAs' moving masses: (unknown, index of the actuator).
@@ -92,6 +94,7 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
         let vector = grid.attachment(point.x_m, point.y_m);
         parts.attach(Attachment { vector, mass: point.mass_kg, ..Attachment::default() });
     }
+    let without_actuators = parts.attachments.len();
     let actuators = scene.actuators.iter().enumerate().map(|(i, actuator)| parts.actuator(i, actuator)).collect();
     let n = parts.unknowns;
     for attachment in &parts.attachments {
@@ -107,6 +110,7 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
         stiffness: stiffness.build(n)?,
         mass: mass.build(n)?,
         attachments: parts.attachments,
+        without_actuators,
         moving_masses: parts.moving_masses,
         actuators,
         grid,

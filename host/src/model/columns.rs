@@ -30,7 +30,7 @@ impl Columns {
 
     /// How many there are.
     pub(super) fn len(&self) -> usize {
-        if self.rows == 0 { 0 } else { self.values.len() / self.rows }
+        self.values.len().checked_div(self.rows).unwrap_or(0)
     }
 
     /// Adds those of a matrix.

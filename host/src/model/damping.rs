@@ -1,7 +1,6 @@
 //! Damping over a basis, and the one kind that needs modes of its own: the same ratio on every mode.
 
-use super::assembly::{Assembled, Attachment};
-use super::eigen::Modes;
+use super::assembly::Attachment;
 use super::panel::row_times;
 use crate::scene::SurfaceDamping;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
@@ -122,21 +121,21 @@ impl Structured {
     }
 }
 
-/// Damping of the viscous ratio `ratio` on every mode of the panel `supported`, over the columns of `vectors` (its unknowns
-/// x n, and each of at most unit modal mass). `modes` are its lowest.
+/// Damping of the viscous ratio `ratio` on every mode of the panel without its ERAs, over mass-normalised `vectors` of the squared
+/// frequencies `lambda` of the panel with them; `actuators` is what the ERAs attach.
 ///
-/// For them it is the sum of 2 zeta omega (M phi)(M phi)'. For all that lies above, C = 2 zeta M # K, the geometric mean of
-/// what mass and stiffness the modes leave over: on a mode it is 2 zeta omega, and it needs no modes.
-pub(super) fn same_ratio(ratio: f64, supported: &Assembled, modes: &Modes, vectors: &DMatrix<f64>) -> DMatrix<f64> {
-    let along = supported.mass.times(&modes.vectors).tr_mul(vectors);
-    let mut weighted = along.clone();
-    for (mut row, lambda) in weighted.row_iter_mut().zip(&modes.lambda) {
-        row *= lambda.sqrt();
+/// On each such mode it is 2 zeta omega, so that it is 2 zeta M # K, the geometric mean of mass and stiffness: of what they are
+/// over the vectors, M = I - sum of m_i b_i b_i' and K = Lambda - sum of k_i b_i b_i'. The modes without the ERAs are in the
+/// span of the modes with them and of the shapes of forces at the ERAs, as exactly as the answers are.
+pub(super) fn same_ratio(ratio: f64, lambda: &[f64], vectors: &DMatrix<f64>, actuators: &[Attachment]) -> DMatrix<f64> {
+    let mut mass = DMatrix::identity(lambda.len(), lambda.len());
+    let mut stiffness = DMatrix::from_diagonal(&DVector::from_column_slice(lambda));
+    for Attachment { vector, stiffness: spring, mass: own, .. } in actuators {
+        let along = row_times(vector, vectors).transpose();
+        mass.ger(-own, &along, &along, 1.0);
+        stiffness.ger(-spring, &along, &along, 1.0);
     }
-    let above = vectors - &modes.vectors * &along;
-    let (mass, stiffness) =
-        (above.tr_mul(&supported.mass.times(&above)), above.tr_mul(&supported.stiffness.times(&above)));
-    2.0 * ratio * (along.tr_mul(&weighted) + geometric_mean(&mass, &stiffness))
+    2.0 * ratio * geometric_mean(&mass, &stiffness)
 }
 
 /// A # B = A^1/2 (A^-1/2 B A^-1/2)^1/2 A^1/2 for symmetric semidefinite A and B, on the range of A.

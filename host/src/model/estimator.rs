@@ -35,9 +35,9 @@ const LEAST_POWER: f64 = 5.0;
 const LEAST_POWER_CORNER: f64 = 2.0;
 /// The same at patches and cut-outs, and with attachments beside a corner (measured there: 4 and more).
 const LEAST_POWER_SINGULAR: f64 = 2.0;
-/// The same of responses where damping is the same ratio on every mode: what modes leave over is damped by a mean of their mass
-/// and stiffness, whose error falls with the number of modes kept, which grows with the order (measured: 1.25).
-const LEAST_POWER_MODAL: f64 = 1.0;
+/// The same of responses where damping is the same ratio on every mode: it acts outside the span of the shapes kept, of which
+/// there are more at higher orders.
+const LEAST_POWER_MODAL: f64 = 2.0;
 /// Relative error of a frequency by rounding on a regular mesh.
 const ROUNDING: f64 = 2e-10;
 /// Rounding in the entries of K on thin cells, per cube of the panel's side over the least cell.
@@ -58,7 +58,7 @@ pub(super) fn has_point_moment(scene: &Scene) -> bool {
         && scene.supports.iter().any(|support| support.rotational_stiffness_n_m_per_rad > 0.0)
 }
 
-/// Relative error of a frequency by rounding.
+/// Relative error of a frequency by rounding, and by what is the same on every mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Rounding {
     /// On a regular mesh.
@@ -67,6 +67,8 @@ pub struct Rounding {
     thin: f64,
     /// About the frequency of the slowest such mode.
     bending_hz: f64,
+    /// What no mesh resolves at attachments.
+    unresolved: f64,
 }
 
 impl Rounding {
@@ -76,19 +78,24 @@ impl Rounding {
         let bending_hz = 3.52 / (length * length) * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU;
         let per_aspect =
             if model.parts().stiff_points > 0 { ROUNDING_PER_ASPECT_AT_POINTS } else { ROUNDING_PER_ASPECT };
-        Self { regular: ROUNDING, thin: per_aspect * model.aspect().powi(3), bending_hz }
+        Self {
+            regular: ROUNDING,
+            thin: per_aspect * model.aspect().powi(3),
+            bending_hz,
+            unresolved: model.unresolved(),
+        }
     }
 
     /// Of a frequency. What K is wrong by is a part of the panel's stiffness, and more of a soft spring's.
     #[must_use]
     pub fn of(&self, frequency_hz: f64) -> f64 {
-        self.regular + self.thin * (self.bending_hz / frequency_hz).powi(2).max(1.0)
+        self.unresolved + self.regular + self.thin * (self.bending_hz / frequency_hz).powi(2).max(1.0)
     }
 
     /// Of modes that bend the panel.
     #[must_use]
     pub fn of_bending(&self) -> f64 {
-        self.regular + self.thin
+        self.unresolved + self.regular + self.thin
     }
 }
 
@@ -124,7 +131,7 @@ impl Estimator {
         Self {
             order: model.fineness().order,
             power,
-            response_power: if is_modal { LEAST_POWER_MODAL } else { power },
+            response_power: if is_modal { power.min(LEAST_POWER_MODAL) } else { power },
             largest_ratio: if singular { LARGEST_RATIO_SINGULAR } else { LARGEST_RATIO },
             may_stall: has_close_points(scene, model.fineness()),
             rounding: Rounding::new(scene, model).of_bending(),

@@ -3,7 +3,7 @@
 use super::assembly::{Assembled, assemble};
 use super::damping::{Damping, Structured, same_ratio};
 use super::eigen::{Modes, Operator, modes};
-use super::grid::{Derivative, Fineness};
+use super::grid::{Derivative, Fineness, SparseVector};
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, rigid_modes};
 use super::sections::Waves;
@@ -30,6 +30,13 @@ const LEAST_MASS: f64 = 1e-12;
 /// Part of its aspect that rounding on a narrow strip's mesh goes with: with the cube of the aspect it was seen to be 1e-8 at
 /// 4000, which is 1e-19 of the cube, and counts as 2e-13.
 const IN_STRIPS: f64 = 0.05;
+/// Modes that a ratio of damping is computed over, as a multiple of the highest frequency asked for.
+const DAMPED_BEYOND: f64 = 1.5;
+/// Residual shapes of each load of a reduced model.
+const SHAPES: usize = 2;
+/// The same for a ratio of damping, the root of a matrix that acts outside their span as well: with two, responses of a grounded
+/// ERA on a free edge were wrong by five times as much.
+const SHAPES_FOR_MODAL_RATIO: usize = 3;
 /// Least shift, as a part of what a uniform surface with as many modes has.
 const LEAST_SHIFT: f64 = 1e-5;
 
@@ -161,7 +168,7 @@ impl PanelModel {
     /// [`ModelError`] if the iteration does not settle.
     pub fn modes(&self, max_hz: f64) -> Result<Vec<Mode>, ModelError> {
         let found = self.raw_modes(max_hz)?;
-        let damping = self.damping(&found.lambda, &found.vectors, 1.5 * max_hz)?;
+        let damping = self.damping_of(&found, max_hz)?;
         let attached = found.vectors.column_iter().map(|shape| -> f64 {
             let along = |vector: &[(usize, f64)]| vector.iter().map(|(i, value)| shape[*i] * value).sum::<f64>();
             self.assembled.attachments.iter().map(|part| part.mass * along(&part.vector).powi(2)).sum()
@@ -204,11 +211,38 @@ impl PanelModel {
             .iter()
             .map(|actuator| actuator.force.clone())
             .chain(dashpots.map(|dashpot| dashpot.vector.clone()))
+            .chain(self.loads_of_damping())
             .chain(points.iter().map(|(x, y)| self.assembled.grid.row_at(*x, *y, Derivative::Value)))
             .collect();
-        let (lambda, vectors) = super::reduced::basis(self.operator(), &found, &loads);
-        let damping = self.damping(&lambda, &vectors, self.modes_beyond() * max_hz)?;
+        let (lambda, vectors) = super::reduced::basis(self.operator(), &found, &loads, self.shapes_each());
+        let damping = self.damping(&lambda, &vectors);
         Ok(ReducedModel::new(lambda, vectors, damping, &self.assembled))
+    }
+
+    /// Residual shapes of each load.
+    fn shapes_each(&self) -> usize {
+        match self.scene.surface.damping {
+            SurfaceDamping::ModalRatio(_) => SHAPES_FOR_MODAL_RATIO,
+            SurfaceDamping::None | SurfaceDamping::LossFactor(_) | SurfaceDamping::Rayleigh { .. } => SHAPES,
+        }
+    }
+
+    /// The damping of modes up to `max_hz`: over them, first, and what it needs besides.
+    fn damping_of(&self, modes: &Modes, max_hz: f64) -> Result<Damping, ModelError> {
+        let loads: Vec<_> = self.loads_of_damping().collect();
+        if loads.is_empty() {
+            return Ok(self.damping(&modes.lambda, &modes.vectors));
+        }
+        let more = self.raw_modes(DAMPED_BEYOND * max_hz)?;
+        let (lambda, vectors) = super::reduced::basis(self.operator(), &more, &loads, self.shapes_each());
+        Ok(self.damping(&lambda, &vectors))
+    }
+
+    /// The loads whose shapes the damping is computed over: those of the ERAs, where it is a ratio of the modes without them.
+    fn loads_of_damping(&self) -> impl Iterator<Item = SparseVector> {
+        let is_modal = matches!(self.scene.surface.damping, SurfaceDamping::ModalRatio(_));
+        let of_actuators = self.assembled.attachments.iter().skip(self.assembled.without_actuators);
+        of_actuators.filter(move |_| is_modal).map(|attachment| attachment.vector.clone())
     }
 
     fn operator(&self) -> Operator<'_> {
@@ -224,16 +258,15 @@ impl PanelModel {
         modes(self.operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
     }
 
-    /// The damping of the scene over mass-normalised `vectors` of the squared frequencies `lambda`; `max_hz` is how far modes
-    /// are worth computing for it.
-    fn damping(&self, lambda: &[f64], vectors: &DMatrix<f64>, max_hz: f64) -> Result<Damping, ModelError> {
+    /// The damping of the scene over mass-normalised `vectors` of the squared frequencies `lambda`.
+    fn damping(&self, lambda: &[f64], vectors: &DMatrix<f64>) -> Damping {
         let surface = self.scene.surface.damping;
         let attachments = &self.assembled.attachments;
         // The stiffness of an elastic edge is not the surface's own and of no low rank.
         if self.assembled.surface.is_none()
             && let Some(structured) = Structured::new(surface, attachments, lambda, vectors)
         {
-            return Ok(structured.full());
+            return structured.full();
         }
         let n = vectors.ncols();
         let zeros = DMatrix::zeros(n, n);
@@ -250,36 +283,21 @@ impl PanelModel {
                 damping.viscous += alpha * self.project(mass, vectors);
                 damping.viscous += beta * self.project(stiffness, vectors);
             }
-            (SurfaceDamping::ModalRatio(ratio), _) => damping.viscous += self.modal_damping(ratio, vectors, max_hz)?,
+            (SurfaceDamping::ModalRatio(ratio), _) => {
+                let actuators = attachments.get(self.assembled.without_actuators..).unwrap_or(&[]);
+                damping.viscous += same_ratio(ratio, lambda, vectors, actuators);
+            }
             (SurfaceDamping::None, _) => {}
             // Without springs along edges it was structured.
             (SurfaceDamping::LossFactor(_) | SurfaceDamping::Rayleigh { .. }, None) => {}
         }
-        Ok(damping)
+        damping
     }
 
     /// V' A V for a matrix of the surface, which knows nothing of what rigid motions do.
     fn project(&self, matrix: &super::sparse::Symmetric, vectors: &DMatrix<f64>) -> DMatrix<f64> {
         let surface = vectors.rows(0, matrix.order()).into_owned();
         surface.tr_mul(&matrix.times(&surface))
-    }
-
-    /// The same ratio on every mode of the surface with its supports and masses but without ERAs.
-    fn modal_damping(&self, ratio: f64, vectors: &DMatrix<f64>, max_hz: f64) -> Result<DMatrix<f64>, ModelError> {
-        // The same mesh (its lines follow the attachments, ERAs included) with the ERAs taken off it.
-        let mut bare = self.scene.clone();
-        for actuator in &mut bare.actuators {
-            actuator.mount = crate::scene::Mount::Grounded;
-            actuator.moving_mass_kg = 0.0;
-            actuator.housing_mass_kg = 0.0;
-            actuator.stiffness_n_per_m = 0.0;
-            actuator.bias_voltage_v = 0.0;
-            actuator.damping_n_s_per_m = 0.0;
-        }
-        let supported = Self::with_fineness(&bare, self.fineness)?;
-        let found = supported.raw_modes(max_hz)?;
-        let surface = vectors.rows(0, supported.dofs()).into_owned();
-        Ok(same_ratio(ratio, &supported.assembled, &found, &surface))
     }
 }
 

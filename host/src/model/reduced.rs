@@ -1,7 +1,7 @@
 //! The reduced model: modes, and residual shapes for what the modes left out.
 //!
-//! The basis is all modes up to a multiple of the highest frequency, and for every load b two residual shapes: with the
-//! modes taken out of the load, Z1 = (K + s M)^-1 b and Z2 = (K + s M)^-1 M Z1. Galerkin projection onto it is exact for
+//! The basis is all modes up to a multiple of the highest frequency, and for every load b two residual shapes or more: with the
+//! modes taken out of the load, Z1 = (K + s M)^-1 b, Z2 = (K + s M)^-1 M Z1 and so on. Galerkin projection onto it is exact for
 //! static loads at the shift, and its error elsewhere falls as the fourth power of (omega^2 + s) / (lambda_next + s). The
 //! projected K + s M is computed from the loads, never from a product with K, so that springs of 1e18 N/m cancel nothing;
 //! and the modes are taken out before a solution, not after it, as of the second shape they are (lambda_next / s)^2.
@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex64;
 use std::sync::Arc;
 
-/// Part of its length below which a residual shape adds nothing to those before it. The products know it to 1e-8 or so.
+/// Part of its length below which a residual shape adds nothing to those before it.
 const DEPENDENT: f64 = 1e-6;
 
 /// A panel in a few dozen mass-normalised coordinates: q'' + C q' + (Lambda + j S) q = B f.
@@ -145,8 +145,13 @@ impl ReducedModel {
     }
 }
 
-/// Squared frequencies and shapes of the basis for `loads`.
-pub(super) fn basis(operator: Operator<'_>, modes: &Modes, loads: &[SparseVector]) -> (Vec<f64>, DMatrix<f64>) {
+/// Squared frequencies and shapes of the basis for `loads`, with `shapes_each` residual shapes for each of them.
+pub(super) fn basis(
+    operator: Operator<'_>,
+    modes: &Modes,
+    loads: &[SparseVector],
+    shapes_each: usize,
+) -> (Vec<f64>, DMatrix<f64>) {
     let n = operator.mass.order();
     let mut load = DMatrix::zeros(n, loads.len());
     for (mut column, sparse) in load.column_iter_mut().zip(loads) {
@@ -158,30 +163,29 @@ pub(super) fn basis(operator: Operator<'_>, modes: &Modes, loads: &[SparseVector
     // A load without what it does to the modes, and a shape without the modes in it.
     let load_beside = |load: DMatrix<f64>| &load - &mass_modes * modes.vectors.tr_mul(&load);
     let shape_beside = |shape: DMatrix<f64>| &shape - &modes.vectors * mass_modes.tr_mul(&shape);
-    let first_load = load_beside(load_beside(load));
-    let first = shape_beside(operator.factor.solve(&first_load));
-    let second_load = load_beside(operator.mass.times(&first));
-    let second = shape_beside(operator.factor.solve(&second_load));
     // F and Y with (K + s M) Y = F, every column of Y of length one.
-    let (mut f, mut y) = (beside(&first_load, &second_load), beside(&first, &second));
-    let mass_y = operator.mass.times(&y);
-    for j in 0..y.ncols() {
-        let length = y.column(j).dot(&mass_y.column(j)).max(0.0).sqrt();
-        let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
-        f.column_mut(j).scale_mut(scale);
-        y.column_mut(j).scale_mut(scale);
+    let (mut f, mut y) = (DMatrix::zeros(n, 0), DMatrix::zeros(n, 0));
+    let mut next = load_beside(load);
+    for _ in 0..shapes_each {
+        let load = load_beside(next);
+        let shape = shape_beside(operator.factor.solve(&load));
+        next = operator.mass.times(&shape);
+        (f, y) = (beside(&f, &load), beside(&y, &shape));
     }
-    let transform = orthonormaliser(&y.tr_mul(&operator.mass.times(&y)));
-    if transform.ncols() == 0 {
+    // All three change together from here on, so that no product with K is needed.
+    let mut mass_y = operator.mass.times(&y);
+    let kept = orthonormalise(&mut y, [&mut mass_y, &mut f]);
+    if kept.is_empty() {
         // No load, or only such as push against what cannot move.
         return (modes.lambda.clone(), modes.vectors.clone());
     }
-    let reduced = transform.tr_mul(&(y.tr_mul(&f) * &transform));
+    let (y, f) = (y.select_columns(&kept), f.select_columns(&kept));
+    let reduced = y.tr_mul(&f);
     let eigen = SymmetricEigen::new(0.5 * (&reduced + reduced.transpose()));
     let mut order: Vec<usize> =
         (0..eigen.eigenvalues.len()).filter(|i| eigen.eigenvalues[*i] > operator.shift).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
-    let shapes = &y * (transform * eigen.eigenvectors.select_columns(&order));
+    let shapes = &y * eigen.eigenvectors.select_columns(&order);
     let mut lambda = modes.lambda.clone();
     lambda.extend(order.iter().map(|i| eigen.eigenvalues[*i] - operator.shift));
     (lambda, beside(&modes.vectors, &shapes))
@@ -194,24 +198,39 @@ fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
     all
 }
 
-/// T such that the columns of V T are orthonormal, for V with the products `gram` and columns of length one, dropping
-/// those that depend on others: modified Gram-Schmidt with the transformation recorded.
-fn orthonormaliser(gram: &DMatrix<f64>) -> DMatrix<f64> {
-    let width = gram.ncols();
-    let mut transform = DMatrix::zeros(width, 0);
-    for j in 0..width {
-        let mut column = DVector::zeros(width);
-        column[j] = gram[(j, j)];
-        for _ in 0..2 {
-            let inner: DVector<f64> = transform.tr_mul(&(gram * &column));
-            column -= &transform * inner;
+/// Makes the columns of Y orthonormal by M Y, and takes the same combinations of the columns of M Y and F; returns which are
+/// left: those that depend on others are not. Modified Gram-Schmidt, each column twice.
+///
+/// On the columns themselves: from their products alone, lengths are known to the root of the rounding, which is a hundredth of
+/// the least that is kept.
+fn orthonormalise(y: &mut DMatrix<f64>, [mass_y, f]: [&mut DMatrix<f64>; 2]) -> Vec<usize> {
+    let mut kept: Vec<usize> = Vec::new();
+    for j in 0..y.ncols() {
+        let length = y.column(j).dot(&mass_y.column(j)).max(0.0).sqrt();
+        if length == 0.0 {
+            continue;
         }
-        let length = column.dot(&(gram * &column)).max(0.0).sqrt();
+        scale(&mut [y, mass_y, f], j, 1.0 / length);
+        for _ in 0..2 {
+            for k in &kept {
+                let inner = mass_y.column(*k).dot(&y.column(j));
+                for matrix in [&mut *y, &mut *mass_y, &mut *f] {
+                    let (before, mut after) = matrix.columns_range_pair_mut(*k, j..=j);
+                    after.column_mut(0).axpy(-inner, &before, 1.0);
+                }
+            }
+        }
+        let length = y.column(j).dot(&mass_y.column(j)).max(0.0).sqrt();
         if length > DEPENDENT {
-            let at = transform.ncols();
-            transform = transform.resize_horizontally(at + 1, 0.0);
-            transform.set_column(at, &(column / length));
+            scale(&mut [y, mass_y, f], j, 1.0 / length);
+            kept.push(j);
         }
     }
-    transform
+    kept
+}
+
+fn scale(matrices: &mut [&mut DMatrix<f64>], column: usize, factor: f64) {
+    for matrix in matrices {
+        matrix.column_mut(column).scale_mut(factor);
+    }
 }
