@@ -8,6 +8,7 @@
 #![allow(clippy::cast_precision_loss, reason = "estimates")]
 
 use crate::model::levels::Levels;
+use crate::model::panel::has_many_modes;
 use crate::model::sections::Waves;
 use crate::model::{Accuracy, ModelError};
 use crate::planner::TableOptions;
@@ -70,7 +71,7 @@ impl Cost {
         if accuracy.time().is_some() {
             return Ok(None);
         }
-        let mut cost = Self::new(scene, accuracy, max_hz, BEYOND_REDUCED)?;
+        let mut cost = Self::new(scene, accuracy, max_hz, beyond_reduced(scene, max_hz))?;
         cost.operations += LEVELS.len() as f64 * cost.sweep(scene, frequencies, points);
         Ok(Some(Self { responses: Some((frequencies, points)), ..cost }))
     }
@@ -80,7 +81,7 @@ impl Cost {
     /// # Errors
     /// As [`Cost::of_modes`].
     pub fn of_table(scene: &Scene, accuracy: Accuracy, options: TableOptions) -> Result<Option<Self>, ModelError> {
-        let mut cost = Self::new(scene, accuracy, options.to_hz, BEYOND_REDUCED)?;
+        let mut cost = Self::new(scene, accuracy, options.to_hz, beyond_reduced(scene, options.to_hz))?;
         let (frequencies, points) = (options.frequencies_hz().len(), SurfaceGrid::points(scene, options.to_hz));
         let entries = (frequencies * scene.actuators.len()) as f64;
         cost.operations += cost.sweep(scene, frequencies, points) + PER_ENTRY * entries;
@@ -157,6 +158,11 @@ fn to_digits(value: f64, digits: i32) -> f64 {
     }
     let unit = 10_f64.powi(value.log10().floor() as i32 + 1 - digits);
     (value / unit).round() * unit
+}
+
+/// How far a reduced model's modes go, as a multiple of the highest frequency.
+fn beyond_reduced(scene: &Scene, max_hz: f64) -> f64 {
+    BEYOND_REDUCED * if has_many_modes(scene, max_hz) { 0.5 } else { 1.0 }
 }
 
 /// About how many modes a panel has below a frequency, by Weyl's law with the term of free edges: a plate A k^2 / (4 pi) +

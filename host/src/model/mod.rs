@@ -39,7 +39,7 @@ pub mod grid;
 pub mod levels;
 pub mod mesh;
 mod neighbours;
-mod panel;
+pub(crate) mod panel;
 mod placement;
 pub mod points;
 mod questions;

@@ -37,6 +37,8 @@ const SHAPES: usize = 2;
 /// The same for a ratio of damping, the root of a matrix that acts outside their span as well: with two, responses of a grounded
 /// ERA on a free edge were wrong by five times as much.
 const SHAPES_FOR_MODAL_RATIO: usize = 3;
+/// So many modes in the band that twice the residual shapes cost less than twice the modes.
+const MANY_MODES: f64 = 150.0;
 /// Least shift, as a part of what a uniform surface with as many modes has.
 const LEAST_SHIFT: f64 = 1e-5;
 
@@ -82,13 +84,32 @@ pub struct PanelModel {
     fineness: Fineness,
 }
 
+/// How a reduced model is made.
+#[derive(Clone, Copy)]
+struct Reduction {
+    /// Modes are kept up to this multiple of the highest frequency.
+    modes_beyond: f64,
+    /// Residual shapes of each load.
+    shapes_each: usize,
+}
+
 impl PanelModel {
-    /// A reduced model keeps all modes up to this multiple of the highest frequency; what lies above is carried by
-    /// residual shapes, whose error falls with the eighth power of it. It grows with the order of the elements, so that
-    /// the difference between two orders shows both errors.
+    /// How a reduced model for frequencies up to `max_hz` is made. All modes up to a multiple r of that are kept; what lies above
+    /// is carried by n residual shapes of each load, whose error falls as r^-4n. The multiple grows with the order of the
+    /// elements, so that the difference between two orders shows both errors.
     #[allow(clippy::cast_precision_loss, reason = "a dozen at most")]
-    fn modes_beyond(&self) -> f64 {
-        0.75 + 0.25 * self.fineness.order as f64
+    fn reduction(&self, max_hz: f64) -> Reduction {
+        let modes_beyond = 0.75 + 0.25 * self.fineness.order as f64;
+        let shapes_each = match self.scene.surface.damping {
+            SurfaceDamping::ModalRatio(_) => SHAPES_FOR_MODAL_RATIO,
+            SurfaceDamping::None | SurfaceDamping::LossFactor(_) | SurfaceDamping::Rayleigh { .. } => SHAPES,
+        };
+        if has_many_modes(&self.scene, max_hz) {
+            // At r = 4, (r / 2)^-8n is r^-4n: as good with half the modes.
+            Reduction { modes_beyond: 0.5 * modes_beyond, shapes_each: 2 * shapes_each }
+        } else {
+            Reduction { modes_beyond, shapes_each }
+        }
     }
 
     /// Meshes the scene for frequencies up to `max_hz` with the elements that usually meet the tolerance;
@@ -203,7 +224,8 @@ impl PanelModel {
         // A short bar may have no mode in the band at all: a few are kept all the same, more at higher orders, so that the
         // difference between orders shows what the modes left out do.
         let least = self.fineness.order + LEAST_MODES;
-        let found = self.raw_modes((self.modes_beyond() * max_hz).max(hz_of_mode(&self.scene, least)))?;
+        let Reduction { modes_beyond, shapes_each } = self.reduction(max_hz);
+        let found = self.raw_modes((modes_beyond * max_hz).max(hz_of_mode(&self.scene, least)))?;
         let dashpots = self.assembled.attachments.iter().filter(|attachment| attachment.damping > 0.0);
         let loads: Vec<_> = self
             .assembled
@@ -214,17 +236,9 @@ impl PanelModel {
             .chain(self.loads_of_damping())
             .chain(points.iter().map(|(x, y)| self.assembled.grid.row_at(*x, *y, Derivative::Value)))
             .collect();
-        let (lambda, vectors) = super::reduced::basis(self.operator(), &found, &loads, self.shapes_each());
+        let (lambda, vectors) = super::reduced::basis(self.operator(), &found, &loads, shapes_each);
         let damping = self.damping(&lambda, &vectors);
         Ok(ReducedModel::new(lambda, vectors, damping, &self.assembled))
-    }
-
-    /// Residual shapes of each load.
-    fn shapes_each(&self) -> usize {
-        match self.scene.surface.damping {
-            SurfaceDamping::ModalRatio(_) => SHAPES_FOR_MODAL_RATIO,
-            SurfaceDamping::None | SurfaceDamping::LossFactor(_) | SurfaceDamping::Rayleigh { .. } => SHAPES,
-        }
     }
 
     /// The damping of modes up to `max_hz`: over them, first, and what it needs besides.
@@ -234,7 +248,7 @@ impl PanelModel {
             return Ok(self.damping(&modes.lambda, &modes.vectors));
         }
         let more = self.raw_modes(DAMPED_BEYOND * max_hz)?;
-        let (lambda, vectors) = super::reduced::basis(self.operator(), &more, &loads, self.shapes_each());
+        let (lambda, vectors) = super::reduced::basis(self.operator(), &more, &loads, SHAPES_FOR_MODAL_RATIO);
         Ok(self.damping(&lambda, &vectors))
     }
 
@@ -346,6 +360,12 @@ fn hz_of_mode(scene: &Scene, n: usize) -> f64 {
 fn modes_below(scene: &Scene, max_hz: f64) -> f64 {
     let part = max_hz / hz_of_mode(scene, 1);
     if scene.surface.kind == SurfaceKind::Bar { part.sqrt() } else { part }
+}
+
+/// Whether there are so many modes below a frequency that reduced models keep half as many beyond it, and twice the residual
+/// shapes.
+pub fn has_many_modes(scene: &Scene, max_hz: f64) -> bool {
+    modes_below(scene, max_hz) > MANY_MODES
 }
 
 /// The shift in rad^2/s^2: a quarter of the first bending frequency of the free surface, squared (omega L^2 / sqrt(D/m) =
