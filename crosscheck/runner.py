@@ -1,6 +1,7 @@
 """Runs checks over random scenes in worker processes, prints the table, proves that planted mistakes are found."""
 
 import importlib
+import os
 import pkgutil
 import shlex
 import shutil
@@ -56,8 +57,13 @@ def _planter(plant):
     raise SystemExit(f"no quantity {plant!r}")
 
 
+def _processor_s():
+    """Seconds of processor time that this process and the programs that it has run took."""
+    return sum(os.times()[:4])
+
+
 def one_scene(options, index, plant=None, everywhere=False):
-    """All checks on one scene: results, and seconds of each check. Runs in a worker."""
+    """All checks on one scene: results, and processor seconds of each check. Runs in a worker."""
     context = _context(options, index, plant)
     if plant and (planter := _planter(plant)):
         text = harness.planted_text(context.table, planter)
@@ -72,7 +78,7 @@ def one_scene(options, index, plant=None, everywhere=False):
             continue
         if plant and plant not in module.QUANTITIES:
             continue
-        started = time.perf_counter()
+        started = _processor_s()
         try:
             found = module.run(context)
         except harness.ProgramFailed as failure:
@@ -82,7 +88,7 @@ def one_scene(options, index, plant=None, everywhere=False):
         for result in found:
             result.part = name
         results += found
-        seconds[name] = time.perf_counter() - started
+        seconds[name] = _processor_s() - started
     if not any(result.failed for result in results):
         shutil.rmtree(context.folder, ignore_errors=True)
     return index, results, seconds
@@ -98,10 +104,12 @@ def run(options):
     with ProcessPoolExecutor(options.jobs) as pool:
         tasks = [pool.submit(one_scene, options, index, options.plant, everywhere) for index in indices]
         for done, task in enumerate(tasks, 1):
-            _, found, spent = task.result()
+            index, found, spent = task.result()
             results += found
             for name, value in spent.items():
                 seconds[name] += value
+            if options.verbose:
+                print(f"  scene {index}: " + ", ".join(f"{name} {value:.1f} s" for name, value in spent.items()), flush=True)
             for result in found:
                 if result.failed or options.verbose:
                     verdict = "FAILED" if result.failed else "holds" if result.comparable else "not comparable"
@@ -110,7 +118,7 @@ def run(options):
                 print(f"\r{done} of {len(tasks)} scenes", end="", file=sys.stderr, flush=True)
     print_table(results)
     minutes = (time.perf_counter() - started) / 60
-    print(f"\n{len(tasks)} scenes of seed {options.seed}, {minutes:.1f} min; seconds of each check: "
+    print(f"\n{len(tasks)} scenes of seed {options.seed}, {minutes:.1f} min; processor seconds of each check: "
           + ", ".join(f"{name} {value:.0f}" for name, value in seconds.items()))
     failures = [result for result in results if result.failed]
     if failures:

@@ -1,4 +1,5 @@
-"""Fields of a touch: `era field` as JSON and CSV, `GET /v1/field` of a daemon, for the drives that `era plan` prints."""
+"""Fields of a touch: `era field` as JSON and CSV, `GET /v1/field` of a daemon, for the drives that `era plan` prints; and the
+contrast printed beside it, from own mean squares."""
 
 import csv
 import io
@@ -6,9 +7,16 @@ import io
 import numpy as np
 
 from ..harness import Result, change_all, not_comparable
+from ..reference.planner import Motion, drives_of
+from .plan import CONTRAST_TOLERANCE
 
-QUANTITIES = ("field", "field as CSV", "field over HTTP")
-PLANTS = {"field": change_all("actuator", "x_mm", 1.01), "field as CSV": "answer", "field over HTTP": "answer"}
+QUANTITIES = ("field", "field as CSV", "field over HTTP", "field: contrast")
+PLANTS = {
+    "field": change_all("actuator", "x_mm", 1.01),
+    "field as CSV": "answer",
+    "field over HTTP": "answer",
+    "field: contrast": change_all("actuator", "x_mm", 1.03),
+}
 EVERY = 3
 MAX_HZ = 400.0
 STANDARD_GRAVITY = 9.80665
@@ -71,7 +79,22 @@ def run(context):
     given = table[~np.isnan(table[:, 2])]
     shifted = np.nan if len(given) != there.sum() else np.abs(given[:, :2] * 1e-3 - places).max()
     results.append(Result("field as CSV", name, max(np.abs(given[:, 2] - json_g[there]).max() if shifted < 2e-6 else np.inf, 0), allowed))
+    results.append(contrast(context, plan["drives"], said["plan"]))
     return results
+
+
+def contrast(context, drives, said):
+    """Mean square near the target over that of the rest, by own quadrature of both meshes' fields."""
+    name, panel = context.name, context.panel(MAX_HZ)
+    drives, target = drives_of(context.scene, drives), np.array(said["target_mm"]) * 1e-3
+    motions = [Motion(model, drives) for model in (panel.fine, panel.coarse)]
+    if not motions[0].drives or said["predicted"]["target_peak_g"] == 0:
+        return not_comparable("field: contrast", name, "nothing moves")
+    own, rough = (motion.means([target])[1] for motion in motions)
+    error = 2 * abs(own - rough)
+    if not error < CONTRAST_TOLERANCE:
+        return not_comparable("field: contrast", name, f"own error {error:.1e} dB")
+    return Result("field: contrast", name, abs(said["predicted"]["contrast_db"] - own), CONTRAST_TOLERANCE + error)
 
 
 def peak_field(panel, drives, places):

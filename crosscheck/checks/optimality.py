@@ -18,7 +18,7 @@ wrong_panel = change(("surface", "material", "youngs_modulus_pa"), 1.3)
 PLANTS = {CONTRAST: wrong_panel, REACH: wrong_panel, UTMOST: "answer", POWER: wrong_panel}
 EVERY = 6
 # Costs are means over the surface, whose tolerance is that of `plan: mean elsewhere`; a cost counts it twice.
-TOLERANCE = 0.02
+TOLERANCE = 5e-3
 # A plan whose fields are known worse than this says nothing.
 USEFUL = 5e-3
 SAMPLES = 60_000
@@ -129,7 +129,7 @@ class Search:
         efficiency = np.where(self.peak > 0, self.peak, 0.0) ** 2 / np.maximum(self.quiet_cost, 1e-300)
         total, chosen = best_sum(efficiency, self.grid.grid_hz)
         rows, columns = np.array(chosen), np.arange(count)
-        force = wanted / total * self.peak[rows, columns] / self.quiet_cost[rows, columns]
+        force = wanted / total * self.peak[rows, columns] / np.maximum(self.quiet_cost[rows, columns], 1e-300)
         if (force <= self.quiet_force[rows, columns]).all():
             return wanted**2 / total, f"{self.grid.grid_hz[rows]} Hz"
         if count <= 2:

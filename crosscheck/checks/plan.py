@@ -38,7 +38,8 @@ PLANTS = {
 }
 # Whether a scene's turn at what costs more: the daemon, power (`--explain`), times.
 HTTP_EVERY, POWER_EVERY, TIMES_EVERY = 3, 10, 5
-MAX_HZ = 400.0
+# Forces in moving gaps have harmonics, which come back to the fundamentals: a panel for the drives' 400 Hz is not enough.
+MAX_HZ = 1000.0
 # The reference's own error beyond which it says too little, relative.
 USEFUL = 2e-3
 # Two meshes may agree by chance: the least that it is taken for.
@@ -47,9 +48,10 @@ FLOOR = 2e-6
 # Tolerances of what has no printed bound.
 # The softened peak less the linear one, relative to their difference: harmonic balance against averages.
 SOFTENING = 0.05
-# Means over the surface, relative, and contrast in dB: the program's are by the trapezoidal rule with twelve points per wave,
-# which is off by h^2 at free edges and by h at cut-outs.
-MEAN_TOLERANCE, CONTRAST_TOLERANCE = 0.02, 0.3
+# Contrast in dB: mean squares by Gauss' rule on both sides, the program's of r^2 log r around its actuators to four digits.
+# The mean of the peak, relative: the program's is by the trapezoidal rule with twelve points per wave, which is off by h^2 / 12 times
+# the slopes at the edges, 1.4 k of the motion where they are free: 1.6 % along a side of one wave, less along more.
+MEAN_TOLERANCE, CONTRAST_TOLERANCE = 0.01, 0.05
 # Harmonics at the target lie above the band of the bound.
 HARMONICS_TOLERANCE = 0.02
 # A crest of a quiet zone may lie between the points that the program looks at (docs/src/planner.md, "Quiet zones").
@@ -182,13 +184,12 @@ def figures(context, wish, plan, target):
     # What an error of the bound does to the level, if all of it is at the frequency that is felt best.
     levels = amplitudes / threshold_g(fine.frequencies)
     felt = 8.69 * bound * peak / threshold_g(fine.frequencies).min() / levels.sum()
-    compare(FELT, fine.above_threshold_db(target), coarse.above_threshold_db(target), said["above_threshold_db"], felt, 1.0)
+    compare(FELT, fine.above_threshold_db(target), coarse.above_threshold_db(target), said["above_threshold_db"], felt + 8.69 * FLOOR, 1.0)
     results += softened(context, fine, coarse, target, said, bound, compare, note)
     details = plan.get("details")
     harmonics = fine.harmonics_g([target])[0]
     if details is not None and harmonics > 1e-6 * peak:
-        finer, other = (Motion(model, drives, surface).harmonics_g([target])[0] for model in (context.panel(1000.0).fine, context.panel(1000.0).coarse))
-        compare(HARMONICS, finer, other, details["harmonics_g"], HARMONICS_TOLERANCE * finer, finer)
+        compare(HARMONICS, harmonics, coarse.harmonics_g([target])[0], details["harmonics_g"], HARMONICS_TOLERANCE * harmonics, harmonics)
     results += zones(context, fine, coarse, plan, note)
     if details is not None and (context.index % TIMES_EVERY == 2 or context.plant in (RISE, DECAY)):
         results += times(context, drives, target, details, note)
@@ -248,9 +249,7 @@ def zones(context, fine, coarse, plan, note):
         over = max(0.0, largest - zone["at_most_g"])
         worst = max(short, over)
         results.append(Result(QUIET, context.name, worst / zone["at_most_g"], allowed / zone["at_most_g"], True, f"{note}; {zone}"))
-        panel = context.panel(1000.0)
-        drives = fine.drives
-        harmonics = Motion(panel.fine, drives, fine.surface).harmonics_g(points).max()
+        harmonics = fine.harmonics_g(points).max()
         if harmonics > 1e-3 * zone["at_most_g"]:
             # "At most": it may be above, by the crests' 2 %, and as moduli of several drives add at different places.
             missing = max(0.0, harmonics - zone["harmonics_g"])
@@ -260,7 +259,7 @@ def zones(context, fine, coarse, plan, note):
 
 def times(context, drives, target, details, note):
     """Rise and decay, by own poles: between the times of thresholds a little lower and a little higher."""
-    panel = context.panel(1000.0)
+    panel = context.panel(MAX_HZ)
     driven = [drive for drive in drives if drive.force > 0]
     motion = Motion(panel.fine, driven)
     steady = []
@@ -269,7 +268,7 @@ def times(context, drives, target, details, note):
         per_newton = motion.responses.at([target])[k, drive.actuator, 0]
         steady.append(per_newton * drive.force * np.exp(1j * drive.phase))
     ringing = Ringing(panel.time_model(2000.0, [target]))
-    early, late = (ringing.times_s(driven, steady, 0.9 + side * LEVEL, 0.1 - side * LEVEL) for side in (-1, 1))
+    early, late = (ringing.times_s(driven, steady, 0.9 + side * LEVEL, 0.1 - side * LEVEL, side) for side in (-1, 1))
     results = []
     for quantity, key, low, high in ((RISE, "reaches_90_ms", early[0], late[0]), (DECAY, "decays_to_10_ms", early[1], late[1])):
         if details[key] is None or high > 15.0:

@@ -70,12 +70,12 @@ def run(context):
         x, y = places[p]
         note = f"{actuator['id']}, {hz[f]:g} Hz, {x * 1e3:.5g},{y * 1e3:.5g} mm of {nx} x {ny}; bound {actuator['error_bound']:.1e}"
         results.append(Result("sweep", name, difference[f, k, p], actuator["error_bound"] + SINGLE + own[f, k, p], True, note))
-    results.append(_extremes(said, flat, name))
+    results.append(_extremes(said, flat[:, :, there], name))
     return results
 
 
 def _extremes(said, flat, name):
-    """The largest value and the point with the least peak, printed beside the file, follow from the file."""
+    """The largest value and the point with the least peak, printed beside the file, follow from the file; points without surface, 0 in it, are none."""
     worst = 0.0
     for k, actuator in enumerate(said["actuators"]):
         magnitude = np.abs(flat[:, k])

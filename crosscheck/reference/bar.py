@@ -29,7 +29,8 @@ class Bar:
         parts = [part_of(scene, x) for x in self._middles(sorted({0.0, length, *fixed}))]
         # Bending waves: 2 pi (E I / (mu omega^2))^(1/4).
         wave = min(2 * np.pi * (ei / (mu * (2 * np.pi * max_hz) ** 2)) ** 0.25 for ei, mu in parts)
-        self.lines = hermite.graded_lines(fixed, length, min(length / 40, wave / 60) / fineness, 0)
+        # Not finer: what rounding takes from slow motions goes with the fourth power of the number of cells.
+        self.lines = hermite.graded_lines(fixed, length, min(length / 20, wave / 40) / fineness, 0)
         parts = np.array([part_of(scene, x) for x in self._middles(self.lines)])
         nodes = len(self.lines)
         free = np.ones((nodes, 2), dtype=bool)

@@ -164,18 +164,29 @@ class Voltages:
         return int(np.searchsorted(self.edges, time, side="right"))
 
 
-def steady_start(system, drives):
-    """State of the steady motion at 0 under even drives with gaps at rest: fundamentals and harmonics up to the ninth, of the
-    cosine series of pulses that have A's in the middle of phase 0."""
-    state = np.zeros(2 * system.size)
+def _harmonics(system, drives):
+    """Of even drives with gaps at rest, fundamentals and harmonics up to the ninth: angular frequency, force in N and phasor of
+    the coordinates for every drive and order, of the cosine series of pulses that have A's in the middle of phase 0."""
     for drive in drives:
         electrode = pulses.EPSILON_0 * system.area[drive.actuator] * drive.voltage_v**2 / (2 * system.gap[drive.actuator] ** 2)
         for n in range(1, 10, 2):
-            force = electrode * 4 / (n * np.pi) * np.sin(n * np.pi * drive.pulse_width / 2)
-            omega = 2 * np.pi * n * drive.frequency_hz
-            phasor = system.steady([n * drive.frequency_hz])[0][:, drive.actuator] * force * np.exp(1j * n * drive.phase_rad)
-            state += np.concatenate([phasor.real, (1j * omega * phasor).real])
+            force = electrode * 4 / (n * np.pi) * np.sin(n * np.pi * drive.pulse_width / 2) * np.exp(1j * n * drive.phase_rad)
+            phasor = system.steady([n * drive.frequency_hz])[0][:, drive.actuator] * force
+            yield 2 * np.pi * n * drive.frequency_hz, drive.actuator, force, phasor
+
+
+def steady_start(system, drives):
+    """State of the steady motion at 0 under even drives with gaps at rest."""
+    state = np.zeros(2 * system.size)
+    for omega, _, _, phasor in _harmonics(system, drives):
+        state += np.concatenate([phasor.real, (1j * omega * phasor).real])
     return state
+
+
+def travel_if_all_meet(system, drives):
+    """Travel of every mass in m if all amplitudes of `_harmonics` met at an instant, which those of one drive need not ever do."""
+    changes = (np.abs(system.gaps @ phasor + system.gaps_rest[:, actuator] * force) for _, actuator, force, phasor in _harmonics(system, drives))
+    return sum(changes, np.zeros(len(system.gap)))
 
 
 @dataclass

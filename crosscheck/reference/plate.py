@@ -12,6 +12,9 @@ import scipy.sparse as sp
 from . import hermite
 from .mesh import Mesh, factor
 
+# Cells per wave: 15 where figures are held against the program's bounds, the band of the drives; beyond it, where harmonics are
+# held to percents, 10, which are off by (2 pi / 10)^4 / 720 = 2e-4 on the coarser mesh.
+CELLS_PER_WAVE = {400.0: 15, np.inf: 10}
 # Cells of a window to each side of the point, in units of the larger side of the cell that it is in.
 WINDOW_CELLS = 4.0
 # Layers of the fine mesh of a window towards its point, each a third of the one before.
@@ -48,7 +51,8 @@ class Plate:
     def __init__(self, scene, max_hz, fineness, shift):
         self.scene, self.shift = scene, shift
         a, b = scene.length, scene.width
-        size = min(max(a, b) / 12, min(a, b) / 8, shortest_wavelength(scene, max_hz) / 15) / fineness
+        waves = min(shortest_wavelength(scene, min(hz, max_hz)) / cells for hz, cells in CELLS_PER_WAVE.items())
+        size = min(max(a, b) / 12, min(a, b) / 8, waves) / fineness
         # Layers where moments are singular: r^-0.36 at a cut-out's corner, less at a patch's.
         extra = round(np.log(fineness) / np.log(4) * 2) if fineness > 1 else 0
         at_x, at_y = {}, {}

@@ -17,9 +17,9 @@ from .mesh import factor
 from .plate import Plate
 
 # Modes of the bare surface are kept up to this multiple of the highest frequency asked for.
-KEEP = 2.5
-# Krylov vectors of each attachment.
-KRYLOV = 4
+KEEP = 2.1
+# Krylov vectors of each attachment: what is left at the top of the band is about KEEP^(-2 KRYLOV) of a part of the response.
+KRYLOV = 5
 # A spring this much stiffer than the surface at its point is as good as rigid: the error is its inverse.
 RIGID = 1e8
 
@@ -96,18 +96,24 @@ class Reduced:
 
     def _orthonormal(self, modes, more):
         mass = self.surface.mass
-        result = modes
+        # All columns against the modes at once, twice, then one against another.
+        for _ in range(2):
+            more = more - modes @ (modes.T @ (mass @ more))
+        result, count = np.empty_like(more), 0
         for column in more.T:
             size = 1.0
             for _ in range(3):
-                column = column - result @ (result.T @ (mass @ column))
+                own = result[:, :count]
+                column = column - own @ (own.T @ (mass @ column))
+                column = column - modes @ (modes.T @ (mass @ column))
                 size = np.sqrt(max(column @ (mass @ column), 0.0))
                 if size < 1e-9:
                     break
                 column = column / size
             if size > 0.5:
-                result = np.hstack([result, column[:, None]])
-        return result
+                result[:, count] = column
+                count += 1
+        return np.hstack([modes, result[:, :count]])
 
     # What is attached to it.
 
@@ -217,6 +223,12 @@ class Reduced:
         rows[:, self.surface_part] = self.surface.rows(points) @ self.shapes
         if self.forces_of_amplitudes.shape[1]:
             rows[:, self.local_part] = self.local.at(points) @ self.forces_of_amplitudes
+        # At an attachment mesh and local part cancel as far as it is held: there the very row that its spring has.
+        near = 1e-9 * max(self.scene.length, self.scene.width)
+        for row, point in zip(rows, points):
+            for place, own in self.at.items():
+                if abs(place[0] - point[0]) < near and abs(place[1] - point[1]) < near:
+                    row[:] = own
         return rows
 
     def solve(self, frequencies_hz, forces):

@@ -7,6 +7,8 @@ the panel. With poles of positive frequency only this is the analytic signal, an
 import numpy as np
 import scipy.linalg as la
 
+from .rise import RESOLVED_HZ
+
 # Poles above this follow any force at once: twice what the skin feels (docs/src/effects.md, "Rise and decay").
 HIGHEST_HZ = 2000.0
 
@@ -37,25 +39,29 @@ class Ringing:
         force = (self.poles * np.cos(phase) - omega * np.sin(phase)) / (self.poles**2 + omega**2)
         return self.residues[:, actuator] * force
 
-    def times_s(self, drives, steady, part_on, part_off):
+    def times_s(self, drives, steady, part_on, part_off, side):
         """(when the sum of the running amplitudes stays above `part_on` of the steady peak, when it stays below `part_off`).
 
-        `steady`: complex phasors of the drives' accelerations. Drives of one frequency are one running amplitude.
+        `steady`: complex phasors of the drives' accelerations. Drives of one frequency are one running amplitude. Poles above
+        `RESOLVED_HZ` add all that they can where `side` is 1, so that it takes longer, and take it away where it is -1.
         """
         slowest = max(-self.poles[self.poles.real < 0].real.max(initial=-1e3), 1e-2)
         # Until every free motion is down by e^-7, sampled at 20 points of the fastest beat that counts.
         time = np.arange(0.0, min(7.0 / slowest, 20.0), 1 / 20_000)
-        rising, falling = np.zeros(len(time)), np.zeros(len(time))
+        rising, falling, unresolved = (np.zeros(len(time)) for _ in range(3))
         frequencies = sorted({drive.frequency for drive in drives})
         for frequency in frequencies:
             own = [(drive, phasor) for drive, phasor in zip(drives, steady) if drive.frequency == frequency]
             free = sum(drive.force * self.free(drive.actuator, frequency, drive.phase) for drive, _ in own)
             decaying = np.zeros(len(time), dtype=complex)
             for pole, coefficient in zip(self.poles, free):
-                decaying += coefficient * np.exp(pole * time)
+                if abs(pole) <= 2 * np.pi * RESOLVED_HZ:
+                    decaying += coefficient * np.exp(pole * time)
+                else:
+                    unresolved += abs(coefficient) * np.exp(pole.real * time)
             forced = sum(phasor for _, phasor in own) * np.exp(2j * np.pi * frequency * time)
             rising += np.abs(forced + decaying)
             falling += np.abs(decaying)
         peak = sum(abs(sum(p for d, p in zip(drives, steady) if d.frequency == frequency)) for frequency in frequencies)
         last = lambda wrong: time[np.nonzero(wrong)[0][-1]] if wrong.any() else 0.0
-        return last(rising < part_on * peak), last(falling > part_off * peak)
+        return last(rising - side * unresolved < part_on * peak), last(falling + side * unresolved > part_off * peak)

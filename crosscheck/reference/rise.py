@@ -6,6 +6,10 @@ docs/src/effects.md, "Rise and decay": of the envelope, the sum over the frequen
 
 import numpy as np
 
+# Up to here the program has the panel's own poles: twice the 400 Hz of its drives. Above, a few stand for all that there are
+# (docs/src/effects.md), and when those beat is not to be had from it.
+RESOLVED_HZ = 800.0
+
 
 def free_motions(system, drives):
     """For each drive (actuator, Hz, N): omega, phasor A of the first point's steady acceleration, poles s and coefficients c,
@@ -28,13 +32,16 @@ def free_motions(system, drives):
 
 
 def envelopes(motions, times):
-    """Envelope from the start, and after the end, at times in s after either."""
-    risen, left = np.zeros(len(times)), np.zeros(len(times))
+    """Envelope from the start, and after the end, at times in s after either, of resolved poles; and what the others can add
+    or take, all meeting."""
+    risen, left, unresolved = (np.zeros(len(times)) for _ in range(3))
     for omega, steady, poles, coefficients in motions:
-        free = np.exp(np.outer(times, poles - 1j * omega)) @ coefficients
+        known = np.abs(poles) <= 2 * np.pi * RESOLVED_HZ
+        free = np.exp(np.outer(times, poles[known] - 1j * omega)) @ coefficients[known]
         risen += np.abs(steady + free)
         left += np.abs(free)
-    return risen, left
+        unresolved += np.exp(np.outer(times, poles[~known].real)) @ np.abs(coefficients[~known])
+    return risen, left, unresolved
 
 
 def last(times, outside):

@@ -92,7 +92,7 @@ class Rise(unittest.TestCase):
         system = Oscillator(ratio)
         motions = rise.free_motions(system, [(0, 100.0, 1.0)])
         times = np.linspace(0, 1, 20_001)
-        risen, left = rise.envelopes(motions, times)
+        risen, left, _ = rise.envelopes(motions, times)
         peak = abs(motions[0][1])
         wanted = np.log(10) / (ratio * system.omega)
         self.assertAlmostEqual(rise.last(times, risen < 0.9 * peak) / wanted, 1, 2)

@@ -29,7 +29,8 @@ fn tests() -> Result<(), Error> {
     step("independent reference: its own tests", crosscheck::own_tests)?;
     // Optimised code may keep other roundings and no overflow checks: the extremes hold there too.
     let extremes = ["--test", "model_extremes", "--test", "transient", "--test", "sweep"];
-    step("extremes, optimised", || run(cargo(&root).args(["test", "--release", "-p", "era-host"]).args(extremes)))
+    step("extremes, optimised", || run(cargo(&root).args(["test", "--release", "-p", "era-host"]).args(extremes)))?;
+    step("independent reference: random scenes", crosscheck::some_scenes)
 }
 
 /// Formatting, lints, documentation and dependencies of both workspaces, then [`test()`].

@@ -6,7 +6,9 @@ use crate::{root, setup};
 use clap::Args;
 use std::process::Command;
 
-/// What `cargo xtask test` runs: the reference's own tests. Random scenes and planted mistakes are for `cargo xtask crosscheck`.
+/// How many random scenes `cargo xtask test` compares: some three minutes on two cores.
+const SCENES_AMONG_TESTS: u32 = 30;
+/// The reference's own tests.
 const OWN_TESTS: [&str; 7] =
     ["-m", "unittest", "discover", "--top-level-directory", ".", "--start-directory", "crosscheck/tests"];
 
@@ -63,6 +65,14 @@ pub fn command(options: &Options) -> Result<(), Error> {
 /// As [`command`].
 pub fn own_tests() -> Result<(), Error> {
     run(python()?.args(OWN_TESTS))
+}
+
+/// The first random scenes, all comparisons, for `cargo xtask test`.
+///
+/// # Errors
+/// As [`command`].
+pub fn some_scenes() -> Result<(), Error> {
+    compare(&["--scenes".to_owned(), SCENES_AMONG_TESTS.to_string()])
 }
 
 fn compare(arguments: &[String]) -> Result<(), Error> {
