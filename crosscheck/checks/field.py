@@ -94,7 +94,10 @@ def contrast(context, drives, said):
     error = 2 * abs(own - rough)
     if not error < CONTRAST_TOLERANCE:
         return not_comparable("field: contrast", name, f"own error {error:.1e} dB")
-    return Result("field: contrast", name, abs(said["predicted"]["contrast_db"] - own), CONTRAST_TOLERANCE + error)
+    predicted = said["predicted"]
+    # As in `plan`: what the bound of the target's peak is of levels there and elsewhere.
+    levels = 8.69 * (said["error_bound"] or 0.0) * (1 + predicted["target_peak_g"] / max(predicted["mean_elsewhere_g"], 1e-300))
+    return Result("field: contrast", name, abs(predicted["contrast_db"] - own), CONTRAST_TOLERANCE + levels + error)
 
 
 def peak_field(panel, drives, places):

@@ -152,8 +152,11 @@ class Motion:
             sums[k] += self.responses.gap_change[k, drive.actuator] * drive.force * np.exp(1j * drive.phase)
         return np.abs(sums).sum(axis=0)
 
-    def softened(self):
-        """Forces [frequency, actuator] in N and travel of every mass in m with gaps as they move; None: no steady motion."""
+    def softened(self, orders=(3, 5, 7, 9, 11)):
+        """Forces [frequency, actuator] in N and travel of every mass in m with gaps as they move; None: no steady motion.
+
+        `orders`: harmonics whose motion moves the gaps beside the fundamentals'.
+        """
         count = len(self.scene.actuators)
         if not self.drives:
             return np.zeros((0, count), dtype=complex), np.zeros(count)
@@ -161,7 +164,7 @@ class Motion:
         for drive in self.drives:
             index[drive.actuator] = int(np.searchsorted(self.frequencies, drive.frequency))
             electrical[drive.actuator] = (drive.voltage, drive.pulse_width, drive.phase)
-        harmonics = {n: Responses(self.model, n * self.frequencies).gap_change for n in (3, 5, 7)}
+        harmonics = {n: Responses(self.model, n * self.frequencies).gap_change for n in orders}
         gaps = MovingGaps(self.scene.actuators, len(self.frequencies), index, electrical, self.responses.gap_change, harmonics)
         solved = gaps.solve()
         return solved and (solved[0], np.abs(solved[1]).sum(axis=0))
@@ -169,6 +172,11 @@ class Motion:
     def softened_peak_g(self, points, forces):
         """Peaks with the forces of `softened`."""
         return np.abs(np.einsum("kip,ki->kp", self.responses.at(points), forces)).sum(axis=0) / STANDARD_GRAVITY_M_S2
+
+    def softening_g(self, point, forces):
+        """By how much the forces of `softened` change the amplitudes at a point: the sum over frequencies, sizes added."""
+        moved = np.abs(np.einsum("kip,ki->kp", self.responses.at([point]), forces))
+        return np.abs(moved - np.abs(self.phasors([point]))).sum() / STANDARD_GRAVITY_M_S2
 
     def current_a(self):
         """Mean current of the supply: both electrodes of a drive are charged once a period."""

@@ -192,16 +192,25 @@ impl EffectRequest {
                 ],
                 1.0,
             ),
-            NamedEffect::PulseTrain => of(&[hold(FULL_LEVEL, 0.5 * period_ms), hold(0, 0.5 * period_ms)], count),
+            NamedEffect::PulseTrain => {
+                let (pulse_ms, pause_ms) = halves(period_ms);
+                of(&[hold(FULL_LEVEL, pulse_ms), hold(0, pause_ms)], count)
+            }
             NamedEffect::Texture => {
-                let half_ms = (0.5 * period_ms).max(SHORTEST_MS);
+                let (up_ms, down_ms) = halves(period_ms);
                 of(
-                    &[ramp(TEXTURE_FLOOR, FULL_LEVEL, half_ms), ramp(FULL_LEVEL, TEXTURE_FLOOR, half_ms)],
+                    &[ramp(TEXTURE_FLOOR, FULL_LEVEL, up_ms), ramp(FULL_LEVEL, TEXTURE_FLOOR, down_ms)],
                     (duration_ms / period_ms).round(),
                 )
             }
         })
     }
+}
+
+/// Halves of a period in whole ms that add up to it: of an odd one the first is longer by 1 ms.
+fn halves(period_ms: f64) -> (f64, f64) {
+    let first_ms = (0.5 * period_ms).round().max(SHORTEST_MS);
+    (first_ms, (period_ms.round() - first_ms).max(SHORTEST_MS))
 }
 
 /// To whole ms or times, which is what the board counts in.
@@ -230,6 +239,10 @@ mod tests {
         assert!((lasts(EffectRequest { duration_ms: Some(750.0), ..of(NamedEffect::Texture) }) - 0.75).abs() < 1e-9);
         let train = EffectRequest { count: Some(7), period_ms: Some(20.0), ..of(NamedEffect::PulseTrain) };
         assert!((lasts(train) - 0.14).abs() < 1e-9);
+        let odd = EffectRequest { count: Some(3), period_ms: Some(47.0), ..of(NamedEffect::PulseTrain) };
+        assert!((lasts(odd) - 0.141).abs() < 1e-9);
+        let odd = EffectRequest { duration_ms: Some(750.0), period_ms: Some(75.0), ..of(NamedEffect::Texture) };
+        assert!((lasts(odd) - 0.75).abs() < 1e-9);
         assert!((lasts(EffectRequest { duration_ms: Some(40.0), ..of(NamedEffect::Buzz) }) - 0.04).abs() < 1e-9);
     }
 

@@ -6,7 +6,7 @@
 
 use super::limits::Limit;
 use super::refine::Chosen;
-use super::safe::{Problem, Settled, harmonics_m};
+use super::safe::{Applied, Problem, Settled, harmonics_m};
 use super::softening::{Following, Line, Motion, NotSafe, rise, settle, travel_receptance};
 use super::table::{PlanTable, travel_by};
 use crate::response::Solver;
@@ -15,6 +15,8 @@ use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
 
 /// Harmonics whose motion is among what closes the gaps; a seventh's force is at most a seventh of the fundamental's.
 pub(super) const CLOSING: [u32; 2] = [3, 5];
+/// Pulse width below which the third harmonic of the force is above half of its own third of the fundamental.
+const NARROW: f64 = 0.5;
 /// Lowest frequency in Hz at which a difference of frequencies counts as motion.
 const LOWEST_HZ: f64 = 1.0;
 /// Part of the gap's third below which motion at a sum or difference is left out.
@@ -77,8 +79,19 @@ impl PlanTable {
         motion: &Motion,
         alone_m: &[f64; MAX_ACTUATORS],
     ) -> Result<[f64; MAX_ACTUATORS], NotSafe> {
-        let mut lines = problem.lines.clone();
         let solver = Solver::new(&self.model);
+        let lines = self.with_harmonics(drives, problem, &solver);
+        let all = settle(problem.transducers(), problem.excitations(), &lines)?;
+        let mut besides_m = self.beside(drives, problem, &all, &solver);
+        for (i, beside) in besides_m.iter_mut().enumerate() {
+            *beside += (all.largest_m[i] - motion.largest_m[i] - alone_m[i]).max(0.0);
+        }
+        Ok(besides_m)
+    }
+
+    /// The fundamentals' lines, then those of the harmonics of [`CLOSING`].
+    fn with_harmonics(&self, drives: &[Chosen], problem: &Problem, solver: &Solver<'_>) -> Vec<Line> {
+        let mut lines = problem.lines.clone();
         for (line, leader) in problem.lines.iter().zip(&problem.leaders) {
             for harmonic in CLOSING {
                 if let Ok(coordinates) = solver.coordinates(f64::from(harmonic) * drives[*leader].frequency_hz) {
@@ -86,12 +99,19 @@ impl PlanTable {
                 }
             }
         }
-        let all = settle(problem.transducers(), problem.excitations(), &lines)?;
-        let mut besides_m = self.beside(drives, problem, &all, &solver);
-        for (i, beside) in besides_m.iter_mut().enumerate() {
-            *beside += (all.largest_m[i] - motion.largest_m[i] - alone_m[i]).max(0.0);
-        }
-        Ok(besides_m)
+        lines
+    }
+
+    /// A steady motion with the harmonics' own among what closes the gaps, where windows are [`NARROW`]. Those pull when the mass is
+    /// where all odd harmonics meet, and the spring's pulsation turns each of them into force at the fundamental: of a mass above its
+    /// resonance the third moves it by a ninth of the fundamental, and takes as much off what the softening does.
+    pub(super) fn among_harmonics(&self, drives: &[Chosen], settled: &Settled) -> Option<Settled> {
+        let is_narrow = |applied: &&Applied| applied.voltage_v > 0.0 && applied.pulse_width < NARROW;
+        settled.applied.iter().find(is_narrow)?;
+        let problem = self.problem(drives, settled.applied);
+        let lines = self.with_harmonics(drives, &problem, &Solver::new(&self.model));
+        let motion = settle(problem.transducers(), problem.excitations(), &lines).ok()?;
+        Some(Settled { motion, ..*settled })
     }
 
     /// Bound on the travel in m at sums and differences of frequencies: the spring of an actuator that is driven at f pulsates

@@ -280,6 +280,8 @@ impl PlanTable {
                 .collect()
         };
         let shape = zone.targets.first();
+        let closer = self.among_harmonics(drives, settled);
+        let settled = closer.as_ref().unwrap_or(settled);
         Predicted {
             target_peak_g,
             mean_elsewhere_g: ((mean - zone.part * near_mean) / (1.0 - zone.part)).max(0.0) / STANDARD_GRAVITY,

@@ -52,9 +52,9 @@ pub struct Settled {
     /// The fundamentals' steady motion.
     pub motion: Motion,
     /// Frequencies of its lines.
-    frequency_of_line: [usize; MAX_LINES],
+    pub(super) frequency_of_line: [usize; MAX_LINES],
     /// Number of lines.
-    lines: usize,
+    pub(super) lines: usize,
     /// By which all forces were scaled.
     pub scale: f64,
     /// What made that necessary.
