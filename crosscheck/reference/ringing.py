@@ -45,23 +45,28 @@ class Ringing:
         `steady`: complex phasors of the drives' accelerations. Drives of one frequency are one running amplitude. Poles above
         `RESOLVED_HZ` add all that they can where `side` is 1, so that it takes longer, and take it away where it is -1.
         """
-        slowest = max(-self.poles[self.poles.real < 0].real.max(initial=-1e3), 1e-2)
-        # Until every free motion is down by e^-7, sampled at 20 points of the fastest beat that counts.
-        time = np.arange(0.0, min(7.0 / slowest, 20.0), 1 / 20_000)
-        rising, falling, unresolved = (np.zeros(len(time)) for _ in range(3))
         frequencies = sorted({drive.frequency for drive in drives})
+        own = lambda values, frequency: [value for drive, value in zip(drives, values) if drive.frequency == frequency]
+        peak = sum(abs(sum(own(steady, frequency))) for frequency in frequencies)
+        free = {f: sum(d.force * self.free(d.actuator, f, d.phase) for d in own(drives, f)) for f in frequencies}
+        # Until all free motion together is below a fiftieth of the peak; motions of a millionth are none.
+        sizes = sum(np.abs(part) for part in free.values())
+        counted = sizes > 1e-6 * peak
+        end = 1e-3
+        while end < 20.0 and (sizes * np.exp(self.poles.real * end))[counted].sum() > 0.02 * peak:
+            end *= 1.5
+        # Resolved poles beat with the drives at up to 1.2 kHz.
+        time = np.arange(0.0, end, 1 / 10_000)
+        rising, falling, unresolved = (np.zeros(len(time)) for _ in range(3))
         for frequency in frequencies:
-            own = [(drive, phasor) for drive, phasor in zip(drives, steady) if drive.frequency == frequency]
-            free = sum(drive.force * self.free(drive.actuator, frequency, drive.phase) for drive, _ in own)
             decaying = np.zeros(len(time), dtype=complex)
-            for pole, coefficient in zip(self.poles, free):
+            for pole, coefficient in zip(self.poles[counted], free[frequency][counted]):
                 if abs(pole) <= 2 * np.pi * RESOLVED_HZ:
                     decaying += coefficient * np.exp(pole * time)
                 else:
                     unresolved += abs(coefficient) * np.exp(pole.real * time)
-            forced = sum(phasor for _, phasor in own) * np.exp(2j * np.pi * frequency * time)
+            forced = sum(own(steady, frequency)) * np.exp(2j * np.pi * frequency * time)
             rising += np.abs(forced + decaying)
             falling += np.abs(decaying)
-        peak = sum(abs(sum(p for d, p in zip(drives, steady) if d.frequency == frequency)) for frequency in frequencies)
         last = lambda wrong: time[np.nonzero(wrong)[0][-1]] if wrong.any() else 0.0
         return last(rising - side * unresolved < part_on * peak), last(falling + side * unresolved > part_off * peak)
