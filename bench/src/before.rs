@@ -68,7 +68,8 @@ pub fn climb<A: Clone>(
         }
         order += 2;
         levels += 1;
-        let finer = level(order)?;
+        // Cells then shrank towards corners with the order, until rounding was all that was left.
+        let Ok(finer) = level(order) else { return Ok(Found { answer: fine, bounds, levels }) };
         if largest(&bounds).is_finite() {
             before = Some((fine.clone(), bounds));
         }

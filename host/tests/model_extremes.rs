@@ -55,6 +55,23 @@ fn soft_springs_are_right_over_eighteen_decades() {
     }
 }
 
+/// Cells shrink towards the corners of a clamped and a free edge; functions of point forces in those thin cells need as many
+/// Gauss points across them as anywhere. With fewer, frequencies of orders 9 and 11 had nothing in common.
+#[test]
+fn point_forces_in_thin_cells() {
+    let mut acrylic = SceneText::plate(0.39, 0.364, 0.37);
+    (acrylic.young, acrylic.density) = (3.2e9, 1190.0);
+    let scene = acrylic
+        .thickness(1.44e-3)
+        .edge("top", "clamped")
+        .era("inertial", 1.0, 0.0823, 0.0033, 5447.6, 0.2)
+        .era("grounded", 0.634, 0.171, 0.0137, 4309.5, 0.2)
+        .era("inertial", 0.722, 0.252, 0.0149, 1392.2, 0.2);
+    let found = era::model::bounded_modes(&scene.scene(), Accuracy::tolerance(3e-4).unwrap(), 400.0).unwrap();
+    let compared: Vec<_> = found.steps.iter().filter(|step| step.fineness.order >= 9).collect();
+    assert!(compared.len() > 1 && compared.iter().all(|step| step.bound.is_finite()), "{compared:?}");
+}
+
 /// Soft springs keep their digits beside stiff ones: a rigid plate hinged at a corner and held by two springs k at the
 /// next ones has omega^2 = k/m / (1/3 -+ 1/4).
 #[test]

@@ -43,7 +43,7 @@ pub(super) fn add_singular(grid: &Grid, y: &Lines, stiffness: &mut Entries, mass
             let centres = centres(&active);
             let mut block = Block::new(n, active.len());
             for part in rectangles(bounds, &centres, size(bounds)) {
-                let rule = rules.of(&part, size(bounds));
+                let rule = rules.of(&part, bounds);
                 let part = part.bounds;
                 let x = Along::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
                 let y = Along::new(grid, y, cell_y, [part[2], part[3]], rule);
@@ -94,15 +94,17 @@ impl Rules {
         clippy::cast_precision_loss,
         reason = "small counts, and `as` saturates"
     )]
-    fn of(&self, part: &Part, cell: f64) -> &[(f64, f64)] {
+    fn of(&self, part: &Part, cell: Rectangle) -> &[(f64, f64)] {
         let own = size(part.bounds);
         let cuts = (part.cut_from / own).log(4.0).max(0.0);
         let most = self.0.len() - 1;
         let cut = most as f64 - FEWER_POINTS * cuts;
         // Gauss points converge as rho^-2n, rho the half axes' sum of the ellipse about the part through the nearest singular
-        // point (and no larger than the cell, beyond which the elements' polynomials grow).
+        // point (and no larger than the cell, beyond which the elements' polynomials grow; along either side, as a part
+        // of a thin cell may be all of its width).
         let apart = 1.0 + 2.0 * part.distance / own;
-        let rho = (apart + (apart * apart - 1.0).sqrt()).min(1.5 * cell / own);
+        let of_cell = |from: usize| (cell[from + 1] - cell[from]) / (part.bounds[from + 1] - part.bounds[from]);
+        let rho = (apart + (apart * apart - 1.0).sqrt()).min(1.5 * of_cell(0).min(of_cell(2)));
         let enough = if rho > 1.0 { DIGITS * std::f64::consts::LN_10 / (2.0 * rho.ln()) + 1.0 } else { f64::INFINITY };
         let points = cut.min(enough).round() as usize;
         &self.0[points.clamp(LEAST_POINTS.min(most), most)]
