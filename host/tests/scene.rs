@@ -244,6 +244,13 @@ fn cutouts_leave_one_piece_under_everything() {
             assert!(told.contains(piece), "{piece:?} is not in {told}");
         }
     }
+    // As long as the surface to the last digit, of which messages show nine.
+    let side = "25.10151419019784";
+    let text = EXAMPLE_PLATE.split("[[").next().unwrap().replace("width_mm = 200.0", &format!("width_mm = {side}"));
+    assert!(text.contains(side), "{text}");
+    let part = |kind: &str| format!("{text}[[{kind}]]\nx_mm = 100\ny_mm = 0\nlength_mm = 200\nwidth_mm = {side}\n");
+    Scene::parse("cut", &part("cutout")).unwrap();
+    Scene::parse("patched", &(part("patch") + "thickness_mm = 1\n")).unwrap();
     let edge = "[[edge]]\nside = \"right\"\nkind = \"pinned\"\n".to_owned() + &cutout([250.0, 0.0, 50.0, 200.0]);
     let text = EXAMPLE_PLATE.replace("x_mm = 300.0", "x_mm = 200.0") + &edge;
     let told = Scene::parse("panel.toml", &text).unwrap_err().to_string();

@@ -124,7 +124,7 @@ fn snapped(at_mm: f64, side_m: f64) -> f64 {
 }
 
 pub(super) fn side_range(side_m: f64) -> Allowed {
-    if side_m.is_nan() { Allowed::NotNegative } else { Allowed::Along(mm(side_m)) }
+    if side_m.is_nan() { Allowed::NotNegative } else { Allowed::Along(0.0, mm(side_m)) }
 }
 
 fn surface(section: Section<'_, '_>) -> Surface {

@@ -63,7 +63,7 @@ impl Cutout {
 /// Where a rectangle begins and how long it is along one side, in m.
 fn span(section: &Section<'_, '_>, keys: [&'static str; 2], side_m: f64) -> (f64, f64) {
     let start = section.number(keys[0], side_range(side_m)) / 1e3;
-    let longest = if side_m.is_nan() { Allowed::Positive } else { Allowed::Within(LEAST_SIDE_MM, mm(side_m)) };
+    let longest = if side_m.is_nan() { Allowed::Positive } else { Allowed::Along(LEAST_SIDE_MM, mm(side_m)) };
     let extent = section.number(keys[1], longest) / 1e3;
     if start + extent > side_m * (1.0 + ROUNDING) {
         let text = format!(

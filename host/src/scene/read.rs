@@ -97,8 +97,8 @@ pub enum Allowed {
     NotNegative,
     /// Between the two, both included.
     Within(f64, f64),
-    /// From 0 to a side's length, which may have more digits than are shown.
-    Along(f64),
+    /// From a length to a side's, which may have more digits than are shown.
+    Along(f64, f64),
     /// Between the two, both excluded.
     Between(f64, f64),
 }
@@ -110,7 +110,7 @@ impl Allowed {
                 Allowed::Positive => value > 0.0,
                 Allowed::NotNegative => value >= 0.0,
                 Allowed::Within(min, max) => (min..=max).contains(&value),
-                Allowed::Along(side) => (-ROUNDING * side..=side * (1.0 + ROUNDING)).contains(&value),
+                Allowed::Along(min, side) => (min - ROUNDING * side..=side * (1.0 + ROUNDING)).contains(&value),
                 Allowed::Between(min, max) => value > min && value < max,
             }
     }
@@ -123,7 +123,7 @@ impl fmt::Display for Allowed {
             Allowed::NotNegative => f.write_str("0 and above"),
             Allowed::Within(min, max) if min.total_cmp(max).is_eq() => write!(f, "{min}"),
             Allowed::Within(min, max) => write!(f, "{} to {}", plain(*min), plain(*max)),
-            Allowed::Along(side) => write!(f, "0 to {side}"),
+            Allowed::Along(min, side) => write!(f, "{min} to {side}"),
             Allowed::Between(min, max) => write!(f, "between {min} and {max}, both excluded"),
         }
     }
