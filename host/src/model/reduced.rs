@@ -17,6 +17,9 @@ use std::sync::Arc;
 
 /// Part of its length below which a residual shape adds nothing to those before it.
 const DEPENDENT: f64 = 1e-6;
+/// Part of its length below which a load is a sum of others: well above rounding, well below what points that are not taken for
+/// one differ by.
+const SAME_LOAD: f64 = 1e-10;
 
 /// A panel in a few dozen mass-normalised coordinates: q'' + C q' + (Lambda + j S) q = B f.
 #[derive(Clone, Debug)]
@@ -159,6 +162,7 @@ pub(super) fn basis(
             column[*index] += *value;
         }
     }
+    let load = independent(&load);
     let mass_modes = operator.mass.times(&modes.vectors);
     // A load without what it does to the modes, and a shape without the modes in it.
     let load_beside = |load: DMatrix<f64>| &load - &mass_modes * modes.vectors.tr_mul(&load);
@@ -196,6 +200,32 @@ fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
     all.columns_mut(0, left.ncols()).copy_from(left);
     all.columns_mut(left.ncols(), right.ncols()).copy_from(right);
     all
+}
+
+/// The loads without those that are sums of others, as are the forces of an ERA's drive, spring and masses. The shapes of such
+/// differ by rounding alone, of which a free panel leaves more than [`DEPENDENT`].
+fn independent(loads: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut axes: Vec<DVector<f64>> = Vec::new();
+    let mut kept = Vec::new();
+    for (j, load) in loads.column_iter().enumerate() {
+        let length = load.norm();
+        if length == 0.0 {
+            continue;
+        }
+        let mut rest = load / length;
+        for _ in 0..2 {
+            for axis in &axes {
+                let inner = axis.dot(&rest);
+                rest.axpy(-inner, axis, 1.0);
+            }
+        }
+        let left = rest.norm();
+        if left > SAME_LOAD {
+            axes.push(rest / left);
+            kept.push(j);
+        }
+    }
+    loads.select_columns(&kept)
 }
 
 /// Makes the columns of Y orthonormal by M Y, and takes the same combinations of the columns of M Y and F; returns which are
