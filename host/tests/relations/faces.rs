@@ -1,0 +1,102 @@
+//! One answer, wherever it is asked for: on the command line with the table computed, being kept and kept; over HTTP; from the library.
+
+use super::ask::hold;
+use super::spec::{Spec, on, point, scenes};
+use super::support::Daemon;
+use era::model::{Accuracy, bounded_modes};
+use era::response::bounded_curves;
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use std::process::Command;
+
+/// What `era` prints, as JSON.
+fn era(arguments: &[&str], cache: &std::path::Path) -> Result<Value, TestCaseError> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    let ran = command.args(arguments).env("ERA_CACHE_DIR", cache).output().unwrap();
+    let said = String::from_utf8_lossy(&ran.stderr);
+    prop_assert!(ran.status.success(), "{arguments:?}: {said}");
+    Ok(serde_json::from_slice(&ran.stdout).unwrap())
+}
+
+/// What a plan is: all that may not depend on who was asked.
+fn essence(answer: &Value) -> Value {
+    let keys =
+        ["target_mm", "targets", "drives", "predicted", "limited_by", "error_bound", "optimality_gap", "objective"];
+    keys.iter().map(|key| ((*key).to_owned(), answer[*key].clone())).collect()
+}
+
+/// Seen to fail with an intensity that is 1e-6 more over HTTP.
+#[test]
+fn a_plan_is_the_same_everywhere() {
+    hold(3, (scenes(), point()), |(spec, at)| {
+        let spec = Spec { screen: Some(([1000, 700], [0.0, 0.0, spec.size_mm[0], spec.size_mm[1]])), ..spec };
+        let folder = tempfile::tempdir().unwrap();
+        let (file, cache) = (folder.path().join("scene.toml"), folder.path().join("cache"));
+        std::fs::write(&file, spec.text()).unwrap();
+        let (x, y) = ((at[0] * 1000.0).round(), (at[1] * 700.0).round());
+        let place = format!("{x},{y}");
+        let common = [
+            "plan",
+            "--scene",
+            file.to_str().unwrap(),
+            "--accuracy",
+            "fast",
+            "--at",
+            &place,
+            "--intensity-g",
+            "0.1",
+            "--json",
+        ];
+        let computed = era(&[&common[..], &["--no-cache"]].concat(), &cache)?;
+        prop_assert!(
+            !cache.exists() || std::fs::read_dir(&cache).unwrap().next().is_none(),
+            "kept although told not to"
+        );
+        let (keeping, kept) = (era(&common, &cache)?, era(&common, &cache)?);
+        prop_assert!(std::fs::read_dir(&cache).unwrap().next().is_some(), "nothing was kept\n{}", spec.text());
+        prop_assert_eq!(essence(&computed), essence(&keeping));
+        prop_assert_eq!(essence(&computed), essence(&kept), "kept\n{}", spec.text());
+        let daemon = Daemon::start(&spec.text());
+        let touch = json!({"x_px": x, "y_px": y, "intensity_g": 0.1, "duration_ms": 50}).to_string();
+        let (status, _, served) = daemon.post("/v1/touch", &touch);
+        prop_assert_eq!(status, 200, "{}", served);
+        prop_assert_eq!(essence(&computed), essence(&served), "over HTTP\n{}", spec.text());
+        Ok(())
+    });
+}
+
+/// Equal but for the last digit, which reading JSON may change.
+fn alike(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 2.0 * f64::EPSILON * a.abs())
+}
+
+#[test]
+fn modes_and_responses_are_the_librarys() {
+    hold(4, (scenes(), point()), |(spec, at)| {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.toml");
+        std::fs::write(&file, spec.text()).unwrap();
+        let (file, scene) = (file.to_str().unwrap(), spec.scene());
+        let at = on(&spec, at);
+        let printed = era(&["modes", "--scene", file, "--max-hz", "400", "--json"], folder.path())?;
+        let found = bounded_modes(&scene, Accuracy::BALANCED, 400.0).unwrap();
+        let frequencies: Vec<f64> = found.answer.iter().map(|mode| mode.frequency_hz).collect();
+        let numbers = |list: &Value| list.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<f64>>();
+        let own: Vec<f64> =
+            printed["modes"].as_array().unwrap().iter().map(|mode| mode["frequency_hz"].as_f64().unwrap()).collect();
+        prop_assert!(alike(&own, &frequencies), "{own:?} and {frequencies:?}\n{}", spec.text());
+        let place = format!("{:?},{:?}", at[0], at[1]);
+        let band = ["--from", "50", "--to", "150", "--step", "25"];
+        let printed =
+            era(&[&["response", "--scene", file, "--at", &place, "--json"][..], &band].concat(), folder.path())?;
+        let hz = numbers(&printed["frequency_hz"]);
+        prop_assert_eq!(&hz, &vec![50.0, 75.0, 100.0, 125.0, 150.0]);
+        let found = bounded_curves(&scene, Accuracy::BALANCED, (at[0] / 1e3, at[1] / 1e3), &hz).unwrap();
+        for (own, curve) in printed["actuators"].as_array().unwrap().iter().zip(&found.answer) {
+            let (re, im): (Vec<f64>, Vec<f64>) = curve.iter().map(|z| (z.re, z.im)).unzip();
+            let printed = [numbers(&own["acceleration_re"]), numbers(&own["acceleration_im"])];
+            prop_assert!(alike(&printed[0], &re) && alike(&printed[1], &im), "{own} and {curve:?}\n{}", spec.text());
+        }
+        Ok(())
+    });
+}
