@@ -21,6 +21,8 @@ const SEED: u64 = 11;
 const BAND_HZ: f64 = 400.0;
 /// Errors below this are rounding's.
 const ROUNDING: f64 = 1e-9;
+/// Acceleration, relative to that of the whole surface under the same force, that counts as none: as `era response` has it.
+const NOTHING: f64 = 1e-6;
 /// How much tighter the solution is that stands for the exact one.
 const EXACT: f64 = 1e-2;
 
@@ -209,8 +211,10 @@ fn responses_of(
     let at = (0.31 * scene.surface.length_m, across * scene.surface.width_m);
     let found = bounded_curves(scene, accuracy, at, frequencies)?;
     let exact = bounded_curves(scene, exactly, at, frequencies)?;
+    // What counts as no acceleration, of a force on an edge that does not move.
+    let nothing = NOTHING / scene.mass_kg();
     let difference = |a: &[Complex64], b: &[Complex64]| {
-        let peak = b.iter().map(|z| z.norm()).fold(0.0, f64::max);
+        let peak = b.iter().map(|z| z.norm()).fold(nothing, f64::max);
         a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max) / peak
     };
     let old = before::climb(

@@ -199,7 +199,7 @@ impl Estimator {
 }
 
 /// Factor on the bound of a response: it has errors of shapes, frequencies and truncation, which need not shrink together.
-pub const RESPONSE_SAFETY: f64 = 1.5;
+pub const RESPONSE_SAFETY: f64 = 1.15;
 
 /// Error of a response, relative to its peak, over that of the frequencies by rounding: what the sharpest resonance that
 /// anyone has (a quality of a thousand) makes of it.
