@@ -8,6 +8,8 @@ Coordinates y: Ritz coordinates of the surface; amplitudes of the local complian
 inertial ERAs.
 """
 
+from collections import defaultdict
+
 import numpy as np
 import scipy.linalg as la
 from scipy.sparse.linalg import LinearOperator, eigsh
@@ -20,7 +22,7 @@ from .plate import Plate
 KEEP = 2.1
 # Krylov vectors of each attachment: what is left at the top of the band is about KEEP^(-2 KRYLOV) of a part of the response.
 KRYLOV = 5
-# A spring this much stiffer than the surface at its point is as good as rigid: the error is its inverse.
+# A spring this much stiffer than the surface at its point is as good as rigid: the error is its inverse, but for the point's own motion.
 RIGID = 1e8
 
 
@@ -147,12 +149,18 @@ class Reduced:
         # The held surface without ERAs, which is what a modal ratio refers to.
         self.held_mass, self.held_stiffness = self.mass.copy(), self.surface_stiffness + self.edge_stiffness
 
+        # A held point's own motion is the force in its springs over their stiffness, the true one.
+        used, true = defaultdict(float), defaultdict(float)
         for support in scene.supports:
             row = self.at[support.x, support.y]
-            spring = self._capped(support.stiffness, row) * np.outer(row, row)
+            capped = self._capped(support.stiffness, row)
+            used[support.x, support.y] += capped
+            true[support.x, support.y] += support.stiffness
+            spring = capped * np.outer(row, row)
             self.spring_stiffness += spring
             self.held_stiffness += spring
             self.dashpots += support.damping * np.outer(row, row)
+        self.own_motion = {place: used[place] / true[place] if true[place] > 0 else 1.0 for place in self.at}
         for slope, stiffness in zip(self.turning_rows, self.turning_stiffness):
             row = np.zeros(size)
             row[:n] = (slope @ self.shapes)[0]
@@ -228,7 +236,7 @@ class Reduced:
         for row, point in zip(rows, points):
             for place, own in self.at.items():
                 if abs(place[0] - point[0]) < near and abs(place[1] - point[1]) < near:
-                    row[:] = own
+                    row[:] = own * self.own_motion[place]
         return rows
 
     def solve(self, frequencies_hz, forces):
