@@ -52,7 +52,7 @@ pub fn table(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: us
     let apart = own.error_of(|curve, f| value(&coarse, curve, f));
     let mut remarks = Vec::new();
     let mut row = |name: &str, own: &Own, apart: f64, width: f64, machine: Machine| {
-        #[allow(clippy::cast_precision_loss, reason = "far below 2^52")]
+        #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
         let result = 2.0 * width * (fine.points * fine.actuators * problem.frequencies_hz.len()) as f64;
         let sweep_s = own.sweep_s.unwrap_or(f64::NAN);
         let (by_operations, by_bytes) = (own.operations / machine.flops, result / machine.fresh);
@@ -91,7 +91,7 @@ pub fn table(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: us
 }
 
 fn machine<T: Arithmetic + ComplexField>(runs: usize) -> Machine {
-    #[allow(clippy::cast_precision_loss, reason = "small")]
+    #[expect(clippy::cast_precision_loss, reason = "small")]
     let entry = |i: usize, j: usize| T::of(((i * 31 + j * 17) % 101) as f64 / 101.0);
     let (a, b) = (Mat::from_fn(ORDER, ORDER, entry), Mat::from_fn(ORDER, ORDER, entry));
     let mut c = Mat::from_fn(ORDER, ORDER, |_, _| T::of(0.0));
@@ -99,17 +99,17 @@ fn machine<T: Arithmetic + ComplexField>(runs: usize) -> Machine {
         matmul(c.as_mut(), Accum::Replace, a.as_ref(), b.as_ref(), T::of(1.0), Par::Seq);
         Ok(c[(0, 0)])
     }));
-    #[allow(clippy::cast_precision_loss, reason = "far below 2^52")]
+    #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
     let flops = 2.0 * (ORDER as f64).powi(3) / product_s;
     // As large as the problem's result in this arithmetic: 6.5 million numbers.
     let count = 6_500_000;
-    #[allow(clippy::cast_precision_loss, reason = "far below 2^52")]
+    #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
     let size = (count * size_of::<T>()) as f64;
     let fresh_s = infallible(median_s(runs, || Ok(vec![T::of(1.0); count])));
     let mut buffer = vec![T::of(0.0); count];
     let mut again = Vec::new();
     for k in 0..runs {
-        #[allow(clippy::cast_precision_loss, reason = "small")]
+        #[expect(clippy::cast_precision_loss, reason = "small")]
         let value = T::of(k as f64);
         again.push(infallible(median_s(1, || {
             buffer.fill(value);

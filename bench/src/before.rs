@@ -81,7 +81,7 @@ fn largest(bounds: &[f64]) -> f64 {
     bounds.iter().copied().fold(0.0, f64::max)
 }
 
-#[allow(clippy::cast_precision_loss, reason = "orders are small")]
+#[expect(clippy::cast_precision_loss, reason = "orders are small")]
 fn estimate(order: usize, before: f64, last: f64) -> f64 {
     if last == 0.0 {
         return 0.0;

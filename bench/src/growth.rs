@@ -36,7 +36,7 @@ pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Re
         let (mut times, mut peaks) = (Vec::new(), Vec::new());
         for wanted in UNKNOWNS {
             // Functions along a side: order - 1 for each cell.
-            #[allow(clippy::cast_precision_loss, reason = "a dozen")]
+            #[expect(clippy::cast_precision_loss, reason = "a dozen")]
             let cell_m = (order - 1) as f64 * (surface.length_m * surface.width_m / wanted).sqrt();
             if let (Some(time_s), Some(peak)) = (fit::at(&times, wanted), fit::at(&peaks, wanted)) {
                 let free = available_bytes()?;
@@ -53,7 +53,7 @@ pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Re
                 }
             }
             let outcome = mesh(environment, &scene, order, cell_m, MAX_HZ, 2)?;
-            #[allow(clippy::cast_precision_loss, reason = "a million at most")]
+            #[expect(clippy::cast_precision_loss, reason = "a million at most")]
             let unknowns = outcome.unknowns as f64;
             times.push((unknowns, outcome.mesh_s + outcome.modes_s));
             peaks.push((unknowns, outcome.peak_bytes));
@@ -92,7 +92,7 @@ pub fn others(environment: &Environment) -> Result<Table, Error> {
     ));
     let two = write_scene(environment, 2)?;
     let mut row = |varied: &str, value: String, outcome: &Outcome, frequencies: usize| {
-        #[allow(clippy::cast_precision_loss, reason = "ten thousand")]
+        #[expect(clippy::cast_precision_loss, reason = "ten thousand")]
         let each = outcome.sweep_s / frequencies as f64;
         table.row([
             String::from(varied),

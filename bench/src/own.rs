@@ -72,7 +72,7 @@ pub fn solve<T: Arithmetic + Into<f64>>(
     let (model, reduced, operations, sweep, set_up_s, sweep_s) = once()?;
     set_up.push(set_up_s);
     swept.push(sweep_s);
-    #[allow(clippy::cast_precision_loss, reason = "far below 2^52")]
+    #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
     let operations = (operations * problem.frequencies_hz.len() * sweep.actuators) as f64;
     let own = Own {
         name: format!("era, order {}, f{}", model.order(), 8 * size_of::<T>()),

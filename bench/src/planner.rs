@@ -129,7 +129,7 @@ pub fn tables() -> Result<Vec<Table>, Error> {
     Ok(vec![times, checks, groups])
 }
 
-#[allow(clippy::cast_precision_loss, reason = "megabytes")]
+#[expect(clippy::cast_precision_loss, reason = "megabytes")]
 fn megabytes(bytes: usize) -> f64 {
     bytes as f64 / 1e6
 }

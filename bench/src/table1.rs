@@ -33,7 +33,7 @@ fn chain(n: usize) -> SecondOrder {
     let mut seed = n as u64;
     let mut next = || {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        #[allow(clippy::cast_precision_loss, reason = "32 bits")]
+        #[expect(clippy::cast_precision_loss, reason = "32 bits")]
         let upper = (seed >> 32) as f64;
         upper / f64::from(u32::MAX)
     };

@@ -5,7 +5,7 @@
 //! level of the ladder. The speed is this machine's, measured on a product like those of Lanczos. How many levels a
 //! tolerance takes is not known before, so that one digit is all that is said of the time.
 
-#![allow(clippy::cast_precision_loss, reason = "estimates")]
+#![expect(clippy::cast_precision_loss, reason = "estimates")]
 
 use crate::model::levels::Levels;
 use crate::model::panel::has_many_modes;
@@ -151,7 +151,7 @@ fn rounded(value: f64) -> f64 {
     to_digits(value, 2)
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "a power of ten")]
+#[expect(clippy::cast_possible_truncation, reason = "a power of ten")]
 fn to_digits(value: f64, digits: i32) -> f64 {
     if value < 1.0 {
         return value.round();

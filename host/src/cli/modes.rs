@@ -56,7 +56,7 @@ pub fn run(options: &Options) -> Outcome {
     print_text(&table(&heading, modes()))
 }
 
-#[allow(clippy::cast_precision_loss, reason = "a size to be refused")]
+#[expect(clippy::cast_precision_loss, reason = "a size to be refused")]
 fn check_size(points: usize, modes: usize) -> Result<(), Failure> {
     let values = points as f64 * modes as f64;
     if values <= MOST_VALUES {

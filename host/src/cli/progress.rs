@@ -87,7 +87,7 @@ fn watch(what: &'static str, expected: Option<Duration>, done: &Receiver<()>) {
 }
 
 /// How far a bar is: never at its end, as an estimate may be short.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "0 to 1000")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "0 to 1000")]
 fn part(elapsed: Duration, expected: Duration) -> u64 {
     let ratio = elapsed.as_secs_f64() / expected.as_secs_f64();
     // Straight to 80 %, and from there on towards 100 %.

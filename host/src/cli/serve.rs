@@ -79,7 +79,7 @@ fn ms(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
 }
 
-#[allow(clippy::cast_precision_loss, reason = "to one decimal place")]
+#[expect(clippy::cast_precision_loss, reason = "to one decimal place")]
 fn megabytes(bytes: u64) -> f64 {
     bytes as f64 / 1e6
 }

@@ -186,7 +186,7 @@ pub fn grid((columns, rows): (usize, usize), scene: &Scene) -> (Vec<f64>, Vec<f6
     (evenly(0.0, scene.surface.length_m, columns), evenly(0.0, scene.surface.width_m, rows))
 }
 
-#[allow(clippy::cast_precision_loss, reason = "a size to be refused")]
+#[expect(clippy::cast_precision_loss, reason = "a size to be refused")]
 fn check_size(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Failure> {
     let values = points as f64 * frequencies as f64 * scene.actuators.len() as f64;
     if values <= MOST_VALUES {

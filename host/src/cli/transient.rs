@@ -90,7 +90,7 @@ fn drive(scene: &Scene, text: &DriveText) -> Result<Drive, Failure> {
     })
 }
 
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked before")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked before")]
 fn grid(options: &Transient) -> Result<TimeGrid, Failure> {
     let (duration, step) = (options.duration, options.step);
     if !(step > 0.0 && step.is_finite()) {

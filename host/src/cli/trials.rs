@@ -90,7 +90,7 @@ impl<'a> Counted<'a> {
     }
 }
 
-#[allow(clippy::cast_precision_loss, reason = "small counts")]
+#[expect(clippy::cast_precision_loss, reason = "small counts")]
 fn part_of(some: usize, all: usize) -> f64 {
     if all == 0 { 0.0 } else { some as f64 / all as f64 }
 }

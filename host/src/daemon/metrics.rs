@@ -30,7 +30,7 @@ impl Metrics {
     }
 
     /// Counts a plan and its time.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     pub fn plan_time(&self, elapsed_us: f64) {
         self.plans.fetch_add(1, Ordering::Relaxed);
         self.plan_ns.fetch_add((elapsed_us * 1e3) as u64, Ordering::Relaxed);
@@ -48,7 +48,7 @@ impl Metrics {
         metric("era_touches_total", "counter", "Touches driven.", &load(&self.touches));
         metric("era_touch_failures_total", "counter", "Touches answered with an error.", &load(&self.failures));
         metric("era_plans_total", "counter", "Plans computed.", &load(&self.plans));
-        #[allow(clippy::cast_precision_loss, reason = "a sum of times")]
+        #[expect(clippy::cast_precision_loss, reason = "a sum of times")]
         let plan_s = load(&self.plan_ns) as f64 / 1e9;
         metric("era_plan_seconds_total", "counter", "Time spent planning.", &plan_s);
         metric("era_previews_total", "counter", "Previews of changed scenes computed.", &load(&self.previews));

@@ -146,7 +146,7 @@ fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
     let target = Target { x_m, y_m, intensity_g: request.intensity_g };
     let options = TableOptions::preview();
     let expected = Levels::expected_unknowns(&scene, ACCURACY, options.to_hz)?;
-    #[allow(clippy::cast_precision_loss, reason = "at most 32")]
+    #[expect(clippy::cast_precision_loss, reason = "at most 32")]
     let most = MAX_UNKNOWNS.min((MAX_PRODUCT / attachments.count().max(1) as f64).floor());
     if expected > most {
         return Err(too_large("surface", expected, "unknowns", most, None));

@@ -184,7 +184,7 @@ impl ClockSync {
 
     /// The board's time in us at a time of the host; `None` before the first sample, or for a time before the board's zero.
     #[must_use]
-    #[allow(clippy::cast_possible_truncation, reason = "`as` saturates")]
+    #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
     pub fn board_us_at(&self, when: Instant) -> Option<u64> {
         let fit = self.fit.as_ref()?;
         // The board reads its clock half a round trip after the question was sent.
@@ -194,7 +194,7 @@ impl ClockSync {
 
     /// How well the clocks agree; `None` before the second sample.
     #[must_use]
-    #[allow(clippy::cast_precision_loss, reason = "at most 32 residuals")]
+    #[expect(clippy::cast_precision_loss, reason = "at most 32 residuals")]
     pub fn quality(&self) -> Option<ClockQuality> {
         let fit = self.fit.as_ref().filter(|fit| !fit.residuals.is_empty())?;
         let squares: f64 = fit.residuals.iter().map(|off| off * off).sum();
@@ -214,7 +214,7 @@ impl ClockSync {
     }
 }
 
-#[allow(clippy::cast_precision_loss, reason = "exact for 285 years")]
+#[expect(clippy::cast_precision_loss, reason = "exact for 285 years")]
 fn seconds_of(microseconds: u64) -> f64 {
     microseconds as f64 / 1e6
 }

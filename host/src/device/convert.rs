@@ -27,7 +27,7 @@ const NARROWEST_PPM: u32 = 50;
 /// shorter than a tick is sent as what it is, none: 0 V, at a pulse width that every board takes. Plans have such where two
 /// actuators share a rail and one needs next to no force.
 #[must_use]
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, which is what is wanted")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, which is what is wanted")]
 pub fn to_wire(drive: &SiDrive) -> ChannelDrive {
     let turns = (drive.phase_rad / std::f64::consts::TAU).rem_euclid(1.0);
     let (pulse_width_ppm, voltage_millivolts) =
@@ -46,7 +46,7 @@ pub fn to_wire(drive: &SiDrive) -> ChannelDrive {
 
 /// What a board says it achieved, in SI units.
 #[must_use]
-#[allow(clippy::cast_precision_loss, reason = "nanohertz up to 1e12 are exact in an f64")]
+#[expect(clippy::cast_precision_loss, reason = "nanohertz up to 1e12 are exact in an f64")]
 pub fn from_wire(achieved: &AchievedDrive) -> SiDrive {
     SiDrive {
         channel: achieved.channel,

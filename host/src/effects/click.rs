@@ -30,7 +30,7 @@ pub fn segments(targets: &[(Ringing, f64)], period_s: f64, push: u16) -> Vec<Seg
     let worth_s = WORTH * f64::from(push) * period_s;
     for (count, cycles) in BRAKES {
         // A brake that takes as long as the decay without it brakes nothing.
-        #[allow(clippy::cast_precision_loss, reason = "at most three")]
+        #[expect(clippy::cast_precision_loss, reason = "at most three")]
         let length_s = (f64::from(push) + count as f64 * f64::from(cycles)) * period_s;
         if length_s >= best_s {
             continue;
@@ -50,7 +50,7 @@ pub fn segments(targets: &[(Ringing, f64)], period_s: f64, push: u16) -> Vec<Seg
 }
 
 /// When all targets are quiet, in s from the start.
-#[allow(clippy::cast_precision_loss, reason = "sample numbers")]
+#[expect(clippy::cast_precision_loss, reason = "sample numbers")]
 fn quiet_s(targets: &[(Ringing, f64)], period_s: f64, segments: &[Segment]) -> f64 {
     let levels: Vec<f64> = segments.iter().flat_map(of_segment).collect();
     let last = |(ringing, quiet): &(Ringing, f64)| {
@@ -74,7 +74,7 @@ fn levels(targets: &[(Ringing, f64)], period_s: f64, push: u16, count: usize, cy
     let mut pushed: Vec<Vec<Complex64>> = Vec::with_capacity(targets.len());
     let mut braked: Vec<Vec<Vec<Complex64>>> = vec![Vec::with_capacity(targets.len()); count];
     for (ringing, _) in targets {
-        #[allow(clippy::cast_precision_loss, reason = "at most three")]
+        #[expect(clippy::cast_precision_loss, reason = "at most three")]
         let after = |length_s: f64, sections: usize| -> Vec<Complex64> {
             let one = |(s, c): &(Complex64, Complex64)| {
                 let rest_s = sections as f64 * section_s;
@@ -103,7 +103,7 @@ fn levels(targets: &[(Ringing, f64)], period_s: f64, push: u16, count: usize, cy
             }
         }
     }
-    #[allow(clippy::cast_possible_truncation, reason = "-1000 to 1000")]
+    #[expect(clippy::cast_possible_truncation, reason = "-1000 to 1000")]
     found.into_iter().map(|level| (level * f64::from(FULL_LEVEL)).round() as i16).collect()
 }
 

@@ -234,7 +234,7 @@ fn overdrive(parts: &mut [Part], wanted: &[f64]) -> (Vec<u16>, bool) {
         let pushes: Vec<u16> = parts
             .iter()
             .map(|part| {
-                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to MOST_PUSH")]
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to MOST_PUSH")]
                 let push = (f64::from(cycles) * part.channel.frequency_hz / highest_hz).round().max(1.0) as u16;
                 push
             })
@@ -300,7 +300,7 @@ fn repeated(segments: &[Segment], count: u16, period_ms: u16, part: &Part) -> Ef
     if count > 1 {
         let once = Effect { times: 1, ..effect.clone() };
         let pause_ms = f64::from(period_ms) - length_s(&once, part.channel.period_s()) * 1e3;
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 500")]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 500")]
         let milliseconds = pause_ms.round().max(1.0) as u16;
         // There is room: a click has at most four segments.
         let _ = effect.segments.push(Segment::Hold { level: 0, milliseconds });
@@ -308,7 +308,7 @@ fn repeated(segments: &[Segment], count: u16, period_ms: u16, part: &Part) -> Ef
     effect
 }
 
-#[allow(clippy::cast_precision_loss, reason = "sample numbers")]
+#[expect(clippy::cast_precision_loss, reason = "sample numbers")]
 fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> EffectPrediction {
     // Times are told by the drive that is at it for longest.
     let cut = |effects: &[Effect]| -> Vec<Cut> {

@@ -45,7 +45,7 @@ impl Cut {
             }
         }
         let once_s = length_s(&Effect { times: 1, ..cut.clone() }, period_s);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let enough = (enough_s / once_s).ceil() as u16;
         cut.times = cut.times.min(enough.saturating_add(1));
         let lengths = |(short, whole): (&Segment, &Segment)| {
@@ -60,7 +60,7 @@ impl Cut {
     #[must_use]
     pub fn whole_s(&self, time_s: f64) -> f64 {
         let (short_s, once_s) = self.segments.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.0, sum.1 + s.1));
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "up to `times`")]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "up to `times`")]
         let repetition = ((time_s / short_s) as u16).min(self.effect.times.saturating_sub(1));
         let mut rest_s = time_s - f64::from(repetition) * short_s;
         let before = if repetition + 1 >= self.effect.times { self.times.saturating_sub(1) } else { repetition };

@@ -111,7 +111,7 @@ impl<'a> Wave<'a> {
 
 /// Adds the motion under steps of a channel's strength. A change by d at the boundary t_i, where the drive's phase is that
 /// of its start, adds d c e^(s (t - t_i)) to the free motion, which all harmonics share.
-#[allow(clippy::cast_precision_loss, reason = "sample numbers")]
+#[expect(clippy::cast_precision_loss, reason = "sample numbers")]
 fn add_samples(waves: &mut [Wave<'_>], period_s: f64, step_s: f64, out: &mut [f64]) {
     let Some(first) = waves.first() else { return };
     let poles: Vec<Complex64> = first.ringing.free.iter().map(|(s, _)| *s).collect();

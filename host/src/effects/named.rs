@@ -214,7 +214,7 @@ fn halves(period_ms: f64) -> (f64, f64) {
 }
 
 /// To whole ms or times, which is what the board counts in.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates; values are in range")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates; values are in range")]
 fn whole(value: f64) -> u16 {
     value.round() as u16
 }

@@ -36,7 +36,7 @@ pub struct Part {
 impl Part {
     /// The fundamental at every target, and what is quiet there per N: of the part `quiet` that the sum of `drives` may
     /// leave, an equal share.
-    #[allow(clippy::cast_precision_loss, reason = "at most four")]
+    #[expect(clippy::cast_precision_loss, reason = "at most four")]
     pub fn quiet(&self, quiet: f64, wanted: &[f64], drives: usize) -> Vec<(Ringing, f64)> {
         let share = quiet / (drives.max(1) as f64 * self.drive.force_n.max(f64::MIN_POSITIVE));
         let fundamentals = self.responses.iter().map(Response::fundamental);
@@ -79,7 +79,7 @@ fn max_force_n(table: &PlanTable, drive: &Drive, pulse_width: f64) -> Result<(f6
 }
 
 /// Acceleration at a target by every drive alone, per N.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some seconds")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some seconds")]
 pub fn signals(parts: &[Part], effects: &[Effect], target: usize, after_s: f64) -> Vec<Vec<f64>> {
     let ends = parts.iter().zip(effects).map(|(part, effect)| length_s(effect, part.channel.period_s()));
     let count = ((ends.fold(0.0, f64::max) + after_s) / STEP_S).ceil() as usize;
@@ -96,7 +96,7 @@ pub struct Peak {
     pub most: f64,
 }
 
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "counts")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "counts")]
 pub fn combined(signals: &[Vec<f64>], parts: &[Part], force_n: impl Fn(&Part) -> f64) -> Peak {
     let moving: Vec<(&Vec<f64>, &Part, f64)> =
         signals.iter().zip(parts).map(|(s, part)| (s, part, force_n(part))).filter(|(_, _, f)| *f > 0.0).collect();

@@ -147,7 +147,7 @@ impl Shortened {
         }
     }
 
-    #[allow(clippy::cast_precision_loss, reason = "small counts")]
+    #[expect(clippy::cast_precision_loss, reason = "small counts")]
     fn is_long(&self, parts: &[Part]) -> bool {
         self.levels.iter().zip(parts).any(|(levels, part)| levels.len() as f64 * part.channel.period_s() > LEAST_S)
     }
@@ -216,7 +216,12 @@ fn most_kept(levels: &[f64], exponent: f64) -> f64 {
 
 /// Largest travel of every actuator in m; not looked at any further once one is beyond a third of its gap. The digits of
 /// `combination` say when within its period each drive but the first begins.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "small counts")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "small counts"
+)]
 fn largest(
     mut stepper: Stepper,
     electrodes: &[Electrodes],
@@ -259,7 +264,7 @@ fn largest(
 }
 
 /// Parts of the step from `time_s` on, counted from the drive's start, for which its electrodes A and B are on.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
 fn on(part: &Part, levels: &[f64], time_s: f64) -> (f64, f64) {
     if time_s < 0.0 {
         return (0.0, 0.0);

@@ -316,7 +316,7 @@ impl<Q: Question> Ladder<'_, Q> {
 
     /// Whether a level of so many unknowns fits in the time that is left: by the last level's time and the power of the
     /// unknowns that the last two levels grew with. A new mesh begins with two levels.
-    #[allow(clippy::cast_precision_loss, reason = "far below 2^52")]
+    #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
     fn has_time(&self, unknowns: usize, is_new_mesh: bool) -> bool {
         let Some(within) = self.accuracy.time() else { return true };
         let [.., before, last] = self.steps.as_slice() else { return true };

@@ -41,7 +41,7 @@ pub fn corners(layout: &Layout) -> Vec<Corner> {
     layout.vertices().filter_map(|vertex| Some(Corner { at: vertex.at, kind: kind(&vertex, size)? })).collect()
 }
 
-#[allow(clippy::float_cmp, reason = "borders are exactly at 0 and at the side's length")]
+#[expect(clippy::float_cmp, reason = "borders are exactly at 0 and at the side's length")]
 fn kind(vertex: &Vertex, (length, width): (f64, f64)) -> Option<Kind> {
     let solid: Vec<(usize, Layer)> =
         vertex.around.iter().enumerate().filter_map(|(k, part)| part.map(|layer| (k, layer))).collect();

@@ -92,7 +92,7 @@ fn start_block(n: usize) -> DMatrix<f64> {
         let mut z = state;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        #[allow(clippy::cast_precision_loss, reason = "53 random bits are wanted")]
+        #[expect(clippy::cast_precision_loss, reason = "53 random bits are wanted")]
         let unit = ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64;
         unit - 0.5
     })

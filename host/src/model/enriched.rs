@@ -365,7 +365,7 @@ impl EdgeSprings<'_> {
         if self.along_y { [across, stretch] } else { [stretch, across] }
     }
 
-    #[allow(clippy::too_many_arguments, reason = "a loop's body")]
+    #[expect(clippy::too_many_arguments, reason = "a loop's body")]
     fn add_point(
         &self,
         at: f64,

@@ -181,7 +181,7 @@ impl Estimator {
     }
 
     /// Error of order p over the difference from order p - 2, if errors fall as this power of the order.
-    #[allow(clippy::cast_precision_loss, reason = "orders are small")]
+    #[expect(clippy::cast_precision_loss, reason = "orders are small")]
     fn rest(&self, power: f64) -> f64 {
         let p = self.order as f64;
         1.0 / ((p / (p - 2.0)).powf(power) - 1.0)

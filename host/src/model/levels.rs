@@ -29,7 +29,7 @@ impl Levels {
     ///
     /// # Errors
     /// As [`super::bounded::bounded()`], if the mesh would be too fine.
-    #[allow(clippy::cast_precision_loss, reason = "about")]
+    #[expect(clippy::cast_precision_loss, reason = "about")]
     pub fn expected_unknowns(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
         Ok(expected_unknowns(scene, Self::meshes(scene, accuracy, max_hz)?[0]) as f64)
     }

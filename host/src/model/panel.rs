@@ -97,7 +97,7 @@ impl PanelModel {
     /// How a reduced model for frequencies up to `max_hz` is made. All modes up to a multiple r of that are kept; what lies above
     /// is carried by n residual shapes of each load, whose error falls as r^-4n. The multiple grows with the order of the
     /// elements, so that the difference between two orders shows both errors.
-    #[allow(clippy::cast_precision_loss, reason = "a dozen at most")]
+    #[expect(clippy::cast_precision_loss, reason = "a dozen at most")]
     fn reduction(&self, max_hz: f64) -> Reduction {
         let modes_beyond = 0.75 + 0.25 * self.fineness.order as f64;
         let shapes_each = match self.scene.surface.damping {
@@ -263,7 +263,7 @@ impl PanelModel {
         Operator { factor: &self.factor, mass: &self.assembled.mass, shift: self.shift }
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     fn raw_modes(&self, max_hz: f64) -> Result<Modes, ModelError> {
         let expected = modes_below(&self.scene, max_hz);
         if expected > MOST_MODES {
@@ -346,7 +346,7 @@ fn slow_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> Result<(Modes
 
 /// About where the surface's mode of a number is, in Hz: (n pi / L)^2 on a bar, Weyl's 4 pi n / area on a plate, times the
 /// root of the wave ratio.
-#[allow(clippy::cast_precision_loss, reason = "a dozen or two")]
+#[expect(clippy::cast_precision_loss, reason = "a dozen or two")]
 fn hz_of_mode(scene: &Scene, n: usize) -> f64 {
     let (surface, pi) = (&scene.surface, std::f64::consts::PI);
     let wavenumber_squared = match surface.kind {

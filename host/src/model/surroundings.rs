@@ -78,7 +78,7 @@ impl Surroundings {
     }
 
     /// The rectangle with these ends, if it has one layer and a function can end there.
-    #[allow(clippy::float_cmp, reason = "ends are the very numbers that were wanted")]
+    #[expect(clippy::float_cmp, reason = "ends are the very numbers that were wanted")]
     fn rectangle(scene: &Scene, layout: &Layout, at: (f64, f64), ends: [f64; 4], wanted: [f64; 4]) -> Option<Self> {
         let mut inside = layout.inside(ends);
         let layer = inside.next()??;

@@ -331,7 +331,7 @@ impl<'a> Judge<'a> {
 /// frequencies of a band count as one, and bands whose ends are the spacing apart as far enough.
 fn likely(earns: &[f64], p: usize, frequencies_hz: &[f64], needed: f64) -> Vec<bool> {
     let lowest_hz = frequencies_hz.first().copied().unwrap_or(0.0);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred bands")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred bands")]
     let band = |hz: &f64| ((hz - lowest_hz) / BAND_HZ) as usize;
     let bands: Vec<usize> = frequencies_hz.iter().map(band).collect();
     let count = bands.last().map_or(0, |last| last + 1);

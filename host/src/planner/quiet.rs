@@ -87,7 +87,7 @@ impl QuietZones {
                 made.rows.extend(first.map(|shape| (shape, asked)));
                 let step = |line: &[f64]| line.get(1).zip(line.first()).map_or(f64::INFINITY, |(b, a)| b - a);
                 let cell = step(&table.grid.x_m).min(step(&table.grid.y_m)) / FINER;
-                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most a hundred")]
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most a hundred")]
                 let across = (2.0 * zone.radius_m / cell).ceil().clamp(2.0, MOST_ACROSS) as u32;
                 points.extend((0..4 * across).filter_map(|k| rim(k, 4 * across)));
                 let place = |k: u32| zone.radius_m * (2.0 * f64::from(k) / f64::from(across) - 1.0);

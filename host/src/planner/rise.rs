@@ -110,7 +110,7 @@ impl RiseTimes {
         let omega: Vec<f64> = (0..n)
             .map(|i| {
                 // Different for every coordinate, and never zero: the fractions of multiples of the golden ratio.
-                #[allow(clippy::cast_precision_loss, reason = "a small model")]
+                #[expect(clippy::cast_precision_loss, reason = "a small model")]
                 let spread = 0.5 + (i as f64 * 0.618_033_988_749_895).fract();
                 (system.lambda[i].sqrt() * (1.0 + APART * spread)).max(RIGID_RAD_S * (1.0 + spread))
             })
@@ -229,7 +229,7 @@ fn envelope_times(parts: &mut [Ringing]) -> Option<Timing> {
         return None;
     }
     let count = parts.iter().map(|part| part.free.len()).sum::<usize>().max(1);
-    #[allow(clippy::cast_precision_loss, reason = "a few hundred")]
+    #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
     let small = LEFT_OUT * peak / count as f64;
     for part in parts.iter_mut() {
         part.free.retain(|(_, c)| c.norm() > small);

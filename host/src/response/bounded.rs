@@ -192,7 +192,7 @@ pub fn bounded_sweep<T: Arithmetic + Into<f64>>(
     // of how far they reach, not the eighth, and for tolerances below 1e-3 that is what is missing.
     let tolerance = if accuracy.time().is_some() { WITHIN_TIME } else { accuracy.value() };
     let modes_hz = max_hz * (RESIDUALS_DO / tolerance).powf(1.0 / 6.0).max(1.0);
-    #[allow(clippy::cast_precision_loss, reason = "far below 2^52")]
+    #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
     let part = {
         let values = (x_m.len() * y_m.len() * frequencies_hz.len() * scene.actuators.len()).max(1) as f64;
         (COMPARED as f64 / values).sqrt().min(1.0)

@@ -98,7 +98,7 @@ fn parities(model: &ReducedModel, sides: [f64; 2], axis: usize, mixed: f64) -> O
     let (mut even, mut odd, mut largest) = (vec![0.0_f64; n], vec![0.0_f64; n], vec![0.0_f64; n]);
     for sample in 0..SAMPLES {
         // Multiples of the golden ratio and of the root of two: no line of symmetry of their own.
-        #[allow(clippy::cast_precision_loss, reason = "a few dozen")]
+        #[expect(clippy::cast_precision_loss, reason = "a few dozen")]
         let place = |irrational: f64| (irrational * (sample as f64 + 0.5)).fract();
         let at = [place(0.618_033_988_749_894_9) * sides[0], place(std::f64::consts::SQRT_2) * sides[1]];
         let mut mirrored = at;

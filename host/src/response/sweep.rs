@@ -39,7 +39,7 @@ impl Arithmetic for f64 {
 }
 
 impl Arithmetic for f32 {
-    #[allow(clippy::cast_possible_truncation, reason = "rounding is what is meant")]
+    #[expect(clippy::cast_possible_truncation, reason = "rounding is what is meant")]
     fn of(value: f64) -> Self {
         value as f32
     }

@@ -247,7 +247,7 @@ fn within(start: f64, mut extent: f64, side: f64) -> f64 {
     extent
 }
 
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side of at most 10 m; `as` saturates")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side of at most 10 m; `as` saturates")]
 fn pixels(side_m: f64) -> u32 {
     ((side_m * 1e3).round() as u32).max(1)
 }

@@ -97,7 +97,7 @@ pub fn along_side(field: &'static str, at_m: f64, side_m: f64) -> Result<f64, Pl
 }
 
 /// `count` equidistant numbers from one to another, both exactly among them and none beyond; the middle if it is one.
-#[allow(clippy::cast_precision_loss, reason = "counts of points")]
+#[expect(clippy::cast_precision_loss, reason = "counts of points")]
 #[must_use]
 pub fn evenly(from: f64, to: f64, count: usize) -> Vec<f64> {
     if count == 1 {

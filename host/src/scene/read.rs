@@ -218,7 +218,7 @@ impl<'r, 't> Section<'r, 't> {
     }
 
     /// A whole number, required.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked first")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked first")]
     pub fn count(&self, key: &'static str, max: u32) -> u32 {
         let Some(value) = self.value(key) else {
             self.missing(key, &format!("a whole number 1 to {max}"));
@@ -337,7 +337,7 @@ fn as_number(value: &DeValue<'_>) -> Option<f64> {
         DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().ok(),
         DeValue::Integer(integer) =>
         {
-            #[allow(clippy::cast_precision_loss, reason = "as in any other number")]
+            #[expect(clippy::cast_precision_loss, reason = "as in any other number")]
             i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|value| value as f64)
         }
         _ => None,

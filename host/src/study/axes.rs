@@ -33,20 +33,20 @@ impl Frame {
     }
 
     /// Pixel of a part, 0 to 1, of the width.
-    #[allow(clippy::cast_possible_truncation, reason = "pixel counts")]
+    #[expect(clippy::cast_possible_truncation, reason = "pixel counts")]
     pub(super) fn x(&self, part: f64) -> i32 {
         self.left + (part * f64::from(self.w)).round() as i32
     }
 
     /// Pixel of a part, 0 to 1, of the height, from the top.
-    #[allow(clippy::cast_possible_truncation, reason = "pixel counts")]
+    #[expect(clippy::cast_possible_truncation, reason = "pixel counts")]
     pub(super) fn y(&self, part: f64) -> i32 {
         self.top + (part * f64::from(self.h)).round() as i32
     }
 }
 
 /// Round values between two, at most about `most`, and how many digits after the point they have.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers")]
 pub(super) fn ticks(from: f64, to: f64, most: u32) -> (Vec<f64>, usize) {
     let least = (to - from) / f64::from(most.max(1));
     if !(least > 0.0 && least.is_finite()) {
@@ -57,7 +57,7 @@ pub(super) fn ticks(from: f64, to: f64, most: u32) -> (Vec<f64>, usize) {
     let step = step.into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(least);
     let digits = (-(step * (1.0 + 1e-9)).log10().floor()).max(0.0) as usize;
     let (first, last) = ((from / step - 1e-6).ceil() as i64, (to / step + 1e-6).floor() as i64);
-    #[allow(clippy::cast_precision_loss, reason = "small numbers")]
+    #[expect(clippy::cast_precision_loss, reason = "small numbers")]
     ((first..=last).map(|k| k as f64 * step).collect(), digits)
 }
 
@@ -114,7 +114,7 @@ pub(super) fn scale<DB: DrawingBackend>(
 }
 
 /// Colour of a part, 0 to 1, of a scale.
-#[allow(clippy::cast_possible_truncation, reason = "a colour")]
+#[expect(clippy::cast_possible_truncation, reason = "a colour")]
 pub(super) fn shade(part: f64) -> RGBColor {
     ViridisRGB.get_color((((part.clamp(0.0, 1.0) * BANDS).floor() + 0.5) / (BANDS + 1.0)) as f32)
 }

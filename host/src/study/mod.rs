@@ -102,7 +102,7 @@ fn place(lines: &[f64], at: f64) -> (usize, f64) {
 ///
 /// # Errors
 /// [`PictureError`] if the file cannot be written.
-#[allow(clippy::cast_possible_truncation, reason = "pixel counts")]
+#[expect(clippy::cast_possible_truncation, reason = "pixel counts")]
 pub fn write_png(path: &Path, scene: &Scene, plan: &Plan, field: &Field) -> Result<(u32, u32), PictureError> {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let scale = PICTURE / length.max(width);

@@ -85,7 +85,7 @@ fn title(modes: &ModeShapes, count: usize) -> String {
     }
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "pixel counts")]
+#[expect(clippy::cast_possible_truncation, reason = "pixel counts")]
 fn map_size(scene: &Scene) -> (i32, i32) {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let scale = SIDE / length.max(width);
@@ -116,7 +116,7 @@ fn relative(modes: &ModeShapes, mode: usize) -> Field {
 }
 
 /// Colour of a value from -1 to 1: blue, white, red, which those who do not see red and green tell apart.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "parts of 255")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "parts of 255")]
 fn shade(value: f64) -> RGBColor {
     let part = (value.abs().min(1.0) * BANDS).round() / BANDS;
     let towards = |end: f64| (255.0 + part * (end - 255.0)).round() as u8;

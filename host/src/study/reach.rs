@@ -118,7 +118,7 @@ pub fn write_schemes(
     write_sheets(path, scene, &title, &rows)
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "pixel counts")]
+#[expect(clippy::cast_possible_truncation, reason = "pixel counts")]
 fn write_sheets(path: &Path, scene: &Scene, title: &str, rows: &[Vec<Sheet>]) -> Result<(u32, u32), PictureError> {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let (w, h) = match scene.surface.kind {
@@ -157,7 +157,7 @@ fn write_sheets(path: &Path, scene: &Scene, title: &str, rows: &[Vec<Sheet>]) ->
 }
 
 /// Colour of a value: red below what counts as weak, the darker the weaker.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "parts of 255")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "parts of 255")]
 fn color(sheet: &Sheet, value: f64) -> RGBColor {
     let (from, to) = sheet.range;
     match sheet.weak_below {

@@ -19,7 +19,7 @@ pub struct Wave {
 }
 
 /// e^(j omega index step).
-#[allow(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
+#[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
 pub fn phasor(omega_rad_s: f64, step_s: f64, index: usize) -> Complex64 {
     Complex64::from_polar(1.0, omega_rad_s * (index as f64 * step_s))
 }

@@ -31,7 +31,7 @@ pub fn products(norm: f64) -> f64 {
     if norm <= NORM_9 { 4.0 } else { 6.0 + f64::from(squarings(norm)) }
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "clamped to 0 to MOST_SQUARINGS first")]
+#[expect(clippy::cast_possible_truncation, reason = "clamped to 0 to MOST_SQUARINGS first")]
 fn squarings(norm: f64) -> i32 {
     (norm / NORM_16).log2().ceil().clamp(0.0, f64::from(MOST_SQUARINGS)) as i32
 }
@@ -46,7 +46,7 @@ fn taylor(matrix: &DMatrix<f64>, degree: usize, stride: usize) -> DMatrix<f64> {
     let n = matrix.nrows();
     let mut coefficients = vec![1.0; degree + 1];
     for k in 1..=degree {
-        #[allow(clippy::cast_precision_loss, reason = "at most 16")]
+        #[expect(clippy::cast_precision_loss, reason = "at most 16")]
         let k_real = k as f64;
         coefficients[k] = coefficients[k - 1] / k_real;
     }

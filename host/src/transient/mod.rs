@@ -83,7 +83,7 @@ pub const MOST_TIMES: usize = 10_000_000;
 impl TimeGrid {
     /// Time `index` in s.
     #[must_use]
-    #[allow(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
+    #[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
     pub fn time_s(&self, index: usize) -> f64 {
         index as f64 * self.step_s
     }

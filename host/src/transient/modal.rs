@@ -53,7 +53,7 @@ pub fn series(
     let blocks = count.div_ceil(length);
     let n = modes.lambda.len();
     let table = table(modes, quantity, step_s, length);
-    #[allow(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
+    #[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
     let block_s = length as f64 * step_s;
     // Displacements and velocities at the starts of blocks, 2n x A.
     let mut starts = DMatrix::zeros(2 * n, blocks);

@@ -42,7 +42,7 @@ impl Motion {
     /// When a single drive's motion has settled, in s: from there on the largest acceleration of every period is within
     /// `part` of the steady one. `None` if it does not settle in this time, or if periods have too few steps to tell.
     #[must_use]
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     pub fn settles_s(&self, frequency_hz: f64, part: f64) -> Option<f64> {
         let step_s = self.time_s.get(1)?;
         let steps = (1.0 / (frequency_hz * step_s)).ceil();
@@ -106,7 +106,7 @@ pub fn motion_at(
             .hypot((&row * propagator.steady(force)?.map(|z| z.im))[0]);
         steady_peak_m_per_s2 += amplitude * force.omega_rad_s * force.omega_rad_s;
     }
-    #[allow(clippy::cast_precision_loss, reason = "at most 1e7 times")]
+    #[expect(clippy::cast_precision_loss, reason = "at most 1e7 times")]
     let time_s = (0..grid.count).map(|i| i as f64 * grid.step_s).collect();
     Ok(Motion {
         time_s,

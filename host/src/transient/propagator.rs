@@ -36,7 +36,7 @@ impl Propagator {
         system.check()?;
         check_grid(grid)?;
         let coordinates = MassCoordinates::new(system)?;
-        #[allow(clippy::cast_precision_loss, reason = "a dense matrix's size")]
+        #[expect(clippy::cast_precision_loss, reason = "a dense matrix's size")]
         let size = 2.0 * system.unknowns() as f64;
         let (kind, units_per_step) = if let Some(modes) = coordinates.decouple() {
             // Per step the 2 x 2 propagator's entries (a few units each) and its product; once, n terms per output.
@@ -77,7 +77,7 @@ impl Propagator {
     /// given matrices themselves, w t u in phase, come on top and are of the problem, not of the recurrence.
     #[must_use]
     pub fn round_off_bound(&self, index: usize) -> f64 {
-        #[allow(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
+        #[expect(clippy::cast_precision_loss, reason = "at most MOST_TIMES")]
         let steps = index as f64 + 1.0;
         let unit = 0.5 * f64::EPSILON;
         std::f64::consts::E * self.units_per_step * steps * unit

@@ -113,7 +113,7 @@ pub(super) fn check_range(what: &'static str, value: f64, min: f64, max: f64) ->
     if (min..=max).contains(&value) { Ok(()) } else { Err(TransientError::Range { what, value, min, max }) }
 }
 
-#[allow(clippy::cast_precision_loss, reason = "for a message")]
+#[expect(clippy::cast_precision_loss, reason = "for a message")]
 pub(super) fn check_grid(grid: TimeGrid) -> Result<(), TransientError> {
     check_range("time step in s", grid.step_s, 1e-12, 1e9)?;
     check_range("number of times", grid.count as f64, 1.0, MOST_TIMES as f64)
@@ -182,7 +182,7 @@ impl MassCoordinates {
             return Some(Modes::sorted(&self.k.diagonal(), &self.c.diagonal(), &self.back, &self.to));
         }
         let (norm_k, norm_c) = (self.k.norm(), self.c.norm());
-        #[allow(clippy::cast_precision_loss, reason = "a dense matrix's size")]
+        #[expect(clippy::cast_precision_loss, reason = "a dense matrix's size")]
         let limit = DECOUPLED * n as f64;
         let asymmetry = (&self.c - self.c.transpose()).norm();
         if asymmetry > limit * norm_c {

@@ -31,7 +31,7 @@ impl Bench {
     }
 
     /// By its clock, in s.
-    #[allow(clippy::cast_precision_loss, reason = "microseconds of some seconds")]
+    #[expect(clippy::cast_precision_loss, reason = "microseconds of some seconds")]
     pub(super) fn time_s(&self) -> f64 {
         self.time_us as f64 * 1e-6
     }
@@ -40,7 +40,7 @@ impl Bench {
         &mut self.board.panel_mut().accelerometer
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times of some seconds")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times of some seconds")]
     pub(super) fn run_for(&mut self, seconds: f64) -> Result<(), VerifyError> {
         let end_us = self.time_us + (seconds * 1e6) as u64;
         while self.time_us < end_us {
@@ -109,7 +109,7 @@ const WINDOW: [f64; 4] = [0.358_75, -0.488_29, 0.141_28, -0.011_68];
 /// those at `beside_hz`, so that they do not leak into each other. The weights are a window's, so that lines far off, which
 /// may be ten thousand times stronger where a panel hardly moves, do not either. The low-pass has made each smaller by a
 /// known factor, which is taken out again.
-#[allow(clippy::cast_precision_loss, reason = "sample numbers")]
+#[expect(clippy::cast_precision_loss, reason = "sample numbers")]
 pub(super) fn amplitudes(record: &[f64], step_s: f64, wanted_hz: &[f64], beside_hz: &[f64]) -> Vec<f64> {
     let frequencies_hz: Vec<f64> = wanted_hz.iter().chain(beside_hz).copied().collect();
     let columns = 2 * frequencies_hz.len();

@@ -301,7 +301,7 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
     })
 }
 
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a second or so")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a second or so")]
 fn samples_of(seconds: f64, step_s: f64) -> usize {
     (seconds / step_s) as usize
 }

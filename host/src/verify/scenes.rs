@@ -29,7 +29,7 @@ impl Random {
     }
 
     /// From 0 up to, and without, 1.
-    #[allow(clippy::cast_precision_loss, reason = "53 bits")]
+    #[expect(clippy::cast_precision_loss, reason = "53 bits")]
     pub const fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
@@ -45,7 +45,7 @@ impl Random {
     }
 
     /// 0 up to, and without, `count`.
-    #[allow(clippy::cast_possible_truncation, reason = "below the count")]
+    #[expect(clippy::cast_possible_truncation, reason = "below the count")]
     pub const fn below(&mut self, count: u32) -> u32 {
         (self.next() % count as u64) as u32
     }

@@ -247,7 +247,7 @@ impl Waveform {
     /// that coincide (the third of 60 Hz and the first of 180 Hz) add as phasors, and a beat that takes longer than the
     /// window is seen in it only as far as the window goes, as in a measurement.
     #[must_use]
-    #[allow(clippy::cast_precision_loss, reason = "sample numbers")]
+    #[expect(clippy::cast_precision_loss, reason = "sample numbers")]
     pub fn peak(&self, from_s: f64, step_s: f64, samples: usize) -> f64 {
         (0..samples).map(|i| self.at(from_s + i as f64 * step_s).abs()).fold(0.0, f64::max)
     }

@@ -113,7 +113,7 @@ impl Worker {
 }
 
 /// Length of a drive's period in s.
-#[allow(clippy::cast_precision_loss, reason = "nanohertz up to 1e12 are exact in an f64")]
+#[expect(clippy::cast_precision_loss, reason = "nanohertz up to 1e12 are exact in an f64")]
 fn period_s(drive: &AchievedDrive) -> f64 {
     1e9 / drive.frequency_nanohertz.max(1) as f64
 }

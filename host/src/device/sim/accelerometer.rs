@@ -47,7 +47,7 @@ pub struct Accelerometer {
 impl Accelerometer {
     /// A sensor that is sampled every `step_s`.
     #[must_use]
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive count")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive count")]
     pub fn new(step_s: f64) -> Self {
         // Pole pairs of a fourth-order Butterworth at 22.5 and 67.5 degrees.
         let q = |degrees: f64| 0.5 / degrees.to_radians().cos();

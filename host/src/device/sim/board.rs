@@ -139,7 +139,7 @@ impl SimBoard {
         self.panel.advance_to(now_s);
     }
 
-    #[allow(clippy::cast_precision_loss, reason = "microseconds in an f64 are exact for 285 years")]
+    #[expect(clippy::cast_precision_loss, reason = "microseconds in an f64 are exact for 285 years")]
     fn time_s(&mut self) -> f64 {
         self.now_us() as f64 / 1e6
     }
@@ -155,7 +155,7 @@ impl SimBoard {
         }
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     fn rail_millivolts(&mut self) -> [u32; RAILS] {
         let now_s = self.time_s();
         std::array::from_fn(|rail| (self.panel.rail(rail).volts_at(now_s) * 1e3).round() as u32)
@@ -226,7 +226,7 @@ impl Board for SimBoard {
         Ok(())
     }
 
-    #[allow(clippy::cast_precision_loss, reason = "clocks in an f64 are exact for 600 days")]
+    #[expect(clippy::cast_precision_loss, reason = "clocks in an f64 are exact for 600 days")]
     fn preload(&mut self, preload: &Preload) -> Result<(), FaultCode> {
         let started_us = self.started_us.ok_or(FaultCode::DriveFailed)?;
         let clocks_per_s = f64::from(ChannelLimits::BOARD.timer_clock_hz);
@@ -240,7 +240,7 @@ impl Board for SimBoard {
         self.defects.stopped_timer.map_or(Ok(()), |channel| Err((FaultCode::TimerStopped, channel)))
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
         self.advance();
         Some((self.panel.accelerometer.peak_m_per_s2() * 1e3).round() as u32)

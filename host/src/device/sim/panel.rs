@@ -205,7 +205,7 @@ impl Panel {
 
     /// Simulated time in s.
     #[must_use]
-    #[allow(clippy::cast_precision_loss, reason = "exact up to 2^53 steps")]
+    #[expect(clippy::cast_precision_loss, reason = "exact up to 2^53 steps")]
     pub fn time_s(&self) -> f64 {
         self.steps as f64 * self.step_s
     }

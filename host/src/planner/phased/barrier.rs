@@ -183,7 +183,7 @@ impl Barrier {
     }
 
     /// nu, the barrier's parameter: 1 for each scalar limit, 2 for each cone.
-    #[allow(clippy::cast_precision_loss, reason = "small counts")]
+    #[expect(clippy::cast_precision_loss, reason = "small counts")]
     fn parameter(&self) -> f64 {
         let scalars = self.force_unknowns / 2 + self.rows().count() + usize::from(self.objective.demanded);
         (scalars + 2 * self.cone_count) as f64

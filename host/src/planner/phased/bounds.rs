@@ -42,7 +42,7 @@ impl Layout {
             }
             low
         });
-        #[allow(clippy::cast_possible_truncation, reason = "at most 15")]
+        #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
         Self { all: all as u8, lag: lag.collect(), transitions }
     }
 
@@ -77,7 +77,7 @@ impl Layout {
             };
             let changed = prefix[k][mask] != prefix[until][mask];
             match self.transitions.iter().find(made_of).filter(|_| changed) {
-                #[allow(clippy::cast_possible_truncation, reason = "at most 15")]
+                #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
                 Some((_, rest, group)) => {
                     choices.push((*group as u8, k));
                     (mask, until) = (*rest, self.lag[k]);
@@ -163,7 +163,7 @@ impl Bounds {
         self.parts[k][group].tight
     }
 
-    #[allow(clippy::cast_possible_truncation, reason = "at most 15")]
+    #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
     fn program(&self, field: &Field<'_>, scores: &Scores, group: usize, k: usize) -> Program {
         Program::new(field, scores, &[(group as u8, k)], self.units)
     }

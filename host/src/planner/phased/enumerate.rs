@@ -51,7 +51,7 @@ impl Search<'_> {
                 if self.no_better(state, views, &with, lag, rest) {
                     continue;
                 }
-                #[allow(clippy::cast_possible_truncation, reason = "at most 15")]
+                #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
                 chosen.push((group as u8, k));
                 let flow = if rest == 0 {
                     self.judge(state, views, chosen)

@@ -35,7 +35,7 @@ fn scene(random: &mut Random, actuators: usize) -> Scene {
 }
 
 /// The field of a random touch on the scene.
-#[allow(clippy::cast_precision_loss, reason = "small counts")]
+#[expect(clippy::cast_precision_loss, reason = "small counts")]
 fn field(scene: &Scene, random: &mut Random, count: usize, most_force_n: f64) -> Owned {
     let model: ReducedModel = PanelModel::build(scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
     let mut place = || {

@@ -58,7 +58,7 @@ fn usable(field: &Field<'_>, k: usize) -> u8 {
 }
 
 /// Fills in the scores at one frequency; `false` if E is not positive definite.
-#[allow(clippy::needless_range_loop, reason = "rows and columns of small matrices")]
+#[expect(clippy::needless_range_loop, reason = "rows and columns of small matrices")]
 fn at(field: &Field<'_>, k: usize, usable: u8, ridge: f64, all_subsets: bool, of: &mut [f64; SUBSETS]) -> bool {
     let is_usable = |i: usize| usable >> i & 1 == 1;
     let (mut matrix, mut right, mut floor) = ([[ZERO; 4]; 4], [ZERO; 4], [0.0; 4]);
@@ -94,7 +94,7 @@ struct Elimination {
 }
 
 impl Elimination {
-    #[allow(clippy::needless_range_loop, reason = "rows and columns of small matrices")]
+    #[expect(clippy::needless_range_loop, reason = "rows and columns of small matrices")]
     fn descend<const ALL: bool>(
         &self,
         first: usize,

@@ -27,7 +27,7 @@ pub(super) fn add_outer(matrix: &mut Matrix, v: &Vector, factor: f64, n: usize) 
 
 /// Solves with the lower triangle of a positive definite matrix, scaled to a unit diagonal: barriers near the limits
 /// differ by many powers of ten. The factor takes the matrix' place, the solution that of the right side.
-#[allow(clippy::needless_range_loop, reason = "rows and columns of small matrices")]
+#[expect(clippy::needless_range_loop, reason = "rows and columns of small matrices")]
 pub(super) fn solve_positive(n: usize, matrix: &mut Matrix, right: &mut Vector) -> Option<()> {
     let mut scale = [0.0; MOST_UNKNOWNS];
     for i in 0..n {

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
-    #[allow(clippy::cast_precision_loss, reason = "53 bits fit")]
+    #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
     pub(super) fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -64,7 +64,7 @@ impl Owned {
 
 /// A panel of a few random modes with random actuators on it: gains, energies and travels hang together as they do on a
 /// panel. `travel_m` sets how soon travel binds.
-#[allow(clippy::cast_precision_loss, reason = "small counts")]
+#[expect(clippy::cast_precision_loss, reason = "small counts")]
 pub(super) fn panel(seed: u64, actuators: usize, count: usize, travel_m: f64) -> Owned {
     const POINTS: usize = 14;
     let random = &mut Random(seed);

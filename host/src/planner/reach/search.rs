@@ -141,7 +141,7 @@ impl Multipliers {
                 prices: dual.iter().skip(points).take(limits).map(|dual| scale * dual / sum).collect(),
             };
         }
-        #[allow(clippy::cast_precision_loss, reason = "a small count")]
+        #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let even = 1.0 / points as f64;
         Self { weights: vec![even; points], prices: vec![0.0; limits] }
     }
@@ -363,9 +363,9 @@ fn split(list: &[usize], shares: &[(usize, f64)]) -> usize {
     if weight <= 0.0 {
         return list.len() / 2;
     }
-    #[allow(clippy::cast_precision_loss, reason = "a small index")]
+    #[expect(clippy::cast_precision_loss, reason = "a small index")]
     let mean = shares.iter().map(|(f, share)| *f as f64 * share).sum::<f64>() / weight;
-    #[allow(clippy::cast_precision_loss, reason = "a small index")]
+    #[expect(clippy::cast_precision_loss, reason = "a small index")]
     let at = list.partition_point(|f| *f as f64 <= mean);
     at.clamp(1, list.len() - 1)
 }

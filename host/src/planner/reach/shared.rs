@@ -142,7 +142,7 @@ struct Swept {
 }
 
 impl<'a> At<'a> {
-    #[allow(clippy::cast_possible_truncation, reason = "single precision is enough for a search")]
+    #[expect(clippy::cast_possible_truncation, reason = "single precision is enough for a search")]
     fn new(table: &'a PlanTable, shapes: &DMatrix<f64>, measure: Measure, frequency: usize) -> Option<Self> {
         let weight = measure.weight(*table.frequencies_hz.get(frequency)?);
         let entries: Vec<_> = table.entries.iter().map(|list| list.get(frequency)?.as_ref()).collect::<Option<_>>()?;
@@ -212,7 +212,7 @@ impl<'a> At<'a> {
     }
 
     /// Squared magnitudes at all points.
-    #[allow(clippy::cast_possible_truncation, reason = "single precision is enough for a search")]
+    #[expect(clippy::cast_possible_truncation, reason = "single precision is enough for a search")]
     fn squares(&self, forces: &[Complex64], out: &mut Vec<f32>) {
         let forces: Vec<Complex32> = forces.iter().map(|z| Complex32::new(z.re as f32, z.im as f32)).collect();
         out.clear();
@@ -251,7 +251,7 @@ impl<'a> At<'a> {
             if lowest > least {
                 (least, of_least) = (lowest, index);
             }
-            #[allow(clippy::cast_possible_truncation, reason = "thousands")]
+            #[expect(clippy::cast_possible_truncation, reason = "thousands")]
             let index = index as u32;
             for ((most, of), square) in most.iter_mut().zip(&mut of_most).zip(&squares) {
                 *of = if *square > *most { index } else { *of };
@@ -345,7 +345,7 @@ fn alone(actuators: usize) -> impl Iterator<Item = Vec<Complex64>> {
 /// The `number`-th of a sequence that fills the unit cube evenly: multiples of powers of the root of g^(d+1) = g + 1,
 /// modulo 1 (Roberts' generalisation of the golden ratio).
 fn evenly(number: u32, dimensions: usize) -> Vec<f64> {
-    #[allow(clippy::cast_precision_loss, reason = "a small count")]
+    #[expect(clippy::cast_precision_loss, reason = "a small count")]
     let power = 1.0 / (dimensions as f64 + 1.0);
     let root = (0..40).fold(2.0_f64, |g, _| (1.0 + g).powf(power));
     let mut step = 1.0;

@@ -135,7 +135,7 @@ impl Space {
     }
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "single precision is meant")]
+#[expect(clippy::cast_possible_truncation, reason = "single precision is meant")]
 fn magnitudes(shapes: &DMatrix<f64>, entry: &Entry, scale: f64) -> Vec<f32> {
     let re = shapes * entry.acceleration.map(|z| z.re);
     let im = shapes * entry.acceleration.map(|z| z.im);

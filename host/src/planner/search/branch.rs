@@ -98,7 +98,7 @@ impl<'a> Search<'a> {
             let energy = if sum > 0.0 { 2.0 * choices.wanted[t] / sum } else { 0.0 };
             // A hair above, so that what earns nothing else does not hide the one that earns.
             let power = if least.is_finite() { least * (1.0 + 1e-9) } else { 0.0 };
-            #[allow(clippy::cast_precision_loss, reason = "at most ten targets")]
+            #[expect(clippy::cast_precision_loss, reason = "at most ten targets")]
             let share = 1.0 / targets as f64;
             (energy + power).max(f64::MIN_POSITIVE) * share
         };
@@ -370,12 +370,12 @@ fn halves(part: Part) -> [Part; 2] {
         else {
             continue;
         };
-        #[allow(clippy::cast_precision_loss, reason = "places in a list of some hundred")]
+        #[expect(clippy::cast_precision_loss, reason = "places in a list of some hundred")]
         let at = |place: usize| place as f64;
         let mean = places.iter().map(|(place, share)| at(*place) * share).sum::<f64>() / sum;
         let spread: f64 = places.iter().map(|(place, share)| (at(*place) - mean).abs() * share).sum();
         if high > low && spread > most.0 {
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place in the list")]
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a place in the list")]
             let cut = (mean.floor() as usize + 1).clamp(low + 1, high);
             most = (spread, i, cut);
         }

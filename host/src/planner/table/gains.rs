@@ -177,7 +177,7 @@ fn add(sum: &mut [f32], values: &[f32], factor: f32) {
     }
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "rounding is what is meant")]
+#[expect(clippy::cast_possible_truncation, reason = "rounding is what is meant")]
 fn single(value: f64) -> f32 {
     value as f32
 }

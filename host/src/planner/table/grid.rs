@@ -38,7 +38,7 @@ impl SurfaceGrid {
     }
 
     /// The points alone.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
     pub(super) fn without_shapes(scene: &Scene, max_hz: f64) -> Self {
         let (length, width) = (scene.surface.length_m, scene.surface.width_m);
         let cell = cell_m(scene, max_hz);
@@ -112,7 +112,7 @@ pub(super) fn bending_wave_m(scene: &Scene, frequency_hz: f64) -> f64 {
 }
 
 /// Weights of the trapezoidal rule on equidistant points, adding up to 1.
-#[allow(clippy::cast_precision_loss, reason = "small counts")]
+#[expect(clippy::cast_precision_loss, reason = "small counts")]
 fn trapezoid(points: usize) -> Vec<f64> {
     if points < 2 {
         return vec![1.0; points];

@@ -62,7 +62,7 @@ fn means(
 
 /// Places and weights of Gauss' rule between each two lines. A square of a motion has waves of half the length; the rule
 /// takes pi points for each of them.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST_POINTS")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST_POINTS")]
 fn nodes(lines_m: &[f64], wave_m: f64) -> Vec<(f64, f64)> {
     let between = lines_m.windows(2).flat_map(|ends| {
         let (from, side) = (ends[0], ends[1] - ends[0]);
