@@ -1,7 +1,6 @@
 //! Where things are, and the Python environment of the peers.
 
 use crate::error::Error;
-use crate::process::output;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -24,7 +23,7 @@ impl Environment {
     /// Finds what is needed; with peers, makes the Python environment if it is missing or made of other packages.
     ///
     /// # Errors
-    /// [`Error::File`], [`Error::Start`], [`Error::Failed`].
+    /// [`Error::File`], [`Error::Python`].
     pub fn new(quick: bool, with_peers: bool) -> Result<Self, Error> {
         let own = std::env::current_exe().map_err(Error::file("era-bench"))?;
         let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -32,7 +31,7 @@ impl Environment {
         let scripts = folder.join("peers");
         let python = target.join("bench-venv/bin/python");
         if with_peers {
-            prepare(&scripts.join("requirements.txt"), &target.join("bench-venv"), &python)?;
+            python_environment::ensure(&scripts.join("requirements.txt"), &target.join("bench-venv"))?;
         }
         let scratch = target.join("bench");
         std::fs::create_dir_all(&scratch).map_err(Error::file(&scratch))?;
@@ -46,18 +45,4 @@ impl Environment {
         command.arg(self.scripts.join(name));
         command
     }
-}
-
-/// Makes the virtual environment `folder`, whose interpreter will be `python`.
-fn prepare(requirements: &Path, folder: &Path, python: &Path) -> Result<(), Error> {
-    let wanted = std::fs::read(requirements).map_err(Error::file(requirements))?;
-    let made_of = folder.join("requirements.txt");
-    if python.exists() && std::fs::read(&made_of).is_ok_and(|made_of| made_of == wanted) {
-        return Ok(());
-    }
-    eprintln!("making the Python environment {}", folder.display());
-    output(Command::new("python3").args(["-m", "venv", "--clear"]).arg(folder))?;
-    output(Command::new(python).args(["-m", "pip", "install", "--quiet", "-r"]).arg(requirements))?;
-    // Last, so that an environment that was not finished is made again.
-    std::fs::write(&made_of, wanted).map_err(Error::file(&made_of))
 }

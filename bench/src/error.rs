@@ -41,6 +41,9 @@ pub enum Error {
         /// Where.
         source: serde_json::Error,
     },
+    /// No environment for the peers.
+    #[error(transparent)]
+    Python(#[from] python_environment::Error),
     /// The scene that measurements start from is not what they take it to be.
     #[error("the example plate has no line {0:?}")]
     Scene(&'static str),

@@ -43,15 +43,21 @@ mod tests {
     use crate::planner::{TableOptions, Target};
     use crate::scene::{EXAMPLE_PLATE, Scene};
 
-    /// Where no actuator moves the target, all forces are 0: there is no current to share.
-    #[test]
-    fn drives_that_are_off_stay_off() {
+    /// The drives of a touch on the example plate, with their table.
+    fn touch() -> (PlanTable, Vec<Part>) {
         let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
         let options = TableOptions { from_hz: 330.0, to_hz: 400.0, step_hz: 2.0 };
         let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
         let table = PlanTable::build(&scene, model, options).unwrap();
         let plan = table.plan(&[Target { x_m: 0.1, y_m: 0.1, intensity_g: Some(0.02) }]).unwrap();
-        let mut parts = parts(&table, table.rise().unwrap(), &plan).unwrap();
+        let parts = parts(&table, table.rise().unwrap(), &plan).unwrap();
+        (table, parts)
+    }
+
+    /// Where no actuator moves the target, all forces are 0: there is no current to share.
+    #[test]
+    fn drives_that_are_off_stay_off() {
+        let (table, mut parts) = touch();
         parts.iter_mut().for_each(|part| part.drive.force_n = 0.0);
         assert_eq!(keep_within_supply(&table, &mut parts), None);
         assert!(parts.iter().all(|part| part.drive.force_n == 0.0));
@@ -59,12 +65,7 @@ mod tests {
 
     #[test]
     fn pushes_draw_no_more_than_there_is() {
-        let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
-        let options = TableOptions { from_hz: 330.0, to_hz: 400.0, step_hz: 2.0 };
-        let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
-        let table = PlanTable::build(&scene, model, options).unwrap();
-        let plan = table.plan(&[Target { x_m: 0.1, y_m: 0.1, intensity_g: Some(0.02) }]).unwrap();
-        let mut parts = parts(&table, table.rise().unwrap(), &plan).unwrap();
+        let (table, mut parts) = touch();
         assert!(keep_within_supply(&table, &mut parts).is_none());
         parts.iter_mut().for_each(|part| part.drive.force_n = 40.0 * part.max_force_n);
         assert!(matches!(keep_within_supply(&table, &mut parts), Some((_, Limit::Supply))));

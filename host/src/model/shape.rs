@@ -5,7 +5,6 @@
 //! derivatives are orthogonal, so a bar's stiffness does not couple them. Slopes are stored times a length of their own
 //! node ("scaled slopes"), so that all unknowns have the size of displacements and strongly graded meshes keep a good
 //! condition. Spaces of lower order are contained in those of higher: frequencies fall as p rises.
-
 //!
 //! Across a strip that is one cell wide and free at both borders the four cubics are written otherwise: 1, t, and two that bend.
 //! A strip of 10 m by 1 mm bends 1e16 times more easily along than across; with values and slopes at its borders as unknowns
