@@ -33,6 +33,12 @@ fn rigid_motions_are_counted_by_what_holds_and_are_exactly_zero() {
     assert_eq!(zeros(&SceneText::bar(0.25)), 2);
     assert_eq!(zeros(&plate().edge("left", "pinned")), 1);
     assert_eq!(zeros(&plate().edge("left", "clamped")), 0);
+    // On the pinned edge springs hold nothing more, wherever they are.
+    for places in [[1.0, 0.87153854], [0.1, 0.3], [0.5, 0.7]] {
+        let hinged = |side| places.iter().fold(plate().edge(side, "pinned"), |plate, y| plate.spring(1.0, *y, 7.3e4));
+        assert_eq!(zeros(&hinged("right")), 1, "{places:?}");
+        assert_eq!(zeros(&hinged("left")), 0, "{places:?}");
+    }
     assert_eq!(zeros(&plate().spring(0.5, 0.5, 1e4)), 2);
     assert_eq!(zeros(&plate().spring(0.0, 0.0, 1e4).spring(1.0, 1.0, 1e4)), 1);
     assert_eq!(zeros(&plate().spring(0.1, 0.1, 1e4).spring(0.5, 0.5, 1e4).spring(0.9, 0.9, 1e4)), 1, "in one line");
@@ -129,13 +135,17 @@ fn stiff_springs_reach_the_ideal_support() {
         last = first;
     }
     close(last, ideal[0], 1e-7);
-    // And their response: the same as without the corner's motion.
-    let at = |k: f64| {
-        let model = reduced(&plate().corner_springs(k).force(0.5, 0.5).damping("loss_factor", 0.01), 400.0);
+    // And their response, with a dashpot beside them or none: the same as without the corner's motion.
+    let at = |k: f64, c: f64| {
+        let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
+        let held = corners.into_iter().fold(plate(), |plate, (x, y)| plate.spring_damper(x, y, k, c));
+        let model = reduced(&held.force(0.5, 0.5).damping("loss_factor", 0.01), 400.0);
         let q = response::modal_coordinates(&model, 170.0).unwrap();
         response::dot(&model.shape_at(0.15, 0.1), &q[0]).norm()
     };
-    close(at(1e18), at(1e12), 1e-6);
+    for (k, c) in [(1e14, 0.0), (1e16, 0.0), (1e18, 0.0), (1e18, 1.0)] {
+        close(at(k, c), at(1e12, 0.0), 1e-6);
+    }
 }
 
 #[test]

@@ -51,6 +51,8 @@ pub struct Assembled {
     /// The surface's own stiffness and mass, where the difference from everything's is more than `attachments`: with springs
     /// along edges.
     pub surface: Option<[Symmetric; 2]>,
+    /// The stiffness of springs along edges, where there are any.
+    pub edges: Option<Symmetric>,
     /// What is attached at points.
     pub attachments: Vec<Attachment>,
     /// How many of them, the first ones, are supports and masses; the others are of ERAs.
@@ -101,12 +103,13 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
         stiffness.add_outer(&attachment.vector, attachment.stiffness);
         mass.add_outer(&attachment.vector, attachment.mass);
     }
-    let surface = match surface {
-        Some([stiffness, mass]) => Some([stiffness.build(n)?, mass.build(n)?]),
-        None => None,
+    let (surface, edges) = match surface {
+        Some([stiffness, mass]) => (Some([stiffness.build(n)?, mass.build(n)?]), Some(edges.build(n)?)),
+        None => (None, None),
     };
     Ok(Assembled {
         surface,
+        edges,
         stiffness: stiffness.build(n)?,
         mass: mass.build(n)?,
         attachments: parts.attachments,

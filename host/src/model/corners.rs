@@ -83,7 +83,7 @@ const MOST_LAYERS_REENTRANT: usize = 2;
 const MOST_LAYERS_PATCH: usize = 1;
 
 /// Cells that shrink towards a corner, of at most `layers`: 0 where moments are bounded, other than between a clamped and a
-/// free edge, where a border turns inwards and at patches.
+/// free edge, at the end of an edge on stiff springs, where a border turns inwards and at patches.
 pub fn layers(scene: &Scene, corner: &Corner, layers: usize) -> usize {
     match corner.kind {
         Kind::Reentrant => layers.min(MOST_LAYERS_REENTRANT),
@@ -91,9 +91,10 @@ pub fn layers(scene: &Scene, corner: &Corner, layers: usize) -> usize {
         Kind::Convex(sides) => {
             let kinds = sides.map(|side| side.and_then(|side| edge_kind(scene, side)));
             let is_clamped = |kind: &Option<EdgeKind>| matches!(kind, Some(EdgeKind::Clamped));
-            // Springs along an edge change nothing about what is singular.
+            // Springs along an edge change nothing about what is singular, but may be nearly so.
             let is_free = |kind: &Option<EdgeKind>| matches!(kind, None | Some(EdgeKind::Elastic { .. }));
-            if kinds.iter().any(is_clamped) && kinds.iter().any(is_free) { layers.min(MOST_LAYERS) } else { 0 }
+            let is_singular = kinds.iter().any(is_clamped) && kinds.iter().any(is_free);
+            if is_singular || super::edges::is_thin(scene, sides) { layers.min(MOST_LAYERS) } else { 0 }
         }
     }
 }

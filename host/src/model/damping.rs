@@ -1,12 +1,57 @@
 //! Damping over a basis, and the one kind that needs modes of its own: the same ratio on every mode.
 
-use super::assembly::Attachment;
+use super::assembly::{Assembled, Attachment};
+use super::eigen::Modes;
+use super::grid::SparseVector;
 use super::panel::row_times;
-use crate::scene::SurfaceDamping;
+use crate::scene::{Scene, SurfaceDamping};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Part of a vector's modal mass below which what the modes leave of it is rounding.
 const NOTHING_LEFT: f64 = 1e-10;
+
+/// Part of the largest below which the forces of springs along edges are left out.
+const EDGE_PART: f64 = 1e-6;
+
+/// Motion of a firmly held point under a force, over that of the whole scene under the same force, that is none: a ten-thousandth of
+/// what responses are relative to at least. The shape of its reaction would add nothing, and at 1e18 N/m rounding of 6e-5.
+const HELD: f64 = 1e-10;
+
+/// Loads that dashpots and the surface's losses leave unbalanced at frequencies up to `max_hz`.
+///
+/// With eta K_s + K_springs in place of a loss of everything, modes are coupled through the springs' forces (and with a loss of
+/// the surface's mass through those of the masses attached): the modes left out take part as they do in the shape of a
+/// dashpot, without which a motion that springs hold is off by about eta whatever the mesh.
+pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
+    let (by_stiffness, by_mass) = match scene.surface.damping {
+        SurfaceDamping::None | SurfaceDamping::ModalRatio(_) => (false, false),
+        SurfaceDamping::LossFactor(eta) => (eta > 0.0, false),
+        SurfaceDamping::Rayleigh { alpha, beta } => (beta > 0.0, alpha > 0.0),
+    };
+    let omega = std::f64::consts::TAU * max_hz;
+    let rigid = omega * omega * scene.mass_kg() / HELD;
+    let couples = |part: &&Attachment| {
+        let damps = part.damping > 0.0 || by_stiffness && part.stiffness > 0.0 || by_mass && part.mass > 0.0;
+        damps && part.stiffness < rigid
+    };
+    let attached = assembled.attachments.iter();
+    let mut loads: Vec<_> = attached.filter(couples).map(|part| part.vector.clone()).collect();
+    if by_stiffness && let Some(edges) = &assembled.edges {
+        // The modes with the amplitudes that one force gives them, and of their forces what is not a sum of others'.
+        let mut forces = edges.times(&modes.vectors);
+        for (mut column, lambda) in forces.column_iter_mut().zip(&modes.lambda) {
+            column.scale_mut(1.0 / (lambda + omega * omega));
+        }
+        let eigen = SymmetricEigen::new(forces.tr_mul(&forces));
+        let least = EDGE_PART * EDGE_PART * eigen.eigenvalues.amax();
+        let kept: Vec<usize> = (0..eigen.eigenvalues.len()).filter(|i| eigen.eigenvalues[*i] > least).collect();
+        let independent = forces * eigen.eigenvectors.select_columns(&kept);
+        let sparse =
+            |column: DVector<f64>| column.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
+        loads.extend(independent.column_iter().map(|column| sparse(column.into_owned())));
+    }
+    loads
+}
 
 /// Damping matrices over some basis.
 #[derive(Clone, Debug)]
@@ -135,30 +180,39 @@ pub(super) fn same_ratio(ratio: f64, lambda: &[f64], vectors: &DMatrix<f64>, act
         mass.ger(-own, &along, &along, 1.0);
         stiffness.ger(-spring, &along, &along, 1.0);
     }
-    2.0 * ratio * geometric_mean(&mass, &stiffness)
+    2.0 * ratio * geometric_mean(&mass, &stiffness, lambda)
 }
 
-/// A # B = A^1/2 (A^-1/2 B A^-1/2)^1/2 A^1/2 for symmetric semidefinite A and B, on the range of A.
-fn geometric_mean(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+/// A # B = A^1/2 (A^-1/2 B A^-1/2)^1/2 A^1/2 for symmetric semidefinite A and B that are at most the identity and the diagonal
+/// `largest`; zero where both are.
+///
+/// In the basis in which s A + B is the identity, A = diag(a) and B = 1 - s a commute, and A # B is diag(sqrt(a (1 - s a))). With
+/// s of the size of the slow modes, a is of the size of one for these and goes to zero for stiff ones: points held all but
+/// rigidly have lambda a million million times those of the modes, and rounding in sums with those would be all that is left of the modes.
+fn geometric_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64]) -> DMatrix<f64> {
     let n = a.nrows();
-    if n == 0 {
-        return DMatrix::zeros(0, 0);
-    }
-    let of_a = SymmetricEigen::new(0.5 * (a + a.transpose()));
-    let range: Vec<usize> = (0..n).filter(|i| of_a.eigenvalues[*i] > NOTHING_LEFT).collect();
+    let mut positive: Vec<f64> = largest.iter().copied().filter(|lambda| *lambda > 0.0).collect();
+    positive.sort_by(f64::total_cmp);
+    let Some(between) = positive.get(positive.len() / 2) else { return DMatrix::zeros(n, n) };
+    let scale: Vec<f64> = largest.iter().map(|lambda| (lambda + between).sqrt()).collect();
+    let scaled = |value: &dyn Fn(usize, usize) -> f64| {
+        DMatrix::from_fn(n, n, |i, j| 0.5 * (value(i, j) + value(j, i)) / (scale[i] * scale[j]))
+    };
+    let both = SymmetricEigen::new(scaled(&|i, j| between * a[(i, j)] + b[(i, j)]));
+    let range: Vec<usize> = (0..n).filter(|i| both.eigenvalues[*i] > NOTHING_LEFT).collect();
     if range.is_empty() {
         return DMatrix::zeros(n, n);
     }
-    let axes = of_a.eigenvectors.select_columns(&range);
-    let lengths = DVector::from_iterator(range.len(), range.iter().map(|i| of_a.eigenvalues[*i].sqrt()));
-    let inner = axes.tr_mul(&(b * &axes));
-    let scaled = DMatrix::from_fn(range.len(), range.len(), |i, j| {
+    let axes = both.eigenvectors.select_columns(&range);
+    let lengths = DVector::from_iterator(range.len(), range.iter().map(|i| both.eigenvalues[*i].sqrt()));
+    let inner = axes.tr_mul(&(scaled(&|i, j| between * a[(i, j)]) * &axes));
+    let inner = DMatrix::from_fn(range.len(), range.len(), |i, j| {
         0.5 * (inner[(i, j)] + inner[(j, i)]) / (lengths[i] * lengths[j])
     });
-    let of_b = SymmetricEigen::new(scaled);
-    let root = of_b.eigenvalues.map(|value| value.max(0.0).sqrt());
-    let middle = &of_b.eigenvectors * DMatrix::from_diagonal(&root) * of_b.eigenvectors.transpose();
-    let half = axes * DMatrix::from_diagonal(&lengths);
+    let of_a = SymmetricEigen::new(inner);
+    let root = of_a.eigenvalues.map(|part| (part.clamp(0.0, 1.0) * (1.0 - part.clamp(0.0, 1.0)) / between).sqrt());
+    let middle = &of_a.eigenvectors * DMatrix::from_diagonal(&root) * of_a.eigenvectors.transpose();
+    let half = DMatrix::from_diagonal(&DVector::from_vec(scale)) * axes * DMatrix::from_diagonal(&lengths);
     &half * middle * half.transpose()
 }
 
@@ -169,10 +223,23 @@ mod tests {
     /// X = A # B is what solves X A^-1 X = B, whatever way it is computed.
     #[test]
     fn the_geometric_mean_solves_its_equation() {
-        let a = DMatrix::from_row_slice(3, 3, &[4.0, 1.0, 0.5, 1.0, 3.0, 0.2, 0.5, 0.2, 2.0]);
+        let a = DMatrix::from_row_slice(3, 3, &[4.0, 1.0, 0.5, 1.0, 3.0, 0.2, 0.5, 0.2, 2.0]) / 8.0;
         let b = DMatrix::from_row_slice(3, 3, &[9.0, -2.0, 1.0, -2.0, 5.0, 0.3, 1.0, 0.3, 70.0]);
-        let x = geometric_mean(&a, &b);
+        let x = geometric_mean(&a, &b, &[20.0, 20.0, 80.0]);
         let back = &x * a.try_inverse().unwrap() * &x;
         assert!((back - b).amax() < 1e-11, "{x}");
+    }
+
+    /// The same with a point that is held all but rigidly, entry by entry relative to what it is of.
+    #[test]
+    fn a_stiff_point_leaves_the_modes_their_damping() {
+        let (lambda, along) = ([1e4, 4e4, 9e5, 1e21], DVector::from_row_slice(&[0.5, -0.3, 0.2, 1e-3]));
+        let (mut a, mut b) = (DMatrix::identity(4, 4), DMatrix::from_diagonal(&DVector::from_row_slice(&lambda)));
+        a.ger(-0.3, &along, &along, 1.0);
+        b.ger(-2e3, &along, &along, 1.0);
+        let x = geometric_mean(&a, &b, &lambda);
+        let back = &x * a.try_inverse().unwrap() * &x;
+        let off = DMatrix::from_fn(4, 4, |i, j| (back[(i, j)] - b[(i, j)]) / (lambda[i] * lambda[j]).sqrt());
+        assert!(off.amax() < 1e-6, "{off}");
     }
 }

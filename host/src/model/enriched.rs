@@ -40,9 +40,9 @@ pub(super) fn add_singular(grid: &Grid, y: &Lines, stiffness: &mut Entries, mass
             let bounds = [grid.x.at[cell_x], grid.x.at[cell_x + 1], y.at[cell_y], y.at[cell_y + 1]];
             let active: Vec<(usize, &Singular)> = grid.singular_in(bounds).collect();
             let Some(section) = grid.sections.at(cell_x, cell_y).filter(|_| !active.is_empty()) else { continue };
-            let centres = centres(&active);
+            let (centres, ends) = (centres(&active), ends(&active));
             let mut block = Block::new(n, active.len());
-            for part in rectangles(bounds, &centres, size(bounds)) {
+            for part in rectangles(bounds, &centres, &ends, size(bounds)) {
                 let rule = rules.of(&part, bounds);
                 let part = part.bounds;
                 let x = Along::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
@@ -240,6 +240,13 @@ fn centres(active: &[(usize, &Singular)]) -> Vec<Centre> {
     all
 }
 
+/// Where functions end along x and along y. That is on lines of the mesh, unless cells shrink towards an attachment beside a patch:
+/// its own lines move those between. The second derivative jumps there.
+fn ends(active: &[(usize, &Singular)]) -> [Vec<f64>; 2] {
+    let along = |reach: &dyn Fn(&Singular) -> [f64; 2]| active.iter().flat_map(|(_, f)| reach(f)).collect();
+    [along(&|f| [f.x.from, f.x.to]), along(&|f| [f.y.from, f.y.to])]
+}
+
 /// A part of a rectangle.
 #[derive(Clone, Copy, Debug)]
 struct Part {
@@ -250,21 +257,26 @@ struct Part {
     cut_from: f64,
 }
 
-/// The rectangle cut up for integration. All centres' coordinates become borders, as the blending has its joints there.
-fn rectangles(bounds: Rectangle, centres: &[Centre], cell: f64) -> Vec<Part> {
+/// The rectangle cut up for integration. All centres' coordinates become borders, as the blending has its joints there, and all `ends`
+/// along x and along y.
+fn rectangles(bounds: Rectangle, centres: &[Centre], ends: &[Vec<f64>; 2], cell: f64) -> Vec<Part> {
     let finest = centres.iter().map(|centre| centre.finest).fold(cell, f64::min);
-    let stops = |from: f64, to: f64, at: &dyn Fn(&Centre) -> f64| {
+    let stops = |from: f64, to: f64, at: &dyn Fn(&Centre) -> f64, ends: &[f64]| {
         if from >= to {
             // A stretch of a line.
             return vec![from, to];
         }
         let mut stops: Vec<f64> = centres.iter().map(at).filter(|at| *at > from && *at < to).collect();
+        // On a line of the mesh, but for rounding, it is that line.
+        let hair = SMALLEST * finest;
+        stops.extend(ends.iter().copied().filter(|end| *end > from + hair && *end < to - hair));
         stops.extend([from, to]);
         stops.sort_by(f64::total_cmp);
         stops.dedup_by(|b, a| *b - *a < SMALLEST * finest);
         stops
     };
-    let (in_x, in_y) = (stops(bounds[0], bounds[1], &|c| c.at.0), stops(bounds[2], bounds[3], &|c| c.at.1));
+    let in_x = stops(bounds[0], bounds[1], &|c| c.at.0, &ends[0]);
+    let in_y = stops(bounds[2], bounds[3], &|c| c.at.1, &ends[1]);
     let mut out = Vec::new();
     for y in in_y.windows(2) {
         for x in in_x.windows(2) {
@@ -346,9 +358,9 @@ impl EdgeSprings<'_> {
                 continue;
             }
             // A rectangle without height: the same cuts, by the distance from the line.
-            let centres = centres(&active);
+            let (centres, ends) = (centres(&active), ends(&active));
             let bounds = if self.along_y { [x[0], x[0], from, to] } else { [from, to, y[0], y[0]] };
-            for Part { bounds: part, .. } in rectangles(bounds, &centres, size(bounds)) {
+            for Part { bounds: part, .. } in rectangles(bounds, &centres, &ends, size(bounds)) {
                 let stretch = if self.along_y { [part[2], part[3]] } else { [part[0], part[1]] };
                 let along = Along::new(grid, self.lines, cell, stretch, &rule);
                 for ((at, weight), functions) in along.at.iter().zip(&along.weight).zip(&along.functions) {
@@ -413,7 +425,9 @@ mod tests {
         let integral = |bounds: Rectangle, at: (f64, f64)| {
             let mut sum = 0.0;
             let centre = Centre { at, finest: f64::INFINITY };
-            for Part { bounds: [x0, x1, y0, y1], .. } in rectangles(bounds, &[centre], size(bounds)) {
+            for Part { bounds: [x0, x1, y0, y1], .. } in
+                rectangles(bounds, &[centre], &[Vec::new(), Vec::new()], size(bounds))
+            {
                 for (u, wu) in &rule {
                     for (v, wv) in &rule {
                         let (x, y) = (x0 + u * (x1 - x0) - at.0, y0 + v * (y1 - y0) - at.1);

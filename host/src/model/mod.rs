@@ -31,6 +31,7 @@ pub mod bounded;
 mod columns;
 mod corners;
 pub mod damping;
+mod edges;
 pub mod eigen;
 mod enriched;
 mod error;

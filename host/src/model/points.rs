@@ -7,7 +7,7 @@
 use super::grid::SparseVector;
 use super::sparse::Entries;
 use nalgebra::DMatrix;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 /// Least value of a function at the point, over the largest, for it to be preferred because it lives in one cell alone.
 const PREFERRED: f64 = 0.1;
@@ -30,7 +30,7 @@ pub struct Points {
     /// The unknown that each has become.
     unknowns: Vec<usize>,
     /// What a replaced unknown is in the new ones.
-    replaced: HashMap<usize, SparseVector>,
+    replaced: BTreeMap<usize, SparseVector>,
 }
 
 impl Points {
@@ -40,12 +40,12 @@ impl Points {
         let mut pivots: Vec<usize> = Vec::new();
         let mut kept: Vec<usize> = Vec::new();
         // Elimination row by row; each is cleared of the pivots before it.
-        let mut cleared: Vec<HashMap<usize, f64>> = Vec::new();
+        let mut cleared: Vec<BTreeMap<usize, f64>> = Vec::new();
         for (m, row) in rows.iter().enumerate() {
             if points[m].beside.is_some_and(|(other, _)| !kept.contains(&other)) {
                 continue;
             }
-            let mut rest: HashMap<usize, f64> = row.iter().copied().collect();
+            let mut rest: BTreeMap<usize, f64> = row.iter().copied().collect();
             let size = rest.values().fold(0.0, |most: f64, value| most.max(value.abs()));
             for (pivot, other) in pivots.iter().zip(&cleared) {
                 let factor = rest.get(pivot).copied().unwrap_or(0.0) / other[pivot];
@@ -73,7 +73,7 @@ impl Points {
         let square = DMatrix::from_fn(n, n, |i, j| value(kept[i], pivots[j]));
         let Some(inverse) = square.try_inverse() else { return Self::default() };
         let replaced = pivots.iter().enumerate().map(|(i, pivot)| {
-            let mut in_new: HashMap<usize, f64> = HashMap::new();
+            let mut in_new: BTreeMap<usize, f64> = BTreeMap::new();
             for (j, m) in kept.iter().enumerate() {
                 *in_new.entry(pivots[j]).or_insert(0.0) += inverse[(i, j)];
                 for (index, value) in rows[*m].iter().filter(|(index, _)| !pivots.contains(index)) {
@@ -131,7 +131,7 @@ impl Points {
         if row.iter().all(|(index, _)| !self.replaced.contains_key(index)) {
             return row;
         }
-        let mut out: HashMap<usize, f64> = HashMap::new();
+        let mut out: BTreeMap<usize, f64> = BTreeMap::new();
         for (index, value) in row {
             match self.replaced.get(&index) {
                 None => *out.entry(index).or_insert(0.0) += value,

@@ -14,8 +14,13 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 /// 0.1 mm apart on 300 mm give 1e-7; nearer than 1e-6 of the side they share a node.
 const RANK: f64 = 1e-13;
 /// Stiffness of what holds a motion, as a part of shift times the surface's mass (some sixteenth of its bending
-/// stiffness), below which the surface stays straight in it. Bending lowers the eigenvalue by about this part.
+/// stiffness), below which the surface stays straight in it. Bending lowers the eigenvalue by about this part. Of the motion as a
+/// whole, whatever masses it carries, and of the springs that it works against.
 const STAYS_STRAIGHT: f64 = 1e-6;
+/// Travel of a spring in what hard edges allow, as a part of its travel without them, below which it is on such an edge.
+const ON_EDGE: f64 = 1e-13;
+/// Travel of a spring as a part of the motion below which it is a hinge.
+const HINGE: f64 = 1e-9;
 /// Eigenvalue as a part of the shift below which shift-invert about it loses digits: it knows eigenvalues to 1e-11 or so
 /// of the shift.
 const SLOW: f64 = 1e-4;
@@ -67,7 +72,12 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
     // What resists these motions: rows of the square root of the stiffness, and the same without their sizes.
     let on_surface = holds.iter().filter(|hold| !hold.hard && hold.stiffness > 0.0).map(|hold| {
         let full = DVector::from_iterator(dimensions, hold.vector.iter().copied().take(dimensions));
-        (allowed.tr_mul(&full).resize_vertically(columns, 0.0), hold.stiffness)
+        let mut along = allowed.tr_mul(&full);
+        // On a hard edge it holds nothing that the edge does not, and what is left of it is rounding.
+        if along.norm() <= ON_EDGE * full.norm() {
+            along.fill(0.0);
+        }
+        (along.resize_vertically(columns, 0.0), hold.stiffness)
     });
     let on_masses = moving.iter().enumerate().filter_map(|(k, (_, actuator))| {
         let stiffness = scene.actuators.get(*actuator).map_or(0.0, Actuator::effective_stiffness_n_per_m);
@@ -76,11 +86,12 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
         (stiffness > 0.0).then_some((alone, stiffness))
     });
     let (mut roots, mut directions) = (DMatrix::zeros(0, columns), DMatrix::zeros(columns, columns));
-    for (along, stiffness) in on_surface.chain(on_masses) {
+    let held_by: Vec<(DVector<f64>, f64)> = on_surface.chain(on_masses).collect();
+    for (along, stiffness) in &held_by {
         let row = roots.nrows();
         roots = roots.resize_vertically(row + 1, 0.0);
         roots.set_row(row, &(along.transpose() * stiffness.sqrt()));
-        directions += &along * along.transpose();
+        directions += along * along.transpose();
     }
     let free = columns - rank(&directions);
 
@@ -88,9 +99,8 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
     let mut known = nothing();
     let mut slow = Vec::new();
     for (lambda, motion) in eigenpairs(&(roots * &to_orthonormal), free) {
-        // The stiffness that the motion meets per square of its size, whatever masses it carries.
         let motion = &to_orthonormal * motion;
-        if lambda <= straight * motion.norm_squared() {
+        if lambda <= straight * motion.norm_squared() && holding_stiffness(&held_by, &motion) <= straight {
             let at = known.lambda.len();
             known.lambda.push(lambda);
             known.vectors = known.vectors.resize_horizontally(at + 1, 0.0);
@@ -100,6 +110,22 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
         }
     }
     RigidModes { known, slow }
+}
+
+/// Stiffness of what a motion works against, the mean weighted by energy: sum of (k d)^2 over sum of k d^2. With forces k d a surface of
+/// rigidity that makes k_b lowers the eigenvalue by this over k_b. Three springs that are nearly in a line hold a slow motion, each with little
+/// travel and all of its stiffness.
+fn holding_stiffness(held_by: &[(DVector<f64>, f64)], motion: &DVector<f64>) -> f64 {
+    let (mut forces, mut energy) = (0.0, 0.0);
+    for (along, stiffness) in held_by {
+        let travel = along.dot(motion);
+        // A hinge, whose travel is rounding; its force is of the size of the others'.
+        if travel.abs() > HINGE * along.norm() * motion.norm() {
+            forces += (stiffness * travel).powi(2);
+            energy += stiffness * travel * travel;
+        }
+    }
+    if energy > 0.0 { forces / energy } else { 0.0 }
 }
 
 /// Eigenvalues and vectors of roots' roots, ascending, of which `free` are known to be zero. Stage by stage from the

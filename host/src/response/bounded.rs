@@ -28,12 +28,23 @@ const WITHIN_TIME: f64 = 1e-4;
 /// that are up to a few times larger than what they add up to.
 const ARITHMETIC: f64 = 50.0;
 
+/// Frequencies asked for, below which others beside them are compared as well: at a single one, two levels may agree by chance
+/// (a patch's corners: 9e-5 between orders 9 and 11, 2e-4 between 11 and 13), as their difference passes through zero there.
+const FEW: usize = 16;
+/// The others, as multiples of each.
+const BESIDE: [f64; 6] = [0.95, 0.985, 0.995, 1.005, 1.015, 1.05];
+/// What is compared there is relative to the curve's peak, or to this part of itself beside a resonance.
+const PART_BESIDE: f64 = 0.5;
+
 /// Acceleration at one point for 1 N at each actuator alone.
-struct Curves<'a> {
+struct Curves {
     /// Below this a curve is what rounding makes of none, in m/s^2.
     nothing: f64,
     at: (f64, f64),
-    frequencies_hz: &'a [f64],
+    /// Those asked for, and those that are compared only.
+    frequencies_hz: Vec<f64>,
+    /// How many were asked for.
+    asked: usize,
     max_hz: f64,
 }
 
@@ -62,23 +73,29 @@ pub enum CurveError {
     Response(#[from] ResponseError),
 }
 
-impl Question for Curves<'_> {
+impl Question for Curves {
     type Answer = Vec<Vec<Complex64>>;
     type Error = CurveError;
 
     fn ask(&self, model: &PanelModel) -> Result<Self::Answer, CurveError> {
         let reduced = model.reduce(self.max_hz, &[self.at])?;
         let shape = reduced.shape_at(self.at.0, self.at.1);
-        Ok(acceleration_curves(&reduced, &shape, self.frequencies_hz)?)
+        // One beside those asked for may be an undamped resonance.
+        let (asked, all) = (&self.frequencies_hz[..self.asked], &self.frequencies_hz);
+        Ok(acceleration_curves(&reduced, &shape, all).or_else(|_| acceleration_curves(&reduced, &shape, asked))?)
     }
 
-    /// For each actuator, relative to the largest magnitude on its curve.
+    /// For each actuator, relative to the largest magnitude on its curve; beside the frequencies asked for, to half of what is
+    /// there if that is more.
     fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64> {
         let nothing = self.nothing;
         let relative = |(coarse, fine): (&Vec<Complex64>, &Vec<Complex64>)| {
-            let peak = fine.iter().map(|z| z.norm()).fold(0.0, f64::max);
-            let difference = coarse.iter().zip(fine).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-            if difference == 0.0 { 0.0 } else { difference / peak.max(nothing) }
+            let peak = fine.iter().take(self.asked).map(|z| z.norm()).fold(nothing, f64::max);
+            let relative = |(coarse, fine): (&Complex64, &Complex64)| {
+                let difference = (coarse - fine).norm();
+                if difference == 0.0 { 0.0 } else { difference / peak.max(PART_BESIDE * fine.norm()) }
+            };
+            coarse.iter().zip(fine).map(relative).fold(0.0, f64::max)
         };
         coarse.iter().zip(fine).map(relative).collect()
     }
@@ -228,7 +245,15 @@ pub fn bounded_curves(
     frequencies_hz: &[f64],
 ) -> Result<Bounded<Vec<Vec<Complex64>>>, CurveError> {
     let max_hz = frequencies_hz.iter().copied().fold(1.0, f64::max);
-    bounded(&Curves { nothing: nothing(scene), at, frequencies_hz, max_hz }, scene, accuracy, max_hz)
+    let asked = frequencies_hz.len();
+    let mut all = frequencies_hz.to_vec();
+    if asked < FEW {
+        all.extend(frequencies_hz.iter().flat_map(|hz| BESIDE.map(|part| part * hz)));
+    }
+    let question = Curves { nothing: nothing(scene), at, frequencies_hz: all, asked, max_hz };
+    let mut found = bounded(&question, scene, accuracy, max_hz)?;
+    found.answer.iter_mut().for_each(|curve| curve.truncate(asked));
+    Ok(found)
 }
 
 #[cfg(test)]

@@ -66,6 +66,12 @@ impl SceneText {
         self
     }
 
+    /// More of a scene file's text.
+    pub fn with(mut self, text: &str) -> Self {
+        self.parts.push_str(text);
+        self
+    }
+
     pub fn all_edges(mut self, kind: &str) -> Self {
         for side in ["left", "right", "top", "bottom"] {
             self = self.edge(side, kind);
