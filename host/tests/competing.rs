@@ -97,6 +97,80 @@ fn quiet_zones_are_traded_against_the_targets() {
     assert_eq!(table.trade(&far, &table.plan_for(&far).unwrap()), Ok(None));
 }
 
+/// A resonant ERA whose narrow pulses (its rail is at the voltage of another) move the mass by harmonics as well: in the zone around a
+/// target alone the peak is the target's, at rest or in moving gaps, which the harmonics change.
+const NARROW_PULSES: &str = r#"
+version = 1
+name = "narrow pulses"
+[surface]
+kind = "plate"
+length_mm = 203.0
+width_mm = 189.0
+thickness_mm = 3.95
+material = { youngs_modulus_pa = 13.7e9, density_kg_m3 = 954.0, poisson_ratio = 0.02 }
+damping = { modal_ratio = 0.017 }
+[[actuator]]
+id = "resonant"
+x_mm = 27.0
+y_mm = 148.0
+mount = "inertial"
+moving_mass_g = 3.87
+stiffness_n_per_m = 488.0
+damping_n_s_per_m = 0.29
+electrode_area_mm2 = 1050.0
+air_gap_um = 320.0
+max_voltage_v = 1539.0
+bias_voltage_v = 372.0
+[[actuator]]
+id = "held"
+x_mm = 0.0
+y_mm = 0.0
+mount = "grounded"
+moving_mass_g = 1.96
+stiffness_n_per_m = 2045.0
+damping_n_s_per_m = 0.13
+electrode_area_mm2 = 638.0
+air_gap_um = 201.0
+max_voltage_v = 589.0
+[[actuator]]
+id = "weak"
+x_mm = 96.0
+y_mm = 105.0
+mount = "grounded"
+moving_mass_g = 0.47
+stiffness_n_per_m = 924.0
+damping_n_s_per_m = 0.09
+electrode_area_mm2 = 209.0
+air_gap_um = 831.0
+max_voltage_v = 797.0
+[[actuator]]
+id = "corner"
+x_mm = 178.0
+y_mm = 174.0
+mount = "grounded"
+moving_mass_g = 0.711
+stiffness_n_per_m = 1574.0
+damping_n_s_per_m = 0.0337
+electrode_area_mm2 = 361.0
+air_gap_um = 701.0
+max_voltage_v = 625.0
+"#;
+
+#[test]
+fn peaks_in_quiet_zones_are_of_the_motion_that_targets_have() {
+    let table = support::table(NARROW_PULSES);
+    let target = Target { x_m: 0.105, y_m: 0.087, intensity_g: Some(2.0) };
+    let there = Quiet { x_m: target.x_m, y_m: target.y_m, radius_m: 0.0, at_most_g: 3.0 };
+    let besides = Quiet { x_m: 0.099, y_m: 0.019, radius_m: 0.035, at_most_g: 0.04 };
+    let request = Request { quiet: vec![there, besides], work: Work::Study, ..Request::touch(&[target]) };
+    let plan = table.plan_for(&request).unwrap();
+    let narrow = plan.drives.iter().any(|drive| drive.voltage_v > 0.0 && drive.pulse_width < 0.4);
+    let (rest_g, moving_g) = (plan.predicted.target_peak_g, plan.predicted.softened_peak_g);
+    assert!(narrow && moving_g > 1.02 * rest_g, "nothing is tested: {plan:?}");
+    let peak_g = plan.quiet[0].peak_g;
+    assert!((peak_g / moving_g - 1.0).abs() < 1e-9, "{peak_g} g in the zone, {moving_g} g at the target");
+}
+
 /// Wide zones, whose middle and rim do not tell what is between: at every point of the surface's grid the limit holds, to the 2 %
 /// of a crest between points.
 #[test]

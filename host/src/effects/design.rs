@@ -25,6 +25,9 @@ use era_shared::waveform::{Effect, FULL_LEVEL, Segment};
 const MOST_PUSH: u16 = 8;
 /// How long after an effect's end motion is looked at, in s.
 const AFTER_S: f64 = 0.3;
+/// How much longer it has to stay below what counts as quiet, in s: a period of 20 Hz, half the lowest frequency of a drive. Between
+/// two crests anything is quiet.
+const QUIET_FOR_S: f64 = 0.05;
 /// How long after an effect's end its peak may come, in s: some periods of the lowest drives.
 const AFTER_PEAK_S: f64 = 0.05;
 /// Part of the peak below which a target is quiet.
@@ -318,7 +321,7 @@ fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> E
     let effects: Vec<Effect> = cuts.iter().map(|cut| cut.effect.clone()).collect();
     let effects = effects.as_slice();
     let force = |part: &Part| part.drive.force_n;
-    let alone = signals(parts, effects, 0, AFTER_S);
+    let alone = signals(parts, effects, 0, AFTER_S + QUIET_FOR_S);
     let Peak { mean, least, most } = combined(&alone, parts, force);
     let together = |signals: &[Vec<f64>]| -> Vec<f64> {
         let mut sum = vec![0.0_f64; signals.first().map_or(0, Vec::len)];
@@ -332,10 +335,7 @@ fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> E
     let peak_at = motion.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(i, _)| i);
     let ms = |i: usize| cuts.iter().map(|cut| cut.whole_s(i as f64 * STEP_S)).fold(0.0, f64::max) * 1e3;
     let left = motion.iter().enumerate().filter(|(i, _)| *i as f64 * STEP_S >= ends_s).map(|(_, x)| x.abs());
-    let quiet = |motion: &[f64]| {
-        let last = motion.iter().rposition(|x| x.abs() > QUIET * mean)?;
-        (last + 1 < motion.len()).then(|| ms(last + 1))
-    };
+    let quiet = |motion: &[f64]| stays_below(motion, QUIET * mean, STEP_S).map(ms);
     EffectPrediction {
         peak_g: mean / STANDARD_GRAVITY,
         peak_least_g: if least.is_finite() { least / STANDARD_GRAVITY } else { 0.0 },
@@ -343,6 +343,36 @@ fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> E
         peak_at_ms: ms(peak_at),
         left: if mean > 0.0 { left.fold(0.0, f64::max) / mean } else { 0.0 },
         quiet_ms: quiet(&motion),
-        quiet_unbraked_ms: unbraked.and_then(|effects| quiet(&together(&signals(parts, effects, 0, AFTER_S)))),
+        quiet_unbraked_ms: unbraked
+            .and_then(|effects| quiet(&together(&signals(parts, effects, 0, AFTER_S + QUIET_FOR_S)))),
+    }
+}
+
+/// The sample from which on a motion stays below a limit, if it does so for the last [`QUIET_FOR_S`]; `None` also if it always was.
+fn stays_below(motion: &[f64], limit: f64, step_s: f64) -> Option<usize> {
+    let last = motion.iter().rposition(|x| x.abs() > limit)?;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred samples")]
+    let least = (QUIET_FOR_S / step_s).round() as usize;
+    (motion.len() - (last + 1) >= least).then_some(last + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A motion that goes on is not quiet after its record's last crest.
+    #[test]
+    fn between_crests_nothing_is_quiet() {
+        let step_s = 1e-4;
+        let ringing = |rate_per_s: f64| -> Vec<f64> {
+            let times = (0..4000).map(|i| f64::from(i) * step_s);
+            times.map(|t| (-rate_per_s * t).exp() * (std::f64::consts::TAU * 43.0 * t).cos()).collect()
+        };
+        assert_eq!(stays_below(&ringing(0.0), 0.1, step_s), None);
+        // Below a tenth from ln 10 / 20 s on, within half a period, and before the record is shown to be over.
+        let quiet_s = f64::from(u32::try_from(stays_below(&ringing(20.0), 0.1, step_s).unwrap()).unwrap()) * step_s;
+        assert!((10_f64.ln() / 20.0 - 0.012..10_f64.ln() / 20.0).contains(&quiet_s), "{quiet_s}");
+        assert_eq!(stays_below(&ringing(6.0), 0.1, step_s), None);
+        assert_eq!(stays_below(&ringing(20.0), 2.0, step_s), None);
     }
 }

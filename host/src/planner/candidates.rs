@@ -99,17 +99,19 @@ impl<'a> Judge<'a> {
         entry: &Entry,
         frequency_hz: f64,
     ) {
-        let [first, second] = &entry.widths;
+        let [quiet, widest] = &entry.widths;
         let near = self.zone.mean_square(&entry.acceleration);
         let weight = if self.weigh == Weigh::Felt { perception::weight(frequency_hz) } else { 1.0 };
         let elsewhere = self.zone.elsewhere(entry.mean_square, near) * weight * weight;
         let gains: Vec<f64> =
             self.zone.targets.iter().map(|shape| weight * at_point(shape, &entry.acceleration).norm()).collect();
-        let quiet: Vec<f64> =
+        let in_zones: Vec<f64> =
             self.quiet.rows.iter().map(|(shape, _)| at_point(shape, &entry.acceleration).norm()).collect();
-        for (w, width) in [first, second].into_iter().enumerate() {
+        // A wider pulse makes more force of a voltage, which is what counts for power, even where another limit binds.
+        let is_wanted = self.objective == Objective::Power || entry.strong() == widest;
+        for (w, width) in [quiet, widest].into_iter().enumerate() {
             // The limits of quiet zones are about fundamentals: no drive buys strength with harmonics there.
-            if w == 1 && (width == first || !self.quiet.rows.is_empty()) {
+            if w == 1 && (!is_wanted || width == quiet || !self.quiet.rows.is_empty()) {
                 break;
             }
             let (energy, power) = match self.objective {
@@ -123,7 +125,7 @@ impl<'a> Judge<'a> {
             choices.candidates[actuator].push(candidate);
             choices.gains[actuator].extend_from_slice(&gains);
             choices.loads[actuator].extend(self.table.limits.loads(actuator, width));
-            choices.loads[actuator].extend_from_slice(&quiet);
+            choices.loads[actuator].extend_from_slice(&in_zones);
         }
     }
 

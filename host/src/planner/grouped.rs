@@ -32,15 +32,15 @@ impl PlanTable {
         let wanted = wanted.first().copied().unwrap_or(0.0);
         // All with their quieter pulses, or, if that does not reach, all with their stronger ones; harmonics are those of the
         // pulses taken.
-        let best = |strong: usize| {
+        let best = |strong: bool| {
             let data = Data::new(self, judge, strong);
             phased::best(&data.field(self), grouping, wanted, MIN_SPACING_HZ).ok_or(PlanError::NoFrequencies)
         };
-        let (mut found, mut strong) = (best(0)?, 0);
+        let (mut found, mut strong) = (best(false)?, false);
         if found.reached < wanted * MET {
-            let stronger = best(1)?;
+            let stronger = best(true)?;
             if stronger.reached > found.reached * MORE {
-                (found, strong) = (stronger, 1);
+                (found, strong) = (stronger, true);
             }
         }
         let mut drives: Vec<Option<Chosen>> = vec![None; self.entries.len()];
@@ -48,7 +48,7 @@ impl PlanTable {
             for (i, drive) in drives.iter_mut().enumerate().filter(|(i, _)| group.members >> i & 1 == 1) {
                 let force = group.forces_n.get(i).copied().unwrap_or_default();
                 let row = self.grid_row(group.frequency);
-                let width = row.get(i).map_or_else(Width::default, |entry| entry.widths[strong]);
+                let width = row.get(i).map_or_else(Width::default, |entry| *entry.pulse(strong));
                 *drive = Some(Chosen {
                     frequency_hz: self.frequencies_hz[group.frequency],
                     on_grid: Some(group.frequency),
@@ -89,7 +89,7 @@ impl PlanTable {
         for (i, part) in setting.iter().enumerate() {
             let row = self.grid_row(part.frequency);
             let entry = row.get(i).ok_or(PlanError::NoFrequencies)?;
-            let width = if part.force_n <= entry.widths[0].max_force_n { entry.widths[0] } else { entry.widths[1] };
+            let width = *entry.pulse(part.force_n > entry.widths[0].max_force_n);
             if let Some(shape) = judge.zone.targets.first() {
                 peak += at_point(shape, &entry.acceleration).norm() * part.force_n;
             }
@@ -124,8 +124,8 @@ struct Data {
 }
 
 impl Data {
-    /// With each entry's pulse width number `strong`.
-    fn new(table: &PlanTable, judge: &Judge<'_>, strong: usize) -> Self {
+    /// With each entry's quiet pulse or its strong one.
+    fn new(table: &PlanTable, judge: &Judge<'_>, strong: bool) -> Self {
         let (p, f) = (table.entries.len().min(MAX_ACTUATORS), table.frequencies_hz.len());
         let mut data = Self {
             gain: vec![[Complex64::ZERO; MAX_ACTUATORS]; f],
@@ -143,14 +143,14 @@ impl Data {
                 if let Some(shape) = judge.zone.targets.first() {
                     data.gain[k][i] = at_point(shape, &entry.acceleration);
                 }
-                data.max_force_n[k][i] = entry.widths[strong].max_force_n;
+                data.max_force_n[k][i] = entry.pulse(strong).max_force_n;
                 for j in 0..p {
                     data.energy[k][i][j] = (over_all[i][j] - near[i][j] * part) / (1.0 - part);
                     data.travel[k][j][i] = entry.travel[j];
                 }
                 // Harmonics of different actuators are not in step with each other's fundamentals; they add to each one's own.
                 let floor = MOST_CONDITION * over_all[i][i].re;
-                data.energy[k][i][i] += entry.widths[strong].harmonics + floor;
+                data.energy[k][i][i] += entry.pulse(strong).harmonics + floor;
             }
         }
         data

@@ -16,6 +16,9 @@ pub(crate) const BREAKDOWN_MARGIN: f64 = 0.85;
 /// Part of the gap that the mass may travel: beyond a third, one electrode alone can pull it in (static pull-in).
 pub(crate) const TRAVEL_PART: f64 = 1.0 / 3.0;
 
+/// Part of the static stiffness of a mass that electrodes may take away: the softening grows with the travel, and pulsates.
+pub(crate) const HELD: f64 = 0.6;
+
 /// Electrodes of one ERA.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Electrodes {
@@ -72,6 +75,14 @@ impl Electrodes {
         let n = f64::from(harmonic);
         let half = std::f64::consts::FRAC_PI_2;
         self.newtons_per_volt_squared() * (n * half * pulse_width).sin().abs() * 2.0 / (n * half)
+    }
+
+    /// Stiffness in N/m that the electrodes take off the spring of a mass at rest, the mean over a period, per N of the force's
+    /// fundamental: 2 F / g while one of them is on, a part w of the time, over 4/pi sin(pi w/2) F.
+    #[must_use]
+    pub fn softening_per_newton(&self, pulse_width: f64) -> f64 {
+        let angle = std::f64::consts::FRAC_PI_2 * pulse_width;
+        angle / (self.gap_m * angle.sin())
     }
 
     /// Voltage whose force has a fundamental of `force_n` newtons.

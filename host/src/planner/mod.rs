@@ -21,6 +21,7 @@ mod harmonics;
 pub mod limits;
 mod linear;
 pub mod moving;
+mod near;
 mod nearest;
 pub mod perception;
 pub mod phased;

@@ -260,7 +260,10 @@ impl PlanTable {
                     near += zone.mean_square(&entry.acceleration) * force * force;
                     all += entry.mean_square * force * force;
                     near_mean += zone.mean(&entry.acceleration) * force;
-                    mean += entry.mean * force;
+                    // Off the grid what the table has is an estimate, 2 % off where a resonance is between two frequencies.
+                    let of_one =
+                        if drives[*i].on_grid.is_some() { entry.mean } else { self.grid.mean(&entry.acceleration) };
+                    mean += of_one * force;
                 }
                 members => {
                     let sum = self.together(drives, members);

@@ -117,6 +117,12 @@ impl QuietZones {
 
     /// Largest peak in each zone in m/s^2, at rest and settled.
     fn peaks(&self, table: &PlanTable, drives: &[Chosen], settled: &Settled) -> Vec<f64> {
+        if self.areas.is_empty() {
+            return Vec::new();
+        }
+        // The same motion that the target's softened peak is of.
+        let closer = table.among_harmonics(drives, settled);
+        let settled = closer.as_ref().unwrap_or(settled);
         let at = |shape: &DVector<f64>| peak(drives, shape).max(table.settled_peak(drives, settled, shape));
         self.areas.iter().map(|area| area.points.iter().map(at).fold(0.0, f64::max)).collect()
     }

@@ -90,8 +90,8 @@ impl PlanTable {
             for (i, drive) in trial.iter().enumerate() {
                 if let Some(entry) = drive.row.get(i) {
                     judge.add(&mut own, i, i, 0, entry, drive.frequency_hz);
-                    at[i] =
-                        own.candidates[i].iter().position(|c| c.max_force_n == drive.width.max_force_n).unwrap_or(0);
+                    let w = choices.candidates[i][found.chosen[i]].tag % 2;
+                    at[i] = own.candidates[i].iter().position(|c| c.tag % 2 == w).unwrap_or(0);
                 }
             }
             let fits = |a: f64, b: f64| (a - b).abs() >= MIN_SPACING_HZ && !meets(a, b);

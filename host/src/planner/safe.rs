@@ -5,7 +5,7 @@
 //! break down the gap that is left, or the supply deliver more than it can, all forces are scaled down together until none does.
 //! Where the electrodes soften much, [`super::closer`] looks at the way there, and at what moves beside it.
 
-use super::limits::{Electrodes, Limit, TRAVEL_PART, most_mean_current_a};
+use super::limits::{Electrodes, HELD, Limit, TRAVEL_PART, most_mean_current_a};
 use super::refine::Chosen;
 use super::softening::{Excitation, Line, MAX_LINES, Motion, NotSafe, Transducer, follow, settle};
 use super::table::{HARMONICS, PlanTable, harmonics_m_per_n, travel_m_per_n};
@@ -21,8 +21,6 @@ pub(super) const LEVELS: u32 = 16;
 pub(super) const HALVINGS: u32 = 7;
 /// Softening times receptance that is too weak to move a resonance across a drive.
 pub(super) const WEAK: f64 = 0.3;
-/// Part of the static stiffness that electrodes may take away: the softening grows with the travel, and pulsates.
-const HELD: f64 = 0.6;
 /// Simulated travel over the averaged motion's, at most: 1.002 was seen on random panels.
 pub(super) const LEFT_OUT: f64 = 1.01;
 /// Parts of the gap up to which motions are shown to stay: the third that is allowed, and less, where the softening is weaker.

@@ -5,10 +5,14 @@
 //!   closed as far as the travel goes. That square is a convex function of the gap, and its tangent at two thirds of the
 //!   gap stays below it: V^2 + s x <= b is safe everywhere, exact where the travel is at its limit, and 2 % of the
 //!   voltage short at rest.
+//! - Pull-in: the stiffness that electrodes take off their springs, in proportion to their forces, times what a mass yields to
+//!   steady forces there; beyond 1 it is pulled in, and up to [`HELD`] is allowed.
 //! - Rails: actuators on one rail have its voltage, the highest that one of them asks for.
 
-use super::limits::{Electrodes, Limit};
+use super::limits::{Electrodes, HELD, Limit};
+use super::softening::Transducer;
 use super::table::{Entry, Width};
+use crate::scene::MAX_ACTUATORS;
 use era_shared::supply::rail_of;
 
 /// One row.
@@ -16,42 +20,66 @@ use era_shared::supply::rail_of;
 struct Row {
     /// Whose gap.
     actuator: usize,
-    /// Whose voltage is across it; `None` for travel.
-    driver: Option<usize>,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Travel,
+    /// Under the voltage of this actuator's drive, which the rail has.
+    Breakdown {
+        driver: usize,
+    },
+    PullIn,
 }
 
 /// The rows that can bind in a scene.
 #[derive(Clone, Debug, Default)]
 pub struct SharedLimits {
     rows: Vec<Row>,
-    /// What each row allows: metres, or square volts.
+    /// What each row allows: metres, square volts, or a part of the static stiffness.
     pub allowed: Vec<f64>,
     /// Of each actuator the slope of the tangent in V^2/m.
     slopes: Vec<f64>,
     /// Of each actuator N per V^2 at a pulse width of 1.
     electrodes: Vec<Electrodes>,
+    /// Travel of every actuator (row) per steady force on every one, in m/N.
+    static_receptance: [[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
 }
 
 impl SharedLimits {
     /// The rows for a table's entries, without those that bind nowhere.
     #[must_use]
-    pub fn new(electrodes: &[Electrodes], entries: &[Vec<Option<Entry>>]) -> Self {
+    pub fn new(
+        electrodes: &[Electrodes],
+        transducers: &[Transducer],
+        static_receptance: [[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
+        entries: &[Vec<Option<Entry>>],
+    ) -> Self {
         let lines: Vec<(f64, f64)> = electrodes.iter().map(Electrodes::breakdown_line).collect();
         let mut limits = Self {
             rows: Vec::new(),
             allowed: Vec::new(),
             slopes: lines.iter().map(|(slope, _)| *slope).collect(),
             electrodes: electrodes.to_vec(),
+            static_receptance,
         };
-        let p = electrodes.len();
+        let p = electrodes.len().min(MAX_ACTUATORS);
         if p < 2 {
             // One actuator alone: the limits of its candidates say it all.
             return limits;
         }
         for actuator in 0..p {
-            let mut rows = vec![(Row { actuator, driver: None }, electrodes[actuator].most_travel_m())];
+            // What a bias already took off is in the model.
+            let counted = static_receptance[actuator].iter().zip(transducers).map(|(g, own)| g * own.counted_n_per_m);
+            let mut rows = vec![
+                (Row { actuator, kind: Kind::Travel }, electrodes[actuator].most_travel_m()),
+                (Row { actuator, kind: Kind::PullIn }, HELD + counted.sum::<f64>()),
+            ];
             let on_its_rail = (0..p).filter(|driver| rail_of(*driver) == rail_of(actuator));
-            rows.extend(on_its_rail.map(|driver| (Row { actuator, driver: Some(driver) }, lines[actuator].1)));
+            rows.extend(
+                on_its_rail.map(|driver| (Row { actuator, kind: Kind::Breakdown { driver } }, lines[actuator].1)),
+            );
             for (row, allowed) in rows {
                 let most: f64 = (0..p)
                     .map(|j| {
@@ -78,12 +106,19 @@ impl SharedLimits {
 
     fn load_of(&self, row: Row, j: usize, width: &Width) -> f64 {
         let travel = width.travel_m_per_n.get(row.actuator).copied().unwrap_or(0.0);
-        let Some(driver) = row.driver else { return travel };
-        let voltage = match self.electrodes.get(j) {
-            Some(electrodes) if driver == j => 1.0 / electrodes.harmonic_per_volt_squared(1, width.pulse_width),
-            _ => 0.0,
-        };
-        voltage + self.slopes.get(row.actuator).copied().unwrap_or(0.0) * travel
+        let Some(electrodes) = self.electrodes.get(j) else { return 0.0 };
+        match row.kind {
+            Kind::Travel => travel,
+            Kind::PullIn => {
+                self.static_receptance[row.actuator].get(j).copied().unwrap_or(f64::INFINITY)
+                    * electrodes.softening_per_newton(width.pulse_width)
+            }
+            Kind::Breakdown { driver } => {
+                let voltage =
+                    if driver == j { 1.0 / electrodes.harmonic_per_volt_squared(1, width.pulse_width) } else { 0.0 };
+                voltage + self.slopes.get(row.actuator).copied().unwrap_or(0.0) * travel
+            }
+        }
     }
 
     /// The rows of which forces, one per actuator with its pulse width, use at least this part.
@@ -100,6 +135,11 @@ impl SharedLimits {
     #[must_use]
     pub fn name(&self, row: usize) -> Option<(usize, Limit)> {
         let row = self.rows.get(row)?;
-        Some((row.actuator, if row.driver.is_none() { Limit::Travel } else { Limit::Breakdown }))
+        let limit = match row.kind {
+            Kind::Travel => Limit::Travel,
+            Kind::Breakdown { .. } => Limit::Breakdown,
+            Kind::PullIn => Limit::PullIn,
+        };
+        Some((row.actuator, limit))
     }
 }

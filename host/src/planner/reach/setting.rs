@@ -1,7 +1,6 @@
 //! What is commanded: one setting of all actuators, made safe as plans are, and what it does.
 
 use super::measure::Measure;
-use super::space::strongest_width;
 use crate::planner::refine::Chosen;
 use crate::planner::table::{PlanTable, Width};
 use nalgebra::{DMatrix, DVector};
@@ -50,7 +49,7 @@ impl Part {
 }
 
 fn width(table: &PlanTable, actuator: usize, frequency: usize) -> Width {
-    table.entry(actuator, frequency).map_or_else(Width::default, |entry| *strongest_width(entry))
+    table.entry(actuator, frequency).map_or_else(Width::default, |entry| *entry.strong())
 }
 
 /// Scales forces down until the nonlinear motion, as of every plan, keeps all limits, and sets the

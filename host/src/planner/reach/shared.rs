@@ -7,7 +7,6 @@
 
 use super::measure::{Measure, View};
 use super::setting::{Part, command};
-use super::space::strongest_width;
 use crate::planner::table::PlanTable;
 use era_shared::supply::rail_of;
 use nalgebra::DMatrix;
@@ -156,7 +155,7 @@ impl<'a> At<'a> {
             .collect();
         let rows = 0..entries.len();
         let travel = rows.clone().map(|actuator| entries.iter().map(|entry| entry.travel[actuator]).collect());
-        let widths: Vec<_> = entries.iter().map(|entry| (*entry, strongest_width(entry))).collect();
+        let widths: Vec<_> = entries.iter().map(|entry| (*entry, entry.strong())).collect();
         let added = rows.map(|actuator| {
             let own =
                 widths.iter().map(|(entry, width)| width.travel_m_per_n[actuator] - entry.travel[actuator].norm());

@@ -1,7 +1,7 @@
 //! What every actuator does at every frequency, at full force: how it shakes the points, and what it uses up of the limits.
 
 use crate::planner::shared_limits::SharedLimits;
-use crate::planner::table::{Entry, PlanTable, Width};
+use crate::planner::table::{Entry, PlanTable};
 use nalgebra::DMatrix;
 
 /// The choices for a drive at distinct frequencies: `actuators` x `frequencies`, seen from some points.
@@ -144,13 +144,7 @@ fn magnitudes(shapes: &DMatrix<f64>, entry: &Entry, scale: f64) -> Vec<f32> {
 
 /// Part of each shared limit that an actuator uses up at its largest force.
 fn usage(limits: &SharedLimits, actuator: usize, entry: &Entry) -> Vec<f64> {
-    let strongest = strongest_width(entry);
+    let strongest = entry.strong();
     let loads = limits.loads(actuator, strongest).zip(&limits.allowed);
     loads.map(|(load, allowed)| load * strongest.max_force_n / allowed).collect()
-}
-
-/// The pulse width that an actuator's largest force takes.
-pub(super) fn strongest_width(entry: &Entry) -> &Width {
-    let [quiet, wide] = &entry.widths;
-    if wide.max_force_n > quiet.max_force_n { wide } else { quiet }
 }

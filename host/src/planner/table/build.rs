@@ -1,13 +1,15 @@
 //! Filling the table.
 
-use super::forces::{MotionPerN, harmonic_part, overshoots, overshoots_at_most, travel_by, width_of, widths};
+use super::forces::{
+    Driver, MotionPerN, harmonic_part, overshoots, overshoots_at_most, stronger, travel_by, width_of, widths,
+};
 use super::quadrature::products;
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions};
 use crate::model::ReducedModel;
 use crate::planner::limits::Electrodes;
 use crate::planner::phased::PerPair;
 use crate::planner::rise::{Onset, RiseTimes};
-use crate::planner::softening::Transducer;
+use crate::planner::softening::{Transducer, static_receptance};
 use crate::planner::{HIGHEST_FELT_HZ, perception};
 use crate::response::sweep::SurfaceShapes;
 use crate::response::{ResponseError, Solver};
@@ -25,6 +27,10 @@ const CHUNK: usize = 32;
 /// between points, 1.02 (pi/24 / sin(pi/24)).
 const BETWEEN: f64 = 1.1;
 
+/// Acceleration per newton, root mean square over the surface, which is as good as none, relative to that of the surface without
+/// anything that holds it. Rounding leaves 1e-12 or so of it; a spring of 1e9 N/m under an actuator 1e-5.
+const NOTHING: f64 = 1e-9;
+
 pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<PlanTable, ResponseError> {
     let frequencies_hz = options.frequencies_hz();
     let grid = SurfaceGrid::new(scene, &model, options.to_hz);
@@ -34,7 +40,8 @@ pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -
     let solver = Solver::new(&model);
     let free = free_motion(&model);
     let onset = free.as_ref().map(|(_, onset)| onset);
-    let panel = Panel { model: &model, products: &products, electrodes: &electrodes, transducers: &transducers, onset };
+    let drivers = drivers(&electrodes, &transducers, &static_receptance(&model));
+    let panel = Panel { model: &model, mass_kg: scene.mass_kg(), products: &products, drivers: &drivers, onset };
     let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
         .par_iter()
         .map(|frequency_hz| entries_at(panel, &solver, *frequency_hz))
@@ -53,13 +60,29 @@ pub(super) fn free_motion(model: &ReducedModel) -> Option<(RiseTimes, Onset)> {
     Some((rise, onset))
 }
 
+/// What each actuator has for making force.
+pub(super) fn drivers<'a>(
+    electrodes: &'a [Electrodes],
+    transducers: &'a [Transducer],
+    static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
+) -> Vec<Driver<'a>> {
+    let own = electrodes.iter().zip(transducers).enumerate();
+    own.map(|(i, (electrodes, transducer))| Driver {
+        electrodes,
+        transducer,
+        // Of one too many nothing is known; plans refuse it.
+        static_receptance: static_receptance.get(i).and_then(|row| row.get(i)).copied().unwrap_or(f64::INFINITY),
+    })
+    .collect()
+}
+
 /// What entries are made of.
 #[derive(Clone, Copy)]
 pub(super) struct Panel<'a> {
     pub model: &'a ReducedModel,
+    pub mass_kg: f64,
     pub products: &'a DMatrix<f64>,
-    pub electrodes: &'a [Electrodes],
-    pub transducers: &'a [Transducer],
+    pub drivers: &'a [Driver<'a>],
     pub onset: Option<&'a Onset>,
 }
 
@@ -100,7 +123,7 @@ pub(super) fn entries_at(
     solver: &Solver<'_>,
     frequency_hz: f64,
 ) -> Result<Option<Vec<Entry>>, ResponseError> {
-    let Panel { model, products, electrodes, transducers, onset } = panel;
+    let Panel { model, mass_kg, products, drivers, onset } = panel;
     let coordinates = match solver.coordinates(frequency_hz) {
         Ok(coordinates) => coordinates,
         Err(error) if error.is_unbounded() => return Ok(None),
@@ -108,15 +131,13 @@ pub(super) fn entries_at(
     };
     let harmonics = harmonics(model, solver, products, frequency_hz);
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
-    let drivers = electrodes.iter().zip(transducers);
     let entries = coordinates.into_iter().zip(drivers).enumerate().map(|(actuator, (displacement, driver))| {
-        let (electrodes, transducer) = driver;
         let travel = travel_by(model, &displacement);
         let mut harmonic_travel = [[0.0; MAX_ACTUATORS]; HARMONICS.len()];
         for (row, harmonic) in harmonic_travel.iter_mut().zip(&harmonics) {
             *row = harmonic.travel.get(actuator).copied().unwrap_or_default();
         }
-        let (overshoot, onset_v) = overshoots_at_most(onset, actuator, frequency_hz, electrodes, &travel);
+        let (overshoot, onset_v) = overshoots_at_most(onset, actuator, frequency_hz, driver.electrodes, &travel);
         let width = |pulse_width: f64| {
             let square = |harmonic: &Harmonic| {
                 harmonic_part(harmonic.number, pulse_width).powi(2)
@@ -130,13 +151,18 @@ pub(super) fn entries_at(
             };
             let surface = [surface, harmonics.iter().map(felt).sum()];
             let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
-            width_of(electrodes, transducer, actuator, motion, pulse_width, surface)
+            width_of(*driver, actuator, motion, pulse_width, surface)
         };
         let widths = widths(frequency_hz, width);
-        let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
-        let acceleration = displacement * scale;
+        let strongest = *stronger(&widths);
+        let mut acceleration = displacement * scale;
+        let mean_square = mean_square(products, &acceleration);
+        if mean_square.sqrt() <= NOTHING / mass_kg {
+            // An ERA on an edge that does not move: of what rounding leaves a touch would ask for all its force.
+            acceleration.fill(Complex64::ZERO);
+        }
         Entry {
-            mean_square: mean_square(products, &acceleration),
+            mean_square,
             mean: 0.0,
             most_square: 0.0,
             steepest: 0.0,
@@ -287,10 +313,10 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>
     let unbounded = || ResponseError::Unbounded { frequency_hz, resonance_hz: frequency_hz };
     let nearest = below.as_ref().or(above.as_ref()).ok_or_else(unbounded)?;
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
-    let drivers = table.electrodes.iter().zip(&table.transducers);
+    let drivers = drivers(&table.electrodes, &table.transducers, &table.static_receptance);
     let own = coordinates.into_iter().zip(drivers).zip(nearest).enumerate();
     Ok(own
-        .map(|(actuator, ((displacement, (electrodes, transducer)), nearest))| {
+        .map(|(actuator, ((displacement, driver), nearest))| {
             let travel = travel_by(model, &displacement);
             // Those of the frequencies beside it, whichever is more: a harmonic's resonance is seldom narrower than their distance.
             let mut harmonic_travel = nearest.harmonic_travel;
@@ -309,11 +335,11 @@ pub(super) fn row_at(table: &PlanTable, frequency_hz: f64, driven: Option<usize>
             let widths = nearest.widths.map(|width| match is_driven {
                 true => {
                     let harmonics = [width.harmonics, width.felt_harmonics];
-                    width_of(electrodes, transducer, actuator, motion, width.pulse_width, harmonics)
+                    width_of(driver, actuator, motion, width.pulse_width, harmonics)
                 }
                 false => width,
             });
-            let strongest = if widths[1].max_force_n > widths[0].max_force_n { widths[1] } else { widths[0] };
+            let strongest = *stronger(&widths);
             let acceleration = displacement * scale;
             let mean_square = mean_square(&table.products, &acceleration);
             let known = [&below, &above].map(|row| row.as_ref().and_then(|row| row.get(actuator).copied()));

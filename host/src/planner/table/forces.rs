@@ -3,7 +3,7 @@
 use super::{Entry, HARMONICS, Width};
 use crate::model::ReducedModel;
 use crate::planner::PULSE_WIDTH;
-use crate::planner::limits::{Electrodes, Limit, TRAVEL_PART};
+use crate::planner::limits::{Electrodes, HELD, Limit, TRAVEL_PART};
 use crate::planner::rise::Onset;
 use crate::planner::safe::{HALVINGS, LEVELS, WEAK, softening};
 use crate::planner::softening::{Excitation, Line, Transducer, settle};
@@ -117,20 +117,33 @@ fn travel_of(motion: MotionPerN<'_>, pulse_width: f64) -> [f64; MAX_ACTUATORS] {
     out
 }
 
+/// What an actuator has for making force, and what it may take of what holds its mass.
+#[derive(Clone, Copy)]
+pub(super) struct Driver<'a> {
+    pub electrodes: &'a Electrodes,
+    pub transducer: &'a Transducer,
+    /// Its mass's travel per steady force in m/N.
+    pub static_receptance: f64,
+}
+
 pub(super) fn width_of(
-    electrodes: &Electrodes,
-    transducer: &Transducer,
+    driver: Driver<'_>,
     actuator: usize,
     motion: MotionPerN<'_>,
     pulse_width: f64,
     [harmonics, felt_harmonics]: [f64; 2],
 ) -> Width {
+    let Driver { electrodes, transducer, static_receptance } = driver;
     let travel_m_per_n = travel_of(motion, pulse_width);
     let own = travel_m_per_n.get(actuator).copied().unwrap_or(0.0);
-    let (max_force_n, limit) = electrodes.max_force(own, pulse_width);
+    let most = electrodes.max_force(own, pulse_width);
+    // What a bias already took off its spring is in the model.
+    let by_pull_in =
+        (HELD / static_receptance + transducer.counted_n_per_m) / electrodes.softening_per_newton(pulse_width);
+    let most = if by_pull_in < most.0 { (by_pull_in, Limit::PullIn) } else { most };
     let receptance = motion.travel.get(actuator).copied().unwrap_or_default();
     let (max_force_n, limit) =
-        safe_alone(electrodes, transducer, receptance, own - receptance.norm(), pulse_width, (max_force_n, limit));
+        safe_alone(electrodes, transducer, receptance, own - receptance.norm(), pulse_width, most);
     Width { pulse_width, harmonics, felt_harmonics, travel_m_per_n, max_force_n, limit }
 }
 
@@ -182,8 +195,12 @@ pub(super) fn widths(frequency_hz: f64, width: impl Fn(f64) -> Width) -> [Width;
     let widest = (1.0 - 2.0 * frequency_hz * GUARD_S).min(WIDEST);
     let usable = WIDTHS.iter().filter(|pulse_width| **pulse_width <= widest).map(|pulse_width| width(*pulse_width));
     let quiet = usable.min_by(|a, b| a.harmonics.total_cmp(&b.harmonics)).unwrap_or_else(|| width(widest));
-    let strong = width(widest);
-    [quiet, if strong.max_force_n > WORTH * quiet.max_force_n { strong } else { quiet }]
+    [quiet, width(widest)]
+}
+
+/// The stronger of an entry's two pulses where it is worth a candidate of its own, otherwise the quiet one.
+pub(super) fn stronger([quiet, widest]: &[Width; 2]) -> &Width {
+    if widest.max_force_n > WORTH * quiet.max_force_n { widest } else { quiet }
 }
 
 /// Amplitude of a harmonic's force over the fundamental's: sin(n pi w/2) / (n sin(pi w/2)).

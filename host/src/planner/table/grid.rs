@@ -48,7 +48,7 @@ impl SurfaceGrid {
             SurfaceKind::Bar => vec![width / 2.0],
             SurfaceKind::Plate => evenly(0.0, width, count(width)),
         };
-        let (wx, wy) = (trapezoid(x_m.len()), trapezoid(y_m.len()));
+        let (wx, wy) = (gregory(x_m.len()), gregory(y_m.len()));
         let layout = scene.layout();
         let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
         let there: Vec<bool> = points.map(|(x, y)| layout.at(x, y).is_some()).collect();
@@ -111,14 +111,19 @@ pub(super) fn bending_wave_m(scene: &Scene, frequency_hz: f64) -> f64 {
     std::f64::consts::TAU * (ratio / (omega * omega)).powf(0.25)
 }
 
-/// Weights of the trapezoidal rule on equidistant points, adding up to 1.
+/// Weights on equidistant points, adding up to 1: the trapezoidal rule with Gregory's corrections at both ends up to second
+/// differences (Hildebrand 1974, section 5.9). Without them a motion that ends with a slope, as at a free edge, has a mean that is off by
+/// h^2 / 12 times that slope: 1 % with twelve points per wave.
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
-fn trapezoid(points: usize) -> Vec<f64> {
+fn gregory(points: usize) -> Vec<f64> {
+    const END: [f64; 3] = [3.0 / 8.0, 7.0 / 6.0, 23.0 / 24.0];
     if points < 2 {
         return vec![1.0; points];
     }
     let step = 1.0 / (points - 1) as f64;
-    (0..points).map(|i| if i == 0 || i == points - 1 { 0.5 * step } else { step }).collect()
+    // On fewer points the two ends would meet.
+    let ends: &[f64] = if points >= 2 * END.len() { &END } else { &[0.5] };
+    (0..points).map(|i| step * ends.get(i.min(points - 1 - i)).copied().unwrap_or(1.0)).collect()
 }
 
 /// The trapezoidal rule where there are cut-outs, whose borders need not be lines of the grid: what is linear between points is
@@ -176,6 +181,22 @@ fn hats(points: &[f64], from: f64, to: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::scene::EXAMPLE_PLATE;
+
+    /// Means of 1, x, x^2 and sin x along a line, which ends with a slope.
+    #[test]
+    fn weights_of_a_line_are_good_to_the_fourth_order() {
+        for points in [5, 6, 7, 13, 49] {
+            let weights = gregory(points);
+            let line = evenly(0.0, 1.0, points);
+            let mean = |of: &dyn Fn(f64) -> f64| -> f64 { line.iter().zip(&weights).map(|(x, w)| w * of(*x)).sum() };
+            assert!((mean(&|_| 1.0) - 1.0).abs() < 1e-12 && (mean(&|x| x) - 0.5).abs() < 1e-12, "{points}");
+            if points > 5 {
+                assert!((mean(&|x| x * x) - 1.0 / 3.0).abs() < 1e-12, "{points}");
+                let step = 1.0 / (points - 1) as f64;
+                assert!((mean(&f64::sin) - (1.0 - 1.0_f64.cos())).abs() < 0.1 * step.powi(4), "{points}");
+            }
+        }
+    }
 
     /// Every point of the grid of a panel of any whole millimetres is a place on it, and the outer ones are on its edges.
     #[test]

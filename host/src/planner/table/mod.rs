@@ -114,12 +114,26 @@ pub struct Entry {
     pub overshoot: [f64; MAX_ACTUATORS],
     /// That voltage in V.
     pub onset_v: f64,
-    /// Pulse widths worth choosing from: the one whose harmonics move the panel least, and the widest if it gives more force.
+    /// Pulse widths to choose from: of those that drop harmonics the one whose harmonics move the panel least, and the widest.
     pub widths: [Width; 2],
     /// Most force amplitude in N, of any width.
     pub max_force_n: f64,
     /// What sets it.
     pub limit: Limit,
+}
+
+impl Entry {
+    /// The widest pulse where it gives more force, otherwise the quiet one.
+    #[must_use]
+    pub fn strong(&self) -> &Width {
+        forces::stronger(&self.widths)
+    }
+
+    /// The quiet pulse, or the strong one.
+    #[must_use]
+    pub fn pulse(&self, is_strong: bool) -> &Width {
+        if is_strong { self.strong() } else { &self.widths[0] }
+    }
 }
 
 /// What a table is made of when its scene, model and frequencies are known; everything else follows.
@@ -154,6 +168,8 @@ pub struct PlanTable {
     pub(in crate::planner) static_receptance: [[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
     /// The surface.
     pub grid: SurfaceGrid,
+    /// Length of the shortest bending wave in m, at the highest frequency.
+    pub(super) wave_m: f64,
     /// Accelerations of all actuators on the coarser models, level by level at every frequency of the grid.
     pub(super) coarser_rows: [Vec<Option<Vec<DVector<Complex64>>>>; 2],
     /// Weighted products of the shapes over the surface, n x n.
@@ -187,11 +203,14 @@ impl PlanTable {
     /// The table of what was computed, or kept from when it was.
     fn of(scene: &Scene, computed: Computed) -> Self {
         let Computed { model, frequencies_hz, entries, electrodes, grid, products, free } = computed;
+        let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
+        let static_receptance = static_receptance(&model);
         Self {
             gains: Gains::new(&entries, model.order()),
-            static_receptance: static_receptance(&model),
-            limits: SharedLimits::new(&electrodes, &entries),
+            static_receptance,
+            limits: SharedLimits::new(&electrodes, &transducers, static_receptance, &entries),
             rough: Rough::new(scene, &entries),
+            wave_m: grid::bending_wave_m(scene, frequencies_hz.last().copied().unwrap_or_default()),
             model,
             coarser: None,
             coarser_rows: [Vec::new(), Vec::new()],
@@ -199,7 +218,7 @@ impl PlanTable {
             frequencies_hz,
             entries,
             electrodes,
-            transducers: scene.actuators.iter().map(Transducer::of).collect(),
+            transducers,
             grid,
             products,
             over_surface: OnceLock::new(),

@@ -34,7 +34,7 @@ impl Rough {
         };
         let part = (disc / scene.area_m2()).min(0.9);
         let rest = 1.0 - part;
-        let quiet = |entry: &Entry| entry.widths[0].harmonics.min(entry.widths[1].harmonics);
+        let quiet = |entry: &Entry| entry.widths[0].harmonics.min(entry.strong().harmonics);
         let all = |of: &dyn Fn(&Entry) -> f64| -> Vec<f64> {
             entries.iter().flatten().map(|entry| entry.as_ref().map_or(0.0, of)).collect()
         };

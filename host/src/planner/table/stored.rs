@@ -4,7 +4,7 @@
 //! arrays that a touch reads in its own order are made again of scene and entries, so that a table read is bit for bit the
 //! one that was written. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
 
-use super::build::{Panel, electrodes_of, entries_at, figures_of, free_motion, rows};
+use super::build::{Panel, drivers, electrodes_of, entries_at, figures_of, free_motion, rows};
 use super::quadrature::products_of;
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
 use crate::model::bounded::Step;
@@ -227,11 +227,12 @@ fn over_surface(table: &PlanTable, acceleration: &DVector<Complex64>, kept: &Ent
 /// Computes samples anew: entries with their limits, responses of the coarser levels, products and shapes.
 fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
     let solver = Solver::new(&table.model);
+    let drivers = drivers(&table.electrodes, &table.transducers, &table.static_receptance);
     let panel = Panel {
         model: &table.model,
+        mass_kg: table.scene.mass_kg(),
         products: &table.products,
-        electrodes: &table.electrodes,
-        transducers: &table.transducers,
+        drivers: &drivers,
         onset: table.onset(),
     };
     for k in samples(table.frequencies_hz.len()) {
