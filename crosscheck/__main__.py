@@ -18,6 +18,7 @@ def main():
     parser = argparse.ArgumentParser(prog="python -m crosscheck", description=__doc__)
     parser.add_argument("--era", required=True, type=Path, help="the program's binary")
     parser.add_argument("--scenes", type=int, default=300, help="how many random scenes")
+    parser.add_argument("--first", type=int, default=0, help="index of the first one, to go on where a run ended")
     parser.add_argument("--seed", type=int, default=1, help="of the random scenes")
     parser.add_argument("--only", type=int, help="one scene, by its index")
     parser.add_argument("--part", help="checks to run, by name, with commas between")

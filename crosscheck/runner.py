@@ -98,7 +98,7 @@ def run(options):
     """Compares and prints the table. 0 if nothing failed."""
     started = time.perf_counter()
     modules = registry(options.part)
-    indices = [options.only] if options.only is not None else range(options.scenes)
+    indices = [options.only] if options.only is not None else range(options.first, options.scenes)
     everywhere = options.only is not None or options.plant is not None
     results, seconds = [], dict.fromkeys(modules, 0.0)
     with ProcessPoolExecutor(options.jobs) as pool:

@@ -23,8 +23,10 @@ EVERY, FIRST = 12, 1
 MAX_HZ, BAND_HZ, MOST = 1000.0, 2000.0, 150
 STEP_S = 1e-4
 G = 9.80665
-# How long is looked at after the end.
-AFTER_S = 0.3
+# How long after the end a time of quiet is told, and how long it has to be quiet to count: between two crests anything is.
+AFTER_S, QUIET_FOR_S = 0.3, 0.05
+# Motions in m/s^2 below this are rounding, the program's and the reference's: a ten-thousandth of what is felt at best (1e-3 g).
+NOTHING = 1e-6
 # How long envelopes are looked at, and in how many samples.
 TIMED_S, TIMED = 2.0, 10_000
 # The mean over delays is one over 8 per drive, or 4 or 2 where there are three or four; a mean over many differs by as much.
@@ -108,11 +110,13 @@ def _motion(context, system, half, drives, predicted, where):
         for d in drives
     ]
     ends = max(force.end_s for force in forces)
-    seconds = ends + AFTER_S
+    seconds = ends + AFTER_S + QUIET_FOR_S
     play = lambda model: [effects.response(model, ids.index(d["actuator"]), force, seconds, STEP_S) for d, force in zip(drives, forces)]
     signals, rough = play(system), play(half)
     periods = [force.period_s for force in forces]
     mean, least, most = effects.peaks(signals, periods, STEP_S)
+    if mean < NOTHING and predicted["peak_g"] * G < NOTHING:
+        return [not_comparable(quantity, name, "nothing moves") for quantity in QUANTITIES[:4]]
     # What modes above the band make of a start is worth about what those of its upper half do, at most.
     error = abs(effects.peaks(rough, periods, STEP_S)[0] / mean - 1)
     if error > USEFUL:
@@ -158,6 +162,8 @@ def _timing(context, system, answer, where):
         return not_comparable(quantity, name, "poles coincide, or frequencies do")
     motions = rise.free_motions(system, drives)
     peak = sum(abs(steady) for _, steady, _, _ in motions)
+    if peak < NOTHING:
+        return not_comparable(quantity, name, "nothing moves")
     times = np.linspace(0, TIMED_S, TIMED + 1)
     risen, left, unresolved = rise.envelopes(motions, times)
     printed = [answer["plan_timing"][key] for key in ("reaches_90_s", "decays_to_10_s")]
@@ -167,6 +173,9 @@ def _timing(context, system, answer, where):
         (rise.last(times, risen + unresolved < 0.88 * peak), rise.last(times, risen - unresolved < 0.92 * peak)),
         (rise.last(times, left - unresolved > 0.12 * peak), rise.last(times, left + unresolved > 0.08 * peak)),
     ]
+    # Free motions that are left may, as they beat with the steady one, take it below again.
+    if left[-1] + unresolved[-1] > 0.08 * peak:
+        brackets[0] = (brackets[0][0], None)
     worst, note = 0.0, ""
     for got, (early, late) in zip(printed, brackets):
         got, early, late = (TIMED_S if value is None or value > TIMED_S else value for value in (got, early, late))
@@ -187,15 +196,16 @@ def _decay(context, together, mean, printed_ms, ends, where):
     pass it slowly. Printed is one of the times between."""
     def stays_below(limit):
         above = np.nonzero(np.abs(together) > limit * mean)[0]
-        return None if len(above) and above[-1] == len(together) - 1 else (above[-1] + 1 if len(above) else 0) * STEP_S * 1e3
+        first = above[-1] + 1 if len(above) else 0
+        return None if len(together) - first < QUIET_FOR_S / STEP_S - 1 else first * STEP_S * 1e3
 
     early, late = stays_below(0.104), stays_below(0.096)
     note = f"{printed_ms} for {early} to {late} ms, {where}"
-    if printed_ms is None or late is None:
-        # Not within 300 ms of the end; near that either may be said.
-        far = printed_ms is None and early is not None and early < (ends + AFTER_S) * 1e3 - 15
-        near = printed_ms is not None and early is None
-        return Result("effect: decay", context.name, float(far or near), 0.0, note=note)
+    if printed_ms is None:
+        # Not within 300 ms of the end, as drives' periods round it; near that either may be said.
+        sooner = late is not None and late < (ends + AFTER_S) * 1e3 - 15
+        return Result("effect: decay", context.name, float(sooner), 0.0, note=note)
+    early, late = (np.inf if value is None else value for value in (early, late))
     outside = max(early - printed_ms, printed_ms - late, 0.0)
     # A sample of 0.1 ms, and a half swing of the slowest drive.
     return Result("effect: decay", context.name, outside, 1.0, note=note)
@@ -203,7 +213,10 @@ def _decay(context, together, mean, printed_ms, ends, where):
 
 def _current(context, answer, where):
     """Mean current from the supply while all drives are at full level."""
-    total = sum(CHARGE_PER_VOLT * drive["voltage_v"] * drive["frequency_hz"] for drive in answer["drives"])
+    of = lambda drives: sum(CHARGE_PER_VOLT * drive["voltage_v"] * drive["frequency_hz"] for drive in drives)
     if context.planted("effect: supply current"):
-        total = 1.05 * max(total, MOST_CURRENT_A)
+        # As if the last scaling to what the supply delivers had been forgotten.
+        factor = 1.05 * max(1.0, MOST_CURRENT_A / max(of(answer["drives"]), 1e-300))
+        answer["drives"] = [drive | {"voltage_v": drive["voltage_v"] * factor} for drive in answer["drives"]]
+    total = of(answer["drives"])
     return Result("effect: supply current", context.name, total / MOST_CURRENT_A, 1.0 + 1e-9, note=where)

@@ -56,6 +56,17 @@ def run(context):
     return results + _ratios(name, rigid, ratios, bounds, wanted, damping, own, own_damping)
 
 
+def _mixed(group, off, wanted, damping):
+    """What errors of the modes beside a group may mix into it, relative to its ratio: 2 e sqrt(of the ratios) + e^2 of theirs, e the
+    errors of the frequencies over their distance."""
+    mixed, own = 0.0, damping[group].mean()
+    for inside, beside in ((group.start, group.start - 1), (group.stop - 1, group.stop)):
+        if 0 <= beside < len(off) and wanted[beside] > 0:
+            part = (off[inside] + off[beside]) / abs(wanted[beside] / wanted[inside] - 1)
+            mixed += 2 * part * np.sqrt(damping[beside] / own) + part**2 * damping[beside] / own
+    return mixed
+
+
 def _ratios(name, rigid, ratios, bounds, wanted, damping, own, own_damping):
     """Damping ratios. Any mixture of close modes is a mode: of a group of them the sum is compared, which mixing leaves alone."""
     results, first = [], rigid
@@ -74,5 +85,6 @@ def _ratios(name, rigid, ratios, bounds, wanted, damping, own, own_damping):
             # Ratios follow from shapes, which are off by more than frequencies are.
             off = (bounds[group] + own[group]).max()
             tolerance = RATIO_TOLERANCE + 20 * off + own_damping[group].sum() / total
+            tolerance += _mixed(group, bounds + own[: len(bounds)], wanted, damping)
             results.append(Result("mode damping ratio", name, abs(ratios[group].sum() / total - 1), tolerance, True, note))
     return results

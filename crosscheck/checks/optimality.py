@@ -10,7 +10,7 @@ import numpy as np
 from ..harness import Result, change, not_comparable
 from ..reference.electrostatics import force_amplitude, harmonic_ratio, widest_pulse
 from ..reference.perception import STANDARD_GRAVITY_M_S2
-from ..reference.planner import BOARD_V, Grid, Motion, Responses, apart, best_sum, capacitance, drives_of, least_cost, odd_harmonics
+from ..reference.planner import Grid, Motion, Responses, apart, best_sum, capacitance, drives_of, least_cost, odd_harmonics
 
 CONTRAST, REACH, UTMOST, POWER = "optimality: contrast", "optimality: reach", "optimality: out of reach", "optimality: power"
 QUANTITIES = (CONTRAST, REACH, UTMOST, POWER)
@@ -115,7 +115,7 @@ class Search:
         at the plan's own, which may lie between them."""
         total = 0.0
         for i, actuator in enumerate(self.grid.scene.actuators):
-            volts = min(actuator.max_voltage, BOARD_V)
+            volts = actuator.max_voltage
             best = (self.peak[:, i] * force_amplitude(actuator, volts, widest_pulse(self.grid.grid_hz))).max()
             for k, frequency in enumerate(motion.frequencies):
                 own = np.abs(motion.responses.at([self.place])[k, i, 0])

@@ -5,7 +5,7 @@ import numpy as np
 from ..harness import Result, change, change_all, not_comparable
 from ..reference.electrostatics import force_amplitude, widest_pulse
 from ..reference.perception import STANDARD_GRAVITY_M_S2
-from ..reference.planner import BOARD_V, Drive, Grid, Motion, best_sum, drives_of
+from ..reference.planner import Drive, Grid, Motion, best_sum, drives_of
 
 LEAST, MOST, CONTRAST, SCHEMES = "reach: strongest, from below", "reach: strongest, from above", "reach: contrast", "reach: schemes"
 QUANTITIES = (LEAST, MOST, CONTRAST, SCHEMES)
@@ -50,7 +50,7 @@ def run(context):
         note = f"at {place[0] * 1e3:.5g},{place[1] * 1e3:.5g} mm"
         sure = best_sum(peak * grid.sure_force().max(axis=2), grid.grid_hz)[0]
         most = sum(
-            (peak[:, i] * force_amplitude(actuator, min(actuator.max_voltage, BOARD_V), widest_pulse(grid.grid_hz))).max()
+            (peak[:, i] * force_amplitude(actuator, actuator.max_voltage, widest_pulse(grid.grid_hz))).max()
             for i, actuator in enumerate(scene.actuators)
         )
         if most < 1e-9:

@@ -23,14 +23,14 @@ class Bar:
 
     def __init__(self, scene, max_hz, fineness, points):
         length = scene.length
-        fixed = {float(x): 0 for x, _ in points}
+        fixed = {float(x): None for x, _ in points}
         for patch in scene.patches:
-            fixed |= {patch.x: 0, patch.x + patch.length: 0}
+            fixed |= {patch.x: None, patch.x + patch.length: None}
         parts = [part_of(scene, x) for x in self._middles(sorted({0.0, length, *fixed}))]
         # Bending waves: 2 pi (E I / (mu omega^2))^(1/4).
         wave = min(2 * np.pi * (ei / (mu * (2 * np.pi * max_hz) ** 2)) ** 0.25 for ei, mu in parts)
         # Not finer: what rounding takes from slow motions goes with the fourth power of the number of cells.
-        self.lines = hermite.graded_lines(fixed, length, min(length / 20, wave / 40) / fineness, 0)
+        self.lines = hermite.graded_lines(fixed, length, min(length / 20, wave / 40) / fineness)
         parts = np.array([part_of(scene, x) for x in self._middles(self.lines)])
         nodes = len(self.lines)
         free = np.ones((nodes, 2), dtype=bool)

@@ -101,9 +101,9 @@ def response(system, actuator, force, seconds, step, tolerance=1e-7):
     return result + rest * force.second(times)
 
 
-def peaks(signals, periods_s, step, count=128):
+def peaks(signals, periods_s, step, count=1024):
     """(mean, least, most) of the largest acceleration over delays of the signals by parts of their periods, quasi-random
-    ones (Sobol)."""
+    ones (Sobol). Of 128 the mean is as good, but the most 4 % lower, where effects are as short as some periods."""
     delays = qmc.Sobol(len(signals), scramble=False).random(count) * np.array(periods_s)
     found = []
     for row in delays:

@@ -55,7 +55,8 @@ class MovingGaps:
     """Steady motion of drives whose forces grow as their gaps close: harmonic balance.
 
     The frequencies are taken as incommensurate, so time averages are averages over the torus of their phases. The gaps move
-    at the fundamentals, which are unknown, and at odd harmonics, which are those of masses at rest. The force on every mass
+    at the fundamentals and at odd harmonics. Fundamentals are found by Newton's method with the harmonics fixed; then the
+    forces' harmonics with the gaps as they move, and again until both stand still. The force on every mass
     is that of the window of its electrodes and of the gap of that moment,
     eps0 A / 2 (V_A^2 / (g - x)^2 - V_B^2 / (g + x)^2); what a bias already took from the springs is given back.
     """
@@ -72,12 +73,13 @@ class MovingGaps:
         self.drives = drives
         self.gap_change = gap_change
         self.harmonics = harmonic_gap_change
-        self.rest = self._harmonics_at_rest()
         self.nodes = [self._nodes(i) for i in range(len(actuators))]
+        self.still = self._harmonics_at_rest()
+        self._move_harmonics(self.still)
 
     def _nodes(self, i):
-        """Where actuator i pulls: phasors e^(j theta) [point, frequency], weights, signs (+ electrode A, - B), and there
-        the gap's change by harmonics. None where it is not driven."""
+        """Where actuator i pulls: phasors e^(j theta) [point, frequency], weights, signs (+ electrode A, - B). None where it
+        is not driven."""
         own = self.index[i]
         if own is None:
             return None
@@ -93,8 +95,20 @@ class MovingGaps:
                 all_weights.append(np.full(len(others), weight * window / (2 * np.pi) / len(others)))
                 signs.append(np.full(len(others), sign))
         turns = np.exp(1j * np.concatenate(phases))
-        harmonics = sum((turns[:, k] ** n * amplitude for (n, k), amplitude in self.rest[i].items()), np.zeros(len(turns)))
-        return turns, np.concatenate(all_weights), np.concatenate(signs), np.real(harmonics)
+        return turns, np.concatenate(all_weights), np.concatenate(signs)
+
+    def _move_harmonics(self, forces):
+        """Takes {(harmonic, actuator): complex amplitude of the force} for the ones that move the gaps: their changes at the
+        points of `nodes`, and {(harmonic, frequency): complex amplitude} of every gap."""
+        self.moved = [{} for _ in self.actuators]
+        for (harmonic, loaded), force in forces.items():
+            own = self.index[loaded]
+            for i, moved in enumerate(self.moved):
+                moved[harmonic, own] = moved.get((harmonic, own), 0) + force * self.harmonics[harmonic][own, loaded, i]
+        self.changes = [
+            None if nodes is None else sum((nodes[0][:, k] ** n * x for (n, k), x in moved.items()), np.zeros(len(nodes[0]))).real
+            for nodes, moved in zip(self.nodes, self.moved)
+        ]
 
     def _forces(self, motion, level):
         """Complex amplitudes [frequency, actuator] of the forces for a motion [frequency, actuator] of the gaps, and slopes.
@@ -105,11 +119,8 @@ class MovingGaps:
         slopes = np.zeros((len(self.actuators), 2, self.frequencies, self.frequencies), dtype=complex)
         for i, actuator in enumerate(self.actuators):
             if self.index[i] is not None:
-                turns, weights, signs, harmonics = self.nodes[i]
-                change = (turns @ motion[:, i]).real + level**2 * harmonics
-                gap = actuator.air_gap - signs * change
-                volts = self.drives[i][0] * level
-                pull = VACUUM_PERMITTIVITY_F_PER_M * actuator.electrode_area / 2 * volts**2 / gap**2
+                turns, weights, signs = self.nodes[i]
+                pull, gap = self._pull(i, motion, level)
                 forces[:, i] = 2 * (weights * signs * pull) @ turns.conj()
                 steep = (2 * weights * 2 * pull / gap)[:, None] * turns.conj()
                 slopes[i] = steep.T @ turns.real, -(steep.T @ turns.imag)
@@ -117,29 +128,60 @@ class MovingGaps:
             slopes[i] -= actuator.softening * np.multiply.outer([1, 1j], np.eye(self.frequencies))
         return forces, slopes
 
+    def _pull(self, i, motion, level):
+        """Force of the electrode that is on, in N, and its gap in m, at the points of `nodes`."""
+        turns, _, signs = self.nodes[i]
+        actuator = self.actuators[i]
+        gap = actuator.air_gap - signs * ((turns @ motion[:, i]).real + level**2 * self.changes[i])
+        volts = self.drives[i][0] * level
+        return VACUUM_PERMITTIVITY_F_PER_M * actuator.electrode_area / 2 * volts**2 / gap**2, gap
+
     def _harmonics_at_rest(self):
-        """For every actuator {(harmonic, frequency): complex amplitude of its gap} by forces of masses at rest."""
-        rest = [{} for _ in self.actuators]
-        for (harmonic, change), loaded in product(self.harmonics.items(), range(len(self.actuators))):
-            own = self.index[loaded]
-            if own is None:
+        """{(harmonic, actuator): complex amplitude} of the forces on masses at rest."""
+        rest = {}
+        for harmonic, loaded in product(self.harmonics, range(len(self.actuators))):
+            if self.index[loaded] is None:
                 continue
             volts, pulse, phase = self.drives[loaded]
-            actuator = self.actuators[loaded]
             # Signed: the n-th harmonic of the pulse train is 4/(n pi) sin(n pi w / 2) cos(n theta).
-            force = 4 / (harmonic * np.pi) * actuator.force(volts) * np.sin(harmonic * np.pi * pulse / 2)
-            for i in range(len(self.actuators)):
-                key = (harmonic, own)
-                rest[i][key] = rest[i].get(key, 0) + force * np.exp(1j * harmonic * phase) * change[own, loaded, i]
+            force = 4 / (harmonic * np.pi) * self.actuators[loaded].force(volts) * np.sin(harmonic * np.pi * pulse / 2)
+            rest[harmonic, loaded] = force * np.exp(1j * harmonic * phase)
         return rest
 
-    def solve(self, levels=6):
+    def _harmonics_moving(self, motion):
+        """The same with the gaps as they move, each at multiples of its own drive."""
+        found = {}
+        for harmonic, i in self.still:
+            turns, weights, signs = self.nodes[i]
+            own = self.index[i]
+            force = 2 * (weights * signs * self._pull(i, motion, 1.0)[0]) @ (turns[:, own].conj() ** harmonic)
+            found[harmonic, i] = force - self.actuators[i].softening * self.moved[i][harmonic, own]
+        return found
+
+    def solve(self):
         """Forces and motions, both [frequency, actuator], of the branch that rising voltages lead to. None if there is none."""
+        motion = self._fundamentals(np.zeros((self.frequencies, len(self.actuators)), dtype=complex), np.linspace(1 / 6, 1, 6))
+        forces = self.still
+        size = max((abs(force) for force in forces.values()), default=0.0)
+        for _ in range(60):
+            if motion is None:
+                return None
+            following = self._harmonics_moving(motion)
+            if all(abs(following[key] - forces[key]) <= 1e-6 * size for key in forces):
+                return self._forces(motion, 1.0)[0], motion
+            # Half the way: a resonance at a harmonic may answer by more than it is asked.
+            forces = {key: (forces[key] + following[key]) / 2 for key in forces}
+            self._move_harmonics(forces)
+            motion = self._fundamentals(motion, [1.0])
+        return None
+
+    def _fundamentals(self, motion, levels):
+        """The motion [frequency, actuator] at parts `levels` of the voltages, one after the other, by Newton's method from
+        `motion`. None if there is none."""
         count, actuators = self.frequencies, len(self.actuators)
         gaps = np.array([actuator.air_gap for actuator in self.actuators])
-        motion = np.zeros((count, actuators), dtype=complex)
         identity = np.eye(count * actuators)
-        for level in np.linspace(1 / levels, 1, levels):
+        for level in levels:
             for _ in range(30):
                 forces, slopes = self._forces(motion, level)
                 wrong = np.einsum("kl,kli->ki", forces, self.gap_change) - motion
@@ -157,4 +199,4 @@ class MovingGaps:
                 return None
             if (np.abs(motion).sum(axis=0) >= gaps).any():
                 return None
-        return self._forces(motion, 1.0)[0], motion
+        return motion

@@ -51,33 +51,34 @@ def locate(lines, places):
     return cell(-tolerance), cell(tolerance)
 
 
-def graded_lines(fixed, length, size, levels):
+def graded_lines(fixed, length, size, steepness=0.5):
     """Lines from 0 to `length` through the `fixed` places, cells no longer than `size`.
 
-    `fixed` maps a place to the number of geometric layers (ratio 4) towards it, at most `levels`.
+    `fixed` maps a place to the length of the cells beside it, or to None where they are as all others. On the way there a cell is at
+    most `steepness` times as long as it is far from the place at its far end.
     """
     tolerance = 1e-6 * length
-    places = {0.0: 0, length: 0}
-    for place, layers in sorted(fixed.items()):
-        near = [known for known in places if abs(known - place) <= tolerance]
-        if near:
-            places[near[0]] = max(places[near[0]], layers)
-        else:
-            places[place] = layers
+    places = {0.0: None, length: None}
+    for place, finest in sorted(fixed.items()):
+        place = next((known for known in places if abs(known - place) <= tolerance), place)
+        known = places.get(place)
+        places[place] = finest if known is None else known if finest is None else min(known, finest)
     order = sorted(places)
     result = [0.0]
     for a, b in zip(order, order[1:]):
-        span = b - a
-        inner = [a, b]
-        at_a, at_b = min(places[a], levels), min(places[b], levels)
-        reach = min(size, span / 2 if at_a and at_b else span)
-        floor = 5e-4 * length
-        for end, sign, layers in ((a, 1.0, at_a), (b, -1.0, at_b)):
-            for k in range(1, layers + 1):
-                distance = reach * 4.0**-k
-                if distance >= floor:
-                    inner.append(end + sign * distance)
+        graded = [(end, sign, places[end]) for end, sign in ((a, 1.0), (b, -1.0)) if places[end] is not None]
+        reach = min(size / steepness, (b - a) / max(len(graded), 1))
+        inner = {a, b}
+        for end, sign, finest in graded:
+            # As many equal cells as steepness allows, then longer ones.
+            even = int(np.ceil(1 / steepness - 1 - 1e-9))
+            first = min(finest * even, reach)
+            inner.update(end + sign * first * k / even for k in range(1, even + 1))
+            count = int(np.ceil(np.log(reach / first) / -np.log(1 - steepness) - 1e-9))
+            inner.update(end + sign * first * (reach / first) ** (k / count) for k in range(1, count + 1))
         inner = sorted(inner)
+        # Lines that come from both ends, or that are an end but for rounding.
+        inner = [a] + [line for line, before in zip(inner[1:-1], inner) if line - before > tolerance and b - line > tolerance] + [b]
         for left, right in zip(inner, inner[1:]):
             count = max(1, int(np.ceil((right - left) / size - 1e-9)))
             result.extend(left + (right - left) * np.arange(1, count + 1) / count)

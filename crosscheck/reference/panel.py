@@ -2,7 +2,7 @@
 
 Two meshes, cells 1.5 times smaller on the finer one: answers are those of the finer, and their difference from the coarser
 is the reference's estimate of its own error. (Cubic Hermite cells converge with h^4, next to cut-outs with h^1.3 or so on
-graded cells; with h^4 the finer mesh is off by a quarter of the difference, so that the estimate is on the safe side.)
+graded cells, which the finer mesh also has more of towards corners; with h^4 the finer mesh is off by a quarter of the difference, so that the estimate is on the safe side.)
 """
 
 from functools import cached_property
@@ -107,6 +107,12 @@ class Panel:
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(omega > 0, viscous / (2 * omega) + lossy / (2 * omega**2), 0.0)
         return omega / (2 * np.pi), ratio
+
+    def shapes(self, model, points_m, max_hz):
+        """Frequencies (Hz) of one of the two models' modes and their mass-normalised deflections [mode, point], kg^-1/2."""
+        omega, phi = model.modes()
+        keep = omega <= 2 * np.pi * max_hz
+        return omega[keep] / (2 * np.pi), (model.output_rows(points_m) @ phi[:, keep]).T
 
     # Responses.
 

@@ -25,9 +25,11 @@ from .surface import Surface
 
 HARMONICS_UP_TO_HZ = 1000.0
 LEAST_DISTANCE_HZ = 20.0
-# Highest rail voltage of the board (docs/src/safety.md, "Limits").
-BOARD_V = 2000.0
 GRID_HZ = np.arange(40.0, 401.0)
+# What plans choose pulse widths from (docs/src/planner.md, "How it is found"): without a third harmonic, least of all together, without
+# a fifth, without a seventh; and the widest, which leaves this time between the electrodes and is never wider than this.
+DROPPING = np.array([2 / 3, 0.72, 0.8, 6 / 7])
+PLANNED_GUARD_S, WIDEST = 220e-6, 0.96
 # Capacitance of the cable to one electrode; the electrode's own, eps0 A / g, comes on top.
 CABLE_F = 65e-12
 
@@ -111,13 +113,12 @@ class Motion:
     def means(self, targets):
         """(mean of the peak over the rest of the surface in g, mean square near the targets over that of the rest in dB).
 
-        Near is within 10 mm of any target; overlapping discs count twice. The mean square of a sum of distinct frequencies is the sum of their mean squares.
+        Near is within 10 mm of any target. The mean square of a sum of distinct frequencies is the sum of their mean squares.
         """
         # Moduli have kinks at node lines, so their mean needs many more points than a mean square.
         finer = 20.0 if self.scene.is_bar else 3.0
         sums = []
-        near = [self.surface.near(*target, self.max_hz) for target in targets]
-        rules = (self.surface.rule(self.max_hz, finer), [np.concatenate(parts) for parts in zip(*near)])
+        rules = (self.surface.rule(self.max_hz, finer), self.surface.near_any(targets, self.max_hz))
         for points, weights in rules:
             amplitudes = np.abs(self.phasors(points)) / STANDARD_GRAVITY_M_S2
             squares = (amplitudes**2).sum(axis=0)
@@ -193,7 +194,7 @@ def capacitance(actuator):
 
 
 def broken_limits(motion):
-    """What the published limits say against a plan, as text: voltage, pulse, band, distance, travel, breakdown, supply."""
+    """What the published limits say against a plan, as text: voltage, pulse, band, distance."""
     found = []
     scene = motion.scene
     for drive in motion.drives:
@@ -207,8 +208,6 @@ def broken_limits(motion):
     gaps = np.diff(motion.frequencies)
     if len(gaps) and gaps.min() < LEAST_DISTANCE_HZ - 1e-9:
         found.append(f"frequencies {gaps.min()} Hz apart")
-    if motion.current_a() > SUPPLY_A * (1 + 1e-9):
-        found.append(f"supply {motion.current_a() * 1e3} mA")
     return found
 
 
@@ -230,14 +229,10 @@ class Grid:
 
     @cached_property
     def widths(self):
-        """Pulse widths tried at every frequency [frequency, width]: even steps up to the widest, and what drops a harmonic."""
-        tried = []
-        for frequency in self.grid_hz:
-            most = widest_pulse(frequency)
-            dropping = [2 * k / n for n in (3, 5, 7, 9, 11) for k in range(1, n) if 0.5 <= 2 * k / n <= most]
-            even = np.linspace(0.5, most, 33)
-            tried.append(np.concatenate([even, dropping, [most] * (12 - len(dropping))])[:45])
-        return np.array(tried)
+        """Pulse widths that a plan may have at every frequency [frequency, width] (docs/src/planner.md, "How it is found"): those
+        that drop harmonics, as far as they fit, and the widest."""
+        widest = np.minimum(1 - 2 * self.grid_hz * PLANNED_GUARD_S, WIDEST)[:, None]
+        return np.concatenate([np.where(DROPPING <= widest, DROPPING, widest), widest], axis=1)
 
     @cached_property
     def harmonics(self):
@@ -280,19 +275,19 @@ class Grid:
         for i, actuator in enumerate(self.scene.actuators):
             travel = np.abs(self.responses.gap_change[:, i, None, :]) + self.harmonics[1][:, i]
             by_travel = (room / np.maximum(margin * count * travel, 1e-300)).min(axis=2)
-            by_breakdown = BREAKDOWN_PART * breakdown_v(actuator.air_gap * (1 - TRAVEL_PART))
             # From three on actuators share rails: one may be at the other's voltage.
             hz = self.grid_hz if count <= 2 else np.full(len(self.grid_hz), self.grid_hz.max())
             by_current = 0.95 * SUPPLY_A / count / (2 * capacitance(actuator) * hz)
             # The electrodes' mean softening, eps0 A V^2 / g^3, stays far below the spring.
             by_pull = np.sqrt(actuator.stiffness / margin * actuator.air_gap**3 / (VACUUM_PERMITTIVITY_F_PER_M * actuator.electrode_area))
-            # The first and third actuator are on one rail, the second and fourth on the other: one voltage for both.
-            by_rail = min(other.max_voltage for other in self.scene.actuators[i % 2 :: 2])
-            volts = np.minimum(min(by_rail, by_breakdown, by_pull, BOARD_V), by_current)
-            # The board keeps somewhat more than the guard time; nobody is to be beaten by pulses that it would refuse.
-            allowed = self.widths <= 1 - 1.15 * (1 - widest_pulse(self.grid_hz)[:, None])
-            force = np.where(allowed, force_amplitude(actuator, volts[:, None], self.widths), 0.0)
-            most[:, i] = np.minimum(force, by_travel)
+            # The first and third actuator are on one rail, the second and fourth on the other: one voltage for both, which both
+            # have to bear.
+            by_rail = min(
+                min(other.max_voltage, BREAKDOWN_PART * breakdown_v(other.air_gap * (1 - TRAVEL_PART)))
+                for other in self.scene.actuators[i % 2 :: 2]
+            )
+            volts = np.minimum(min(by_rail, by_pull), by_current)
+            most[:, i] = np.minimum(force_amplitude(actuator, volts[:, None], self.widths), by_travel)
         return most
 
 

@@ -15,6 +15,16 @@ from .mesh import Mesh, factor
 # Cells per wave: 15 where figures are held against the program's bounds, the band of the drives; beyond it, where harmonics are
 # held to percents, 10, which are off by (2 pi / 10)^4 / 720 = 2e-4 on the coarser mesh.
 CELLS_PER_WAVE = {400.0: 15, np.inf: 10}
+# Cells beside lines on which moments are singular, in units of the others: r^-0.36 at a cut-out's corner, less at the corner of a patch
+# and where a held side ends at a free one.
+CUTOUT, HELD_CORNER, PATCH = 1 / 32, 1 / 16, 1 / 4
+# Cells on the way there, over their distance from it.
+STEEPNESS = 0.5
+# A line goes through every support, unless another one is as near as this part of a coarser mesh's cell: what the mesh is short of at a stiff
+# point depends on where in its cell it is, and would else change from mesh to mesh by chance.
+NO_NEARER = 0.35
+# But not below this part of the side: rounding grows with the cube of a thin cell's aspect, and at 3e-4 already counted for 2e-4 of a curve.
+NEAREST = 2e-3
 # Cells of a window to each side of the point, in units of the larger side of the cell that it is in.
 WINDOW_CELLS = 4.0
 # Layers of the fine mesh of a window towards its point, each a third of the one before.
@@ -53,24 +63,29 @@ class Plate:
         a, b = scene.length, scene.width
         waves = min(shortest_wavelength(scene, min(hz, max_hz)) / cells for hz, cells in CELLS_PER_WAVE.items())
         size = min(max(a, b) / 12, min(a, b) / 8, waves) / fineness
-        # Layers where moments are singular: r^-0.36 at a cut-out's corner, less at a patch's.
-        extra = round(np.log(fineness) / np.log(4) * 2) if fineness > 1 else 0
         at_x, at_y = {}, {}
-        for parts, layers in ((scene.patches, 1 + extra), (scene.cutouts, 3 + extra)):
+        for parts, finest in ((scene.patches, PATCH), (scene.cutouts, CUTOUT)):
             for part in parts:
                 for places, start, span, side in ((at_x, part.x, part.length, a), (at_y, part.y, part.width, b)):
                     for place in (start, start + span):
                         inside = 1e-6 * side < place < (1 - 1e-6) * side
                         if inside:
-                            places[place] = max(places.get(place, 0), layers)
+                            places[place] = min(places.get(place, 1.0), finest)
         # Nor are they regular where a held side ends at a free one.
         held = {edge.side for edge in scene.edges if edge.kind != "elastic"}
         for end_x, place_x in (("left", 0.0), ("right", a)):
             for end_y, place_y in (("top", 0.0), ("bottom", b)):
                 if (end_x in held) != (end_y in held):
-                    at_x[place_x] = at_y[place_y] = 2 + extra
-        x = hermite.graded_lines(at_x, a, size, 3 + extra)
-        y = hermite.graded_lines(at_y, b, size, 3 + extra)
+                    at_x[place_x] = at_y[place_y] = HELD_CORNER
+        for support in scene.supports:
+            for places, place, side in ((at_x, support.x, a), (at_y, support.y, b)):
+                if all(abs(place - other) > NO_NEARER * size * fineness for other in (0.0, side, *places)):
+                    places[place] = None
+        # Towards singular places the finer mesh has smaller last cells and more on the way there, so that its error falls there as elsewhere.
+        x, y = (
+            hermite.graded_lines({place: finest and max(finest * size, NEAREST * side) / fineness for place, finest in places.items()}, side, size, STEEPNESS / fineness)
+            for places, side in ((at_x, a), (at_y, b))
+        )
         middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
         parts = np.array([[part_of(scene, u, v) for v in middle_y] for u in middle_x])
         edges = {edge.side: (edge.kind, edge.stiffness, edge.rotational_stiffness) for edge in scene.edges}

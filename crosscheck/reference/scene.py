@@ -3,6 +3,8 @@
 import tomllib
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 VACUUM_PERMITTIVITY_F_PER_M = 8.8541878128e-12
 
 
@@ -210,8 +212,8 @@ def parse(text):
 
     screen = data.get("screen")
     if screen is None:
-        # 1 px per mm, to whole pixels.
-        pixels = [max(1.0, float(round(side * 1e3))) for side in (length, width)]
+        # 1 px per mm, to whole pixels, halves upwards.
+        pixels = [max(1.0, float(np.floor(side * 1e3 + 0.5))) for side in (length, width)]
         screen = Screen(*pixels, 0.0, 0.0, length, width)
     else:
         area = [mm(screen, "x_mm", 0.0), mm(screen, "y_mm", 0.0)]

@@ -63,37 +63,56 @@ class Surface:
             weights.append(np.outer(wx, wy).ravel())
         return np.concatenate(points), np.concatenate(weights)
 
-    def near(self, x, y, max_hz, radius=TARGET_RADIUS_M):
-        """Points and weights over what lies within `radius` of a place."""
+    def near(self, x, y, max_hz, radius=TARGET_RADIUS_M, but=()):
+        """Points and weights over what lies within `radius` of a place, but not as near to any of the places `but`."""
         extra = int(np.ceil(self.wave_number(max_hz) * 2 * radius))
-        points, weights = [], []
+        points, weights = [np.zeros((0, 2))], [np.zeros(0)]
         for x0, x1, y0, y1 in self.cells:
             left, right = max(x0, x - radius), min(x1, x + radius)
             if left >= right:
                 continue
             if self.scene.is_bar:
-                px, wx = _gauss(left, right, 8 + extra)
-                points.append(np.stack([px, np.full_like(px, y0)], -1))
-                weights.append(wx)
+                for a, b in _without((left, right), [(px - radius, px + radius) for px, _ in but]):
+                    px, wx = _gauss(a, b, 8 + extra)
+                    points.append(np.stack([px, np.full_like(px, y0)], -1))
+                    weights.append(wx)
                 continue
-            # Strips between the places where the circle crosses the cell's top and bottom. In x = x_c - r cos(t) the
-            # chord's length is smooth up to the circle's ends.
-            crossings = [
-                x + side * np.sqrt(radius**2 - (edge - y) ** 2) for edge in (y0, y1) if abs(edge - y) < radius for side in (-1, 1)
-            ]
+            # Strips between the places where a circle crosses the cell's top and bottom or another one. In x = x_c - r cos(t)
+            # the chord's length is smooth up to the circle's ends.
+            crossings = []
+            for px, py in ((x, y), *but):
+                crossings += [px + side * np.sqrt(radius**2 - (edge - py) ** 2) for edge in (y0, y1) if abs(edge - py) < radius for side in (-1, 1)]
+                crossings += [px - radius, px + radius]
+                apart = np.hypot(px - x, py - y)
+                if 0 < apart < 2 * radius:
+                    half = np.sqrt(radius**2 - apart**2 / 4)
+                    crossings += [(px + x) / 2 + side * half * (py - y) / apart for side in (-1, 1)]
             cuts = _between(crossings, left, right)
             for a, b in zip(cuts, cuts[1:]):
                 low, high = (np.arccos(np.clip((x - end) / radius, -1, 1)) for end in (a, b))
                 angles, turns = _gauss(low, high, 10 + extra)
                 for angle, turn in zip(angles, turns):
-                    half = radius * np.sin(angle)
-                    bottom, top = max(y0, y - half), min(y1, y + half)
-                    if bottom >= top:
-                        continue
-                    py, wy = _gauss(bottom, top, 8 + extra)
-                    points.append(np.stack([np.full_like(py, x - radius * np.cos(angle)), py], -1))
-                    weights.append(wy * turn * radius * np.sin(angle))
+                    half, at = radius * np.sin(angle), x - radius * np.cos(angle)
+                    others = [(py, np.sqrt(max(radius**2 - (at - px) ** 2, 0.0))) for px, py in but]
+                    for bottom, top in _without((max(y0, y - half), min(y1, y + half)), [(py - h, py + h) for py, h in others]):
+                        py, wy = _gauss(bottom, top, 8 + extra)
+                        points.append(np.stack([np.full_like(py, at), py], -1))
+                        weights.append(wy * turn * radius * np.sin(angle))
         return np.concatenate(points), np.concatenate(weights)
+
+    def near_any(self, places, max_hz):
+        """The same within the targets' radius of any of some places, each point once."""
+        parts = [self.near(*place, max_hz, but=places[:k]) for k, place in enumerate(places)]
+        return [np.concatenate(part) for part in zip(*parts)]
+
+
+def _without(whole, taken):
+    """What is left of an interval without some others."""
+    left = [whole]
+    for low, high in taken:
+        left = [part for a, b in left for part in ((a, min(b, low)), (max(a, high), b))]
+        left = [(a, b) for a, b in left if a < b]
+    return [(a, b) for a, b in left if a < b]
 
 
 def _gauss(low, high, count):

@@ -18,6 +18,9 @@ pub struct Options {
     /// How many random scenes
     #[arg(long, default_value = "300")]
     scenes: u32,
+    /// Index of the first one, to go on where a run ended
+    #[arg(long, default_value = "0")]
+    first: u32,
     /// Seed of the random scenes
     #[arg(long, default_value = "1")]
     seed: u64,
@@ -44,8 +47,10 @@ pub struct Options {
 /// [`Error::Missing`], [`Error::Python`], [`Error::Start`], [`Error::Failed`] where something differs.
 pub fn command(options: &Options) -> Result<(), Error> {
     setup::ensure("cargo xtask crosscheck", setup::CROSSCHECK)?;
-    let mut arguments =
-        vec!["--scenes".to_owned(), options.scenes.to_string(), "--seed".into(), options.seed.to_string()];
+    let numbers =
+        [("--scenes", u64::from(options.scenes)), ("--first", options.first.into()), ("--seed", options.seed)];
+    let mut arguments: Vec<String> =
+        numbers.into_iter().flat_map(|(name, value)| [name.to_owned(), value.to_string()]).collect();
     let values = [
         ("--part", options.part.clone()),
         ("--only", options.only.map(|index| index.to_string())),
