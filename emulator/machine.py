@@ -47,6 +47,8 @@ DIER, SR, CNT, CCR2 = 0x0C, 0x10, 0x24, 0x38
 ALARM_ENABLED = 1 << 2
 # The counter is set this many ticks before an event, as the model raises it when the counter passes it.
 MARGIN_TICKS = 2
+# What writing the counter may lose, in ticks; less than the margin.
+LOST_TICKS = 1
 
 # RM0440, section 38.7: the receive register is not empty.
 LPUART1_ISR = LPUART1 + 0x1C
@@ -89,6 +91,8 @@ class Machine:
         self.looping = False
         # Whether an event of the time base was already due at the end of the last slice.
         self.due_before = False
+        # The clock at which the time base's count was zero, see `pass_over_ticks`.
+        self.time_base_zero = None
 
     def reset(self, cause):
         """Resets the chip; RAM is kept, flash is as it was built."""
@@ -251,8 +255,17 @@ class Machine:
     def pass_over_ticks(self, ticks):
         if ticks > 0:
             count = self.sim.read_u32(TIM2 + CNT) & 0xFFFF
-            self.sim.write_u32(TIM2 + CNT, (count + ticks) % FULL_COUNT)
+            if self.time_base_zero is None:
+                self.time_base_zero = self.clock - count * TICK_CLOCKS
             self.clock_base += ticks * TICK_CLOCKS
+            # The model begins a tick anew when its count is written. Counted from what it then has, the part of a tick that is
+            # lost each time would add up to some 0.4 ms in a second, which the electrodes' timers do not lose.
+            due = (self.clock - self.time_base_zero) // TICK_CLOCKS
+            behind = (due - count - ticks + HALF_COUNT) % FULL_COUNT - HALF_COUNT
+            if abs(behind) > LOST_TICKS:
+                # It was stopped or set by somebody else.
+                self.time_base_zero, behind = None, 0
+            self.sim.write_u32(TIM2 + CNT, (count + ticks + max(behind, 0)) % FULL_COUNT)
             self.step_board()
 
     def load(self, seconds):

@@ -15,6 +15,9 @@ from supply import DISCHARGE_S, FOLLOW_S, Supply
 
 RCC_AHB2ENR, RCC_APB1ENR1, RCC_APB2ENR = 0x4002_104C, 0x4002_1058, 0x4002_1060
 MILLISECOND = CLOCK_HZ // 1000
+# A count of the time base, TIM2, in clocks.
+TICK = CLOCK_HZ // 1_000_000
+TIM2_CNT = 0x4000_0024
 
 
 class SupplyTest(unittest.TestCase):
@@ -208,6 +211,24 @@ class BoardTest(unittest.TestCase):
         self.machine.step_board()
         self.assertEqual([reset["cause"] for reset in self.machine.resets], ["watchdog"])
         self.assertEqual(self.machine.sim.read_u32(RCC_CSR), 1 << 29 | 1 << 26)
+
+    def test_time_base_keeps_up_with_time_passed_over(self):
+        machine = self.machine
+        machine.boot()
+
+        def apart():
+            """Clocks that the time base's count is off, up to a constant."""
+            full = 0x1_0000 * TICK
+            off = (machine.clock - (self.sim.read_u32(TIM2_CNT) & 0xFFFF) * TICK - begin) % full
+            return (off + full // 2) % full - full // 2
+
+        begin = 0
+        begin = apart()
+        # Some 2000 sleeps of the device task.
+        while machine.time_s < 2.0:
+            machine.advance(2.0)
+            self.assertLess(abs(apart()), 3 * TICK)
+        self.assertGreater(machine.clock_base, CLOCK_HZ)
 
     def test_reset_keeps_ram_and_voltage_but_no_register(self):
         spare = RAM + RAM_BYTES // 2
