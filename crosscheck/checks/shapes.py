@@ -38,7 +38,7 @@ def run(context):
         return [Result(AXES, name, np.inf, 0.0, True, f"shapes {shapes.shape}, axes {x_m.shape}, {y_m.shape}")]
     points = [(x, y) for y in wanted_y for x in wanted_x]
     there = np.array([scene.has_surface(*point) for point in points])
-    flat = shapes.reshape(len(answer), -1)
+    flat = shapes.reshape(len(answer), nx * ny)
     off = max(np.abs(x_m - wanted_x).max() / scene.length, np.abs(y_m - wanted_y).max() / scene.width)
     off = max(off, np.abs(hz - [mode["frequency_hz"] for mode in answer]).max(initial=0.0) / MAX_HZ)
     if (np.isnan(flat) == there[None, :]).any():
