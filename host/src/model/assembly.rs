@@ -48,9 +48,6 @@ pub struct Assembled {
     pub stiffness: Symmetric,
     /// Everything's mass.
     pub mass: Symmetric,
-    /// The surface's own stiffness and mass, where the difference from everything's is more than `attachments`: with springs
-    /// along edges.
-    pub surface: Option<[Symmetric; 2]>,
     /// The stiffness of springs along edges, where there are any.
     pub edges: Option<Symmetric>,
     /// What is attached at points.
@@ -87,7 +84,6 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
         }
     }
     let edges = grid.over_unknowns(edges);
-    let surface = edges.iter().next().map(|_| [stiffness.clone(), mass.clone()]);
     stiffness.add_all(&edges, 1.0);
     for support in &scene.supports {
         parts.support(support);
@@ -103,12 +99,8 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
         stiffness.add_outer(&attachment.vector, attachment.stiffness);
         mass.add_outer(&attachment.vector, attachment.mass);
     }
-    let (surface, edges) = match surface {
-        Some([stiffness, mass]) => (Some([stiffness.build(n)?, mass.build(n)?]), Some(edges.build(n)?)),
-        None => (None, None),
-    };
+    let edges = if edges.iter().next().is_some() { Some(edges.build(n)?) } else { None };
     Ok(Assembled {
-        surface,
         edges,
         stiffness: stiffness.build(n)?,
         mass: mass.build(n)?,

@@ -4,6 +4,7 @@ use super::assembly::{Assembled, Attachment};
 use super::eigen::Modes;
 use super::grid::SparseVector;
 use super::panel::row_times;
+use super::sparse::Symmetric;
 use crate::scene::{Scene, SurfaceDamping};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
@@ -64,6 +65,30 @@ pub struct Damping {
     pub structured: Option<Structured>,
 }
 
+/// Shapes b_k with V' K_e V = sum of b_k b_k', for the stiffness K_e of springs along edges over `vectors` of the squared frequencies
+/// `lambda`; fewer than there are vectors, as motions of an edge are few.
+///
+/// Entries are compared with sqrt(lambda_i lambda_j), above which none can be: a stiff vector's are not to hide those of the slow modes.
+pub(super) fn edge_shapes(edges: &Symmetric, lambda: &[f64], vectors: &DMatrix<f64>) -> Vec<DVector<f64>> {
+    let n = lambda.len();
+    let own = vectors.rows(0, edges.order()).into_owned();
+    let over = own.tr_mul(&edges.times(&own));
+    let Some(between) = middle(lambda) else { return Vec::new() };
+    let scale = DVector::from_iterator(n, lambda.iter().map(|lambda| (lambda + between).sqrt()));
+    let eigen = SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| {
+        0.5 * (over[(i, j)] + over[(j, i)]) / (scale[i] * scale[j])
+    }));
+    let kept = eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).filter(|(part, _)| **part > NOTHING_LEFT);
+    kept.map(|(part, direction)| direction.component_mul(&scale) * part.sqrt()).collect()
+}
+
+/// The one in the middle of the positive ones among `lambda`.
+fn middle(lambda: &[f64]) -> Option<f64> {
+    let mut positive: Vec<f64> = lambda.iter().copied().filter(|lambda| *lambda > 0.0).collect();
+    positive.sort_by(f64::total_cmp);
+    positive.get(positive.len() / 2).copied()
+}
+
 /// Damping of a rank that is lower than the basis is long: of one point's motion.
 #[derive(Clone, Debug)]
 pub struct Coupling {
@@ -90,11 +115,12 @@ pub struct Structured {
 }
 
 impl Structured {
-    /// Damping of a surface by a loss factor and by mass and stiffness (Rayleigh), and of what is attached to it, over
-    /// mass-normalised vectors with the squared frequencies `lambda`.
+    /// Damping of a surface by a loss factor and by mass and stiffness (Rayleigh), and of what is attached to it and along its
+    /// edges, over mass-normalised vectors with the squared frequencies `lambda`.
     pub(super) fn new(
         surface: SurfaceDamping,
         attachments: &[Attachment],
+        edges: Option<&Symmetric>,
         lambda: &[f64],
         vectors: &DMatrix<f64>,
     ) -> Option<Self> {
@@ -109,6 +135,9 @@ impl Structured {
             viscous: damping - beta * stiffness - alpha * mass,
             structural: -eta * stiffness,
         });
+        let shapes = edges.map(|edges| edge_shapes(edges, lambda, vectors)).unwrap_or_default();
+        let of_edges = shapes.into_iter().map(|shape| Coupling { shape, viscous: -beta, structural: -eta });
+        let couplings = couplings.chain(of_edges);
         let lambda = DVector::from_column_slice(lambda);
         Some(Self {
             viscous: lambda.map(|lambda| alpha + beta * lambda),
@@ -191,9 +220,7 @@ pub(super) fn same_ratio(ratio: f64, lambda: &[f64], vectors: &DMatrix<f64>, act
 /// rigidly have lambda a million million times those of the modes, and rounding in sums with those would be all that is left of the modes.
 fn geometric_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64]) -> DMatrix<f64> {
     let n = a.nrows();
-    let mut positive: Vec<f64> = largest.iter().copied().filter(|lambda| *lambda > 0.0).collect();
-    positive.sort_by(f64::total_cmp);
-    let Some(between) = positive.get(positive.len() / 2) else { return DMatrix::zeros(n, n) };
+    let Some(between) = middle(largest) else { return DMatrix::zeros(n, n) };
     let scale: Vec<f64> = largest.iter().map(|lambda| (lambda + between).sqrt()).collect();
     let scaled = |value: &dyn Fn(usize, usize) -> f64| {
         DMatrix::from_fn(n, n, |i, j| 0.5 * (value(i, j) + value(j, i)) / (scale[i] * scale[j]))

@@ -286,42 +286,22 @@ impl PanelModel {
     fn damping(&self, lambda: &[f64], vectors: &DMatrix<f64>) -> Damping {
         let surface = self.scene.surface.damping;
         let attachments = &self.assembled.attachments;
-        // The stiffness of an elastic edge is not the surface's own and of no low rank.
-        if self.assembled.surface.is_none()
-            && let Some(structured) = Structured::new(surface, attachments, lambda, vectors)
-        {
+        let edges = self.assembled.edges.as_ref();
+        if let Some(structured) = Structured::new(surface, attachments, edges, lambda, vectors) {
             return structured.full();
         }
         let n = vectors.ncols();
-        let zeros = DMatrix::zeros(n, n);
-        let mut damping = Damping { viscous: zeros.clone(), structural: zeros, structured: None };
+        let mut damping =
+            Damping { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n), structured: None };
         for attachment in attachments {
             let along = row_times(&attachment.vector, vectors);
             damping.viscous += attachment.damping * along.transpose() * along;
         }
-        match (surface, &self.assembled.surface) {
-            (SurfaceDamping::LossFactor(eta), Some([stiffness, _])) => {
-                damping.structural = eta * self.project(stiffness, vectors);
-            }
-            (SurfaceDamping::Rayleigh { alpha, beta }, Some([stiffness, mass])) => {
-                damping.viscous += alpha * self.project(mass, vectors);
-                damping.viscous += beta * self.project(stiffness, vectors);
-            }
-            (SurfaceDamping::ModalRatio(ratio), _) => {
-                let actuators = attachments.get(self.assembled.without_actuators..).unwrap_or(&[]);
-                damping.viscous += same_ratio(ratio, lambda, vectors, actuators);
-            }
-            (SurfaceDamping::None, _) => {}
-            // Without springs along edges it was structured.
-            (SurfaceDamping::LossFactor(_) | SurfaceDamping::Rayleigh { .. }, None) => {}
+        if let SurfaceDamping::ModalRatio(ratio) = surface {
+            let actuators = attachments.get(self.assembled.without_actuators..).unwrap_or(&[]);
+            damping.viscous += same_ratio(ratio, lambda, vectors, actuators);
         }
         damping
-    }
-
-    /// V' A V for a matrix of the surface, which knows nothing of what rigid motions do.
-    fn project(&self, matrix: &super::sparse::Symmetric, vectors: &DMatrix<f64>) -> DMatrix<f64> {
-        let surface = vectors.rows(0, matrix.order()).into_owned();
-        surface.tr_mul(&matrix.times(&surface))
     }
 }
 
