@@ -70,6 +70,10 @@ class Bar:
         keep = (rows >= 0) & (columns >= 0)
         return sp.csc_matrix((blocks.ravel()[keep], (rows[keep], columns[keep])), shape=(self.size, self.size))
 
+    def coarser(self):
+        """None: a bar is small."""
+        return None
+
     def rows(self, points, derivative=0):
         """Deflection, or slope, at points: sparse [n, unknowns]."""
         places = np.asarray(points, dtype=float).reshape(-1, 2)[:, 0]

@@ -33,7 +33,7 @@ class Panel:
     @cached_property
     def fine(self):
         """The model that answers."""
-        return Reduced(self.scene, self.max_hz, self.fineness * REFINEMENT)
+        return Reduced(self.scene, self.max_hz, self.fineness * REFINEMENT, self.coarse)
 
     @property
     def floor(self):

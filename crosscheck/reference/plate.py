@@ -19,7 +19,7 @@ CELLS_PER_WAVE = {400.0: 15, np.inf: 10}
 # and where a held side ends at a free one.
 CUTOUT, HELD_CORNER, PATCH = 1 / 32, 1 / 16, 1 / 4
 # Cells on the way there, over their distance from it.
-STEEPNESS = 0.5
+STEEPNESS, STEEPEST = 0.5, 0.8
 # A line goes through every support, unless another one is as near as this part of a coarser mesh's cell: what the mesh is short of at a stiff
 # point depends on where in its cell it is, and would else change from mesh to mesh by chance.
 NO_NEARER = 0.35
@@ -29,6 +29,9 @@ NEAREST = 2e-3
 WINDOW_CELLS = 4.0
 # Layers of the fine mesh of a window towards its point, each a third of the one before.
 WINDOW_LAYERS = 6
+# Meshes on which modes are looked for first: cells larger by this, from so many unknowns on, and the coarsest, of some four cells per wave at
+# the highest mode's frequency.
+COARSENING, SMALL, COARSEST = 1.5, 6000, 0.44
 
 
 def part_of(scene, x, y):
@@ -59,7 +62,7 @@ class Plate:
     """The mesh of a scene's plate for frequencies up to `max_hz`, cells smaller by `fineness`."""
 
     def __init__(self, scene, max_hz, fineness, shift):
-        self.scene, self.shift = scene, shift
+        self.scene, self.max_hz, self.fineness, self.shift = scene, max_hz, fineness, shift
         a, b = scene.length, scene.width
         waves = min(shortest_wavelength(scene, min(hz, max_hz)) / cells for hz, cells in CELLS_PER_WAVE.items())
         size = min(max(a, b) / 12, min(a, b) / 8, waves) / fineness
@@ -83,7 +86,7 @@ class Plate:
                     places[place] = None
         # Towards singular places the finer mesh has smaller last cells and more on the way there, so that its error falls there as elsewhere.
         x, y = (
-            hermite.graded_lines({place: finest and max(finest * size, NEAREST * side) / fineness for place, finest in places.items()}, side, size, STEEPNESS / fineness)
+            hermite.graded_lines({place: finest and max(finest * size, NEAREST * side) / fineness for place, finest in places.items()}, side, size, min(STEEPNESS / fineness, STEEPEST))
             for places, side in ((at_x, a), (at_y, b))
         )
         middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
@@ -113,6 +116,17 @@ class Plate:
         """Of the surface."""
         return self.mesh.mass
 
+    def coarser(self):
+        """The same on a mesh with larger cells, or None where that would be too coarse for the waves, or this one is small."""
+        fineness = self.fineness / COARSENING
+        if self.size < SMALL or fineness < COARSEST:
+            return None
+        return Plate(self.scene, self.max_hz, fineness, self.shift)
+
+    def from_coarser(self, coarse):
+        """What a vector of the coarser mesh is on this one, sparse."""
+        return interpolation(coarse.mesh, self.mesh)
+
     def rows(self, points):
         """Deflection at points."""
         return self.mesh.rows(points)
@@ -124,6 +138,21 @@ class Plate:
     def local(self, points, solutions):
         """What the mesh is short of at attachments, [`Local`]."""
         return Local(self, points, solutions)
+
+
+def interpolation(mesh, fine):
+    """Unknowns of a mesh to those of a finer one of the same surface: deflection and slopes at its nodes, sparse."""
+    scale_x, scale_y = hermite.node_scales(fine.x), hermite.node_scales(fine.y)
+    blocks, order = [], []
+    for a in (0, 1):
+        for b in (0, 1):
+            numbers = fine.number[:, 2 * a + b]
+            nodes = np.flatnonzero(numbers >= 0)
+            at_x, at_y = nodes // (fine.ny + 1), nodes % (fine.ny + 1)
+            places = np.stack([fine.x[at_x], fine.y[at_y]], axis=1)
+            blocks.append(sp.diags(scale_x[at_x] ** a * scale_y[at_y] ** b) @ mesh.rows(places, a, b))
+            order.append(numbers[nodes])
+    return sp.vstack(blocks).tocsr()[np.argsort(np.concatenate(order))]
 
 
 class Window:
@@ -165,22 +194,11 @@ class Window:
     def _prolongation(self, mesh, inner):
         """Unknowns of the panel's mesh to those of the fine one (sparse), and which of these lie off the inner border."""
         fine = self.fine
-        scale_x, scale_y = hermite.node_scales(fine.x), hermite.node_scales(fine.y)
-        blocks, order, free = [], [], []
-        for a in (0, 1):
-            for b in (0, 1):
-                numbers = fine.number[:, 2 * a + b]
-                nodes = np.flatnonzero(numbers >= 0)
-                at_x, at_y = nodes // (fine.ny + 1), nodes % (fine.ny + 1)
-                places = np.stack([fine.x[at_x], fine.y[at_y]], axis=1)
-                factors = scale_x[at_x] ** a * scale_y[at_y] ** b
-                blocks.append(sp.diags(factors) @ mesh.rows(places, a, b))
-                order.append(numbers[nodes])
-                held = (inner["left"] & (at_x == 0)) | (inner["right"] & (at_x == fine.nx))
-                held |= (inner["top"] & (at_y == 0)) | (inner["bottom"] & (at_y == fine.ny))
-                free.append(numbers[nodes][~held])
-        back = np.argsort(np.concatenate(order))
-        return sp.vstack(blocks).tocsr()[back], np.sort(np.concatenate(free))
+        held = np.zeros((fine.nx + 1, fine.ny + 1), dtype=bool)
+        for side, index in (("left", np.s_[0, :]), ("right", np.s_[-1, :]), ("top", np.s_[:, 0]), ("bottom", np.s_[:, -1])):
+            held[index] |= inner[side]
+        numbers = fine.number[~held.ravel()]
+        return interpolation(mesh, fine), np.sort(numbers[numbers >= 0])
 
     @staticmethod
     def _cell_size(lines, place):
