@@ -77,15 +77,23 @@ def run(context):
 
 def _at_one(context):
     """Each actuator at one frequency, relative to its own answer there."""
-    rng, panel, scene = context.rng("response at one frequency"), context.panel(MAX_HZ), context.scene
-    weight = scene.material.density_kg_m3 * scene.length * scene.width * scene.thickness
+    rng, panel = context.rng("response at one frequency"), context.panel(MAX_HZ)
     x, y = context.random_point(rng, 0.0)
     hz = float(np.round(np.exp(rng.uniform(np.log(20), np.log(MAX_HZ))), 2))
     arguments = ("--at", f"{x * 1e3!r},{y * 1e3!r}", "--from", hz, "--to", hz, *tolerance(rng))
-    results = []
-    wanted = panel.accelerance([(x, y)], np.array([hz]))[0, :, 0]
-    own = panel.accelerance_error([(x, y)], hz * BESIDE)[:, :, 0].max(axis=0)
-    for k, actuator in enumerate(context.era.json("response", *arguments)["actuators"]):
+    said = context.era.json("response", *arguments)["actuators"]
+    results = _one_frequency(context, panel, (x, y), hz, said)
+    # Two meshes of the reference may agree by chance, at one frequency more easily than on a curve: a third one, finer, has the last word.
+    return results if not any(result.failed for result in results) else _one_frequency(context, panel.finer(), (x, y), hz, said)
+
+
+def _one_frequency(context, panel, place, hz, said):
+    """The comparison with one panel of the reference."""
+    scene, results = context.scene, []
+    weight = scene.material.density_kg_m3 * scene.length * scene.width * scene.thickness
+    wanted = panel.accelerance([place], np.array([hz]))[0, :, 0]
+    own = panel.accelerance_error([place], hz * BESIDE)[:, :, 0].max(axis=0)
+    for k, actuator in enumerate(said):
         got = actuator["acceleration_re"][0] + 1j * actuator["acceleration_im"][0]
         size, bound = max(abs(wanted[k]), STILL / weight), actuator["error_bound"]
         if bound is None:
@@ -93,7 +101,7 @@ def _at_one(context):
         elif own[k] > USEFUL_AT_ONE * size:
             results.append(not_comparable(ONE, context.name, f"own error {own[k] / size:.1e}"))
         else:
-            note = f"{actuator['id']} at {x * 1e3:.4g},{y * 1e3:.4g} mm, {hz:g} Hz; bound {bound:.1e}"
+            note = f"{actuator['id']} at {place[0] * 1e3:.4g},{place[1] * 1e3:.4g} mm, {hz:g} Hz; bound {bound:.1e}"
             results.append(Result(ONE, context.name, abs(got - wanted[k]) / size, bound + own[k] / size, True, note))
     return results
 

@@ -50,6 +50,10 @@ class Panel:
         """The model that it is compared with."""
         return Reduced(self.scene, self.max_hz, self.fineness)
 
+    def finer(self):
+        """The same with cells 1.5 times smaller: answers with a third mesh and is compared with this one's answers."""
+        return Panel(self.scene, self.max_hz, self.fineness * REFINEMENT)
+
     # Modes.
 
     def rigid_modes(self):
