@@ -122,21 +122,34 @@ pub trait Question {
     /// come from [`Question::ask_to_compare`].
     fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64>;
 
-    /// Whether it is a response: errors of frequencies are multiplied by the quality of the resonances, those of shapes and of what
-    /// the modes leave out come on top.
-    fn is_response(&self) -> bool;
+    /// Of what the answer consists.
+    fn values(&self) -> Values;
 
     /// What each part may be wrong by for reasons that no finer mesh mends; `rounding` is what a frequency's is.
     fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64>;
 }
 
+/// What is compared from level to level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Values {
+    /// Frequencies, which fall towards the exact ones.
+    Frequencies,
+    /// Responses, so many that two levels cannot agree on all of them by chance. Errors of frequencies are multiplied by the quality
+    /// of the resonances, those of shapes and of what the modes leave out come on top.
+    Curves,
+    /// A few of them.
+    FewResponses,
+}
+
 /// Order of the first level whose bound is looked at.
-fn first_order(scene: &Scene, accuracy: Accuracy, is_response: bool) -> usize {
+fn first_order(scene: &Scene, accuracy: Accuracy, values: Values) -> usize {
     // Loose enough for order 9: of frequencies, and of responses.
     let (frequencies, responses) = (1e-3, 1e-2);
     if accuracy.time().is_some() {
         FIRST_ORDER_WITHIN
-    } else if accuracy.value() >= if is_response { responses } else { frequencies } || has_singular_corner(scene) {
+    } else if accuracy.value() >= if values == Values::Frequencies { frequencies } else { responses }
+        || has_singular_corner(scene)
+    {
         FIRST_ORDER
     } else {
         FIRST_ORDER_TIGHT
@@ -153,7 +166,7 @@ pub fn bounded<Q: Question>(
     accuracy: Accuracy,
     max_hz: f64,
 ) -> Result<Bounded<Q::Answer>, Q::Error> {
-    let first = first_order(scene, accuracy, question.is_response());
+    let first = first_order(scene, accuracy, question.values());
     let mut ladder = Ladder {
         question,
         scene,
@@ -274,11 +287,12 @@ impl<Q: Question> Ladder<'_, Q> {
             .map(|(k, (last, floor))| {
                 // The level before may have had fewer parts to compare.
                 let earlier = earlier.as_ref().map(|earlier| earlier.get(k).copied().unwrap_or(f64::INFINITY));
-                if self.question.is_response() {
-                    RESPONSE_SAFETY * estimator.estimate_response(earlier, *last) + floor
-                } else {
-                    estimator.estimate(earlier, *last) + floor
-                }
+                let estimate = match self.question.values() {
+                    Values::Frequencies => estimator.estimate(earlier, *last),
+                    Values::Curves => RESPONSE_SAFETY * estimator.estimate_curves(earlier, *last),
+                    Values::FewResponses => RESPONSE_SAFETY * estimator.estimate_few(earlier, *last),
+                };
+                estimate + floor
             })
             .collect();
         let (step, found) = (fine.step, largest(&bounds));

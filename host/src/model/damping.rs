@@ -75,9 +75,8 @@ pub(super) fn edge_shapes(edges: &Symmetric, lambda: &[f64], vectors: &DMatrix<f
     let over = own.tr_mul(&edges.times(&own));
     let Some(between) = middle(lambda) else { return Vec::new() };
     let scale = DVector::from_iterator(n, lambda.iter().map(|lambda| (lambda + between).sqrt()));
-    let eigen = SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| {
-        0.5 * (over[(i, j)] + over[(j, i)]) / (scale[i] * scale[j])
-    }));
+    let eigen =
+        SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| 0.5 * (over[(i, j)] + over[(j, i)]) / (scale[i] * scale[j])));
     let kept = eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).filter(|(part, _)| **part > NOTHING_LEFT);
     kept.map(|(part, direction)| direction.component_mul(&scale) * part.sqrt()).collect()
 }

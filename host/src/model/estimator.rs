@@ -25,7 +25,7 @@ const SAFETY: f64 = 1.75;
 const LARGEST_RATIO: f64 = 0.7;
 /// The same where errors fall with the square of the order: from 9, 11 and 13 the ratio is 0.57, from 13, 15 and 17 it is 0.69.
 const LARGEST_RATIO_SINGULAR: f64 = 0.8;
-/// Least ratio of a response's differences that is believed there: several modes' errors may cancel at one place for once (beside a
+/// Least ratio of a few responses' differences that is believed there: several modes' errors may cancel at one place for once (beside a
 /// bezel two levels agreed to 1/40 of the difference before and were wrong by six times as much as they differed). With the fourth
 /// power of the order, as was measured, order 9 is wrong by 0.13 of the difference of 5 and 7, order 11 by 0.26 of that of 7 and 9;
 /// with this and the factors above the bound is 0.21 and 0.28 of it at least.
@@ -114,7 +114,7 @@ pub struct Estimator {
     response_power: f64,
     /// Largest ratio of successive differences that is believed.
     largest_ratio: f64,
-    /// Least ratio of a response's that is believed.
+    /// Least ratio of a few responses' that is believed.
     least_ratio: f64,
     /// Whether a larger one may be more than chance, as the power is not known.
     may_stall: bool,
@@ -159,11 +159,16 @@ impl Estimator {
         self.with_power(self.power, before, last)
     }
 
-    /// The same for responses, without [`RESPONSE_SAFETY`].
-    pub(super) fn estimate_response(&self, before: Option<f64>, last: f64) -> f64 {
+    /// The same for curves of responses, without [`RESPONSE_SAFETY`].
+    pub(super) fn estimate_curves(&self, before: Option<f64>, last: f64) -> f64 {
+        self.with_power(self.response_power, before, last)
+    }
+
+    /// The same for a few responses, on which two levels may agree by chance.
+    pub(super) fn estimate_few(&self, before: Option<f64>, last: f64) -> f64 {
         let least =
             before.filter(|before| before.is_finite()).map_or(0.0, |before| self.least_ratio * before.min(SMALL));
-        self.with_power(self.response_power, before, if last < least { least } else { last })
+        self.estimate_curves(before, if last < least { least } else { last })
     }
 
     fn with_power(&self, power: f64, before: Option<f64>, last: f64) -> f64 {
@@ -200,7 +205,7 @@ impl Estimator {
     /// The bound of a response from the relative differences of the two coarser levels and of the two finer ones.
     #[must_use]
     pub fn response_bound(&self, before: f64, last: f64) -> Bound {
-        match RESPONSE_SAFETY * self.estimate_response(Some(before), last) + SHARPEST * self.rounding {
+        match RESPONSE_SAFETY * self.estimate_few(Some(before), last) + SHARPEST * self.rounding {
             _ if self.has_point_moment => Bound::Unknown(POINT_MOMENT),
             bound if bound.is_finite() => Bound::AtMost(bound),
             _ => Bound::Unknown(NOT_SETTLED),
@@ -254,11 +259,11 @@ mod tests {
     /// Of 1e-2 and 1e-5 in succession the second is taken for chance where moments are singular, and for a fact elsewhere.
     #[test]
     fn what_shrinks_at_once_is_not_believed_of_singular_responses() {
-        let regular = of(9, false).estimate_response(Some(1e-2), 1e-5);
+        let regular = of(9, false).estimate_few(Some(1e-2), 1e-5);
         let singular = Estimator { least_ratio: LEAST_RATIO_SINGULAR, ..of(9, false) };
-        assert!(singular.estimate_response(Some(1e-2), 1e-5) > 10.0 * regular);
+        assert!(singular.estimate_few(Some(1e-2), 1e-5) > 10.0 * regular);
         assert_eq!(singular.estimate(Some(1e-2), 1e-5), regular, "frequencies fall towards theirs");
-        assert!(singular.estimate_response(Some(1e-2), f64::NAN).is_infinite());
+        assert!(singular.estimate_few(Some(1e-2), f64::NAN).is_infinite());
     }
 
     #[test]

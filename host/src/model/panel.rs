@@ -291,8 +291,7 @@ impl PanelModel {
             return structured.full();
         }
         let n = vectors.ncols();
-        let mut damping =
-            Damping { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n), structured: None };
+        let mut damping = Damping { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n), structured: None };
         for attachment in attachments {
             let along = row_times(&attachment.vector, vectors);
             damping.viscous += attachment.damping * along.transpose() * along;

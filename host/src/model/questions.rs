@@ -1,6 +1,6 @@
 //! The questions that [`super::bounded`] puts to a panel: its modes.
 
-use super::bounded::{Bounded, Question, bounded};
+use super::bounded::{Bounded, Question, Values, bounded};
 use super::estimator::Rounding;
 use super::panel::{Mode, PanelModel};
 use super::{Accuracy, ModelError};
@@ -36,8 +36,8 @@ impl Question for ModesUpTo {
             .collect()
     }
 
-    fn is_response(&self) -> bool {
-        false
+    fn values(&self) -> Values {
+        Values::Frequencies
     }
 
     fn floors(&self, fine: &Vec<Mode>, rounding: Rounding) -> Vec<f64> {

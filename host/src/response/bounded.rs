@@ -2,7 +2,7 @@
 
 use super::sweep::{Arithmetic, SurfaceShapes, Sweep};
 use super::{ResponseError, acceleration_curves};
-use crate::model::bounded::{Question, bounded};
+use crate::model::bounded::{Question, Values, bounded};
 use crate::model::estimator::{Rounding, SHARPEST};
 use crate::model::{Accuracy, Bounded, ModelError, PanelModel};
 use crate::scene::Scene;
@@ -100,8 +100,8 @@ impl Question for Curves {
         coarse.iter().zip(fine).map(relative).collect()
     }
 
-    fn is_response(&self) -> bool {
-        true
+    fn values(&self) -> Values {
+        if self.asked < FEW { Values::FewResponses } else { Values::Curves }
     }
 
     fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
@@ -184,8 +184,8 @@ impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
             .collect()
     }
 
-    fn is_response(&self) -> bool {
-        true
+    fn values(&self) -> Values {
+        Values::Curves
     }
 
     fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {
