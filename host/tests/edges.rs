@@ -176,9 +176,10 @@ fn a_rounding_beyond_an_edge_is_the_edge() {
     }
 }
 
-/// Touches on all edges have plans, whatever the arithmetic that led there made of them.
+/// Edges are places that plans are made for, whatever the arithmetic that led there made of them: what is refused is the number of
+/// frequencies, which is looked at after the place. (`commands_agree_at_the_edge_of_a_panel` and the relations have such plans.)
 #[test]
-fn edges_have_plans() {
+fn edges_are_places_for_plans() {
     let scene = four();
     let table = table_at(&scene, 344.0);
     for side in [0.36, 0.36 * 48.0 / 48.0, 360.0 / 1e3, 0.36_f64.next_down()] {

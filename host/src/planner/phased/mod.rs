@@ -25,17 +25,16 @@ mod small;
 #[cfg(test)]
 mod tests;
 
+use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
-/// Most actuators.
-pub const MOST_ACTUATORS: usize = 4;
 /// Number of subsets of the actuators; a subset is a bit mask, bit i for actuator i.
-const SUBSETS: usize = 1 << MOST_ACTUATORS;
+const SUBSETS: usize = 1 << MAX_ACTUATORS;
 
 /// One complex number per actuator.
-pub type PerActuator = [Complex64; MOST_ACTUATORS];
+pub type PerActuator = [Complex64; MAX_ACTUATORS];
 /// One complex number per pair of actuators, row by row.
-pub type PerPair = [PerActuator; MOST_ACTUATORS];
+pub type PerPair = [PerActuator; MAX_ACTUATORS];
 
 const ZERO: Complex64 = Complex64::ZERO;
 
@@ -45,7 +44,7 @@ const ZERO: Complex64 = Complex64::ZERO;
 pub struct Field<'a> {
     /// Ascending, in Hz.
     pub frequencies_hz: &'a [f64],
-    /// How many there are: 1 to [`MOST_ACTUATORS`].
+    /// How many there are: 1 to [`MAX_ACTUATORS`].
     pub actuators: usize,
     /// Acceleration at the target per newton of each actuator, in m/s^2/N.
     pub gain: &'a [PerActuator],
@@ -53,11 +52,11 @@ pub struct Field<'a> {
     /// read.
     pub energy: &'a [PerPair],
     /// Most force amplitude of each actuator on its own in N; 0 where it cannot be driven (unbounded response).
-    pub max_force_n: &'a [[f64; MOST_ACTUATORS]],
+    pub max_force_n: &'a [[f64; MAX_ACTUATORS]],
     /// Travel of actuator i's mass relative to its electrodes per newton of actuator j, in m/N: `travel[k][i][j]`.
     pub travel: &'a [PerPair],
     /// Most travel of each actuator's mass in m, more than 0; infinite where there is no limit.
-    pub max_travel_m: [f64; MOST_ACTUATORS],
+    pub max_travel_m: [f64; MAX_ACTUATORS],
 }
 
 /// Which actuators may have a frequency in common.
@@ -109,7 +108,7 @@ pub const REACH_SLACK: f64 = 1e-9;
 pub fn best(field: &Field<'_>, grouping: Grouping, wanted: f64, spacing_hz: f64) -> Option<Found> {
     let count = field.frequencies_hz.len();
     let lengths = [field.gain.len(), field.energy.len(), field.max_force_n.len(), field.travel.len()];
-    if !(1..=MOST_ACTUATORS).contains(&field.actuators) || lengths.iter().any(|length| *length != count) {
+    if !(1..=MAX_ACTUATORS).contains(&field.actuators) || lengths.iter().any(|length| *length != count) {
         return None;
     }
     search::best(field, grouping, wanted, spacing_hz)

@@ -3,6 +3,7 @@
 use super::scores::Scores;
 use super::small::eigen;
 use super::{Field, PerActuator, PerPair, ZERO};
+use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
 /// What a limit of 1 may be exceeded by: the rounding of what is exactly at it.
@@ -33,7 +34,7 @@ pub(super) struct Program {
     /// Travel of i is the sum over groups of |sum of travel_ij x_j over the group's members j|.
     pub(super) travel: PerPair,
     /// Which group each actuator is in.
-    pub(super) group: [usize; 4],
+    pub(super) group: [usize; MAX_ACTUATORS],
     /// How many groups.
     pub(super) groups: usize,
 }
@@ -42,10 +43,10 @@ impl Program {
     pub(super) fn new(field: &Field<'_>, scores: &Scores, choices: &[Choice], units: Units) -> Self {
         let mut program = Self {
             used: 0,
-            gain: [ZERO; 4],
-            energy: [[ZERO; 4]; 4],
-            travel: [[ZERO; 4]; 4],
-            group: [0; 4],
+            gain: [ZERO; MAX_ACTUATORS],
+            energy: [[ZERO; MAX_ACTUATORS]; MAX_ACTUATORS],
+            travel: [[ZERO; MAX_ACTUATORS]; MAX_ACTUATORS],
+            group: [0; MAX_ACTUATORS],
             groups: choices.len(),
         };
         for (group, (members, k)) in choices.iter().enumerate() {
@@ -81,7 +82,7 @@ impl Program {
 
     /// energy x.
     pub(super) fn energy_times(&self, x: &PerActuator) -> PerActuator {
-        std::array::from_fn(|i| (0..4).map(|j| self.energy[i][j] * x[j]).sum())
+        std::array::from_fn(|i| (0..MAX_ACTUATORS).map(|j| self.energy[i][j] * x[j]).sum())
     }
 
     /// x^H energy x.
@@ -107,16 +108,17 @@ impl Program {
     /// Whether the limits hold.
     pub(super) fn allows(&self, x: &PerActuator) -> bool {
         let travel = |row: usize| (0..self.groups).map(|group| self.travel_of(row, group, x).norm()).sum::<f64>();
-        x.iter().all(|x| x.norm() <= 1.0 + ROUNDING) && (0..4).all(|row| travel(row) <= 1.0 + ROUNDING)
+        x.iter().all(|x| x.norm() <= 1.0 + ROUNDING) && (0..MAX_ACTUATORS).all(|row| travel(row) <= 1.0 + ROUNDING)
     }
 
     /// The same problem in eigenvectors of the energy, which is diagonal then, and the eigenvectors; each belongs to one
     /// group. Forces are limited in the old unknowns only.
     pub(super) fn in_eigenvectors(&self) -> (Self, PerPair) {
         let (energies, turn) = eigen(&self.energy);
-        let turned =
-            |row: &PerActuator| -> PerActuator { std::array::from_fn(|n| (0..4).map(|i| row[i] * turn[i][n]).sum()) };
-        let mut energy = [[ZERO; 4]; 4];
+        let turned = |row: &PerActuator| -> PerActuator {
+            std::array::from_fn(|n| (0..MAX_ACTUATORS).map(|i| row[i] * turn[i][n]).sum())
+        };
+        let mut energy = [[ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
         for (i, value) in energies.iter().enumerate() {
             energy[i][i] = value.max(0.0).into();
         }
@@ -146,7 +148,7 @@ impl Program {
             }
             x[i] /= factor[i][i].re;
         }
-        for i in (0..4).rev().filter(|i| mask >> i & 1 == 1) {
+        for i in (0..MAX_ACTUATORS).rev().filter(|i| mask >> i & 1 == 1) {
             for j in list(mask).filter(|j| *j > i) {
                 let done = factor[j][i].conj() * x[j];
                 x[i] -= done;
@@ -159,5 +161,5 @@ impl Program {
 
 /// The actuators of a mask, ascending.
 pub(super) fn list(mask: u8) -> impl Iterator<Item = usize> {
-    (0..4).filter(move |i| mask >> i & 1 == 1)
+    (0..MAX_ACTUATORS).filter(move |i| mask >> i & 1 == 1)
 }
