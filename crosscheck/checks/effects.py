@@ -7,7 +7,7 @@ harmonics up to 1 kHz) is said in docs/src/effects.md and, to the letter, in the
 import numpy as np
 
 from ..harness import ProgramFailed, Result, change_all, not_comparable
-from ..reference import effects, motion, pulses, rise
+from ..reference import effects, motion, planner, pulses, rise
 
 QUANTITIES = ("effect: peak", "effect: least and most", "effect: decay", "effect: left", "effect: supply current", "effect: length", "rise and decay")
 PLANTS = {
@@ -35,8 +35,6 @@ PEAK = {1: 0.016, 2: 0.02, 3: 0.03, 4: 0.05}
 # Beyond this the reference says too little.
 USEFUL = 0.03
 MOST_CURRENT_A = 0.5e-3
-# Of a channel in a period: 0.4 uC at 2 kV (docs/src/safety.md, "Known limits").
-CHARGE_PER_VOLT = 0.4e-6 / 2e3
 
 
 def request(rng):
@@ -212,8 +210,9 @@ def _decay(context, together, mean, printed_ms, ends, where):
 
 
 def _current(context, answer, where):
-    """Mean current from the supply while all drives are at full level."""
-    of = lambda drives: sum(CHARGE_PER_VOLT * drive["voltage_v"] * drive["frequency_hz"] for drive in drives)
+    """Mean current from the supply while all drives are at full level: both electrodes are charged once a period."""
+    charge_per_volt = {actuator.id: 2 * planner.capacitance(actuator) for actuator in context.scene.actuators}
+    of = lambda drives: sum(charge_per_volt[drive["actuator"]] * drive["voltage_v"] * drive["frequency_hz"] for drive in drives)
     if context.planted("effect: supply current"):
         # As if the last scaling to what the supply delivers had been forgotten.
         factor = 1.05 * max(1.0, MOST_CURRENT_A / max(of(answer["drives"]), 1e-300))
