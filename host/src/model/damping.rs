@@ -65,15 +65,16 @@ pub struct Damping {
     pub structured: Option<Structured>,
 }
 
-/// Shapes b_k with V' K_e V = sum of b_k b_k', for the stiffness K_e of springs along edges over `vectors` of the squared frequencies
-/// `lambda`; fewer than there are vectors, as motions of an edge are few.
+/// Shapes b_k [vector], in 1/s over mass-normalised vectors, with V' K_e V = sum of b_k b_k', for the stiffness K_e of springs along
+/// edges over `vectors` V [unknown, vector] of the squared frequencies `lambda` in rad^2/s^2; fewer than there are vectors, as motions
+/// of an edge are few.
 ///
 /// Entries are compared with sqrt(lambda_i lambda_j), above which none can be: a stiff vector's are not to hide those of the slow modes.
 pub(super) fn edge_shapes(edges: &Symmetric, lambda: &[f64], vectors: &DMatrix<f64>) -> Vec<DVector<f64>> {
     let n = lambda.len();
     let own = vectors.rows(0, edges.order()).into_owned();
     let over = own.tr_mul(&edges.times(&own));
-    let Some(between) = middle(lambda) else { return Vec::new() };
+    let Some(between) = median_of_positive(lambda) else { return Vec::new() };
     let scale = DVector::from_iterator(n, lambda.iter().map(|lambda| (lambda + between).sqrt()));
     let eigen =
         SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| 0.5 * (over[(i, j)] + over[(j, i)]) / (scale[i] * scale[j])));
@@ -81,14 +82,14 @@ pub(super) fn edge_shapes(edges: &Symmetric, lambda: &[f64], vectors: &DMatrix<f
     kept.map(|(part, direction)| direction.component_mul(&scale) * part.sqrt()).collect()
 }
 
-/// The one in the middle of the positive ones among `lambda`.
-fn middle(lambda: &[f64]) -> Option<f64> {
+/// The median of the positive ones among squared frequencies.
+fn median_of_positive(lambda: &[f64]) -> Option<f64> {
     let mut positive: Vec<f64> = lambda.iter().copied().filter(|lambda| *lambda > 0.0).collect();
     positive.sort_by(f64::total_cmp);
     positive.get(positive.len() / 2).copied()
 }
 
-/// Damping of a rank that is lower than the basis is long: of one point's motion.
+/// Damping of a rank that is lower than the basis is long: of one motion, a point's or an edge's.
 #[derive(Clone, Debug)]
 pub struct Coupling {
     /// The motion d = shape . q, length n.
@@ -134,7 +135,8 @@ impl Structured {
             viscous: damping - beta * stiffness - alpha * mass,
             structural: -eta * stiffness,
         });
-        let shapes = edges.map(|edges| edge_shapes(edges, lambda, vectors)).unwrap_or_default();
+        let is_lossy = eta != 0.0 || beta != 0.0;
+        let shapes = edges.filter(|_| is_lossy).map(|edges| edge_shapes(edges, lambda, vectors)).unwrap_or_default();
         let of_edges = shapes.into_iter().map(|shape| Coupling { shape, viscous: -beta, structural: -eta });
         let couplings = couplings.chain(of_edges);
         let lambda = DVector::from_column_slice(lambda);
@@ -219,7 +221,7 @@ pub(super) fn same_ratio(ratio: f64, lambda: &[f64], vectors: &DMatrix<f64>, act
 /// rigidly have lambda a million million times those of the modes, and rounding in sums with those would be all that is left of the modes.
 fn geometric_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64]) -> DMatrix<f64> {
     let n = a.nrows();
-    let Some(between) = middle(largest) else { return DMatrix::zeros(n, n) };
+    let Some(between) = median_of_positive(largest) else { return DMatrix::zeros(n, n) };
     let scale: Vec<f64> = largest.iter().map(|lambda| (lambda + between).sqrt()).collect();
     let scaled = |value: &dyn Fn(usize, usize) -> f64| {
         DMatrix::from_fn(n, n, |i, j| 0.5 * (value(i, j) + value(j, i)) / (scale[i] * scale[j]))
@@ -244,6 +246,7 @@ fn geometric_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64]) -> DMatri
 
 #[cfg(test)]
 mod tests {
+    use super::super::sparse::Entries;
     use super::*;
 
     /// X = A # B is what solves X A^-1 X = B, whatever way it is computed.
@@ -254,6 +257,27 @@ mod tests {
         let x = geometric_mean(&a, &b, &[20.0, 20.0, 80.0]);
         let back = &x * a.try_inverse().unwrap() * &x;
         assert!((back - b).amax() < 1e-11, "{x}");
+    }
+
+    /// Against the product itself, entry by entry relative to what it is of, with a vector that is all but rigidly held.
+    #[test]
+    fn shapes_of_edges_make_up_their_stiffness() {
+        let mut entries = Entries::default();
+        for (row, value) in [(0, 3e4), (1, 5e4), (3, 2e4)] {
+            entries.add_outer(&[(row, 1.0), (row + 1, -0.4)], value);
+        }
+        let edges = entries.build(5).unwrap();
+        let lambda: [f64; 4] = [1e4, 4e5, 2e6, 1e19];
+        let vectors =
+            DMatrix::from_fn(5, 4, |i, j| lambda[j].sqrt() / 4e2 * [0.3, -0.9, 0.7, 0.1, -0.5][(2 * i + 3 * j) % 5]);
+        let wanted = vectors.tr_mul(&edges.times(&vectors));
+        let shapes = edge_shapes(&edges, &lambda, &vectors);
+        assert!(shapes.len() <= 3, "rank 3");
+        let off = DMatrix::from_fn(4, 4, |i, j| {
+            let found: f64 = shapes.iter().map(|shape| shape[i] * shape[j]).sum();
+            (found - wanted[(i, j)]) / (lambda[i] * lambda[j]).sqrt()
+        });
+        assert!(off.amax() < 1e-9 && wanted[(0, 0)] > 1e-3 * lambda[0], "{off}");
     }
 
     /// The same with a point that is held all but rigidly, entry by entry relative to what it is of.

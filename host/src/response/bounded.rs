@@ -185,7 +185,9 @@ impl<T: Arithmetic + Into<f64>> Question for Surface<'_, T> {
     }
 
     fn values(&self) -> Values {
-        Values::Curves
+        let [columns, rows] = &self.compared;
+        let compared = columns.len() * rows.len() * self.frequencies_hz.len();
+        if compared < FEW { Values::FewResponses } else { Values::Curves }
     }
 
     fn floors(&self, fine: &Self::Answer, rounding: Rounding) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! The published cases.
 
-#![allow(clippy::approx_constant, reason = "published numbers have the digits that were printed")]
+#![expect(clippy::approx_constant, reason = "published numbers have the digits that were printed")]
 
 use super::closed;
 use super::ritz::{Plate, Side};

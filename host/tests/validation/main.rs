@@ -6,7 +6,7 @@ mod closed;
 mod panel;
 mod ritz;
 #[path = "../support/scenes.rs"]
-#[allow(dead_code, reason = "shared with other tests")]
+#[expect(dead_code, reason = "shared with other tests")]
 mod scenes;
 mod table;
 mod thick;
