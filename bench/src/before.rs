@@ -2,9 +2,9 @@
 //! answer at each, and a bound that believes in part the rate that three levels show. Kept to measure against.
 
 use crate::error::Error;
-use era::model::grid::Fineness;
-use era::model::{Accuracy, PanelModel};
-use era::scene::Scene;
+use era_model::model::Fineness;
+use era_model::model::{Accuracy, PanelModel};
+use era_model::scene::Scene;
 
 /// Times the estimate, and the bound of a response over that of a frequency.
 const SAFETY: f64 = 2.5;

@@ -57,22 +57,22 @@ pub enum Error {
     },
     /// No plan.
     #[error(transparent)]
-    Plan(#[from] era::planner::PlanError),
+    Plan(#[from] era_planner::PlanError),
     /// The same, as a file.
     #[error(transparent)]
-    Parse(#[from] era::scene::SceneError),
+    Parse(#[from] era_model::scene::SceneError),
     /// No model.
     #[error(transparent)]
-    Model(#[from] era::model::ModelError),
+    Model(#[from] era_model::model::ModelError),
     /// No response.
     #[error(transparent)]
-    Response(#[from] era::response::ResponseError),
+    Response(#[from] era_model::response::ResponseError),
     /// No response with a bound.
     #[error(transparent)]
-    Curves(#[from] era::response::CurveError),
+    Curves(#[from] era_model::response::CurveError),
     /// No motion in time.
     #[error(transparent)]
-    Transient(#[from] era::transient::TransientError),
+    Transient(#[from] era_model::transient::TransientError),
     /// A document without a place for a part.
     #[error("{path} has no `{start}` with a `<!-- end -->` after it")]
     NoRoom {

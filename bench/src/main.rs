@@ -26,7 +26,7 @@ mod tradeoff;
 use case::Case;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use environment::Environment;
-use era::model::Accuracy;
+use era_model::model::Accuracy;
 use error::Error;
 use own::{NEXT, TIGHTEST};
 use problem::{Problem, WANTED};

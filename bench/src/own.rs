@@ -3,10 +3,10 @@
 use crate::clock::{median, timed};
 use crate::error::Error;
 use crate::problem::{Curves, MAX_HZ, Problem};
-use era::model::grid::Fineness;
-use era::model::{Accuracy, PanelModel};
-use era::response::bounded_sweep;
-use era::response::sweep::{Arithmetic, SurfaceShapes, Sweep};
+use era_model::model::Fineness;
+use era_model::model::{Accuracy, PanelModel};
+use era_model::response::bounded_sweep;
+use era_model::response::sweep::{Arithmetic, SurfaceShapes, Sweep};
 use num_complex::Complex64;
 
 /// The mesh of the tightest answer: highest order, cells a third of what the band needs.

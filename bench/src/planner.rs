@@ -2,12 +2,12 @@
 
 use crate::error::Error;
 use crate::table::{Table, relative, seconds};
-use era::model::Accuracy;
-use era::model::levels::Levels;
-use era::planner::allocate::Allocation;
-use era::planner::candidates::Judge;
-use era::planner::{Grouping, PlanTable, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
-use era::scene::{EXAMPLE_PLATE, Scene};
+use era_model::model::Accuracy;
+use era_model::model::levels::Levels;
+use era_model::scene::{EXAMPLE_PLATE, Scene};
+use era_planner::allocate::Allocation;
+use era_planner::candidates::Judge;
+use era_planner::{Grouping, PlanTable, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
 use std::fmt::Write;
 use std::time::Instant;
 
@@ -192,7 +192,7 @@ fn difference(found: &Allocation, best: &Allocation) -> f64 {
 }
 
 fn nothing() -> Error {
-    era::planner::PlanError::NoFrequencies.into()
+    era_planner::PlanError::NoFrequencies.into()
 }
 
 fn grouped(

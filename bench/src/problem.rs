@@ -2,10 +2,10 @@
 //! 1000 Hz, 1 N at each actuator alone, acceleration at all points of a 49 x 33 grid.
 
 use crate::error::Error;
-use era::model::PanelModel;
-use era::model::grid::Fineness;
-use era::response::Solver;
-use era::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping, evenly};
+use era_model::model::Fineness;
+use era_model::model::PanelModel;
+use era_model::response::Solver;
+use era_model::scene::{EXAMPLE_PLATE, Scene, SurfaceDamping, evenly};
 use nalgebra::DMatrix;
 use num_complex::Complex64;
 use serde_json::json;

@@ -6,11 +6,11 @@ use crate::environment::Environment;
 use crate::error::Error;
 use crate::problem::{MAX_HZ, Problem};
 use crate::table::{Table, relative, seconds, three};
-use era::model::{Accuracy, PanelModel, bounded_modes};
-use era::response::sweep::{SurfaceShapes, Sweep};
-use era::response::{acceleration_curves, bounded_curves, bounded_sweep};
-use era::scene::{Scene, SurfaceKind, evenly};
-use era::verify::trials::scene_text;
+use era_model::model::{Accuracy, PanelModel, bounded_modes};
+use era_model::response::sweep::{SurfaceShapes, Sweep};
+use era_model::response::{acceleration_curves, bounded_curves, bounded_sweep};
+use era_model::scene::random::scene_text;
+use era_model::scene::{Scene, SurfaceKind, evenly};
 use num_complex::Complex64;
 
 /// Random scenes.

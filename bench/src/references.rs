@@ -118,7 +118,7 @@ fn bar(name: &'static str, held: &str, b_l: &[f64]) -> Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use era::scene::Scene;
+    use era_model::scene::Scene;
 
     #[test]
     fn every_reference_is_a_scene() {

@@ -5,7 +5,7 @@ use crate::environment::Environment;
 use crate::error::Error;
 use crate::process::json;
 use crate::table::{Table, relative, seconds, times};
-use era::transient::{
+use era_model::transient::{
     Harmonic, Initial, Outputs, Propagator, Quantity, SecondOrder, TimeGrid, TransientError, as_published, steady_state,
 };
 use nalgebra::{DMatrix, DVector};

@@ -2,7 +2,7 @@
 
 use crate::clocks::TIMER_CLOCK_HZ;
 use crate::pins::CHANNELS;
-use crate::{bootloader, breaks, comparators, log, outputs, sense, supply, timers};
+use crate::{bootloader, breaks, comparators, log, outputs, sense, supply, timers, trip};
 use embassy_time::{Duration, Instant};
 use era_shared::board::{Board, BoardInfo};
 use era_shared::protocol::{ChannelLimits, FaultCode};
@@ -26,7 +26,7 @@ const DETAIL_COMPARATORS: u32 = 10;
 
 /// A trip makes everything else fail that is done at the same time; it is then the reason.
 fn first_reason(code: FaultCode) -> FaultCode {
-    breaks::take_trip().map_or(code, |(code, _)| code)
+    trip::take().map_or(code, |(code, _)| code)
 }
 
 /// The STM32G474 actuator board.
@@ -115,7 +115,7 @@ impl Board for Stm32Board {
             interlock_closed: comparators::interlock_closed(),
             stop_released: comparators::stop_released(),
             earth_bonded: measured.earth_bonded,
-            trip: breaks::take_trip(),
+            trip: trip::take(),
         }
     }
 
@@ -141,7 +141,7 @@ impl Board for Stm32Board {
 
     fn connect_electrodes(&mut self, connected: bool) -> Result<(), FaultCode> {
         cortex_m::interrupt::free(|_| {
-            if let Some((code, _)) = breaks::take_trip() {
+            if let Some((code, _)) = trip::take() {
                 return Err(code);
             }
             if connected {
@@ -174,7 +174,7 @@ impl Board for Stm32Board {
 
     /// Detail: the channel, or [`DETAIL_COMPARATORS`].
     fn check_timers(&mut self) -> Result<(), Finding> {
-        self.look_at_timers().map_err(|finding| breaks::take_trip().unwrap_or(finding))
+        self.look_at_timers().map_err(|finding| trip::take().unwrap_or(finding))
     }
 
     fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {

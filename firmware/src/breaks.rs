@@ -8,13 +8,13 @@
 //! interrupt has run.
 //!
 //! The interrupt is at the highest priority and everything else below it; it does the same as [`force_off`] and leaves the
-//! reason for the device ([`take_trip`]). It is enabled while the supply is.
+//! reason for the device ([`trip::take`]). It is enabled while the supply is.
 
 use crate::comparators::{COMPARATORS, Comparator, tripping};
 use crate::outputs::force_off;
 use crate::priorities::PROTECTION;
 use crate::timers::{self, WITH_BREAK};
-use core::sync::atomic::{AtomicU32, Ordering};
+use crate::trip;
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{Interrupt, InterruptExt};
 use embassy_stm32::pac::{PWR, SYSCFG};
@@ -29,9 +29,6 @@ const TRIP_WAIT: Duration = Duration::from_micros(100);
 const DETAIL_TIMER: u32 = 10;
 const DETAIL_NOT_AT_REST: u32 = 100;
 const DETAIL_SETTINGS: u32 = 1_000;
-
-/// Why everything was switched off: 0 for no reason, else the code's number plus 1, and the detail in the upper half.
-static TRIP: AtomicU32 = AtomicU32::new(0);
 
 /// Leads the core's own failures to the breaks and starts the interrupt. To be called once, before the supply is enabled.
 pub fn init() {
@@ -51,31 +48,7 @@ fn TIM1_BRK_TIM15() {
     // Off before anything is looked at; it disables this interrupt too, whose cause may last.
     force_off();
     let (code, detail) = cause();
-    note(code, detail);
-}
-
-/// Notes a reason, unless there is one already: the first says most.
-pub fn note(code: FaultCode, detail: u32) {
-    let packed = (u32::from(code.number()) + 1) | (detail << 16);
-    // The other outcome is the one that is wanted too.
-    let _ = TRIP.compare_exchange(0, packed, Ordering::AcqRel, Ordering::Acquire);
-}
-
-/// Whether a reason waits to be taken.
-#[must_use]
-pub fn has_tripped() -> Option<FaultCode> {
-    unpack(TRIP.load(Ordering::Acquire)).map(|(code, _)| code)
-}
-
-/// Hands over why everything was switched off, once.
-pub fn take_trip() -> Option<Finding> {
-    unpack(TRIP.swap(0, Ordering::AcqRel))
-}
-
-fn unpack(packed: u32) -> Option<Finding> {
-    let number = (packed & 0xFFFF).checked_sub(1)?;
-    let code = FaultCode::ALL.into_iter().find(|code| u32::from(code.number()) == number)?;
-    Some((code, packed >> 16))
+    trip::note(code, detail);
 }
 
 /// What has tripped, as well as it can still be seen.

@@ -4,9 +4,9 @@
 //! breaks do not. At the brown-out level the chip resets; that level is an option byte (BOR_LEV, delivered as 0: 1.7 V),
 //! to be set to 4, 2.8 V, when a board is brought up.
 
-use crate::breaks;
 use crate::outputs::force_off;
 use crate::priorities::PROTECTION;
+use crate::trip;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use embassy_stm32::interrupt;
@@ -71,7 +71,7 @@ pub fn holds() -> bool {
 #[interrupt]
 fn PVD_PVM() {
     force_off();
-    breaks::note(FaultCode::BrownOut, 0);
+    trip::note(FaultCode::BrownOut, 0);
     let mut line = Lines(0);
     line.set_line(LINE, true);
     EXTI.pr(0).write_value(line);

@@ -31,6 +31,7 @@ mod rails;
 mod sense;
 mod supply;
 mod timers;
+mod trip;
 mod watchdog;
 
 use embassy_stm32::{bind_interrupts, peripherals, usart, usb};

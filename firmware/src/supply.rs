@@ -2,7 +2,7 @@
 
 use crate::outputs::{is_high, set_level};
 use crate::pins::{DISCHARGE_OPEN, HIGH_VOLTAGE_ENABLE};
-use crate::{breaks, rails, watchdog};
+use crate::{breaks, rails, trip, watchdog};
 use era_shared::supply::{Supply, rail_code};
 
 /// Carries out what the supply is told. After a trip that has not been taken yet the supply stays off: what is told was
@@ -10,7 +10,7 @@ use era_shared::supply::{Supply, rail_code};
 pub fn set(supply: &Supply) {
     // With interrupts masked, so that a trip comes before or after all of it.
     cortex_m::interrupt::free(|_| {
-        let enabled = supply.enabled && breaks::has_tripped().is_none();
+        let enabled = supply.enabled && trip::waits().is_none();
         if enabled && !is_high(HIGH_VOLTAGE_ENABLE) {
             // What switches off is awake before there is something to switch off.
             breaks::watch();

@@ -1,9 +1,10 @@
 //! A device under test: a client on its link, and what can be done to it from outside.
 
 use era::device::emulated::CHANNEL_TIMERS;
-use era::device::sim::{Knobs, ModalSystem, Panel, SimControl};
+use era::device::sim::{Knobs, Panel, SimControl};
 use era::device::{Client, LinkError, OpenDevice, Target};
 use era::planner::softening::Transducer;
+use era::transient::reduced::ModalSystem;
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::{BURST_MAX_MS, REST_MS};
 use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED, encode};
@@ -404,4 +405,17 @@ pub fn frame(version: u8, sequence: u16, request: &Request) -> Result<Vec<u8>, S
 /// With both values.
 pub fn equal<T: PartialEq + std::fmt::Debug>(what: &str, found: T, wanted: T) -> Outcome {
     if found == wanted { Ok(()) } else { Err(format!("{what}: found {found:?}, wanted {wanted:?}")) }
+}
+
+/// In the emulator: no electrode's pin is left to a timer, and none is high.
+///
+/// # Errors
+/// With the pin.
+pub fn check_pins_low(bench: &Bench) -> Outcome {
+    let Some(pins) = bench.pins()? else { return Ok(()) };
+    for name in (1..=4).flat_map(|era| [format!("era{era}_a"), format!("era{era}_b")]) {
+        let pin = &pins["pins"][&name];
+        equal(&format!("{name} is an output held low: {pin}"), pin["mode"] == "output" && pin["high"] == false, true)?;
+    }
+    Ok(())
 }

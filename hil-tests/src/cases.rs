@@ -1,7 +1,7 @@
 //! The suite: what a device does with arm, drive, stop, silence, restart. `link_cases` has what it does with bytes,
 //! `play_cases` effects and clocks, `safety_cases` self-test, faults and budgets, `version_cases` older hosts.
 
-use crate::bench::{Bench, Outcome, Session, drive, equal};
+use crate::bench::{Bench, Outcome, Session, check_pins_low, drive, equal};
 use crate::{link_cases, play_cases, safety_cases, version_cases};
 use era_shared::protocol::{
     AchievedDrive, BoardKind, CURRENT_VERSION, ChannelDrive, FaultCode, Refusal, Reply, Request,
@@ -322,14 +322,4 @@ fn check_phase(bench: &Bench, achieved: &[AchievedDrive]) -> Outcome {
     let off = (f64::from(second_count) - f64::from(first_count)) / f64::from(ticks) - turn;
     let off_ticks = (off - off.round()).abs() * f64::from(ticks);
     equal(&format!("{off_ticks} ticks off the phase"), off_ticks <= 3.0, true)
-}
-
-/// In the emulator: no electrode's pin is left to a timer, and none is high.
-pub(crate) fn check_pins_low(bench: &Bench) -> Outcome {
-    let Some(pins) = bench.pins()? else { return Ok(()) };
-    for name in (1..=4).flat_map(|era| [format!("era{era}_a"), format!("era{era}_b")]) {
-        let pin = &pins["pins"][&name];
-        equal(&format!("{name} is an output held low: {pin}"), pin["mode"] == "output" && pin["high"] == false, true)?;
-    }
-    Ok(())
 }

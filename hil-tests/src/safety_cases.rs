@@ -1,8 +1,7 @@
 //! What keeps the device from doing harm: the self-test, faults while live, measured rails, budgets.
 
-use crate::bench::{Bench, Outcome, Session, VOLTAGE_MILLIVOLTS, drive, equal};
+use crate::bench::{Bench, Outcome, Session, VOLTAGE_MILLIVOLTS, check_pins_low, drive, equal};
 use crate::breakage::Breakage;
-use crate::cases::check_pins_low;
 use era::device::LinkError;
 use era_shared::limits::{BURST_MAX_MS, DISCHARGED_MILLIVOLTS, REST_MS};
 use era_shared::protocol::{ChannelDrive, FaultCode, Refusal, Reply, Request};

@@ -1,22 +1,19 @@
-//! The host side of the ERA haptics system: panel model, planner, devices, daemon and command line.
+//! The host side of the ERA haptics system: devices, daemon and command line over the panel's model and the planner.
 //!
 //! Data flows one way: [`scene`] (what is there) -> [`model`] (finite elements, modes) -> [`response`] (how it answers a
 //! harmonic force) -> [`planner`] (which drives make a touch felt) -> [`device`] (commands to a board, simulated or
-//! real). [`daemon`] puts HTTP and a WebSocket in front of it, [`verify`] compares what the planner predicts with what
-//! the simulated device measures, [`study`] draws fields, [`flash`] writes a board's firmware,
-//! [`monitor`] shows its log, and [`cli`] is the command
-//! line.
+//! real). The first three, with [`transient`], are the crate `era-model`; the planner, with [`effects`] and [`study`], is
+//! `era-planner`; both are known here by the names of their modules. [`daemon`] puts HTTP and a WebSocket in front of it,
+//! [`verify`] compares what the planner predicts with what the simulated device measures, [`flash`] writes a board's
+//! firmware, [`monitor`] shows its log, and [`cli`] is the command line.
 
 pub mod cli;
 pub mod daemon;
 pub mod device;
-pub mod effects;
 pub mod flash;
-pub mod model;
 pub mod monitor;
-pub mod planner;
-pub mod response;
-pub mod scene;
-pub mod study;
-pub mod transient;
 pub mod verify;
+
+pub use era_model::{model, response, scene, transient};
+pub use era_planner as planner;
+pub use era_planner::{effects, study};

@@ -2,7 +2,8 @@
 
 use era::model::Accuracy;
 use era::model::levels::Levels;
-use era::planner::reach::setting::{Part, command};
+use era::planner::reach::Part;
+use era::planner::reach::setting::{command, part};
 use era::planner::reach::{Maps, Measure, Region, SchemeReach, rigid, schemes};
 use era::planner::{Objective, PlanError, PlanTable, Request, TableOptions, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
@@ -113,7 +114,7 @@ fn rigid_motion_is_told_from_bending() {
     assert!((100.0..170.0).contains(&first), "{first}");
     let setting = |hz: f64| -> Vec<Part> {
         let frequency = table.frequencies_hz.iter().position(|other| *other == hz).unwrap();
-        (0..2).map(|i| Part::new(&table, i, frequency, 0.01.into())).collect()
+        (0..2).map(|i| part(&table, i, frequency, 0.01.into())).collect()
     };
     let part = |hz: f64| rigid::part_of(&table, &setting(hz)).unwrap();
     assert!(part(60.0) > 0.95 && part(200.0) < 0.5, "{} {}", part(60.0), part(200.0));

@@ -451,7 +451,7 @@ fn equal_modes_answer_alike_whichever_way_round() {
 fn a_rigid_point_far_from_thin_cells() {
     for (x, y) in [(0.5, 0.5), (0.500_003, 0.500_005)] {
         let scene = SceneText::plate(0.3, 0.2, 0.3).edge("left", "clamped").edge("top", "pinned").spring(x, y, 1e9);
-        let fine = era::model::grid::Fineness { cell_m: 0.075, order: 11, layers: 2 };
+        let fine = era::model::Fineness { cell_m: 0.075, order: 11, layers: 2 };
         let expected = PanelModel::with_fineness(&scene.scene(), fine).unwrap().modes(600.0).unwrap();
         for tolerance in [1e-2, 1e-3, 1e-6] {
             let accuracy = Accuracy::tolerance(tolerance).unwrap();

@@ -1,8 +1,9 @@
 //! Boards of other protocol versions: an older one is spoken to in its own, a newer one is refused by name.
 
-use era::device::sim::{Clock, ModalSystem, Panel, SimBoard};
+use era::device::sim::{Clock, Panel, SimBoard};
 use era::device::{Client, LinkError};
 use era::planner::softening::Transducer;
+use era::transient::reduced::ModalSystem;
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Refusal, Reply, Request};

@@ -7,7 +7,7 @@ use era::planner::candidates::Judge;
 use era::planner::search::Choices;
 use era::planner::{Objective, PlanTable, Quiet, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
 use era::scene::Scene;
-use era::verify::trials::scene_text;
+use era::scene::random::scene_text;
 
 /// By which part a touch, which looks at some hundred combinations, may be worse than the best; rounding, as measured here.
 const TOUCH_LACKS: f64 = 1e-3;

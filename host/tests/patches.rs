@@ -3,7 +3,7 @@
 
 mod support;
 
-use era::model::grid::Fineness;
+use era::model::Fineness;
 use era::model::{Accuracy, PanelModel, bounded_modes};
 use era::response::{acceleration_curves, bounded_curves};
 use era::scene::Scene;

@@ -6,8 +6,9 @@ use era::model::{Accuracy, PanelModel};
 use era::planner::softening::{Excitation, Line, Transducer, settle, travel_receptance};
 use era::planner::{PlanTable, TableOptions, Target};
 use era::response::Solver;
+use era::scene::random::scene_text;
 use era::scene::{EXAMPLE_BAR, Scene};
-use era::verify::trials::{Options, Outcome, Trial, Verdict, goes_too_far, scene_text, try_scene, verdict};
+use era::verify::trials::{Options, Outcome, Trial, Verdict, goes_too_far, try_scene, verdict};
 use era::verify::{VerifyError, compare};
 use era_shared::supply::{RAILS, rail_of};
 

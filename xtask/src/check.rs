@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{crosscheck, emulate, firmware, fuzz, miri, root, setup, waveforms};
+use crate::{crosscheck, emulate, firmware, fuzz, image, miri, root, setup, waveforms};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -48,7 +48,7 @@ pub fn ci() -> Result<(), Error> {
     step("firmware image, budgets", || firmware::command(&firmware::Options::with_budget()))?;
     step("lints", || {
         run(cargo(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
-        firmware::cargo("clippy", &["--", "-D", "warnings"])
+        image::cargo("clippy", &["--", "-D", "warnings"])
     })?;
     step("documentation", || {
         run(cargo(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))

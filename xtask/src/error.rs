@@ -67,7 +67,7 @@ pub enum Error {
         reason: String,
     },
     /// Neither way gave the compilation target.
-    #[error("the target {target} cannot be had: not by rustup: {rustup}; and not by building it: {source}", target = crate::target::TARGET)]
+    #[error("the target {target} cannot be had: not by rustup: {rustup}; and not by building it: {source}", target = crate::triple::TARGET)]
     NoTarget {
         /// Why the first way failed.
         rustup: String,

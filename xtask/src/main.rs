@@ -9,12 +9,14 @@ mod emulate;
 mod error;
 mod firmware;
 mod fuzz;
+mod image;
 mod miri;
 mod process;
 mod setup;
 mod stack;
 mod start;
 mod target;
+mod triple;
 mod waveforms;
 
 use clap::{Parser, Subcommand};

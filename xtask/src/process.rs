@@ -31,3 +31,25 @@ pub fn shown(command: &Command) -> String {
     let words = std::iter::once(command.get_program()).chain(command.get_args());
     words.map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
 }
+
+/// Runs a program without showing what it says; if it fails, that is the reason.
+pub fn said(command: &mut Command) -> Result<(), String> {
+    let shown = shown(command);
+    let output = command.output().map_err(|error| format!("`{shown}`: {error}"))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let text = String::from_utf8_lossy(&output.stderr);
+    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+    // The line that names the cause, or the last one.
+    let names_it = |line: &&&str| ["error", "E:", "fatal"].iter().any(|word| line.starts_with(word));
+    let cause = lines.iter().find(names_it).or(lines.last()).copied().unwrap_or("it said nothing");
+    Err(format!("`{shown}` failed ({}): {cause}", output.status))
+}
+
+/// Whether Python can make an environment of its own: what the emulator and the reference need.
+pub fn has_python() -> bool {
+    let mut python = Command::new("python3");
+    python.args(["-c", "import venv, ensurepip"]).stdout(Stdio::null()).stderr(Stdio::null());
+    python.status().is_ok_and(|status| status.success())
+}

@@ -5,8 +5,9 @@
 //! toolchain's components come from rustup, which needs no rights. This is the only list of packages.
 
 use crate::error::Error;
+use crate::process::{has_python, said};
+use crate::root;
 use crate::target::{self, TARGET};
-use crate::{emulate, root};
 use std::fmt::Write;
 use std::process::{Command, Stdio};
 
@@ -172,7 +173,7 @@ impl This {
 impl Machine for This {
     fn has(&self, need: Need) -> bool {
         match need {
-            Need::Python => emulate::is_possible(),
+            Need::Python => has_python(),
             Need::Browser => {
                 std::env::var_os(NO_BROWSER).is_some() || BROWSERS.iter().any(|name| Self::runs(name, &["--version"]))
             }
@@ -224,21 +225,6 @@ impl Machine for This {
             (_, None) => Ok(()),
         }
     }
-}
-
-/// Runs a program without showing what it says; if it fails, that is the reason.
-pub fn said(command: &mut Command) -> Result<(), String> {
-    let shown = crate::process::shown(command);
-    let output = command.output().map_err(|error| format!("`{shown}`: {error}"))?;
-    if output.status.success() {
-        return Ok(());
-    }
-    let text = String::from_utf8_lossy(&output.stderr);
-    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    // The line that names the cause, or the last one.
-    let names_it = |line: &&&str| ["error", "E:", "fatal"].iter().any(|word| line.starts_with(word));
-    let cause = lines.iter().find(names_it).or(lines.last()).copied().unwrap_or("it said nothing");
-    Err(format!("`{shown}` failed ({}): {cause}", output.status))
 }
 
 #[cfg(test)]

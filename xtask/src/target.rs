@@ -5,14 +5,11 @@
 //! like a nightly one (`RUSTC_BOOTSTRAP`).
 
 use crate::error::Error;
-use crate::process::{output, run};
-use crate::setup::said;
+use crate::process::{output, run, said};
+pub use crate::triple::TARGET;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-
-/// Cortex-M4 with single-precision floating point.
-pub const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Debian suite whose `rust-src` is that of this project's compiler.
 const SUITE: &str = "trixie-backports";

@@ -1,120 +1,17 @@
-//! What the command line takes.
+//! Options that commands take, and what they may be.
 
 use crate::device::Target;
 use crate::effects::NamedEffect;
 use crate::model::Accuracy;
 use crate::planner::cache::{Cache, DIRECTORY_VARIABLE};
 use crate::scene::Scene;
-use clap::{Args, Parser, Subcommand};
+use clap::Args;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Failure;
-pub use super::args_board::{Flash, Monitor};
-pub use super::args_field::Field;
+use super::values::{Point, parse_counts, parse_finite, parse_npy, parse_png, parse_point, parse_time};
 use super::wishes::Wishes;
-
-/// Localized touch feedback on large surfaces: two to four electrostatic resonant actuators (ERAs) on a flexibly held
-/// panel, each at its own frequency, placed by a finite-element model.
-///
-/// Without a command, `era` serves the example plate with a simulated device on http://127.0.0.1:7878.
-#[derive(Debug, Parser)]
-#[command(
-    name = "era",
-    version,
-    max_term_width = 100,
-    after_help = "\
-Examples:
-  era                                          the daemon and its web page, no hardware needed
-  era touch 960 640 --intensity-g 0.3          make the middle of the screen vibrate
-  era modes --scene my-panel.toml --max-hz 400 what frequencies a panel has
-  era plan --at 480,640 --json                 what would be driven, without driving it
-  era field --at 480,640 --png map.png         where on the surface it would be felt"
-)]
-pub struct Arguments {
-    #[command(subcommand)]
-    pub command: Option<Command>,
-    /// Log more (-v, -vv); the variable ERA_LOG takes a filter as tracing-subscriber understands it
-    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
-    pub verbose: u8,
-}
-
-#[derive(Debug, Subcommand)]
-pub enum Command {
-    /// Run the daemon: device session, HTTP and WebSocket interface, web page
-    #[command(after_help = "Example:\n  era serve --scene examples/scenes/plate.toml --listen 127.0.0.1:8080")]
-    Serve(Serve),
-    /// Ask a running daemon for a touch at screen pixels X Y
-    #[command(after_help = "Example:\n  era touch 960 640 --intensity-g 0.3 --duration-ms 500")]
-    Touch(Touch),
-    /// Ask a running daemon to switch everything off
-    #[command(after_help = "Example:\n  era stop")]
-    Stop(Daemon),
-    /// Show what a running daemon and its device are doing
-    #[command(after_help = "Example:\n  era state --json")]
-    State(Daemon),
-    /// List a panel's modes: frequencies and damping ratios; write and draw their shapes
-    #[command(after_help = "\
-Examples:
-  era modes --scene examples/scenes/bar.toml --max-hz 500 --tolerance 1e-6
-  era modes --png modes.png --npy modes.npy        the shapes, as a picture and for NumPy")]
-    Modes(Modes),
-    /// Acceleration at a point per newton at each actuator, over frequency
-    #[command(after_help = "Example:\n  era response --at 100,60 --from 50 --to 400 --step 2")]
-    Response(Response),
-    /// Acceleration at every point of a grid per newton at each actuator, over frequency
-    #[command(after_help = "Example:\n  era sweep --from 50 --to 1000 --step 1 --grid 49,33 --npy plate.npy")]
-    Sweep(Sweep),
-    /// Motion of a point after drives are switched on
-    #[command(
-        after_help = "Example:\n  era transient --at 100,60 --drive left:120:0.1 --drive right:88:0.1:90 --duration 0.5 --csv -"
-    )]
-    Transient(Transient),
-    /// The drives for a touch, without driving anything
-    #[command(after_help = "\
-Examples:
-  era plan --at 100,60 --unit mm --json
-  era plan --at 480,640 --also 1500,700:0.3 --quiet 960,640:15:0.02    two targets, and a place to be spared
-  era plan --at 480,640 --window 0-300 --also 1500,700:0.3:200-500     one after the other")]
-    Plan(super::plan::PlanOptions),
-    /// An effect at a point: what the board would play, and what the panel would do, without driving anything
-    #[command(after_help = "Example:\n  era effect --at 100,60 --unit mm --effect click --intensity-g 0.5")]
-    Effect(super::effect::EffectOptions),
-    /// Peak acceleration over the surface for a touch, or what can be reached at all, as CSV or PNG
-    #[command(after_help = "\
-Examples:
-  era field --at 480,640 --png map.png --csv map.csv
-  era field --reach --png reach.png       the strongest and the most contrasted at every point
-  era field --schemes                     dead zones: one frequency, phases, distinct frequencies
-  era field --schemes --from 124 --zone 0,0,150,200 --felt    of a band and a part of the surface, as it is felt")]
-    Field(Field),
-    /// Compare predicted peaks with those that the simulated device measures
-    #[command(after_help = "Example:\n  era verify --scene examples/scenes/bar.toml --points 3")]
-    Verify(Verify),
-    /// Measure the time from a touch request to the last byte of its frame at the device
-    #[command(after_help = "Example:\n  era latency --touches 200")]
-    Latency(Latency),
-    /// Write the firmware to a board, through a debug probe or over USB (not yet tried on a real board)
-    #[command(after_help = "\
-Everything is checked before anything is erased: that the file is a firmware image for this chip and kind of board,
-and what runs on the board now. An update that was cut off is repaired by running the same command again.
-Switch the high-voltage supply off first: in its bootloader the chip drives pins of its own choosing.
-
-This has been tested against a bootloader in memory, not yet on a board.
-
-Examples:
-  era flash                               the image of this checkout, to the board that is connected
-  era flash firmware.elf --port /dev/ttyACM0 --dfu
-  PROBE_RS_PROBE=0483:374e:0012 era flash --probe")]
-    Flash(Flash),
-    /// Show the log of a board's firmware as it comes in
-    #[command(after_help = "\
-Examples:
-  era monitor                             over the link of the board that is connected
-  era monitor --port emulated             the firmware on the emulated board
-  era monitor --probe                     through a debug probe (not yet tried on a real board)")]
-    Monitor(Monitor),
-}
 
 /// The scene and how accurately to model it.
 #[derive(Clone, Debug, Default, Args)]
@@ -170,20 +67,6 @@ impl Panel {
             (None, None) => Ok(Accuracy::BALANCED),
         }
     }
-}
-
-/// Times that make sense for an answer.
-const TIMES: std::ops::RangeInclusive<f64> = 1e-3..=3600.0;
-
-/// A time such as `50ms` or `2s`.
-fn parse_time(text: &str) -> Result<Duration, String> {
-    let wrong = || format!("{text:?} is not a time from 1ms to 3600s, such as 50ms or 2s");
-    let (number, unit_s) = match text.strip_suffix("ms") {
-        Some(number) => (number, 1e-3),
-        None => (text.strip_suffix('s').ok_or_else(wrong)?, 1.0),
-    };
-    let seconds = number.trim().parse::<f64>().map_err(|_| wrong())? * unit_s;
-    if TIMES.contains(&seconds) { Ok(Duration::from_secs_f64(seconds)) } else { Err(wrong()) }
 }
 
 /// Whether plan tables are kept on disk.
@@ -468,49 +351,4 @@ pub struct Latency {
     /// Print JSON
     #[arg(long)]
     pub json: bool,
-}
-
-/// A pair of numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Point {
-    pub x: f64,
-    pub y: f64,
-}
-
-pub(super) fn parse_point(text: &str) -> Result<Point, String> {
-    let number = |part: &str| {
-        part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
-    };
-    let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form X,Y"))?;
-    Ok(Point { x: number(x)?, y: number(y)? })
-}
-
-/// A number that JSON can carry: anything else would arrive as "not given".
-pub(super) fn parse_finite(text: &str) -> Result<f64, String> {
-    text.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{text:?} is not a finite number"))
-}
-
-/// Names of files are refused before anything is computed.
-fn parse_npy(text: &str) -> Result<PathBuf, String> {
-    named(text, "npy", "arrays are NumPy's, and the name has to end in .npy")
-}
-
-/// The extension says of what type a picture is.
-pub(super) fn parse_png(text: &str) -> Result<PathBuf, String> {
-    named(text, "png", "pictures are PNG, and the name has to end in .png")
-}
-
-fn named(text: &str, extension: &str, otherwise: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    let fits = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension));
-    if fits { Ok(path) } else { Err(otherwise.to_owned()) }
-}
-
-fn parse_counts(text: &str) -> Result<(usize, usize), String> {
-    let count = |part: &str| match part.trim().parse::<usize>() {
-        Ok(count @ 1..=10_000) => Ok(count),
-        _ => Err(format!("{part:?} is not a whole number from 1 to 10000")),
-    };
-    let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form NX,NY"))?;
-    Ok((count(x)?, count(y)?))
 }

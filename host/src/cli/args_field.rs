@@ -1,6 +1,7 @@
 //! Arguments of `era field`.
 
-use super::args::{Keep, Panel, Point, Unit, parse_finite, parse_png, parse_point};
+use super::args::{Keep, Panel, Unit};
+use super::values::{Point, parse_finite, parse_png, parse_point};
 use clap::Args;
 use std::path::PathBuf;
 

@@ -220,7 +220,7 @@ fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Resul
 
 #[cfg(test)]
 mod tests {
-    use super::super::args::{Arguments, Command};
+    use super::super::command::{Arguments, Command};
     use super::*;
     use clap::Parser;
 

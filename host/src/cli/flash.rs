@@ -1,6 +1,6 @@
 //! `era flash`: the firmware onto a board.
 
-use super::args::Flash;
+use super::args_board::Flash;
 use super::{Failure, Outcome, print_json};
 use crate::device::{Target, TargetError};
 use crate::flash::board::{Board, BoardError};

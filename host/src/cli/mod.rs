@@ -7,9 +7,11 @@ mod args;
 mod args_board;
 mod args_field;
 mod client;
+mod command;
 mod cost;
 mod effect;
 mod explain;
+mod field;
 mod flash;
 mod latency;
 mod modes;
@@ -23,6 +25,7 @@ mod serve;
 mod sweep;
 mod transient;
 mod trials;
+mod values;
 mod verify;
 mod wishes;
 
@@ -62,7 +65,7 @@ type Outcome = Result<(), Failure>;
 #[must_use]
 pub fn main() -> ExitCode {
     let started = Instant::now();
-    let arguments = args::Arguments::parse();
+    let arguments = command::Arguments::parse();
     start_log(arguments.verbose);
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
@@ -86,8 +89,8 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn run(arguments: args::Arguments, started: Instant) -> Outcome {
-    use args::Command;
+fn run(arguments: command::Arguments, started: Instant) -> Outcome {
+    use command::Command;
     match arguments.command {
         // Without a command the main job runs: daemon, example plate, simulated device, web page.
         None => serve::run(&args::Serve::default(), started),
@@ -101,7 +104,7 @@ fn run(arguments: args::Arguments, started: Instant) -> Outcome {
         Some(Command::Transient(options)) => transient::run(&options),
         Some(Command::Plan(options)) => plan::run(&options),
         Some(Command::Effect(options)) => effect::run(&options),
-        Some(Command::Field(options)) => panel::field(&options),
+        Some(Command::Field(options)) => field::run(&options),
         Some(Command::Verify(options)) => verify::run(&options),
         Some(Command::Latency(options)) => latency::run(&options),
         Some(Command::Flash(options)) => flash::run(&options),
@@ -161,7 +164,7 @@ mod tests {
     /// Comments in the code are the texts of the help; what is a link in the one is noise in the other.
     #[test]
     fn no_help_has_a_link_of_rustdoc() {
-        let mut command = args::Arguments::command();
+        let mut command = command::Arguments::command();
         command.build();
         let all = helps(&mut command);
         assert!(all.len() > 30, "{}", all.len());

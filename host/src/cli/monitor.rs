@@ -1,6 +1,6 @@
 //! `era monitor`: the log of a board's firmware.
 
-use super::args::Monitor;
+use super::args_board::Monitor;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::device::Target;
 use crate::flash::board::Board;

@@ -1,16 +1,16 @@
 //! Commands that study a panel: response, field; and what others need of a panel.
 
-use super::args::{At, Band, Field, Keep, Panel, Response, Unit};
+use super::args::{At, Band, Keep, Panel, Response, Unit};
 use super::cost::Cost;
 use super::explain::explain;
 use super::progress::{with_cost, with_progress};
-use super::{Failure, Outcome, print_json, print_text, reach};
+use super::{Failure, Outcome, print_json, print_text};
 use crate::model::bounded::Step;
 use crate::model::{Accuracy, Bound, ModelError};
 use crate::planner::cache::{self, PrepareError, Prepared};
 use crate::planner::{Plan, PlanError, PlanTable, TableOptions, Target};
+use crate::response;
 use crate::scene::{MAX_ACTUATORS, Scene, Side, SurfaceKind};
-use crate::{response, study};
 use num_complex::Complex64;
 use serde_json::json;
 use std::fmt::Write;
@@ -317,44 +317,6 @@ pub fn prepared_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<Prepar
 pub fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
     let (x_m, y_m) = surface_point(scene, at.at.x, at.at.y, at.unit)?;
     Ok(Target { x_m, y_m, intensity_g: at.intensity_g })
-}
-
-pub fn field(options: &Field) -> Outcome {
-    let at = match options.at {
-        _ if options.reach => return reach::maps(options),
-        _ if options.schemes => return reach::compare(options),
-        Some(at) => At { at, unit: options.unit, intensity_g: options.intensity_g },
-        None => return Err(Failure::usage("--at X,Y, --reach or --schemes is needed")),
-    };
-    let scene = options.panel.load()?;
-    let target = target(&scene, &at)?;
-    let table = plan_table(&options.panel, options.keep, &scene)?;
-    let plan = table.plan(&[target])?;
-    let field = study::Field::of(&table, &plan);
-    let bound = table.field_bound(&plan);
-    let accuracy = options.panel.accuracy()?;
-    tell_missing(&[bound], accuracy);
-    tell_plan(&[&plan], accuracy, options.panel.explain);
-    if let Some(path) = &options.png {
-        reach::tell_written(path, study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?);
-    }
-    if let (Some(bound), false) = (bound.value(), options.json) {
-        eprintln!("error at most {bound:.0e} of the largest value");
-    }
-    let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
-    if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {
-        std::fs::write(path, field.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
-    }
-    if options.json {
-        return print_json(&json!({
-            "plan": plan, "field": field, "error_bound": bound.value(), "tolerance": accuracy.value(),
-            "tolerance_met": is_met(&[bound], accuracy),
-        }));
-    }
-    if to_output || options.png.is_none() && options.csv.is_none() {
-        return print_text(field.csv().trim_end());
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -107,7 +107,7 @@ pub struct LevelWatch;
 
 impl LevelWatch {
     /// Where such events come from.
-    pub const TARGET: &'static str = "era::model";
+    pub const TARGET: &'static str = "era_model::model";
 }
 
 impl<S: tracing::Subscriber> Layer<S> for LevelWatch {

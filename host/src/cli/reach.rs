@@ -1,7 +1,6 @@
 //! `era field --reach` and `era field --schemes`: what a panel's actuators can do at all.
 
-use super::args::Field;
-use super::args_field::Corners;
+use super::args_field::{Corners, Field};
 use super::panel::{need_actuators, plan_table};
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};

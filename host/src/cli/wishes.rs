@@ -1,6 +1,6 @@
 //! What a touch asks for besides its own place and strength, as `era plan` and `era touch` take it.
 
-use super::args::{Point, parse_point};
+use super::values::{Point, parse_point};
 use crate::planner::schedule::Window;
 use crate::planner::{Grouping, Objective, Weigh};
 use clap::Args;

@@ -1,5 +1,6 @@
 //! What a touch needs, and what it does.
 
+use super::active::{Active, Touched, Update};
 use super::asked::Asked;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
@@ -7,11 +8,11 @@ use super::problem::Problem;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
 use super::view::{FieldView, PlanView, SceneView, TouchView};
-use crate::device::convert::{SiDrive, to_wire};
+use crate::device::convert::to_wire;
 use crate::device::sim::SimControl;
 use crate::device::{DriveOrder, EffectOrder, LinkError, OpenDevice, Session, SessionError, Snapshot};
 use crate::effects::{Design, DesignError, Intensity, design, plan_with};
-use crate::planner::schedule::Stretch;
+use crate::planner::drive::SiDrive;
 use crate::planner::succession::Swing;
 use crate::planner::trade::Trade;
 use crate::planner::{Drive, Plan, PlanTable, Request};
@@ -22,43 +23,6 @@ use tokio::sync::{broadcast, watch};
 
 /// Events kept for a slow page before it misses some.
 const EVENTS: usize = 16;
-
-/// The current plan and what goes with it.
-#[derive(Clone, Debug)]
-pub struct Active {
-    /// Counts plans from 1.
-    pub id: u64,
-    /// The plan as sent to clients.
-    pub plan: PlanView,
-    /// Its field.
-    pub field: FieldView,
-    /// The fingers it is for.
-    pub touches: Vec<TouchView>,
-    /// The effect that is played, if one is.
-    pub effect: Option<serde_json::Value>,
-}
-
-/// What open pages are told at once.
-#[derive(Clone, Debug)]
-pub enum Update {
-    /// There is a new plan.
-    Plan(Arc<Active>),
-    /// Everything was stopped.
-    Stopped,
-}
-
-/// What a touch has led to.
-#[derive(Clone, Debug)]
-pub struct Touched {
-    /// The plan, of several stretches that in which the first target begins.
-    pub active: Arc<Active>,
-    /// What the device achieves with what begins at once.
-    pub device: serde_json::Value,
-    /// All stretches, where there are time windows.
-    pub stretches: Option<Vec<Stretch>>,
-    /// What can be had, where it cannot be had in full and that was asked for.
-    pub trade: Option<Trade>,
-}
 
 /// What the daemon works with.
 #[derive(Debug)]

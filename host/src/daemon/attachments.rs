@@ -2,15 +2,25 @@
 //!
 //! The text is changed, not written anew: comments, order and whatever else is in the file stay as they are.
 
-use super::preview::Place;
 use super::problem::Problem;
 use axum::http::StatusCode;
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
 /// Tables of a scene whose entries are fixed to a place of the surface.
 pub const TABLES: [&str; 3] = ["support", "mass", "actuator"];
+
+/// Where an attachment is moved to.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Place {
+    /// From the surface's left edge in mm.
+    pub x_mm: f64,
+    /// From its top edge in mm; as it is if not given.
+    pub y_mm: Option<f64>,
+}
 
 /// One entry of such a table.
 struct Attachment {

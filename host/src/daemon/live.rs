@@ -1,9 +1,11 @@
 //! The WebSocket: touches in, state, plans and telemetry out.
 
-use super::app::{App, Update};
+use super::active::Update;
+use super::app::App;
+use super::messages;
 use super::problem::Problem;
 use super::touch::{Feel, MAX_DURATION_MS, Manner};
-use super::view::{self, TouchView};
+use super::view::TouchView;
 use crate::effects::NamedEffect;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -94,8 +96,8 @@ async fn serve(app: Arc<App>, socket: WebSocket) {
 
     let (mut device, mut updates, closing) = (app.device(), app.updates(), app.closing());
     let mut closing = closing.subscribe();
-    let mut first = vec![view::typed("scene", &app.scene), view::typed("state", &view::state(&app))];
-    first.extend(app.active().map(|active| view::plan_message(&active)));
+    let mut first = vec![messages::typed("scene", &app.scene), messages::typed("state", &messages::state(&app))];
+    first.extend(app.active().map(|active| messages::plan_message(&active)));
     for letter in first {
         if outbox.send(letter).await.is_err() {
             return;
@@ -109,12 +111,12 @@ async fn serve(app: Arc<App>, socket: WebSocket) {
                 Some(Ok(_)) => None,
             },
             changed = device.changed() => match changed {
-                Ok(()) => Some(view::typed("state", &view::state(&app))),
+                Ok(()) => Some(messages::typed("state", &messages::state(&app))),
                 Err(_) => break,
             },
             update = updates.recv() => match update {
-                Ok(Update::Plan(active)) => Some(view::plan_message(&active)),
-                Ok(Update::Stopped) => Some(view::typed("state", &view::state(&app))),
+                Ok(Update::Plan(active)) => Some(messages::plan_message(&active)),
+                Ok(Update::Stopped) => Some(messages::typed("state", &messages::state(&app))),
                 // A slow page missed some; the next ones are newer anyway.
                 Err(_) => None,
             },

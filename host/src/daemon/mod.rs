@@ -3,12 +3,14 @@
 //! `app` holds what a touch needs and does it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would do, without driving it;
 //! `routes` and `live` are the two ways in; `view` is what goes out as JSON; `problem` is how errors are told (RFC 9457).
 
+mod active;
 mod app;
 mod asked;
 mod assets;
 mod attachments;
 mod body;
 mod live;
+mod messages;
 mod metrics;
 mod preview;
 mod problem;
@@ -19,7 +21,8 @@ mod turns;
 mod view;
 
 pub use app::{App, wire_drives};
-pub use preview::{Place, Preview, PreviewRequest};
+pub use attachments::Place;
+pub use preview::{Preview, PreviewRequest};
 pub use problem::Problem;
 pub use touch::TouchRequest;
 pub use view::{FieldView, PlanView};

@@ -3,7 +3,7 @@
 //! One preview is computed at a time, and at most one waits: a newer request takes the waiting one's place. Work is bounded
 //! by limits on the scene that are checked before anything is built.
 
-use super::attachments::Attachments;
+use super::attachments::{Attachments, Place};
 use super::problem::Problem;
 use super::view::{FieldView, PlanView};
 use crate::model::Accuracy;
@@ -29,16 +29,6 @@ const MAX_PRODUCT: f64 = 48_000.0;
 const ACCURACY: Accuracy = Accuracy::FAST;
 /// What messages call a scene that came in a request.
 const SOURCE: &str = "scene";
-
-/// Where an attachment is moved to.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Place {
-    /// From the surface's left edge in mm.
-    pub x_mm: f64,
-    /// From its top edge in mm; as it is if not given.
-    pub y_mm: Option<f64>,
-}
 
 /// A scene to be tried, and the touch to try it with.
 #[derive(Clone, Debug, Deserialize)]

@@ -1,10 +1,11 @@
 //! The HTTP interface.
 
 use super::app::App;
+use super::messages;
 use super::preview::{MAX_SCENE, PreviewRequest};
 use super::problem::Problem;
 use super::touch::TouchRequest;
-use super::view::{self, FieldView};
+use super::view::FieldView;
 use super::{assets, live};
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
@@ -96,7 +97,7 @@ fn from_body<T: DeserializeOwned>(
 async fn touch(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number or "intensity_db"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "buzz" | "swell" | "pulse_train" | "texture", "count"?: number, "period_ms"?: number, "from_ms"?: number, "to_ms"?: number, "also"?: [{"x_px": number, "y_px": number, "intensity_g"?: number, "from_ms"?: number, "to_ms"?: number}, ...], "quiet"?: [{"x_px": number, "y_px": number, "radius_mm": number, "at_most_g": number}, ...], "objective"?: "contrast" | "reach" | "power", "grouping"?: "distinct" | "shared" | "mixed", "weigh"?: "equal" | "felt", "trade"?: boolean}"#;
     let request: TouchRequest = from_body(body, MAX_BODY, wanted)?;
-    Ok(Json(view::touched(app.touch(&request).await?)).into_response())
+    Ok(Json(messages::touched(app.touch(&request).await?)).into_response())
 }
 
 async fn preview(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
@@ -107,16 +108,16 @@ async fn preview(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection
 
 async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.stop().await?;
-    Ok(Json(view::state(&app)).into_response())
+    Ok(Json(messages::state(&app)).into_response())
 }
 
 async fn clear_faults(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.clear_faults().await?;
-    Ok(Json(view::state(&app)).into_response())
+    Ok(Json(messages::state(&app)).into_response())
 }
 
 async fn state(State(app): State<Arc<App>>) -> Response {
-    Json(view::state(&app)).into_response()
+    Json(messages::state(&app)).into_response()
 }
 
 async fn scene(State(app): State<Arc<App>>) -> Response {

@@ -1,6 +1,7 @@
 //! Touches with time windows: planned all at once, driven one stretch after the other at their times.
 
-use super::app::{App, Touched};
+use super::active::Touched;
+use super::app::App;
 use super::asked::Asked;
 use super::problem::Problem;
 use super::touch::Manner;

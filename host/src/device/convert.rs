@@ -1,22 +1,8 @@
 //! Between the plan's SI units and the wire's integers, and refusals in words.
 
+use crate::planner::drive::SiDrive;
 use era_shared::protocol::{AchievedDrive, ChannelDrive, Refusal};
 use era_shared::waveform::DriveError;
-
-/// One drive in SI units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SiDrive {
-    /// 0-based.
-    pub channel: u8,
-    /// Fundamental of the force in Hz.
-    pub frequency_hz: f64,
-    /// Electrode voltage in V.
-    pub voltage_v: f64,
-    /// Part of its half period for which an electrode is on.
-    pub pulse_width: f64,
-    /// Phase of the force in rad.
-    pub phase_rad: f64,
-}
 
 /// Windows narrower than this, in ppm of a half period, may be shorter than a tick of the timer, of which a period has 43 000
 /// or more; boards refuse them. Their force is below 1e-4 of what the rail's voltage does.

@@ -1,6 +1,6 @@
 //! The firmware image on the emulated board: a child process that bridges its UART to a pseudo-terminal.
 
-use super::target::Timing;
+use super::timing::Timing;
 use era_shared::waveform::TimerRegisters;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};

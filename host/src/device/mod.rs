@@ -13,6 +13,7 @@ pub mod identity;
 pub mod session;
 pub mod sim;
 pub mod target;
+pub mod timing;
 
 pub use client::{Client, LinkError};
 pub use clock::{ClockQuality, ClockSync};

@@ -3,6 +3,7 @@
 use super::client::{Client, LinkError, Transport};
 use super::emulated::{EmulatedBoard, EmulatedError};
 use super::sim::{Panel, SimControl, SimDevice};
+use super::timing::{REAL_TIME, Timing};
 use era_shared::link::UART_BAUD;
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Request};
 use std::fmt;
@@ -83,27 +84,6 @@ pub enum TargetError {
     #[error("the simulated device runs no firmware: name a board's serial port, or auto")]
     NoBoard,
 }
-
-/// How quickly a device answers, and so how long its host waits.
-#[derive(Clone, Copy, Debug)]
-pub struct Timing {
-    /// Longest wait for an answer.
-    pub reply_timeout: Duration,
-    /// Between two signs of life while armed: a fifth of the dead-man time (250 ms) in the device's own time.
-    pub keep_alive: Duration,
-    /// Between two looks at the state.
-    pub status: Duration,
-    /// Longest wait for the self-test before arming: a second for rails that still discharge, and then some 70 ms.
-    pub arming: Duration,
-}
-
-/// Real boards and the simulated one: an answer takes a few ms, of which 115 200 baud costs 20 for the longest frames.
-const REAL_TIME: Timing = Timing {
-    reply_timeout: Duration::from_millis(150),
-    keep_alive: Duration::from_millis(50),
-    status: Duration::from_millis(100),
-    arming: Duration::from_millis(1500),
-};
 
 /// What keeps a device alive while it is used.
 #[derive(Debug)]

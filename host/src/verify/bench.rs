@@ -1,8 +1,8 @@
 //! The simulated device on a clock that is set by hand, and what its accelerometer's record shows.
 
 use super::VerifyError;
-use crate::device::convert::SiDrive;
 use crate::device::sim::{Accelerometer, SimBoard, attenuation};
+use crate::planner::drive::SiDrive;
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request};

@@ -3,11 +3,12 @@
 
 use crate::daemon::wire_drives;
 use crate::device::convert::{from_wire, to_wire};
-use crate::device::sim::{Clock, Extreme, Panel, SimBoard, causal, kept};
+use crate::device::sim::{Clock, Extreme, Panel, SimBoard};
 use crate::model::ReducedModel;
 use crate::planner::softening::{NotSafe, Transducer};
 use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
+use crate::transient::reduced::{causal, kept};
 use bench::{Bench, amplitudes, on_rails};
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::BURST_MAX_MS;
@@ -16,7 +17,6 @@ use nalgebra::DVector;
 use serde::Serialize;
 
 mod bench;
-pub mod scenes;
 pub mod succession;
 pub mod trials;
 mod waveform;

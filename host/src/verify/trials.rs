@@ -1,12 +1,12 @@
 //! Random touches on random panels: how often prediction and simulation agree, and why not where they do not.
 
-use super::scenes::{Random, random_scene};
 use super::{Comparison, VerifyError, compare};
 use crate::device::sim::{Panel, STEP_S};
 use crate::model::levels::Levels;
 use crate::model::{Accuracy, ModelError};
 use crate::planner::{PlanTable, TableOptions, Target};
 use crate::response::ResponseError;
+use crate::scene::random::{Random, scene_text};
 use crate::scene::{Scene, SceneError};
 use serde::Serialize;
 
@@ -130,12 +130,6 @@ impl Trial {
             Outcome::NotCompared { .. } | Outcome::NoPlan { .. } => None,
         }
     }
-}
-
-/// The text of a scene of the sequence.
-#[must_use]
-pub fn scene_text(seed: u64, scene: u64) -> String {
-    random_scene(&mut Random::new(seed, scene), &format!("random {seed}.{scene}"))
 }
 
 /// All touches on one scene of the sequence: places, intensities, plans, simulations.

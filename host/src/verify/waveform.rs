@@ -1,9 +1,9 @@
 //! The acceleration that a plan's drives make at a point, from the frequency domain alone: no equation is stepped in time.
 
 use super::VerifyError;
-use crate::device::convert::SiDrive;
 use crate::device::sim::low_pass;
 use crate::model::ReducedModel;
+use crate::planner::drive::SiDrive;
 use crate::planner::softening::{Excitation, Line, Motion, Transducer, Vector, settle, travel_receptance};
 use crate::response::{self, Solver};
 use crate::scene::MAX_ACTUATORS;

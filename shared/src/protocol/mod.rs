@@ -8,16 +8,15 @@
 
 mod compat;
 mod fault;
+mod identity;
 mod reply;
 mod reply2;
 mod request;
 
 pub use compat::for_version;
 pub use fault::{Fault, FaultCode};
-pub use reply::{
-    AchievedDrive, BoardKind, ChannelLimits, ChannelStatus, FirmwareVersion, HelloReply, LinkCounters, Refusal, Reply,
-    ResetCause, StatusReply, TelemetryReply,
-};
+pub use identity::{BoardKind, ChannelLimits, FirmwareVersion, ResetCause};
+pub use reply::{AchievedDrive, ChannelStatus, HelloReply, LinkCounters, Refusal, Reply, StatusReply, TelemetryReply};
 pub use reply2::{Details, FAILURE_MESSAGE, IMAGE_NAME, LOG_CHUNK, Welcome};
 pub use request::{BOOTLOADER_KEY, ChannelDrive, Request};
 

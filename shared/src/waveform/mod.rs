@@ -21,6 +21,7 @@
 //! at their boundaries, in phase where frequencies are equal, [`Envelope`] shapes the force in time, [`Windows`] reads
 //! registers as edges.
 
+mod drive_error;
 mod edges;
 mod envelope;
 mod model;
@@ -29,10 +30,11 @@ mod program;
 mod registers;
 mod sequencer;
 
+pub use drive_error::DriveError;
 pub use edges::{Electrode, Window, Windows, WindowsError};
 pub use envelope::{Effect, Envelope, FULL_LEVEL, FULL_STRENGTH, SEGMENTS, Segment};
 pub use model::{ModelError, ModelTimers, Pulse, PulseCheck, TimerModel};
 pub use period::{CompareWindow, IDLE, Period};
-pub use program::{ChannelProgram, DriveError, program};
+pub use program::{ChannelProgram, program};
 pub use registers::{OutputPair, TimerRegisters};
 pub use sequencer::{Goal, Preload, Sequencer};

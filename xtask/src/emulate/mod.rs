@@ -7,10 +7,10 @@ mod terminal;
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{elf, firmware, root};
+use crate::{elf, image, root};
 use bridge::{Bridge, Pace};
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::Instant;
 use terminal::Terminal;
 
@@ -36,7 +36,7 @@ pub struct Options {
 pub fn command(options: &Options) -> Result<(), Error> {
     let image = match &options.image {
         Some(image) => image.clone(),
-        None => firmware::build(false)?.0,
+        None => image::build(false)?.0,
     };
     let usage = elf::usage(&image)?;
     eprintln!("emulate: image of {} bytes, {}", usage.flash, image.display());
@@ -60,16 +60,9 @@ pub fn command(options: &Options) -> Result<(), Error> {
 /// # Errors
 /// As [`command`].
 pub fn test() -> Result<(), Error> {
-    let image = firmware::build(false)?.0;
+    let image = image::build(false)?.0;
     run(Command::new("python3").arg(root()?.join("emulator/launch.py")).args(["--self-test", "--elf"]).arg(&image))?;
     report::run(&image)
-}
-
-/// Whether this machine has what the emulator needs.
-pub fn is_possible() -> bool {
-    let mut python = Command::new("python3");
-    python.args(["-c", "import venv, ensurepip"]).stdout(Stdio::null()).stderr(Stdio::null());
-    python.status().is_ok_and(|status| status.success())
 }
 
 fn hello(terminal: &mut Terminal) -> Result<(), Error> {

@@ -7,7 +7,6 @@
 
 mod accelerometer;
 mod board;
-mod modal;
 mod panel;
 mod rails;
 mod source;
@@ -15,7 +14,6 @@ mod terminal;
 
 pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, attenuation, low_pass};
 pub use board::{Clock, Defects, SimBoard};
-pub use modal::{ModalSystem, causal, kept};
 pub use panel::{Extreme, Panel, STEP_S};
 pub use rails::Rail;
 pub use source::Source;

@@ -6,11 +6,11 @@
 //! itself yields: under the last step's force first, then under that of this mean. That is of second order in the step.
 
 use super::accelerometer::Accelerometer;
-use super::modal::{ModalSystem, Stepper, VELOCITY_SCALE, is_stepped};
 use super::rails::Rail;
 use super::source::Source;
 use crate::planner::PlanTable;
 use crate::planner::softening::Transducer;
+use crate::transient::reduced::{ModalSystem, Stepper, VELOCITY_SCALE, is_stepped};
 use era_shared::MAX_CHANNELS;
 use era_shared::supply::{RAILS, rail_of};
 use nalgebra::DVector;

@@ -2,8 +2,8 @@
 
 use super::super::bridge::{Bridge, Pace};
 use super::super::link::{Link, exchange};
+use super::channels::CHANNELS;
 use super::edges::{Edges, Record};
-use super::expected::CHANNELS;
 use crate::error::Error;
 use era_shared::protocol::{ChannelDrive, Fault, Refusal, Reply, Request, StatusReply};
 use era_shared::safety::State;

@@ -1,7 +1,8 @@
 //! Drives: their registers, and what their pins do while they change.
 
 use super::bench::Bench;
-use super::expected::{CHANNELS, code, programmed, registers, told, told_as_seen};
+use super::channels::CHANNELS;
+use super::expected::{code, programmed, registers, told, told_as_seen};
 use super::table::Table;
 use crate::error::Error;
 use era_shared::limits::GUARD_NANOSECONDS;

@@ -1,6 +1,6 @@
 //! What the electrodes' pins did, rebuilt from the registers that counted.
 
-use super::expected::CHANNELS;
+use super::channels::CHANNELS;
 use crate::error::Error;
 use era_shared::waveform::{Electrode, Pulse, PulseCheck, TimerModel, TimerRegisters};
 use serde::Deserialize;

@@ -1,30 +1,12 @@
 //! What the registers should hold, in the words of the table.
 
 use super::bench::{Bench, Pin, Registers};
+use super::channels::{CHANNELS, Channel};
 use crate::error::Error;
 use era_shared::protocol::{ChannelDrive, ChannelLimits};
 use era_shared::supply::rail_code;
-use era_shared::waveform::{ChannelProgram, IDLE, OutputPair, Period, TimerRegisters, program};
+use era_shared::waveform::{ChannelProgram, IDLE, Period, TimerRegisters, program};
 use std::collections::BTreeMap;
-
-/// A channel's timer (the pin table in `firmware/src/pins.rs`).
-#[derive(Clone, Copy, Debug)]
-pub struct Channel {
-    /// Its timer.
-    pub timer: &'static str,
-    /// Which of the timer's channels are connected to the electrodes.
-    pub outputs: OutputPair,
-    /// Whether it has a main output enable and a break.
-    pub has_break: bool,
-}
-
-/// In the order of the channels.
-pub const CHANNELS: [Channel; 4] = [
-    Channel { timer: "TIM1", outputs: OutputPair { a: 1, b: 3 }, has_break: true },
-    Channel { timer: "TIM8", outputs: OutputPair { a: 1, b: 4 }, has_break: true },
-    Channel { timer: "TIM20", outputs: OutputPair { a: 1, b: 3 }, has_break: true },
-    Channel { timer: "TIM4", outputs: OutputPair { a: 1, b: 4 }, has_break: false },
-];
 
 /// CR1.CEN, BDTR.MOE.
 const CEN: u32 = 1;

@@ -5,6 +5,7 @@
 //! about itself. Emulated time passes only while the board is asked or told to run, so every number is the same each time.
 
 mod bench;
+mod channels;
 mod drives;
 mod edges;
 mod effects;

@@ -1,9 +1,10 @@
 //! The image in good health: boot, hello, refusals, arm, drive, change, envelope, stop, silence.
 
 use super::bench::{Bench, CLOCKS_PER_MS};
+use super::channels::CHANNELS;
 use super::drives::{self, change, drives_in_force, many_changes, show};
 use super::effects;
-use super::expected::{ALL_OFF, CHANNELS, off_as_seen, registers, switches, told, told_as_seen};
+use super::expected::{ALL_OFF, off_as_seen, registers, switches, told, told_as_seen};
 use super::table::Table;
 use crate::error::Error;
 use era_shared::limits::DEADMAN_DEFAULT_MS;

@@ -1,0 +1,289 @@
+//! From a scene to sparse matrices.
+//!
+//! A plate's cell has the tensor products of the bar's functions; with cubics alone they are w, w_x, w_y and w_xy at its
+//! corners (Bogner, Fox, Schmit 1965). With the one-dimensional matrices A (bend), B (mixed), G (slope), M (mass) of
+//! [`super::shape`], the
+//! thin plate's energy D/2 * integral of w_xx^2 + w_yy^2 + 2 nu w_xx w_yy + 2 (1 - nu) w_xy^2 is assembled from
+//! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G]. Across a line between two thicknesses the functions make
+//! w, both slopes and, at the line's nodes, w_xy continuous, as they are in the plate (w_x is, and so is its derivative along
+//! the line); w_xx across it is free to jump, as it must where the rigidity does.
+
+use super::ModelError;
+use super::enriched::{EdgeSprings, add_singular};
+use super::fineness::Fineness;
+use super::grid::{Derivative, Grid};
+use super::mesh::Lines;
+use super::sections::Section;
+use super::shape::CellMatrices;
+use super::sparse::{Entries, SparseVector, Symmetric};
+use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side};
+
+/// A spring, dashpot and mass on one motion d = vector . u: forces stiffness d, damping d' and mass d'' along the vector.
+#[derive(Clone, Debug, Default)]
+pub struct Attachment {
+    /// What moves it.
+    pub vector: SparseVector,
+    /// In N/m; N m/rad if the motion is a slope.
+    pub stiffness: f64,
+    /// In N s/m.
+    pub damping: f64,
+    /// In kg.
+    pub mass: f64,
+}
+
+/// What an ERA does to the unknowns.
+#[derive(Clone, Debug)]
+pub struct ActuatorVectors {
+    /// Load of 1 N.
+    pub force: SparseVector,
+    /// Travel of the mass relative to its electrodes is the product of this with the unknowns.
+    pub travel: SparseVector,
+}
+
+/// The panel's matrices.
+#[derive(Clone, Debug)]
+pub struct Assembled {
+    /// The mesh.
+    pub grid: Grid,
+    /// Everything's stiffness.
+    pub stiffness: Symmetric,
+    /// Everything's mass.
+    pub mass: Symmetric,
+    /// The stiffness of springs along edges, where there are any.
+    pub edges: Option<Symmetric>,
+    /// What is attached at points.
+    pub attachments: Vec<Attachment>,
+    /// How many of them, the first ones, are supports and masses; the others are of ERAs.
+    pub without_actuators: usize,
+    /// All actuators, in the scene's order.
+    pub actuators: Vec<ActuatorVectors>,
+    /// Unknowns of inertial ERAs' moving masses: (unknown, index of the actuator).
+    pub moving_masses: Vec<(usize, usize)>,
+}
+
+impl Assembled {
+    /// All unknowns.
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
+        self.stiffness.order()
+    }
+}
+
+/// The panel on a mesh of the given fineness.
+///
+/// # Errors
+/// As the matrices' assembly.
+pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelError> {
+    let grid = Grid::new(scene, fineness);
+    let (stiffness, mass) = surface_matrices(&grid);
+    let (mut stiffness, mut mass) = (grid.over_unknowns(stiffness), grid.over_unknowns(mass));
+    let mut parts = Parts { grid: &grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
+    let mut edges = Entries::default();
+    for edge in &scene.edges {
+        if let EdgeKind::Elastic { stiffness, rotational_stiffness } = edge.kind {
+            elastic_edge(&grid, edge.side, stiffness, rotational_stiffness, &mut edges);
+        }
+    }
+    let edges = grid.over_unknowns(edges);
+    stiffness.add_all(&edges, 1.0);
+    for support in &scene.supports {
+        parts.support(support);
+    }
+    for point in &scene.masses {
+        let vector = grid.attachment(point.x_m, point.y_m);
+        parts.attach(Attachment { vector, mass: point.mass_kg, ..Attachment::default() });
+    }
+    let without_actuators = parts.attachments.len();
+    let actuators = scene.actuators.iter().enumerate().map(|(i, actuator)| parts.actuator(i, actuator)).collect();
+    let n = parts.unknowns;
+    for attachment in &parts.attachments {
+        stiffness.add_outer(&attachment.vector, attachment.stiffness);
+        mass.add_outer(&attachment.vector, attachment.mass);
+    }
+    let edges = if edges.iter().next().is_some() { Some(edges.build(n)?) } else { None };
+    Ok(Assembled {
+        edges,
+        stiffness: stiffness.build(n)?,
+        mass: mass.build(n)?,
+        attachments: parts.attachments,
+        without_actuators,
+        moving_masses: parts.moving_masses,
+        actuators,
+        grid,
+    })
+}
+
+fn cells(grid: &Grid, lines: &Lines) -> Vec<CellMatrices> {
+    let pairs = lines.at.windows(2).zip(lines.scale.windows(2));
+    pairs.map(|(at, scale)| grid.element_along(lines).matrices(at[1] - at[0], [scale[0], scale[1]])).collect()
+}
+
+fn surface_matrices(grid: &Grid) -> (Entries, Entries) {
+    let (mut stiffness, mut mass) = (Entries::default(), Entries::default());
+    let in_x = cells(grid, &grid.x);
+    let n = grid.element.order() + 1;
+    match &grid.y {
+        None => {
+            for (cell, matrices) in in_x.iter().enumerate() {
+                let Some(Section { rigidity, per_area, .. }) = grid.sections.at(cell, 0) else { continue };
+                let numbers: Vec<_> = (0..n).map(|a| grid.number(grid.function(cell, a), 0)).collect();
+                add_block(&mut stiffness, &numbers, |a, b| rigidity * matrices.bend[(a, b)]);
+                add_block(&mut mass, &numbers, |a, b| per_area * matrices.mass[(a, b)]);
+            }
+        }
+        Some(y) => {
+            let in_y = cells(grid, y);
+            for (cell_y, my) in in_y.iter().enumerate() {
+                for (cell_x, mx) in in_x.iter().enumerate() {
+                    let Some(Section { rigidity, per_area, poisson }) = grid.sections.at(cell_x, cell_y) else {
+                        continue;
+                    };
+                    let numbers: Vec<_> = (0..n * n)
+                        .map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n)))
+                        .collect();
+                    let section = Section { rigidity, per_area, poisson };
+                    add_plate_cell((mx, my), section, &numbers, &mut stiffness, &mut mass);
+                }
+            }
+            add_singular(grid, y, &mut stiffness, &mut mass);
+        }
+    }
+    (stiffness, mass)
+}
+
+/// Adds a plate's cell: tensor products of matrices along x (functions a and c) and along y (b and d).
+fn add_plate_cell(
+    (x, y): (&CellMatrices, &CellMatrices),
+    section: Section,
+    numbers: &[Option<usize>],
+    stiffness: &mut Entries,
+    mass: &mut Entries,
+) {
+    let n = x.mass.nrows();
+    let Section { rigidity, per_area, poisson } = section;
+    for (a, rows) in numbers.chunks_exact(n).enumerate() {
+        for (c, columns) in numbers.chunks_exact(n).enumerate() {
+            let (bend, slope, own) = (x.bend[(a, c)], 2.0 * (1.0 - poisson) * x.slope[(a, c)], x.mass[(a, c)]);
+            let mixed = [poisson * x.mixed[(a, c)], poisson * x.mixed[(c, a)]];
+            for (b, row) in rows.iter().enumerate() {
+                for (d, column) in columns.iter().enumerate() {
+                    let (Some(row), Some(column)) = (row, column) else { continue };
+                    let energy = bend * y.mass[(b, d)]
+                        + own * y.bend[(b, d)]
+                        + mixed[0] * y.mixed[(d, b)]
+                        + mixed[1] * y.mixed[(b, d)]
+                        + slope * y.slope[(b, d)];
+                    stiffness.add(*row, *column, rigidity * energy);
+                    mass.add(*row, *column, per_area * own * y.mass[(b, d)]);
+                }
+            }
+        }
+    }
+}
+
+fn add_block(entries: &mut Entries, numbers: &[Option<usize>], value: impl Fn(usize, usize) -> f64) {
+    for (a, row) in numbers.iter().enumerate() {
+        for (b, column) in numbers.iter().enumerate() {
+            if let (Some(row), Some(column)) = (row, column) {
+                entries.add(*row, *column, value(a, b));
+            }
+        }
+    }
+}
+
+/// Springs along an edge: the integral of k w^2 + k_r w_n^2, which has the mass matrix of the lines along it. At a bar's
+/// end it is a single point.
+fn elastic_edge(grid: &Grid, side: Side, stiffness: f64, rotational: f64, entries: &mut Entries) {
+    let ends_x = matches!(side, Side::Left | Side::Right);
+    let (across, along) = if ends_x { (Some(&grid.x), grid.y.as_ref()) } else { (grid.y.as_ref(), Some(&grid.x)) };
+    let here = grid.edge_function(side);
+    let end = if matches!(side, Side::Left | Side::Top) { 0 } else { across.map_or(0, Lines::cells) };
+    let scale = across.map_or(1.0, |lines| lines.scale[end]);
+    let number = |across: usize, along: usize| {
+        if ends_x { grid.number(across, along) } else { grid.number(along, across) }
+    };
+    for (function, value) in [(here, stiffness), (here + 1, rotational / (scale * scale))] {
+        let Some(along) = along else {
+            if let Some(number) = number(function, 0) {
+                entries.add(number, number, value);
+            }
+            continue;
+        };
+        for (cell, matrices) in cells(grid, along).iter().enumerate().filter(|(cell, _)| grid.has_edge(side, *cell)) {
+            let numbers: Vec<_> =
+                (0..=grid.element.order()).map(|a| number(function, grid.function(cell, a))).collect();
+            add_block(entries, &numbers, |a, b| value * matrices.mass[(a, b)]);
+        }
+    }
+    if let (Some(lines), Some(across)) = (along, across) {
+        let springs = EdgeSprings {
+            grid,
+            lines,
+            along_y: ends_x,
+            position: across.at[end],
+            stiffness,
+            rotational,
+            slope_unit: 1.0 / scale,
+        };
+        springs.add(|k, along| number(here + k, along), |cell| grid.has_edge(side, cell), entries);
+    }
+}
+
+/// What is attached, under construction.
+struct Parts<'a> {
+    grid: &'a Grid,
+    unknowns: usize,
+    attachments: Vec<Attachment>,
+    moving_masses: Vec<(usize, usize)>,
+}
+
+impl Parts<'_> {
+    /// Keeps what does anything: on a clamped point nothing moves.
+    fn attach(&mut self, attachment: Attachment) {
+        let Attachment { vector, stiffness, damping, mass } = &attachment;
+        if !vector.is_empty() && (*stiffness > 0.0 || *damping > 0.0 || *mass > 0.0) {
+            self.attachments.push(attachment);
+        }
+    }
+
+    fn support(&mut self, support: &crate::scene::Support) {
+        self.attach(Attachment {
+            vector: self.grid.attachment(support.x_m, support.y_m),
+            stiffness: support.stiffness_n_per_m,
+            damping: support.damping_n_s_per_m,
+            mass: 0.0,
+        });
+        let stiffness = support.rotational_stiffness_n_m_per_rad;
+        if stiffness > 0.0 {
+            let (x_m, y_m) = self.grid.attached_at(support.x_m, support.y_m);
+            for slope in [Derivative::SlopeX, Derivative::SlopeY] {
+                let vector = self.grid.row_at(x_m, y_m, slope);
+                self.attach(Attachment { vector, stiffness, ..Attachment::default() });
+            }
+        }
+    }
+
+    fn actuator(&mut self, index: usize, actuator: &Actuator) -> ActuatorVectors {
+        let surface = self.grid.attachment(actuator.x_m, actuator.y_m);
+        let (housing, moving) = (actuator.housing_mass_kg, actuator.moving_mass_kg);
+        let (stiffness, damping) = (actuator.effective_stiffness_n_per_m(), actuator.damping_n_s_per_m);
+        let between = match actuator.mount {
+            Mount::Inertial => {
+                let own = self.unknowns;
+                self.unknowns += 1;
+                self.moving_masses.push((own, index));
+                self.attach(Attachment { vector: surface.clone(), mass: housing, ..Attachment::default() });
+                self.attach(Attachment { vector: vec![(own, 1.0)], mass: moving, ..Attachment::default() });
+                let mut between = surface;
+                between.push((own, -1.0));
+                self.attach(Attachment { vector: between.clone(), stiffness, damping, mass: 0.0 });
+                between
+            }
+            Mount::Grounded => {
+                self.attach(Attachment { vector: surface.clone(), stiffness, damping, mass: housing + moving });
+                surface
+            }
+        };
+        ActuatorVectors { force: between.clone(), travel: between }
+    }
+}

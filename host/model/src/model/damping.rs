@@ -1,0 +1,293 @@
+//! Damping over a basis, and the one kind that needs modes of its own: the same ratio on every mode.
+
+use super::assembly::{Assembled, Attachment};
+use super::eigen::Modes;
+use super::sparse::{SparseVector, Symmetric, row_times};
+use crate::scene::{Scene, SurfaceDamping};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+/// Part of a vector's modal mass below which what the modes leave of it is rounding.
+const NOTHING_LEFT: f64 = 1e-10;
+
+/// Part of the largest below which the forces of springs along edges are left out.
+const EDGE_PART: f64 = 1e-6;
+
+/// Motion of a firmly held point under a force, over that of the whole scene under the same force, that is none: a ten-thousandth of
+/// what responses are relative to at least. The shape of its reaction would add nothing, and at 1e18 N/m rounding of 6e-5.
+const HELD: f64 = 1e-10;
+
+/// Loads that dashpots and the surface's losses leave unbalanced at frequencies up to `max_hz`.
+///
+/// With eta K_s + K_springs in place of a loss of everything, modes are coupled through the springs' forces (and with a loss of
+/// the surface's mass through those of the masses attached): the modes left out take part as they do in the shape of a
+/// dashpot, without which a motion that springs hold is off by about eta whatever the mesh.
+pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
+    let (by_stiffness, by_mass) = match scene.surface.damping {
+        SurfaceDamping::None | SurfaceDamping::ModalRatio(_) => (false, false),
+        SurfaceDamping::LossFactor(eta) => (eta > 0.0, false),
+        SurfaceDamping::Rayleigh { alpha, beta } => (beta > 0.0, alpha > 0.0),
+    };
+    let omega = std::f64::consts::TAU * max_hz;
+    let rigid = omega * omega * scene.mass_kg() / HELD;
+    let couples = |part: &&Attachment| {
+        let damps = part.damping > 0.0 || by_stiffness && part.stiffness > 0.0 || by_mass && part.mass > 0.0;
+        damps && part.stiffness < rigid
+    };
+    let attached = assembled.attachments.iter();
+    let mut loads: Vec<_> = attached.filter(couples).map(|part| part.vector.clone()).collect();
+    if by_stiffness && let Some(edges) = &assembled.edges {
+        // The modes with the amplitudes that one force gives them, and of their forces what is not a sum of others'.
+        let mut forces = edges.times(&modes.vectors);
+        for (mut column, lambda) in forces.column_iter_mut().zip(&modes.lambda) {
+            column.scale_mut(1.0 / (lambda + omega * omega));
+        }
+        let eigen = SymmetricEigen::new(forces.tr_mul(&forces));
+        let least = EDGE_PART * EDGE_PART * eigen.eigenvalues.amax();
+        let kept: Vec<usize> = (0..eigen.eigenvalues.len()).filter(|i| eigen.eigenvalues[*i] > least).collect();
+        let independent = forces * eigen.eigenvectors.select_columns(&kept);
+        let sparse =
+            |column: DVector<f64>| column.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
+        loads.extend(independent.column_iter().map(|column| sparse(column.into_owned())));
+    }
+    loads
+}
+
+/// Damping matrices over some basis.
+#[derive(Clone, Debug)]
+pub struct Damping {
+    /// Viscous, multiplies velocities.
+    pub viscous: DMatrix<f64>,
+    /// Hysteretic, already times the loss factor: multiplies j times displacements.
+    pub structural: DMatrix<f64>,
+    /// Both as a diagonal and a few couplings, where they are that over a basis of modes.
+    pub structured: Option<Structured>,
+}
+
+/// Shapes b_k [vector], in 1/s over mass-normalised vectors, with V' K_e V = sum of b_k b_k', for the stiffness K_e of springs along
+/// edges over `vectors` V [unknown, vector] of the squared frequencies `lambda` in rad^2/s^2; fewer than there are vectors, as motions
+/// of an edge are few.
+///
+/// Entries are compared with sqrt(lambda_i lambda_j), above which none can be: a stiff vector's are not to hide those of the slow modes.
+pub(super) fn edge_shapes(edges: &Symmetric, lambda: &[f64], vectors: &DMatrix<f64>) -> Vec<DVector<f64>> {
+    let n = lambda.len();
+    let own = vectors.rows(0, edges.order()).into_owned();
+    let over = own.tr_mul(&edges.times(&own));
+    let Some(between) = median_of_positive(lambda) else { return Vec::new() };
+    let scale = DVector::from_iterator(n, lambda.iter().map(|lambda| (lambda + between).sqrt()));
+    let eigen =
+        SymmetricEigen::new(DMatrix::from_fn(n, n, |i, j| 0.5 * (over[(i, j)] + over[(j, i)]) / (scale[i] * scale[j])));
+    let kept = eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).filter(|(part, _)| **part > NOTHING_LEFT);
+    kept.map(|(part, direction)| direction.component_mul(&scale) * part.sqrt()).collect()
+}
+
+/// The median of the positive ones among squared frequencies.
+fn median_of_positive(lambda: &[f64]) -> Option<f64> {
+    let mut positive: Vec<f64> = lambda.iter().copied().filter(|lambda| *lambda > 0.0).collect();
+    positive.sort_by(f64::total_cmp);
+    positive.get(positive.len() / 2).copied()
+}
+
+/// Damping of a rank that is lower than the basis is long: of one motion, a point's or an edge's.
+#[derive(Clone, Debug)]
+pub struct Coupling {
+    /// The motion d = shape . q, length n.
+    pub shape: DVector<f64>,
+    /// Force over the velocity of d, in N s/m.
+    pub viscous: f64,
+    /// Force over j d, in N/m.
+    pub structural: f64,
+}
+
+/// C = diag(viscous) + sum of viscous_k b_k b_k' and likewise S, over a basis in which mass and stiffness are diagonal.
+///
+/// The surface's own stiffness is all stiffness less that of the springs attached, V' K_s V = Lambda - sum of k_i b_i b_i'
+/// (the thesis' proportional damping with the discrete part taken out), and its mass likewise.
+#[derive(Clone, Debug)]
+pub struct Structured {
+    /// Diagonal of C in 1/s.
+    pub viscous: DVector<f64>,
+    /// Diagonal of S in rad^2/s^2.
+    pub structural: DVector<f64>,
+    /// What couples the modes.
+    pub couplings: Vec<Coupling>,
+}
+
+impl Structured {
+    /// Damping of a surface by a loss factor and by mass and stiffness (Rayleigh), and of what is attached to it and along its
+    /// edges, over mass-normalised vectors with the squared frequencies `lambda`.
+    pub(super) fn new(
+        surface: SurfaceDamping,
+        attachments: &[Attachment],
+        edges: Option<&Symmetric>,
+        lambda: &[f64],
+        vectors: &DMatrix<f64>,
+    ) -> Option<Self> {
+        let (eta, alpha, beta) = match surface {
+            SurfaceDamping::None => (0.0, 0.0, 0.0),
+            SurfaceDamping::LossFactor(eta) => (eta, 0.0, 0.0),
+            SurfaceDamping::Rayleigh { alpha, beta } => (0.0, alpha, beta),
+            SurfaceDamping::ModalRatio(_) => return None,
+        };
+        let couplings = attachments.iter().map(|Attachment { vector, stiffness, damping, mass }| Coupling {
+            shape: row_times(vector, vectors).transpose(),
+            viscous: damping - beta * stiffness - alpha * mass,
+            structural: -eta * stiffness,
+        });
+        let is_lossy = eta != 0.0 || beta != 0.0;
+        let shapes = edges.filter(|_| is_lossy).map(|edges| edge_shapes(edges, lambda, vectors)).unwrap_or_default();
+        let of_edges = shapes.into_iter().map(|shape| Coupling { shape, viscous: -beta, structural: -eta });
+        let couplings = couplings.chain(of_edges);
+        let lambda = DVector::from_column_slice(lambda);
+        Some(Self {
+            viscous: lambda.map(|lambda| alpha + beta * lambda),
+            structural: lambda.map(|lambda| eta * lambda),
+            couplings: couplings.filter(|coupling| coupling.viscous != 0.0 || coupling.structural != 0.0).collect(),
+        })
+    }
+
+    /// The same over some of the coordinates.
+    pub(super) fn restricted_to(&self, coordinates: &[usize]) -> Self {
+        Self {
+            viscous: self.viscous.select_rows(coordinates),
+            structural: self.structural.select_rows(coordinates),
+            couplings: self
+                .couplings
+                .iter()
+                .map(|coupling| Coupling { shape: coupling.shape.select_rows(coordinates), ..*coupling })
+                .collect(),
+        }
+        .condensed()
+    }
+
+    /// With couplings that are alike replaced by fewer: Z B B' = Z (U S) (U S)' for B = U S V', without the columns that
+    /// are nothing, as when the springs of a panel's corners are asked about one parity of its modes.
+    fn condensed(self) -> Self {
+        let mut couplings: Vec<Coupling> = Vec::new();
+        let mut left = self.couplings;
+        while let Some(first) = left.first() {
+            let alike = |other: &Coupling| (other.viscous, other.structural) == (first.viscous, first.structural);
+            let (viscous, structural) = (first.viscous, first.structural);
+            let (group, others): (Vec<_>, Vec<_>) = left.iter().cloned().partition(alike);
+            left = others;
+            let shapes: Vec<_> = group.iter().map(|coupling| coupling.shape.clone()).collect();
+            let svd = DMatrix::from_columns(&shapes).svd(true, false);
+            let largest = svd.singular_values.amax();
+            for (direction, size) in svd.u.iter().flat_map(DMatrix::column_iter).zip(&svd.singular_values) {
+                if *size > NOTHING_LEFT * largest {
+                    couplings.push(Coupling { shape: direction * *size, viscous, structural });
+                }
+            }
+        }
+        Self { couplings, ..self }
+    }
+
+    /// The same as full matrices.
+    #[must_use]
+    pub fn full(self) -> Damping {
+        let mut viscous = DMatrix::from_diagonal(&self.viscous);
+        let mut structural = DMatrix::from_diagonal(&self.structural);
+        for Coupling { shape, viscous: c, structural: s } in &self.couplings {
+            viscous.ger(*c, shape, shape, 1.0);
+            structural.ger(*s, shape, shape, 1.0);
+        }
+        Damping { viscous, structural, structured: Some(self) }
+    }
+}
+
+/// Damping of the viscous ratio `ratio` on every mode of the panel without its ERAs, over mass-normalised `vectors` of the squared
+/// frequencies `lambda` of the panel with them; `actuators` is what the ERAs attach.
+///
+/// On each such mode it is 2 zeta omega, so that it is 2 zeta M # K, the geometric mean of mass and stiffness: of what they are
+/// over the vectors, M = I - sum of m_i b_i b_i' and K = Lambda - sum of k_i b_i b_i'. The modes without the ERAs are in the
+/// span of the modes with them and of the shapes of forces at the ERAs, as exactly as the answers are.
+pub(super) fn same_ratio(ratio: f64, lambda: &[f64], vectors: &DMatrix<f64>, actuators: &[Attachment]) -> DMatrix<f64> {
+    let mut mass = DMatrix::identity(lambda.len(), lambda.len());
+    let mut stiffness = DMatrix::from_diagonal(&DVector::from_column_slice(lambda));
+    for Attachment { vector, stiffness: spring, mass: own, .. } in actuators {
+        let along = row_times(vector, vectors).transpose();
+        mass.ger(-own, &along, &along, 1.0);
+        stiffness.ger(-spring, &along, &along, 1.0);
+    }
+    2.0 * ratio * geometric_mean(&mass, &stiffness, lambda)
+}
+
+/// A # B = A^1/2 (A^-1/2 B A^-1/2)^1/2 A^1/2 for symmetric semidefinite A and B that are at most the identity and the diagonal
+/// `largest`; zero where both are.
+///
+/// In the basis in which s A + B is the identity, A = diag(a) and B = 1 - s a commute, and A # B is diag(sqrt(a (1 - s a))). With
+/// s of the size of the slow modes, a is of the size of one for these and goes to zero for stiff ones: points held all but
+/// rigidly have lambda a million million times those of the modes, and rounding in sums with those would be all that is left of the modes.
+fn geometric_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64]) -> DMatrix<f64> {
+    let n = a.nrows();
+    let Some(between) = median_of_positive(largest) else { return DMatrix::zeros(n, n) };
+    let scale: Vec<f64> = largest.iter().map(|lambda| (lambda + between).sqrt()).collect();
+    let scaled = |value: &dyn Fn(usize, usize) -> f64| {
+        DMatrix::from_fn(n, n, |i, j| 0.5 * (value(i, j) + value(j, i)) / (scale[i] * scale[j]))
+    };
+    let both = SymmetricEigen::new(scaled(&|i, j| between * a[(i, j)] + b[(i, j)]));
+    let range: Vec<usize> = (0..n).filter(|i| both.eigenvalues[*i] > NOTHING_LEFT).collect();
+    if range.is_empty() {
+        return DMatrix::zeros(n, n);
+    }
+    let axes = both.eigenvectors.select_columns(&range);
+    let lengths = DVector::from_iterator(range.len(), range.iter().map(|i| both.eigenvalues[*i].sqrt()));
+    let inner = axes.tr_mul(&(scaled(&|i, j| between * a[(i, j)]) * &axes));
+    let inner = DMatrix::from_fn(range.len(), range.len(), |i, j| {
+        0.5 * (inner[(i, j)] + inner[(j, i)]) / (lengths[i] * lengths[j])
+    });
+    let of_a = SymmetricEigen::new(inner);
+    let root = of_a.eigenvalues.map(|part| (part.clamp(0.0, 1.0) * (1.0 - part.clamp(0.0, 1.0)) / between).sqrt());
+    let middle = &of_a.eigenvectors * DMatrix::from_diagonal(&root) * of_a.eigenvectors.transpose();
+    let half = DMatrix::from_diagonal(&DVector::from_vec(scale)) * axes * DMatrix::from_diagonal(&lengths);
+    &half * middle * half.transpose()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sparse::Entries;
+    use super::*;
+
+    /// X = A # B is what solves X A^-1 X = B, whatever way it is computed.
+    #[test]
+    fn the_geometric_mean_solves_its_equation() {
+        let a = DMatrix::from_row_slice(3, 3, &[4.0, 1.0, 0.5, 1.0, 3.0, 0.2, 0.5, 0.2, 2.0]) / 8.0;
+        let b = DMatrix::from_row_slice(3, 3, &[9.0, -2.0, 1.0, -2.0, 5.0, 0.3, 1.0, 0.3, 70.0]);
+        let x = geometric_mean(&a, &b, &[20.0, 20.0, 80.0]);
+        let back = &x * a.try_inverse().unwrap() * &x;
+        assert!((back - b).amax() < 1e-11, "{x}");
+    }
+
+    /// Against the product itself, entry by entry relative to what it is of, with a vector that is all but rigidly held.
+    #[test]
+    fn shapes_of_edges_make_up_their_stiffness() {
+        let mut entries = Entries::default();
+        for (row, value) in [(0, 3e4), (1, 5e4), (3, 2e4)] {
+            entries.add_outer(&[(row, 1.0), (row + 1, -0.4)], value);
+        }
+        let edges = entries.build(5).unwrap();
+        let lambda: [f64; 4] = [1e4, 4e5, 2e6, 1e19];
+        let vectors =
+            DMatrix::from_fn(5, 4, |i, j| lambda[j].sqrt() / 4e2 * [0.3, -0.9, 0.7, 0.1, -0.5][(2 * i + 3 * j) % 5]);
+        let wanted = vectors.tr_mul(&edges.times(&vectors));
+        let shapes = edge_shapes(&edges, &lambda, &vectors);
+        assert!(shapes.len() <= 3, "rank 3");
+        let off = DMatrix::from_fn(4, 4, |i, j| {
+            let found: f64 = shapes.iter().map(|shape| shape[i] * shape[j]).sum();
+            (found - wanted[(i, j)]) / (lambda[i] * lambda[j]).sqrt()
+        });
+        assert!(off.amax() < 1e-9 && wanted[(0, 0)] > 1e-3 * lambda[0], "{off}");
+    }
+
+    /// The same with a point that is held all but rigidly, entry by entry relative to what it is of.
+    #[test]
+    fn a_stiff_point_leaves_the_modes_their_damping() {
+        let (lambda, along) = ([1e4, 4e4, 9e5, 1e21], DVector::from_row_slice(&[0.5, -0.3, 0.2, 1e-3]));
+        let (mut a, mut b) = (DMatrix::identity(4, 4), DMatrix::from_diagonal(&DVector::from_row_slice(&lambda)));
+        a.ger(-0.3, &along, &along, 1.0);
+        b.ger(-2e3, &along, &along, 1.0);
+        let x = geometric_mean(&a, &b, &lambda);
+        let back = &x * a.try_inverse().unwrap() * &x;
+        let off = DMatrix::from_fn(4, 4, |i, j| (back[(i, j)] - b[(i, j)]) / (lambda[i] * lambda[j]).sqrt());
+        assert!(off.amax() < 1e-6, "{off}");
+    }
+}

@@ -1,0 +1,277 @@
+//! From differences of successive levels to a bound on the finest one's error.
+//!
+//! Levels of order p - 2 and p have spaces that are contained in each other, so that frequencies fall towards the exact ones.
+//! If errors fall as a power p^-k, the error of order p is at most d / ((p / (p - 2))^k - 1), d the difference of the two.
+//! Errors fall exponentially until the waves are resolved, and then, at the corners and the points that forces act on, as a
+//! power; which power is known for each kind of scene (`LEAST_POWER` and the constants below it), how large that part is
+//! shows only when the waves are resolved. So d has to be that of two levels that resolve them, order 7 and 9 at least.
+//! With a third level the difference before, d', is known, and the bound is at least what a ratio d / d' that stays leaves.
+//!
+//! This is no theorem. `host/tests/bounds.rs` and `cargo xtask bench model` hold it against finer solutions on random scenes:
+//! with orders 7 and 9 the difference is at least 2.6 times the error of order 9, 9 times in the median; with 9 and 11 it is
+//! 2.6 and 3.5 times. `host/tests/model_reference.rs` holds bounds against closed references.
+
+use super::bound::Bound;
+use super::corners::has_singular_corner;
+use super::panel::PanelModel;
+use super::placement::{has_close_points, is_singular};
+use super::sections::Waves;
+use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
+use serde::{Deserialize, Serialize};
+
+/// Times the estimate.
+const SAFETY: f64 = 1.75;
+/// Largest ratio of differences that is believed to stay.
+const LARGEST_RATIO: f64 = 0.7;
+/// The same where errors fall with the square of the order: from 9, 11 and 13 the ratio is 0.57, from 13, 15 and 17 it is 0.69.
+const LARGEST_RATIO_SINGULAR: f64 = 0.8;
+/// Least ratio of a few responses' differences that is believed there: several modes' errors may cancel at one place for once (beside a
+/// bezel two levels agreed to 1/40 of the difference before and were wrong by six times as much as they differed). With the fourth
+/// power of the order, as was measured, order 9 is wrong by 0.13 of the difference of 5 and 7, order 11 by 0.26 of that of 7 and 9;
+/// with this and the factors above the bound is 0.21 and 0.28 of it at least.
+const LEAST_RATIO_SINGULAR: f64 = 0.07;
+/// Largest difference that is taken for small: beyond it nothing has been resolved.
+const SMALL: f64 = 0.3;
+/// Errors fall at least as this power of the order: at corners of free edges they do (measured on the free square: 7 to 9; on
+/// random scenes 4.7 and more).
+const LEAST_POWER: f64 = 5.0;
+/// The same with corners between clamped and free edges: cells shrink towards them, but no further beyond order 7 (measured: 2.1
+/// and more, on a cantilever with a heavy mass on its free edge).
+const LEAST_POWER_CORNER: f64 = 2.0;
+/// The same at patches and cut-outs, and with attachments beside a corner (measured there: 4 and more).
+const LEAST_POWER_SINGULAR: f64 = 2.0;
+/// The same of responses where damping is the same ratio on every mode: it acts outside the span of the shapes kept, of which
+/// there are more at higher orders.
+const LEAST_POWER_MODAL: f64 = 2.0;
+/// Relative error of a frequency by rounding on a regular mesh.
+const ROUNDING: f64 = 2e-10;
+/// Rounding in the entries of K on thin cells, per cube of the panel's side over the least cell.
+const ROUNDING_PER_ASPECT: f64 = 1e-15;
+/// The same with functions of point forces, which cancel with the elements' where a stiff support holds the point: up to 2e-5
+/// was seen at an aspect of 512, 2e-7 at 128.
+const ROUNDING_PER_ASPECT_AT_POINTS: f64 = 2e-13;
+
+/// Why no bound exists for plates with rotational point springs.
+pub(super) const POINT_MOMENT: &str = "a plate turns freely about a point (its slope there is not bounded by its energy), so that a \
+    rotational spring at a point has no limit that a finer mesh would approach";
+/// Why there is none where the levels do not agree.
+pub(super) const NOT_SETTLED: &str =
+    "the finest levels that were tried do not agree yet: ask for a looser tolerance or a lower frequency";
+
+pub(super) fn has_point_moment(scene: &Scene) -> bool {
+    scene.surface.kind == SurfaceKind::Plate
+        && scene.supports.iter().any(|support| support.rotational_stiffness_n_m_per_rad > 0.0)
+}
+
+/// Relative error of a frequency by rounding, and by what is the same on every mesh.
+#[derive(Clone, Copy, Debug)]
+pub struct Rounding {
+    /// On a regular mesh.
+    regular: f64,
+    /// What thin cells add for a mode that bends the panel.
+    thin: f64,
+    /// About the frequency of the slowest such mode.
+    bending_hz: f64,
+    /// What no mesh resolves at attachments.
+    unresolved: f64,
+}
+
+impl Rounding {
+    pub(super) fn new(scene: &Scene, model: &PanelModel) -> Self {
+        let length = scene.surface.length_m.max(scene.surface.width_m);
+        // The cantilever's first mode, the slowest that `thin` was measured on: (k L)^2 = 3.52.
+        let bending_hz = 3.52 / (length * length) * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU;
+        let per_aspect =
+            if model.parts().stiff_points > 0 { ROUNDING_PER_ASPECT_AT_POINTS } else { ROUNDING_PER_ASPECT };
+        Self {
+            regular: ROUNDING,
+            thin: per_aspect * model.aspect().powi(3),
+            bending_hz,
+            unresolved: model.unresolved(),
+        }
+    }
+
+    /// Of a frequency. What K is wrong by is a part of the panel's stiffness, and more of a soft spring's.
+    #[must_use]
+    pub fn of(&self, frequency_hz: f64) -> f64 {
+        self.unresolved + self.regular + self.thin * (self.bending_hz / frequency_hz).powi(2).max(1.0)
+    }
+
+    /// Of modes that bend the panel.
+    #[must_use]
+    pub fn of_bending(&self) -> f64 {
+        self.unresolved + self.regular + self.thin
+    }
+}
+
+/// What a scene's and a mesh's kind says about how fast differences shrink.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Estimator {
+    order: usize,
+    /// Least power that errors fall with.
+    power: f64,
+    /// The same of responses.
+    response_power: f64,
+    /// Largest ratio of successive differences that is believed.
+    largest_ratio: f64,
+    /// Least ratio of a few responses' that is believed.
+    least_ratio: f64,
+    /// Whether a larger one may be more than chance, as the power is not known.
+    may_stall: bool,
+    /// Relative error of a frequency by rounding.
+    rounding: f64,
+    has_point_moment: bool,
+}
+
+impl Estimator {
+    pub(super) fn new(scene: &Scene, model: &PanelModel) -> Self {
+        // What the mesh has no functions for: patches, cut-outs, attachments beside a corner.
+        let singular = is_singular(scene, model.fineness());
+        let power = if singular {
+            LEAST_POWER_SINGULAR
+        } else if has_singular_corner(scene) {
+            LEAST_POWER_CORNER
+        } else {
+            LEAST_POWER
+        };
+        let is_modal = matches!(scene.surface.damping, SurfaceDamping::ModalRatio(_));
+        Self {
+            order: model.fineness().order,
+            power,
+            response_power: if is_modal { power.min(LEAST_POWER_MODAL) } else { power },
+            largest_ratio: if singular { LARGEST_RATIO_SINGULAR } else { LARGEST_RATIO },
+            least_ratio: if singular { LEAST_RATIO_SINGULAR } else { 0.0 },
+            may_stall: has_close_points(scene, model.fineness()),
+            rounding: Rounding::new(scene, model).of_bending(),
+            has_point_moment: has_point_moment(scene),
+        }
+    }
+
+    /// Whether it can belong to elements of this order.
+    pub(super) fn is_plausible(&self, order: usize) -> bool {
+        let numbers = [self.power, self.response_power, self.largest_ratio, self.least_ratio, self.rounding];
+        self.order == order && numbers.iter().all(|number| number.is_finite() && *number >= 0.0)
+    }
+
+    /// The bound from the difference of the last two levels and, where it is known, that of the two before; infinite where they
+    /// do not shrink.
+    pub(super) fn estimate(&self, before: Option<f64>, last: f64) -> f64 {
+        self.with_power(self.power, before, last)
+    }
+
+    /// The same for curves of responses, without [`RESPONSE_SAFETY`].
+    pub(super) fn estimate_curves(&self, before: Option<f64>, last: f64) -> f64 {
+        self.with_power(self.response_power, before, last)
+    }
+
+    /// The same for a few responses, on which two levels may agree by chance.
+    pub(super) fn estimate_few(&self, before: Option<f64>, last: f64) -> f64 {
+        let least =
+            before.filter(|before| before.is_finite()).map_or(0.0, |before| self.least_ratio * before.min(SMALL));
+        self.estimate_curves(before, if last < least { least } else { last })
+    }
+
+    fn with_power(&self, power: f64, before: Option<f64>, last: f64) -> f64 {
+        if last == 0.0 {
+            return 0.0;
+        }
+        if last.is_nan() || last > SMALL {
+            return f64::INFINITY;
+        }
+        let ratio = match before {
+            Some(before) if before.is_finite() && before > 0.0 => last / before,
+            _ => 0.0,
+        };
+        let ratio = if ratio > self.largest_ratio {
+            // By rounding, or by chance: a response's differences are those of several modes, which may cancel for once. Where
+            // the power is known they have to shrink all the same.
+            if self.may_stall && last > self.rounding {
+                return f64::INFINITY;
+            }
+            self.largest_ratio
+        } else {
+            ratio
+        };
+        SAFETY * last * self.rest(power).max(ratio / (1.0 - ratio))
+    }
+
+    /// Error of order p over the difference from order p - 2, if errors fall as this power of the order.
+    #[expect(clippy::cast_precision_loss, reason = "orders are small")]
+    fn rest(&self, power: f64) -> f64 {
+        let p = self.order as f64;
+        1.0 / ((p / (p - 2.0)).powf(power) - 1.0)
+    }
+
+    /// The bound of a response from the relative differences of the two coarser levels and of the two finer ones.
+    #[must_use]
+    pub fn response_bound(&self, before: f64, last: f64) -> Bound {
+        match RESPONSE_SAFETY * self.estimate_few(Some(before), last) + SHARPEST * self.rounding {
+            _ if self.has_point_moment => Bound::Unknown(POINT_MOMENT),
+            bound if bound.is_finite() => Bound::AtMost(bound),
+            _ => Bound::Unknown(NOT_SETTLED),
+        }
+    }
+}
+
+/// Factor on the bound of a response: it has errors of shapes, frequencies and truncation, which need not shrink together.
+pub const RESPONSE_SAFETY: f64 = 1.15;
+
+/// Error of a response, relative to its peak, over that of the frequencies by rounding: what the sharpest resonance that
+/// anyone has (a quality of a thousand) makes of it.
+pub const SHARPEST: f64 = 500.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(order: usize, may_stall: bool) -> Estimator {
+        Estimator {
+            order,
+            power: LEAST_POWER,
+            response_power: LEAST_POWER,
+            largest_ratio: LARGEST_RATIO,
+            least_ratio: 0.0,
+            may_stall,
+            rounding: ROUNDING,
+            has_point_moment: false,
+        }
+    }
+
+    #[test]
+    fn estimates_bound_geometric_and_algebraic_convergence() {
+        // Errors q^p: the ratio of differences over two orders is q^2.
+        for q in [0.01_f64, 0.2, 0.5, 0.8] {
+            let error = |p: i32| q.powi(p);
+            let bound = of(9, true).estimate(Some(error(5) - error(7)), error(7) - error(9));
+            assert!(bound >= error(9), "{q}");
+        }
+        // Errors p^-k, without and with the level before.
+        for k in [5, 6, 8, 12] {
+            let error = |p: f64| p.powi(-k);
+            let last = error(7.0) - error(9.0);
+            for before in [None, Some(error(5.0) - error(7.0))] {
+                let bound = of(9, true).estimate(before, last);
+                assert!(bound >= error(9.0) && bound < 20.0 * error(9.0), "{k}: {bound:e} {:e}", error(9.0));
+            }
+        }
+    }
+
+    /// Of 1e-2 and 1e-5 in succession the second is taken for chance where moments are singular, and for a fact elsewhere.
+    #[test]
+    fn what_shrinks_at_once_is_not_believed_of_singular_responses() {
+        let regular = of(9, false).estimate_few(Some(1e-2), 1e-5);
+        let singular = Estimator { least_ratio: LEAST_RATIO_SINGULAR, ..of(9, false) };
+        assert!(singular.estimate_few(Some(1e-2), 1e-5) > 10.0 * regular);
+        assert_eq!(singular.estimate(Some(1e-2), 1e-5), regular, "frequencies fall towards theirs");
+        assert!(singular.estimate_few(Some(1e-2), f64::NAN).is_infinite());
+    }
+
+    #[test]
+    fn what_does_not_shrink_or_is_not_small_has_no_bound() {
+        assert_eq!(of(9, true).estimate(Some(1e-3), 2e-3), f64::INFINITY);
+        assert!(of(9, false).estimate(Some(1e-3), 2e-3) > 2e-3);
+        assert_eq!(of(9, true).estimate(None, 0.5), f64::INFINITY);
+        assert_eq!(of(9, true).estimate(None, f64::NAN), f64::INFINITY);
+        assert_eq!(of(9, true).estimate(Some(1e-3), f64::INFINITY), f64::INFINITY);
+    }
+}

@@ -1,0 +1,90 @@
+//! Models of three orders, for answers that are asked for over and over.
+
+use super::bounded::Step;
+use super::estimator::Estimator;
+use super::fineness::Fineness;
+use super::grid::expected_unknowns;
+use super::panel::{PanelModel, fineness};
+use super::{Accuracy, ModelError, ReducedModel};
+use crate::scene::{Scene, SurfaceKind};
+use std::time::Instant;
+
+/// Size of the cells of a plate with cut-outs over the usual one.
+const BESIDE_CUTOUTS: f64 = 0.5;
+
+/// Orders above that of a first try.
+const MORE: usize = 2;
+/// The same on bars, which cost next to nothing: harmonics lie above `max_hz`, and on a light bar one at 2.5 times it was 3.5 % off.
+const MORE_ON_BARS: usize = 4;
+
+/// Reduced models of three levels, for answers that are asked for over and over.
+#[derive(Clone, Debug)]
+pub struct Levels {
+    /// The finest.
+    pub fine: ReducedModel,
+    /// The next coarser one, and the one before that.
+    pub coarser: [ReducedModel; 2],
+    /// What makes a bound of their differences.
+    pub estimator: Estimator,
+    /// The levels, coarsest first; bounds belong to each answer.
+    pub steps: Vec<Step>,
+}
+
+impl Levels {
+    /// About how many unknowns the finest level has, before anything is built.
+    ///
+    /// # Errors
+    /// As [`super::bounded::bounded()`], if the mesh would be too fine.
+    #[expect(clippy::cast_precision_loss, reason = "about")]
+    pub fn expected_unknowns(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
+        Ok(expected_unknowns(scene, Self::meshes(scene, accuracy, max_hz)?[0]) as f64)
+    }
+
+    /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.
+    ///
+    /// # Errors
+    /// As [`super::bounded::bounded()`].
+    pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
+        Self::of_meshes(scene, Self::meshes(scene, accuracy, max_hz)?, max_hz)
+    }
+
+    /// The meshes for frequencies up to `max_hz`, finest first: of higher order than a first try, as nobody climbs from here, and
+    /// cells of half the size where a cut-out's corners let errors fall with the square of the order only.
+    ///
+    /// # Errors
+    /// As [`super::bounded::bounded()`].
+    pub(super) fn meshes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<[Fineness; 3], ModelError> {
+        let part = if scene.cutouts.is_empty() { 1.0 } else { BESIDE_CUTOUTS };
+        let more = if scene.surface.kind == SurfaceKind::Bar { MORE_ON_BARS } else { MORE };
+        Self::meshes_of(scene, accuracy.order() + more, part, max_hz)
+    }
+
+    fn meshes_of(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<[Fineness; 3], ModelError> {
+        let of = |order| fineness(scene, order, part, max_hz);
+        Ok([of(order)?, of(order - 2)?, of(order - 4)?])
+    }
+
+    /// Levels of elements of `order` (7 and above) and of the orders 2 and 4 below it.
+    ///
+    /// # Errors
+    /// As [`super::bounded::bounded()`].
+    pub fn of_order(scene: &Scene, order: usize, max_hz: f64) -> Result<Self, ModelError> {
+        Self::of_meshes(scene, Self::meshes_of(scene, order, 1.0, max_hz)?, max_hz)
+    }
+
+    fn of_meshes(scene: &Scene, [fine, middle, coarse]: [Fineness; 3], max_hz: f64) -> Result<Self, ModelError> {
+        let mut steps = Vec::new();
+        let mut level = |fineness: Fineness| -> Result<_, ModelError> {
+            let started = Instant::now();
+            let model = PanelModel::with_fineness(scene, fineness)?;
+            let reduced = model.reduce(max_hz, &[])?;
+            let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
+            steps.push(Step { fineness, parts: model.parts(), dofs: model.dofs(), elapsed_ms, bound: f64::INFINITY });
+            Ok((Estimator::new(scene, &model), reduced))
+        };
+        let (_, coarse) = level(coarse)?;
+        let (_, middle) = level(middle)?;
+        let (estimator, fine) = level(fine)?;
+        Ok(Self { fine, coarser: [middle, coarse], estimator, steps })
+    }
+}

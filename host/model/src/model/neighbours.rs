@@ -1,0 +1,119 @@
+//! Attachments, and which of them are very near to each other.
+//!
+//! Two point forces a distance d apart have functions that differ by d: next to their own sizes K has the square of that, and
+//! what two rigid points so near do to a plate, which is to turn it with a compliance of d^2 log(1/d) / (8 pi D), drowns in
+//! rounding and in the error of integration. (There is a limit only for d -> 0 of the logarithm: a plate's slope at a point
+//! is not bounded by its energy.) So of such places the first has its deflection w and its function f, and each of the others
+//! the difference quotients against its neighbour, (w' - w) r / d and (f' - f) r / d, with a length r of the mesh: a dipole's
+//! function, of the size of one whatever d is.
+
+use super::mesh::MERGE;
+use super::sections::shift;
+use crate::scene::{Mount, Scene};
+
+/// Places nearer to each other than this part of a cell are neighbours. Where they are not, differences of functions lose up
+/// to the square of this of the 1e-11 that integrals are right to.
+pub(super) const NEAR: f64 = 0.02;
+
+/// Something attached.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    /// In m.
+    pub at: (f64, f64),
+    /// What resists a motion there in the matrix that is factored, in N/m: stiffness, and mass times the shift.
+    pub held: f64,
+}
+
+/// All places of the scene's attachments, one for those that are within the merging distance of each other, the most firmly
+/// held first. A neighbour held more firmly than what it is a neighbour of would cancel with it.
+pub(super) fn places(scene: &Scene) -> Vec<Place> {
+    let shift = shift(scene);
+    let supports = scene.supports.iter().map(|s| ((s.x_m, s.y_m), s.stiffness_n_per_m));
+    let masses = scene.masses.iter().map(|m| ((m.x_m, m.y_m), shift * m.mass_kg));
+    let actuators = scene.actuators.iter().map(|a| {
+        let moving = if a.mount == Mount::Grounded { a.moving_mass_kg } else { 0.0 };
+        ((a.x_m, a.y_m), a.effective_stiffness_n_per_m() + shift * (a.housing_mass_kg + moving))
+    });
+    let mut all: Vec<Place> = supports.chain(masses).chain(actuators).map(|(at, held)| Place { at, held }).collect();
+    all.sort_by(|a, b| b.held.total_cmp(&a.held));
+    let merged = MERGE * scene.surface.length_m.max(scene.surface.width_m);
+    let mut out: Vec<Place> = Vec::new();
+    for place in all {
+        match out.iter_mut().find(|known| distance(known.at, place.at) <= merged) {
+            Some(known) => known.held += place.held,
+            None => out.push(place),
+        }
+    }
+    out.sort_by(|a, b| b.held.total_cmp(&a.held));
+    out
+}
+
+pub(super) fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
+    (a.0 - b.0).hypot(a.1 - b.1)
+}
+
+/// Places in clusters, as they come.
+#[derive(Clone, Debug)]
+pub(super) struct Clusters {
+    /// The mesh's length that distances are measured in.
+    unit: f64,
+    /// Places, each with the first of its cluster.
+    members: Vec<((f64, f64), usize)>,
+}
+
+/// What a place is near to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Neighbour {
+    /// The first of the cluster, in the order in which places came.
+    pub first: usize,
+    /// The nearest before it.
+    pub nearest: usize,
+    /// Distance from that in m.
+    pub distance_m: f64,
+    /// The same over the mesh's length: d / r.
+    pub ratio: f64,
+}
+
+impl Clusters {
+    /// None yet, on a mesh with cells of this width (m).
+    pub(super) fn new(cell_m: f64) -> Self {
+        Self { unit: cell_m, members: Vec::new() }
+    }
+
+    /// Adds a place; `None` if nothing is near.
+    pub(super) fn add(&mut self, at: (f64, f64)) -> Option<Neighbour> {
+        let of_cluster =
+            |(_, (_, first)): &(usize, &((f64, f64), usize))| distance(self.members[*first].0, at) <= NEAR * self.unit;
+        let nearest = self.members.iter().enumerate().filter(of_cluster);
+        let nearest = nearest
+            .map(|(k, (other, first))| (k, *first, distance(*other, at)))
+            .min_by(|a, b| a.2.total_cmp(&b.2))
+            .map(|(nearest, first, distance_m)| Neighbour {
+                first,
+                nearest,
+                distance_m,
+                ratio: distance_m / self.unit,
+            });
+        self.members.push((at, nearest.map_or(self.members.len(), |near| near.first)));
+        nearest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_belongs_to_the_nearest_of_its_cluster() {
+        let mut clusters = Clusters::new(1.0);
+        assert_eq!(clusters.add((0.0, 0.0)), None);
+        assert_eq!(clusters.add((0.5, 0.0)), None, "far");
+        let beside = clusters.add((0.01, 0.0)).unwrap();
+        assert_eq!((beside.first, beside.nearest), (0, 0));
+        let beside = clusters.add((0.01, 0.001)).unwrap();
+        assert_eq!((beside.first, beside.nearest), (0, 2));
+        assert!((beside.ratio - 0.001).abs() < 1e-15);
+        // Within reach of a member, but not of the first: clusters do not grow along a chain.
+        assert_eq!(clusters.add((0.025, 0.0)), None);
+    }
+}

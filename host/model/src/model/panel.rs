@@ -1,0 +1,394 @@
+//! The panel model that the rest of the program uses.
+
+use super::assembly::{Assembled, assemble};
+use super::damping::{Damping, Structured, same_ratio};
+use super::eigen::{Modes, Operator, modes};
+use super::fineness::Fineness;
+use super::grid::Derivative;
+use super::reduced::ReducedModel;
+use super::rigid::{RigidModes, rigid_modes};
+use super::sections::{Waves, shift};
+use super::sparse::{Entries, Factor, SparseVector, row_times};
+use super::{Accuracy, ModelError};
+use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
+use nalgebra::DMatrix;
+
+/// Most unknowns: what a laptop factors in seconds.
+const MOST_UNKNOWNS: usize = 160_000;
+/// Highest frequency that a model is built for, in Hz: two hundred times what the skin feels.
+const MAX_HZ: f64 = 200_000.0;
+/// Bending waves in a cell at the highest frequency. With order 7 a free plate's response is right to 1e-3 there, with 9 to
+/// 1e-4 (`cargo xtask bench model`).
+const WAVES_PER_CELL: f64 = 1.1;
+/// Most modes, about: time grows with their cube (2 x 1.2 m of 3 mm at 1.4 kHz keeps some 600).
+const MOST_MODES: f64 = 1000.0;
+/// Least cells along the longer side.
+const LEAST_CELLS: f64 = 2.0;
+/// Modes of a reduced model, besides one for each order.
+const LEAST_MODES: usize = 3;
+/// Part of a shape's modal mass below which that of the surface itself is rounding.
+const LEAST_MASS: f64 = 1e-12;
+/// Part of its aspect that rounding on a narrow strip's mesh goes with: with the cube of the aspect it was seen to be 1e-8 at
+/// 4000, which is 1e-19 of the cube, and counts as 2e-13.
+const IN_STRIPS: f64 = 0.05;
+/// Modes that a ratio of damping is computed over, as a multiple of the highest frequency asked for.
+const DAMPED_BEYOND: f64 = 1.5;
+/// Residual shapes of each load of a reduced model.
+const SHAPES: usize = 2;
+/// The same for a ratio of damping, the root of a matrix that acts outside their span as well: with two, responses of a grounded
+/// ERA on a free edge were wrong by five times as much.
+const SHAPES_FOR_MODAL_RATIO: usize = 3;
+/// So many modes in the band that twice the residual shapes cost less than twice the modes.
+const MANY_MODES: f64 = 150.0;
+/// Attachments of a plate beyond which cells are smaller for their sake, and with which they shrink no further.
+const MANY_POINTS: usize = 16;
+const MOST_POINTS: usize = 300;
+/// Side of those cells, over the root of the area for each attachment.
+const CELL_PER_POINT: f64 = 1.0;
+
+/// A mode of the panel with everything attached to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mode {
+    /// Undamped frequency in Hz; exactly 0 for a motion that nothing holds.
+    pub frequency_hz: f64,
+    /// Damping ratio: phi' C phi / (2 omega) plus eta phi' K_s phi / (2 omega^2), for a mass-normalised shape phi; 0 for a
+    /// rigid mode.
+    pub damping_ratio: f64,
+    /// Springs so soft hold it that it was computed with a surface that stays straight.
+    pub straight: bool,
+    /// Frequency in Hz of the same shape without what the masses attached weigh: how stiff it is against the panel's own
+    /// bending, which is what rounding in the panel's stiffness is held against. A heavy mass moves slowly on a stiff panel.
+    pub unloaded_hz: f64,
+}
+
+/// What a mesh is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Parts {
+    /// Cells along x and along y.
+    pub cells: [usize; 2],
+    /// Functions of point forces.
+    pub point_functions: usize,
+    /// Deflections that are unknowns of their own.
+    pub stiff_points: usize,
+    /// Rigid and slow modes known before the iteration.
+    pub known_modes: usize,
+}
+
+/// A meshed and factored panel.
+#[derive(Debug)]
+pub struct PanelModel {
+    /// What a frequency may be wrong by for edges on springs that were taken for supports.
+    unresolved: f64,
+    /// With supports in place of such edges.
+    scene: Scene,
+    assembled: Assembled,
+    factor: Factor,
+    shift: f64,
+    /// Modes that the shift is too far from, or that are known in closed form.
+    slow: Modes,
+    /// Largest eigenvalue of those known in closed form; negative if there are none.
+    straight: f64,
+    fineness: Fineness,
+}
+
+/// How a reduced model is made.
+#[derive(Clone, Copy)]
+struct Reduction {
+    /// Modes are kept up to this multiple of the highest frequency.
+    modes_beyond: f64,
+    /// Residual shapes of each load.
+    shapes_each: usize,
+}
+
+impl PanelModel {
+    /// How a reduced model for frequencies up to `max_hz` is made. All modes up to a multiple r of that are kept; what lies above
+    /// is carried by n residual shapes of each load, whose error falls as r^-4n. The multiple grows with the order of the
+    /// elements, so that the difference between two orders shows both errors.
+    #[expect(clippy::cast_precision_loss, reason = "a dozen at most")]
+    fn reduction(&self, max_hz: f64) -> Reduction {
+        let modes_beyond = 0.75 + 0.25 * self.fineness.order as f64;
+        let shapes_each = match self.scene.surface.damping {
+            SurfaceDamping::ModalRatio(_) => SHAPES_FOR_MODAL_RATIO,
+            SurfaceDamping::None | SurfaceDamping::LossFactor(_) | SurfaceDamping::Rayleigh { .. } => SHAPES,
+        };
+        if has_many_modes(&self.scene, max_hz) {
+            // At r = 4, (r / 2)^-8n is r^-4n: as good with half the modes.
+            Reduction { modes_beyond: 0.5 * modes_beyond, shapes_each: 2 * shapes_each }
+        } else {
+            Reduction { modes_beyond, shapes_each }
+        }
+    }
+
+    /// Meshes the scene for frequencies up to `max_hz` with the elements that usually meet the tolerance;
+    /// [`super::bounded`] makes sure that they do.
+    ///
+    /// # Errors
+    /// [`ModelError`]: a frequency out of range, a mesh that would be too fine, or matrices that cannot be factored.
+    pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
+        Self::with_fineness(scene, fineness(scene, accuracy.order(), 1.0, max_hz)?)
+    }
+
+    /// Meshes the scene as said.
+    ///
+    /// # Errors
+    /// As [`PanelModel::build`].
+    pub fn with_fineness(scene: &Scene, fineness: Fineness) -> Result<Self, ModelError> {
+        let unresolved = super::edges::unresolved(scene);
+        let scene = super::edges::idealised(scene);
+        let assembled = assemble(&scene, fineness)?;
+        let shift = shift(&scene);
+        let factor = shifted(&assembled, shift)?;
+        let (slow, straight) = slow_modes(&scene, &assembled, shift)?;
+        Ok(Self { unresolved, scene, assembled, factor, shift, slow, straight, fineness })
+    }
+
+    /// Number of unknowns.
+    #[must_use]
+    pub fn dofs(&self) -> usize {
+        self.assembled.unknowns()
+    }
+
+    /// Cells along x and y (1 on a bar), functions of point forces, and stiffly held points with unknowns of their own.
+    #[must_use]
+    pub fn parts(&self) -> Parts {
+        let grid = &self.assembled.grid;
+        Parts {
+            cells: [grid.x.cells(), grid.y.as_ref().map_or(1, super::mesh::Lines::cells)],
+            point_functions: grid.point_functions(),
+            stiff_points: grid.stiff_points_held(),
+            known_modes: self.slow.lambda.len(),
+        }
+    }
+
+    /// What a frequency may be wrong by, relative, at attachments, whatever the mesh: rigid points very near to each other in a
+    /// corner or at a patch, strips that are modelled as bars around points; and for edges on springs that are all but rigid. 0
+    /// where there is nothing of the kind.
+    #[must_use]
+    pub fn unresolved(&self) -> f64 {
+        self.unresolved + super::placement::unresolved(&self.scene, self.fineness)
+    }
+
+    /// The mesh.
+    #[must_use]
+    pub fn fineness(&self) -> Fineness {
+        self.fineness
+    }
+
+    /// Order of the elements.
+    #[must_use]
+    pub fn order(&self) -> usize {
+        self.fineness.order
+    }
+
+    /// The panel's longer side over the mesh's least cell; a strip's width does not count, whose functions are made for it.
+    #[must_use]
+    pub fn aspect(&self) -> f64 {
+        let grid = &self.assembled.grid;
+        let all = [Some(&grid.x), grid.y.as_ref()].into_iter().flatten().filter(|lines| !lines.is_strip);
+        let least = all.flat_map(|lines| lines.at.windows(2).map(|at| at[1] - at[0])).fold(f64::INFINITY, f64::min);
+        let (length, width) = grid.size();
+        let aspect = (if grid.y.is_some() { length.max(width) } else { length }) / least;
+        // Functions of point forces that end after some widths of a strip do not meet those of the other cells.
+        let is_narrow = super::placement::narrow_strip(&self.scene, self.fineness).is_some();
+        if is_narrow { (aspect * IN_STRIPS).max(1.0) } else { aspect }
+    }
+
+    /// All modes up to `max_hz`, ascending, rigid ones first.
+    ///
+    /// # Errors
+    /// [`ModelError`] if the iteration does not settle.
+    pub fn modes(&self, max_hz: f64) -> Result<Vec<Mode>, ModelError> {
+        let found = self.raw_modes(max_hz)?;
+        let damping = self.damping_of(&found, max_hz)?;
+        let attached = found.vectors.column_iter().map(|shape| -> f64 {
+            let along = |vector: &[(usize, f64)]| vector.iter().map(|(i, value)| shape[*i] * value).sum::<f64>();
+            self.assembled.attachments.iter().map(|part| part.mass * along(&part.vector).powi(2)).sum()
+        });
+        let attached: Vec<f64> = attached.collect();
+        // Slow modes are kept whatever was asked for.
+        let highest = (std::f64::consts::TAU * max_hz).powi(2);
+        Ok(found
+            .lambda
+            .iter()
+            .enumerate()
+            .take_while(|(_, lambda)| **lambda <= highest)
+            .map(|(i, lambda)| {
+                let omega = lambda.sqrt();
+                let ratio = damping.viscous[(i, i)] / (2.0 * omega) + damping.structural[(i, i)] / (2.0 * lambda);
+                Mode {
+                    frequency_hz: omega / std::f64::consts::TAU,
+                    damping_ratio: if *lambda > 0.0 { ratio.max(0.0) } else { 0.0 },
+                    straight: *lambda <= self.straight,
+                    unloaded_hz: omega / std::f64::consts::TAU / (1.0 - attached[i]).max(LEAST_MASS).sqrt(),
+                }
+            })
+            .collect())
+    }
+
+    /// A small model for frequencies up to `max_hz`: all modes to a multiple of that, and residual shapes of the actuators, of
+    /// what dashpots and the surface's losses leave unbalanced, and of `points` (m).
+    ///
+    /// # Errors
+    /// [`ModelError`] if the iteration does not settle.
+    pub fn reduce(&self, max_hz: f64, points: &[(f64, f64)]) -> Result<ReducedModel, ModelError> {
+        // A short bar may have no mode in the band at all: a few are kept all the same, more at higher orders, so that the
+        // difference between orders shows what the modes left out do.
+        let least = self.fineness.order + LEAST_MODES;
+        let Reduction { modes_beyond, shapes_each } = self.reduction(max_hz);
+        let found = self.raw_modes((modes_beyond * max_hz).max(hz_of_mode(&self.scene, least)))?;
+        let loads: Vec<_> = self
+            .assembled
+            .actuators
+            .iter()
+            .map(|actuator| actuator.force.clone())
+            .chain(super::damping::unbalanced(&self.scene, &self.assembled, &found, max_hz))
+            .chain(self.loads_of_damping())
+            .chain(points.iter().map(|(x, y)| self.assembled.grid.row_at(*x, *y, Derivative::Value)))
+            .collect();
+        let (lambda, vectors) = super::reduced::basis(self.operator(), &found, &loads, shapes_each);
+        let damping = self.damping(&lambda, &vectors);
+        Ok(ReducedModel::new(lambda, vectors, damping, &self.assembled))
+    }
+
+    /// The damping of modes up to `max_hz`: over them, first, and what it needs besides.
+    fn damping_of(&self, modes: &Modes, max_hz: f64) -> Result<Damping, ModelError> {
+        let loads: Vec<_> = self.loads_of_damping().collect();
+        if loads.is_empty() {
+            return Ok(self.damping(&modes.lambda, &modes.vectors));
+        }
+        let more = self.raw_modes(DAMPED_BEYOND * max_hz)?;
+        let (lambda, vectors) = super::reduced::basis(self.operator(), &more, &loads, SHAPES_FOR_MODAL_RATIO);
+        Ok(self.damping(&lambda, &vectors))
+    }
+
+    /// The loads whose shapes the damping is computed over: those of the ERAs, where it is a ratio of the modes without them.
+    fn loads_of_damping(&self) -> impl Iterator<Item = SparseVector> {
+        let is_modal = matches!(self.scene.surface.damping, SurfaceDamping::ModalRatio(_));
+        let of_actuators = self.assembled.attachments.iter().skip(self.assembled.without_actuators);
+        of_actuators.filter(move |_| is_modal).map(|attachment| attachment.vector.clone())
+    }
+
+    fn operator(&self) -> Operator<'_> {
+        Operator { factor: &self.factor, mass: &self.assembled.mass, shift: self.shift }
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+    fn raw_modes(&self, max_hz: f64) -> Result<Modes, ModelError> {
+        let expected = modes_below(&self.scene, max_hz);
+        if expected > MOST_MODES {
+            return Err(ModelError::TooManyModes { max_hz, modes: expected as usize, limit: MOST_MODES as usize });
+        }
+        modes(self.operator(), &self.slow, (std::f64::consts::TAU * max_hz).powi(2))
+    }
+
+    /// The damping of the scene over mass-normalised `vectors` of the squared frequencies `lambda`.
+    fn damping(&self, lambda: &[f64], vectors: &DMatrix<f64>) -> Damping {
+        let surface = self.scene.surface.damping;
+        let attachments = &self.assembled.attachments;
+        let edges = self.assembled.edges.as_ref();
+        if let Some(structured) = Structured::new(surface, attachments, edges, lambda, vectors) {
+            return structured.full();
+        }
+        let n = vectors.ncols();
+        let mut damping = Damping { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n), structured: None };
+        for attachment in attachments {
+            let along = row_times(&attachment.vector, vectors);
+            damping.viscous += attachment.damping * along.transpose() * along;
+        }
+        if let SurfaceDamping::ModalRatio(ratio) = surface {
+            let actuators = attachments.get(self.assembled.without_actuators..).unwrap_or(&[]);
+            damping.viscous += same_ratio(ratio, lambda, vectors, actuators);
+        }
+        damping
+    }
+}
+
+fn shifted(assembled: &Assembled, shift: f64) -> Result<Factor, ModelError> {
+    let mut entries = Entries::default();
+    entries.add_all(&assembled.stiffness.entries(), 1.0);
+    entries.add_all(&assembled.mass.entries(), shift);
+    entries.build(assembled.unknowns())?.factor()
+}
+
+/// The modes that shift-invert about `shift` does not know well: free ones, nearly free ones, and slow ones, of heavy
+/// masses or on soft springs, by a second factorisation with a shift of their own size.
+fn slow_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> Result<(Modes, f64), ModelError> {
+    let RigidModes { known, slow } = rigid_modes(scene, assembled, shift);
+    let straight = known.lambda.iter().copied().fold(-1.0, f64::max);
+    let Some(slowest) = slow.iter().copied().reduce(f64::min) else { return Ok((known, straight)) };
+    // Below a billionth of the usual shift K + s M would be indefinite by rounding.
+    let own = slowest.max(1e-9 * shift);
+    let factor = shifted(assembled, own)?;
+    let fastest = slow.iter().copied().fold(0.0, f64::max);
+    Ok((modes(Operator { factor: &factor, mass: &assembled.mass, shift: own }, &known, fastest)?, straight))
+}
+
+/// About where the surface's mode of a number is, in Hz: (n pi / L)^2 on a bar, Weyl's 4 pi n / area on a plate, times the
+/// root of the wave ratio.
+#[expect(clippy::cast_precision_loss, reason = "a dozen or two")]
+fn hz_of_mode(scene: &Scene, n: usize) -> f64 {
+    let (surface, pi) = (&scene.surface, std::f64::consts::PI);
+    let wavenumber_squared = match surface.kind {
+        SurfaceKind::Plate => 4.0 * pi * n as f64 / (surface.length_m * surface.width_m),
+        SurfaceKind::Bar => (n as f64 * pi / surface.length_m).powi(2),
+    };
+    wavenumber_squared * Waves::of(scene).mean.sqrt() / std::f64::consts::TAU
+}
+
+/// About how many modes the surface has below a frequency: [`hz_of_mode`] the other way round.
+fn modes_below(scene: &Scene, max_hz: f64) -> f64 {
+    let part = max_hz / hz_of_mode(scene, 1);
+    if scene.surface.kind == SurfaceKind::Bar { part.sqrt() } else { part }
+}
+
+/// Whether there are so many modes below a frequency that reduced models keep half as many beyond it, and twice the residual
+/// shapes.
+pub fn has_many_modes(scene: &Scene, max_hz: f64) -> bool {
+    modes_below(scene, max_hz) > MANY_MODES
+}
+
+/// Largest cells in which functions of point forces do not crowd. They reach over a cell or so, and each pair that meets is integrated
+/// over all that it shares: 66 dashpots around a panel of four cells were 2300 pairs and 12 s, of 40 cells a tenth of both.
+#[expect(clippy::cast_precision_loss, reason = "a count of lines in a file")]
+fn uncrowded(scene: &Scene) -> f64 {
+    let points = super::placement::attachments(scene).count();
+    if scene.surface.kind == SurfaceKind::Bar || points <= MANY_POINTS {
+        return f64::INFINITY;
+    }
+    let area = scene.surface.length_m * scene.surface.width_m;
+    CELL_PER_POINT * (area / points.min(MOST_POINTS) as f64).sqrt()
+}
+
+/// The mesh for frequencies up to `max_hz`: elements of an order, in cells that are `part` of the usual ones.
+///
+/// # Errors
+/// [`ModelError`]: a frequency out of range, or too many unknowns.
+#[allow(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "`as` saturates"
+)]
+pub(super) fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<Fineness, ModelError> {
+    if !(max_hz > 0.0 && max_hz <= MAX_HZ) {
+        return Err(ModelError::Frequency { what: "highest frequency", value: max_hz, min: 0.0, max: MAX_HZ });
+    }
+    let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+    let omega = std::f64::consts::TAU * max_hz;
+    let wavelength = std::f64::consts::TAU * (Waves::of(scene).least / (omega * omega)).powf(0.25);
+    let is_bar = scene.surface.kind == SurfaceKind::Bar;
+    let longest = if is_bar { length } else { length.max(width) };
+    let cell_m = part * (longest / LEAST_CELLS).min(wavelength * WAVES_PER_CELL).min(uncrowded(scene));
+    let functions = |side: f64| (side / cell_m).ceil().max(1.0) * (order as f64 - 1.0) + 2.0;
+    let unknowns = functions(length) * if is_bar { 1.0 } else { functions(width) };
+    if unknowns > MOST_UNKNOWNS as f64 {
+        return Err(ModelError::TooFine {
+            max_hz,
+            wavelength_mm: wavelength * 1e3,
+            unknowns: unknowns as usize,
+            limit: MOST_UNKNOWNS,
+        });
+    }
+    // One layer more with every second order, so that both parts of the error fall together.
+    Ok(Fineness { cell_m, order, layers: order.saturating_sub(1) / 2 })
+}

@@ -1,0 +1,266 @@
+//! The reduced model: modes, and residual shapes for what the modes left out.
+//!
+//! The basis is all modes up to a multiple of the highest frequency, and for every load b two residual shapes or more: with the
+//! modes taken out of the load, Z1 = (K + s M)^-1 b, Z2 = (K + s M)^-1 M Z1 and so on. Galerkin projection onto it is exact for
+//! static loads at the shift, and its error elsewhere falls as the fourth power of (omega^2 + s) / (lambda_next + s). The
+//! projected K + s M is computed from the loads, never from a product with K, so that springs of 1e18 N/m cancel nothing;
+//! and the modes are taken out before a solution, not after it, as of the second shape they are (lambda_next / s)^2.
+
+use super::assembly::Assembled;
+use super::damping::{Damping, Structured};
+use super::eigen::{Modes, Operator};
+use super::grid::{Derivative, Grid};
+use super::sparse::{SparseVector, row_times};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use num_complex::Complex64;
+use std::sync::Arc;
+
+/// Part of its length below which a residual shape adds nothing to those before it.
+const DEPENDENT: f64 = 1e-6;
+/// Part of its length below which a load is a sum of others: well above rounding, well below what points that are not taken for
+/// one differ by.
+const SAME_LOAD: f64 = 1e-10;
+
+/// A panel in a few dozen mass-normalised coordinates: q'' + C q' + (Lambda + j S) q = B f.
+#[derive(Clone, Debug)]
+pub struct ReducedModel {
+    /// Squared angular frequencies Lambda in rad^2/s^2, length n, ascending; exactly 0 for rigid motions.
+    pub lambda: DVector<f64>,
+    /// Hysteretic damping S in rad^2/s^2, n x n, loss factor included.
+    pub structural: DMatrix<f64>,
+    /// Viscous damping C in rad/s, n x n.
+    pub viscous: DMatrix<f64>,
+    /// S and C as a diagonal and a few couplings, where they are that.
+    pub structured: Option<Structured>,
+    /// B in kg^-1/2, n x p: 1 N at each actuator.
+    pub force: DMatrix<f64>,
+    /// Travel of each actuator's mass relative to its electrodes, p x n.
+    pub(super) travel: DMatrix<f64>,
+    pub(super) grid: Arc<Grid>,
+    /// n x unknowns, so that what a point of one cell takes of them lies in few pieces.
+    pub(super) shapes: Arc<DMatrix<f64>>,
+}
+
+impl ReducedModel {
+    pub(super) fn new(lambda: Vec<f64>, vectors: DMatrix<f64>, damping: Damping, assembled: &Assembled) -> Self {
+        let rows = |of: &dyn Fn(usize) -> SparseVector| {
+            let mut out = DMatrix::zeros(assembled.actuators.len(), vectors.ncols());
+            for (i, mut row) in out.row_iter_mut().enumerate() {
+                row.copy_from(&row_times(&of(i), &vectors));
+            }
+            out
+        };
+        let force = rows(&|i| assembled.actuators[i].force.clone()).transpose();
+        let travel = rows(&|i| assembled.actuators[i].travel.clone());
+        Self {
+            lambda: DVector::from_vec(lambda),
+            structural: damping.structural,
+            viscous: damping.viscous,
+            structured: damping.structured,
+            force,
+            travel,
+            grid: Arc::new(assembled.grid.clone()),
+            shapes: Arc::new(vectors.transpose()),
+        }
+    }
+
+    /// Number of coordinates n.
+    #[must_use]
+    pub fn order(&self) -> usize {
+        self.lambda.len()
+    }
+
+    /// The model over some of its coordinates: for those that nothing couples to the others.
+    #[must_use]
+    pub fn restricted_to(&self, coordinates: &[usize]) -> Self {
+        Self {
+            lambda: self.lambda.select_rows(coordinates),
+            structural: self.structural.select_rows(coordinates).select_columns(coordinates),
+            viscous: self.viscous.select_rows(coordinates).select_columns(coordinates),
+            structured: self.structured.as_ref().map(|structured| structured.restricted_to(coordinates)),
+            force: self.force.select_rows(coordinates),
+            travel: self.travel.select_columns(coordinates),
+            grid: Arc::clone(&self.grid),
+            shapes: Arc::new(self.shapes.select_rows(coordinates)),
+        }
+    }
+
+    /// Number of actuators p.
+    #[must_use]
+    pub fn actuators(&self) -> usize {
+        self.force.ncols()
+    }
+
+    /// Unknowns of the mesh behind it.
+    #[must_use]
+    pub fn dofs(&self) -> usize {
+        self.shapes.ncols()
+    }
+
+    /// Bytes that its matrices take.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let matrices = [&self.structural, &self.viscous, &self.force, &self.travel, &*self.shapes];
+        size_of::<f64>() * (self.lambda.len() + matrices.iter().map(|matrix| matrix.len()).sum::<usize>())
+    }
+
+    /// The shapes' deflections at a point of the surface (m), length n: w = shape . q.
+    #[must_use]
+    pub fn shape_at(&self, x_m: f64, y_m: f64) -> DVector<f64> {
+        let mut out = DVector::zeros(self.order());
+        self.add_shape(x_m, y_m, out.as_mut_slice());
+        out
+    }
+
+    /// The shapes' deflections at the points of a grid (m), row by row with x first: points x n.
+    #[must_use]
+    pub fn shapes_on(&self, x_m: &[f64], y_m: &[f64]) -> DMatrix<f64> {
+        // A point per column first, which then lies in one piece.
+        let n = self.order();
+        let mut out = DMatrix::zeros(n, x_m.len() * y_m.len());
+        let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
+        for ((x, y), at) in points.zip(out.as_mut_slice().chunks_exact_mut(n.max(1))) {
+            self.add_shape(x, y, at);
+        }
+        out.transpose()
+    }
+
+    fn add_shape(&self, x_m: f64, y_m: f64, out: &mut [f64]) {
+        let n = self.order();
+        for (unknown, value) in self.grid.row_at(x_m, y_m, Derivative::Value) {
+            let shapes = &self.shapes.as_slice()[unknown * n..(unknown + 1) * n];
+            for (out, shape) in out.iter_mut().zip(shapes) {
+                *out += value * shape;
+            }
+        }
+    }
+
+    /// What gives an actuator's travel for the model's coordinates.
+    #[must_use]
+    pub fn travel_row(&self, actuator: usize) -> DVector<f64> {
+        self.travel.row(actuator).transpose()
+    }
+
+    /// Travel of an actuator's mass relative to its electrodes, for given coordinates.
+    #[must_use]
+    pub fn travel(&self, actuator: usize, coordinates: &DVector<Complex64>) -> Complex64 {
+        self.travel.row(actuator).iter().zip(coordinates.iter()).map(|(row, q)| q * *row).sum()
+    }
+}
+
+/// Squared frequencies and shapes of the basis for `loads`, with `shapes_each` residual shapes for each of them.
+pub(super) fn basis(
+    operator: Operator<'_>,
+    modes: &Modes,
+    loads: &[SparseVector],
+    shapes_each: usize,
+) -> (Vec<f64>, DMatrix<f64>) {
+    let n = operator.mass.order();
+    let mut load = DMatrix::zeros(n, loads.len());
+    for (mut column, sparse) in load.column_iter_mut().zip(loads) {
+        for (index, value) in sparse {
+            column[*index] += *value;
+        }
+    }
+    let load = independent(&load);
+    let mass_modes = operator.mass.times(&modes.vectors);
+    // A load without what it does to the modes, and a shape without the modes in it.
+    let load_beside = |load: DMatrix<f64>| &load - &mass_modes * modes.vectors.tr_mul(&load);
+    let shape_beside = |shape: DMatrix<f64>| &shape - &modes.vectors * mass_modes.tr_mul(&shape);
+    // F and Y with (K + s M) Y = F, every column of Y of length one.
+    let (mut f, mut y) = (DMatrix::zeros(n, 0), DMatrix::zeros(n, 0));
+    let mut next = load_beside(load);
+    for _ in 0..shapes_each {
+        let load = load_beside(next);
+        let shape = shape_beside(operator.factor.solve(&load));
+        next = operator.mass.times(&shape);
+        (f, y) = (beside(&f, &load), beside(&y, &shape));
+    }
+    // All three change together from here on, so that no product with K is needed.
+    let mut mass_y = operator.mass.times(&y);
+    let kept = orthonormalise(&mut y, [&mut mass_y, &mut f]);
+    if kept.is_empty() {
+        // No load, or only such as push against what cannot move.
+        return (modes.lambda.clone(), modes.vectors.clone());
+    }
+    let (y, f) = (y.select_columns(&kept), f.select_columns(&kept));
+    let reduced = y.tr_mul(&f);
+    let eigen = SymmetricEigen::new(0.5 * (&reduced + reduced.transpose()));
+    let mut order: Vec<usize> =
+        (0..eigen.eigenvalues.len()).filter(|i| eigen.eigenvalues[*i] > operator.shift).collect();
+    order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
+    let shapes = &y * eigen.eigenvectors.select_columns(&order);
+    let mut lambda = modes.lambda.clone();
+    lambda.extend(order.iter().map(|i| eigen.eigenvalues[*i] - operator.shift));
+    (lambda, beside(&modes.vectors, &shapes))
+}
+
+fn beside(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(left.nrows(), left.ncols() + right.ncols());
+    all.columns_mut(0, left.ncols()).copy_from(left);
+    all.columns_mut(left.ncols(), right.ncols()).copy_from(right);
+    all
+}
+
+/// The loads without those that are sums of others, as are the forces of an ERA's drive, spring and masses. The shapes of such
+/// differ by rounding alone, of which a free panel leaves more than [`DEPENDENT`].
+fn independent(loads: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut axes: Vec<DVector<f64>> = Vec::new();
+    let mut kept = Vec::new();
+    for (j, load) in loads.column_iter().enumerate() {
+        let length = load.norm();
+        if length == 0.0 {
+            continue;
+        }
+        let mut rest = load / length;
+        for _ in 0..2 {
+            for axis in &axes {
+                let inner = axis.dot(&rest);
+                rest.axpy(-inner, axis, 1.0);
+            }
+        }
+        let left = rest.norm();
+        if left > SAME_LOAD {
+            axes.push(rest / left);
+            kept.push(j);
+        }
+    }
+    loads.select_columns(&kept)
+}
+
+/// Makes the columns of Y orthonormal by M Y, and takes the same combinations of the columns of M Y and F; returns which are
+/// left: those that depend on others are not. Modified Gram-Schmidt, each column twice.
+///
+/// On the columns themselves: from their products alone, lengths are known to the root of the rounding, which is a hundredth of
+/// the least that is kept.
+fn orthonormalise(y: &mut DMatrix<f64>, [mass_y, f]: [&mut DMatrix<f64>; 2]) -> Vec<usize> {
+    let mut kept: Vec<usize> = Vec::new();
+    for j in 0..y.ncols() {
+        let length = y.column(j).dot(&mass_y.column(j)).max(0.0).sqrt();
+        if length == 0.0 {
+            continue;
+        }
+        scale(&mut [y, mass_y, f], j, 1.0 / length);
+        for _ in 0..2 {
+            for k in &kept {
+                let inner = mass_y.column(*k).dot(&y.column(j));
+                for matrix in [&mut *y, &mut *mass_y, &mut *f] {
+                    let (before, mut after) = matrix.columns_range_pair_mut(*k, j..=j);
+                    after.column_mut(0).axpy(-inner, &before, 1.0);
+                }
+            }
+        }
+        let length = y.column(j).dot(&mass_y.column(j)).max(0.0).sqrt();
+        if length > DEPENDENT {
+            scale(&mut [y, mass_y, f], j, 1.0 / length);
+            kept.push(j);
+        }
+    }
+    kept
+}
+
+fn scale(matrices: &mut [&mut DMatrix<f64>], column: usize, factor: f64) {
+    for matrix in matrices {
+        matrix.column_mut(column).scale_mut(factor);
+    }
+}

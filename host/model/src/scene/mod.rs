@@ -1,0 +1,216 @@
+//! Scene files: what the surface is, what holds it and what drives it.
+//!
+//! The format is TOML, `version = 1`; `docs/src/scene.md` is its reference. [`Scene`] is the same in SI units and plain
+//! data. Every mistake in a file is told with its key, value, allowed range and line, all of them at once.
+
+mod actuator;
+mod layout;
+mod parse;
+mod patch;
+mod place;
+pub mod random;
+mod ranges;
+mod read;
+mod rectangles;
+mod screen;
+
+pub use actuator::{Actuator, EPS0, Mount};
+pub use layout::{Layer, Layout, SAME_PLACE, Vertex};
+pub use patch::{Cutout, Patch};
+pub use place::{PlaceError, ROUNDING, SurfacePoint, along_side, evenly};
+pub use read::{Mistake, SceneError};
+pub use screen::{PixelError, Screen, ScreenError};
+
+use serde::Serialize;
+use std::path::Path;
+
+/// The example plate, as in `examples/scenes/plate.toml`.
+pub const EXAMPLE_PLATE: &str = include_str!("../../../../examples/scenes/plate.toml");
+/// The example bar, as in `examples/scenes/bar.toml`.
+pub const EXAMPLE_BAR: &str = include_str!("../../../../examples/scenes/bar.toml");
+/// Most actuators that are planned for and driven: the channels of a board. The model takes any number.
+pub const MAX_ACTUATORS: usize = era_shared::MAX_CHANNELS;
+
+/// A scene in SI units. Positions are in m from the surface's top-left corner, x to the right, y down.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Scene {
+    /// Its name.
+    pub name: String,
+    /// The panel itself.
+    pub surface: Surface,
+    /// Rectangles of other thickness or material, later ones over earlier ones.
+    pub patches: Vec<Patch>,
+    /// Rectangles that are cut away.
+    pub cutouts: Vec<Cutout>,
+    /// Which pixels lie where on it.
+    pub screen: Screen,
+    /// Point spring-dampers to ground.
+    pub supports: Vec<Support>,
+    /// Line supports.
+    pub edges: Vec<Edge>,
+    /// Point masses.
+    pub masses: Vec<Mass>,
+    /// ERAs; actuator i is on channel i of the board.
+    pub actuators: Vec<Actuator>,
+}
+
+/// What kind of structure the surface is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SurfaceKind {
+    /// A thin plate (Kirchhoff).
+    Plate,
+    /// A slender bar along x (Euler-Bernoulli).
+    Bar,
+}
+
+/// The panel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Surface {
+    /// Plate or bar.
+    pub kind: SurfaceKind,
+    /// Along x in m.
+    pub length_m: f64,
+    /// Along y in m.
+    pub width_m: f64,
+    /// In m.
+    pub thickness_m: f64,
+    /// What it is made of.
+    pub material: Material,
+    /// Its own damping.
+    pub damping: SurfaceDamping,
+}
+
+/// An isotropic elastic material.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Material {
+    /// Young's modulus in Pa.
+    pub youngs_modulus_pa: f64,
+    /// Poisson's ratio; of no account for a bar.
+    pub poisson_ratio: f64,
+    /// Density in kg/m^3.
+    pub density_kg_m3: f64,
+}
+
+/// The surface's own damping.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SurfaceDamping {
+    /// None.
+    None,
+    /// Hysteretic: the surface's stiffness times 1 + j eta.
+    LossFactor(f64),
+    /// The same viscous ratio on every mode of the surface with its supports and masses, ERAs left out.
+    ModalRatio(f64),
+    /// C = alpha M + beta K of the surface's own matrices.
+    Rayleigh {
+        /// In 1/s.
+        alpha: f64,
+        /// In s.
+        beta: f64,
+    },
+}
+
+/// A point spring-damper to ground.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Support {
+    /// In m.
+    pub x_m: f64,
+    /// In m.
+    pub y_m: f64,
+    /// In N/m.
+    pub stiffness_n_per_m: f64,
+    /// In N s/m.
+    pub damping_n_s_per_m: f64,
+    /// Against slopes in both directions, in N m/rad.
+    pub rotational_stiffness_n_m_per_rad: f64,
+}
+
+/// A side of the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// x = 0.
+    Left,
+    /// x = length.
+    Right,
+    /// y = 0.
+    Top,
+    /// y = width.
+    Bottom,
+}
+
+/// How an edge is held.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EdgeKind {
+    /// No deflection.
+    Pinned,
+    /// No deflection, no slope.
+    Clamped,
+    /// Springs along it.
+    Elastic {
+        /// In N/m^2 (plate) or N/m (bar).
+        stiffness: f64,
+        /// In N/rad (plate, per metre) or N m/rad (bar).
+        rotational_stiffness: f64,
+    },
+}
+
+impl EdgeKind {
+    /// The word in the file.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            EdgeKind::Pinned => "pinned",
+            EdgeKind::Clamped => "clamped",
+            EdgeKind::Elastic { .. } => "elastic",
+        }
+    }
+}
+
+/// A line support.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Edge {
+    /// Where.
+    pub side: Side,
+    /// How.
+    pub kind: EdgeKind,
+}
+
+/// A point mass fixed to the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Mass {
+    /// In m.
+    pub x_m: f64,
+    /// In m.
+    pub y_m: f64,
+    /// In kg.
+    pub mass_kg: f64,
+}
+
+impl Scene {
+    /// Reads a scene from text; `source` is what messages call it.
+    ///
+    /// # Errors
+    /// [`SceneError`] with every mistake found.
+    pub fn parse(source: &str, text: &str) -> Result<Self, SceneError> {
+        parse::scene(source, text)
+    }
+
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// [`SceneError`] with every mistake found, or why the file cannot be read.
+    pub fn load(path: &Path) -> Result<Self, SceneError> {
+        Self::parse(&path.display().to_string(), &Self::text(path)?)
+    }
+
+    /// The text of a scene file, as [`Scene::parse`] takes it.
+    ///
+    /// # Errors
+    /// [`SceneError`] if the file cannot be read.
+    pub fn text(path: &Path) -> Result<String, SceneError> {
+        std::fs::read_to_string(path).map_err(|error| SceneError::unreadable(&path.display().to_string(), &error))
+    }
+}

@@ -1,0 +1,184 @@
+//! Panels at random, as scene files: the parser is part of what is tried.
+
+use std::fmt::Write;
+
+/// The text of a scene of the sequence.
+#[must_use]
+pub fn scene_text(seed: u64, scene: u64) -> String {
+    random_scene(&mut Random::new(seed, scene), &format!("random {seed}.{scene}"))
+}
+
+/// A sequence of random numbers that is the same everywhere (splitmix64; Steele, Lea and Flood 2014).
+#[derive(Clone, Debug)]
+pub struct Random(u64);
+
+impl Random {
+    /// The sequence of a seed; `stream` gives independent ones.
+    #[must_use]
+    pub const fn new(seed: u64, stream: u64) -> Self {
+        let mut random = Self(seed);
+        random.0 = random.next().wrapping_add(stream);
+        random.0 = random.next();
+        random
+    }
+
+    /// Another sequence, which leaves this one as it is.
+    const fn apart(&self) -> Self {
+        Self::new(self.0, 4)
+    }
+
+    const fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// From 0 up to, and without, 1.
+    #[expect(clippy::cast_precision_loss, reason = "53 bits")]
+    pub const fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Evenly from `from` to `to`.
+    pub const fn between(&mut self, from: f64, to: f64) -> f64 {
+        from + (to - from) * self.unit()
+    }
+
+    /// Between powers of ten, evenly in the exponent.
+    pub fn decades(&mut self, from: f64, to: f64) -> f64 {
+        10.0_f64.powf(self.between(from, to))
+    }
+
+    /// 0 up to, and without, `count`.
+    #[expect(clippy::cast_possible_truncation, reason = "below the count")]
+    pub const fn below(&mut self, count: u32) -> u32 {
+        (self.next() % count as u64) as u32
+    }
+
+    /// One of several; they must be some.
+    pub fn one_of<T: Copy>(&mut self, choices: &[T]) -> T {
+        choices[self.below(u32::try_from(choices.len()).unwrap_or(1)) as usize]
+    }
+
+    /// True in that part of all cases.
+    pub const fn chance(&mut self, part: f64) -> bool {
+        self.unit() < part
+    }
+}
+
+/// Young's modulus in Pa, Poisson's ratio, density in kg/m^3: aluminium, glass, steel, acrylic.
+const MATERIALS: [(f64, f64, f64); 4] =
+    [(69e9, 0.33, 2700.0), (70e9, 0.22, 2500.0), (200e9, 0.29, 7850.0), (3.2e9, 0.37, 1190.0)];
+
+/// Part of the springs' stiffness that electrodes may take: ERAs of half of all scenes stand their own electrodes, those of
+/// others can be pulled in.
+const SOFTENED_BY: [f64; 4] = [0.2, 0.2, 0.5, 1.5];
+
+/// The text of a scene with 1 to 4 ERAs that could be built: a bar or plate of 0.1 to 0.5 m, edges, supports, masses and
+/// damping of every kind, gaps of 0.25 to 0.8 mm, voltages up to 2 kV.
+#[must_use]
+pub fn random_scene(random: &mut Random, name: &str) -> String {
+    let softened_by = random.apart().one_of(&SOFTENED_BY);
+    let is_bar = random.chance(0.4);
+    let (kind, length_mm, width_mm) = if is_bar {
+        ("bar", random.between(120.0, 500.0), random.between(12.0, 40.0))
+    } else {
+        let length_mm = random.between(120.0, 450.0);
+        ("plate", length_mm, length_mm * random.between(0.3, 1.0))
+    };
+    // As written, so that places at the far ends are on the surface.
+    let (length_mm, width_mm) = (length_mm.round(), width_mm.round());
+    let (young, poisson, density) = random.one_of(&MATERIALS);
+    let mut text = format!(
+        "version = 1\nname = \"{name}\"\n[surface]\nkind = \"{kind}\"\nlength_mm = {length_mm}\n\
+         width_mm = {width_mm}\nthickness_mm = {:.2}\n[surface.material]\nyoungs_modulus_pa = {young:e}\n\
+         poisson_ratio = {poisson}\ndensity_kg_m3 = {density}\n",
+        random.between(0.7, 4.0),
+    );
+    let (key, value) = match random.below(20) {
+        0..8 => ("loss_factor", random.decades(-2.5, -1.0)),
+        8..12 => ("modal_ratio", random.decades(-2.5, -1.3)),
+        12..15 => ("rayleigh_alpha", random.between(3.0, 40.0)),
+        15..19 => ("rayleigh_beta", random.decades(-5.5, -4.3)),
+        _ => ("", 0.0),
+    };
+    if !key.is_empty() {
+        let _ = write!(text, "[surface.damping]\n{key} = {value:.3e}\n");
+    }
+    edges(random, &mut text, is_bar);
+    let place = |random: &mut Random| {
+        let part =
+            |random: &mut Random| if random.chance(0.2) { random.one_of(&[0.0, 0.5, 1.0]) } else { random.unit() };
+        let (x, y) = (part(random), if is_bar { 0.5 } else { part(random) });
+        format!("x_mm = {:.2}\ny_mm = {:.2}\n", x * length_mm, y * width_mm)
+    };
+    for _ in 0..random.below(5) {
+        let (at, stiffness, damping) = (place(random), random.decades(2.0, 5.0), random.between(0.0, 4.0));
+        let _ = write!(text, "[[support]]\n{at}stiffness_n_per_m = {stiffness:.1}\ndamping_n_s_per_m = {damping:.2}\n");
+    }
+    for _ in 0..random.below(3) {
+        let (at, mass_g) = (place(random), random.decades(0.0, 1.7));
+        let _ = write!(text, "[[mass]]\n{at}mass_g = {mass_g:.2}\n");
+    }
+    for i in 0..=random.below(4) {
+        let at = place(random);
+        actuator(random, &mut text, i + 1, &at, softened_by);
+    }
+    text
+}
+
+fn edges(random: &mut Random, text: &mut String, is_bar: bool) {
+    let sides: &[&str] = if is_bar { &["left", "right"] } else { &["left", "right", "top", "bottom"] };
+    for side in sides {
+        let kind = random.one_of(&["", "", "", "", "pinned", "clamped", "elastic"]);
+        if kind.is_empty() {
+            continue;
+        }
+        let _ = write!(text, "[[edge]]\nside = \"{side}\"\nkind = \"{kind}\"\n");
+        if kind == "elastic" {
+            let key = if is_bar { "stiffness_n_per_m" } else { "stiffness_n_per_m2" };
+            let _ = writeln!(text, "{key} = {:.1}", random.decades(3.0, 6.0));
+        }
+    }
+}
+
+/// Springs that an ERA of this weight resonates on at 50 to 250 Hz. At the highest voltage the electrodes take at most the part
+/// `softened_by` of the stiffness.
+fn actuator(random: &mut Random, text: &mut String, number: u32, at: &str, softened_by: f64) {
+    let mount = if random.chance(0.7) { "inertial" } else { "grounded" };
+    let mass_kg = random.decades(-2.5, -1.5);
+    let stiffness = mass_kg * (std::f64::consts::TAU * random.between(50.0, 250.0)).powi(2);
+    let damping = 2.0 * random.decades(-2.0, -1.0) * (stiffness * mass_kg).sqrt();
+    let (area_m2, gap_m) = (random.between(6e-4, 2.5e-3), random.between(0.25e-3, 0.8e-3));
+    let highest_v = (softened_by * stiffness * gap_m.powi(3) / (crate::scene::EPS0 * area_m2)).sqrt();
+    let max_voltage_v = random.between(700.0, 2000.0).min(highest_v);
+    let housing_g = if random.chance(0.5) { random.between(1.0, 10.0) } else { 0.0 };
+    let bias_v = if random.chance(0.2) { max_voltage_v * random.between(0.3, 0.8) } else { 0.0 };
+    let _ = write!(
+        text,
+        "[[actuator]]\nid = \"era{number}\"\n{at}mount = \"{mount}\"\nmoving_mass_g = {:.3}\nhousing_mass_g = {housing_g:.2}\n\
+         stiffness_n_per_m = {stiffness:.1}\ndamping_n_s_per_m = {damping:.4}\nelectrode_area_mm2 = {:.1}\n\
+         air_gap_um = {:.1}\nmax_voltage_v = {max_voltage_v:.1}\nbias_voltage_v = {bias_v:.1}\n",
+        mass_kg * 1e3,
+        area_m2 * 1e6,
+        gap_m * 1e6,
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    #[test]
+    fn every_random_scene_is_one() {
+        for stream in 0..500 {
+            let text = random_scene(&mut Random::new(1, stream), "random");
+            let scene = Scene::parse("random", &text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+            assert!((1..=4).contains(&scene.actuators.len()));
+            assert_eq!(text, random_scene(&mut Random::new(1, stream), "random"));
+        }
+        assert_ne!(random_scene(&mut Random::new(1, 0), ""), random_scene(&mut Random::new(2, 0), ""));
+    }
+}

@@ -1,0 +1,165 @@
+//! Strengths in g, or in dB above the threshold of feeling.
+
+use crate::perception;
+use crate::rise::RiseTimes;
+use crate::scene::SurfaceKind;
+use crate::transient::panel::Drive;
+use crate::{Plan, PlanError, PlanTable, Request, STANDARD_GRAVITY};
+use nalgebra::DVector;
+use num_complex::Complex64;
+use std::f64::consts::FRAC_PI_2;
+
+/// Range of a level above threshold in dB: from where nothing is felt to some 300 g.
+pub const MIN_DB: f64 = -20.0;
+/// See [`MIN_DB`].
+pub const MAX_DB: f64 = 80.0;
+/// Rounds of planning for a level: the second has the frequencies of the right strength, unless a limit changes them.
+const ROUNDS: usize = 4;
+/// Difference in dB that is none; fingers tell 1 dB at best.
+const CLOSE_DB: f64 = 0.01;
+
+/// How strong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Intensity {
+    /// Peak acceleration in g, 0 or more.
+    G(f64),
+    /// Above the threshold of feeling, in dB ([`perception::above_threshold_db`]), [`MIN_DB`] to [`MAX_DB`].
+    AboveThresholdDb(f64),
+}
+
+/// Shapes' deflections where a target is; a bar's points lie on its axis.
+#[must_use]
+pub fn shape_of(table: &PlanTable, x_m: f64, y_m: f64) -> DVector<f64> {
+    let y_m = match table.scene.surface.kind {
+        SurfaceKind::Bar => table.scene.surface.width_m / 2.0,
+        SurfaceKind::Plate => y_m,
+    };
+    table.model.shape_at(x_m, y_m)
+}
+
+/// The plan's drives as harmonic forces, each a sine at a boundary of its own as the board starts them.
+#[must_use]
+pub fn forces(table: &PlanTable, plan: &Plan) -> Vec<Drive> {
+    let index = |id: &str| table.scene.actuators.iter().position(|actuator| actuator.id == id);
+    plan.drives
+        .iter()
+        .filter_map(|drive| {
+            Some(Drive {
+                actuator: index(&drive.actuator)?,
+                frequency_hz: drive.frequency_hz,
+                force_n: drive.force_n,
+                phase_rad: drive.phase_rad - FRAC_PI_2,
+            })
+        })
+        .collect()
+}
+
+/// Level of a plan above the threshold where `shape` holds the mode shapes, in dB; `None` where nothing moves. Drives of one
+/// frequency add as phasors before they are compared with its threshold.
+#[must_use]
+pub fn level_db(rise: &RiseTimes, shape: &DVector<f64>, drives: &[Drive]) -> Option<f64> {
+    let ringings = rise.ringings(shape, drives)?;
+    let mut sums: Vec<(f64, Complex64)> = Vec::with_capacity(drives.len());
+    for (drive, ringing) in drives.iter().zip(&ringings) {
+        let phasor = ringing.steady * drive.force_n;
+        match sums.iter_mut().find(|(hz, _)| *hz == drive.frequency_hz) {
+            Some((_, sum)) => *sum += phasor,
+            None => sums.push((drive.frequency_hz, phasor)),
+        }
+    }
+    let components: Vec<(f64, f64)> = sums.into_iter().map(|(hz, sum)| (hz, sum.norm())).collect();
+    perception::above_threshold_db(&components)
+}
+
+/// Plans `request`, those of its targets that have no intensity of their own at `intensity`. A level in dB is met by planning for a
+/// peak, looking (with the poles of `rise`, only then asked for) at what level it has at the frequencies chosen, and planning again: below the limits a plan is
+/// proportional to what is asked for.
+///
+/// # Errors
+/// [`PlanError`]; out of range levels name `intensity_db`.
+pub fn plan_with<'a>(
+    table: &PlanTable,
+    rise: impl FnOnce() -> Option<&'a RiseTimes>,
+    request: &Request,
+    intensity: Option<Intensity>,
+) -> Result<Plan, PlanError> {
+    let mut request = request.clone();
+    let wanted_db = match intensity {
+        None => return table.plan_for(&request),
+        Some(Intensity::G(g)) => {
+            for target in &mut request.targets {
+                target.intensity_g = target.intensity_g.or(Some(g));
+            }
+            return table.plan_for(&request);
+        }
+        Some(Intensity::AboveThresholdDb(db)) => db,
+    };
+    if !(MIN_DB..=MAX_DB).contains(&wanted_db) {
+        return Err(PlanError::Range { field: "intensity_db", value: wanted_db, min: MIN_DB, max: MAX_DB });
+    }
+    let is_open: Vec<bool> = request.targets.iter().map(|target| target.intensity_g.is_none()).collect();
+    let mut plan = table.plan_for(&request)?;
+    let Some(rise) = rise() else { return Ok(plan) };
+    let shapes: Vec<_> = request.targets.iter().map(|target| shape_of(table, target.x_m, target.y_m)).collect();
+    for _ in 0..ROUNDS {
+        let drives = forces(table, &plan);
+        let mut furthest_db = 0.0_f64;
+        let all = request.targets.iter_mut().zip(&shapes).zip(&plan.targets).zip(&is_open);
+        for ((target, shape), result) in all.filter(|(_, is_open)| **is_open).map(|(all, _)| all) {
+            // A target that nothing moves has no level, and keeps its wish.
+            let Some(db) = level_db(rise, shape, &drives) else { continue };
+            furthest_db = furthest_db.max((wanted_db - db).abs());
+            let g = result.peak_g * 10_f64.powf((wanted_db - db) / 20.0);
+            target.intensity_g = Some(g.min(1e6 / STANDARD_GRAVITY));
+        }
+        if furthest_db < CLOSE_DB {
+            break;
+        }
+        plan = table.plan_for(&request)?;
+        if plan.limited_by.is_some() {
+            break;
+        }
+    }
+    Ok(plan)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Accuracy, PanelModel};
+    use crate::scene::{EXAMPLE_PLATE, Scene};
+    use crate::{TableOptions, Target};
+
+    #[test]
+    fn a_level_is_met() {
+        let scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+        let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+        let table = PlanTable::build(&scene, model, TableOptions::default()).unwrap();
+        let rise = RiseTimes::prepare(&table.model);
+        for (x_m, y_m, db) in [(0.05, 0.04, 12.0), (0.15, 0.1, 20.0), (0.28, 0.02, 6.0)] {
+            let target = Target { x_m, y_m, intensity_g: None };
+            let plan =
+                plan_with(&table, || rise.as_ref(), &Request::touch(&[target]), Some(Intensity::AboveThresholdDb(db)))
+                    .unwrap();
+            assert_eq!(plan.limited_by, None, "at {x_m}");
+            let shape = shape_of(&table, x_m, y_m);
+            let found = level_db(rise.as_ref().unwrap(), &shape, &forces(&table, &plan)).unwrap();
+            assert!((found - db).abs() < 0.1, "{db} dB wanted at {x_m}, {y_m}: {found}");
+        }
+        let target = Target { x_m: 0.1, y_m: 0.1, intensity_g: None };
+        let error =
+            plan_with(&table, || rise.as_ref(), &Request::touch(&[target]), Some(Intensity::AboveThresholdDb(99.0)))
+                .unwrap_err();
+        assert!(error.to_string().contains("intensity_db"), "{error}");
+
+        // Two equal drives of one frequency a third of a turn apart are as strong as one; of two frequencies, stronger.
+        let shape = shape_of(&table, 0.1, 0.1);
+        let drive = |frequency_hz, phase_rad| Drive { actuator: 0, frequency_hz, force_n: 0.02, phase_rad };
+        let level = |drives: &[Drive]| level_db(rise.as_ref().unwrap(), &shape, drives).unwrap();
+        let alone = level(&[drive(150.0, 0.0)]);
+        let apart = level(&[drive(150.0, 0.3), drive(150.0, 0.3 + std::f64::consts::TAU / 3.0)]);
+        assert!((apart - alone).abs() < 1e-9, "{apart} {alone}");
+        assert!((level(&[drive(150.0, 0.0), drive(150.0, 0.0)]) - alone - 20.0 * 2.0_f64.log10()).abs() < 1e-9);
+        assert!(level(&[drive(150.0, 0.0), drive(150.1, 2.0)]) > alone + 5.9);
+    }
+}

@@ -1,0 +1,332 @@
+//! Travel of the actuators while an effect plays, and what keeps it within bounds.
+//!
+//! Stepped in time, as the electrodes' force depends on the travel: a plateau P while an electrode is on is P / (1 - u)^2
+//! towards it at a travel u of the gap, and P / (1 + u)^2 away from it.
+//!
+//! A long effect brings nothing new after a while. The motion is the steady one of the present level and free motions of
+//! the levels before, which decay. Once they have, a level that is held longer moves nothing further, a repetition is like
+//! the one before, and a slower ramp is nearer to the steady motions of its levels, which plans keep within the limits at every
+//! level ([`crate::planner`]). So segments, and the repetitions together, are cut to the
+//! time in which the free motions decay, and what is then stepped, [`Shortened`], is stepped to its end. What they have
+//! left where they decay too slowly for that is added to the travel found.
+
+use super::envelope::{Cut, length_s, levels};
+use super::part::Part;
+use super::supply::rail_v;
+use crate::PlanTable;
+use crate::limits::{BREAKDOWN_MARGIN, Electrodes, Limit, TRAVEL_PART, breakdown_v};
+use crate::rise::{Ringing, RiseTimes, Stepper};
+use era_shared::waveform::{Effect, Segment};
+use nalgebra::DVector;
+use num_complex::Complex64;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+
+/// Step in s: some sixty in a period of 400 Hz.
+const STEP_S: f64 = 40e-6;
+/// Least time to which segments and repetitions are cut, in s: five beats of the least spacing of 20 Hz, in which all phases
+/// of the drives to each other come by.
+const LEAST_S: f64 = 0.25;
+/// Longest, in s.
+const LONGEST_S: f64 = 1.5;
+/// Factor from one length that is tried to the next.
+const LONGER: f64 = 1.3;
+/// Part of the travel allowed that free motions may have left when they count as decayed.
+const DECAYED: f64 = 0.02;
+/// After the end, in s: half a period of the slowest drives.
+const AFTER_S: f64 = 0.01;
+/// Part of the travel allowed that may be used, for the steps and for cycles that fall together otherwise.
+const USED: f64 = 0.92;
+/// Times over its period at which each drive may begin, of effects that are over within a few beats; in longer ones the
+/// beats try them all, and two are enough for how the drives begin.
+const OFFSETS: u32 = 2;
+/// What harmonics make of a small travel, as a rule.
+const WITH_HARMONICS: f64 = 2.0;
+/// Halvings in the search for a strength that fits: to 1/64.
+const HALVINGS: usize = 6;
+
+/// What became of the drives.
+pub struct Within {
+    /// What made it necessary to lower them.
+    pub limited: Option<(usize, Limit)>,
+    /// Bound of every actuator's travel in m.
+    pub travel_m: Vec<f64>,
+}
+
+/// Lowers all drives until no actuator travels beyond a third of its gap, or closes it below what its voltage takes; says
+/// what made that necessary, and how far they go.
+pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part], effects: &[Effect]) -> Within {
+    let rows: Vec<DVector<f64>> =
+        (0..table.electrodes.len()).map(|actuator| table.model.travel_row(actuator)).collect();
+    let free: Vec<Option<Vec<Ringing>>> = parts.iter().map(|part| free_travel(rise, &rows, part)).collect();
+    let shortened = Shortened::new(&table.electrodes, parts, effects, &free);
+    if let Some(travel_m) = surely_small(&table.electrodes, parts, &shortened.levels, &free) {
+        return Within { limited: None, travel_m };
+    }
+    let rest = rise.stepper(&rows, STEP_S);
+    let most = OFFSETS.pow(u32::try_from(parts.len().saturating_sub(1)).unwrap_or(0));
+    let combinations = if shortened.is_long(parts) { most.min(OFFSETS) } else { most };
+    // How far the masses go, or the first limit that is broken, if any is.
+    let tried = |scale: f64| -> Result<Vec<f64>, (usize, Limit)> {
+        let mut largest_m = vec![0.0_f64; table.electrodes.len()];
+        for combination in 0..combinations {
+            let travels = largest(rest.clone(), &table.electrodes, parts, &shortened.levels, scale, combination);
+            let added = travels.iter().zip(&shortened.left_m).map(|(travel, left)| travel + left * scale);
+            let all = table.electrodes.iter().zip(added).zip(&mut largest_m).enumerate();
+            for (actuator, ((electrodes, travel), largest)) in all {
+                let allowed = USED * TRAVEL_PART * electrodes.gap_m;
+                let volts = rail_v(&table.electrodes, parts, actuator, scale);
+                if travel > allowed {
+                    return Err((actuator, Limit::Travel));
+                }
+                let holds = BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel / USED);
+                if volts > holds {
+                    return Err((actuator, Limit::Breakdown));
+                }
+                *largest = largest.max(travel / USED);
+            }
+        }
+        Ok(largest_m)
+    };
+    let mut limited = match tried(1.0) {
+        Ok(travel_m) => return Within { limited: None, travel_m },
+        Err(limited) => limited,
+    };
+    let (mut low, mut high, mut travel_m) = (0.0, 1.0, vec![0.0; table.electrodes.len()]);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        match tried(middle) {
+            Err(limit) => (limited, high) = (limit, middle),
+            Ok(found_m) => (travel_m, low) = (found_m, middle),
+        }
+    }
+    parts.iter_mut().for_each(|part| part.drive.force_n *= low);
+    Within { limited: Some(limited), travel_m }
+}
+
+/// The fundamental's travel of every actuator under 1 N of a drive from rest; `None` at an undamped resonance.
+fn free_travel(rise: &RiseTimes, rows: &[DVector<f64>], part: &Part) -> Option<Vec<Ringing>> {
+    rows.iter().map(|row| Some(rise.ringings(row, &[part.drive])?.pop()?.displacement())).collect()
+}
+
+/// What is stepped in place of effects.
+struct Shortened {
+    /// Levels of every drive, period by period.
+    levels: Vec<Vec<f64>>,
+    /// Bound on what the free motions still have left of each actuator's travel where that was cut, in m.
+    left_m: Vec<f64>,
+}
+
+impl Shortened {
+    fn new(electrodes: &[Electrodes], parts: &[Part], effects: &[Effect], free: &[Option<Vec<Ringing>>]) -> Self {
+        let left_m = |after_s: f64| -> Vec<f64> {
+            let drives = || parts.iter().zip(effects).zip(free);
+            let of = |actuator: usize, ((part, effect), free): ((&Part, &Effect), &Option<Vec<Ringing>>)| {
+                let ringing = free.as_ref().and_then(|free| free.get(actuator))?;
+                Some(part.drive.force_n * left_per_n(effect, part.channel.period_s(), ringing, after_s))
+            };
+            // An undamped mode has all of it left, which cannot be told: nothing but stepping the whole would do.
+            (0..electrodes.len()).map(|actuator| drives().filter_map(|drive| of(actuator, drive)).sum()).collect()
+        };
+        let is_decayed = |left_m: &[f64]| {
+            left_m.iter().zip(electrodes).all(|(left, electrodes)| *left <= DECAYED * electrodes.most_travel_m())
+        };
+        let mut enough_s = LEAST_S;
+        while enough_s < LONGEST_S && !is_decayed(&left_m(enough_s)) {
+            enough_s = (enough_s * LONGER).min(LONGEST_S);
+        }
+        let cut: Vec<Cut> = parts
+            .iter()
+            .zip(effects)
+            .map(|(part, effect)| Cut::new(effect, part.channel.period_s(), enough_s))
+            .collect();
+        let is_cut = cut.iter().zip(effects).any(|(cut, effect)| cut.effect != *effect);
+        let of = |(part, cut): (&Part, &Cut)| levels(&cut.effect, part.channel.period_s());
+        Self {
+            levels: parts.iter().zip(&cut).map(of).collect(),
+            left_m: if is_cut { left_m(enough_s) } else { vec![0.0; electrodes.len()] },
+        }
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "small counts")]
+    fn is_long(&self, parts: &[Part]) -> bool {
+        self.levels.iter().zip(parts).any(|(levels, part)| levels.len() as f64 * part.channel.period_s() > LEAST_S)
+    }
+}
+
+/// Bound, in m/N, on how much the free motions of what was before may still add `after_s` after an effect's start: those of
+/// the changes of level in one repetition, and, where it is repeated, of all the repetitions that it would take for the
+/// motion to be periodic, sum over n of e^(-r (t + n T)).
+fn left_per_n(effect: &Effect, period_s: f64, ringing: &Ringing, after_s: f64) -> f64 {
+    let once = Effect { times: 1, ..effect.clone() };
+    let once_s = length_s(&once, period_s);
+    let mut last = 0.0;
+    let mut changes = 0.0;
+    for segment in &effect.segments {
+        let part = |level: i16| f64::from(level) / f64::from(era_shared::waveform::FULL_LEVEL);
+        let (from, to) = match *segment {
+            Segment::Hold { level, .. } | Segment::Cycles { level, .. } => (part(level), part(level)),
+            Segment::Ramp { from, to, .. } => (part(from), part(to)),
+        };
+        changes += f64::abs(from - last) + f64::abs(to - from);
+        last = to;
+    }
+    let of = |(s, c): &(Complex64, Complex64)| {
+        let again = if effect.times > 1 { 1.0 / (1.0 - (s.re * once_s).exp()).max(1e-9) } else { 1.0 };
+        c.norm() * (s.re * after_s).exp() * again.min(f64::from(effect.times))
+    };
+    changes * ringing.free.iter().map(of).sum::<f64>()
+}
+
+/// A bound of all travels in m if they are so small that nothing has to be stepped: of the fundamentals' travel, from the
+/// steady motion and what is left, at its most, of the free motion that every change of level adds, below 1/50 of the gap. The
+/// factor of sixteen from there to a third of it is for harmonics, of a third of the fundamental at most and a resonance of
+/// their own at worst; the bound itself has [`WITH_HARMONICS`].
+fn surely_small(
+    all: &[Electrodes],
+    parts: &[Part],
+    levels: &[Vec<f64>],
+    free: &[Option<Vec<Ringing>>],
+) -> Option<Vec<f64>> {
+    let travel = |(actuator, electrodes): (usize, &Electrodes)| {
+        let bounds = parts.iter().zip(levels).zip(free).map(|((part, levels), free)| {
+            let ringing = free.as_ref()?.get(actuator)?;
+            let highest = levels.iter().fold(0.0_f64, |most, level| most.max(level.abs()));
+            let free: f64 =
+                ringing.free.iter().map(|(s, c)| c.norm() * most_kept(levels, s.re * part.channel.period_s())).sum();
+            Some(part.drive.force_n * (ringing.steady.norm() * highest + free))
+        });
+        let travel = bounds.sum::<Option<f64>>()?;
+        let volts = rail_v(all, parts, actuator, 1.0);
+        let is_small =
+            travel < 0.02 * electrodes.gap_m && volts <= BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel);
+        is_small.then_some(WITH_HARMONICS * travel)
+    };
+    all.iter().enumerate().map(travel).collect()
+}
+
+/// Most that the changes of `levels` add up to when each loses its part e^`exponent` in every period.
+fn most_kept(levels: &[f64], exponent: f64) -> f64 {
+    let (kept, mut before, mut sum, mut most) = (exponent.exp(), 0.0, 0.0_f64, 0.0_f64);
+    for level in levels.iter().chain(&[0.0]) {
+        sum = sum * kept + f64::abs(level - before);
+        (before, most) = (*level, most.max(sum));
+    }
+    most
+}
+
+/// Largest travel of every actuator in m; not looked at any further once one is beyond a third of its gap. The digits of
+/// `combination` say when within its period each drive but the first begins.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "small counts"
+)]
+fn largest(
+    mut stepper: Stepper,
+    electrodes: &[Electrodes],
+    parts: &[Part],
+    levels: &[Vec<f64>],
+    scale: f64,
+    combination: u32,
+) -> Vec<f64> {
+    let mut rest = combination;
+    let delays_s: Vec<f64> = (0..)
+        .zip(parts)
+        .map(|(i, part)| {
+            let digit = if i == 0 { 0 } else { rest % OFFSETS };
+            rest /= if i == 0 { 1 } else { OFFSETS };
+            f64::from(digit) / f64::from(OFFSETS) * part.channel.period_s()
+        })
+        .collect();
+    let ends = parts.iter().zip(levels).zip(&delays_s).map(|((p, l), d)| d + l.len() as f64 * p.channel.period_s());
+    let steps = ((ends.fold(0.0, f64::max) + AFTER_S) / STEP_S).ceil() as usize;
+    let (mut travel, mut most) = (vec![0.0; electrodes.len()], vec![0.0_f64; electrodes.len()]);
+    let mut forces = vec![0.0; electrodes.len()];
+    for i in 0..steps {
+        if most.iter().zip(electrodes).any(|(most, electrodes)| *most > TRAVEL_PART * electrodes.gap_m) {
+            break;
+        }
+        let time_s = i as f64 * STEP_S;
+        forces.fill(0.0);
+        for ((part, levels), delay_s) in parts.iter().zip(levels).zip(&delays_s) {
+            let actuator = part.drive.actuator;
+            let (a, b) = on(part, levels, time_s - delay_s);
+            let width = part.channel.pulse_width;
+            let plateau_n = part.drive.force_n * scale * FRAC_PI_4 / (FRAC_PI_2 * width).sin();
+            let u = (travel[actuator] / electrodes[actuator].gap_m).clamp(-0.5, 0.5);
+            forces[actuator] += plateau_n * (a / ((1.0 - u) * (1.0 - u)) - b / ((1.0 + u) * (1.0 + u)));
+        }
+        stepper.step(&forces, &mut travel);
+        most.iter_mut().zip(&travel).for_each(|(most, travel)| *most = most.max(travel.abs()));
+    }
+    most
+}
+
+/// Parts of the step from `time_s` on, counted from the drive's start, for which its electrodes A and B are on.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
+fn on(part: &Part, levels: &[f64], time_s: f64) -> (f64, f64) {
+    if time_s < 0.0 {
+        return (0.0, 0.0);
+    }
+    let periods = time_s * part.channel.frequency_hz;
+    let level = levels.get(periods as usize).copied().unwrap_or(0.0);
+    let step = STEP_S * part.channel.frequency_hz;
+    // In periods: windows in the middle of each half, as wide as the level takes.
+    let width = (level.abs() * (FRAC_PI_2 * part.channel.pulse_width).sin()).asin() / FRAC_PI_2;
+    let from = periods.fract();
+    let overlap =
+        |middle: f64| ((from + step).min(middle + 0.25 * width) - from.max(middle - 0.25 * width)).max(0.0) / step;
+    if level >= 0.0 { (overlap(0.25), overlap(0.75)) } else { (overlap(0.75), overlap(0.25)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::part::parts;
+    use super::super::{EffectRequest, NamedEffect};
+    use super::*;
+    use crate::model::{Accuracy, PanelModel};
+    use crate::scene::{EXAMPLE_BAR, Scene};
+    use crate::{TableOptions, Target};
+
+    #[test]
+    fn what_decays_adds_up_to_little() {
+        // Nothing decays: all changes. Half of it in every period: no more than twice the largest.
+        assert!((most_kept(&[1.0, 1.0, 0.0, -1.0], 0.0) - 4.0).abs() < 1e-12);
+        assert!(most_kept(&[1.0, 0.0].repeat(50), -std::f64::consts::LN_2) <= 2.0);
+    }
+
+    /// Stepped to their ends, long effects go no further than what stands for them.
+    #[test]
+    fn the_short_goes_as_far_as_the_long() {
+        for damping in ["0.05", "1.1"] {
+            let text = EXAMPLE_BAR.replace("damping_n_s_per_m = 1.1", &format!("damping_n_s_per_m = {damping}"));
+            let scene = Scene::parse("bar", &text).unwrap();
+            let model = PanelModel::build(&scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+            let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
+            let table = PlanTable::build(&scene, model, options).unwrap();
+            let rise = RiseTimes::prepare(&table.model).unwrap();
+            let plan = table.plan(&[Target { x_m: 0.06, y_m: 0.01, intensity_g: Some(0.5) }]).unwrap();
+            let parts = parts(&table, &rise, &plan).unwrap();
+            let rows: Vec<DVector<f64>> = (0..parts.len()).map(|actuator| table.model.travel_row(actuator)).collect();
+            let free: Vec<_> = parts.iter().map(|part| free_travel(&rise, &rows, part)).collect();
+            let rest = rise.stepper(&rows, STEP_S);
+            for effect in [NamedEffect::Swell, NamedEffect::PulseTrain, NamedEffect::Texture] {
+                let count = (effect == NamedEffect::PulseTrain).then_some(40);
+                let duration_ms = (effect != NamedEffect::PulseTrain).then_some(6000.0);
+                let request = EffectRequest { count, duration_ms, ..EffectRequest::of(effect) };
+                let effects = vec![request.envelope().unwrap(); parts.len()];
+                let shortened = Shortened::new(&table.electrodes, &parts, &effects, &free);
+                let whole: Vec<Vec<f64>> =
+                    parts.iter().zip(&effects).map(|(part, effect)| levels(effect, part.channel.period_s())).collect();
+                assert!(shortened.levels[0].len() < whole[0].len(), "{effect:?}");
+                let step = |levels: &[Vec<f64>]| largest(rest.clone(), &table.electrodes, &parts, levels, 1.0, 0);
+                let short = step(&shortened.levels);
+                for (i, whole) in step(&whole).into_iter().enumerate() {
+                    let bound = short[i] * 1.03 + shortened.left_m[i];
+                    assert!(whole <= bound, "{damping} {effect:?}: {whole} {} {}", short[i], shortened.left_m[i]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! From a touch to drives: which actuator vibrates at which frequency, how strong.
+//!
+//! [`table`] holds what does not depend on the touch (response of every actuator at every frequency of a grid, energy
+//! over the surface, force limits), [`limits`] the electrostatics behind the force limits, [`allocate`] the small convex
+//! problem of how strong each actuator has to be, [`search`] the choice of frequencies, [`plan`] the result,
+//! [`perception`] what a fingertip feels of it, [`rise`] how soon, [`cache`] tables kept on disk.
+//!
+//! The facts behind the search: at distinct frequencies peaks add (thesis, equation 23) and mean squares add, so that the
+//! least energy elsewhere for a requested peak at the target separates by actuator. Frequencies of different actuators
+//! stay [`MIN_SPACING_HZ`] apart, as slower beats are felt as a flutter.
+//!
+//! From a touch to a plan:
+//!
+//! ```
+//! use era_model::model::{Accuracy, levels::Levels};
+//! use era_model::scene::{EXAMPLE_PLATE, Scene};
+//! use era_planner::{PlanTable, TableOptions, Target};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let scene = Scene::parse("plate.toml", EXAMPLE_PLATE)?;
+//! let grid = TableOptions::default();
+//! let levels = Levels::build(&scene, Accuracy::BALANCED, grid.to_hz)?;
+//! let table = PlanTable::with_levels(&scene, levels, grid)?;
+//! let plan = table.plan(&[Target { x_m: 0.1, y_m: 0.05, intensity_g: Some(0.3) }])?;
+//! for drive in &plan.drives {
+//!     println!("{}: {:.1} Hz, {:.0} V", drive.actuator, drive.frequency_hz, drive.voltage_v);
+//! }
+//! assert!(plan.limited_by.is_none() && plan.predicted.target_peak_g >= 0.3 * (1.0 - 1e-6));
+//! # Ok(())
+//! # }
+//! ```
+
+pub mod allocate;
+pub mod assignment;
+mod bound;
+pub mod cache;
+pub mod candidates;
+pub mod chosen;
+mod closer;
+pub mod drive;
+pub mod effects;
+pub mod explain;
+mod grouped;
+mod harmonics;
+pub mod limits;
+mod linear;
+pub mod moving;
+mod near;
+mod nearest;
+pub mod perception;
+pub mod phased;
+pub mod plan;
+pub mod quiet;
+pub mod reach;
+mod refine;
+mod report;
+pub mod request;
+pub mod rise;
+mod safe;
+pub mod schedule;
+pub mod search;
+mod shared_limits;
+pub mod softening;
+pub mod study;
+pub mod succession;
+pub mod table;
+pub mod trade;
+mod zone;
+
+use era_model::{model, response, scene, transient};
+
+pub use plan::{Drive, Plan, Planned, Predicted, TargetResult};
+pub use quiet::QuietResult;
+pub use report::{Report, Times};
+pub use request::{Grouping, Objective, PlanError, Quiet, Request, Target, Weigh};
+pub use search::Work;
+pub use table::{PlanTable, TableOptions};
+
+/// Standard gravity in m/s^2: intensities are given in g, as is usual in haptics.
+pub const STANDARD_GRAVITY: f64 = 9.80665;
+/// Least distance between the frequencies of two actuators in Hz.
+pub const MIN_SPACING_HZ: f64 = 20.0;
+/// Peak asked for when a request names none, in g: about 25 dB above the threshold of feeling at 50..200 Hz, clear but
+/// not harsh.
+pub const DEFAULT_INTENSITY_G: f64 = 0.5;
+/// Radius around a target within which acceleration counts as "at the target" for the contrast, in m.
+pub const TARGET_RADIUS_M: f64 = 0.010;
+/// Part of its half period for which an electrode is on. At 2/3 the force has no third harmonic (sin(3 pi/2 * 2/3) = 0),
+/// and its fundamental is still 0.87 of the most there is.
+pub const PULSE_WIDTH: f64 = 2.0 / 3.0;
+/// Highest frequency in Hz that is felt as vibration: odd harmonics count up to it.
+pub const HIGHEST_FELT_HZ: f64 = 1000.0;
+/// Capacitance in F of the cable to an electrode: with the 35 pF of the default electrode the 100 pF that the board's drive
+/// stage is designed for.
+pub const ELECTRODE_CABLE_F: f64 = 65e-12;
+/// Most quiet zones of a request.
+pub const MAX_QUIET_ZONES: usize = 8;
+/// Part of each actuator's mean square by which the products of all are made definite: two that act alike would otherwise have
+/// a difference that costs nothing.
+const MOST_CONDITION: f64 = 1e-9;

@@ -1,0 +1,50 @@
+//! The limits of drives that were not chosen by the limits' prices: with phases, or for the whole surface.
+
+use super::chosen::groups;
+use super::limits::Limit;
+use super::refine::Selection;
+use super::table::PlanTable;
+use num_complex::Complex64;
+
+/// Part of a limit that counts as reached: what finds these drives comes as near as that, not to the last digit.
+const NEAR: f64 = 0.95;
+
+impl PlanTable {
+    /// Limits that drives come near to, as `limited_by` names them. `scale` is what safety left of the forces.
+    pub(super) fn nearest_limits(&self, selection: &Selection, scale: f64) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        let mut add = |name: String| {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        };
+        let id = |i: usize| self.scene.actuators.get(i).map_or("", |actuator| actuator.id.as_str());
+        let drives = &selection.drives;
+        let forces: Vec<_> =
+            drives.iter().map(|drive| (drive.width, drive.force_n / scale.max(f64::MIN_POSITIVE))).collect();
+        for (i, (width, force_n)) in forces.iter().enumerate() {
+            if *force_n > 0.0 && *force_n >= width.max_force_n * NEAR {
+                add(format!("{} of {}", width.limit.name(), id(i)));
+            }
+            // Drives of one frequency as phasors.
+            let travel: f64 = groups(drives)
+                .map(|group| {
+                    let own = group.iter().filter_map(|j| {
+                        let phasor = Complex64::from_polar(forces[*j].1, drives[*j].phase_rad);
+                        Some(drives[*j].row.get(*j)?.travel[i] * phasor)
+                    });
+                    own.sum::<Complex64>().norm()
+                })
+                .sum();
+            if self.electrodes.get(i).is_some_and(|electrodes| travel >= NEAR * electrodes.most_travel_m()) {
+                add(format!("{} of {}", Limit::Travel.name(), id(i)));
+            }
+        }
+        for row in self.limits.used(&forces, NEAR) {
+            if let Some((actuator, limit)) = self.limits.name(row) {
+                add(format!("{} of {}", limit.name(), id(actuator)));
+            }
+        }
+        names
+    }
+}

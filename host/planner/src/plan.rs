@@ -1,0 +1,371 @@
+//! The plan for a touch.
+
+use super::STANDARD_GRAVITY;
+use super::candidates::Judge;
+use super::chosen::{Chosen, groups, meets, peak};
+use super::perception::above_threshold_db;
+use super::quiet::QuietResult;
+use super::refine::Selection;
+use super::request::{Grouping, Objective, PlanError, Request, Target, Weigh};
+use super::safe::Settled;
+use super::search::{Choices, Found, Work};
+use super::table::{PlanTable, at_point};
+use nalgebra::DVector;
+use serde::Serialize;
+use std::time::Instant;
+
+/// Largest contrast in dB, either way; more is rounding.
+const MOST_CONTRAST_DB: f64 = 200.0;
+/// Rounds in which points of quiet zones are added, for a touch and for a study; what is left is scaled away.
+const QUIET_ROUNDS: [usize; 2] = [3, 10];
+/// Gaps below this are rounding.
+const NO_GAP: f64 = 1e-9;
+/// Gaps above this say no more than that nothing is known: where next to nothing of the forces is safe.
+const MOST_GAP: f64 = 1e6;
+/// Part of a wish that counts as met.
+const MET: f64 = 1.0 - 1e-6;
+
+/// One actuator's part.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Drive {
+    /// The actuator's `id`.
+    pub actuator: String,
+    /// Fundamental of its force in Hz.
+    pub frequency_hz: f64,
+    /// Electrode voltage in V.
+    pub voltage_v: f64,
+    /// Part of its half period for which an electrode is on.
+    pub pulse_width: f64,
+    /// Phase of its force in rad.
+    pub phase_rad: f64,
+    /// Amplitude of the force's fundamental in N, the mass at rest.
+    pub force_n: f64,
+}
+
+/// What the plan should do.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Predicted {
+    /// Peak acceleration at the (first) target in g: equation 23, forces those of masses at rest.
+    pub target_peak_g: f64,
+    /// Mean over the rest of the surface of the peak acceleration in g.
+    pub mean_elsewhere_g: f64,
+    /// 10 log10 of the mean square acceleration within 10 mm of the targets over that of the rest.
+    pub contrast_db: f64,
+    /// The peak at the target with forces as they become when the masses move (electrostatic softening), in g.
+    pub softened_peak_g: f64,
+    /// How far the target's peak is above the threshold of feeling, in dB: fundamentals over their thresholds, added up.
+    /// `null` where nothing moves.
+    pub above_threshold_db: Option<f64>,
+}
+
+/// One target's share.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TargetResult {
+    /// In mm from the left edge.
+    pub x_mm: f64,
+    /// In mm from the top edge.
+    pub y_mm: f64,
+    /// Wanted in g.
+    pub wanted_g: f64,
+    /// Predicted in g.
+    pub peak_g: f64,
+}
+
+/// The plan for a touch.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Plan {
+    /// The (first) target in mm.
+    pub target_mm: [f64; 2],
+    /// All targets.
+    pub targets: Vec<TargetResult>,
+    /// The quiet zones.
+    pub quiet: Vec<QuietResult>,
+    /// Time it took.
+    pub elapsed_us: f64,
+    /// One per actuator.
+    pub drives: Vec<Drive>,
+    /// What it should do.
+    pub predicted: Predicted,
+    /// What keeps the intensity below what was asked for, as `voltage of left`; `null` if nothing does.
+    pub limited_by: Option<String>,
+    /// Upper bound on the relative error of `target_peak_g`; `null` where there is none.
+    pub error_bound: Option<f64>,
+    /// By which part of its cost, or of its reach where the wishes are not met, another combination of the grid's frequencies
+    /// could be better at most: 0 where the plan is proven to be the best. Of the problem with forces of masses at rest and
+    /// the limits of actuators and quiet zones; what safety under moving masses took away counts as what another might have
+    /// kept. Not part of it: frequencies between the grid's, ones of which an odd harmonic meets another drive, and the
+    /// supply's current.
+    pub optimality_gap: f64,
+    /// What is made least, or most.
+    pub objective: Objective,
+    /// Which actuators share a frequency.
+    pub grouping: Grouping,
+}
+
+/// A plan with what it was made from, for those who want to know more of it.
+#[derive(Clone, Debug)]
+pub struct Planned {
+    /// The plan.
+    pub plan: Plan,
+    /// The drives with their responses.
+    pub drives: Vec<Chosen>,
+    /// Their steady motion.
+    pub settled: Settled,
+    /// Mode shapes at the targets.
+    pub shapes: Vec<DVector<f64>>,
+}
+
+impl PlanTable {
+    /// The drives for `targets`: the most contrast, each actuator at its own frequency.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn plan(&self, targets: &[Target]) -> Result<Plan, PlanError> {
+        self.plan_for(&Request::touch(targets))
+    }
+
+    /// The drives for a request.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn plan_for(&self, request: &Request) -> Result<Plan, PlanError> {
+        self.planned(request).map(|planned| planned.plan)
+    }
+
+    /// The same with everything it came from.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn planned(&self, request: &Request) -> Result<Planned, PlanError> {
+        let started = Instant::now();
+        let wanted_g = self.check(request)?;
+        let request = &self.placed(request)?;
+        let mut judge = Judge::new(self, request);
+        let wanted: Vec<f64> =
+            wanted_g.iter().enumerate().map(|(t, g)| judge.countable(g * STANDARD_GRAVITY, t)).collect();
+        let mut selection = match request.grouping {
+            Grouping::Distinct if request.objective == Objective::Reach => {
+                self.evened(&judge, request.zone, &wanted)?
+            }
+            Grouping::Distinct => self.chosen(&mut judge, request, &wanted)?,
+            grouping => self.grouped(&judge, grouping, &wanted)?,
+        };
+        let settled = self.settled_quietly(&judge.quiet, &mut selection.drives);
+        let (settled, quiet) = settled.ok_or(PlanError::NoFrequencies)?;
+        let peaks_g: Vec<f64> =
+            judge.zone.targets.iter().map(|shape| peak(&selection.drives, shape) / STANDARD_GRAVITY).collect();
+        let targets: Vec<TargetResult> = request
+            .targets
+            .iter()
+            .zip(wanted_g.iter().zip(&peaks_g))
+            .map(|(target, (wanted_g, peak_g))| TargetResult {
+                x_mm: target.x_m * 1e3,
+                y_mm: self.y_m(target.y_m) * 1e3,
+                wanted_g: *wanted_g,
+                peak_g: *peak_g,
+            })
+            .collect();
+        let first = *targets.first().ok_or(PlanError::Count { count: 0 })?;
+        let plan = Plan {
+            target_mm: [first.x_mm, first.y_mm],
+            predicted: self.predict(&judge, &selection.drives, &settled, first.peak_g),
+            limited_by: self.limited_by(request, &selection, &settled, &targets),
+            error_bound: self.bound(&selection.drives, &first).value(),
+            targets,
+            quiet,
+            drives: self.drives(&selection.drives, &settled),
+            optimality_gap: gap(&selection, &settled),
+            objective: request.objective,
+            grouping: request.grouping,
+            elapsed_us: started.elapsed().as_secs_f64() * 1e6,
+        };
+        Ok(Planned { plan, drives: selection.drives, settled, shapes: judge.zone.targets })
+    }
+
+    /// Distinct frequencies: the best combination, refined; with further points of quiet zones until none is too strong.
+    fn chosen(&self, judge: &mut Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
+        let mut selection = self.chosen_for_rows(judge, request, wanted)?;
+        let [touch, study] = QUIET_ROUNDS;
+        for _ in 1..if request.work == Work::Touch { touch } else { study } {
+            if !judge.quiet.add_violated(&selection.drives) {
+                break;
+            }
+            selection = self.chosen_for_rows(judge, request, wanted)?;
+        }
+        Ok(selection)
+    }
+
+    fn chosen_for_rows(&self, judge: &Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
+        let is_plain = wanted.len() == 1
+            && request.quiet.is_empty()
+            && request.objective == Objective::Contrast
+            && request.weigh == Weigh::Equal;
+        let choices_for = |fits: &dyn Fn(f64, f64) -> bool| match wanted {
+            [wanted] if is_plain => judge.shortlist(*wanted, fits),
+            _ => judge.all(wanted),
+        };
+        // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
+        let (choices, found) = best(choices_for(&|a, b| !meets(a, b)), &|a, b| !meets(a, b))
+            .or_else(|| best(choices_for(&|_, _| true), &|_, _| true))
+            .ok_or(PlanError::NoFrequencies)?;
+        Ok(self.refined(judge, &choices, &found))
+    }
+
+    /// Peak acceleration (equation 23) at every point of the grid in m/s^2; `None` in cut-outs.
+    #[must_use]
+    pub fn field(&self, plan: &Plan) -> Vec<Option<f64>> {
+        let mut sums: Vec<(f64, Vec<num_complex::Complex64>)> = Vec::new();
+        for (actuator, drive) in plan.drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
+            let Ok(row) = self.row_at(drive.frequency_hz) else { continue };
+            let Some(entry) = row.get(actuator) else { continue };
+            let force = num_complex::Complex64::from_polar(drive.force_n, drive.phase_rad);
+            let own = self.grid.field(&(&entry.acceleration * force));
+            match sums.iter_mut().find(|(hz, _)| *hz == drive.frequency_hz) {
+                Some((_, sum)) => sum.iter_mut().zip(own).for_each(|(sum, own)| *sum += own),
+                None => sums.push((drive.frequency_hz, own)),
+            }
+        }
+        let peak = |point: usize| sums.iter().map(|(_, field)| field[point].norm()).sum();
+        self.grid.there.iter().enumerate().map(|(point, there)| there.then(|| peak(point))).collect()
+    }
+
+    fn drives(&self, chosen: &[Chosen], settled: &Settled) -> Vec<Drive> {
+        chosen
+            .iter()
+            .zip(self.scene.actuators.iter().zip(&settled.applied))
+            .map(|(chosen, (actuator, applied))| Drive {
+                actuator: actuator.id.clone(),
+                frequency_hz: chosen.frequency_hz,
+                voltage_v: applied.voltage_v,
+                pulse_width: applied.pulse_width,
+                phase_rad: chosen.phase_rad,
+                force_n: chosen.force_n,
+            })
+            .collect()
+    }
+
+    fn predict(&self, judge: &Judge<'_>, drives: &[Chosen], settled: &Settled, target_peak_g: f64) -> Predicted {
+        let zone = &judge.zone;
+        let (mut near, mut all, mut near_mean, mut mean) = (0.0, 0.0, 0.0, 0.0);
+        for group in groups(drives) {
+            match group.as_slice() {
+                [i] => {
+                    let Some(entry) = drives[*i].row.get(*i) else { continue };
+                    let force = drives[*i].force_n;
+                    near += zone.mean_square(&entry.acceleration) * force * force;
+                    all += entry.mean_square * force * force;
+                    near_mean += zone.mean(&entry.acceleration) * force;
+                    // Off the grid what the table has is an estimate, 2 % off where a resonance is between two frequencies.
+                    let of_one =
+                        if drives[*i].on_grid.is_some() { entry.mean } else { self.grid.mean(&entry.acceleration) };
+                    mean += of_one * force;
+                }
+                members => {
+                    let sum = self.together(drives, members);
+                    near += zone.mean_square(&sum);
+                    all += self.mean_square(&sum);
+                    near_mean += zone.mean(&sum);
+                    mean += self.grid.mean(&sum);
+                }
+            }
+        }
+        let components = |shape: &DVector<f64>| -> Vec<(f64, f64)> {
+            groups(drives)
+                .map(|group| {
+                    let hz = drives[group[0]].frequency_hz;
+                    (hz, at_point(shape, &self.together(drives, &group)).norm())
+                })
+                .collect()
+        };
+        let shape = zone.targets.first();
+        let closer = self.among_harmonics(drives, settled);
+        let settled = closer.as_ref().unwrap_or(settled);
+        Predicted {
+            target_peak_g,
+            mean_elsewhere_g: ((mean - zone.part * near_mean) / (1.0 - zone.part)).max(0.0) / STANDARD_GRAVITY,
+            contrast_db: contrast_db(near, if all > 0.0 { zone.elsewhere(all, near) } else { 0.0 }),
+            softened_peak_g: shape.map_or(0.0, |shape| self.settled_peak(drives, settled, shape)) / STANDARD_GRAVITY,
+            above_threshold_db: shape.and_then(|shape| above_threshold_db(&components(shape))),
+        }
+    }
+
+    /// Acceleration coordinates of drives at one frequency together, with their phases.
+    fn together(&self, drives: &[Chosen], members: &[usize]) -> DVector<num_complex::Complex64> {
+        let mut sum = DVector::zeros(self.model.order());
+        for i in members {
+            if let Some(entry) = drives[*i].row.get(*i) {
+                let force = num_complex::Complex64::from_polar(drives[*i].force_n, drives[*i].phase_rad);
+                sum += &entry.acceleration * force;
+            }
+        }
+        sum
+    }
+
+    fn limited_by(
+        &self,
+        request: &Request,
+        selection: &Selection,
+        settled: &Settled,
+        targets: &[TargetResult],
+    ) -> Option<String> {
+        let is_met = match request.weigh {
+            Weigh::Equal => targets.iter().all(|target| target.peak_g >= target.wanted_g * MET),
+            // In weighed accelerations, which are not the targets' own.
+            Weigh::Felt => selection.allocation.met * settled.scale >= MET,
+        };
+        if is_met {
+            return None;
+        }
+        let id = |i: usize| self.scene.actuators.get(i).map_or("", |actuator| actuator.id.as_str());
+        let mut names: Vec<String> = Vec::new();
+        let mut add = |name: String| {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        };
+        if let Some((actuator, limit)) = settled.limited {
+            add(if limit == super::limits::Limit::Supply {
+                "supply".into()
+            } else {
+                format!("{} of {}", limit.name(), id(actuator))
+            });
+        }
+        if selection.allocation.met < 1.0 {
+            for (i, drive) in selection.drives.iter().enumerate() {
+                if drive.force_n >= drive.width.max_force_n * settled.scale * MET && drive.width.max_force_n > 0.0 {
+                    add(format!("{} of {}", drive.width.limit.name(), id(i)));
+                }
+            }
+            for row in &selection.binding {
+                match self.limits.name(*row) {
+                    Some((actuator, limit)) => add(format!("{} of {}", limit.name(), id(actuator))),
+                    None => add("quiet zone".into()),
+                }
+            }
+        }
+        if names.is_empty() {
+            names = self.nearest_limits(selection, settled.scale);
+        }
+        Some(if names.is_empty() { "node".into() } else { names.join(", ") })
+    }
+}
+
+/// By which part another combination could be better; what safety took away another might not have lost.
+fn gap(selection: &Selection, settled: &Settled) -> f64 {
+    let gap = (1.0 + selection.gap) / settled.scale.max(f64::MIN_POSITIVE) - 1.0;
+    if gap > NO_GAP { gap.min(MOST_GAP) } else { 0.0 }
+}
+
+/// The best of `choices` under `fits`, with them.
+fn best(choices: Choices, fits: &dyn Fn(f64, f64) -> bool) -> Option<(Choices, Found)> {
+    let found = choices.best(fits)?;
+    Some((choices, found))
+}
+
+/// 10 log10(near / rest), within 200 dB either way; 0 where nothing moves.
+pub(super) fn contrast_db(near: f64, rest: f64) -> f64 {
+    if near <= 0.0 && rest <= 0.0 {
+        return 0.0;
+    }
+    (10.0 * (near / rest).log10()).clamp(-MOST_CONTRAST_DB, MOST_CONTRAST_DB)
+}

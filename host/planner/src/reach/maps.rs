@@ -1,0 +1,133 @@
+//! Reach maps: what can be had at every point of the surface.
+
+use super::measure::{Measure, Region, View};
+use super::part::Part;
+use super::search::{self, Options};
+use super::setting::command;
+use super::space::Space;
+use crate::table::PlanTable;
+use crate::{PlanError, Target};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Part of the strongest peak at which the most contrasted is asked for: so little that no limit changes it. At a hundredth one does
+/// where an ERA beside a clamped edge shakes the rest of the panel so little that all of its force would go first.
+const LITTLE: f64 = 1e-6;
+/// Neighbouring points that are searched in turn, each with the one before as a hint.
+const RUN: usize = 16;
+
+/// What can be had at every point of the table's grid; `None` in cut-outs, and outside the region that was asked for.
+#[derive(Clone, Debug, Serialize)]
+pub struct Maps {
+    /// Columns in mm.
+    pub x_mm: Vec<f64>,
+    /// Rows in mm.
+    pub y_mm: Vec<f64>,
+    /// The actuators' ids, in the order of the frequencies below.
+    pub actuators: Vec<String>,
+    /// Row by row: the strongest peak in g, of drives at distinct frequencies within all limits.
+    pub strongest_g: Vec<Option<f64>>,
+    /// Row by row: the frequency of each actuator in Hz for that.
+    pub strongest_hz: Vec<Option<Vec<f64>>>,
+    /// Row by row: contrast in dB of the drives that shake the rest least for a weak peak at the point.
+    pub contrast_db: Vec<Option<f64>>,
+    /// Row by row: the frequency of each actuator in Hz for that.
+    pub contrast_hz: Vec<Option<Vec<f64>>>,
+}
+
+/// The strongest drive at a point.
+#[derive(Clone, Debug)]
+pub struct Strongest {
+    /// As it is commanded.
+    pub setting: Vec<Part>,
+    /// Its peak there, in the space's unit.
+    pub peak: f64,
+}
+
+/// The strongest drive at each point of a space, each with frequencies and forces of its own.
+#[must_use]
+pub fn strongest(table: &PlanTable, space: &Space, options: Options) -> Vec<Option<Strongest>> {
+    let points: Vec<usize> = (0..space.points).collect();
+    let runs: Vec<Vec<Option<Strongest>>> = points
+        .par_chunks(RUN)
+        .map(|run| {
+            let mut hint: Option<Vec<usize>> = None;
+            let each = run.iter().map(|point| {
+                let best = search::best(space, &[*point], options, hint.as_deref())?;
+                let mut setting = best.setting(table, space);
+                let peak = best.least * command(table, &mut setting)?;
+                hint = Some(best.choice);
+                Some(Strongest { setting, peak })
+            });
+            each.collect()
+        })
+        .collect();
+    runs.into_iter().flatten().collect()
+}
+
+impl Maps {
+    /// The maps of a table, over all of the surface or a region of it.
+    ///
+    /// # Errors
+    /// As a plan for a point has; [`PlanError::NoFrequencies`] also where the region has no point of the table's grid.
+    pub fn of(table: &PlanTable, region: Option<Region>) -> Result<Self, PlanError> {
+        let grid = &table.grid;
+        let view = View::new(table, region).ok_or(PlanError::NoFrequencies)?;
+        let space = Space::of(table, &view.shapes, |hz| Measure::G.weight(hz));
+        let found: Vec<Strongest> = strongest(table, &space, Options::default())
+            .into_iter()
+            .collect::<Option<_>>()
+            .ok_or(PlanError::NoFrequencies)?;
+        let columns = grid.x_m.len().max(1);
+        let contrasts: Vec<(f64, Vec<f64>)> = view
+            .points
+            .par_iter()
+            .zip(&found)
+            .map(|(point, strongest)| {
+                let (x_m, y_m) = (grid.x_m[point % columns], grid.y_m[point / columns]);
+                let weak = Target { x_m, y_m, intensity_g: Some(LITTLE * strongest.peak) };
+                let plan = table.plan(&[weak])?;
+                Ok((plan.predicted.contrast_db, plan.drives.iter().map(|drive| drive.frequency_hz).collect()))
+            })
+            .collect::<Result<_, PlanError>>()?;
+        let mm = |lines: &[f64]| lines.iter().map(|line| line * 1e3).collect();
+        let hz = |strongest: &Strongest| strongest.setting.iter().map(|part| part.frequency_hz).collect();
+        Ok(Self {
+            x_mm: mm(&grid.x_m),
+            y_mm: mm(&grid.y_m),
+            actuators: table.scene.actuators.iter().map(|actuator| actuator.id.clone()).collect(),
+            strongest_g: view.on_grid(table, found.iter().map(|strongest| strongest.peak)),
+            strongest_hz: view.on_grid(table, found.iter().map(hz)),
+            contrast_db: view.on_grid(table, contrasts.iter().map(|(contrast_db, _)| *contrast_db)),
+            contrast_hz: view.on_grid(table, contrasts.into_iter().map(|(_, hz)| hz)),
+        })
+    }
+
+    /// Lines of `x_mm,y_mm,strongest_g,contrast_db` and the frequency of each actuator for either; all but the place are empty
+    /// where nothing is known.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let mut text = String::from("x_mm,y_mm,strongest_g,contrast_db");
+        for name in ["strongest", "contrast"] {
+            self.actuators.iter().for_each(|id| text.push_str(&format!(",{name}_{id}_hz")));
+        }
+        text.push('\n');
+        let places = self.y_mm.iter().flat_map(|y| self.x_mm.iter().map(move |x| (x, y)));
+        let cell = |value: Option<f64>, digits: usize| {
+            value.map_or_else(|| String::from(","), |value| format!(",{value:.digits$}"))
+        };
+        for (point, (x, y)) in places.enumerate() {
+            let at = |values: &[Option<f64>]| cell(values.get(point).copied().flatten(), 4);
+            let _ = write!(text, "{x:.3},{y:.3}{}{}", at(&self.strongest_g), at(&self.contrast_db));
+            for frequencies in [&self.strongest_hz, &self.contrast_hz] {
+                let hz = frequencies.get(point).and_then(Option::as_ref);
+                for actuator in 0..self.actuators.len() {
+                    text.push_str(&cell(hz.and_then(|hz| hz.get(actuator)).copied(), 2));
+                }
+            }
+            text.push('\n');
+        }
+        text
+    }
+}

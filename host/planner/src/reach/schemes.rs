@@ -1,0 +1,247 @@
+//! Three ways to drive a panel, side by side: what each can do everywhere at once, and touch by touch.
+//!
+//! All are held to the same limits, that of every plan: pulse widths as wide as the table has them, room for harmonics and for
+//! switching on, shared rails, and the nonlinear motion as the last word ([`super::setting`]). What differs is that at one
+//! frequency phasors add, of motion at a point and of travel, and at distinct ones moduli do.
+
+use super::maps;
+use super::measure::{Measure, Region, View};
+use super::part::Part;
+use super::rigid;
+use super::search::{self, Options};
+use super::setting::{self, command, peaks};
+use super::shared::{self, Phases};
+use super::space::Space;
+use super::spread::{Spread, below};
+use crate::PlanError;
+use crate::table::PlanTable;
+use nalgebra::DMatrix;
+use num_complex::Complex64;
+use serde::Serialize;
+
+/// Points of the finer grid that are added at once to those that the weakest place is looked for at.
+const ADDED: usize = 12;
+/// Rounds of that. A dozen is usual.
+const ROUNDS: usize = 200;
+/// Relative difference of minima that counts as none.
+const SAME: f64 = 1e-6;
+
+/// A way to drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scheme {
+    /// One frequency for all actuators, in phase.
+    OneFrequencyInPhase,
+    /// One frequency for all actuators, with phases.
+    OneFrequencyWithPhases,
+    /// A frequency for each actuator.
+    DistinctFrequencies,
+}
+
+impl Scheme {
+    /// All of them, in the order in which they are compared.
+    pub const ALL: [Scheme; 3] =
+        [Scheme::OneFrequencyInPhase, Scheme::OneFrequencyWithPhases, Scheme::DistinctFrequencies];
+
+    /// In words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Scheme::OneFrequencyInPhase => "one frequency, in phase",
+            Scheme::OneFrequencyWithPhases => "one frequency, phases chosen",
+            Scheme::DistinctFrequencies => "distinct frequencies",
+        }
+    }
+}
+
+/// One scheme on one panel. Peaks are in the unit of the comparison's measure.
+#[derive(Clone, Debug, Serialize)]
+pub struct SchemeReach {
+    /// Which.
+    pub scheme: Scheme,
+    /// The one setting with the largest minimum over the surface, as it is commanded.
+    pub setting: Vec<Part>,
+    /// Part of the forces of masses at rest that their motion has left.
+    pub scale: f64,
+    /// Part of the setting's mean square acceleration that is motion as a rigid body.
+    pub rigid: Option<f64>,
+    /// What it does; the minimum is that of a grid up to four times as fine as the table's.
+    pub one_setting: Spread,
+    /// No setting of the scheme at the table's frequencies has a larger minimum; `None` where the best found is not proven.
+    pub one_setting_at_most: Option<f64>,
+    /// Part of the surface where it does less than the one setting at distinct frequencies at its weakest place.
+    pub one_setting_weaker: f64,
+    /// With a setting of its own for every point: the largest peak there.
+    pub per_touch: Spread,
+    /// Part of the surface where that is less than with distinct frequencies at their weakest place.
+    pub per_touch_weaker: f64,
+    /// The field of the one setting, row by row.
+    #[serde(skip)]
+    pub one_setting_field: Vec<Option<f64>>,
+    /// The largest peak at every point, row by row.
+    #[serde(skip)]
+    pub per_touch_field: Vec<Option<f64>>,
+}
+
+/// All schemes on a panel or a region of it.
+///
+/// # Errors
+/// [`PlanError::NoActuators`], and [`PlanError::NoFrequencies`] where no frequencies are usable, or the region has no point of
+/// the table's grid.
+pub fn compare(table: &PlanTable, region: Option<Region>, measure: Measure) -> Result<Vec<SchemeReach>, PlanError> {
+    if table.electrodes.is_empty() {
+        return Err(PlanError::NoActuators);
+    }
+    let view = View::new(table, region).ok_or(PlanError::NoFrequencies)?;
+    let compared = Compared { table, view, measure };
+    let together = |phases| shared::strongest(table, &compared.view, measure, phases).ok_or(PlanError::NoFrequencies);
+    let in_phase = together(Phases::Equal)?;
+    let chosen = together(Phases::Chosen)?.or(&in_phase);
+    let distinct = compared.distinct().ok_or(PlanError::NoFrequencies)?;
+    let found = [Found::from(in_phase), Found::from(chosen), distinct];
+    let mut schemes: Vec<SchemeReach> = Scheme::ALL
+        .into_iter()
+        .zip(found)
+        .map(|(scheme, found)| compared.told(scheme, found).ok_or(PlanError::NoFrequencies))
+        .collect::<Result<_, _>>()?;
+    let distinct = schemes.iter().find(|scheme| scheme.scheme == Scheme::DistinctFrequencies);
+    let levels = distinct.map(|distinct| (distinct.one_setting.least, distinct.per_touch.least));
+    for (scheme, (one, each)) in schemes.iter_mut().zip(levels.into_iter().cycle()) {
+        scheme.one_setting_weaker = below(&table.grid, &scheme.one_setting_field, one * (1.0 - SAME));
+        scheme.per_touch_weaker = below(&table.grid, &scheme.per_touch_field, each * (1.0 - SAME));
+    }
+    Ok(schemes)
+}
+
+/// The setting at distinct frequencies with the largest minimum over the surface, or a part of it, for masses at rest, and by which part another
+/// could have a larger one. `None` where no frequencies are usable.
+#[must_use]
+pub fn everywhere(table: &PlanTable, region: Option<Region>) -> Option<(Vec<Part>, f64)> {
+    let compared = Compared { table, view: View::new(table, region)?, measure: Measure::G };
+    let space = Space::of(table, &compared.view.shapes, |hz| compared.measure.weight(hz));
+    let (setting, at_most) = compared.everywhere(space)?;
+    let least = compared.least(&compared.view.finer, &setting);
+    Some((setting, if least > 0.0 { (at_most / least - 1.0).max(0.0) } else { 0.0 }))
+}
+
+impl PlanTable {
+    /// The setting of [`everywhere`] for the whole surface, found when it is first asked for.
+    pub(crate) fn everywhere(&self) -> Option<&(Vec<Part>, f64)> {
+        self.evened.get_or_init(|| everywhere(self, None)).as_ref()
+    }
+
+    /// Finds that setting now, for those who will ask.
+    pub fn prepare_reach(&self) {
+        let _ = self.everywhere();
+    }
+}
+
+/// How many amplitude ratios and phases the schemes with one frequency try at each, before refinement.
+#[must_use]
+pub fn tried(table: &PlanTable) -> [usize; 2] {
+    [Phases::Equal, Phases::Chosen].map(|phases| shared::tried(table.electrodes.len(), phases))
+}
+
+struct Compared<'a> {
+    table: &'a PlanTable,
+    view: View,
+    measure: Measure,
+}
+
+struct Found {
+    setting: Vec<Part>,
+    scale: f64,
+    at_most: Option<f64>,
+    /// At each of the view's points.
+    per_touch: Vec<f64>,
+}
+
+impl From<shared::Found> for Found {
+    fn from(found: shared::Found) -> Self {
+        Self { setting: found.one, scale: found.scale, at_most: None, per_touch: found.each }
+    }
+}
+
+impl Compared<'_> {
+    fn distinct(&self) -> Option<Found> {
+        let space = Space::of(self.table, &self.view.shapes, |hz| self.measure.weight(hz));
+        let touches = maps::strongest(self.table, &space, Options::default());
+        let per_touch = touches.into_iter().map(|touch| Some(touch?.peak)).collect::<Option<_>>()?;
+        let (mut setting, at_most) = self.everywhere(space)?;
+        let scale = command(self.table, &mut setting)?;
+        Some(Found { setting, scale, at_most: Some(at_most), per_touch })
+    }
+
+    /// Least peak of a setting at points with these mode shapes.
+    fn least(&self, shapes: &DMatrix<f64>, setting: &[Part]) -> f64 {
+        peaks(self.table, shapes, setting, self.measure).into_iter().fold(f64::INFINITY, f64::min)
+    }
+
+    /// The setting with the largest minimum on the finer grid, and a bound on that: the optimum at some points is one, and
+    /// points where its setting does less join them.
+    fn everywhere(&self, mut space: Space) -> Option<(Vec<Part>, f64)> {
+        let finer = &self.view.finer;
+        let mut added: Vec<usize> = Vec::new();
+        let mut strongest: Option<(f64, Vec<Part>)> = None;
+        let mut upper = f64::INFINITY;
+        let mut hint: Option<Vec<usize>> = None;
+        for _ in 0..ROUNDS {
+            let all: Vec<usize> = (0..space.points).collect();
+            let best = search::best(&space, &all, Options::default(), hint.as_deref())?;
+            upper = upper.min(best.upper);
+            let setting = best.setting(self.table, &space);
+            let peaks = peaks(self.table, finer, &setting, self.measure);
+            let mut weaker: Vec<usize> =
+                (0..peaks.len()).filter(|x| peaks[*x] < best.least * (1.0 - SAME) && !added.contains(x)).collect();
+            weaker.sort_by(|a, b| peaks[*a].total_cmp(&peaks[*b]));
+            let least = peaks.iter().copied().fold(f64::INFINITY, f64::min);
+            if strongest.as_ref().is_none_or(|strongest| least > strongest.0) {
+                strongest = Some((least, setting));
+            }
+            if weaker.is_empty() {
+                break;
+            }
+            // The worst, and others from all of the range.
+            added.extend(weaker.iter().step_by(weaker.len().div_ceil(ADDED)));
+            let shapes = finer.select_rows(&added);
+            let rows: Vec<_> = self.view.shapes.row_iter().chain(shapes.row_iter()).collect();
+            space = Space::of(self.table, &DMatrix::from_rows(&rows), |hz| self.measure.weight(hz));
+            hint = Some(best.choice);
+        }
+        let (least, setting) = strongest?;
+        Some((setting, if upper <= least * (1.0 + 2.0 * SAME) { least } else { upper }))
+    }
+
+    fn told(&self, scheme: Scheme, found: Found) -> Option<SchemeReach> {
+        let Found { setting, scale, at_most, per_touch } = found;
+        let (table, view) = (self.table, &self.view);
+        let one_setting_field = view.on_grid(table, peaks(table, &view.shapes, &setting, self.measure));
+        let per_touch_field = view.on_grid(table, per_touch);
+        let mut one_setting = Spread::of(&table.grid, &one_setting_field)?;
+        let finer = peaks(table, &view.finer, &setting, self.measure);
+        let (least, (x_m, y_m)) = finer.iter().zip(&view.places_m).min_by(|a, b| a.0.total_cmp(b.0))?;
+        one_setting.least = *least;
+        one_setting.least_at_mm = [x_m * 1e3, y_m * 1e3];
+        Some(SchemeReach {
+            scheme,
+            scale,
+            rigid: rigid::part_of(table, &setting),
+            one_setting,
+            one_setting_at_most: at_most,
+            one_setting_weaker: 0.0,
+            per_touch: Spread::of(&table.grid, &per_touch_field)?,
+            per_touch_weaker: 0.0,
+            setting,
+            one_setting_field,
+            per_touch_field,
+        })
+    }
+}
+
+impl search::Best {
+    /// The choice as forces of masses at rest.
+    pub(super) fn setting(&self, table: &PlanTable, space: &Space) -> Vec<Part> {
+        let each = self.choice.iter().zip(&self.parts).enumerate();
+        each.map(|(i, (f, part))| setting::part(table, i, *f, Complex64::from(part * space.force_n(i, *f)))).collect()
+    }
+}

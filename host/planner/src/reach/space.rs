@@ -1,0 +1,150 @@
+//! What every actuator does at every frequency, at full force: how it shakes the points, and what it uses up of the limits.
+
+use crate::shared_limits::SharedLimits;
+use crate::table::{Entry, PlanTable};
+use nalgebra::DMatrix;
+
+/// The choices for a drive at distinct frequencies: `actuators` x `frequencies`, seen from some points.
+///
+/// Gains are kept in single precision: 6e-8 is far below any model's error, and a surface has thousands of points.
+#[derive(Clone, Debug)]
+pub struct Space {
+    /// In Hz, ascending.
+    pub frequencies_hz: Vec<f64>,
+    /// Number of points.
+    pub points: usize,
+    /// Number of shared limits.
+    pub limits: usize,
+    /// `[actuator][frequency * points + point]`: peak acceleration at full force in m/s^2, or what it is weighed to.
+    gain: Vec<Vec<f32>>,
+    /// `[actuator][frequency * limits + limit]`: part of a limit that full force uses; uses of all actuators add up.
+    usage: Vec<Vec<f64>>,
+    /// `[actuator][frequency]`: most force in N; 0 where the response is unbounded.
+    force_n: Vec<Vec<f64>>,
+}
+
+/// One actuator at one frequency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// Most force in N; 0 if this frequency cannot be used.
+    pub force_n: f64,
+    /// At each point, at that force.
+    pub gain: Vec<f32>,
+    /// Part of each shared limit, at that force.
+    pub usage: Vec<f64>,
+}
+
+impl Space {
+    /// The space of `choices[actuator][frequency]`, each as long as the others in its gains and in its usages.
+    #[must_use]
+    pub fn new(frequencies_hz: Vec<f64>, choices: Vec<Vec<Choice>>) -> Self {
+        let first = choices.first().and_then(|list| list.first());
+        let (points, limits) = first.map_or((0, 0), |choice| (choice.gain.len(), choice.usage.len()));
+        let mut space =
+            Self { frequencies_hz, points, limits, gain: Vec::new(), usage: Vec::new(), force_n: Vec::new() };
+        for list in choices {
+            space.force_n.push(list.iter().map(|choice| choice.force_n).collect());
+            space.usage.push(list.iter().flat_map(|choice| choice.usage.iter().copied()).collect());
+            space.gain.push(list.into_iter().flat_map(|choice| choice.gain).collect());
+        }
+        space
+    }
+
+    /// The space of a table, seen from points with these mode shapes (points x n). Accelerations are multiplied by
+    /// `weight(frequency_hz)`: 1, or the inverse of what is just felt at that frequency.
+    #[must_use]
+    pub fn of(table: &PlanTable, shapes: &DMatrix<f64>, weight: impl Fn(f64) -> f64) -> Self {
+        let limits = &table.limits;
+        let choices = table
+            .entries
+            .iter()
+            .enumerate()
+            .map(|(actuator, list)| {
+                let entries = list.iter().zip(&table.frequencies_hz);
+                entries
+                    .map(|(entry, frequency_hz)| match entry {
+                        None => Choice {
+                            force_n: 0.0,
+                            gain: vec![0.0; shapes.nrows()],
+                            usage: vec![0.0; limits.allowed.len()],
+                        },
+                        Some(entry) => Choice {
+                            force_n: entry.max_force_n,
+                            gain: magnitudes(shapes, entry, entry.max_force_n * weight(*frequency_hz)),
+                            usage: usage(limits, actuator, entry),
+                        },
+                    })
+                    .collect()
+            })
+            .collect();
+        Self::new(table.frequencies_hz.clone(), choices)
+    }
+
+    /// Number of actuators.
+    #[must_use]
+    pub fn actuators(&self) -> usize {
+        self.force_n.len()
+    }
+
+    /// Most force of an actuator at a frequency in N.
+    #[must_use]
+    pub fn force_n(&self, actuator: usize, frequency: usize) -> f64 {
+        self.force_n.get(actuator).and_then(|list| list.get(frequency)).copied().unwrap_or(0.0)
+    }
+
+    /// The gains of an actuator at a frequency, at every point.
+    #[must_use]
+    pub fn gains(&self, actuator: usize, frequency: usize) -> &[f32] {
+        &self.gain[actuator][frequency * self.points..(frequency + 1) * self.points]
+    }
+
+    /// What an actuator at a frequency uses up of each shared limit.
+    #[must_use]
+    pub fn usages(&self, actuator: usize, frequency: usize) -> &[f64] {
+        &self.usage[actuator][frequency * self.limits..(frequency + 1) * self.limits]
+    }
+
+    /// The frequencies at which an actuator can be used.
+    #[must_use]
+    pub fn usable(&self, actuator: usize) -> Vec<usize> {
+        let list = self.force_n.get(actuator).map(Vec::as_slice).unwrap_or_default();
+        (0..list.len()).filter(|frequency| list[*frequency] > 0.0).collect()
+    }
+
+    /// Equation 23 at a point: the sum over actuators of gain times the part of full force.
+    #[must_use]
+    pub fn peak(&self, point: usize, choice: &[usize], parts: &[f64]) -> f64 {
+        choice
+            .iter()
+            .zip(parts)
+            .enumerate()
+            .map(|(actuator, (frequency, part))| f64::from(self.gains(actuator, *frequency)[point]) * part)
+            .sum()
+    }
+
+    /// Equation 23 at every point.
+    #[must_use]
+    pub fn peaks(&self, choice: &[usize], parts: &[f64]) -> Vec<f64> {
+        let mut sum = vec![0.0; self.points];
+        for (actuator, (frequency, part)) in choice.iter().zip(parts).enumerate() {
+            for (sum, gain) in sum.iter_mut().zip(self.gains(actuator, *frequency)) {
+                *sum += f64::from(*gain) * part;
+            }
+        }
+        sum
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "single precision is meant")]
+fn magnitudes(shapes: &DMatrix<f64>, entry: &Entry, scale: f64) -> Vec<f32> {
+    let re = shapes * entry.acceleration.map(|z| z.re);
+    let im = shapes * entry.acceleration.map(|z| z.im);
+    re.iter().zip(im.iter()).map(|(re, im)| (re.hypot(*im) * scale) as f32).collect()
+}
+
+/// Part of each shared limit that an actuator uses up at its largest force.
+fn usage(limits: &SharedLimits, actuator: usize, entry: &Entry) -> Vec<f64> {
+    let strongest = entry.strong();
+    let loads = limits.loads(actuator, strongest).zip(&limits.allowed);
+    loads.map(|(load, allowed)| load * strongest.max_force_n / allowed).collect()
+}

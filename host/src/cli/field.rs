@@ -1,0 +1,47 @@
+//! The command `field`: a touch over the surface.
+
+use super::args::At;
+use super::args_field::Field;
+use super::panel::{is_met, plan_table, target, tell_missing, tell_plan};
+use super::{Failure, Outcome, print_json, print_text, reach};
+use crate::study;
+use serde_json::json;
+
+/// Runs it.
+pub fn run(options: &Field) -> Outcome {
+    let at = match options.at {
+        _ if options.reach => return reach::maps(options),
+        _ if options.schemes => return reach::compare(options),
+        Some(at) => At { at, unit: options.unit, intensity_g: options.intensity_g },
+        None => return Err(Failure::usage("--at X,Y, --reach or --schemes is needed")),
+    };
+    let scene = options.panel.load()?;
+    let target = target(&scene, &at)?;
+    let table = plan_table(&options.panel, options.keep, &scene)?;
+    let plan = table.plan(&[target])?;
+    let field = study::Field::of(&table, &plan);
+    let bound = table.field_bound(&plan);
+    let accuracy = options.panel.accuracy()?;
+    tell_missing(&[bound], accuracy);
+    tell_plan(&[&plan], accuracy, options.panel.explain);
+    if let Some(path) = &options.png {
+        reach::tell_written(path, study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?);
+    }
+    if let (Some(bound), false) = (bound.value(), options.json) {
+        eprintln!("error at most {bound:.0e} of the largest value");
+    }
+    let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
+    if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {
+        std::fs::write(path, field.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+    }
+    if options.json {
+        return print_json(&json!({
+            "plan": plan, "field": field, "error_bound": bound.value(), "tolerance": accuracy.value(),
+            "tolerance_met": is_met(&[bound], accuracy),
+        }));
+    }
+    if to_output || options.png.is_none() && options.csv.is_none() {
+        return print_text(field.csv().trim_end());
+    }
+    Ok(())
+}

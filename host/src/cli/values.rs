@@ -1,0 +1,63 @@
+//! Numbers, places and names of files as the command line takes them.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Times that make sense for an answer.
+const TIMES: std::ops::RangeInclusive<f64> = 1e-3..=3600.0;
+
+/// A time such as `50ms` or `2s`.
+pub fn parse_time(text: &str) -> Result<Duration, String> {
+    let wrong = || format!("{text:?} is not a time from 1ms to 3600s, such as 50ms or 2s");
+    let (number, unit_s) = match text.strip_suffix("ms") {
+        Some(number) => (number, 1e-3),
+        None => (text.strip_suffix('s').ok_or_else(wrong)?, 1.0),
+    };
+    let seconds = number.trim().parse::<f64>().map_err(|_| wrong())? * unit_s;
+    if TIMES.contains(&seconds) { Ok(Duration::from_secs_f64(seconds)) } else { Err(wrong()) }
+}
+
+/// A pair of numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    pub x: f64,
+    pub y: f64,
+}
+
+pub fn parse_point(text: &str) -> Result<Point, String> {
+    let number = |part: &str| {
+        part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{part:?} is not a number"))
+    };
+    let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form X,Y"))?;
+    Ok(Point { x: number(x)?, y: number(y)? })
+}
+
+/// A number that JSON can carry: anything else would arrive as "not given".
+pub fn parse_finite(text: &str) -> Result<f64, String> {
+    text.trim().parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{text:?} is not a finite number"))
+}
+
+/// Names of files are refused before anything is computed.
+pub fn parse_npy(text: &str) -> Result<PathBuf, String> {
+    named(text, "npy", "arrays are NumPy's, and the name has to end in .npy")
+}
+
+/// The extension says of what type a picture is.
+pub fn parse_png(text: &str) -> Result<PathBuf, String> {
+    named(text, "png", "pictures are PNG, and the name has to end in .png")
+}
+
+fn named(text: &str, extension: &str, otherwise: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let fits = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension));
+    if fits { Ok(path) } else { Err(otherwise.to_owned()) }
+}
+
+pub fn parse_counts(text: &str) -> Result<(usize, usize), String> {
+    let count = |part: &str| match part.trim().parse::<usize>() {
+        Ok(count @ 1..=10_000) => Ok(count),
+        _ => Err(format!("{part:?} is not a whole number from 1 to 10000")),
+    };
+    let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form NX,NY"))?;
+    Ok((count(x)?, count(y)?))
+}

@@ -1,0 +1,43 @@
+//! What is driven, and what a touch has led to.
+
+use super::view::{FieldView, PlanView, TouchView};
+use crate::planner::schedule::Stretch;
+use crate::planner::trade::Trade;
+use std::sync::Arc;
+
+/// The current plan and what goes with it.
+#[derive(Clone, Debug)]
+pub struct Active {
+    /// Counts plans from 1.
+    pub id: u64,
+    /// The plan as sent to clients.
+    pub plan: PlanView,
+    /// Its field.
+    pub field: FieldView,
+    /// The fingers it is for.
+    pub touches: Vec<TouchView>,
+    /// The effect that is played, if one is.
+    pub effect: Option<serde_json::Value>,
+}
+
+/// What open pages are told at once.
+#[derive(Clone, Debug)]
+pub enum Update {
+    /// There is a new plan.
+    Plan(Arc<Active>),
+    /// Everything was stopped.
+    Stopped,
+}
+
+/// What a touch has led to.
+#[derive(Clone, Debug)]
+pub struct Touched {
+    /// The plan, of several stretches that in which the first target begins.
+    pub active: Arc<Active>,
+    /// What the device achieves with what begins at once.
+    pub device: serde_json::Value,
+    /// All stretches, where there are time windows.
+    pub stretches: Option<Vec<Stretch>>,
+    /// What can be had, where it cannot be had in full and that was asked for.
+    pub trade: Option<Trade>,
+}

@@ -1,0 +1,73 @@
+//! Building the firmware's image, as it is for flashing.
+
+use crate::error::Error;
+use crate::process::{run, shown};
+use crate::root;
+use crate::target::{self, TARGET, Way};
+use serde::Deserialize;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+/// Name of the executable.
+const IMAGE: &str = "era-firmware";
+
+/// Builds the image and returns its path, and how the target was had.
+///
+/// # Errors
+/// What went wrong in getting the target or building.
+pub fn build(build_std: bool) -> Result<(PathBuf, Way), Error> {
+    let (mut cargo, way) = firmware_cargo("build", build_std)?;
+    cargo.args(["--message-format", "json-render-diagnostics"]).stdout(Stdio::piped());
+    let mut child = cargo.spawn().map_err(|source| Error::Start { command: shown(&cargo), source })?;
+    let mut image = None;
+    for line in child.stdout.take().map(BufReader::new).into_iter().flat_map(BufRead::lines).map_while(Result::ok) {
+        if let Ok(Message { executable: Some(path), target: Some(target) }) = serde_json::from_str(&line)
+            && target.name == IMAGE
+        {
+            image = Some(path);
+        }
+    }
+    let status = child.wait().map_err(|source| Error::Start { command: shown(&cargo), source })?;
+    if !status.success() {
+        return Err(Error::Failed { command: shown(&cargo), status });
+    }
+    Ok((image.ok_or(Error::NoImage(IMAGE))?, way))
+}
+
+/// Runs another cargo command over the firmware as it is built for flashing.
+///
+/// # Errors
+/// What went wrong in getting the target or running.
+pub fn cargo(subcommand: &str, arguments: &[&str]) -> Result<(), Error> {
+    let (mut cargo, _) = firmware_cargo(subcommand, false)?;
+    run(cargo.args(arguments))
+}
+
+fn firmware_cargo(subcommand: &str, build_std: bool) -> Result<(Command, Way), Error> {
+    let root = root()?;
+    let way = target::ensure(&root.join("target/rust-src"), build_std)?;
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo
+        // From its own folder, so that its own .cargo/config.toml applies.
+        .current_dir(root.join("firmware"))
+        .args([subcommand, "--release", "--locked", "--target", TARGET])
+        // Two builds of one image must not depend on where the host's own build goes.
+        .env_remove("CARGO_TARGET_DIR");
+    if way == Way::BuildStd {
+        cargo.arg("-Zbuild-std=core,alloc").env("RUSTC_BOOTSTRAP", "1");
+    }
+    Ok((cargo, way))
+}
+
+/// What is of interest in a line of cargo's output.
+#[derive(Deserialize)]
+struct Message {
+    executable: Option<PathBuf>,
+    target: Option<MessageTarget>,
+}
+
+#[derive(Deserialize)]
+struct MessageTarget {
+    name: String,
+}
