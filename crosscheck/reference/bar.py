@@ -32,6 +32,9 @@ class Bar:
         # Not finer: what rounding takes from slow motions goes with the fourth power of the number of cells.
         self.lines = hermite.graded_lines(fixed, length, min(length / 20, wave / 40) / fineness)
         parts = np.array([part_of(scene, x) for x in self._middles(self.lines)])
+        # Entries of a cell, 12 E I / h^3 over its mass mu h, are rounded; over n cells that adds up as its square root.
+        cells = 12 * parts[:, 0] / (parts[:, 1] * np.diff(self.lines) ** 4)
+        self.rounding = np.finfo(float).eps * cells.max() / np.sqrt(len(cells))
         nodes = len(self.lines)
         free = np.ones((nodes, 2), dtype=bool)
         for edge in scene.edges:

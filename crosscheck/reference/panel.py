@@ -98,7 +98,10 @@ class Panel:
         frequency[:count] = self.safety * np.abs(f[:count] - g[:count]) / np.maximum(f[:count], 1e-300)
         ratio[:count] = self.safety * np.abs(z[:count] - y[:count])
         # For a mode by itself two meshes may agree by chance: no estimate is below a third of the worst mode's.
-        return np.maximum(frequency, max(self.floor, frequency[:count].max(initial=0.0) / 3)), ratio + self.floor
+        frequency = np.maximum(frequency, max(self.floor, frequency[:count].max(initial=0.0) / 3))
+        # Two meshes are rounded differently: half of what that does to omega^2, and twice, as it is an estimate.
+        rounding = self.fine.surface.rounding / np.maximum((2 * np.pi * f) ** 2, 1e-300)
+        return frequency + rounding, ratio + self.floor
 
     def _modes(self, model, max_hz):
         omega, phi = model.modes()

@@ -63,6 +63,8 @@ class Plate:
 
     def __init__(self, scene, max_hz, fineness, shift):
         self.scene, self.max_hz, self.fineness, self.shift = scene, max_hz, fineness, shift
+        # What rounding takes is below the floor of every plate's own error.
+        self.rounding = 0.0
         a, b = scene.length, scene.width
         waves = min(shortest_wavelength(scene, min(hz, max_hz)) / cells for hz, cells in CELLS_PER_WAVE.items())
         size = min(max(a, b) / 12, min(a, b) / 8, waves) / fineness

@@ -132,6 +132,25 @@ pub enum Error {
     /// The report found differences.
     #[error("{0} of the report's steps are not as expected")]
     Report(usize),
+    /// A manifest is not what it should be.
+    #[error("{path} is no manifest")]
+    Manifest {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<toml::de::Error>,
+    },
+    /// A source is not Rust.
+    #[error("cannot parse {path}")]
+    Source {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: syn::Error,
+    },
+    /// Files import each other in circles.
+    #[error("{0} circles of imports between files that are not parent and child")]
+    Circles(usize),
     /// A message could not be put into a frame.
     #[error("cannot encode the request: {0:?}")]
     Encode(era_shared::link::EncodeError),

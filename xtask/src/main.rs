@@ -1,4 +1,5 @@
-//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `crosscheck`, `bench`.
+//! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `crosscheck`, `bench`,
+//! `house`.
 
 mod bench;
 mod budget;
@@ -10,6 +11,7 @@ mod error;
 mod firmware;
 mod fuzz;
 mod image;
+mod house;
 mod miri;
 mod process;
 mod setup;
@@ -48,6 +50,8 @@ enum Command {
     Waveforms(waveforms::Options),
     /// Compare what the program prints with an independent reference in Python, on random scenes
     Crosscheck(crosscheck::Options),
+    /// Print how each crate is divided, and fail if files import each other in circles
+    House(house::Options),
     /// Run the tests of the shared crate under Miri, which needs a nightly compiler with that component.
     Miri,
     /// Build the firmware, run it on the emulated board and say hello to it.
@@ -63,6 +67,7 @@ fn main() -> ExitCode {
         Command::Fuzz(options) => fuzz::command(&options),
         Command::Waveforms(options) => waveforms::command(&options),
         Command::Crosscheck(options) => crosscheck::command(&options),
+        Command::House(options) => house::command(options),
         Command::Miri => miri::command(),
         Command::Emulate(options) => emulate::command(&options),
     };
