@@ -14,10 +14,11 @@ from ..reference.surface import Surface
 SOFT, HARD, MEAN, CONTRAST = "plan: softened peak", "plan: target peak", "plan: mean elsewhere", "plan: contrast"
 FELT, FORCE, LIMITS, TRAVEL = "plan: above threshold", "plan: force of a voltage", "plan: limits", "plan: travel and breakdown"
 QUIET, QUIET_HARMONICS, HARMONICS = "plan: quiet zones", "plan: quiet zones' harmonics", "plan: harmonics"
+WAVEFORM, STRONGEST = "plan: waveform's peak", "plan: strongest harmonic"
 POWER, CURRENT, RISE, DECAY, SAME, HTTP = "plan: power", "plan: supply current", "plan: rise", "plan: decay", "plan: same again", "plan: HTTP and touch"
 
 stiffer = change(("surface", "material", "youngs_modulus_pa"), 1.03)
-QUANTITIES = (HARD, SOFT, MEAN, CONTRAST, FELT, FORCE, LIMITS, TRAVEL, QUIET, QUIET_HARMONICS, HARMONICS, POWER, CURRENT, RISE, DECAY, SAME, HTTP)
+QUANTITIES = (HARD, SOFT, MEAN, CONTRAST, FELT, FORCE, LIMITS, TRAVEL, QUIET, QUIET_HARMONICS, HARMONICS, WAVEFORM, STRONGEST, POWER, CURRENT, RISE, DECAY, SAME, HTTP)
 PLANTS = {
     HARD: stiffer,
     SOFT: change_all("actuator", "air_gap_um", 0.98),
@@ -30,6 +31,8 @@ PLANTS = {
     QUIET: stiffer,
     QUIET_HARMONICS: "answer",
     HARMONICS: stiffer,
+    WAVEFORM: "answer",
+    STRONGEST: "answer",
     POWER: change_all("actuator", "electrode_area_mm2", 1.02),
     CURRENT: "answer",
     RISE: "answer",
@@ -48,6 +51,9 @@ FLOOR = 2e-6
 
 # Peaks below this are rounding, the program's and the reference's: a ten-thousandth of what is felt at best (1e-3 g).
 NOTHING_G = 1e-7
+
+# The same of a harmonic's level above its threshold, in dB.
+NOTHING_DB = -110.0
 
 # Tolerances of what has no printed bound.
 # Of what softening changes, line by line (in the sum changes may cancel): harmonic balance against averages.
@@ -124,7 +130,7 @@ def run(context):
     placed = np.abs(np.array(plan["target_mm"]) * 1e-3 - target).max()
     if placed > 1e-9 * context.scene.length:
         return [Result(HARD, name, np.inf, 0, True, f"target at {plan['target_mm']}, not {target}")]
-    if any(context.planted(quantity) for quantity in (QUIET_HARMONICS, RISE, DECAY, CURRENT)):
+    if any(context.planted(quantity) for quantity in (QUIET_HARMONICS, RISE, DECAY, CURRENT, WAVEFORM, STRONGEST)):
         spoil(context, plan)
     results = figures(context, wish, plan, target)
     again = context.era.json("plan", *wish.arguments)
@@ -146,6 +152,13 @@ def spoil(context, plan):
     if context.planted(QUIET_HARMONICS):
         for zone in plan["quiet"]:
             zone["harmonics_g"] *= 0.9
+    details = plan.get("details")
+    if context.planted(WAVEFORM) and details:
+        # As if the harmonics had been left out.
+        details["waveform_peak_g"] -= details["harmonics_g"]
+    if context.planted(STRONGEST) and details and details["strongest_harmonic_db"] is not None:
+        # As if its part of the peak, not of the force's amplitude, were meant.
+        details["strongest_harmonic_db"] += 3.01
     for quantity, key in ((RISE, "reaches_90_ms"), (DECAY, "decays_to_10_ms")):
         if context.planted(quantity) and plan["details"][key] is not None:
             plan["details"][key] = plan["details"][key] * 1.3 + 3
@@ -197,12 +210,19 @@ def figures(context, wish, plan, target):
     levels = amplitudes / threshold_g(fine.frequencies)
     felt = 8.69 * bound * peak / threshold_g(fine.frequencies).min() / levels.sum()
     compare(FELT, fine.above_threshold_db(target), coarse.above_threshold_db(target), said["above_threshold_db"], felt + 8.69 * FLOOR, 1.0)
-    results += softened(context, fine, coarse, target, said, bound, compare, note)
+    found, soft = softened(context, fine, coarse, target, said, bound, compare, note)
+    results += found
     details = plan.get("details")
-    harmonics = fine.harmonics_g([target])[0]
+    harmonics, rough_harmonics = (motion.harmonics_g([target])[0] for motion in (fine, coarse))
     if details is not None and harmonics > 1e-6 * peak:
         allowed = (HARMONICS_TOLERANCE + bound) * harmonics
-        compare(HARMONICS, harmonics, coarse.harmonics_g([target])[0], details["harmonics_g"], allowed, harmonics)
+        compare(HARMONICS, harmonics, rough_harmonics, details["harmonics_g"], allowed, harmonics)
+        compare_lines(context, fine, coarse, target, details, bound, results, note)
+    if details is not None and soft is not None:
+        own, other, off = soft
+        whole = own + harmonics
+        off += (HARMONICS_TOLERANCE + bound) * harmonics
+        compare(WAVEFORM, whole, other + rough_harmonics, details["waveform_peak_g"], off, whole)
     results += zones(context, fine, coarse, plan, note)
     if details is not None and (context.index % TIMES_EVERY == 2 or context.plant in (RISE, DECAY)):
         results += times(context, drives, target, details, note)
@@ -227,10 +247,11 @@ def supply(context, motion, plan):
 
 
 def softened(context, fine, coarse, target, said, bound, compare, note):
-    """Peak at the target and travel of every mass with the forces of gaps as they move."""
+    """Peak at the target and travel of every mass with the forces of gaps as they move; and that peak of either mesh, with what it
+    may be off by."""
     solved, rough = fine.softened(), coarse.softened()
     if solved is None or rough is None:
-        return [Result(SOFT, context.name, np.inf, 0.0, True, f"{note}; no steady motion")]
+        return [Result(SOFT, context.name, np.inf, 0.0, True, f"{note}; no steady motion")], None
     own, other = (motion.softened_peak_g([target], forces)[0] for motion, (forces, _) in ((fine, solved), (coarse, rough)))
     hard = fine.peaks_g([target])[0]
     # Of narrow pulses the program counts what the third and the fifth harmonic's motion does, no more (docs/src/planner.md, "What a
@@ -246,7 +267,27 @@ def softened(context, fine, coarse, target, said, bound, compare, note):
         parts = (travel / (TRAVEL_PART * actuator.air_gap), volts / (BREAKDOWN_PART * breakdown_v(actuator.air_gap - travel)))
         if max(parts) > worst:
             worst, where = max(parts), f"{actuator.id} at {parts[0]:.3f} of its travel, {parts[1]:.3f} of its voltage"
-    return [Result(TRAVEL, context.name, worst, 1.0 + bound + 1e-3, True, f"{note}; {where}")]
+    return [Result(TRAVEL, context.name, worst, 1.0 + bound + 1e-3, True, f"{note}; {where}")], (own, other, allowed)
+
+
+def compare_lines(context, fine, coarse, target, details, bound, results, note):
+    """Level of the strongest odd harmonic up to 1 kHz above the threshold at its own frequency, in dB."""
+    levels = []
+    for motion in (fine, coarse):
+        hz, peaks = motion.harmonic_lines(target)
+        levels.append(20 * np.log10(max((peaks / threshold_g(hz)).max(), 1e-300)))
+    own, other = levels
+    printed = details["strongest_harmonic_db"]
+    if own < NOTHING_DB and (printed is None or printed < NOTHING_DB):
+        results.append(not_comparable(STRONGEST, context.name, "nothing but rounding"))
+        return
+    if abs(own - other) > 1.0 or bound > 0.1:
+        results.append(not_comparable(STRONGEST, context.name, f"own error {abs(own - other):.1e} dB, bound {bound:.1e}"))
+        return
+    # The harmonics' tolerance as a level, of one of them as of their sum: it is the strongest as it is felt, not as it moves.
+    allowed = 8.69 * (HARMONICS_TOLERANCE + bound) + 2 * abs(own - other) + 8.69 * FLOOR
+    difference = abs(own - printed) if printed is not None else np.inf
+    results.append(Result(STRONGEST, context.name, difference, allowed, True, f"{note}; {printed} for {own:.4g} dB"))
 
 
 def zones(context, fine, coarse, plan, note):

@@ -145,6 +145,22 @@ class Motion:
                 total += (np.abs(per_newton) * forces[:, None]).sum(axis=0)
         return total / STANDARD_GRAVITY_M_S2
 
+    def harmonic_lines(self, point):
+        """(frequencies in Hz, peaks in g) of the odd harmonics up to 1 kHz at a point. Drives of one frequency have their pulses in
+        step, so that their harmonics' phasors add: the n-th is turned by n times the drive's phase, and its sign is that of the
+        pulse train's n-th coefficient."""
+        lines = {}
+        for drive in self.drives:
+            orders = list(odd_harmonics(drive.frequency))
+            per_newton = Responses(self.model, np.array(orders) * drive.frequency).at([point])[:, drive.actuator, 0] if orders else []
+            for n, accelerance in zip(orders, per_newton):
+                pull = self.scene.actuators[drive.actuator].force(drive.voltage)
+                force = 4 / (n * np.pi) * pull * np.sin(n * np.pi * drive.pulse_width / 2) * np.exp(1j * n * drive.phase)
+                key = n * drive.frequency, n
+                lines[key] = lines.get(key, 0) + accelerance * force
+        hz = np.array([hz for hz, _ in lines])
+        return hz, np.abs(np.array(list(lines.values()))) / STANDARD_GRAVITY_M_S2
+
     def travel_m(self):
         """Most travel of every mass by the fundamentals of masses at rest: moduli of distinct frequencies added."""
         sums = np.zeros((len(self.frequencies), len(self.scene.actuators)), dtype=complex)
