@@ -104,6 +104,7 @@ def run(context):
     results.append(_timing(context, system, answer, where))
     half = motion.System(panel, BAND_HZ / 2, [point])
     answer["effect_has_brake"] = effect in ("click", "double_click")
+    answer["period_s"] = words[1] * 1e-3 if effect == "double_click" else None
     return results + _motion(context, system, half, drives, answer, where)
 
 
@@ -155,7 +156,7 @@ def _motion(context, system, half, drives, answer, where):
     results.append(_decay(context, "effect: decay", together, mean, predicted["quiet_ms"], ends, where))
     results.append(_peak_at(context, together, predicted["peak_at_ms"], error, where))
     printed = predicted["quiet_unbraked_ms"]
-    plain = [without_brake(d["segments"], d["times"], 1 / d["frequency_hz"]) for d in drives]
+    plain = [without_brake(d["segments"], d["times"], 1 / d["frequency_hz"], answer["period_s"]) for d in drives]
     if None in plain or not answer["effect_has_brake"]:
         if printed is not None:
             results.append(Result("effect: decay without brake", name, np.inf, 0.0, note=f"{printed} ms, {where}"))
@@ -174,16 +175,15 @@ def _motion(context, system, half, drives, answer, where):
     return results
 
 
-def without_brake(segments, times, period_s):
-    """A click's segments without its brake: of whole cycles the first, its push, and where clicks are repeated the pause up to the
-    next, which begins as late as before, to whole ms. None if these are no click's."""
-    push, last = segments[0], segments[-1]
+def without_brake(segments, times, period_s, every_s):
+    """A click's segments without its brake: of whole cycles the first, its push, and where clicks are repeated every so often the pause
+    up to the next, to whole ms. None if these are no click's."""
+    push = segments[0]
     if "cycles" not in push or push["level"] != 1.0:
         return None
     if times == 1:
         return [push]
-    every = length(segments, 1, period_s)
-    return [push, {"level": 0.0, "duration_ms": max(1.0, np.round((every - push["cycles"] * period_s) * 1e3))}]
+    return [push, {"level": 0.0, "duration_ms": max(1.0, np.round((every_s - push["cycles"] * period_s) * 1e3))}]
 
 
 def _peak_at(context, together, printed_ms, error, where):

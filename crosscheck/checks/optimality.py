@@ -29,6 +29,7 @@ from ..reference.planner import (
     least_cost,
     odd_harmonics,
 )
+from .plan import named
 
 CONTRAST, REACH, UTMOST, POWER = "optimality: contrast", "optimality: reach", "optimality: out of reach", "optimality: power"
 ZONE_COST, ZONE_REACH, SHARED, EVERYWHERE = "optimality: quiet zone", "optimality: quiet zone's reach", "optimality: one frequency", "optimality: least peak"
@@ -293,10 +294,12 @@ def spared(context, search, at, wanted_g):
         if quantity == ZONE_COST:
             value = 1 - _least_cost_in_zone(worth, search.quiet_cost[choice, actuators], force, rows, peak, most) / cost
         else:
-            value = 1 - peak_there / max(_most_in_zone(worth, force, rows, most), 1e-300)
+            # More than the wish is not asked for.
+            had = min(_most_in_zone(worth, force, rows, most), wanted_g * STANDARD_GRAVITY_M_S2)
+            value = 1 - peak_there / max(had, 1e-300)
         if value > best:
             best, found = value, f"{grid.grid_hz[choice]} Hz for {motion.frequencies}"
-    return [Result(quantity, name, best, allowed, True, f"{note}; {found}")]
+    return [Result(quantity, name, best, allowed, True, f"{note}; {found}"), *named(context, plan, note)]
 
 
 def _most_in_zone(worth, most_force, rows, limit):

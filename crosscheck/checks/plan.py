@@ -14,11 +14,11 @@ from ..reference.surface import Surface
 SOFT, HARD, MEAN, CONTRAST = "plan: softened peak", "plan: target peak", "plan: mean elsewhere", "plan: contrast"
 FELT, FORCE, LIMITS, TRAVEL = "plan: above threshold", "plan: force of a voltage", "plan: limits", "plan: travel and breakdown"
 QUIET, QUIET_HARMONICS, HARMONICS = "plan: quiet zones", "plan: quiet zones' harmonics", "plan: harmonics"
-WAVEFORM, STRONGEST = "plan: waveform's peak", "plan: strongest harmonic"
+WAVEFORM, STRONGEST, NAMED = "plan: waveform's peak", "plan: strongest harmonic", "plan: quiet zones named"
 POWER, CURRENT, RISE, DECAY, SAME, HTTP = "plan: power", "plan: supply current", "plan: rise", "plan: decay", "plan: same again", "plan: HTTP and touch"
 
 stiffer = change(("surface", "material", "youngs_modulus_pa"), 1.03)
-QUANTITIES = (HARD, SOFT, MEAN, CONTRAST, FELT, FORCE, LIMITS, TRAVEL, QUIET, QUIET_HARMONICS, HARMONICS, WAVEFORM, STRONGEST, POWER, CURRENT, RISE, DECAY, SAME, HTTP)
+QUANTITIES = (HARD, SOFT, MEAN, CONTRAST, FELT, FORCE, LIMITS, TRAVEL, QUIET, QUIET_HARMONICS, HARMONICS, WAVEFORM, STRONGEST, NAMED, POWER, CURRENT, RISE, DECAY, SAME, HTTP)
 PLANTS = {
     HARD: stiffer,
     SOFT: change_all("actuator", "air_gap_um", 0.98),
@@ -33,6 +33,7 @@ PLANTS = {
     HARMONICS: stiffer,
     WAVEFORM: "answer",
     STRONGEST: "answer",
+    NAMED: "answer",
     POWER: change_all("actuator", "electrode_area_mm2", 1.02),
     CURRENT: "answer",
     RISE: "answer",
@@ -70,6 +71,8 @@ HARMONICS_TOLERANCE = 0.02
 SUPPLY_LEFT = 2e-3
 # A crest of a quiet zone may lie between the points that the program looks at (docs/src/planner.md, "Quiet zones").
 ZONE_TOLERANCE = 0.02
+# A zone is at its limit to the steps in which forces are scaled down.
+FULL = 2e-3
 # Thresholds of rise and decay are met up to this part of the peak; then times to this part, and to so many seconds.
 LEVEL, TIME_RELATIVE, TIME_S = 0.01, 0.02, 5e-4
 
@@ -130,7 +133,7 @@ def run(context):
     placed = np.abs(np.array(plan["target_mm"]) * 1e-3 - target).max()
     if placed > 1e-9 * context.scene.length:
         return [Result(HARD, name, np.inf, 0, True, f"target at {plan['target_mm']}, not {target}")]
-    if any(context.planted(quantity) for quantity in (QUIET_HARMONICS, RISE, DECAY, CURRENT, WAVEFORM, STRONGEST)):
+    if any(context.planted(quantity) for quantity in (QUIET_HARMONICS, RISE, DECAY, CURRENT, WAVEFORM, STRONGEST, NAMED)):
         spoil(context, plan)
     results = figures(context, wish, plan, target)
     again = context.era.json("plan", *wish.arguments)
@@ -149,6 +152,8 @@ def spoil(context, plan):
     if context.planted(CURRENT):
         # Another limit's plan, said to be the supply's.
         plan["limited_by"] = "supply"
+    if context.planted(NAMED) and plan["limited_by"] is not None:
+        plan["limited_by"] = "voltage of era0"
     if context.planted(QUIET_HARMONICS):
         for zone in plan["quiet"]:
             zone["harmonics_g"] *= 0.9
@@ -223,7 +228,7 @@ def figures(context, wish, plan, target):
         whole = own + harmonics
         off += (HARMONICS_TOLERANCE + bound) * harmonics
         compare(WAVEFORM, whole, other + rough_harmonics, details["waveform_peak_g"], off, whole)
-    results += zones(context, fine, coarse, plan, note)
+    results += zones(context, fine, coarse, plan, note) + named(context, plan, note)
     if details is not None and (context.index % TIMES_EVERY == 2 or context.plant in (RISE, DECAY)):
         results += times(context, drives, target, details, note)
     return results
@@ -322,6 +327,15 @@ def zones(context, fine, coarse, plan, note):
             missing = max(0.0, harmonics - zone["harmonics_g"])
             results.append(Result(QUIET_HARMONICS, context.name, missing / harmonics, 2 * ZONE_TOLERANCE, True, note))
     return results
+
+
+def named(context, plan, note):
+    """Where a wish is not met and a quiet zone is as strong as it may be, it is named among what limits (docs/src/planner-multi.md, "What
+    is promised")."""
+    full = [zone for zone in plan["quiet"] if zone["peak_g"] > zone["at_most_g"] * (1 - FULL)]
+    if plan["limited_by"] is None or not full or all(target["peak_g"] <= NOTHING_G for target in plan["targets"]):
+        return []
+    return [Result(NAMED, context.name, float("quiet zone" not in plan["limited_by"]), 0.0, True, f"{note}; {plan['limited_by']}")]
 
 
 def times(context, drives, target, details, note):

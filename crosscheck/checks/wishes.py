@@ -15,10 +15,12 @@ from ..reference.surface import Surface
 
 ALONE, CURVE, ZONES, BEST = "trade: alone", "trade: targets", "trade: quiet zones", "trade: none better than the plan"
 SPANS, PEAKS, OWN = "windows: stretches", "windows: peaks", "windows: plan of its own"
-WIDTHS, CONTRASTS, REACHES = "explain: pulse widths", "explain: candidates", "explain: candidates' reach"
-QUANTITIES = (ALONE, CURVE, ZONES, BEST, SPANS, PEAKS, OWN, WIDTHS, CONTRASTS, REACHES)
+WIDTHS, CONTRASTS, REACHES, OTHERS = "explain: pulse widths", "explain: candidates", "explain: candidates' reach", "explain: alternatives"
+QUANTITIES = (ALONE, CURVE, ZONES, BEST, SPANS, PEAKS, OWN, WIDTHS, CONTRASTS, REACHES, OTHERS)
 PLANTS = dict.fromkeys(QUANTITIES, "answer")
 EVERY, FIRST = 10, 6
+# How often explanations that take longer are asked for.
+ONE_MORE_EVERY = 30
 MAX_HZ = 400.0
 # Every point of a trade is a plan that has been made; a plan's last scaling, where moving masses ask for one, is right to a thousandth, and
 # so is what counts as had.
@@ -31,6 +33,12 @@ PROVEN = 1e-9
 LEVEL_DB, WIDTH_DB = 0.1, 0.2
 # Relative, of what an actuator reaches alone: what is had for sure, and what nothing exceeds.
 REACH = 0.01
+
+# Of the alternatives those that are soon made: the options that ask for them.
+ALTERNATIVES = {
+    "objective power": ("--objective", "power"),
+    "one shared frequency, with phases": ("--grouping", "shared"),
+}
 
 
 def run(context):
@@ -45,8 +53,10 @@ def run(context):
     results += targets(context, places, strong)
     results += zones(context, rng, places, strong)
     results += windows(context, rng, places, 0.3 * strong)
-    # With a channel left one more actuator is tried at nine places, each a table of its own.
-    if len(scene.actuators) == 4 or context.plant in (WIDTHS, CONTRASTS, REACHES):
+    # With a channel left one more actuator is tried at three or nine places, each a table of its own; and the least peak over a plate with
+    # three or four takes a minute.
+    due = context.index % ONE_MORE_EVERY == FIRST and len(scene.actuators) <= 2 or scene.is_bar and len(scene.actuators) == 4
+    if due or context.plant in (WIDTHS, CONTRASTS, REACHES, OTHERS):
         results += explained(context, places[0], 0.05 * strong)
     return results
 
@@ -181,10 +191,9 @@ def zones(context, rng, places, strong):
     if context.planted(ZONES):
         given[1]["peaks_g"][0] *= 1.05
         given[1]["part"] *= 1.05
-    worst, expected, before = 0.0, limit, 0.0
+    worst, expected = 0.0, limit
     for point in given:
-        worst = max(worst, abs(point["part"] - min(1.0, point["peaks_g"][0] / wish)), before - point["part"] - HAD)
-        before = point["part"]
+        worst = max(worst, abs(point["part"] - min(1.0, point["peaks_g"][0] / wish)))
         if point is given[-1]:
             worst = max(worst, float(point["at_most_g"] is not None))
         else:
@@ -277,7 +286,36 @@ def explained(context, place, peak_g):
             own = said["harmonics_db"] = 0.0
         off = np.inf if own is None or said["harmonics_db"] is None else max(off, abs(own - said["harmonics_db"]))
         results.append(Result(WIDTHS, name, off, WIDTH_DB, True, f"width {width:.3g}: {said['harmonics_db']} for {own} dB"))
-    return results + candidates(context, place, explanation)
+    results += candidates(context, place, explanation)
+    for change, words in ALTERNATIVES.items():
+        told = [other for other in explanation["alternatives"] if other["change"] == change]
+        if told:
+            results.append(alternative(context, place, peak_g, told[0], words))
+    return results
+
+
+def alternative(context, place, peak_g, told, words):
+    """An alternative against the plan that is made when it is asked for: its peak and contrast recomputed, its power 2 C V^2 f."""
+    name = context.name
+    plan = context.era.json("plan", *at(place), "--intensity-g", repr(peak_g), *words)
+    panel, surface = context.panel(MAX_HZ), Surface(context.scene)
+    drives = drives_of(context.scene, plan["drives"])
+    own, rough = (Motion(model, drives, surface) for model in (panel.fine, panel.coarse))
+    if not own.drives or plan["error_bound"] is None or plan["error_bound"] > USEFUL:
+        return not_comparable(OTHERS, name, f"bound {plan['error_bound']}")
+    if context.planted(OTHERS):
+        told["power_mw"] *= 1.05
+    (mean, contrast), (_, other) = own.means([place]), rough.means([place])
+    peak, bound = own.peaks_g([place])[0], plan["error_bound"]
+    # In units of what each may be off by: the bound, the tolerance of `plan: contrast` with the bound's levels, and a millionth.
+    levels = LEVEL_DB + 8.69 * bound * (1 + peak / max(mean, 1e-300)) + 2 * abs(contrast - other)
+    parts = (
+        abs(told["target_peak_g"] / peak - 1) / (bound + 2 * abs(rough.peaks_g([place])[0] / peak - 1) + 2e-6),
+        abs(told["contrast_db"] - contrast) / levels,
+        abs(told["power_mw"] / (own.power_w() * 1e3) - 1) / 1e-6,
+    )
+    note = f"{told} for {peak:.5g} g, {contrast:.4g} dB, {own.power_w() * 1e3:.6g} mW"
+    return Result(OTHERS, name, max(parts), 1.0, True, note)
 
 
 def candidates(context, place, explanation):
