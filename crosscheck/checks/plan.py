@@ -14,10 +14,11 @@ from ..reference.surface import Surface
 SOFT, HARD, MEAN, CONTRAST = "plan: softened peak", "plan: target peak", "plan: mean elsewhere", "plan: contrast"
 FELT, FORCE, LIMITS, TRAVEL = "plan: above threshold", "plan: force of a voltage", "plan: limits", "plan: travel and breakdown"
 QUIET, QUIET_HARMONICS, HARMONICS = "plan: quiet zones", "plan: quiet zones' harmonics", "plan: harmonics"
+WAVEFORM, STRONGEST, NAMED = "plan: waveform's peak", "plan: strongest harmonic", "plan: quiet zones named"
 POWER, CURRENT, RISE, DECAY, SAME, HTTP = "plan: power", "plan: supply current", "plan: rise", "plan: decay", "plan: same again", "plan: HTTP and touch"
 
 stiffer = change(("surface", "material", "youngs_modulus_pa"), 1.03)
-QUANTITIES = (HARD, SOFT, MEAN, CONTRAST, FELT, FORCE, LIMITS, TRAVEL, QUIET, QUIET_HARMONICS, HARMONICS, POWER, CURRENT, RISE, DECAY, SAME, HTTP)
+QUANTITIES = (HARD, SOFT, MEAN, CONTRAST, FELT, FORCE, LIMITS, TRAVEL, QUIET, QUIET_HARMONICS, HARMONICS, WAVEFORM, STRONGEST, NAMED, POWER, CURRENT, RISE, DECAY, SAME, HTTP)
 PLANTS = {
     HARD: stiffer,
     SOFT: change_all("actuator", "air_gap_um", 0.98),
@@ -30,6 +31,9 @@ PLANTS = {
     QUIET: stiffer,
     QUIET_HARMONICS: "answer",
     HARMONICS: stiffer,
+    WAVEFORM: "answer",
+    STRONGEST: "answer",
+    NAMED: "answer",
     POWER: change_all("actuator", "electrode_area_mm2", 1.02),
     CURRENT: "answer",
     RISE: "answer",
@@ -49,6 +53,9 @@ FLOOR = 2e-6
 # Peaks below this are rounding, the program's and the reference's: a ten-thousandth of what is felt at best (1e-3 g).
 NOTHING_G = 1e-7
 
+# The same of a harmonic's level above its threshold, in dB.
+NOTHING_DB = -110.0
+
 # Tolerances of what has no printed bound.
 # Of what softening changes, line by line (in the sum changes may cancel): harmonic balance against averages.
 SOFTENING = 0.05
@@ -64,6 +71,8 @@ HARMONICS_TOLERANCE = 0.02
 SUPPLY_LEFT = 2e-3
 # A crest of a quiet zone may lie between the points that the program looks at (docs/src/planner.md, "Quiet zones").
 ZONE_TOLERANCE = 0.02
+# A zone is at its limit to the steps in which forces are scaled down.
+FULL = 2e-3
 # Thresholds of rise and decay are met up to this part of the peak; then times to this part, and to so many seconds.
 LEVEL, TIME_RELATIVE, TIME_S = 0.01, 0.02, 5e-4
 
@@ -124,7 +133,7 @@ def run(context):
     placed = np.abs(np.array(plan["target_mm"]) * 1e-3 - target).max()
     if placed > 1e-9 * context.scene.length:
         return [Result(HARD, name, np.inf, 0, True, f"target at {plan['target_mm']}, not {target}")]
-    if any(context.planted(quantity) for quantity in (QUIET_HARMONICS, RISE, DECAY, CURRENT)):
+    if any(context.planted(quantity) for quantity in (QUIET_HARMONICS, RISE, DECAY, CURRENT, WAVEFORM, STRONGEST, NAMED)):
         spoil(context, plan)
     results = figures(context, wish, plan, target)
     again = context.era.json("plan", *wish.arguments)
@@ -143,9 +152,18 @@ def spoil(context, plan):
     if context.planted(CURRENT):
         # Another limit's plan, said to be the supply's.
         plan["limited_by"] = "supply"
+    if context.planted(NAMED) and plan["limited_by"] is not None:
+        plan["limited_by"] = "voltage of era0"
     if context.planted(QUIET_HARMONICS):
         for zone in plan["quiet"]:
             zone["harmonics_g"] *= 0.9
+    details = plan.get("details")
+    if context.planted(WAVEFORM) and details:
+        # As if the harmonics had been left out.
+        details["waveform_peak_g"] -= details["harmonics_g"]
+    if context.planted(STRONGEST) and details and details["strongest_harmonic_db"] is not None:
+        # As if its part of the peak, not of the force's amplitude, were meant.
+        details["strongest_harmonic_db"] += 3.01
     for quantity, key in ((RISE, "reaches_90_ms"), (DECAY, "decays_to_10_ms")):
         if context.planted(quantity) and plan["details"][key] is not None:
             plan["details"][key] = plan["details"][key] * 1.3 + 3
@@ -197,13 +215,20 @@ def figures(context, wish, plan, target):
     levels = amplitudes / threshold_g(fine.frequencies)
     felt = 8.69 * bound * peak / threshold_g(fine.frequencies).min() / levels.sum()
     compare(FELT, fine.above_threshold_db(target), coarse.above_threshold_db(target), said["above_threshold_db"], felt + 8.69 * FLOOR, 1.0)
-    results += softened(context, fine, coarse, target, said, bound, compare, note)
+    found, soft = softened(context, fine, coarse, target, said, bound, compare, note)
+    results += found
     details = plan.get("details")
-    harmonics = fine.harmonics_g([target])[0]
+    harmonics, rough_harmonics = (motion.harmonics_g([target])[0] for motion in (fine, coarse))
     if details is not None and harmonics > 1e-6 * peak:
         allowed = (HARMONICS_TOLERANCE + bound) * harmonics
-        compare(HARMONICS, harmonics, coarse.harmonics_g([target])[0], details["harmonics_g"], allowed, harmonics)
-    results += zones(context, fine, coarse, plan, note)
+        compare(HARMONICS, harmonics, rough_harmonics, details["harmonics_g"], allowed, harmonics)
+        compare_lines(context, fine, coarse, target, details, bound, results, note)
+    if details is not None and soft is not None:
+        own, other, off = soft
+        whole = own + harmonics
+        off += (HARMONICS_TOLERANCE + bound) * harmonics
+        compare(WAVEFORM, whole, other + rough_harmonics, details["waveform_peak_g"], off, whole)
+    results += zones(context, fine, coarse, plan, note) + named(context, plan, note)
     if details is not None and (context.index % TIMES_EVERY == 2 or context.plant in (RISE, DECAY)):
         results += times(context, drives, target, details, note)
     return results
@@ -227,10 +252,11 @@ def supply(context, motion, plan):
 
 
 def softened(context, fine, coarse, target, said, bound, compare, note):
-    """Peak at the target and travel of every mass with the forces of gaps as they move."""
+    """Peak at the target and travel of every mass with the forces of gaps as they move; and that peak of either mesh, with what it
+    may be off by."""
     solved, rough = fine.softened(), coarse.softened()
     if solved is None or rough is None:
-        return [Result(SOFT, context.name, np.inf, 0.0, True, f"{note}; no steady motion")]
+        return [Result(SOFT, context.name, np.inf, 0.0, True, f"{note}; no steady motion")], None
     own, other = (motion.softened_peak_g([target], forces)[0] for motion, (forces, _) in ((fine, solved), (coarse, rough)))
     hard = fine.peaks_g([target])[0]
     # Of narrow pulses the program counts what the third and the fifth harmonic's motion does, no more (docs/src/planner.md, "What a
@@ -246,7 +272,27 @@ def softened(context, fine, coarse, target, said, bound, compare, note):
         parts = (travel / (TRAVEL_PART * actuator.air_gap), volts / (BREAKDOWN_PART * breakdown_v(actuator.air_gap - travel)))
         if max(parts) > worst:
             worst, where = max(parts), f"{actuator.id} at {parts[0]:.3f} of its travel, {parts[1]:.3f} of its voltage"
-    return [Result(TRAVEL, context.name, worst, 1.0 + bound + 1e-3, True, f"{note}; {where}")]
+    return [Result(TRAVEL, context.name, worst, 1.0 + bound + 1e-3, True, f"{note}; {where}")], (own, other, allowed)
+
+
+def compare_lines(context, fine, coarse, target, details, bound, results, note):
+    """Level of the strongest odd harmonic up to 1 kHz above the threshold at its own frequency, in dB."""
+    levels = []
+    for motion in (fine, coarse):
+        hz, peaks = motion.harmonic_lines(target)
+        levels.append(20 * np.log10(max((peaks / threshold_g(hz)).max(), 1e-300)))
+    own, other = levels
+    printed = details["strongest_harmonic_db"]
+    if own < NOTHING_DB and (printed is None or printed < NOTHING_DB):
+        results.append(not_comparable(STRONGEST, context.name, "nothing but rounding"))
+        return
+    if abs(own - other) > 1.0 or bound > 0.1:
+        results.append(not_comparable(STRONGEST, context.name, f"own error {abs(own - other):.1e} dB, bound {bound:.1e}"))
+        return
+    # The harmonics' tolerance as a level, of one of them as of their sum: it is the strongest as it is felt, not as it moves.
+    allowed = 8.69 * (HARMONICS_TOLERANCE + bound) + 2 * abs(own - other) + 8.69 * FLOOR
+    difference = abs(own - printed) if printed is not None else np.inf
+    results.append(Result(STRONGEST, context.name, difference, allowed, True, f"{note}; {printed} for {own:.4g} dB"))
 
 
 def zones(context, fine, coarse, plan, note):
@@ -281,6 +327,15 @@ def zones(context, fine, coarse, plan, note):
             missing = max(0.0, harmonics - zone["harmonics_g"])
             results.append(Result(QUIET_HARMONICS, context.name, missing / harmonics, 2 * ZONE_TOLERANCE, True, note))
     return results
+
+
+def named(context, plan, note):
+    """Where a wish is not met and a quiet zone is as strong as it may be, it is named among what limits (docs/src/planner-multi.md, "What
+    is promised")."""
+    full = [zone for zone in plan["quiet"] if zone["peak_g"] > zone["at_most_g"] * (1 - FULL)]
+    if plan["limited_by"] is None or not full or all(target["peak_g"] <= NOTHING_G for target in plan["targets"]):
+        return []
+    return [Result(NAMED, context.name, float("quiet zone" not in plan["limited_by"]), 0.0, True, f"{note}; {plan['limited_by']}")]
 
 
 def times(context, drives, target, details, note):

@@ -5,12 +5,13 @@ import numpy as np
 from ..harness import Result, change_all, either, move_actuator, not_comparable
 
 COARSE = "sweep, reference coarser"
-QUANTITIES = ("sweep", COARSE, "sweep: surface and cut-outs", "sweep: extremes")
+QUANTITIES = ("sweep", COARSE, "sweep: surface and cut-outs", "sweep: extremes", "sweep: axes")
 PLANTS = {
     "sweep": either(change_all("actuator", "damping_n_s_per_m", 1.2), move_actuator(1.0)),
     COARSE: move_actuator(1.0),
     "sweep: surface and cut-outs": "answer",
     "sweep: extremes": "answer",
+    "sweep: axes": "answer",
 }
 MAX_HZ = 400.0
 # Beyond this, relative to a point's largest magnitude, the reference says too little.
@@ -44,13 +45,14 @@ def run(context):
 
     y_m = [scene.width / 2] if scene.is_bar else scene.width * np.arange(ny) / (ny - 1)
     x_m = scene.length * np.arange(nx) / (nx - 1)
+    results = [_axes(context, path, {"frequency_hz": hz, "y_m": y_m, "x_m": x_m})]
     points = [(x, y) for y in y_m for x in x_m]
     there = np.array([scene.has_surface(*point) for point in points])
     flat = got.reshape(len(hz), len(scene.actuators), -1)
     # Where there is no surface the file has zeros or nothing.
     missing, given = np.isnan(flat).any(axis=(0, 1)), (np.nan_to_num(flat) != 0).any(axis=(0, 1))
     wrong = int((missing & there).sum() + (given & ~there).sum())
-    results = [Result("sweep: surface and cut-outs", name, wrong, 0, True, "points given or missing wrongly")]
+    results.append(Result("sweep: surface and cut-outs", name, wrong, 0, True, "points given or missing wrongly"))
     kept = np.flatnonzero(there & ~missing)
     panel = context.panel(MAX_HZ)
     places = [points[k] for k in kept]
@@ -89,3 +91,17 @@ def _extremes(said, flat, name):
             worst = max(worst, abs(printed["acceleration_m_per_s2_per_n"] - value) / max(np.nanmax(magnitude), 1e-300))
     return Result("sweep: extremes", name, worst, 2 * SINGLE)
 
+
+def _axes(context, path, wanted):
+    """The files of the axes beside the file, `sweep.x_m.npy` and so on: what the answer's dimensions stand for."""
+    worst, note = 0.0, ""
+    for name, values in wanted.items():
+        got = np.load(path.with_name(f"{path.stem}.{name}.npy"))
+        if context.planted("sweep: axes") and name == "x_m":
+            got = got[::-1]
+        values = np.asarray(values, dtype=float)
+        off = np.abs(got - values).max() / np.abs(values).max() if got.shape == values.shape else np.inf
+        if off >= worst:
+            worst, note = off, name
+    # Doubles: rounding of two ways to space them evenly.
+    return Result("sweep: axes", context.name, worst, 1e-12, True, note)

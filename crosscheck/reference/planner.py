@@ -145,6 +145,22 @@ class Motion:
                 total += (np.abs(per_newton) * forces[:, None]).sum(axis=0)
         return total / STANDARD_GRAVITY_M_S2
 
+    def harmonic_lines(self, point):
+        """(frequencies in Hz, peaks in g) of the odd harmonics up to 1 kHz at a point. Drives of one frequency have their pulses in
+        step, so that their harmonics' phasors add: the n-th is turned by n times the drive's phase, and its sign is that of the
+        pulse train's n-th coefficient."""
+        lines = {}
+        for drive in self.drives:
+            orders = list(odd_harmonics(drive.frequency))
+            per_newton = Responses(self.model, np.array(orders) * drive.frequency).at([point])[:, drive.actuator, 0] if orders else []
+            for n, accelerance in zip(orders, per_newton):
+                pull = self.scene.actuators[drive.actuator].force(drive.voltage)
+                force = 4 / (n * np.pi) * pull * np.sin(n * np.pi * drive.pulse_width / 2) * np.exp(1j * n * drive.phase)
+                key = n * drive.frequency, n
+                lines[key] = lines.get(key, 0) + accelerance * force
+        hz = np.array([hz for hz, _ in lines])
+        return hz, np.abs(np.array(list(lines.values()))) / STANDARD_GRAVITY_M_S2
+
     def travel_m(self):
         """Most travel of every mass by the fundamentals of masses at rest: moduli of distinct frequencies added."""
         sums = np.zeros((len(self.frequencies), len(self.scene.actuators)), dtype=complex)
@@ -375,3 +391,50 @@ def least_cost(worth, cost, most, wanted):
         total = (cost * force**2).sum(axis=-1)
         reached = (worth * force).sum(axis=-1) >= wanted * (1 - 1e-9)
     return np.where(reached & np.isfinite(total), total, np.inf)
+
+
+def best_everywhere(grid, coarse, finer, rng, drawn, counted=20):
+    """A large least peak in g over a lattice of places, of settings that surely keep every limit, and its frequencies.
+
+    What is sure is sure for all actuators at once, so that each is at its most. One and two actuators: all frequencies that may be
+    driven together; more: `drawn` random ones, and from the best of them one actuator after the other moved to where it serves best.
+    Looked for at the places `coarse`; of the `counted` best the least over `finer` is told.
+    """
+    strong = grid.sure_force().max(axis=2) / STANDARD_GRAVITY_M_S2
+    worth = np.abs(grid.responses.at(coarse)) * strong[:, :, None]
+    every, count = np.arange(len(grid.grid_hz)), worth.shape[1]
+    least = lambda choice: sum(worth[choice[:, i], i] for i in range(count)).min(axis=1)
+    if count <= 2:
+        choices = np.stack(np.meshgrid(*[every] * count, indexing="ij"), -1).reshape(-1, count)
+    else:
+        choices = rng.integers(0, len(every), (drawn, count))
+    choices = _together(grid, choices)
+    if len(choices) == 0:
+        return 0.0, None
+    values = np.concatenate([least(part) for part in np.array_split(choices, 1 + len(choices) * len(coarse) // 2_000_000)])
+    if count > 2:
+        for start in choices[np.argsort(values)[-3:]]:
+            for i in list(range(count)) * 2:
+                moved = np.repeat(start[None], len(every), axis=0)
+                moved[:, i] = every
+                moved = np.concatenate([start[None], _together(grid, moved)])
+                own = least(moved)
+                start = moved[int(own.argmax())]
+                choices, values = np.vstack([choices, start]), np.append(values, own.max())
+    rows = grid.responses.model.output_rows(np.asarray(finer))
+    best, chosen = 0.0, None
+    for choice in choices[np.argsort(values)[-counted:]]:
+        fields = (np.abs(rows @ grid.responses.accelerations[k, :, i]) * strong[k, i] for i, k in enumerate(choice))
+        value = sum(fields).min()
+        if value > best:
+            best, chosen = value, grid.grid_hz[choice]
+    return best, chosen
+
+
+def _together(grid, choices):
+    """Those whose frequencies may be driven together."""
+    hz = grid.grid_hz
+    for i in range(choices.shape[1]):
+        for j in range(i):
+            choices = choices[apart(hz[choices[:, i]], hz[choices[:, j]])]
+    return choices

@@ -25,10 +25,11 @@ impl PlanTable {
                 // An unbounded one is a resonance without damping, which an edge of finite length does not meet.
                 let Ok(mut coordinates) = solver.coordinates(hz) else { continue };
                 if i < coordinates.len() {
-                    let part = harmonic_part(n, settled.applied[i].pulse_width).abs();
+                    // Windows lie at the drive's phase, so that its harmonic's is n times as large (acceleration is -w^2 q).
+                    let part = harmonic_part(n, settled.applied[i].pulse_width);
                     let omega = TAU * hz;
-                    found
-                        .push((hz, coordinates.swap_remove(i) * Complex64::from(omega * omega * part * drive.force_n)));
+                    let force = Complex64::from_polar(omega * omega * drive.force_n, n * drive.phase_rad) * -part;
+                    found.push((hz, coordinates.swap_remove(i) * force));
                 }
             }
         }
@@ -37,8 +38,22 @@ impl PlanTable {
 }
 
 impl Harmonics {
-    /// Frequencies in Hz and peaks in m/s^2 at the point with mode shapes `shape`: their sum is how much higher than the
-    /// fundamentals' the whole waveform can be.
+    /// Frequencies in Hz and peaks in m/s^2 at the point with mode shapes `shape`, those of drives at one frequency together: their
+    /// phasors add.
+    pub(super) fn together(&self, shape: &DVector<f64>) -> Vec<(f64, f64)> {
+        let mut sums: Vec<(f64, Complex64)> = Vec::new();
+        for (hz, acceleration) in &self.0 {
+            let phasor = at_point(shape, acceleration);
+            match sums.iter_mut().find(|(known, _)| known == hz) {
+                Some((_, sum)) => *sum += phasor,
+                None => sums.push((*hz, phasor)),
+            }
+        }
+        sums.into_iter().map(|(hz, sum)| (hz, sum.norm())).collect()
+    }
+
+    /// Frequencies in Hz and peaks in m/s^2 at the point with mode shapes `shape`, drive by drive: their sum is how much higher
+    /// than the fundamentals' the whole waveform can be at most.
     pub(super) fn peaks(&self, shape: &DVector<f64>) -> impl Iterator<Item = (f64, f64)> {
         self.0.iter().map(|(hz, acceleration)| (*hz, at_point(shape, acceleration).norm()))
     }

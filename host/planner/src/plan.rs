@@ -22,6 +22,8 @@ const QUIET_ROUNDS: [usize; 2] = [3, 10];
 const NO_GAP: f64 = 1e-9;
 /// Gaps above this say no more than that nothing is known: where next to nothing of the forces is safe.
 const MOST_GAP: f64 = 1e6;
+/// As `limited_by` names quiet zones.
+const QUIET_ZONE: &str = "quiet zone";
 /// Part of a wish that counts as met.
 const MET: f64 = 1.0 - 1e-6;
 
@@ -330,6 +332,9 @@ impl PlanTable {
                 format!("{} of {}", limit.name(), id(actuator))
             });
         }
+        if settled.is_quieted {
+            add(QUIET_ZONE.into());
+        }
         if selection.allocation.met < 1.0 {
             for (i, drive) in selection.drives.iter().enumerate() {
                 if drive.force_n >= drive.width.max_force_n * settled.scale * MET && drive.width.max_force_n > 0.0 {
@@ -339,7 +344,7 @@ impl PlanTable {
             for row in &selection.binding {
                 match self.limits.name(*row) {
                     Some((actuator, limit)) => add(format!("{} of {}", limit.name(), id(actuator))),
-                    None => add("quiet zone".into()),
+                    None => add(QUIET_ZONE.into()),
                 }
             }
         }

@@ -151,7 +151,7 @@ impl PlanTable {
             let limited = settled.limited.or(again.limited);
             let scale = settled.scale * part * again.scale;
             settled = again;
-            (settled.scale, settled.limited) = (scale, limited);
+            (settled.scale, settled.limited, settled.is_quieted) = (scale, limited, true);
             peaks = zones.peaks(self, drives, &settled);
         }
         if zones.areas.is_empty() {

@@ -14,7 +14,7 @@ pub struct Report {
     pub waveform_peak_g: f64,
     /// The harmonics' part of it, in g.
     pub harmonics_g: f64,
-    /// How far the strongest of the harmonics is above the threshold of feeling, in dB; negative below it, `null` where nothing
+    /// How far the strongest of the harmonics, drives at one frequency together, is above the threshold of feeling, in dB; negative below it, `null` where nothing
     /// moves but rounding.
     pub strongest_harmonic_db: Option<f64>,
     /// When it is there, and gone.
@@ -63,7 +63,8 @@ impl PlanTable {
         let motions = self.harmonics(&planned.drives, &planned.settled);
         let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
         let harmonics_m_per_s2: f64 = harmonics.iter().map(|(_, peak)| peak).sum();
-        let over = harmonics.iter().map(|(hz, peak)| peak / threshold_m_per_s2(*hz)).fold(0.0, f64::max);
+        let together = shape.map(|shape| motions.together(shape)).unwrap_or_default();
+        let over = together.iter().map(|(hz, peak)| peak / threshold_m_per_s2(*hz)).fold(0.0, f64::max);
         Report {
             waveform_peak_g: planned.plan.predicted.softened_peak_g + harmonics_m_per_s2 / STANDARD_GRAVITY,
             harmonics_g: harmonics_m_per_s2 / STANDARD_GRAVITY,

@@ -44,6 +44,8 @@ pub struct Settled {
     pub scale: f64,
     /// What made that necessary.
     pub limited: Option<(usize, Limit)>,
+    /// Whether a quiet zone did.
+    pub is_quieted: bool,
 }
 
 /// What actuators do to the panel.
@@ -274,8 +276,15 @@ impl PlanTable {
         for (place, leader) in frequency_of_line.iter_mut().zip(&problem.leaders) {
             *place = *leader;
         }
-        let settled =
-            Settled { applied, motion, frequency_of_line, lines: problem.leaders.len(), scale, limited: None };
+        let settled = Settled {
+            applied,
+            motion,
+            frequency_of_line,
+            lines: problem.leaders.len(),
+            scale,
+            limited: None,
+            is_quieted: false,
+        };
         self.within(drives, &settled, &motion.largest_m)?;
         Ok(settled)
     }

@@ -20,6 +20,8 @@ const ON_BORDER: f64 = 1e-3;
 const LEAST_QUIET_G: f64 = 1e-3;
 /// Doublings of the quiet zones' limits at most: to a thousandfold.
 const MOST_DOUBLINGS: u32 = 10;
+/// Part of every wish that counts as all.
+const MET: f64 = 1.0 - 1e-6;
 /// Relative gain below which quiet zones are not what limits.
 const NO_GAIN: f64 = 1e-3;
 
@@ -73,32 +75,37 @@ impl PlanTable {
     /// [`PlanError`].
     pub fn planned_with_trade(&self, request: &Request) -> Result<(Planned, Option<Trade>), PlanError> {
         let planned = self.planned(request)?;
-        let trade = self.trade(request, &planned.plan)?;
-        let Some(known) = &trade else { return Ok((planned, trade)) };
+        let Some((trade, seen)) = self.seen_trade(request, &planned.plan)? else { return Ok((planned, None)) };
         let wanted_g: Vec<f64> = planned.plan.targets.iter().map(|target| target.wanted_g).collect();
         let own = least_part(&peaks(&planned.plan), &wanted_g);
-        let seen = known.targets.iter().flat_map(|curve| &curve.points).map(|point| &point.peaks_g);
-        let best = seen.max_by(|a, b| least_part(a, &wanted_g).total_cmp(&least_part(b, &wanted_g)));
-        let Some(best) = best.filter(|peaks_g| least_part(peaks_g, &wanted_g) > own * (1.0 + NO_GAIN)) else {
-            return Ok((planned, trade));
+        let best =
+            seen.iter().max_by(|a, b| least_part(&a.peaks_g, &wanted_g).total_cmp(&least_part(&b.peaks_g, &wanted_g)));
+        let Some(best) = best.filter(|seen| least_part(&seen.peaks_g, &wanted_g) > own * (1.0 + NO_GAIN)) else {
+            return Ok((planned, Some(trade)));
         };
-        // What it gives is asked for, and no more than that.
-        let mut asked = request.clone();
-        for ((target, peak_g), wanted_g) in asked.targets.iter_mut().zip(best).zip(&wanted_g) {
-            target.intensity_g = Some(peak_g.min(*wanted_g));
+        // What it was made for, and what it gives, which may be more: of the plans for these the better one. Both, as frequencies
+        // between the grid's are chosen for what is asked.
+        let given_g: Vec<f64> = best.peaks_g.iter().zip(&wanted_g).map(|(peak, wanted)| peak.min(*wanted)).collect();
+        let mut found: Option<(f64, Planned)> = None;
+        for asked_g in [&best.asked_g, &given_g] {
+            let mut asked = request.clone();
+            asked.targets.iter_mut().zip(asked_g).for_each(|(target, g)| target.intensity_g = Some(*g));
+            let trial = self.planned(&asked)?;
+            let part = least_part(&peaks(&trial.plan), &wanted_g);
+            if part > found.as_ref().map_or(own, |(part, _)| *part) {
+                found = Some((part, trial));
+            }
         }
-        let mut better = self.planned(&asked)?;
-        let part = least_part(&peaks(&better.plan), &wanted_g);
-        if part <= own {
-            return Ok((planned, trade));
-        }
+        let Some((part, mut better)) = found else { return Ok((planned, Some(trade))) };
         for (target, wanted_g) in better.plan.targets.iter_mut().zip(wanted_g) {
             target.wanted_g = wanted_g;
         }
-        better.plan.limited_by = better.plan.limited_by.or(planned.plan.limited_by);
+        if part < MET {
+            better.plan.limited_by = better.plan.limited_by.or(planned.plan.limited_by);
+        }
         // The bound stands; what is known is nearer to it.
         better.plan.optimality_gap = ((1.0 + planned.plan.optimality_gap) * own / part - 1.0).max(0.0);
-        Ok((better, trade))
+        Ok((better, Some(trade)))
     }
 
     /// What can be had of `request`, for which `plan` was made: `None` if that gives all that was wanted, or if there is but
@@ -107,6 +114,11 @@ impl PlanTable {
     /// # Errors
     /// [`PlanError`].
     pub fn trade(&self, request: &Request, plan: &Plan) -> Result<Option<Trade>, PlanError> {
+        Ok(self.seen_trade(request, plan)?.map(|(trade, _)| trade))
+    }
+
+    /// The same with all plans that were looked at.
+    fn seen_trade(&self, request: &Request, plan: &Plan) -> Result<Option<(Trade, Vec<Seen>)>, PlanError> {
         let has_parts = request.targets.len() > 1 || !request.quiet.is_empty();
         if plan.limited_by.is_none()
             || !has_parts
@@ -124,9 +136,11 @@ impl PlanTable {
             only.targets.iter_mut().for_each(|target| target.intensity_g = Some(*wanted_g));
             let Planned { plan, drives, .. } = self.planned(&only)?;
             alone_g.push(plan.predicted.target_peak_g.min(*wanted_g));
-            seen.push(shapes.iter().map(|shape| peak(&drives, shape) / STANDARD_GRAVITY).collect());
+            let peaks_g = shapes.iter().map(|shape| peak(&drives, shape) / STANDARD_GRAVITY).collect();
+            let asked_g = (0..shapes.len()).map(|other| if other == t { *wanted_g } else { 0.0 }).collect();
+            seen.push(Seen { asked_g, peaks_g });
         }
-        seen.push(peaks(plan));
+        seen.push(Seen { asked_g: wanted_g.clone(), peaks_g: peaks(plan) });
         let mut border = Border { table: self, request, alone_g: &alone_g, seen };
         let curves = match alone_g.len() {
             0 | 1 => 0,
@@ -137,8 +151,9 @@ impl PlanTable {
         for target in (0..curves).filter(|t| alone_g[*t] > 0.0) {
             targets.push(border.curve(target)?);
         }
+        let seen = border.seen;
         let quiet = self.quiet_trade(request, &wanted_g)?;
-        Ok(Some(Trade { alone_g, targets, quiet }))
+        Ok(Some((Trade { alone_g, targets, quiet }, seen)))
     }
 
     fn quiet_trade(&self, request: &Request, wanted_g: &[f64]) -> Result<Vec<QuietPoint>, PlanError> {
@@ -175,13 +190,20 @@ impl PlanTable {
     }
 }
 
+/// A plan that was looked at, in g of all targets.
+struct Seen {
+    /// What it was made for.
+    asked_g: Vec<f64>,
+    /// What it gives.
+    peaks_g: Vec<f64>,
+}
+
 /// What several targets have had together so far, in all plans looked at.
 struct Border<'a> {
     table: &'a PlanTable,
     request: &'a Request,
     alone_g: &'a [f64],
-    /// Peaks of all targets in g, plan by plan.
-    seen: Vec<Vec<f64>>,
+    seen: Vec<Seen>,
 }
 
 impl Border<'_> {
@@ -220,12 +242,12 @@ impl Border<'_> {
 
     /// Plans for these parts; whether they are had.
     fn try_parts(&mut self, target: usize, part: f64, others_part: f64) -> Result<bool, PlanError> {
-        let wish = |t: usize| self.alone_g.get(t).map(|g| g * if t == target { part } else { others_part });
+        let wish = |(t, g): (usize, &f64)| g * if t == target { part } else { others_part };
+        let asked_g: Vec<f64> = self.alone_g.iter().enumerate().map(wish).collect();
         let mut trial = self.request.clone();
-        for (t, asked) in trial.targets.iter_mut().enumerate() {
-            asked.intensity_g = wish(t);
-        }
-        self.seen.push(peaks(&self.table.plan_for(&trial)?));
+        trial.targets.iter_mut().zip(&asked_g).for_each(|(target, g)| target.intensity_g = Some(*g));
+        let peaks_g = peaks(&self.table.plan_for(&trial)?);
+        self.seen.push(Seen { asked_g, peaks_g });
         Ok(self.best(target, part).is_some_and(|(had, _)| had >= others_part * (1.0 - ON_BORDER)))
     }
 
@@ -238,6 +260,7 @@ impl Border<'_> {
         };
         self.seen
             .iter()
+            .map(|seen| &seen.peaks_g)
             .filter(|peaks_g| of(target, peaks_g) >= part * (1.0 - ON_BORDER))
             .map(|peaks_g| {
                 let others = (0..peaks_g.len()).filter(|t| *t != target).map(|t| of(t, peaks_g));
