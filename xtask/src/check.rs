@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{crosscheck, emulate, firmware, fuzz, image, miri, root, setup, waveforms};
+use crate::{crosscheck, emulate, firmware, fuzz, house, image, miri, root, setup, waveforms};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -50,6 +50,7 @@ pub fn ci() -> Result<(), Error> {
         run(cargo(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
         image::cargo("clippy", &["--", "-D", "warnings"])
     })?;
+    step("circles of imports", || house::command(&house::Options::default()))?;
     step("documentation", || {
         run(cargo(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
     })?;

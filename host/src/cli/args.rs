@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Failure;
-use super::values::{Point, parse_counts, parse_finite, parse_npy, parse_png, parse_point, parse_time};
+use super::values::{Point, parse_counts, parse_finite, parse_npy, parse_png, parse_point, parse_time, parse_url};
 use super::wishes::Wishes;
 
 /// The scene and how accurately to model it.
@@ -109,7 +109,7 @@ pub struct Serve {
 #[derive(Clone, Debug, Args)]
 pub struct Daemon {
     /// The daemon's address, as http://HOST:PORT or HOST:PORT
-    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = super::client::parse_url)]
+    #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = parse_url)]
     pub url: String,
     /// Print JSON
     #[arg(long)]

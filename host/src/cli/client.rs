@@ -10,19 +10,6 @@ use std::time::Duration;
 /// An emulated board may take some seconds to answer.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The address of a daemon: `http://` may be left out, and nothing else is spoken.
-pub fn parse_url(text: &str) -> Result<String, String> {
-    let (scheme, rest) = text.trim().split_once("://").unwrap_or(("http", text.trim()));
-    if !scheme.eq_ignore_ascii_case("http") {
-        return Err(format!("{text:?} begins with {scheme}://, but the daemon speaks http:// only"));
-    }
-    let rest = rest.trim_end_matches('/');
-    if rest.is_empty() || rest.contains(char::is_whitespace) {
-        return Err(format!("{text:?} is not of the form http://HOST:PORT"));
-    }
-    Ok(format!("http://{rest}"))
-}
-
 pub fn touch(options: &Touch) -> Outcome {
     let answer = call(&options.daemon, "POST", "/v1/touch", Some(touch_body(options)))?;
     if options.daemon.json {
@@ -221,6 +208,7 @@ fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Resul
 #[cfg(test)]
 mod tests {
     use super::super::command::{Arguments, Command};
+    use super::super::values::parse_url;
     use super::*;
     use clap::Parser;
 

@@ -61,3 +61,16 @@ pub fn parse_counts(text: &str) -> Result<(usize, usize), String> {
     let (x, y) = text.split_once(',').ok_or(format!("{text:?} is not of the form NX,NY"))?;
     Ok((count(x)?, count(y)?))
 }
+
+/// The address of a daemon: `http://` may be left out, and nothing else is spoken.
+pub fn parse_url(text: &str) -> Result<String, String> {
+    let (scheme, rest) = text.trim().split_once("://").unwrap_or(("http", text.trim()));
+    if !scheme.eq_ignore_ascii_case("http") {
+        return Err(format!("{text:?} begins with {scheme}://, but the daemon speaks http:// only"));
+    }
+    let rest = rest.trim_end_matches('/');
+    if rest.is_empty() || rest.contains(char::is_whitespace) {
+        return Err(format!("{text:?} is not of the form http://HOST:PORT"));
+    }
+    Ok(format!("http://{rest}"))
+}
