@@ -86,11 +86,9 @@ pub fn tables() -> Result<Vec<Table>, Error> {
     checks.above.push("All combinations of frequencies (at least 20 Hz apart) and pulse widths, the forces of each by the same convex \
          problem. Difference: of the cost, or of the reach where the wish is out of reach; of the search with a study's budget and with \
          a touch's. A difference above 1e-9 of the study's is an error.".into());
-    let mut groups = Table::new(
-        "With phases",
-        &["actuators", "grouping", "median", "p99", "contrast over distinct frequencies, median"],
-    );
-    groups.above.push("1001 frequencies, 0.1 g.".into());
+    let mut phases =
+        Table::new("With phases", &["actuators", "median", "p99", "contrast over distinct frequencies, median"]);
+    phases.above.push("One shared frequency of 1001, 0.1 g.".into());
     for actuators in 1..=4 {
         let scene = scene(actuators)?;
         let started = Instant::now();
@@ -121,12 +119,10 @@ pub fn tables() -> Result<Vec<Table>, Error> {
         let coarse = if step_hz == FINE_HZ { None } else { Some(table(&scene, step_hz)?) };
         checks.row(check(&scene, actuators, coarse.as_ref().unwrap_or(&fine))?);
         if actuators > 1 {
-            for (name, grouping) in [("shared", Grouping::Shared), ("mixed", Grouping::Mixed)] {
-                groups.row(grouped(&scene, &fine, actuators, name, grouping)?);
-            }
+            phases.row(with_phases(&scene, &fine, actuators)?);
         }
     }
-    Ok(vec![times, checks, groups])
+    Ok(vec![times, checks, phases])
 }
 
 #[expect(clippy::cast_precision_loss, reason = "megabytes")]
@@ -195,13 +191,7 @@ fn nothing() -> Error {
     era_planner::PlanError::NoFrequencies.into()
 }
 
-fn grouped(
-    scene: &Scene,
-    table: &PlanTable,
-    actuators: usize,
-    name: &str,
-    grouping: Grouping,
-) -> Result<[String; 5], Error> {
+fn with_phases(scene: &Scene, table: &PlanTable, actuators: usize) -> Result<[String; 4], Error> {
     const PLANS: u32 = 100;
     let (mut times, mut gains) = (Vec::new(), Vec::new());
     for number in 0..PLANS {
@@ -212,11 +202,11 @@ fn grouped(
         };
         let distinct = plan(Grouping::Distinct)?;
         let started = Instant::now();
-        let found = plan(grouping)?;
+        let found = plan(Grouping::Shared)?;
         times.push(started.elapsed().as_secs_f64());
         gains.push(found.predicted.contrast_db - distinct.predicted.contrast_db);
     }
     let [median, p99, _] = quantiles(&mut times);
     let [gain_db, _, _] = quantiles(&mut gains);
-    Ok([actuators.to_string(), name.to_owned(), seconds(median), seconds(p99), format!("{gain_db:+.2} dB")])
+    Ok([actuators.to_string(), seconds(median), seconds(p99), format!("{gain_db:+.2} dB")])
 }

@@ -84,7 +84,7 @@ class Wish:
         scene = context.scene
         self.place = self._pixel(context, rng)
         self.intensity = float(rng.choice([0.02, 0.1, 0.5, 2.0, 20.0], p=[0.2, 0.25, 0.25, 0.15, 0.15]))
-        self.kind = str(rng.choice(["one", "two", "quiet", "shared", "mixed", "power", "felt"], p=[0.4, 0.1, 0.2, 0.1, 0.05, 0.1, 0.05]))
+        self.kind = str(rng.choice(["one", "two", "quiet", "shared", "power", "felt"], p=[0.4, 0.1, 0.2, 0.15, 0.1, 0.05]))
         x, y = self.place
         self.arguments = ["--at", f"{x!r},{y!r}", "--intensity-g", repr(self.intensity)]
         self.body = {"x_px": x, "y_px": y, "intensity_g": self.intensity}
@@ -97,9 +97,9 @@ class Wish:
             most = self.intensity * float(rng.choice([0.02, 0.2, 1.0]))
             self.arguments += ["--quiet", f"{spared[0]!r},{spared[1]!r}:{radius!r}:{most!r}"]
             self.body["quiet"] = [{"x_px": spared[0], "y_px": spared[1], "radius_mm": radius, "at_most_g": most}]
-        if self.kind in ("shared", "mixed"):
-            self.arguments += ["--grouping", self.kind]
-            self.body["grouping"] = self.kind
+        if self.kind == "shared":
+            self.arguments += ["--grouping", "shared"]
+            self.body["grouping"] = "shared"
         if self.kind == "power":
             self.arguments += ["--objective", "power"]
             self.body["objective"] = "power"

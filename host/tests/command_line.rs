@@ -126,6 +126,20 @@ fn a_plan_table_is_kept_and_a_spoilt_one_is_told() {
     assert_eq!(std::fs::read(file).unwrap().len(), bytes.len());
 }
 
+/// Groups of actuators with a frequency each were taken out.
+#[test]
+fn a_grouping_that_there_is_not_is_refused_with_those_that_there_are() {
+    for command in [&["plan", "--at", "1,1"][..], &["touch", "1", "1"]] {
+        let refused = era(&[command, &["--grouping", "mixed"]].concat());
+        let text = told(&refused);
+        assert_eq!(refused.status.code(), Some(2), "{text}");
+        assert!(
+            text.contains("'mixed' for '--grouping") && text.contains("[possible values: distinct, shared]"),
+            "{text}"
+        );
+    }
+}
+
 /// What JSON has no number for would arrive as "not given", and drive at the default.
 #[test]
 fn a_touch_that_is_no_number_is_refused() {

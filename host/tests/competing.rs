@@ -232,11 +232,7 @@ fn a_plan_is_as_good_as_what_it_is_traded_for() {
 fn what_limits_phases_and_even_plans_has_a_name() {
     let table = support::table(EXAMPLE_PLATE);
     let target = Target { x_m: 0.1, y_m: 0.07, intensity_g: Some(50.0) };
-    for (grouping, objective) in [
-        (Grouping::Shared, Objective::Contrast),
-        (Grouping::Mixed, Objective::Contrast),
-        (Grouping::Distinct, Objective::Reach),
-    ] {
+    for (grouping, objective) in [(Grouping::Shared, Objective::Contrast), (Grouping::Distinct, Objective::Reach)] {
         let plan = table.plan_for(&Request { grouping, objective, ..Request::touch(&[target]) }).unwrap();
         let limits = plan.limited_by.unwrap();
         assert!(limits.contains(" of "), "{grouping:?} {objective:?}: {limits}");

@@ -78,8 +78,14 @@ fn several_targets_quiet_zones_and_options_are_taken() {
         assert_eq!((status, &problem["field"], &problem["value"]), (400, &json!(field), &value), "{problem}");
         assert!(problem["allowed"].is_string() && problem["detail"].as_str().unwrap().contains(field), "{problem}");
     }
-    let (status, _, problem) = touch(r#", "objective": "loud""#);
-    assert!(status == 400 && problem["detail"].as_str().unwrap().contains("contrast"), "{problem}");
+    for (rest, field, value, allowed) in [
+        (r#", "objective": "loud""#, "objective", "loud", "one of contrast, reach, power"),
+        (r#", "grouping": "mixed""#, "grouping", "mixed", "distinct or shared"),
+    ] {
+        let (status, _, problem) = touch(rest);
+        let named = (&problem["field"], &problem["value"], &problem["allowed"]);
+        assert_eq!((status, named), (400, (&json!(field), &json!(value), &json!(allowed))), "{problem}");
+    }
     let body = r#"{"x_px": 1, "y_px": 1, "effect": "click", "to_ms": 50}"#;
     let (status, _, problem) = daemon.post("/v1/touch", body);
     assert_eq!((status, &problem["field"]), (400, &json!("from_ms")), "{problem}");

@@ -126,11 +126,9 @@ impl PlanTable {
                 add(name, Request { objective, grouping: Grouping::Distinct, ..request.clone() });
             }
         }
-        for (name, grouping) in [
-            ("distinct frequencies", Grouping::Distinct),
-            ("one shared frequency, with phases", Grouping::Shared),
-            ("groups that share frequencies", Grouping::Mixed),
-        ] {
+        for (name, grouping) in
+            [("distinct frequencies", Grouping::Distinct), ("one shared frequency, with phases", Grouping::Shared)]
+        {
             if grouping != request.grouping && self.entries.len() > 1 {
                 add(name, Request { grouping, objective: Objective::Contrast, ..request.clone() });
             }

@@ -150,7 +150,7 @@ impl PlanTable {
                 self.evened(&judge, request.zone, &wanted)?
             }
             Grouping::Distinct => self.chosen(&mut judge, request, &wanted)?,
-            grouping => self.grouped(&judge, grouping, &wanted)?,
+            Grouping::Shared => self.at_shared_frequency(&judge, &wanted)?,
         };
         let settled = self.settled_quietly(&judge.quiet, &mut selection.drives);
         let (settled, quiet) = settled.ok_or(PlanError::NoFrequencies)?;

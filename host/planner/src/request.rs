@@ -62,8 +62,6 @@ pub enum Grouping {
     Distinct,
     /// All: one frequency, with a phase for each actuator.
     Shared,
-    /// Whatever division into groups is best.
-    Mixed,
 }
 
 /// How accelerations of different frequencies count.
@@ -90,7 +88,7 @@ pub struct Request {
     pub objective: Objective,
     /// For [`Objective::Reach`]: the part of the surface that counts, if not all of it.
     pub zone: Option<Region>,
-    /// Which actuators share a frequency. Groups are for one target, without quiet zones, and for contrast.
+    /// Which actuators share a frequency. A shared one is for one target, without quiet zones, and for contrast.
     pub grouping: Grouping,
     /// How accelerations count. Only distinct frequencies and contrast or power can be weighed.
     pub weigh: Weigh,
@@ -205,12 +203,11 @@ impl PlanTable {
         if request.quiet.len() > MAX_QUIET_ZONES {
             return Err(PlanError::Quiet { count: request.quiet.len() });
         }
-        if request.grouping != Grouping::Distinct {
+        if request.grouping == Grouping::Shared {
             let is_plain = targets.len() == 1 && request.quiet.is_empty() && request.objective == Objective::Contrast;
             if !is_plain {
-                let value = if request.grouping == Grouping::Shared { "shared" } else { "mixed" };
                 let allowed = "one target without quiet zones and the objective contrast";
-                return Err(PlanError::Together { option: "grouping", value, allowed });
+                return Err(PlanError::Together { option: "grouping", value: "shared", allowed });
             }
         }
         if request.objective == Objective::Reach && !(targets.len() == 1 && request.quiet.is_empty()) {
@@ -230,7 +227,7 @@ impl PlanTable {
             }
         }
         if request.weigh == Weigh::Felt
-            && (request.grouping != Grouping::Distinct || request.objective == Objective::Reach)
+            && (request.grouping == Grouping::Shared || request.objective == Objective::Reach)
         {
             let allowed = "distinct frequencies and the objectives contrast and power";
             return Err(PlanError::Together { option: "weigh", value: "felt", allowed });

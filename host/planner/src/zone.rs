@@ -1,8 +1,8 @@
 //! What counts as "at the target": the surface within 10 mm of it.
 
 use super::near::around;
-use super::phased::PerPair;
 use super::request::Target;
+use super::shared_frequency::PerPair;
 use super::table::{PlanTable, at_point};
 use crate::scene::MAX_ACTUATORS;
 use nalgebra::DVector;

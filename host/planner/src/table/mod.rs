@@ -16,9 +16,9 @@ pub use grid::SurfaceGrid;
 pub use rough::Rough;
 
 use super::limits::Electrodes;
-use super::phased::PerPair;
 use super::reach::Part;
 use super::rise::{Onset, RiseTimes};
+use super::shared_frequency::PerPair;
 use super::shared_limits::SharedLimits;
 use super::softening::{Transducer, static_receptance};
 use crate::model::ReducedModel;

@@ -1,11 +1,11 @@
 //! Linear algebra of a few unknowns, in place and without allocation.
 
-use super::program::MOST_GROUPED;
 use super::{PerPair, ZERO};
+use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
-/// Unknowns of a Newton step: two per force, one for each travel limit and group.
-pub(super) const MOST_UNKNOWNS: usize = 8 + MOST_GROUPED;
+/// Unknowns of a Newton step: two per phasor.
+pub(super) const MOST_UNKNOWNS: usize = 2 * MAX_ACTUATORS;
 
 pub(super) type Vector = [f64; MOST_UNKNOWNS];
 pub(super) type Matrix = [Vector; MOST_UNKNOWNS];

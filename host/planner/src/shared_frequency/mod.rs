@@ -1,0 +1,91 @@
+//! One frequency for all actuators, each with a phase of its own: the least energy elsewhere for a wanted peak at the
+//! target, proven.
+//!
+//! At a frequency the actuators' forces are phasors u. At the target they make |sum_i h_i u_i|, elsewhere the mean square
+//! u^H E u. Limits are |u_i| <= U_i and, for every actuator's mass, its travel |sum_j G_ij u_j| <= t_i, G the receptances.
+//!
+//! - `unlimited`: without limits the best is s = h^T E^-1 conj(h) (peak squared over energy), with u ~ E^-1 conj(h). A peak a
+//!   then costs a^2 / s, which bounds what it costs with limits.
+//! - `program`, `barrier`, `optimum`: with limits a frequency leaves a convex problem, solved by an interior-point method
+//!   whose dual value proves how far from the optimum it may be.
+//! - `search`: frequencies are solved in the order of their bounds, until the next bound is no better than the best.
+//! - `drives`: a plan from it.
+
+mod barrier;
+mod drives;
+mod optimum;
+mod program;
+#[cfg(test)]
+mod scene_tests;
+mod search;
+mod small;
+#[cfg(test)]
+mod tests;
+mod unlimited;
+
+use crate::scene::MAX_ACTUATORS;
+use num_complex::Complex64;
+
+/// One complex number per actuator.
+pub type PerActuator = [Complex64; MAX_ACTUATORS];
+/// One complex number per pair of actuators, row by row.
+pub type PerPair = [PerActuator; MAX_ACTUATORS];
+
+const ZERO: Complex64 = Complex64::ZERO;
+
+/// What the actuators do at every frequency of a grid, seen from one target. Entries of actuators beyond `actuators` are
+/// of no account. All slices are as long as `frequencies_hz`.
+#[derive(Clone, Copy, Debug)]
+pub struct Field<'a> {
+    /// Ascending, in Hz.
+    pub frequencies_hz: &'a [f64],
+    /// How many there are: 1 to [`MAX_ACTUATORS`].
+    pub actuators: usize,
+    /// Acceleration at the target per newton of each actuator, in m/s^2/N.
+    pub gain: &'a [PerActuator],
+    /// Mean over elsewhere of conj(H_i) H_j in (m/s^2/N)^2: Hermitian, positive (semi)definite. Only the lower triangle is
+    /// read.
+    pub energy: &'a [PerPair],
+    /// Most force amplitude of each actuator on its own in N; 0 where it cannot be driven (unbounded response).
+    pub max_force_n: &'a [[f64; MAX_ACTUATORS]],
+    /// Travel of actuator i's mass relative to its electrodes per newton of actuator j, in m/N: `travel[k][i][j]`.
+    pub travel: &'a [PerPair],
+    /// Most travel of each actuator's mass in m, more than 0; infinite where there is no limit.
+    pub max_travel_m: [f64; MAX_ACTUATORS],
+}
+
+/// The best drives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// Index into the grid.
+    pub frequency: usize,
+    /// Phasors of the forces in N; in phase at the target, where their sum is real.
+    pub forces_n: PerActuator,
+    /// Mean square elsewhere in (m/s^2)^2.
+    pub energy: f64,
+    /// Peak at the target in m/s^2: what is wanted, or the most that there is less a part of [`REACH_SLACK`].
+    pub reached: f64,
+    /// No frequency has an energy below `energy * (1 - proven_gap)` for the same peak, or, if the wish is not met, a peak
+    /// above `reached / (1 - proven_gap)`. Rounding (1e-9 and below).
+    pub proven_gap: f64,
+    /// Convex problems solved on the way; 0 if no limit binds.
+    pub solved: usize,
+}
+
+/// Where the wish cannot be met, part of the most there is that is given up, so that the least energy for it is a
+/// well-posed problem. Not felt (1e-8 dB).
+pub const REACH_SLACK: f64 = 1e-9;
+
+/// The least energy elsewhere for a peak of `wanted` m/s^2 at the target, over all frequencies of the grid; the most peak
+/// there is if the wish is beyond reach. Without a positive wish the forces are zero.
+///
+/// `None` if there is no frequency at which anything can be driven, or if the field's slices differ in length.
+#[must_use]
+pub fn best(field: &Field<'_>, wanted: f64) -> Option<Found> {
+    let count = field.frequencies_hz.len();
+    let lengths = [field.gain.len(), field.energy.len(), field.max_force_n.len(), field.travel.len()];
+    if !(1..=MAX_ACTUATORS).contains(&field.actuators) || lengths.iter().any(|length| *length != count) {
+        return None;
+    }
+    search::best(field, wanted)
+}
