@@ -42,6 +42,7 @@ pub mod effects;
 mod evened;
 pub mod explain;
 mod harmonics;
+pub mod limitation;
 pub mod limits;
 mod linear;
 pub mod moving;

@@ -1,6 +1,7 @@
 //! The limits of drives that were not chosen by the limits' prices: with phases, or for the whole surface.
 
 use super::chosen::groups;
+use super::limitation::{Limitation, add};
 use super::limits::Limit;
 use super::refine::Selection;
 use super::table::PlanTable;
@@ -10,21 +11,15 @@ use num_complex::Complex64;
 const NEAR: f64 = 0.95;
 
 impl PlanTable {
-    /// Limits that drives come near to, as `limited_by` names them. `scale` is what safety left of the forces.
-    pub(super) fn nearest_limits(&self, selection: &Selection, scale: f64) -> Vec<String> {
-        let mut names: Vec<String> = Vec::new();
-        let mut add = |name: String| {
-            if !names.contains(&name) {
-                names.push(name);
-            }
-        };
-        let id = |i: usize| self.scene.actuators.get(i).map_or("", |actuator| actuator.id.as_str());
+    /// Limits that drives come near to. `scale` is what safety left of the forces.
+    pub(super) fn nearest_limits(&self, selection: &Selection, scale: f64) -> Vec<Limitation> {
+        let mut found = Vec::new();
         let drives = &selection.drives;
         let forces: Vec<_> =
             drives.iter().map(|drive| (drive.width, drive.force_n / scale.max(f64::MIN_POSITIVE))).collect();
         for (i, (width, force_n)) in forces.iter().enumerate() {
             if *force_n > 0.0 && *force_n >= width.max_force_n * NEAR {
-                add(format!("{} of {}", width.limit.name(), id(i)));
+                add(&mut found, Limitation::of(self, width.limit, i));
             }
             // Drives of one frequency as phasors.
             let travel: f64 = groups(drives)
@@ -37,14 +32,14 @@ impl PlanTable {
                 })
                 .sum();
             if self.electrodes.get(i).is_some_and(|electrodes| travel >= NEAR * electrodes.most_travel_m()) {
-                add(format!("{} of {}", Limit::Travel.name(), id(i)));
+                add(&mut found, Limitation::of(self, Limit::Travel, i));
             }
         }
         for row in self.limits.used(&forces, NEAR) {
             if let Some((actuator, limit)) = self.limits.name(row) {
-                add(format!("{} of {}", limit.name(), id(actuator)));
+                add(&mut found, Limitation::of(self, limit, actuator));
             }
         }
-        names
+        found
     }
 }

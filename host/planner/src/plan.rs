@@ -3,6 +3,7 @@
 use super::STANDARD_GRAVITY;
 use super::candidates::Judge;
 use super::chosen::{Chosen, groups, meets, peak};
+use super::limitation::{self, Limitation, add};
 use super::perception::above_threshold_db;
 use super::quiet::QuietResult;
 use super::refine::Selection;
@@ -22,8 +23,6 @@ const QUIET_ROUNDS: [usize; 2] = [3, 10];
 const NO_GAP: f64 = 1e-9;
 /// Gaps above this say no more than that nothing is known: where next to nothing of the forces is safe.
 const MOST_GAP: f64 = 1e6;
-/// As `limited_by` names quiet zones.
-const QUIET_ZONE: &str = "quiet zone";
 /// Part of a wish that counts as met.
 const MET: f64 = 1.0 - 1e-6;
 
@@ -90,6 +89,8 @@ pub struct Plan {
     pub predicted: Predicted,
     /// What keeps the intensity below what was asked for, as `voltage of left`; `null` if nothing does.
     pub limited_by: Option<String>,
+    /// The same for programs; empty if nothing does.
+    pub limits: Vec<Limitation>,
     /// Upper bound on the relative error of `target_peak_g`; `null` where there is none.
     pub error_bound: Option<f64>,
     /// By which part of its cost, or of its reach where the wishes are not met, another combination of the grid's frequencies
@@ -168,10 +169,12 @@ impl PlanTable {
             })
             .collect();
         let first = *targets.first().ok_or(PlanError::Count { count: 0 })?;
+        let limits = self.limitations(request, &selection, &settled, &targets);
         let plan = Plan {
             target_mm: [first.x_mm, first.y_mm],
             predicted: self.predict(&judge, &selection.drives, &settled, first.peak_g),
-            limited_by: self.limited_by(request, &selection, &settled, &targets),
+            limited_by: limitation::text(&limits),
+            limits,
             error_bound: self.bound(&selection.drives, &first).value(),
             targets,
             quiet,
@@ -303,55 +306,44 @@ impl PlanTable {
         sum
     }
 
-    fn limited_by(
+    fn limitations(
         &self,
         request: &Request,
         selection: &Selection,
         settled: &Settled,
         targets: &[TargetResult],
-    ) -> Option<String> {
+    ) -> Vec<Limitation> {
         let is_met = match request.weigh {
             Weigh::Equal => targets.iter().all(|target| target.peak_g >= target.wanted_g * MET),
             // In weighed accelerations, which are not the targets' own.
             Weigh::Felt => selection.allocation.met * settled.scale >= MET,
         };
         if is_met {
-            return None;
+            return Vec::new();
         }
-        let id = |i: usize| self.scene.actuators.get(i).map_or("", |actuator| actuator.id.as_str());
-        let mut names: Vec<String> = Vec::new();
-        let mut add = |name: String| {
-            if !names.contains(&name) {
-                names.push(name);
-            }
-        };
+        let mut found = Vec::new();
         if let Some((actuator, limit)) = settled.limited {
-            add(if limit == super::limits::Limit::Supply {
-                "supply".into()
-            } else {
-                format!("{} of {}", limit.name(), id(actuator))
-            });
+            add(&mut found, Limitation::of(self, limit, actuator));
         }
         if settled.is_quieted {
-            add(QUIET_ZONE.into());
+            add(&mut found, Limitation::QuietZone);
         }
         if selection.allocation.met < 1.0 {
             for (i, drive) in selection.drives.iter().enumerate() {
                 if drive.force_n >= drive.width.max_force_n * settled.scale * MET && drive.width.max_force_n > 0.0 {
-                    add(format!("{} of {}", drive.width.limit.name(), id(i)));
+                    add(&mut found, Limitation::of(self, drive.width.limit, i));
                 }
             }
             for row in &selection.binding {
-                match self.limits.name(*row) {
-                    Some((actuator, limit)) => add(format!("{} of {}", limit.name(), id(actuator))),
-                    None => add(QUIET_ZONE.into()),
-                }
+                let limit = self.limits.name(*row);
+                let of = |(actuator, limit)| Limitation::of(self, limit, actuator);
+                add(&mut found, limit.map_or(Limitation::QuietZone, of));
             }
         }
-        if names.is_empty() {
-            names = self.nearest_limits(selection, settled.scale);
+        if found.is_empty() {
+            found = self.nearest_limits(selection, settled.scale);
         }
-        Some(if names.is_empty() { "node".into() } else { names.join(", ") })
+        if found.is_empty() { vec![Limitation::Node] } else { found }
     }
 }
 

@@ -183,7 +183,20 @@ fn a_circle_is_an_error_unless_it_is_allowed() {
 fn this_repository_is_read_whole() {
     let all = crates(&crate::root().unwrap()).unwrap();
     let names: Vec<&str> = all.iter().map(|(name, _)| name.as_str()).collect();
-    assert_eq!(names, ["era-host", "era-shared", "hil-tests", "xtask", "era-bench", "era-fuzz", "era-firmware"]);
+    assert_eq!(
+        names,
+        [
+            "era-host",
+            "era-model",
+            "era-planner",
+            "era-shared",
+            "hil-tests",
+            "xtask",
+            "era-bench",
+            "era-fuzz",
+            "era-firmware"
+        ]
+    );
     for (name, survey) in &all {
         assert_eq!(survey.lost, [""; 0], "{name}");
     }

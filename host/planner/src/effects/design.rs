@@ -15,7 +15,7 @@ use super::part::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
 use super::supply::keep_within_supply;
 use super::travel::{Within, keep_within_travel};
 use crate::drive::SiDrive;
-use crate::limits::Limit;
+use crate::limitation::{self, Limitation, add};
 use crate::rise::RiseTimes;
 use crate::scene::MAX_ACTUATORS;
 use crate::succession::{Push, Swing};
@@ -38,8 +38,6 @@ const BISECTIONS: usize = 24;
 /// Part of the wished peak that counts as reached; fingers tell a tenth at best, and peaks of several drives, which equation
 /// 23 adds up, meet within some percent only in a few beats.
 const REACHED: f64 = 0.95;
-/// What is said of an effect that falls short though nothing limits its drives.
-const TOO_SHORT: &str = "the panel, which does not reach its steady motion within the effect";
 
 /// One drive's part of an effect.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,6 +88,8 @@ pub struct Design {
     pub predicted: EffectPrediction,
     /// What keeps it below what was asked for, as `voltage of left`; `None` if nothing does.
     pub limited_by: Option<String>,
+    /// The same for programs; empty if nothing does.
+    pub limits: Vec<Limitation>,
     /// Bound of every actuator's travel in m, from rest.
     pub travel_m: Vec<f64>,
 }
@@ -132,7 +132,7 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
     let (shape, fixed) = (request.shape()?, request.envelope()?);
     let mut parts = parts(table, rise, plan)?;
     let wanted: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g * STANDARD_GRAVITY).collect();
-    let mut limits: Vec<String> = plan.limited_by.iter().cloned().collect();
+    let mut limits = plan.limits.clone();
     let (effects, unbraked) = match shape {
         Shape::Fixed => (vec![fixed; parts.len()], None),
         Shape::Clicks { count, period_ms } => {
@@ -161,22 +161,22 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
             let (effects, plain) = (all(&segments), all(&plain));
             // The brake's beginning may add to the peak.
             if !reaches | adjust(&mut parts, &effects, &wanted) {
-                limits.extend(parts.iter().filter_map(|part| at_its_limit(table, part)));
+                parts.iter().filter_map(|part| at_its_limit(table, part)).for_each(|limit| add(&mut limits, limit));
             }
             (effects, Some(plain))
         }
     };
     if let Some((actuator, limit)) = keep_within_supply(table, &mut parts) {
-        limits.push(limit_of(table, limit, actuator));
+        add(&mut limits, Limitation::of(table, limit, actuator));
     }
     let Within { limited, travel_m } = keep_within_travel(table, rise, &mut parts, &effects);
     if let Some((actuator, limit)) = limited {
-        limits.push(limit_of(table, limit, actuator));
+        add(&mut limits, Limitation::of(table, limit, actuator));
     }
     let predicted = predict(&parts, &effects, unbraked.as_deref());
     let falls_short = wanted.first().is_some_and(|wanted| predicted.peak_most_g * STANDARD_GRAVITY < REACHED * wanted);
     if limits.is_empty() && falls_short {
-        limits.push(plan.limited_by.clone().unwrap_or_else(|| TOO_SHORT.into()));
+        limits = if plan.limits.is_empty() { vec![Limitation::TooShort] } else { plan.limits.clone() };
     }
     let drives = plan
         .drives
@@ -199,23 +199,14 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
             }
         })
         .collect();
-    limits.dedup();
-    let limited_by = (!limits.is_empty()).then(|| limits.join(", "));
-    Ok(Design { effect: request.effect, drives, predicted, limited_by, travel_m })
-}
-
-fn limit_of(table: &PlanTable, limit: Limit, actuator: usize) -> String {
-    if limit == Limit::Supply {
-        return limit.name().into();
-    }
-    let id = table.scene.actuators.get(actuator).map_or("", |actuator| actuator.id.as_str());
-    format!("{} of {id}", limit.name())
+    let limited_by = limitation::text(&limits);
+    Ok(Design { effect: request.effect, drives, predicted, limited_by, limits, travel_m })
 }
 
 /// What keeps a drive from more force, if it has all there is.
-fn at_its_limit(table: &PlanTable, part: &Part) -> Option<String> {
+fn at_its_limit(table: &PlanTable, part: &Part) -> Option<Limitation> {
     let is = part.drive.force_n > 0.0 && part.drive.force_n >= part.max_force_n * (1.0 - 1e-6);
-    is.then(|| limit_of(table, part.limit, part.drive.actuator))
+    is.then(|| Limitation::of(table, part.limit, part.drive.actuator))
 }
 
 /// Raises the drives in proportion until every target reaches what is wanted, with the shortest push that does; the cycles

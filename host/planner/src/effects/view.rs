@@ -13,6 +13,7 @@ pub fn json(design: &Design) -> Value {
         "predicted": design.predicted,
         "limited": design.limited_by.is_some(),
         "limited_by": design.limited_by,
+        "limits": design.limits,
     })
 }
 
