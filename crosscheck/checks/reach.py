@@ -221,17 +221,16 @@ def _rigid(context, motion, scheme):
 
 
 def _every_touch(context, grid, seen, maps, there, said):
-    """With a setting for every touch: between what is had for sure at every point and what nothing exceeds; with distinct
-    frequencies what the map has."""
+    """With a setting for every touch: at most what nothing exceeds; with distinct frequencies, of which the program says that none are
+    better, at least what is had for sure at every point, and what the map has."""
     name, results = context.name, []
     per_newton = np.abs(grid.responses.at(seen.points))
     strong = grid.sure_force().max(axis=2)
     most = np.stack([force_amplitude(era, era.max_voltage, widest_pulse(grid.grid_hz)) for era in context.scene.actuators], axis=1)
     utmost = (per_newton * most[:, :, None]).max(axis=0).sum(axis=0) / STANDARD_GRAVITY_M_S2
-    # At one frequency with phases all meet; in phase the strongest alone is had at least.
-    together = (per_newton * strong[:, :, None]).sum(axis=1).max(axis=0) / STANDARD_GRAVITY_M_S2
     alone = (per_newton * strong[:, :, None]).max(axis=(0, 1)) / STANDARD_GRAVITY_M_S2
-    for scheme, sure in zip(said, (alone, together, alone)):
+    nothing = np.zeros_like(alone)
+    for scheme, sure in zip(said, (nothing, nothing, alone)):
         spread = scheme["per_touch"]
         ends = ((spread["least"], sure.min(), utmost.min()), (spread["most"], sure.max(), utmost.max()))
         off = max(0.0, *(max((low - value) / max(low, NOTHING_G), (value - high) / max(high, NOTHING_G)) for value, low, high in ends))

@@ -8,10 +8,13 @@ use super::chosen::Chosen;
 use super::limits::Limit;
 use super::safe::{Applied, Problem, Settled, harmonics_m};
 use super::softening::{Following, Line, Motion, NotSafe, rise, settle, travel_receptance};
-use super::table::{PlanTable, travel_by};
+use super::table::{PlanTable, at_point, travel_by};
 use crate::response::Solver;
 use crate::scene::MAX_ACTUATORS;
 use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
+use nalgebra::DVector;
+use num_complex::Complex64;
+use std::f64::consts::TAU;
 
 /// Harmonics whose motion is among what closes the gaps; a seventh's force is at most a seventh of the fundamental's.
 pub(super) const CLOSING: [u32; 2] = [3, 5];
@@ -100,6 +103,30 @@ impl PlanTable {
             }
         }
         lines
+    }
+
+    /// Peak accelerations in m/s^2 at the point with mode shapes `shape` of the third and fifth harmonics as they are in moving gaps,
+    /// with their frequencies in Hz: the springs' pulsation at twice a drive's frequency turns its motion into force at three times
+    /// that. `None` where no such motion is found.
+    pub(super) fn moving_harmonics(
+        &self,
+        drives: &[Chosen],
+        settled: &Settled,
+        shape: &DVector<f64>,
+    ) -> Option<Vec<(f64, f64)>> {
+        let problem = self.problem(drives, settled.applied);
+        let solver = Solver::new(&self.model);
+        let lines = self.with_harmonics(drives, &problem, &solver);
+        let motion = settle(problem.transducers(), problem.excitations(), &lines).ok()?;
+        let mut found = Vec::new();
+        for (line, force_n) in lines.iter().zip(&motion.force_n).filter(|(line, _)| line.harmonic > 1) {
+            let hz = f64::from(line.harmonic) * drives.get(*problem.leaders.get(line.frequency)?)?.frequency_hz;
+            let omega = TAU * hz;
+            let coordinates = solver.coordinates(hz).ok()?;
+            let at = coordinates.iter().zip(force_n).map(|(q, force)| at_point(shape, q) * force).sum::<Complex64>();
+            found.push((hz, at.norm() * omega * omega));
+        }
+        Some(found)
     }
 
     /// A steady motion with the harmonics' own among what closes the gaps, where windows are [`NARROW`]. Those pull when the mass is

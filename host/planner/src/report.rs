@@ -1,16 +1,17 @@
 //! What is told of a plan besides its drives, by those who have the time: harmonics, rise and decay.
 
-use super::STANDARD_GRAVITY;
 use super::perception::{level_db, threshold_m_per_s2};
 use super::plan::{Plan, Planned};
 use super::table::PlanTable;
+use super::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
 use crate::transient::panel::Drive;
 use serde::Serialize;
 
 /// Of a plan's first target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Peak of the whole waveform at most: softened fundamentals and all odd harmonics up to what is felt, in g.
+    /// Peak of the whole waveform at most: softened fundamentals and all odd harmonics up to what is felt, the third and fifth as
+    /// they are in moving gaps, in g.
     pub waveform_peak_g: f64,
     /// The harmonics' part of it, in g.
     pub harmonics_g: f64,
@@ -63,10 +64,16 @@ impl PlanTable {
         let motions = self.harmonics(&planned.drives, &planned.settled);
         let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
         let harmonics_m_per_s2: f64 = harmonics.iter().map(|(_, peak)| peak).sum();
+        // What comes to them in moving gaps.
+        let moving = shape.and_then(|shape| self.moving_harmonics(&planned.drives, &planned.settled, shape));
+        let at_rest = |hz: f64| harmonics.iter().filter(|(own, _)| *own == hz).map(|(_, peak)| peak).sum::<f64>();
+        let felt = moving.iter().flatten().filter(|(hz, _)| *hz <= HIGHEST_FELT_HZ);
+        let more_m_per_s2: f64 = felt.map(|(hz, peak)| (peak - at_rest(*hz)).max(0.0)).sum();
         let together = shape.map(|shape| motions.together(shape)).unwrap_or_default();
         let over = together.iter().map(|(hz, peak)| peak / threshold_m_per_s2(*hz)).fold(0.0, f64::max);
         Report {
-            waveform_peak_g: planned.plan.predicted.softened_peak_g + harmonics_m_per_s2 / STANDARD_GRAVITY,
+            waveform_peak_g: planned.plan.predicted.softened_peak_g
+                + (harmonics_m_per_s2 + more_m_per_s2) / STANDARD_GRAVITY,
             harmonics_g: harmonics_m_per_s2 / STANDARD_GRAVITY,
             strongest_harmonic_db: level_db(over),
             times: self.times(&planned.plan),
