@@ -100,10 +100,8 @@ impl PlanTable {
         for (target, wanted_g) in better.plan.targets.iter_mut().zip(wanted_g) {
             target.wanted_g = wanted_g;
         }
-        if part < MET {
-            if better.plan.limits.is_empty() {
-                (better.plan.limited_by, better.plan.limits) = (planned.plan.limited_by, planned.plan.limits);
-            }
+        if part < MET && better.plan.limits.is_empty() {
+            (better.plan.limited_by, better.plan.limits) = (planned.plan.limited_by, planned.plan.limits);
         }
         // The bound stands; what is known is nearer to it.
         better.plan.optimality_gap = ((1.0 + planned.plan.optimality_gap) * own / part - 1.0).max(0.0);
