@@ -89,3 +89,8 @@ pub fn best(field: &Field<'_>, wanted: f64) -> Option<Found> {
     }
     search::best(field, wanted)
 }
+
+/// The actuators of a mask, ascending.
+fn list(mask: u8) -> impl Iterator<Item = usize> {
+    (0..MAX_ACTUATORS).filter(move |i| mask >> i & 1 == 1)
+}

@@ -2,7 +2,7 @@
 
 use super::small::eigen;
 use super::unlimited::Unlimited;
-use super::{Field, PerActuator, PerPair, ZERO};
+use super::{Field, PerActuator, PerPair, ZERO, list};
 use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
@@ -135,9 +135,4 @@ impl Program {
 /// Sum of row_j x_j.
 pub(super) fn times(row: &PerActuator, x: &PerActuator) -> Complex64 {
     row.iter().zip(x).map(|(entry, x)| entry * x).sum()
-}
-
-/// The actuators of a mask, ascending.
-pub(super) fn list(mask: u8) -> impl Iterator<Item = usize> {
-    (0..MAX_ACTUATORS).filter(move |i| mask >> i & 1 == 1)
 }

@@ -1,9 +1,9 @@
 //! The best frequency, proven.
 
 use super::optimum::{Optimum, least_energy, most_peak, within_limits};
-use super::program::{Program, ROUNDING, Units, list};
+use super::program::{Program, ROUNDING, Units};
 use super::unlimited::Unlimited;
-use super::{Field, Found, REACH_SLACK, ZERO};
+use super::{Field, Found, REACH_SLACK, ZERO, list};
 use crate::scene::MAX_ACTUATORS;
 
 /// Relative improvement below which a frequency counts as no better.

@@ -6,8 +6,7 @@
 //! itself does as much. Where E is even less definite (differences of rounded numbers), d grows until all pivots are
 //! positive.
 
-use super::Field;
-use super::program::list;
+use super::{Field, list};
 
 /// Relative ridge on the diagonal: 45 times the rounding of a double, of which a pivot gathers a few.
 const RIDGE: f64 = 1e-14;

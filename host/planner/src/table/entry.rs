@@ -17,7 +17,7 @@ pub struct Width {
     /// Mean over the surface of |acceleration|^2 by the odd harmonics that come with 1 N of the fundamental, in
     /// (m/s^2/N)^2.
     pub harmonics: f64,
-    /// The same as it is felt: each harmonic's times the square of [`super::perception::weight`].
+    /// The same as it is felt: each harmonic's times the square of [`crate::perception::weight`].
     pub felt_harmonics: f64,
     /// Most travel of every actuator's mass that comes with 1 N of the fundamental, in m/N: the moduli of fundamental,
     /// harmonics and what switching on adds.
