@@ -121,8 +121,11 @@ fn read(top: &Path, folder: &Path, texts: &mut BTreeMap<PathBuf, String>) -> Res
     let unreadable = |source| Error::File { what: "cannot read", path: folder.to_path_buf(), source };
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
-        if path.is_dir() && !path.ends_with(BUILT) {
-            read(top, &path, texts)?;
+        if path.is_dir() {
+            // A folder with a manifest is another crate's.
+            if !path.ends_with(BUILT) && !path.join("Cargo.toml").exists() {
+                read(top, &path, texts)?;
+            }
         } else if path.extension().is_some_and(|ending| ending == "rs")
             && let Ok(inside) = path.strip_prefix(top)
         {
