@@ -227,10 +227,9 @@ def figures(context, wish, plan, target):
         own, other, off = soft
         whole = own + harmonics
         off += (HARMONICS_TOLERANCE + bound) * harmonics
-        # In moving gaps the springs pulsate and add to the third and fifth harmonic, less than they change the fundamentals;
-        # from above the same figure is held in time (`travel.py`).
-        off += abs(own - wanted) if details["waveform_peak_g"] > whole else 0.0
-        compare(WAVEFORM, whole, other + rough_harmonics, details["waveform_peak_g"], off, whole)
+        # From below: in moving gaps the springs pulsate and add to the third and fifth harmonic, at a resonance as much as there is
+        # of the rest. What is said to be the most is held in time, too (`travel.py`).
+        compare(WAVEFORM, whole, other + rough_harmonics, min(details["waveform_peak_g"], whole), off, whole)
     results += zones(context, fine, coarse, plan, note) + named(context, plan, note)
     if details is not None and (context.index % TIMES_EVERY == 2 or context.plant in (RISE, DECAY)):
         results += times(context, drives, target, details, note)
