@@ -6,7 +6,7 @@ use era::device::sim::Panel;
 use era::effects::{EffectRequest, NamedEffect, design};
 use era::model::Accuracy;
 use era::model::levels::Levels;
-use era::planner::moving::{Board, CONCEDED, Moving, Verdict};
+use era::planner::moving::{Board, CONCEDED, LONGEST_WAIT_S, Moving, Room};
 use era::planner::{Plan, PlanTable, TableOptions, Target};
 use era::scene::random::scene_text;
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
@@ -40,7 +40,7 @@ fn most(turned: &[Turned]) -> f64 {
 /// Two plans at the limit, 20 ms between them: beyond a third of the gap, or pulled in, if they are sent as they come.
 #[test]
 fn plans_at_the_limit_stay_within_it_one_after_the_other() {
-    let (mut snapped_in, mut waited) = (0, 0);
+    let (mut snapped_in, mut weakened) = (0, 0);
     // Both causes: rails that are up, and motion that is left.
     for (number, targets) in [
         (17, [(0.31, 0.62), (0.5, 0.5)]),
@@ -55,13 +55,19 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
         let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.6, pause_s: 0.02 }).collect();
         let plainly = follow(&table, &panel, &turns, Order::Plainly).unwrap();
         let fitting = follow(&table, &panel, &turns, Order::AsItFits).unwrap();
-        println!("{number}: {:.3} plainly, {:.3} {:?}", most(&plainly), most(&fitting), fitting[1].verdict);
+        println!(
+            "{number}: {:.3} plainly, {:.3} with {:.2?} of the force",
+            most(&plainly),
+            most(&fitting),
+            fitting[1].parts
+        );
         assert!(most(&plainly) > MOST, "scene {number}");
         assert!(most(&fitting) <= MOST, "scene {number}");
         snapped_in += u32::from(most(&plainly) > 0.9);
-        waited += u32::from(matches!(fitting[1].verdict, Verdict::Softly { after_s } if after_s > 0.0));
+        weakened += u32::from(fitting[1].parts[0] < 0.9);
+        assert!(fitting.iter().all(|turned| turned.room.after_s <= LONGEST_WAIT_S), "scene {number}");
     }
-    assert!(snapped_in >= 1 && waited >= 3, "{snapped_in} snapped in, {waited} waited");
+    assert!(snapped_in >= 1 && weakened >= 3, "{snapped_in} snapped in, {weakened} weaker");
 }
 
 /// A finger that is drawn over a panel, as strong as it goes, a new plan every frame of a page.
@@ -76,14 +82,14 @@ fn a_drawn_finger_stays_within_the_limit() {
         let plainly = follow(&table, &Panel::of(&table), &turns, Order::Plainly).unwrap();
         println!("{number}: {:.3} plainly, {:.3}", most(&plainly), most(&fitting));
         assert!(most(&fitting) <= MOST, "scene {number}");
-        // It is felt all the same.
-        assert!(most(&fitting) > 0.2, "scene {number}");
+        // It is felt all the same: 0.28 and more of what the limit allows.
+        assert!(most(&fitting) > 0.28 / 3.0, "scene {number}");
     }
 }
 
-/// The same on the example panels at usual strengths, then taps in quick succession, then clicks: nothing waits.
+/// The same on the example panels at usual strengths, then taps in quick succession, then clicks: nothing waits or is weaker.
 #[test]
-fn ordinary_touches_are_not_delayed() {
+fn ordinary_touches_are_neither_late_nor_weaker() {
     for (text, intensity_g) in [(EXAMPLE_BAR, 0.3), (EXAMPLE_PLATE, 0.3), (EXAMPLE_BAR, 0.6)] {
         let table = table_of(text);
         let mut moving = Moving::new(table.rings());
@@ -95,8 +101,8 @@ fn ordinary_touches_are_not_delayed() {
             let swing = table.swing(&plan).unwrap();
             took.push(begun.elapsed().as_secs_f64() * 1e6);
             let drives = Some(plan.drives.as_slice());
-            let verdict = moving.fits(&swing, drives, now_s, board);
-            assert_eq!(verdict, Verdict::AtOnce, "touch {i} of {intensity_g} g");
+            let room = moving.room(&swing, drives, now_s, board);
+            assert_eq!(room, Room::ALL, "touch {i} of {intensity_g} g");
             let is_tap = i >= 200;
             moving.begin(u64::from(i), &swing, drives, board, now_s, now_s + if is_tap { 0.05 } else { 1.0 });
             board = if is_tap { Board::Up } else { Board::Driving };
@@ -108,8 +114,8 @@ fn ordinary_touches_are_not_delayed() {
             let plan = plan_at(&table, 0.1 + 0.04 * f64::from(i), 0.3, intensity_g);
             let design = design(&table, table.rise().unwrap(), &plan, EffectRequest::of(NamedEffect::Click)).unwrap();
             let swing = design.swing(&table).unwrap();
-            let verdict = moving.fits(&swing, None, now_s, Board::Up);
-            assert_eq!(verdict, Verdict::AtOnce, "click {i} of {intensity_g} g");
+            let room = moving.room(&swing, None, now_s, Board::Up);
+            assert_eq!(room, Room::ALL, "click {i} of {intensity_g} g");
             moving.begin(1000 + u64::from(i), &swing, None, Board::Up, now_s, now_s + 0.03);
             now_s += 0.15;
         }
@@ -149,54 +155,71 @@ impl Served {
     }
 }
 
-/// Over HTTP: the second of two strong touches comes later and says so; a newer one takes its place, a stop ends it.
+fn is_still_moving(plan: &Value) -> bool {
+    plan["limits"].as_array().unwrap().iter().any(|limit| limit["code"] == "still-moving")
+}
+
+/// Over HTTP: the second of two strong touches is weaker at first and says so, and grows to its whole strength while it is held; of
+/// two that come together the newer one is driven in the end, and a stop ends it.
 #[test]
-fn a_touch_that_does_not_fit_waits() {
+fn a_touch_that_does_not_fit_is_weaker_at_first() {
     let served = Served::start(&scene_text(11, 68));
-    let first = |x: f64, y: f64| {
+    let touch = |x: f64, y: f64| {
         let (status, answer) = served.touch(x, y, AT_THE_LIMIT_G, 9000);
         assert_eq!(status, 200, "{answer}");
-        // Long enough to be steady.
-        std::thread::sleep(Duration::from_millis(600));
-        answer["device"]["delayed_ms"].clone()
+        answer
     };
-    assert_eq!(first(0.87, 0.13), Value::Null, "nothing moved before");
-    let delayed_ms = first(0.31, 0.62);
-    assert!(delayed_ms.as_f64() > Some(20.0), "{delayed_ms}");
-    assert_eq!(served.daemon.state()["device"]["state"], "running");
-    // What was driven ends, and the next one waits.
-    let waits = || served.daemon.wait_for(|state| state["plan"].is_null());
-    std::thread::scope(|threads| {
-        let second = threads.spawn(|| served.touch(0.87, 0.13, AT_THE_LIMIT_G, 9000));
-        waits();
-        let (status, answer) = served.touch(0.5, 0.5, AT_THE_LIMIT_G, 9000);
-        assert!(status == 200 && answer["device"]["delayed_ms"].is_number(), "{status} {answer}");
-        let (status, answer) = second.join().unwrap();
-        assert_eq!((status, &answer["type"]), (409, &json!("urn:era:problem:superseded")), "{answer}");
-        std::thread::sleep(Duration::from_millis(600));
-        let fourth = threads.spawn(|| served.touch(0.87, 0.13, AT_THE_LIMIT_G, 9000));
-        waits();
-        assert_eq!(served.daemon.post("/v1/stop", "").0, 200);
-        let (status, answer) = fourth.join().unwrap();
-        assert_eq!((status, &answer["type"]), (409, &json!("urn:era:problem:stopped")), "{answer}");
-        assert_eq!(served.daemon.state()["plan"], Value::Null);
+    let whole = touch(0.31, 0.62);
+    assert!(!is_still_moving(&whole) && whole["device"]["delayed_ms"].is_null(), "nothing moved before: {whole}");
+    assert_eq!(served.daemon.post("/v1/stop", "").0, 200);
+    std::thread::sleep(Duration::from_millis(1500));
+    touch(0.87, 0.13);
+    // Long enough to be steady.
+    std::thread::sleep(Duration::from_millis(600));
+    let weaker = touch(0.31, 0.62);
+    let peak_g = |answer: &Value| answer["predicted"]["target_peak_g"].as_f64().unwrap();
+    assert!(is_still_moving(&weaker) && peak_g(&weaker) < 0.9 * peak_g(&whole), "{weaker}");
+    assert!(weaker["limited_by"].as_str().unwrap().contains("motion left of the touches before"), "{weaker}");
+    let grown = served.daemon.wait_for(|state| state["plan"].is_object() && !is_still_moving(&state["plan"]));
+    assert_eq!(grown["plan_id"], weaker["plan_id"]);
+    assert!((peak_g(&grown["plan"]) / peak_g(&whole) - 1.0).abs() < 1e-6, "{grown}");
+    assert_eq!(grown["device"]["state"], "running");
+    let together: Vec<(u16, Value)> = std::thread::scope(|threads| {
+        let touches = [(0.87, 0.13), (0.5, 0.5)].map(|(x, y)| {
+            let served = &served;
+            threads.spawn(move || served.touch(x, y, AT_THE_LIMIT_G, 9000))
+        });
+        touches.into_iter().map(|touch| touch.join().unwrap()).collect()
     });
+    let driven = together.iter().filter_map(|(status, answer)| match status {
+        200 => answer["plan_id"].as_u64(),
+        _ => {
+            assert_eq!((*status, &answer["type"]), (409, &json!("urn:era:problem:superseded")), "{answer}");
+            None
+        }
+    });
+    assert_eq!(served.daemon.state()["plan_id"].as_u64(), driven.max());
+    assert_eq!(served.daemon.post("/v1/stop", "").0, 200);
+    // What would have grown does not begin again.
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(served.daemon.state()["plan"], Value::Null);
 }
 
 /// Usual touches go the same way as ever.
 #[test]
-fn a_second_ordinary_touch_is_not_delayed() {
+fn a_second_ordinary_touch_is_neither_late_nor_weaker() {
     let served = Served::start(EXAMPLE_PLATE);
     for i in 0..6_u32 {
         let (status, answer) = served.touch(0.2 + 0.1 * f64::from(i), 0.4, 0.3, 300);
         assert!(status == 200 && answer["device"]["delayed_ms"].is_null(), "{answer}");
+        assert!(!is_still_moving(&answer), "{answer}");
         std::thread::sleep(Duration::from_millis(30 * u64::from(i)));
     }
 }
 
-/// On a page: a finger that is lifted while its touch waits is not driven afterwards, and no error is told of it.
+/// On a page: a finger that is lifted while its touch is weaker than it will be is not driven afterwards.
 #[test]
-fn a_lifted_finger_waits_for_nothing() {
+fn a_lifted_finger_does_not_grow() {
     let served = Served::start(&scene_text(11, 68));
     let url = served.daemon.url.replace("http", "ws");
     let (mut socket, _) = tungstenite::connect(format!("{url}/v1/live")).unwrap();
@@ -210,8 +233,7 @@ fn a_lifted_finger_waits_for_nothing() {
     let first = served.daemon.wait_for(|state| state["plan_id"].is_number())["plan_id"].clone();
     std::thread::sleep(Duration::from_millis(600));
     say(Some((0.31, 0.62)));
-    // What was driven ends, the other waits.
-    served.daemon.wait_for(|state| state["plan"].is_null());
+    served.daemon.wait_for(|state| state["plan_id"].as_u64() > first.as_u64());
     say(None);
     std::thread::sleep(Duration::from_millis(900));
     let state = served.daemon.state();

@@ -66,6 +66,7 @@ pub mod study;
 pub mod succession;
 pub mod table;
 pub mod trade;
+mod weaker;
 mod zone;
 
 use era_model::{model, response, scene, transient};

@@ -23,6 +23,8 @@ pub enum Limitation {
     Node,
     /// An effect that is over before the panel has come up.
     TooShort,
+    /// What is left of the touches before.
+    StillMoving,
 }
 
 impl Limitation {
@@ -44,6 +46,7 @@ impl Limitation {
             Self::QuietZone => "quiet-zone",
             Self::Node => "node",
             Self::TooShort => "too-short",
+            Self::StillMoving => "still-moving",
         }
     }
 
@@ -64,6 +67,7 @@ impl fmt::Display for Limitation {
             Self::Supply | Self::Node => f.write_str(self.code()),
             Self::QuietZone => f.write_str("quiet zone"),
             Self::TooShort => f.write_str("the panel, which does not reach its steady motion within the effect"),
+            Self::StillMoving => f.write_str("motion left of the touches before"),
         }
     }
 }

@@ -14,19 +14,29 @@ use crate::scene::MAX_ACTUATORS;
 
 /// Part of a limit that may be exceeded: a plan at the limit leaves no room at all, and free motions never end.
 pub const CONCEDED: f64 = 0.02;
-/// Longest wait in s that a touch is worth.
-pub const LONGEST_WAIT_S: f64 = 1.5;
+/// Longest time in s for which a touch is held back: beyond it a finger feels a click as late.
+pub const LONGEST_WAIT_S: f64 = 0.03;
+/// How many times as strong a touch has to become by waiting: twice is 6 dB, a difference that fingers feel; less is not worth the
+/// delay.
+const WORTH_WAITING: f64 = 2.0;
 /// Until drives end that were told to, in s, beside a period of theirs: the link, and whoever tells them.
 const LATE_S: f64 = 0.01;
 /// Longest that drives which are set again and again count as the same in s: then the board's bursts end.
 const SAME_S: f64 = 9.5;
 /// Until rails are up that rise from zero, in s: discharge and self-test take 40 ms, 2 kV 100 ms.
 const RISEN_S: f64 = 0.25;
-/// A drive that has just begun is left on until then, in s, if the next one does not fit: a finger that is drawn would
-/// otherwise switch off again and again what has not yet been felt.
-const FELT_S: f64 = 0.3;
-/// Halvings of a wait: to 1.5 ms.
+/// Time in s after which drives that began weaker are looked at again: free motions decay within some tenths of a second.
+pub const NEXT_LOOK_S: f64 = 0.02;
+/// Part of the missing force that a step has to bring.
+const WORTH_GROWING: f64 = 0.3;
+/// Halvings of a wait or of a part: to 30 us and less than a thousandth.
 const HALVINGS: u32 = 10;
+/// Parts of the forces of a change that are looked at.
+const PARTS: u32 = 20;
+/// Part of the room that is taken where a first try was not enough.
+const SURELY: f64 = 0.98;
+/// Part of a plan's forces below which nothing is driven: 40 dB less than was asked for.
+const LEAST_PART: f64 = 0.01;
 /// Distance in Hz within which two frequencies may be one to the board's timers, which then has one phase.
 const ONE_HZ: f64 = 0.1;
 
@@ -50,26 +60,24 @@ pub enum Ending {
     AtOnce,
 }
 
-/// Whether, and how, drives may begin.
+/// What is left of the limits for drives that are to begin.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Verdict {
-    /// As they are.
-    AtOnce,
-    /// Not yet: what is driven has hardly begun, and goes on until it is asked again.
-    Later {
-        /// When, in s.
-        after_s: f64,
-    },
-    /// Only with rails that rise from zero, and after a wait, with everything off.
-    Softly {
-        /// The wait in s.
-        after_s: f64,
-    },
-    /// Not within the longest wait: with what is then left some mass would go this far, as a part of what is allowed.
-    TooFar {
-        /// More than 1.
-        part: f64,
-    },
+pub struct Room {
+    /// After which time in s they may begin, at most [`LONGEST_WAIT_S`]; until then everything is off, unless `goes_on`.
+    pub after_s: f64,
+    /// For which part of their forces there is room then: 1 is all of them.
+    pub part: f64,
+    /// Whether what is driven goes on until then: it has hardly begun.
+    pub goes_on: bool,
+}
+
+impl Room {
+    /// All forces, at once.
+    pub const ALL: Self = Self::at_once(1.0);
+
+    const fn at_once(part: f64) -> Self {
+        Self { after_s: 0.0, part, goes_on: false }
+    }
 }
 
 /// Free motions, and the drives that are on.
@@ -81,6 +89,8 @@ pub struct Moving {
     left_s: f64,
     /// Those of drives that end, from when they count as ended.
     ending: Vec<(f64, Vec<f64>)>,
+    /// Since when nothing is driven, in s.
+    off_since_s: f64,
     current: Option<Current>,
 }
 
@@ -92,10 +102,10 @@ struct Current {
     lines: Vec<SwingLine>,
     /// Amplitudes of the free motions that it began with.
     start: Vec<f64>,
+    /// Amplitudes that what was driven before would have left, had it ended when this began.
+    before: Vec<f64>,
     /// Whether its rails rise with it.
     is_soft: bool,
-    /// Whether nothing was driven before.
-    is_first: bool,
     since_s: f64,
     until_s: f64,
     /// How much later it may end.
@@ -126,8 +136,9 @@ impl Current {
         let time_s = (at_s - self.since_s).max(0.0);
         let gained =
             |line: &SwingLine| line.shares.get(k).map_or(0.0, |share| share.gain_per_s) * self.forced_s(line, time_s);
-        let most = if self.is_first { self.lines.iter().map(gained).sum() } else { f64::INFINITY };
-        let left = self.start.get(k).copied().unwrap_or(0.0) * (-rate_per_s * time_s).exp();
+        let kept = (-rate_per_s * time_s).exp();
+        let most = self.before.get(k).map_or(0.0, |before| before * kept) + self.lines.iter().map(gained).sum::<f64>();
+        let left = self.start.get(k).copied().unwrap_or(0.0) * kept;
         let is_up = self.is_soft && time_s > RISEN_S;
         (if is_up { left.min(afterwards(&self.lines, k)) } else { left }, most)
     }
@@ -143,8 +154,8 @@ impl Current {
         rings.iter().enumerate().map(of).collect()
     }
 
-    /// The same beside the steady motion of `next`, which takes its place at `end_s`.
-    fn changes(&self, rings: &[Ring], next: &[SwingLine], end_s: f64) -> Vec<f64> {
+    /// The same beside the steady motion of a part of `next`, which takes its place at `end_s`.
+    fn changes(&self, rings: &[Ring], next: &[SwingLine], part: f64, end_s: f64) -> Vec<f64> {
         let goes_on = |old: &SwingLine| next.iter().find(|new| old.goes_on_as(new, &self.lines));
         let pairs: Vec<(&SwingLine, Option<&SwingLine>)> = self.lines.iter().map(|old| (old, goes_on(old))).collect();
         let is_new =
@@ -154,12 +165,14 @@ impl Current {
         let of = |(k, ring): (usize, &Ring)| {
             let (start, most) = self.begun(k, ring.rate_per_s, end_s);
             let changed = |(old, new): &(&SwingLine, Option<&SwingLine>)| match new {
-                Some(new) => old.shares.get(k).zip(new.shares.get(k)).map_or(0.0, |(old, new)| old.left_beside(new)),
+                Some(new) => {
+                    old.shares.get(k).zip(new.shares.get(k)).map_or(0.0, |(old, new)| old.left_beside(new, part))
+                }
                 None => left(old, k),
             };
             let changes: f64 =
-                pairs.iter().map(changed).sum::<f64>() + fresh.iter().map(|new| left(new, k)).sum::<f64>();
-            (start + changes).min(most + steady(next, k))
+                pairs.iter().map(changed).sum::<f64>() + part * fresh.iter().map(|new| left(new, k)).sum::<f64>();
+            (start + changes).min(most + part * steady(next, k))
         };
         rings.iter().enumerate().map(of).collect()
     }
@@ -196,55 +209,91 @@ impl Moving {
     /// A panel at rest, with its poles ([`super::PlanTable::rings`]).
     #[must_use]
     pub fn new(rings: Vec<Ring>) -> Self {
-        Self { left: vec![0.0; rings.len()], rings, left_s: 0.0, ending: Vec::new(), current: None }
+        Self {
+            left: vec![0.0; rings.len()],
+            rings,
+            left_s: 0.0,
+            ending: Vec::new(),
+            off_since_s: f64::NEG_INFINITY,
+            current: None,
+        }
     }
 
-    /// Whether `drives`, whose motion is `swing`, may begin at `now_s` in place of what is driven now. `None` is an effect,
-    /// which is no even drive.
+    /// The room for `drives`, whose motion is `swing`, from `now_s` on in place of what is driven now. `None` is an effect, which
+    /// is no even drive. With all of them there is room for the whole; otherwise they begin weaker, and after a wait where that
+    /// makes them much stronger.
     #[must_use]
-    pub fn fits(&self, swing: &Swing, drives: Option<&[Drive]>, now_s: f64, board: Board) -> Verdict {
-        if board == Board::Driving && self.continues(drives, now_s) {
-            return Verdict::AtOnce;
+    pub fn room(&self, swing: &Swing, drives: Option<&[Drive]>, now_s: f64, board: Board) -> Room {
+        let part = self.part(swing, drives, now_s, board);
+        if part >= 1.0 {
+            return Room::ALL;
         }
-        let most = 1.0 + CONCEDED;
-        let part = |travel_m: &PerActuator| {
-            let parts = travel_m.iter().zip(&swing.limit_m).filter(|(_, limit)| limit.is_finite());
-            parts.map(|(travel, limit)| travel / limit).fold(0.0, f64::max)
-        };
-        let anew = |after_s: f64, begun_m: &PerActuator| sum(&self.left_at(now_s, now_s + after_s), begun_m);
-        let mut travel_m = anew(0.0, if board == Board::Down { &swing.soft_m } else { &swing.at_once_m });
-        let goes_on = |current: &&Current| board == Board::Driving && drives.is_some() && current.is_even(now_s);
-        if let Some(current) = self.current.as_ref().filter(goes_on) {
-            let changed = self.travel(&current.changes(&self.rings, &swing.lines, current.end_s(now_s)));
-            let changed_m = sum(&sum(&self.free_at(now_s), &changed.map(|m| GROWN * m)), &swing.steady_m);
-            travel_m.iter_mut().zip(changed_m).for_each(|(travel, changed)| *travel = travel.min(changed));
-        }
-        if part(&travel_m) <= most {
-            return Verdict::AtOnce;
-        }
-        if let Some(current) = self.current.as_ref().filter(|current| board == Board::Driving && current.is_even(now_s))
-        {
-            let after_s = (current.since_s + FELT_S).min(current.until_s) - now_s;
+        // A finger that is drawn would otherwise end again and again what has not yet come up, and leave room for nothing.
+        let is_even = |current: &&Current| board == Board::Driving && current.is_even(now_s);
+        if let Some(current) = self.current.as_ref().filter(is_even) {
+            let after_s = (current.since_s + LONGEST_WAIT_S).min(current.until_s) - now_s;
             if after_s > 0.0 {
-                return Verdict::Later { after_s };
+                return Room { after_s, part, goes_on: true };
             }
         }
-        let softly = |after_s: f64| part(&anew(after_s, &swing.soft_m));
-        if softly(0.0) <= most {
-            return Verdict::Softly { after_s: 0.0 };
+        let off = |after_s: f64| self.part_anew(swing, now_s, after_s, board);
+        // Touches that follow each other quickly are not held back one after the other, with nothing driven in between.
+        let off_since_s = self.current.as_ref().map_or(self.off_since_s, |current| current.until_s.min(now_s));
+        let longest_s = (LONGEST_WAIT_S - (now_s - off_since_s)).max(0.0);
+        let most = off(longest_s);
+        if most < WORTH_WAITING * part || most <= 0.0 {
+            return Room::at_once(part);
         }
-        let (mut low, mut high) = (0.0, LONGEST_WAIT_S);
-        if softly(high) > most {
-            return Verdict::TooFar { part: softly(high) };
-        }
+        let (mut low, mut high) = (0.0, longest_s);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
-            *(if softly(middle) <= most { &mut high } else { &mut low }) = middle;
+            *(if off(middle) >= most { &mut high } else { &mut low }) = middle;
         }
-        Verdict::Softly { after_s: high }
+        Room { after_s: high, part: most, goes_on: false }
     }
 
-    /// Drives begin at `now_s`, in place of any others, while the board does what [`Moving::fits`] was told, and end at
+    /// The part of the forces of `drives` for which there is room at `now_s`, without a wait.
+    #[must_use]
+    pub fn part(&self, swing: &Swing, drives: Option<&[Drive]>, now_s: f64, board: Board) -> f64 {
+        if board == Board::Driving && self.continues(drives, now_s) {
+            return 1.0;
+        }
+        let anew = self.part_anew(swing, now_s, 0.0, board);
+        let goes_on = |current: &&Current| board == Board::Driving && drives.is_some() && current.is_even(now_s);
+        let Some(current) = self.current.as_ref().filter(goes_on).filter(|_| anew < 1.0) else { return anew };
+        let (begun_m, left_m, free_m) = (begun_m(swing, board), self.left_at(now_s, now_s), self.free_at(now_s));
+        let end_s = current.end_s(now_s);
+        let fits = |part: f64| {
+            let changed_m = self.travel(&current.changes(&self.rings, &swing.lines, part, end_s));
+            (0..MAX_ACTUATORS).all(|i| {
+                let anew_m = swing.growth[i] * left_m[i] + part * begun_m[i];
+                let changed_m = swing.growth[i] * free_m[i] + GROWN * changed_m[i] + part * swing.steady_m[i];
+                anew_m.min(changed_m) <= (1.0 + CONCEDED) * swing.limit_m[i]
+            })
+        };
+        // As near to what is driven now as it is, the least change is none: a weaker one may not fit where a stronger one does.
+        let parts = (0..=PARTS).rev().map(|k| f64::from(k) / f64::from(PARTS)).take_while(|part| *part > anew);
+        let Some(mut low) = parts.into_iter().find(|part| fits(*part)) else { return anew };
+        let mut high = (low + 1.0 / f64::from(PARTS)).min(1.0);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            *(if fits(middle) { &mut low } else { &mut high }) = middle;
+        }
+        low
+    }
+
+    /// The same `after_s` later, with everything off until then.
+    fn part_anew(&self, swing: &Swing, now_s: f64, after_s: f64, board: Board) -> f64 {
+        let left_m = self.left_at(now_s, now_s + after_s);
+        let begun_m = begun_m(swing, board);
+        let of = |i: usize| {
+            let room_m = (1.0 + CONCEDED) * swing.limit_m[i] - swing.growth[i] * left_m[i];
+            if begun_m[i] <= room_m { 1.0 } else { (room_m / begun_m[i]).max(0.0) }
+        };
+        (0..MAX_ACTUATORS).map(of).fold(1.0, f64::min)
+    }
+
+    /// Drives begin at `now_s`, in place of any others, while the board does what [`Moving::room`] was told, and end at
     /// `until_s` unless they are told otherwise.
     pub fn begin(&mut self, id: u64, swing: &Swing, drives: Option<&[Drive]>, board: Board, now_s: f64, until_s: f64) {
         if board == Board::Driving
@@ -257,11 +306,12 @@ impl Moving {
         let goes_on = |current: &mut Current| board == Board::Driving && drives.is_some() && current.is_even(now_s);
         let before = self.current.take_if(goes_on);
         let start = match &before {
-            Some(before) => before.changes(&self.rings, &swing.lines, before.end_s(now_s)),
+            Some(before) => before.changes(&self.rings, &swing.lines, 1.0, before.end_s(now_s)),
             None if drives.is_some() => (0..self.rings.len()).map(|k| steady(&swing.lines, k)).collect(),
             // In all that it may leave its beginning counts already.
             None => vec![0.0; self.rings.len()],
         };
+        let left_before = before.as_ref().map(|before| before.leaves(&self.rings, before.end_s(now_s)));
         self.end(now_s, Ending::AtItsBoundary);
         self.pass(now_s);
         let lowest_hz = swing.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
@@ -271,7 +321,7 @@ impl Moving {
             lines: swing.lines.clone(),
             start,
             is_soft: board == Board::Down && drives.is_some(),
-            is_first: before.is_none(),
+            before: left_before.unwrap_or_else(|| vec![0.0; self.rings.len()]),
             since_s: now_s,
             until_s,
             late_s: LATE_S + 1.0 / lowest_hz,
@@ -285,6 +335,7 @@ impl Moving {
                 current.late_s = LATE_S;
             }
             let end_s = current.end_s(when_s);
+            self.off_since_s = when_s.min(current.until_s);
             self.ending.push((end_s, current.leaves(&self.rings, end_s)));
         }
     }
@@ -349,6 +400,41 @@ impl Moving {
         }
         (self.left, self.left_s) = (left, now_s.max(self.left_s));
     }
+}
+
+/// `whole`, or what `weaker` makes of it for a part of its forces, so that there is room for all of it, as `room` says.
+///
+/// # Errors
+/// Those of `weaker`.
+pub fn fitted<T, E>(whole: T, weaker: impl Fn(f64) -> Result<T, E>, room: impl Fn(&T) -> f64) -> Result<T, E> {
+    let (mut fitted, mut part, mut sure) = (whole, 1.0, 1.0);
+    loop {
+        let left = room(&fitted);
+        if left >= 1.0 || part <= 0.0 {
+            return Ok(fitted);
+        }
+        part *= sure * left;
+        // As electrodes soften less, a weaker plan is not just a smaller one, and the first try may not be enough.
+        sure = SURELY;
+        if part < LEAST_PART {
+            part = 0.0;
+        }
+        fitted = weaker(part)?;
+    }
+}
+
+/// Whether drives that began weaker should be changed to others: from these, to these, as a part of those first planned. Each step swings
+/// up itself, so that next to a limit it brings some four tenths of what is missing.
+#[must_use]
+pub fn grows([from, to, whole]: [&[Drive]; 3]) -> bool {
+    let force_n = |drives: &[Drive]| drives.iter().map(|drive| drive.force_n).sum::<f64>();
+    let [from_n, to_n, whole_n] = [from, to, whole].map(force_n);
+    to == whole || to_n - from_n >= WORTH_GROWING * (whole_n - from_n)
+}
+
+/// Most travel in m with which drives begin on a panel at rest.
+fn begun_m(swing: &Swing, board: Board) -> PerActuator {
+    if board == Board::Down { swing.soft_m } else { swing.at_once_m }
 }
 
 fn sum(a: &PerActuator, b: &PerActuator) -> PerActuator {

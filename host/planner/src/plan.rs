@@ -234,7 +234,7 @@ impl PlanTable {
         self.grid.there.iter().enumerate().map(|(point, there)| there.then(|| peak(point))).collect()
     }
 
-    fn drives(&self, chosen: &[Chosen], settled: &Settled) -> Vec<Drive> {
+    pub(super) fn drives(&self, chosen: &[Chosen], settled: &Settled) -> Vec<Drive> {
         chosen
             .iter()
             .zip(self.scene.actuators.iter().zip(&settled.applied))
@@ -249,7 +249,13 @@ impl PlanTable {
             .collect()
     }
 
-    fn predict(&self, judge: &Judge<'_>, drives: &[Chosen], settled: &Settled, target_peak_g: f64) -> Predicted {
+    pub(super) fn predict(
+        &self,
+        judge: &Judge<'_>,
+        drives: &[Chosen],
+        settled: &Settled,
+        target_peak_g: f64,
+    ) -> Predicted {
         let zone = &judge.zone;
         let (mut near, mut all, mut near_mean, mut mean) = (0.0, 0.0, 0.0, 0.0);
         for group in groups(drives) {

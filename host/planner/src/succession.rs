@@ -8,7 +8,7 @@
 use super::Plan;
 use super::chosen::Chosen;
 use super::closer::CLOSING;
-use super::limits::{Electrodes, TRAVEL_PART};
+use super::limits::{Electrodes, HELD, TRAVEL_PART};
 use super::rise::{Onset, Ring, Share};
 use super::safe::{Applied, LEFT_OUT, harmonics_m};
 use super::softening::{Line, Motion};
@@ -34,6 +34,9 @@ pub struct Swing {
     pub at_once_m: PerActuator,
     /// The same when the rails rise with them.
     pub soft_m: PerActuator,
+    /// How many times as far masses go under it that already move: electrodes take a part c off what holds them, which a motion of the
+    /// same energy grows by 1 / sqrt(1 - c) for.
+    pub growth: PerActuator,
     /// The forces, frequency by frequency.
     pub lines: Vec<SwingLine>,
 }
@@ -117,7 +120,16 @@ impl PlanTable {
             }
         }
         soft_m.iter_mut().zip(&at_once_m).for_each(|(soft, at_once)| *soft = soft.min(*at_once));
-        Some(Swing { limit_m, steady_m, at_once_m, soft_m, lines })
+        let growth = self.growth(&motion.softening_n_per_m);
+        Some(Swing { limit_m, steady_m, at_once_m, soft_m, growth, lines })
+    }
+
+    /// What softenings in N/m make of motions that there are already ([`Swing::growth`]).
+    fn growth(&self, softening_n_per_m: &PerActuator) -> PerActuator {
+        self.static_receptance.map(|row| {
+            let taken: f64 = row.iter().zip(softening_n_per_m).map(|(g, s)| if *s > 0.0 { g * s } else { 0.0 }).sum();
+            (1.0 - taken.min(HELD)).powf(-0.5)
+        })
     }
 
     /// How far an effect takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles.
@@ -133,7 +145,15 @@ impl PlanTable {
         };
         let lines = pushes.iter().map(line).collect::<Option<Vec<_>>>()?;
         let [steady_m, at_once_m, soft_m] = [*travel_m; 3];
-        Some(Swing { limit_m: self.limits_m(), steady_m, at_once_m, soft_m, lines })
+        let mut softening_n_per_m = [0.0; MAX_ACTUATORS];
+        for push in pushes {
+            if let (Some(s), Some(own)) = (softening_n_per_m.get_mut(push.channel), self.electrodes.get(push.channel)) {
+                let closed = (travel_m.get(push.channel)? / own.gap_m).min(TRAVEL_PART);
+                *s = push.force_n * own.softening_per_newton(1.0) / (1.0 - closed).powi(3);
+            }
+        }
+        let growth = self.growth(&softening_n_per_m);
+        Some(Swing { limit_m: self.limits_m(), steady_m, at_once_m, soft_m, growth, lines })
     }
 
     /// The poles that [`Swing`]s tell of.
@@ -152,7 +172,7 @@ impl PlanTable {
     }
 
     /// The drives of a plan with their responses, and what is applied to the electrodes.
-    fn chosen_again(&self, plan: &Plan) -> Option<(Vec<Chosen>, [Applied; MAX_ACTUATORS])> {
+    pub(super) fn chosen_again(&self, plan: &Plan) -> Option<(Vec<Chosen>, [Applied; MAX_ACTUATORS])> {
         let mut applied = [Applied::default(); MAX_ACTUATORS];
         let mut chosen = Vec::with_capacity(plan.drives.len());
         for (i, (drive, applied)) in plan.drives.iter().zip(&mut applied).enumerate() {
@@ -173,10 +193,10 @@ impl Share {
         self.steady.iter().map(|z| z.norm()).sum()
     }
 
-    /// The same beside the steady motion of a force that goes on in its place.
+    /// The same beside the steady motion of a part of a force that goes on in its place.
     #[must_use]
-    pub fn left_beside(&self, next: &Self) -> f64 {
-        self.steady.iter().zip(&next.steady).map(|(z, next)| (z - next).norm()).sum()
+    pub fn left_beside(&self, next: &Self, part: f64) -> f64 {
+        self.steady.iter().zip(&next.steady).map(|(z, next)| (z - part * next).norm()).sum()
     }
 }
 

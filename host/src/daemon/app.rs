@@ -13,6 +13,8 @@ use crate::device::sim::SimControl;
 use crate::device::{DriveOrder, EffectOrder, LinkError, OpenDevice, Session, SessionError, Snapshot};
 use crate::effects::{Design, DesignError, Intensity, design, plan_with};
 use crate::planner::drive::SiDrive;
+use crate::planner::limitation::Limitation;
+use crate::planner::moving::fitted;
 use crate::planner::succession::Swing;
 use crate::planner::trade::Trade;
 use crate::planner::{Drive, Plan, PlanTable, Request};
@@ -47,12 +49,12 @@ pub struct App {
 }
 
 /// What a plan needs to be driven.
-struct Prepared {
-    swing: Swing,
-    kind: Kind,
+pub(super) struct Prepared {
+    pub(super) swing: Swing,
+    pub(super) kind: Kind,
 }
 
-enum Kind {
+pub(super) enum Kind {
     Hold(Duration),
     Effect(Box<Design>),
 }
@@ -108,11 +110,19 @@ impl App {
     /// The plan that is being driven.
     #[must_use]
     pub fn active(&self) -> Option<Arc<Active>> {
+        self.active_until().map(|(plan, _)| plan)
+    }
+
+    /// The same with when it ends.
+    pub(super) fn active_until(&self) -> Option<(Arc<Active>, Instant)> {
         let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
-        if active.as_ref().is_some_and(|(_, until)| Instant::now() >= *until) {
-            *active = None;
-        }
-        active.as_ref().map(|(plan, _)| Arc::clone(plan))
+        active.take_if(|(_, until)| Instant::now() >= *until);
+        active.clone()
+    }
+
+    /// The turn of plan `id` once more, which is being driven; `None` if there is a newer one.
+    pub(super) async fn turn_again(&self, id: u64) -> Option<Turn<'_>> {
+        self.turns.again(id, || board(&self.session.snapshots().borrow())).await
     }
 
     /// What a changed scene would do; drives nothing.
@@ -194,19 +204,21 @@ impl App {
 
     /// Drives a plan and shows it.
     pub(super) async fn driven(
-        &self,
+        self: &Arc<Self>,
         id: u64,
         stops: u64,
         plan: Plan,
         touches: &[TouchView],
         manner: Manner,
     ) -> Result<Touched, Problem> {
-        let prepared = tokio::task::block_in_place(|| self.prepared(&plan, manner))?;
+        let prepared = tokio::task::block_in_place(|| self.prepared(&plan, 1.0, manner))?;
         // One at a time, and what has been driven is not overtaken by a stretch of something older.
         let board = || board(&self.session.snapshots().borrow());
         let release = |older: u64| self.release(older, Instant::now());
         let is_stopped = || self.session.stops() != stops;
         let turn = self.turns.take(id, &prepared.swing, prepared.drives(&plan), board, release, is_stopped).await?;
+        let whole = plan.clone();
+        let (plan, prepared) = tokio::task::block_in_place(|| self.fitted(&turn, plan, prepared, manner))?;
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
             sim.set_probe(self.table.model.shape_at(target.x_mm / 1e3, target.y_mm / 1e3));
         }
@@ -217,15 +229,42 @@ impl App {
         drop(turn);
         let active = self.shown(id, plan, touches, device.get("effect").cloned());
         self.activate(&active, until, stops)?;
+        if matches!(manner, Manner::Hold(_)) && active.plan.plan().drives != whole.drives {
+            self.grow_later(id, stops, whole);
+        }
         Ok(Touched { active, device, stretches: None, trade: None })
     }
 
-    fn prepared(&self, plan: &Plan, manner: Manner) -> Result<Prepared, Problem> {
+    /// A plan as strong as there is room for on top of what is left of the touches before.
+    pub(super) fn fitted(
+        &self,
+        turn: &Turn<'_>,
+        plan: Plan,
+        prepared: Prepared,
+        manner: Manner,
+    ) -> Result<(Plan, Prepared), Problem> {
+        let whole = plan.clone();
+        let weaker = |part: f64| {
+            tracing::info!(plan = turn.id(), part, "weaker, for what is left of the touches before");
+            let plan = self.table.weaker(&whole, part)?;
+            let prepared = self.prepared(&plan, part, manner)?;
+            Ok((plan, prepared))
+        };
+        fitted((plan, prepared), weaker, |(plan, prepared)| turn.part(&prepared.swing, prepared.drives(plan)))
+    }
+
+    /// What it takes to drive a plan that has `part` of the forces first planned.
+    pub(super) fn prepared(&self, plan: &Plan, part: f64, manner: Manner) -> Result<Prepared, Problem> {
         let (swing, kind) = match manner {
             Manner::Hold(hold) => (self.table.swing(plan), Kind::Hold(hold)),
             Manner::Effect(request) => {
                 let rise = self.table.rise().ok_or(DesignError::Unbounded)?;
-                let design = design(&self.table, rise, plan, request)?;
+                let mut wished = plan.clone();
+                wished.targets.iter_mut().for_each(|target| target.wanted_g *= part);
+                let mut design = design(&self.table, rise, &wished, request)?;
+                if part < 1.0 {
+                    design.add_limit(Limitation::StillMoving);
+                }
                 (design.swing(&self.table), Kind::Effect(Box::new(design)))
             }
         };
@@ -238,7 +277,7 @@ impl App {
     }
 
     /// Has the device drive what it is the turn of; what it achieves, and when it ends.
-    async fn begun(
+    pub(super) async fn begun(
         &self,
         turn: &Turn<'_>,
         stops: u64,
@@ -302,16 +341,19 @@ impl App {
     }
 
     /// Shows a plan as the current one, unless everything was stopped or something newer was driven meanwhile.
-    fn activate(&self, plan: &Arc<Active>, until: Instant, stops: u64) -> Result<(), SessionError> {
+    pub(super) fn activate(&self, plan: &Arc<Active>, until: Instant, stops: u64) -> Result<(), SessionError> {
         {
             let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
             // Under the lock: `stop` counts first and takes the plan away afterwards.
             if self.session.stops() != stops {
                 return Err(SessionError::Stopped);
             }
-            if active.as_ref().is_some_and(|(known, _)| known.id > plan.id) {
+            let known = active.as_ref().map(|(known, until)| (known.id, *until));
+            if known.is_some_and(|(known, _)| known > plan.id) {
                 return Ok(());
             }
+            // One that is shown again may have been released meanwhile.
+            let until = known.filter(|(known, _)| *known == plan.id).map_or(until, |(_, known)| known.min(until));
             *active = Some((Arc::clone(plan), until));
         }
         // Nobody listening is no error.

@@ -9,6 +9,7 @@ mod asked;
 mod assets;
 mod attachments;
 mod body;
+mod grow;
 mod live;
 mod messages;
 mod metrics;

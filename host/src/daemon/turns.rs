@@ -3,7 +3,7 @@
 use super::problem::Problem;
 use crate::device::{SessionError, Snapshot};
 use crate::planner::Drive;
-use crate::planner::moving::{Board, Ending, Moving, Verdict};
+use crate::planner::moving::{Board, Ending, Moving, Room};
 use crate::planner::rise::Ring;
 use crate::planner::succession::Swing;
 use axum::http::StatusCode;
@@ -42,11 +42,11 @@ impl Turns {
         Self { newest, moving, unwanted: tokio::sync::Notify::new(), started: Instant::now() }
     }
 
-    /// Waits until what is left of the touches before leaves room for `drives` ([`Moving::fits`]); those that are on then are ended by
-    /// `release`. A newer turn takes the place of one that waits.
+    /// Waits as long as that makes `drives` much stronger on top of what is left of the touches before ([`Moving::room`]); those that
+    /// are on then are ended by `release`. A newer turn takes the place of one that waits.
     ///
     /// # Errors
-    /// [`Problem`]: there was a newer turn, or a stop, or too much is left for too long.
+    /// [`Problem`]: there was a newer turn, or a stop.
     pub async fn take(
         &self,
         id: u64,
@@ -56,45 +56,41 @@ impl Turns {
         release: impl Fn(u64),
         is_stopped: impl Fn() -> bool,
     ) -> Result<Turn<'_>, Problem> {
-        let (mut waits, mut is_off): (Option<Instant>, bool) = (None, false);
-        loop {
-            let newest = self.overtake(id).await?;
-            // Whoever has ended the drives before switches the rails off.
-            let board = if is_off { Board::Down } else { board() };
-            let now = Instant::now();
-            let (verdict, driven) = {
-                let moving = self.moving();
-                (moving.fits(swing, drives, self.s(now), board), moving.driven())
-            };
-            let after_s = match verdict {
-                Verdict::AtOnce => {
-                    return Ok(Turn { turns: self, id, board, since: now, waits, _newest: newest });
-                }
-                Verdict::Later { after_s } => after_s,
-                Verdict::Softly { after_s } => {
-                    is_off = true;
-                    if let Some(driven) = driven {
-                        release(driven);
-                    }
-                    self.moving().end(self.s(now), Ending::AtItsBoundary);
-                    after_s
-                }
-                Verdict::TooFar { part } => return Err(too_far(part)),
-            };
-            waits.get_or_insert(now);
-            tracing::info!(plan = id, wait_ms = after_s * 1e3, is_off, "waits for what is left of the touches before");
-            drop(newest);
-            let is_wanted = tokio::select! {
-                () = tokio::time::sleep(Duration::from_secs_f64(after_s)) => true,
-                () = self.unwanted.notified() => false,
-            };
-            if is_stopped() {
-                return Err(SessionError::Stopped.into());
-            }
-            if !is_wanted {
-                return Err(superseded());
-            }
+        let newest = self.overtake(id).await?;
+        let (board_now, now) = (board(), Instant::now());
+        let turn = |board, since, waits, newest| Turn { turns: self, id, board, since, waits, _newest: newest };
+        let Room { after_s, part, goes_on } = self.moving().room(swing, drives, self.s(now), board_now);
+        if after_s <= 0.0 {
+            return Ok(turn(board_now, now, None, newest));
         }
+        if !goes_on {
+            let driven = self.moving().driven();
+            if let Some(driven) = driven {
+                release(driven);
+            }
+            self.moving().end(self.s(now), Ending::AtItsBoundary);
+        }
+        tracing::info!(plan = id, wait_ms = after_s * 1e3, part, "waits for what is left of the touches before");
+        drop(newest);
+        let is_wanted = tokio::select! {
+            () = tokio::time::sleep(Duration::from_secs_f64(after_s)) => true,
+            () = self.unwanted.notified() => false,
+        };
+        if is_stopped() {
+            return Err(SessionError::Stopped.into());
+        }
+        if !is_wanted {
+            return Err(superseded());
+        }
+        let newest = self.overtake(id).await?;
+        Ok(turn(board(), Instant::now(), Some(now), newest))
+    }
+
+    /// A turn for the plan that is being driven, to change it; `None` if there is a newer one.
+    pub async fn again(&self, id: u64, board: impl Fn() -> Board) -> Option<Turn<'_>> {
+        let newest = self.overtake(id).await.ok()?;
+        let is_driven = self.moving().driven() == Some(id);
+        is_driven.then(|| Turn { turns: self, id, board: board(), since: Instant::now(), waits: None, _newest: newest })
     }
 
     /// Ends the turns of older plans than `id`.
@@ -147,6 +143,12 @@ impl Turn<'_> {
         self.board == Board::Down
     }
 
+    /// The part of these drives' forces for which there is room.
+    #[must_use]
+    pub fn part(&self, swing: &Swing, drives: Option<&[Drive]>) -> f64 {
+        self.turns.moving().part(swing, drives, self.turns.s(self.since), self.board)
+    }
+
     /// How long it has waited until now, if it had to.
     #[must_use]
     pub fn delayed(&self) -> Option<Duration> {
@@ -173,14 +175,4 @@ pub fn board(device: &Snapshot) -> Board {
 fn superseded() -> Problem {
     let detail = "a newer touch was driven meanwhile";
     Problem::new(StatusCode::CONFLICT, "superseded", "A newer touch came first", detail)
-}
-
-fn too_far(part: f64) -> Problem {
-    let detail = format!(
-        "the panel still moves from the touches before: with what will be left of that in {} s a mass would travel {:.2} of \
-         what its gap allows; wait, or ask for less",
-        crate::planner::moving::LONGEST_WAIT_S,
-        part
-    );
-    Problem::new(StatusCode::CONFLICT, "still-moving", "The panel still moves", detail)
 }

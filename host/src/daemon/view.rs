@@ -96,6 +96,12 @@ impl PlanView {
     pub fn new(table: &PlanTable, plan: Plan) -> Self {
         Self { times: table.times(&plan), plan }
     }
+
+    /// The plan itself.
+    #[must_use]
+    pub const fn plan(&self) -> &Plan {
+        &self.plan
+    }
 }
 
 /// Predicted peak acceleration over the surface.

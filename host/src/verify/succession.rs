@@ -5,7 +5,8 @@ use super::bench::Bench;
 use crate::daemon::wire_drives;
 use crate::device::convert::to_wire;
 use crate::device::sim::{Clock, Panel, SimBoard};
-use crate::planner::moving::{Board, Ending, Moving, Verdict};
+use crate::planner::moving::{Board, Ending, Moving, NEXT_LOOK_S, Room, fitted, grows};
+use crate::planner::succession::Swing;
 use crate::planner::{Plan, PlanTable};
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::BURST_MAX_MS;
@@ -16,7 +17,7 @@ use era_shared::protocol::Request;
 pub enum Order {
     /// Each when it comes.
     Plainly,
-    /// As [`Moving`] says.
+    /// With as much force as [`Moving`] has room for, as the daemon does.
     AsItFits,
 }
 
@@ -34,14 +35,18 @@ pub struct Turn<'a> {
 /// What came of a turn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Turned {
-    /// Most travel of every mass from its beginning to that of the next, as a part of its gap.
+    /// Most travel of every mass while anything may be driven, the wait before it included, as a part of its gap.
     pub travel: Vec<f64>,
-    /// What it was told.
-    pub verdict: Verdict,
+    /// The same with nothing driven, until the next begins: motions that cancelled under the drives may go further alone.
+    pub travel_after: Vec<f64>,
+    /// What room there was.
+    pub room: Room,
+    /// Parts of the forces with which it began, and to which it grew.
+    pub parts: Vec<f64>,
 }
 
-/// Runs turns on the simulated device, faster than real time. One that does not fit within the longest wait is left out, and
-/// so is one that would have to wait for another that has hardly begun.
+/// Runs turns on the simulated device, faster than real time. One that would have to wait for another that has hardly begun is
+/// left out.
 ///
 /// # Errors
 /// [`VerifyError::Device`], [`VerifyError::Unknown`].
@@ -52,41 +57,68 @@ pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order
     let mut board = Board::Down;
     let mut turned = Vec::with_capacity(turns.len());
     for (id, Turn { plan, hold_s, pause_s }) in (0..).zip(turns) {
-        let swing = table.swing(plan).ok_or(VerifyError::Unknown)?;
-        let verdict = match order {
-            Order::Plainly => Verdict::AtOnce,
-            Order::AsItFits => moving.fits(&swing, Some(&plan.drives), bench.time_s(), board),
+        let whole_swing = table.swing(plan).ok_or(VerifyError::Unknown)?;
+        let fit = |moving: &Moving, now_s: f64, board: Board| match order {
+            Order::Plainly => Ok(((*plan).clone(), whole_swing.clone())),
+            Order::AsItFits => {
+                let weaker = |part: f64| {
+                    let plan = table.weaker(plan, part)?;
+                    let swing = table.swing(&plan).ok_or(VerifyError::Unknown)?;
+                    Ok::<_, VerifyError>((plan, swing))
+                };
+                let room = |(plan, swing): &(Plan, Swing)| moving.part(swing, Some(&plan.drives), now_s, board);
+                fitted(((*plan).clone(), whole_swing.clone()), weaker, room)
+            }
         };
-        if let Verdict::Later { .. } = verdict {
+        let room = match order {
+            Order::Plainly => Room::ALL,
+            Order::AsItFits => moving.room(&whole_swing, Some(&plan.drives), bench.time_s(), board),
+        };
+        if room.goes_on {
             // The next one comes before, and takes its place.
             bench.run_for(hold_s + pause_s)?;
-            turned.push(Turned { travel: travel(&mut bench, table), verdict });
+            let travel = travel(&mut bench, table);
+            turned.push(Turned { travel, travel_after: Vec::new(), room, parts: Vec::new() });
             continue;
         }
-        if let Verdict::Softly { after_s } = verdict {
+        if room.after_s > 0.0 {
             bench.ask(&Request::SetDrives { drives: heapless::Vec::new() })?;
             moving.end(bench.time_s(), Ending::AtItsBoundary);
-            bench.run_for(after_s)?;
-            bench.ask(&Request::Disarm)?;
-            board = Board::Down;
+            bench.run_for(room.after_s)?;
+            board = if board == Board::Down { Board::Down } else { Board::Up };
         }
-        if !matches!(verdict, Verdict::TooFar { .. }) {
-            if board == Board::Down {
-                bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
-            }
-            bench.ask(&Request::SetDrives { drives: wire_drives(plan).iter().map(to_wire).collect() })?;
+        if board == Board::Down {
+            bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
+        }
+        let force_n = |plan: &Plan| plan.drives.iter().map(|drive| drive.force_n).sum::<f64>();
+        let (mut driven, mut parts, mut left_s): (Option<Plan>, _, _) = (None, Vec::new(), *hold_s);
+        let end_s = if *pause_s > 0.0 { bench.time_s() + hold_s } else { f64::INFINITY };
+        while left_s > 0.0 {
             let now_s = bench.time_s();
-            let until_s = if *pause_s > 0.0 { now_s + hold_s } else { f64::INFINITY };
-            moving.begin(id, &swing, Some(&plan.drives), board, now_s, until_s);
-            bench.run_for(*hold_s)?;
-            board = Board::Driving;
+            let is_whole = driven.as_ref().is_some_and(|driven| driven.drives == plan.drives);
+            if !is_whole {
+                let (next, swing) = fit(&moving, now_s, board)?;
+                let is_worth = |driven: &Plan| grows([driven, &next, plan].map(|plan| plan.drives.as_slice()));
+                if driven.as_ref().is_none_or(is_worth) {
+                    bench.ask(&Request::SetDrives { drives: wire_drives(&next).iter().map(to_wire).collect() })?;
+                    moving.begin(id, &swing, Some(&next.drives), board, now_s, end_s);
+                    parts.push(if force_n(plan) > 0.0 { force_n(&next) / force_n(plan) } else { 1.0 });
+                    driven = Some(next);
+                    board = Board::Driving;
+                }
+            }
+            let step_s = if is_whole { left_s } else { left_s.min(NEXT_LOOK_S) };
+            bench.run_for(step_s)?;
+            left_s -= step_s;
         }
+        let driven_to = travel(&mut bench, table);
         if *pause_s > 0.0 {
             bench.ask(&Request::SetDrives { drives: heapless::Vec::new() })?;
             bench.run_for(*pause_s)?;
             board = Board::Up;
         }
-        turned.push(Turned { travel: travel(&mut bench, table), verdict });
+        let travel_after = travel(&mut bench, table);
+        turned.push(Turned { travel: driven_to, travel_after, room, parts });
     }
     Ok(turned)
 }

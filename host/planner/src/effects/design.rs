@@ -108,6 +108,12 @@ impl Design {
         table.swing_of(&pushes, &travel_m)
     }
 
+    /// Adds a reason why it is weaker than was asked for.
+    pub fn add_limit(&mut self, limit: Limitation) {
+        add(&mut self.limits, limit);
+        self.limited_by = limitation::text(&self.limits);
+    }
+
     /// Its drives with their channels: actuator i of the scene is on channel i of the board.
     #[must_use]
     pub fn wire_drives(&self) -> Vec<SiDrive> {

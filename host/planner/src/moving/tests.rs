@@ -33,6 +33,7 @@ fn swing(size: f64, drive_hz: f64) -> Swing {
         steady_m: only(size, 0.0),
         at_once_m: only(2.0 * size, 0.0),
         soft_m: only(size, 0.0),
+        growth: only(1.0, 1.0),
         lines: vec![SwingLine {
             channel: 0,
             is_shared: false,
@@ -53,16 +54,16 @@ fn drives(force_n: f64, frequency_hz: f64) -> Vec<Drive> {
 #[test]
 fn rails_that_are_up_make_the_difference_on_a_panel_at_rest() {
     let (moving, drives) = (moving(), drives(1.0, 100.0));
-    let fits = |size: f64, board: Board| moving.fits(&swing(size, 100.0), Some(&drives), 0.0, board);
-    assert_eq!(fits(1.0, Board::Down), Verdict::AtOnce);
-    assert_eq!(fits(1.0, Board::Up), Verdict::Softly { after_s: 0.0 });
-    assert_eq!(fits(0.5, Board::Up), Verdict::AtOnce);
-    // Nothing is as long as the wait that it would take.
-    assert_eq!(fits(1.1, Board::Down), Verdict::TooFar { part: 1.1 });
+    let room = |size: f64, board: Board| moving.room(&swing(size, 100.0), Some(&drives), 0.0, board);
+    assert_eq!(room(1.0, Board::Down), Room::ALL);
+    // It goes twice as far when it begins at once, and nothing that a wait could mend is left.
+    assert_eq!(room(1.0, Board::Up), Room::at_once(0.5 * (1.0 + CONCEDED)));
+    assert_eq!(room(0.5, Board::Up), Room::ALL);
+    assert_eq!(room(1.1, Board::Down), Room::at_once((1.0 + CONCEDED) / 1.1));
 }
 
 #[test]
-fn a_touch_waits_until_the_one_before_leaves_room_and_no_longer() {
+fn a_touch_is_weaker_by_what_is_left_and_waits_where_that_doubles_it() {
     let (mut moving, drives) = (moving(), drives(1.0, 100.0));
     moving.begin(1, &swing(0.9, 100.0), Some(&drives), Board::Down, 0.0, 10.0);
     moving.end(5.0, Ending::AtItsBoundary);
@@ -72,45 +73,100 @@ fn a_touch_waits_until_the_one_before_leaves_room_and_no_longer() {
     let end_s = 5.0 + LATE_S + 0.01;
     let expected = 0.6 * f64::exp(-10.0 * (5.3 - end_s)) + 0.3 * f64::exp(-40.0 * (5.3 - end_s));
     assert!((left(5.3) - expected).abs() < 1e-9, "{} {expected}", left(5.3));
-    let next = swing(0.8, 200.0);
-    let Verdict::Softly { after_s } = moving.fits(&next, Some(&drives), 5.0, Board::Up) else { panic!() };
-    let then = left(5.0 + after_s) + 0.8;
-    assert!(then <= 1.0 + CONCEDED && left(5.0 + after_s - 0.01) + 0.8 > 1.0 + CONCEDED, "{after_s} {then}");
-    assert_eq!(moving.fits(&next, Some(&drives), 5.0 + after_s, Board::Down), Verdict::AtOnce);
-    assert_eq!(moving.fits(&swing(0.05, 200.0), Some(&drives), 5.0, Board::Up), Verdict::AtOnce);
+    // 0.12 is left of the limit, and 0.8 is needed; 30 ms later more than twice as much.
+    let room = |now_s: f64| moving.room(&swing(0.4, 200.0), Some(&drives), now_s, Board::Up);
+    assert!((moving.part(&swing(0.4, 200.0), Some(&drives), 5.0, Board::Up) - 0.12 / 0.8).abs() < 1e-9);
+    assert!((room(5.0).part - (1.02 - left(5.03)) / 0.8).abs() < 1e-9 && room(5.0).after_s == 0.03, "{:?}", room(5.0));
+    let later = room(5.1);
+    assert!((later.part - (1.02 - left(5.1)) / 0.8).abs() < 1e-9 && later.after_s == 0.0, "{later:?}");
+    // 30 ms are the most it waits; and it does not wait again.
+    let mut moving = super::tests::moving();
+    moving.begin(1, &swing(1.0, 100.0), Some(&drives), Board::Down, 0.0, 10.0);
+    moving.end_of(1, 4.99);
+    let next = swing(0.4, 200.0);
+    let room = moving.room(&next, Some(&drives), 5.0, Board::Driving);
+    let now = moving.part(&next, Some(&drives), 5.0, Board::Driving);
+    assert!(room.part >= WORTH_WAITING * now && room.after_s > 0.0 && room.after_s <= LONGEST_WAIT_S, "{room:?} {now}");
+    moving.end(5.0, Ending::AtItsBoundary);
+    let then_s = 5.0 + room.after_s;
+    let then = moving.room(&next, Some(&drives), then_s, Board::Up);
+    assert!((then.part - room.part).abs() < 1e-9 && then.after_s < LONGEST_WAIT_S - room.after_s + 1e-9, "{then:?}");
+    assert_eq!(moving.room(&swing(0.01, 200.0), Some(&drives), 5.0, Board::Up), Room::ALL);
 }
 
 #[test]
-fn what_goes_on_as_it_is_or_nearly_is_not_held_up() {
+fn what_goes_on_as_it_is_or_nearly_keeps_its_strength() {
     let (mut moving, first) = (moving(), drives(1.0, 100.0));
     moving.begin(1, &swing(0.95, 100.0), Some(&first), Board::Down, 0.0, 5.0);
-    assert_eq!(moving.fits(&swing(0.95, 100.0), Some(&first), 2.0, Board::Driving), Verdict::AtOnce);
+    let part = |next: &Swing, drives: Option<&[Drive]>, board: Board| moving.part(next, drives, 2.0, board);
+    assert_eq!(part(&swing(0.95, 100.0), Some(&first), Board::Driving), 1.0);
     // The same, a little weaker: of what is left only the difference counts.
     let weaker = drives(0.98, 100.0);
-    assert_eq!(moving.fits(&swing(0.93, 100.0), Some(&weaker), 2.0, Board::Driving), Verdict::AtOnce);
-    // As an effect, or when the board has ended it, it begins anew.
-    assert!(matches!(moving.fits(&swing(0.95, 100.0), None, 2.0, Board::Driving), Verdict::Softly { .. }));
-    assert!(matches!(moving.fits(&swing(0.95, 100.0), Some(&first), 2.0, Board::Up), Verdict::Softly { .. }));
+    assert_eq!(part(&swing(0.93, 100.0), Some(&weaker), Board::Driving), 1.0);
+    // As an effect, or when the board has ended it, it begins anew, beside 0.95 of what is left.
+    let anew = (1.0 + CONCEDED - 0.95) / (2.0 * 0.95);
+    for found in [part(&swing(0.95, 100.0), None, Board::Driving), part(&swing(0.95, 100.0), Some(&first), Board::Up)] {
+        assert!((found - anew).abs() < 1e-9, "{found}");
+    }
     // Another channel had the frequency: the board keeps in phase with that one.
     let mut other = swing(0.93, 100.0);
     other.lines[0].channel = 1;
-    assert!(matches!(moving.fits(&other, Some(&weaker), 2.0, Board::Driving), Verdict::Softly { .. }));
+    assert!(part(&other, Some(&weaker), Board::Driving) < 0.1);
 }
 
 #[test]
-fn drives_that_have_just_begun_go_on_until_they_are_felt() {
+fn the_force_of_a_change_is_the_most_there_is_room_for() {
+    // Twice the force at the same frequency: what is changed is as much as there was.
+    let (mut moving, first) = (moving(), drives(0.4, 100.0));
+    moving.begin(1, &swing(0.4, 100.0), Some(&first), Board::Down, 0.0, 5.0);
+    let next = swing(0.8, 100.0);
+    let part = moving.part(&next, Some(&drives(0.8, 100.0)), 3.0, Board::Driving);
+    // GROWN (0.8 p - 0.4) + 0.8 p = 1.02.
+    let expected = (1.0 + CONCEDED + 0.4 * GROWN) / (0.8 * (1.0 + GROWN));
+    assert!((part - expected).abs() < 2e-3 && part <= expected + 1e-9, "{part} {expected}");
+}
+
+#[test]
+fn what_electrodes_make_grow_counts_for_more() {
+    let (mut moving, drives) = (moving(), drives(1.0, 100.0));
+    moving.begin(1, &swing(0.5, 100.0), Some(&drives), Board::Down, 0.0, 1.0);
+    moving.end(1.0, Ending::AtItsBoundary);
+    let mut next = swing(0.5, 200.0);
+    next.growth[0] = 1.2;
+    let left = moving.left_at(1.0, 1.0)[0];
+    let part = moving.part(&next, Some(&drives), 1.0, Board::Up);
+    assert!((part - (1.0 + CONCEDED - 1.2 * left)).abs() < 1e-9, "{part} {left}");
+}
+
+#[test]
+fn weaker_until_there_is_room() {
+    // What takes room by the root of its force: the first try is not enough.
+    let tries = std::cell::RefCell::new(Vec::new());
+    let weaker = |part: f64| -> Result<f64, ()> {
+        tries.borrow_mut().push(part);
+        Ok(part)
+    };
+    let found = fitted(1.0, weaker, |part: &f64| (0.5 / part.sqrt()).min(1.0)).unwrap();
+    assert!(found <= 0.25 && found > 0.2, "{:?}", tries.borrow());
+    assert_eq!(fitted(1.0, Ok::<_, ()>, |_| 0.0), Ok(0.0));
+    assert_eq!(fitted(1.0, |_| Err(()), |_| 0.5), Err(()));
+    assert_eq!(fitted(7.0, |_| Err(()), |_| 1.0), Ok(7.0));
+}
+
+#[test]
+fn drives_that_have_just_begun_go_on_for_a_moment() {
     let (mut moving, first) = (moving(), drives(1.0, 100.0));
     moving.begin(1, &swing(1.0, 100.0), Some(&first), Board::Down, 0.0, 5.0);
     let next = (swing(1.0, 200.0), drives(1.0, 200.0));
-    let fits = |moving: &Moving, now_s: f64| moving.fits(&next.0, Some(&next.1), now_s, Board::Driving);
-    let Verdict::Later { after_s } = fits(&moving, 0.1) else { panic!() };
-    assert!((after_s - (FELT_S - 0.1)).abs() < 1e-9);
-    assert!(matches!(fits(&moving, 0.1 + after_s), Verdict::Softly { .. }));
+    let room = |moving: &Moving, now_s: f64| moving.room(&next.0, Some(&next.1), now_s, Board::Driving);
+    let found = room(&moving, 0.01);
+    assert!(found.goes_on && (found.after_s - (LONGEST_WAIT_S - 0.01)).abs() < 1e-9, "{found:?}");
+    assert!(!room(&moving, LONGEST_WAIT_S).goes_on);
     // Its finger was lifted.
-    moving.end_of(2, 0.1);
-    assert!(matches!(fits(&moving, 0.1), Verdict::Later { .. }));
-    moving.end_of(1, 0.1);
-    assert!(matches!(fits(&moving, 0.1), Verdict::Softly { .. }));
+    moving.end_of(2, 0.01);
+    assert!(room(&moving, 0.01).goes_on);
+    moving.end_of(1, 0.01);
+    assert!(!room(&moving, 0.01).goes_on);
 }
 
 #[test]
@@ -146,21 +202,21 @@ proptest! {
         let mut moving = moving();
         let (mut now_s, mut board) = (0.0, Board::Down);
         for (id, (size, hz, hold_s, goes_on)) in (0..).zip(touches) {
-            let (swing, drives) = (swing(size, hz), drives(size, hz));
-            match moving.fits(&swing, Some(&drives), now_s, board) {
-                Verdict::AtOnce => {}
-                Verdict::Later { after_s } => { now_s += after_s; continue; }
-                Verdict::Softly { after_s } => {
-                    moving.end(now_s, Ending::AtItsBoundary);
-                    now_s += after_s;
-                    board = Board::Down;
-                    let left = moving.left_at(now_s, now_s)[0];
-                    prop_assert!(left + size <= 1.0 + CONCEDED + 1e-9, "{left} {size}");
-                    prop_assert_eq!(moving.fits(&swing, Some(&drives), now_s, board), Verdict::AtOnce);
-                }
-                // Nothing that is within its limits takes that long here.
-                Verdict::TooFar { part } => prop_assert!(false, "{part}"),
+            let whole = (swing(size, hz), drives(size, hz));
+            let room = moving.room(&whole.0, Some(&whole.1), now_s, board);
+            prop_assert!((0.0..=LONGEST_WAIT_S).contains(&room.after_s) && (0.0..=1.0).contains(&room.part), "{room:?}");
+            if room.goes_on {
+                now_s += room.after_s;
+            } else if room.after_s > 0.0 {
+                moving.end(now_s, Ending::AtItsBoundary);
+                now_s += room.after_s;
+                board = if board == Board::Down { Board::Down } else { Board::Up };
             }
+            let part = moving.part(&whole.0, Some(&whole.1), now_s, board);
+            // No less than was promised, and with so much of it there is room for all.
+            prop_assert!(room.goes_on || part >= room.part - 1e-9, "{part} {room:?}");
+            let (swing, drives) = (swing(part * size, hz), drives(part * size, hz));
+            prop_assert!(part == 0.0 || moving.part(&swing, Some(&drives), now_s, board) >= 1.0 - 1e-9);
             moving.begin(id, &swing, Some(&drives), board, now_s, now_s + hold_s);
             now_s += hold_s;
             board = Board::Driving;
