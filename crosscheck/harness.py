@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from .reference.panel import Panel
+from .reference.press import press
 from .reference.random_scenes import to_toml
 from .reference.scene import Scene
 
@@ -152,6 +153,7 @@ class Context:
     folder: Path
     plant: str | None = None
     _panels: dict = field(default_factory=dict)
+    _press: list | None = None
 
     def rng(self, purpose):
         """Random numbers of this scene and purpose, whatever ran before."""
@@ -165,6 +167,12 @@ class Context:
             self._panels[max_hz] = Panel(self.scene, max_hz)
             fitting = [max_hz]
         return self._panels[min(fitting)]
+
+    def press(self):
+        """What a press does to each actuator, worked out once."""
+        if self._press is None:
+            self._press = press(self.scene, self.panel(HARMONICS_UP_TO_HZ))
+        return self._press
 
     def random_point(self, rng, margin=0.02):
         """A place on the surface and outside cut-outs, in m."""

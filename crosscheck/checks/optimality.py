@@ -57,7 +57,7 @@ def run(context):
     """Three plans for one random place: a weak one, a strong one, one of least power."""
     rng, scene, name = context.rng("optimality"), context.scene, context.name
     place = context.random_point(rng)
-    grid = Grid(context.panel(400.0).fine, context.panel(1000.0).fine)
+    grid = Grid(context.panel(400.0).fine, context.panel(1000.0).fine, context.press())
     search = Search(grid, place, rng)
     at = ["--at", f"{place[0] * 1e3!r},{place[1] * 1e3!r}", "--unit", "mm"]
     results = []

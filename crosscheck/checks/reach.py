@@ -64,7 +64,7 @@ def run(context):
         if "none of the points" not in failure.stderr:
             raise
         return [not_comparable(LEAST, name, "no point of the map in the zone")]
-    grid = Grid(context.panel(400.0).fine, context.panel(1000.0).fine, np.arange(start, start + BAND_HZ + 1.0))
+    grid = Grid(context.panel(400.0).fine, context.panel(1000.0).fine, context.press(), np.arange(start, start + BAND_HZ + 1.0))
     xs, ys = maps["x_mm"], maps["y_mm"]
     there = [k for k, value in enumerate(maps["strongest_g"]) if value is not None]
     ids = [actuator.id for actuator in scene.actuators]

@@ -321,7 +321,7 @@ def alternative(context, place, peak_g, told, words):
 def candidates(context, place, explanation):
     """Contrast of every frequency that is told, and the best one over the band; what is reached there."""
     name, scene = context.name, context.scene
-    grid = Grid(context.panel(400.0).fine, context.panel(1000.0).fine)
+    grid = Grid(context.panel(400.0).fine, context.panel(1000.0).fine, context.press())
     near, weights = grid.surface.near(*place, GRID_HZ.max())
     close = grid.responses.integral(near, weights) / weights.sum()
     peak, rest = grid.target(place)

@@ -20,6 +20,7 @@ from .electrostatics import (
     widest_pulse,
 )
 from .perception import STANDARD_GRAVITY_M_S2, above_threshold_db
+from .press import softening_growth
 from .scene import VACUUM_PERMITTIVITY_F_PER_M
 from .surface import Surface
 
@@ -230,8 +231,9 @@ def broken_limits(motion):
 class Grid:
     """Every actuator at every frequency of the planner's grid: what a search needs to know about a target."""
 
-    def __init__(self, model, harmonics_model, grid_hz=GRID_HZ):
-        """`harmonics_model`: one that holds up to 1 kHz."""
+    def __init__(self, model, harmonics_model, sags, grid_hz=GRID_HZ):
+        """`harmonics_model`: one that holds up to 1 kHz; `sags`: what a press does to each actuator."""
+        self.sags = sags
         self.scene, self.grid_hz = model.scene, np.asarray(grid_hz, dtype=float)
         self.harmonics_model = harmonics_model
         self.surface = Surface(self.scene)
@@ -286,7 +288,8 @@ class Grid:
         softening and the motion of switching on have to find room. Breakdown is that of the gap closed as far as it may.
         """
         count = len(self.scene.actuators)
-        room = np.array([actuator.air_gap for actuator in self.scene.actuators]) * TRAVEL_PART
+        sags = [sag.surely() for sag in self.sags]
+        room = np.array([min(actuator.air_gap * TRAVEL_PART, sag.stop) for actuator, sag in zip(self.scene.actuators, sags)])
         most = np.empty((len(self.grid_hz), count, self.widths.shape[1]))
         for i, actuator in enumerate(self.scene.actuators):
             travel = np.abs(self.responses.gap_change[:, i, None, :]) + self.harmonics[1][:, i]
@@ -295,12 +298,13 @@ class Grid:
             hz = self.grid_hz if count <= 2 else np.full(len(self.grid_hz), self.grid_hz.max())
             by_current = 0.95 * SUPPLY_A / count / (2 * capacitance(actuator) * hz)
             # The electrodes' mean softening, eps0 A V^2 / g^3, stays far below the spring.
-            by_pull = np.sqrt(actuator.stiffness / margin * actuator.air_gap**3 / (VACUUM_PERMITTIVITY_F_PER_M * actuator.electrode_area))
+            growth = softening_growth(actuator, sags[i])
+            by_pull = np.sqrt(actuator.stiffness / growth / (2 * margin) * actuator.air_gap**3 / (VACUUM_PERMITTIVITY_F_PER_M * actuator.electrode_area))
             # The first and third actuator are on one rail, the second and fourth on the other: one voltage for both, which both
             # have to bear.
             by_rail = min(
-                min(other.max_voltage, BREAKDOWN_PART * breakdown_v(other.air_gap * (1 - TRAVEL_PART)))
-                for other in self.scene.actuators[i % 2 :: 2]
+                min(other.max_voltage, BREAKDOWN_PART * breakdown_v(other.air_gap - sag.closed(reach)))
+                for other, sag, reach in list(zip(self.scene.actuators, sags, room))[i % 2 :: 2]
             )
             volts = np.minimum(min(by_rail, by_pull), by_current)
             most[:, i] = np.minimum(force_amplitude(actuator, volts[:, None], self.widths), by_travel)

@@ -78,6 +78,13 @@ class _Maker:
         scene["support"] = self._supports(bool(scene["edge"]))
         scene["mass"] = self._masses()
         scene["actuator"] = self._actuators()
+        # Last, so that all else is as it was before there were presses.
+        if self.chance(0.5):
+            scene["press"] = {"force_n": 0.0 if self.chance(0.2) else log_uniform(rng, 0.01, 20.0)}
+        if self.chance(0.4):
+            part = rng.uniform(0.1, 0.8)
+            for actuator in scene["actuator"]:
+                actuator["stop_um"] = part * actuator["air_gap_um"]
         return {key: value for key, value in scene.items() if value != []}
 
     def _damping(self):

@@ -96,6 +96,8 @@ class Actuator:
     air_gap: float
     max_voltage: float
     bias_voltage: float = 0.0
+    # Where a stop holds the mass, from its middle, or None.
+    stop: float | None = None
 
     @property
     def inertial(self):
@@ -155,6 +157,8 @@ class Scene:
     edges: tuple[Edge, ...] = ()
     masses: tuple[PointMass, ...] = ()
     actuators: tuple[Actuator, ...] = ()
+    # The hardest press that gaps have to bear, in N.
+    press: float = 5.0
 
     @property
     def is_bar(self):
@@ -259,6 +263,7 @@ def parse(text):
             air_gap=float(table["air_gap_um"]) * 1e-6,
             max_voltage=float(table["max_voltage_v"]),
             bias_voltage=float(table.get("bias_voltage_v", 0.0)),
+            stop=float(table["stop_um"]) * 1e-6 if "stop_um" in table else None,
         )
         for table in data.get("actuator", [])
     ]
@@ -277,6 +282,7 @@ def parse(text):
         edges=tuple(edges),
         masses=tuple(masses),
         actuators=tuple(actuators),
+        press=float(data.get("press", {}).get("force_n", 5.0)),
     )
 
 

@@ -74,7 +74,9 @@ fn a_motion_that_is_said_to_be_safe_is() {
             let violates = |parts: &dyn Fn(usize) -> f64| {
                 table.electrodes.iter().enumerate().any(|(channel, electrodes)| {
                     let travel_m = parts(channel) * electrodes.gap_m;
-                    electrodes.violated(travel_m, rails_v[rail_of(channel)].min(electrodes.max_voltage_v)).is_some()
+                    // A voltage at its limit is there but for the last digits.
+                    let rail_v = (1.0 - 1e-12) * rails_v[rail_of(channel)].min(electrodes.max_voltage_v);
+                    electrodes.violated(travel_m, rail_v).is_some()
                 })
             };
             assert!(!violates(&|channel| found.travel[channel].predicted), "scene {number}: {found:?}");

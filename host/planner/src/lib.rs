@@ -50,6 +50,7 @@ mod near;
 mod nearest;
 pub mod perception;
 pub mod plan;
+pub mod press;
 pub mod quiet;
 pub mod reach;
 mod refine;

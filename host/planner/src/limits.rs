@@ -1,7 +1,7 @@
 //! How strong an ERA may be driven: voltage, travel, breakdown of the air in the closing gap.
 
 use super::ELECTRODE_CABLE_F;
-use crate::scene::EPS0;
+use crate::scene::{Actuator, EPS0};
 use era_shared::limits::MAX_AVERAGE_MICROAMPS;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,9 @@ pub fn most_mean_current_a() -> f64 {
 pub(crate) const BREAKDOWN_MARGIN: f64 = 0.85;
 /// Part of the gap that the mass may travel: beyond a third, one electrode alone can pull it in (static pull-in).
 pub(crate) const TRAVEL_PART: f64 = 1.0 / 3.0;
+
+/// Part of the gap beyond which a mass is taken to be on the electrode.
+const MOST_PRESSED: f64 = 0.95;
 
 /// Part of the static stiffness of a mass that electrodes may take away: the softening grows with the travel, and pulsates.
 pub(crate) const HELD: f64 = 0.6;
@@ -35,6 +38,10 @@ pub struct Electrodes {
     pub gap_m: f64,
     /// Highest voltage in V.
     pub max_voltage_v: f64,
+    /// Where a stop holds the mass, from its middle, in m; infinite without one.
+    pub stop_m: f64,
+    /// How far a press may move the mass off its middle, in m, at most [`Electrodes::stop_m`].
+    pub sag_m: f64,
 }
 
 /// What keeps an actuator from being driven harder.
@@ -70,6 +77,40 @@ impl Limit {
 }
 
 impl Electrodes {
+    /// Those of an actuator, without a press.
+    #[must_use]
+    pub fn of(actuator: &Actuator) -> Self {
+        Self {
+            area_m2: actuator.electrode_area_m2,
+            gap_m: actuator.air_gap_m,
+            max_voltage_v: actuator.max_voltage_v,
+            stop_m: actuator.stop_m.unwrap_or(f64::INFINITY),
+            sag_m: 0.0,
+        }
+    }
+
+    /// Least air gap in m that a motion of up to `travel_m` leaves under a press.
+    #[must_use]
+    pub fn gap_left_m(&self, travel_m: f64) -> f64 {
+        self.gap_m - (self.sag_m + travel_m).min(self.stop_m)
+    }
+
+    /// Highest voltage in V that this gap holds, with a margin.
+    #[must_use]
+    pub fn holds_v(&self, travel_m: f64) -> f64 {
+        BREAKDOWN_MARGIN * breakdown_v(self.gap_left_m(travel_m))
+    }
+
+    /// How many times as much of what holds a mass the electrodes take under a press as at rest. With u the part of the gap that it is off
+    /// its middle: where springs hold it, the slope of their mean pull u / (1 - u^2)^2; where a stop does, that pull over what springs
+    /// as stiff as the softening would bring back, so that they bring it back when the press ends.
+    #[must_use]
+    pub fn pressed_softening(&self) -> f64 {
+        let u = (self.sag_m / self.gap_m).min(MOST_PRESSED);
+        let left = 1.0 - u * u;
+        if self.sag_m < self.stop_m { (1.0 + 3.0 * u * u) / left.powi(3) } else { left.powi(-2) }
+    }
+
     /// Force while one electrode is on at 1 V and the mass at rest, in N/V^2: eps0 S / (2 g^2).
     #[must_use]
     pub fn newtons_per_volt_squared(&self) -> f64 {
@@ -112,13 +153,10 @@ impl Electrodes {
     pub fn max_force(&self, travel_m_per_n: f64, pulse_width: f64) -> (f64, Limit) {
         let per_volt_squared = self.harmonic_per_volt_squared(1, pulse_width);
         let by_voltage = per_volt_squared * self.max_voltage_v * self.max_voltage_v;
-        let by_travel = self.gap_m * TRAVEL_PART / travel_m_per_n;
+        let by_travel = self.most_travel_m() / travel_m_per_n;
         let (most, limit) =
             if by_travel < by_voltage { (by_travel, Limit::Travel) } else { (by_voltage, Limit::Voltage) };
-        let holds = |force: f64| {
-            let closed = self.gap_m - force * travel_m_per_n;
-            self.voltage_for(force, pulse_width) <= BREAKDOWN_MARGIN * breakdown_v(closed)
-        };
+        let holds = |force: f64| self.voltage_for(force, pulse_width) <= self.holds_v(force * travel_m_per_n);
         if holds(most) {
             return (most, limit);
         }
@@ -138,19 +176,22 @@ impl Electrodes {
         2.0 * capacitance * voltage_v * frequency_hz
     }
 
-    /// Most travel in m: a third of the gap.
+    /// Most travel in m: a third of the gap, and no further than a stop.
     #[must_use]
     pub fn most_travel_m(&self) -> f64 {
-        self.gap_m * TRAVEL_PART
+        (self.gap_m * TRAVEL_PART).min(self.stop_m)
     }
 
-    /// (s, b) such that V^2 + s x <= b keeps V within 85 % of breakdown in the gap that a travel of x has closed: the tangent
-    /// at the largest travel of the convex (0.85 V_b(g - x))^2. In V^2/m and V^2.
+    /// (s, b) such that V^2 + s x <= b keeps V within 85 % of breakdown in the gap that a press and a travel of x have closed: the tangent
+    /// at the largest travel of the convex (0.85 V_b(g - x))^2, level where a stop holds the mass. In V^2/m and V^2.
     #[must_use]
     pub fn breakdown_line(&self) -> (f64, f64) {
         let x = self.most_travel_m();
-        let gap_cm = (self.gap_m - x) * 100.0;
-        let volts = breakdown_v(self.gap_m - x);
+        let volts = breakdown_v(self.gap_left_m(x));
+        if self.sag_m + x >= self.stop_m || volts <= 0.0 {
+            return (0.0, (BREAKDOWN_MARGIN * volts).powi(2));
+        }
+        let gap_cm = self.gap_left_m(x) * 100.0;
         let volts_per_m = (24.22 + 3.04 / gap_cm.sqrt()) * 1e5;
         let slope = BREAKDOWN_MARGIN * BREAKDOWN_MARGIN * 2.0 * volts * volts_per_m;
         (slope, (BREAKDOWN_MARGIN * volts).powi(2) + slope * x)
@@ -169,7 +210,8 @@ pub fn breakdown_v(gap_m: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const DEFAULT: Electrodes = Electrodes { area_m2: 1.9635e-3, gap_m: 0.5e-3, max_voltage_v: 2000.0 };
+    const DEFAULT: Electrodes =
+        Electrodes { area_m2: 1.9635e-3, gap_m: 0.5e-3, max_voltage_v: 2000.0, stop_m: f64::INFINITY, sag_m: 0.0 };
 
     #[test]
     fn force_of_the_default_era() {

@@ -243,10 +243,14 @@ impl PlanTable {
     /// An actuator whose mass is hardly held any more: steady softenings times what masses yield to steady forces, which at 1
     /// pull one in whatever the frequency of its drive.
     fn pulled_in(&self, softening_n_per_m: &[f64; MAX_ACTUATORS]) -> Option<usize> {
+        // A mass that a press holds off its middle is held by less.
+        let taken: [f64; MAX_ACTUATORS] = std::array::from_fn(|j| {
+            let pressed = self.electrodes.get(j).map_or(1.0, Electrodes::pressed_softening);
+            softening_n_per_m[j].max(0.0) * pressed
+        });
         let p = self.electrodes.len().min(MAX_ACTUATORS);
         self.static_receptance.iter().take(p).position(|row| {
-            let terms = row.iter().zip(softening_n_per_m).take(p);
-            let part: f64 = terms.map(|(g, softening)| g * softening.max(0.0)).sum();
+            let part: f64 = row.iter().zip(taken).take(p).map(|(g, softening)| g * softening).sum();
             part > HELD || part.is_nan()
         })
     }

@@ -112,6 +112,7 @@ impl SharedLimits {
             Kind::PullIn => {
                 self.static_receptance[row.actuator].get(j).copied().unwrap_or(f64::INFINITY)
                     * electrodes.softening_per_newton(width.pulse_width)
+                    * electrodes.pressed_softening()
             }
             Kind::Breakdown { driver } => {
                 let voltage =

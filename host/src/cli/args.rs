@@ -10,7 +10,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Failure;
-use super::values::{Point, parse_counts, parse_finite, parse_npy, parse_png, parse_point, parse_time, parse_url};
+use super::values::{
+    Point, parse_counts, parse_finite, parse_npy, parse_png, parse_point, parse_press, parse_time, parse_url,
+};
 use super::wishes::Wishes;
 
 /// The scene and how accurately to model it.
@@ -156,6 +158,20 @@ pub struct Rhythm {
     /// From one click, pulse or crest to the next, in ms
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite)]
     pub period_ms: Option<f64>,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Press {
+    #[command(flatten)]
+    pub panel: Panel,
+    #[command(flatten)]
+    pub keep: Keep,
+    /// Force in N, 0 to 1000, in place of the scene's ([press] force_n, 5 if it names none)
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_press)]
+    pub force_n: Option<f64>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Clone, Debug, Args)]

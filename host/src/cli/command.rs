@@ -1,6 +1,6 @@
 //! The commands of the command line.
 
-use super::args::{Daemon, Latency, Modes, Response, Serve, Sweep, Touch, Transient, Verify};
+use super::args::{Daemon, Latency, Modes, Press, Response, Serve, Sweep, Touch, Transient, Verify};
 use super::args_board::{Flash, Monitor};
 use super::args_field::Field;
 use super::effect::EffectOptions;
@@ -52,6 +52,9 @@ Examples:
   era modes --scene examples/scenes/bar.toml --max-hz 500 --tolerance 1e-6
   era modes --png modes.png --npy modes.npy        the shapes, as a picture and for NumPy")]
     Modes(Modes),
+    /// What a finger's press does to the gaps of actuators, and what voltage is still safe there
+    #[command(after_help = "Example:\n  era press --scene examples/scenes/plate.toml --force-n 2")]
+    Press(Press),
     /// Acceleration at a point per newton at each actuator, over frequency
     #[command(after_help = "Example:\n  era response --at 100,60 --from 50 --to 400 --step 2")]
     Response(Response),

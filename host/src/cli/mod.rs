@@ -19,6 +19,7 @@ mod monitor;
 mod panel;
 mod plan;
 mod plan_explain;
+mod press;
 mod progress;
 mod reach;
 mod serve;
@@ -31,6 +32,7 @@ mod wishes;
 
 use clap::Parser;
 use std::fmt;
+use std::io::Write;
 use std::process::ExitCode;
 use std::time::Instant;
 use tracing_subscriber::Layer;
@@ -70,7 +72,10 @@ pub fn main() -> ExitCode {
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
         let what = panic.payload_as_str().unwrap_or("no message").lines().next().unwrap_or_default();
-        eprintln!("error: this is a mistake in era itself{place}: {what}; please report it with the scene");
+        // Where standard error is closed (`2>&1 | head`) that is the panic, and another one would end in an abort.
+        let mut errors = std::io::stderr();
+        let _ =
+            writeln!(errors, "error: this is a mistake in era itself{place}: {what}; please report it with the scene");
     }));
     // A panic is a defect, but never a status that scripts do not know, nor a page of frames for the user.
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(arguments, started)));
@@ -99,6 +104,7 @@ fn run(arguments: command::Arguments, started: Instant) -> Outcome {
         Some(Command::Stop(options)) => client::stop(&options),
         Some(Command::State(options)) => client::state(&options),
         Some(Command::Modes(options)) => modes::run(&options),
+        Some(Command::Press(options)) => press::run(&options),
         Some(Command::Response(options)) => panel::response(&options),
         Some(Command::Sweep(options)) => sweep::run(&options),
         Some(Command::Transient(options)) => transient::run(&options),

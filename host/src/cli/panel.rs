@@ -311,6 +311,9 @@ pub fn prepared_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<Prepar
         with_cost(what, Cost::of_table(scene, accuracy, options)?, prepare)
     }?;
     tell_steps(panel, scene, accuracy, &prepared.steps);
+    for warning in prepared.table.press_warnings() {
+        tracing::warn!("{warning}");
+    }
     Ok(prepared)
 }
 

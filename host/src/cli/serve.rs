@@ -27,7 +27,8 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     // A port in use is told before the panel is computed.
     let listener = runtime.block_on(tokio::net::TcpListener::bind(listen)).map_err(|error| {
         Failure::failed(format!(
-            "cannot listen on {listen}: {error}. Is another daemon running? --listen names another port"
+            "cannot listen on {listen}: {error}. Is another daemon running? `era serve --listen 127.0.0.1:PORT` takes another port (0: any that is free), which \
+             clients are told with --url"
         ))
     })?;
     let address = listener.local_addr().map_err(Failure::failed)?;

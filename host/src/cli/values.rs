@@ -1,5 +1,6 @@
 //! Numbers, places and names of files as the command line takes them.
 
+use crate::scene::MOST_PRESS_N;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -15,6 +16,14 @@ pub fn parse_time(text: &str) -> Result<Duration, String> {
     };
     let seconds = number.trim().parse::<f64>().map_err(|_| wrong())? * unit_s;
     if TIMES.contains(&seconds) { Ok(Duration::from_secs_f64(seconds)) } else { Err(wrong()) }
+}
+
+/// A finger's press in N.
+pub fn parse_press(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(force_n) if (0.0..=MOST_PRESS_N).contains(&force_n) => Ok(force_n),
+        _ => Err(format!("{text:?} is not a force from 0 to {MOST_PRESS_N} N")),
+    }
 }
 
 /// A pair of numbers.

@@ -40,6 +40,8 @@ pub struct Actuator {
     pub air_gap_m: f64,
     /// In V.
     pub max_voltage_v: f64,
+    /// Where a stop holds the mass, from its middle to either side, in m; `None` without one.
+    pub stop_m: Option<f64>,
     /// Root mean square of the voltage that is on one electrode or the other, in V; what its springs are softened by.
     pub bias_voltage_v: f64,
 }
@@ -86,6 +88,7 @@ mod tests {
             electrode_area_m2: 1.9635e-3,
             air_gap_m: 0.5e-3,
             max_voltage_v: 2000.0,
+            stop_m: None,
             bias_voltage_v: 1700.0,
         };
         // 2 F / g with F = 0.1 N at 1.7 kV: 400 N/m, 8 % of its springs.

@@ -28,6 +28,10 @@ use std::path::Path;
 pub const EXAMPLE_PLATE: &str = include_str!("../../../../examples/scenes/plate.toml");
 /// The example bar, as in `examples/scenes/bar.toml`.
 pub const EXAMPLE_BAR: &str = include_str!("../../../../examples/scenes/bar.toml");
+/// The hardest press in N where a scene names none: fingers touch with 0.5 to 1 N, and press a button with up to 5.
+pub const DEFAULT_PRESS_N: f64 = 5.0;
+/// The hardest press in N that a scene may name: what a person can bring to bear.
+pub const MOST_PRESS_N: f64 = 1000.0;
 /// Most actuators that are planned for and driven: the channels of a board. The model takes any number.
 pub const MAX_ACTUATORS: usize = era_shared::MAX_CHANNELS;
 
@@ -52,6 +56,8 @@ pub struct Scene {
     pub masses: Vec<Mass>,
     /// ERAs; actuator i is on channel i of the board.
     pub actuators: Vec<Actuator>,
+    /// The hardest press of a finger, anywhere on the surface, that gaps have to bear, in N.
+    pub press_n: f64,
 }
 
 /// What kind of structure the surface is.

@@ -6,7 +6,8 @@ use super::ranges::{DENSITY_KG_M3, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MOD
 use super::read::{Allowed, Mistake, Report, SceneError, Section};
 use super::rectangles::{cutouts, patches};
 use super::{
-    Actuator, Edge, EdgeKind, Mass, Material, Mount, Scene, Screen, Side, Support, Surface, SurfaceDamping, SurfaceKind,
+    Actuator, DEFAULT_PRESS_N, Edge, EdgeKind, MOST_PRESS_N, Mass, Material, Mount, Scene, Screen, Side, Support,
+    Surface, SurfaceDamping, SurfaceKind,
 };
 use toml::de::DeTable;
 
@@ -23,6 +24,8 @@ const STIFFNESS: Allowed = Allowed::Within(0.0, 1e20);
 const DAMPING: Allowed = Allowed::Within(0.0, 1e12);
 /// Electrodes up to a square metre.
 const AREA_MM2: Allowed = Allowed::Within(1e-6, 1e6);
+/// A stop nearer to a mass's middle leaves it no room.
+const LEAST_STOP_UM: f64 = 0.1;
 /// Most pixels along a side.
 const MAX_PIXELS: u32 = 100_000;
 
@@ -60,7 +63,8 @@ fn read(file: &Section<'_, '_>) -> Option<Scene> {
     let edges = edges(file.tables("edge"), &size);
     let masses = file.tables("mass").into_iter().map(|section| mass(section, &size)).collect();
     let actuators = actuators(file.tables("actuator"), &size);
-    Some(Scene { name, surface: surface?, patches, cutouts, screen, supports, edges, masses, actuators })
+    let press_n = file.table("press").map_or(DEFAULT_PRESS_N, press);
+    Some(Scene { name, surface: surface?, patches, cutouts, screen, supports, edges, masses, actuators, press_n })
 }
 
 fn surface(section: Section<'_, '_>) -> Surface {
@@ -254,6 +258,12 @@ fn mass(section: Section<'_, '_>, size: &Size) -> Mass {
     mass
 }
 
+fn press(section: Section<'_, '_>) -> f64 {
+    let force_n = section.number_or("force_n", DEFAULT_PRESS_N, Allowed::Within(0.0, MOST_PRESS_N));
+    section.close();
+    force_n
+}
+
 fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {
     let mut actuators: Vec<Actuator> = Vec::new();
     for section in sections {
@@ -263,6 +273,9 @@ fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {
         let id = section.text("id");
         let (x_m, y_m) = size.place_m(&section);
         let max_voltage_v = section.number("max_voltage_v", Allowed::Within(1.0, 10_000.0));
+        let air_gap_um = section.number("air_gap_um", Allowed::Within(1.0, 1e5));
+        let stop = Allowed::Within(LEAST_STOP_UM, if air_gap_um.is_nan() { f64::MAX } else { air_gap_um });
+        let stop_um = section.has("stop_um").then(|| section.number("stop_um", stop));
         let bias = Allowed::Within(0.0, if max_voltage_v.is_nan() { f64::MAX } else { max_voltage_v });
         let actuator = Actuator {
             id,
@@ -274,8 +287,9 @@ fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {
             damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, DAMPING),
             housing_mass_kg: section.number_or("housing_mass_g", 0.0, MASS_G) / 1e3,
             electrode_area_m2: section.number("electrode_area_mm2", AREA_MM2) / 1e6,
-            air_gap_m: section.number("air_gap_um", Allowed::Within(1.0, 1e5)) / 1e6,
+            air_gap_m: air_gap_um / 1e6,
             max_voltage_v,
+            stop_m: stop_um.map(|um| um / 1e6),
             bias_voltage_v: section.number_or("bias_voltage_v", 0.0, bias),
         };
         if actuator.bias_voltage_v > 0.0 && actuator.effective_stiffness_n_per_m() <= 0.0 {

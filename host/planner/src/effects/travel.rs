@@ -14,7 +14,7 @@ use super::envelope::{Cut, length_s, levels};
 use super::part::Part;
 use super::supply::rail_v;
 use crate::PlanTable;
-use crate::limits::{BREAKDOWN_MARGIN, Electrodes, Limit, TRAVEL_PART, breakdown_v};
+use crate::limits::{Electrodes, Limit};
 use crate::rise::{Ringing, RiseTimes, Stepper};
 use era_shared::waveform::{Effect, Segment};
 use nalgebra::DVector;
@@ -73,13 +73,12 @@ pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part
             let added = travels.iter().zip(&shortened.left_m).map(|(travel, left)| travel + left * scale);
             let all = table.electrodes.iter().zip(added).zip(&mut largest_m).enumerate();
             for (actuator, ((electrodes, travel), largest)) in all {
-                let allowed = USED * TRAVEL_PART * electrodes.gap_m;
+                let allowed = USED * electrodes.most_travel_m();
                 let volts = rail_v(&table.electrodes, parts, actuator, scale);
                 if travel > allowed {
                     return Err((actuator, Limit::Travel));
                 }
-                let holds = BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel / USED);
-                if volts > holds {
+                if volts > electrodes.holds_v(travel / USED) {
                     return Err((actuator, Limit::Breakdown));
                 }
                 *largest = largest.max(travel / USED);
@@ -197,8 +196,7 @@ fn surely_small(
         });
         let travel = bounds.sum::<Option<f64>>()?;
         let volts = rail_v(all, parts, actuator, 1.0);
-        let is_small =
-            travel < 0.02 * electrodes.gap_m && volts <= BREAKDOWN_MARGIN * breakdown_v(electrodes.gap_m - travel);
+        let is_small = travel < 0.06 * electrodes.most_travel_m() && volts <= electrodes.holds_v(travel);
         is_small.then_some(WITH_HARMONICS * travel)
     };
     all.iter().enumerate().map(travel).collect()
@@ -244,7 +242,7 @@ fn largest(
     let (mut travel, mut most) = (vec![0.0; electrodes.len()], vec![0.0_f64; electrodes.len()]);
     let mut forces = vec![0.0; electrodes.len()];
     for i in 0..steps {
-        if most.iter().zip(electrodes).any(|(most, electrodes)| *most > TRAVEL_PART * electrodes.gap_m) {
+        if most.iter().zip(electrodes).any(|(most, electrodes)| *most > electrodes.most_travel_m()) {
             break;
         }
         let time_s = i as f64 * STEP_S;

@@ -18,7 +18,7 @@ mod ramp;
 #[cfg(test)]
 mod tests;
 
-use super::limits::{BREAKDOWN_MARGIN, Electrodes, Limit, TRAVEL_PART, breakdown_v};
+use super::limits::{Electrodes, Limit};
 use crate::model::ReducedModel;
 use crate::response::Solver;
 use crate::scene::{Actuator, MAX_ACTUATORS};
@@ -44,7 +44,7 @@ const MOST_STEPS: usize = 12;
 /// (a softening spring bends its resonance over) the one is found that a soft start leads to.
 const FROM_REST: f64 = 0.2;
 /// Slow enough to count as steady, in Hz: a panel that nothing holds has no answer to a force that is.
-const STATIC_HZ: f64 = 0.1;
+pub(crate) const STATIC_HZ: f64 = 0.1;
 /// Steps in V^2 on that way.
 const RAMP: u32 = 8;
 
@@ -69,13 +69,8 @@ impl Transducer {
     /// Of an actuator of a scene.
     #[must_use]
     pub fn of(actuator: &Actuator) -> Self {
-        let electrodes = Electrodes {
-            area_m2: actuator.electrode_area_m2,
-            gap_m: actuator.air_gap_m,
-            max_voltage_v: actuator.max_voltage_v,
-        };
         Self {
-            newtons_per_volt_squared: electrodes.newtons_per_volt_squared(),
+            newtons_per_volt_squared: Electrodes::of(actuator).newtons_per_volt_squared(),
             gap_m: actuator.air_gap_m,
             counted_n_per_m: actuator.softening_n_per_m(),
         }
@@ -354,16 +349,16 @@ fn times(matrix: &Matrix, vector: &Vector, p: usize) -> Vector {
 }
 
 impl Electrodes {
-    /// The first limit that a motion of up to `travel_m` at `voltage_v` breaks, if any: the voltage, a third of the gap,
-    /// the breakdown of what is left of it.
+    /// The first limit that a motion of up to `travel_m` at `voltage_v` breaks, if any: the voltage, a third of the gap or the stop,
+    /// the breakdown of what is left of it under a press.
     #[must_use]
     pub fn violated(&self, travel_m: f64, voltage_v: f64) -> Option<Limit> {
         if voltage_v > self.max_voltage_v {
             return Some(Limit::Voltage);
         }
-        if travel_m > TRAVEL_PART * self.gap_m {
+        if travel_m > self.most_travel_m() {
             return Some(Limit::Travel);
         }
-        (voltage_v > BREAKDOWN_MARGIN * breakdown_v(self.gap_m - travel_m)).then_some(Limit::Breakdown)
+        (voltage_v > self.holds_v(travel_m)).then_some(Limit::Breakdown)
     }
 }

@@ -246,7 +246,8 @@ fn what_has_no_steady_motion_is_not_safe() {
 
 #[test]
 fn limits_are_told_in_their_order() {
-    let electrodes = Electrodes { area_m2: 1.9635e-3, gap_m: 0.5e-3, max_voltage_v: 2000.0 };
+    let (stop_m, sag_m) = (f64::INFINITY, 0.0);
+    let electrodes = Electrodes { area_m2: 1.9635e-3, gap_m: 0.5e-3, max_voltage_v: 2000.0, stop_m, sag_m };
     assert_eq!(electrodes.violated(0.0, 2001.0), Some(Limit::Voltage));
     assert_eq!(electrodes.violated(167e-6, 1000.0), Some(Limit::Travel));
     assert_eq!(electrodes.violated(100e-6, 1900.0), Some(Limit::Breakdown));

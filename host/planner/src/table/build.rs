@@ -6,6 +6,7 @@ use super::quadrature::products;
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions};
 use crate::limits::Electrodes;
 use crate::model::ReducedModel;
+use crate::press::{Pressed, pressed};
 use crate::response::sweep::SurfaceShapes;
 use crate::response::{ResponseError, Solver};
 use crate::rise::{Onset, RiseTimes};
@@ -33,13 +34,14 @@ const NOTHING: f64 = 1e-9;
 pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<PlanTable, ResponseError> {
     let frequencies_hz = options.frequencies_hz();
     let grid = SurfaceGrid::new(scene, &model, options.to_hz);
-    let electrodes = electrodes_of(scene);
+    let receptance = static_receptance(&model);
+    let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &receptance);
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
     let products = products(scene, &model);
     let solver = Solver::new(&model);
     let free = free_motion(&model);
     let onset = free.as_ref().map(|(_, onset)| onset);
-    let drivers = drivers(&electrodes, &transducers, &static_receptance(&model));
+    let drivers = drivers(&electrodes, &transducers, &receptance);
     let panel = Panel { model: &model, mass_kg: scene.mass_kg(), products: &products, drivers: &drivers, onset };
     let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
         .par_iter()
@@ -49,7 +51,7 @@ pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -
         .map(|actuator| columns.iter().map(|column| column.as_ref()?.get(actuator).cloned()).collect())
         .collect();
     surface_figures(scene, &model, &grid, &frequencies_hz, &mut entries)?;
-    Ok(PlanTable::of(scene, Computed { model, frequencies_hz, entries, electrodes, grid, products, free }))
+    Ok(PlanTable::of(scene, Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free }))
 }
 
 /// The panel's free motion.
@@ -86,14 +88,19 @@ pub(super) struct Panel<'a> {
 }
 
 /// The electrodes of a scene's actuators. Force limits are those of the electrodes; a rail's voltage is on all that hang on
-/// it.
-pub(super) fn electrodes_of(scene: &Scene) -> Vec<Electrodes> {
-    let own = scene.actuators.iter().map(|actuator| Electrodes {
-        area_m2: actuator.electrode_area_m2,
-        gap_m: actuator.air_gap_m,
-        max_voltage_v: actuator.max_voltage_v,
-    });
-    on_rails(own.collect())
+/// it. With what a press does to them.
+pub(super) fn electrodes_of(
+    scene: &Scene,
+    model: &ReducedModel,
+    grid: &SurfaceGrid,
+    static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
+) -> (Vec<Electrodes>, Vec<Pressed>) {
+    let mut electrodes = on_rails(scene.actuators.iter().map(Electrodes::of).collect());
+    let pressed = pressed(scene, model, grid, &electrodes, static_receptance);
+    for (own, pressed) in electrodes.iter_mut().zip(&pressed) {
+        (own.stop_m, own.sag_m) = (pressed.stop_m, pressed.sag_m);
+    }
+    (electrodes, pressed)
 }
 
 /// No actuator asks for more voltage than every one on its rail may have.

@@ -132,8 +132,8 @@ pub(super) fn width_of(
     let own = travel_m_per_n.get(actuator).copied().unwrap_or(0.0);
     let most = electrodes.max_force(own, pulse_width);
     // What a bias already took off its spring is in the model.
-    let by_pull_in =
-        (HELD / static_receptance + transducer.counted_n_per_m) / electrodes.softening_per_newton(pulse_width);
+    let by_pull_in = (HELD / static_receptance + transducer.counted_n_per_m)
+        / (electrodes.softening_per_newton(pulse_width) * electrodes.pressed_softening());
     let most = if by_pull_in < most.0 { (by_pull_in, Limit::PullIn) } else { most };
     let receptance = motion.travel.get(actuator).copied().unwrap_or_default();
     let (max_force_n, limit) =

@@ -16,6 +16,7 @@ pub use grid::SurfaceGrid;
 pub use rough::Rough;
 
 use super::limits::Electrodes;
+use super::press::Pressed;
 use super::reach::Part;
 use super::rise::{Onset, RiseTimes};
 use super::shared_frequency::PerPair;
@@ -76,6 +77,7 @@ struct Computed {
     frequencies_hz: Vec<f64>,
     entries: Vec<Vec<Option<Entry>>>,
     electrodes: Vec<Electrodes>,
+    pressed: Vec<Pressed>,
     grid: SurfaceGrid,
     products: DMatrix<f64>,
     free: Option<(RiseTimes, Onset)>,
@@ -96,6 +98,8 @@ pub struct PlanTable {
     pub entries: Vec<Vec<Option<Entry>>>,
     /// The electrodes of each actuator.
     pub electrodes: Vec<Electrodes>,
+    /// What a press does to each of them.
+    pub pressed: Vec<Pressed>,
     /// The same as what makes forces in moving gaps.
     pub transducers: Vec<Transducer>,
     /// Travel of every actuator (row) per steady force on every one, in m/N.
@@ -137,7 +141,7 @@ impl PlanTable {
 
     /// The table of what was computed, or kept from when it was.
     fn of(scene: &Scene, computed: Computed) -> Self {
-        let Computed { model, frequencies_hz, entries, electrodes, grid, products, free } = computed;
+        let Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free } = computed;
         let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
         let static_receptance = static_receptance(&model);
         Self {
@@ -153,6 +157,7 @@ impl PlanTable {
             frequencies_hz,
             entries,
             electrodes,
+            pressed,
             transducers,
             grid,
             products,
@@ -177,14 +182,15 @@ impl PlanTable {
         fn keep<T>(list: Vec<T>, kept: &[bool]) -> Vec<T> {
             list.into_iter().zip(kept).filter(|(_, kept)| **kept).map(|(item, _)| item).collect()
         }
-        let Self { model, coarser, scene, frequencies_hz, entries, electrodes, grid, coarser_rows, .. } = self;
+        let Self { model, coarser, scene, frequencies_hz, entries, electrodes, pressed, grid, coarser_rows, .. } = self;
         let (products, free) = (self.products, self.free);
         let frequencies_hz = keep(frequencies_hz, &kept);
         if frequencies_hz.is_empty() {
             return None;
         }
         let entries = entries.into_iter().map(|list| keep(list, &kept)).collect();
-        let mut table = Self::of(&scene, Computed { model, frequencies_hz, entries, electrodes, grid, products, free });
+        let computed = Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free };
+        let mut table = Self::of(&scene, computed);
         table.coarser = coarser;
         table.coarser_rows = coarser_rows.map(|rows| keep(rows, &kept));
         Some(table)

@@ -14,6 +14,7 @@ use crate::model::stored::{Implausible, StoredLevels, StoredMatrix, complex, exp
 use crate::model::{Accuracy, ReducedModel};
 use crate::response::Solver;
 use crate::scene::{MAX_ACTUATORS, Scene};
+use crate::softening::static_receptance;
 use nalgebra::DVector;
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -170,9 +171,9 @@ impl StoredTable {
         let points = grid.weights.len();
         let grid = SurfaceGrid { shapes: self.shapes.restore("shapes at the surface's points", points, n)?, ..grid };
         let products = self.products.restore("products over the surface", n, n)?;
-        let electrodes = electrodes_of(scene);
+        let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &static_receptance(&model));
         let free = free_motion(&model);
-        let computed = Computed { model, frequencies_hz, entries, electrodes, grid, products, free };
+        let computed = Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free };
         let mut table = PlanTable::of(scene, computed);
         let [middle, coarse] = self.coarser_rows;
         table.coarser_rows = [

@@ -1,0 +1,65 @@
+"""`era press`: how far a press moves the masses, where they are held, what is left of gap and voltage."""
+
+import numpy as np
+
+from ..harness import Result, change, change_all, not_comparable
+from ..reference.electrostatics import BREAKDOWN_PART, breakdown_v
+from ..reference.press import SLOW_HZ, alone, places, press
+
+ALONE, FURTHEST, SAG, HELD, LEFT = "press: alone", "press: furthest place", "press: sag", "press: held by", "press: gap and voltage left"
+EVERY = 2
+QUANTITIES = (ALONE, FURTHEST, SAG, HELD, LEFT)
+PLANTS = {
+    ALONE: change(("surface", "material", "youngs_modulus_pa"), 1.05),
+    FURTHEST: "answer",
+    SAG: change(("press", "force_n"), 1.3),
+    HELD: change_all("actuator", "air_gap_um", 1.5),
+    LEFT: change_all("actuator", "air_gap_um", 1.02),
+}
+# Between the program's points a mass may go further by so much of it, as between the reference's own.
+BETWEEN = 0.03
+# Of a sag: what is between points, and once more for the pull that grows with it.
+OF_SAG = 0.05
+
+
+def run(context):
+    scene, era = context.scene, context.era
+    answer = era.json("press")
+    panel = context.panel(400.0)
+    own = press(scene, panel)
+    results = []
+    for i, (actuator, sag, said) in enumerate(zip(scene.actuators, own, answer["actuators"])):
+        name = f"{actuator.id}: {sag.kind}"
+        at = tuple(1e-3 * c for c in said["at_mm"])
+        if scene.is_bar:
+            at = (at[0], scene.width / 2)
+        printed = said["alone_um"]
+        gap = actuator.air_gap * 1e6
+        if context.planted(FURTHEST):
+            printed *= 0.9
+        if scene.press > 0 and printed is not None and not actuator.inertial:
+            moved, error = alone(panel, [at])
+            here, off = (1e6 * scene.press * values[i, 0] for values in (moved, error))
+            bound = said["error_bound"]
+            if bound is None or off > 0.05 * here:
+                results.append(not_comparable(ALONE, context.name, f"{name}; own error {off / max(here, 1e-300):.1e}"))
+            elif not context.planted(FURTHEST):
+                results.append(Result(ALONE, context.name, abs(printed - here) / here, bound + off / here + 1e-9, True, f"{name}; {here:.4g} um at {SLOW_HZ} Hz"))
+            results.append(Result(FURTHEST, context.name, max(0.0, 1e6 * sag.alone / printed - 1), BETWEEN + 2 * sag.error / max(sag.alone, 1e-300), True, name))
+        # Where the springs nearly bear it, or nearly do not, either answer is right.
+        near = sag.kind != "given" and abs(sag.sag / actuator.air_gap - 1 / 3) < OF_SAG / 3 and printed is not None and 0.8 < said["sag_um"] / gap * 3 < 1.2
+        nearly = any(other.kind != "given" and abs(other.sag / a.air_gap - 1 / 3) < OF_SAG / 3 and other.kind == "none" for other, a in zip(own, scene.actuators))
+        if near and sag.kind == "none" or nearly:
+            results.append(not_comparable(HELD, context.name, f"{name}; nearly borne"))
+            continue
+        stop = np.inf if said["stop_um"] is None else said["stop_um"]
+        same = said["stop"] == sag.kind and (stop == 1e6 * sag.stop or abs(stop - 1e6 * sag.stop) < 1e-6 * gap)
+        results.append(Result(HELD, context.name, 0.0 if same else 1.0, 0.0, True, f"{name}, {1e6 * sag.stop:.4g} um; {said['stop']}, {stop:.4g} um"))
+        results.append(Result(SAG, context.name, abs(said["sag_um"] - 1e6 * sag.sag) / gap, OF_SAG * max(sag.sag / actuator.air_gap, 1e-3), True, f"{name}; {1e6 * sag.sag:.4g} um"))
+        # From the program's own sag on, so that this is of gap and voltage alone.
+        left = actuator.air_gap - min(1e-6 * said["sag_um"], sag.stop)
+        rail = min(other.max_voltage for other in scene.actuators[i % 2 :: 2])
+        volts = min(BREAKDOWN_PART * breakdown_v(left), rail)
+        off = max(abs(said["gap_left_um"] - 1e6 * left) / gap, abs(said["holds_v"] - volts) / rail)
+        results.append(Result(LEFT, context.name, off, 1e-6, True, name))
+    return results

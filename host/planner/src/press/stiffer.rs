@@ -1,0 +1,70 @@
+//! Springs with which masses bear a press that have no stop: as many times each one's own need, the others as they are, as all of them
+//! together take. Stiffer springs under one ERA are what a panel turns about, so that another's mass may go further than before.
+
+use nalgebra::{DMatrix, DVector};
+
+/// Most times its own need that an actuator's springs are made stiffer.
+const MOST: f64 = 1e3;
+/// Halvings of that factor: to 1e-4 of itself.
+const HALVINGS: u32 = 24;
+
+/// Masses that do not bear a press, with all that moves them.
+pub(super) struct Loose<'a> {
+    /// Which actuators.
+    pub actuators: &'a [usize],
+    /// Displacement of every actuator's mass in m when the press is at each point: [actuator][point].
+    pub pressed_m: &'a [Vec<f64>],
+    /// Travel (row) per steady force, m/N, with its sign.
+    pub receptance: DMatrix<f64>,
+    /// The electrodes' mean pull in N where each mass may go.
+    pub pulls_n: &'a [f64],
+    /// How far each may go, in m.
+    pub most_m: &'a [f64],
+}
+
+impl Loose<'_> {
+    /// What has to be added to the springs of each of the actuators, in N/m; `None` where no springs do.
+    pub fn springs(&self) -> Option<Vec<f64>> {
+        let pulled = self.pulled(&self.receptance);
+        let own = |i: &usize| {
+            let furthest = self.pressed_m[*i].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            ((furthest + pulled[*i]) / self.most_m[*i] - 1.0) / self.receptance[(*i, *i)]
+        };
+        let needs: Vec<f64> = self.actuators.iter().map(own).collect();
+        if !needs.iter().all(|need| need.is_finite() && *need > 0.0) {
+            return None;
+        }
+        let times = |factor: f64| -> Vec<f64> { needs.iter().map(|need| factor * need).collect() };
+        let (mut low, mut high) = (0.0, 1.0);
+        while !self.is_borne(&times(high)) {
+            (low, high) = (high, 2.0 * high);
+            if high > MOST {
+                return None;
+            }
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            *(if self.is_borne(&times(middle)) { &mut high } else { &mut low }) = middle;
+        }
+        Some(times(high))
+    }
+
+    fn pulled(&self, receptance: &DMatrix<f64>) -> DVector<f64> {
+        receptance.map(f64::abs) * DVector::from_column_slice(self.pulls_n)
+    }
+
+    /// Whether springs beside the actuators' own keep all of them within their limits: x' = (1 + G K)^-1 x.
+    fn is_borne(&self, added: &[f64]) -> bool {
+        let p = self.receptance.nrows();
+        let mut springs = DVector::zeros(p);
+        self.actuators.iter().zip(added).for_each(|(i, k)| springs[*i] = *k);
+        let stiffened = DMatrix::identity(p, p) + &self.receptance * DMatrix::from_diagonal(&springs);
+        let Some(inverse) = stiffened.try_inverse() else { return false };
+        let pulled = self.pulled(&(&inverse * &self.receptance));
+        let points = self.pressed_m.first().map_or(0, Vec::len);
+        (0..points).all(|point| {
+            let moved = |i: usize| (0..p).map(|j| inverse[(i, j)] * self.pressed_m[j][point]).sum::<f64>().abs();
+            self.actuators.iter().all(|i| moved(*i) + pulled[*i] <= self.most_m[*i])
+        })
+    }
+}

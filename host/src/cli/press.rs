@@ -1,0 +1,70 @@
+//! `era press`: what a finger's press does to the gaps of actuators.
+
+use super::args::Press as Options;
+use super::panel::plan_table;
+use super::{Outcome, print_json, print_text};
+use crate::planner::PlanTable;
+use crate::planner::press::{Pressed, Stop};
+use serde_json::json;
+use std::fmt::Write;
+
+pub fn run(options: &Options) -> Outcome {
+    let mut scene = options.panel.load()?;
+    if let Some(force_n) = options.force_n {
+        scene.press_n = force_n;
+    }
+    let table = plan_table(&options.panel, options.keep, &scene)?;
+    if options.json {
+        let actuators: Vec<_> = (0..table.pressed.len()).map(|i| view(&table, i)).collect();
+        return print_json(&json!({ "force_n": scene.press_n, "actuators": actuators }));
+    }
+    print_text(&text(&table))
+}
+
+fn view(table: &PlanTable, i: usize) -> serde_json::Value {
+    let (pressed, electrodes, actuator) = (&table.pressed[i], &table.electrodes[i], &table.scene.actuators[i]);
+    let finite = |value: f64| value.is_finite().then_some(value);
+    json!({
+        "actuator": actuator.id,
+        "at_mm": [pressed.at_m.0 * 1e3, pressed.at_m.1 * 1e3],
+        "alone_um": finite(pressed.alone_m * 1e6),
+        "error_bound": table.press_bound(i).value(),
+        "sag_um": pressed.sag_m * 1e6,
+        "stop": pressed.stop,
+        "stop_um": finite(pressed.stop_m * 1e6),
+        "stiffness_n_per_m": pressed.stiffness_n_per_m,
+        "gap_left_um": electrodes.gap_left_m(0.0) * 1e6,
+        "holds_v": electrodes.holds_v(0.0).min(electrodes.max_voltage_v),
+    })
+}
+
+fn text(table: &PlanTable) -> String {
+    let mut text = format!(
+        "{}: a press of {} N where it moves each mass furthest
+ actuator            at mm      alone   error at most      sag   held by            gap left   holds
+",
+        table.scene.name, table.scene.press_n
+    );
+    for (i, (actuator, pressed)) in table.scene.actuators.iter().zip(&table.pressed).enumerate() {
+        let Pressed { at_m, alone_m, sag_m, stop, stop_m, .. } = pressed;
+        let held = match stop {
+            Stop::None => "its springs".into(),
+            Stop::Given => format!("stop, {:.0} um", stop_m * 1e6),
+            Stop::Assumed => format!("no stop yet, {:.0} um", stop_m * 1e6),
+        };
+        let bound = table.press_bound(i).value().map_or_else(|| "unknown".into(), |bound| format!("{bound:.0e}"));
+        let electrodes = &table.electrodes[i];
+        let at = format!("{:.1}, {:.1}", at_m.0 * 1e3, at_m.1 * 1e3);
+        let _ = writeln!(
+            text,
+            " {:12} {at:>12} {:7.0} um {bound:>15} {:5.0} um   {held:18} {:5.0} um {:5.0} V",
+            actuator.id,
+            alone_m * 1e6,
+            sag_m * 1e6,
+            electrodes.gap_left_m(0.0) * 1e6,
+            electrodes.holds_v(0.0).min(electrodes.max_voltage_v),
+        );
+    }
+    text.push_str("Alone: without voltage and stop. Sag: with the electrodes' pull at the highest voltages. Holds: the voltage safe from breakdown there.");
+    text
+}

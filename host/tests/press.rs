@@ -1,0 +1,87 @@
+//! `era press`, and what loading a scene says of a press, as a user sees them.
+
+use serde_json::Value;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+const EXAMPLES: [&str; 5] = ["bar", "bezel", "camera", "plate", "stepped_bar"];
+
+fn example(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../examples/scenes/{name}.toml"))
+}
+
+fn era(arguments: &[&str], scene: &PathBuf) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    command.args(arguments).arg("--scene").arg(scene).args(["--no-cache", "--accuracy", "fast"]);
+    command.output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn the_example_scenes_bear_a_press() {
+    for name in EXAMPLES {
+        let output = era(&["press", "--json"], &example(name));
+        assert!(output.status.success() && !said(&output).contains("press of"), "{name}: {}", said(&output));
+        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(answer["force_n"], 5.0);
+        for actuator in answer["actuators"].as_array().unwrap() {
+            assert_eq!(actuator["stop"], "given", "{name}: {actuator}");
+            let [sag, stop, left] = ["sag_um", "stop_um", "gap_left_um"].map(|key| actuator[key].as_f64().unwrap());
+            // Five newtons are more than their springs hold, and 0.6 N are not.
+            assert!((sag - stop).abs() < 1e-9 && (left - (500.0 - stop)).abs() < 1e-9, "{name}: {actuator}");
+        }
+        let output = era(&["press", "--json", "--force-n", "0.6"], &example(name));
+        let light: Value = serde_json::from_slice(&output.stdout).unwrap();
+        for (light, hard) in light["actuators"].as_array().unwrap().iter().zip(answer["actuators"].as_array().unwrap())
+        {
+            let [part, sag] = [
+                light["alone_um"].as_f64().unwrap() / hard["alone_um"].as_f64().unwrap(),
+                light["sag_um"].as_f64().unwrap(),
+            ];
+            assert!((part - 0.12).abs() < 1e-9 && sag > light["alone_um"].as_f64().unwrap(), "{name}: {light}");
+        }
+    }
+}
+
+/// Without its stops a scene is told of; what it names is enough, and more springs or a lighter press say nothing.
+#[test]
+fn a_scene_that_does_not_bear_it_is_told_with_what_would_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(example("plate")).unwrap();
+    let without: String =
+        text.lines().filter(|line| !line.starts_with("stop_um")).map(|line| format!("{line}\n")).collect();
+    let told = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let output = era(&["plan", "--at", "480,640", "--json", "--intensity-g", "50"], &path);
+        assert!(output.status.success(), "{}", said(&output));
+        let plan: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let volts = plan["drives"].as_array().unwrap().iter().map(|drive| drive["voltage_v"].as_f64().unwrap());
+        (said(&output), volts.fold(0.0, f64::max))
+    };
+    let (warned, volts) = told("without.toml", &without);
+    assert!(warned.contains("a press of 5 N at 0.0, 100.0 mm moves the mass of \"left\""), "{warned}");
+    assert!(warned.contains("stop_um = 166") && warned.contains("springs of 32000 N/m"), "{warned}");
+    // 85 % of what two thirds of 0.5 mm hold: 24.22 d + 6.08 sqrt(d) kV, d in cm.
+    let d = 0.1 / 3.0_f64;
+    let holds = 0.85e3 * (24.22 * d + 6.08 * d.sqrt());
+    assert!(volts > 0.99 * holds && volts <= holds * (1.0 + 1e-9), "{volts} {holds}");
+    let (stiff, _) = told("stiff.toml", &without.replace("stiffness_n_per_m = 5000.0", "stiffness_n_per_m = 32000.0"));
+    assert!(!stiff.contains("press of"), "{stiff}");
+    let (light, volts) = told("light.toml", &(without.clone() + "\n[press]\nforce_n = 0.0\n"));
+    assert!(!light.contains("press of") && volts > 1.1 * holds, "{light} {volts}");
+    for (wrong, key) in [
+        (without.clone() + "\n[press]\nforce_n = -1.0\n", "press.force_n"),
+        (text.replacen("stop_um = 120.0", "stop_um = 501.0", 1), "actuator[1].stop_um"),
+    ] {
+        let path = folder.path().join("wrong.toml");
+        std::fs::write(&path, wrong).unwrap();
+        let output = era(&["press"], &path);
+        assert!(output.status.code() == Some(2) && said(&output).contains(key), "{}", said(&output));
+    }
+    let output = era(&["press", "--force-n", "2000"], &example("plate"));
+    assert!(output.status.code() == Some(2) && said(&output).contains("0 to 1000 N"), "{}", said(&output));
+}
