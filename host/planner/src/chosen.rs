@@ -1,7 +1,7 @@
 //! Drives as the search has chosen them, with what they do.
 
-use super::table::{Entry, Width, at_point};
 use crate::response::{Component, peak_acceleration};
+use crate::table::{Entry, Width, at_point};
 use nalgebra::DVector;
 use num_complex::Complex64;
 

@@ -30,54 +30,34 @@
 //! # }
 //! ```
 
-pub mod allocate;
-pub mod assignment;
-mod bound;
 pub mod cache;
-pub mod candidates;
+mod choose;
 pub mod chosen;
-mod closer;
 pub mod drive;
 pub mod effects;
-mod evened;
-pub mod explain;
-mod harmonics;
-pub mod limitation;
-pub mod limits;
-mod linear;
-pub mod moving;
-mod near;
-mod nearest;
+mod electrodes;
+mod motion;
 pub mod perception;
 pub mod plan;
-pub mod press;
-pub mod quiet;
 pub mod reach;
-mod refine;
-mod report;
-pub mod request;
-pub mod rise;
-mod safe;
-pub mod schedule;
-pub mod search;
-pub mod shared_frequency;
-mod shared_limits;
-pub mod softening;
+mod reports;
 pub mod study;
-pub mod succession;
 pub mod table;
-pub mod trade;
-mod weaker;
-mod zone;
+mod wish;
 
+pub use choose::{allocate, assignment, candidates, search, shared_frequency};
+pub use electrodes::{limits, press};
 use era_model::{model, response, scene, transient};
+pub use motion::{moving, rise, softening, succession};
+pub use reports::{explain, limitation, trade};
+pub use wish::{quiet, request, schedule};
 
+pub use choose::search::Work;
 pub use plan::{Drive, Plan, Planned, Predicted, TargetResult};
-pub use quiet::QuietResult;
-pub use report::{Report, Times};
-pub use request::{Grouping, Objective, PlanError, Quiet, Request, Target, Weigh};
-pub use search::Work;
+pub use reports::report::{Report, Times};
 pub use table::{PlanTable, TableOptions};
+pub use wish::quiet::QuietResult;
+pub use wish::request::{Grouping, Objective, PlanError, Quiet, Request, Target, Weigh};
 
 /// Standard gravity in m/s^2: intensities are given in g, as is usual in haptics.
 pub const STANDARD_GRAVITY: f64 = 9.80665;

@@ -7,7 +7,7 @@
 //! cautious, as the table still falls towards low frequencies, and no ERA drives a panel there), above 400 Hz the slope
 //! between 300 and 400 Hz, 7 dB per 100 Hz, goes on.
 
-use super::STANDARD_GRAVITY;
+use crate::STANDARD_GRAVITY;
 
 /// Hz and dB re 1 g, ascending in frequency.
 const TABLE: [(f64, f64); 12] = [

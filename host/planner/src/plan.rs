@@ -1,16 +1,16 @@
 //! The plan for a touch.
 
-use super::STANDARD_GRAVITY;
-use super::candidates::Judge;
-use super::chosen::{Chosen, groups, meets, peak};
-use super::limitation::{self, Limitation, add};
-use super::perception::above_threshold_db;
-use super::quiet::QuietResult;
-use super::refine::Selection;
-use super::request::{Grouping, Objective, PlanError, Request, Target, Weigh};
-use super::safe::Settled;
-use super::search::{Choices, Found, Work};
-use super::table::{PlanTable, at_point};
+use crate::STANDARD_GRAVITY;
+use crate::choose::candidates::Judge;
+use crate::choose::refine::Selection;
+use crate::choose::search::{Choices, Found, Work};
+use crate::chosen::{Chosen, groups, meets, peak};
+use crate::motion::safe::Settled;
+use crate::perception::above_threshold_db;
+use crate::reports::limitation::{self, Limitation, add};
+use crate::table::{PlanTable, at_point};
+use crate::wish::quiet::QuietResult;
+use crate::wish::request::{Grouping, Objective, PlanError, Request, Target, Weigh};
 use nalgebra::DVector;
 use serde::Serialize;
 use std::time::Instant;

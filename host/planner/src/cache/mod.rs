@@ -21,13 +21,13 @@ pub use directory::{MOST_BYTES, MOST_FILES};
 pub use file::Unusable;
 pub use key::Key;
 
-use super::table::stored::StoredTable;
-use super::{PlanTable, TableOptions};
 use crate::model::bounded::Step;
 use crate::model::levels::Levels;
 use crate::model::{Accuracy, ModelError};
 use crate::response::ResponseError;
 use crate::scene::Scene;
+use crate::table::stored::StoredTable;
+use crate::{PlanTable, TableOptions};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 

@@ -1,5 +1,5 @@
 use super::{Cache, Key, Origin, Unusable, directory, file, prepare};
-use crate::limits::Limit;
+use crate::electrodes::limits::Limit;
 use crate::model::{Accuracy, Bound};
 use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use crate::{PlanTable, TableOptions, Target};

@@ -15,10 +15,10 @@ use super::part::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
 use super::supply::keep_within_supply;
 use super::travel::{Within, keep_within_travel};
 use crate::drive::SiDrive;
-use crate::limitation::{self, Limitation, add};
-use crate::rise::RiseTimes;
+use crate::motion::rise::RiseTimes;
+use crate::motion::succession::{Push, Swing};
+use crate::reports::limitation::{self, Limitation, add};
 use crate::scene::MAX_ACTUATORS;
-use crate::succession::{Push, Swing};
 use crate::{Plan, PlanTable, STANDARD_GRAVITY};
 use era_shared::waveform::{Effect, FULL_LEVEL, Segment};
 

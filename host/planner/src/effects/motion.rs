@@ -1,6 +1,6 @@
 //! What a point does while drives play their envelopes, from the panel's poles: no equation is stepped in time.
 
-use crate::rise::{Ringing, RiseTimes};
+use crate::motion::rise::{Ringing, RiseTimes};
 use crate::transient::panel::Drive;
 use nalgebra::DVector;
 use num_complex::Complex64;

@@ -12,7 +12,7 @@
 //! known, its worst point joins them (a cutting plane).
 
 use super::space::Space;
-use crate::linear::Programme;
+use crate::choose::linear::Programme;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 

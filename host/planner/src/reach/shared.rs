@@ -177,7 +177,7 @@ impl<'a> At<'a> {
     }
 
     /// The forces of a direction (parts of what each actuator can do alone, with phases) as strong as the limits of masses at
-    /// rest allow: those of [`crate::shared_limits`], but with travels added as phasors. All are proportional to
+    /// rest allow: those of [`crate::choose::shared_limits`], but with travels added as phasors. All are proportional to
     /// the strength, as forces are to the voltages' squares.
     fn forces(&self, direction: &[Complex64]) -> Vec<Complex64> {
         let forces: Vec<Complex64> = direction.iter().zip(&self.force_n).map(|(part, force)| part * force).collect();

@@ -1,7 +1,7 @@
 //! The search against looking at everything.
 
 use super::*;
-use crate::linear::Programme;
+use crate::choose::linear::Programme;
 use proptest::prelude::*;
 
 /// All choices, the same linear program over all points for each.

@@ -2,11 +2,11 @@
 
 use super::entry::{Entry, HARMONICS, Width};
 use crate::PULSE_WIDTH;
-use crate::limits::{Electrodes, HALVINGS, HELD, LEVELS, Limit, TRAVEL_PART, WEAK};
+use crate::electrodes::limits::{Electrodes, HALVINGS, HELD, LEVELS, Limit, TRAVEL_PART, WEAK};
 use crate::model::ReducedModel;
-use crate::rise::Onset;
+use crate::motion::rise::Onset;
+use crate::motion::softening::{Excitation, Line, Transducer, settle};
 use crate::scene::MAX_ACTUATORS;
-use crate::softening::{Excitation, Line, Transducer, settle};
 use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
 use nalgebra::DVector;
 use num_complex::Complex64;

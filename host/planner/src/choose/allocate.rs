@@ -1,0 +1,471 @@
+//! How strong each actuator has to be once its frequency is chosen: a small convex problem.
+//!
+//! Minimise sum_i (E_i u_i^2 + P_i u_i), energy elsewhere or electrical power, subject to sum_i h_ti u_i >= a_t for every
+//! target t (peaks add, equation 23), sum_i r_ci u_i <= b_c for every limit that actuators share (travel, breakdown in
+//! the gap that all of them close, quiet zones, the supply), and 0 <= u_i <= U_i. What cannot be had is cut by one and the
+//! same part s < 1 for all targets, the greatest possible.
+//!
+//! s is a linear programme. The rest is one as well where there is no E; otherwise the dual method of Goldfarb and Idnani
+//! (1983), which starts at the unlimited optimum and adds one violated limit after the other. Both give each row's price,
+//! what one more unit of it would cost, from which [`crate::choose::search`] knows what no other frequencies can beat.
+
+use crate::choose::linear::Programme;
+use crate::scene::MAX_ACTUATORS;
+
+/// Part of a row's size by which it may be violated: rounding.
+const FEASIBLE: f64 = 1e-13;
+/// Rows that the dual method exchanges at most; the tests count up to 12.
+const MOST_EXCHANGES: usize = 200;
+/// Part by which a wish that cannot be met is lowered further before the energy is minimised, so that rounding leaves room.
+const ROOM: f64 = 1e-11;
+
+/// One actuator at its frequency.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting<'a> {
+    /// E: mean square elsewhere per N^2; 0 or more.
+    pub energy: f64,
+    /// P: cost per N; 0 or more.
+    pub power: f64,
+    /// U: most force in N.
+    pub max_force_n: f64,
+    /// h: what it adds to each target per N; 0 or more.
+    pub gain: &'a [f64],
+    /// r: what it adds to each shared limit per N; 0 or more.
+    pub load: &'a [f64],
+}
+
+/// The answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Allocation {
+    /// Force of each actuator in N.
+    pub forces_n: [f64; MAX_ACTUATORS],
+    /// s: the part of what was wanted that every target gets, at most 1.
+    pub met: f64,
+    /// What is minimised.
+    pub cost: f64,
+    /// Prices of the cost where all is met, of s otherwise.
+    pub prices: Prices,
+}
+
+/// What one more unit of each row would cost, or bring.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Prices {
+    /// Of each target.
+    pub gain: Vec<f64>,
+    /// Of each shared limit.
+    pub load: Vec<f64>,
+}
+
+/// The forces for `settings`, at most [`MAX_ACTUATORS`], with what is wanted at the targets and allowed by the shared limits.
+#[must_use]
+pub fn allocate(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64]) -> Allocation {
+    let settings = &settings[..settings.len().min(MAX_ACTUATORS)];
+    if let Some(found) = without_shared_limits(settings, wanted, allowed) {
+        return found;
+    }
+    let reach = reach(settings, wanted, allowed);
+    let quadratic = settings.iter().any(|setting| setting.energy > 0.0);
+    let met = reach.met;
+    if !quadratic {
+        return reach;
+    }
+    let room = if met < 1.0 { met * (1.0 - ROOM) } else { 1.0 };
+    match least_energy(settings, wanted, allowed, room) {
+        Some(found) if met < 1.0 => Allocation { met: room, prices: reach.prices, ..found },
+        Some(found) => found,
+        None => reach,
+    }
+}
+
+/// One target and no shared limit that binds: the force of each actuator is lambda h / 2E, up to its limit.
+fn without_shared_limits(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64]) -> Option<Allocation> {
+    let [wanted] = wanted else { return None };
+    if settings.iter().any(|setting| setting.power > 0.0 || setting.energy <= 0.0) {
+        return None;
+    }
+    let gain = |setting: &Setting<'_>| setting.gain.first().copied().unwrap_or(0.0);
+    let mut limited = [false; MAX_ACTUATORS];
+    let lambda = loop {
+        // Those at their limit give what they can; the others share the rest.
+        let (mut rest, mut slope) = (*wanted, 0.0);
+        for (setting, limited) in settings.iter().zip(&limited) {
+            if *limited {
+                rest -= gain(setting) * setting.max_force_n;
+            } else {
+                slope += gain(setting).powi(2) / (2.0 * setting.energy);
+            }
+        }
+        if rest <= 0.0 {
+            break 0.0;
+        }
+        if slope <= 0.0 {
+            return None;
+        }
+        let lambda = rest / slope;
+        let mut changed = false;
+        for (setting, limited) in settings.iter().zip(&mut limited) {
+            if !*limited && lambda * gain(setting) / (2.0 * setting.energy) > setting.max_force_n {
+                *limited = true;
+                changed = true;
+            }
+        }
+        if !changed {
+            break lambda;
+        }
+    };
+    let mut forces_n = [0.0; MAX_ACTUATORS];
+    for ((force, setting), limited) in forces_n.iter_mut().zip(settings).zip(&limited) {
+        *force = if *limited { setting.max_force_n } else { lambda * gain(setting) / (2.0 * setting.energy) };
+    }
+    let holds = |(row, allowed): (usize, &f64)| load(settings, &forces_n, row) <= *allowed;
+    allowed.iter().enumerate().all(holds).then(|| Allocation {
+        forces_n,
+        met: 1.0,
+        cost: cost(settings, &forces_n),
+        prices: Prices { gain: vec![lambda], load: vec![0.0; allowed.len()] },
+    })
+}
+
+fn load(settings: &[Setting<'_>], forces_n: &[f64], row: usize) -> f64 {
+    settings.iter().zip(forces_n).map(|(setting, force)| setting.load.get(row).copied().unwrap_or(0.0) * force).sum()
+}
+
+/// What is minimised.
+fn cost(settings: &[Setting<'_>], forces_n: &[f64]) -> f64 {
+    settings.iter().zip(forces_n).map(|(setting, force)| (setting.energy * force + setting.power) * force).sum()
+}
+
+/// The greatest part s of all wishes, and among the vertices that have it the one of least P . u.
+fn reach(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64]) -> Allocation {
+    let p = settings.len();
+    // Variables: each force over its limit, and s; rows of the size of one.
+    let mut programme = Programme::new(p + 1);
+    let mut scales = Vec::with_capacity(wanted.len() + allowed.len());
+    for (row, allowed) in allowed.iter().enumerate() {
+        let entries = settings.iter().map(|s| s.load.get(row).copied().unwrap_or(0.0) * s.max_force_n);
+        let scale = entries.clone().fold(*allowed, f64::max).max(f64::MIN_POSITIVE);
+        programme.row(entries.map(|entry| entry / scale), allowed / scale);
+        scales.push(scale);
+    }
+    for (row, wanted) in wanted.iter().enumerate() {
+        let entries = settings.iter().map(|s| s.gain.get(row).copied().unwrap_or(0.0) * s.max_force_n);
+        // A target that wants nothing is met.
+        let scale = entries.clone().fold(*wanted, f64::max).max(f64::MIN_POSITIVE);
+        programme.row(entries.map(|entry| -entry / scale).chain([wanted / scale]), 0.0);
+        scales.push(scale);
+    }
+    for i in 0..=p {
+        programme.row((0..=p).map(|j| f64::from(u8::from(i == j))), 1.0);
+    }
+    let first: Vec<f64> = (0..=p).map(|j| f64::from(u8::from(j == p))).collect();
+    let second: Vec<f64> = settings.iter().map(|setting| -setting.power * setting.max_force_n).collect();
+    let Some(vertex) = programme.maximise(&first, &second) else {
+        return Allocation { forces_n: [0.0; MAX_ACTUATORS], met: 0.0, cost: 0.0, prices: Prices::default() };
+    };
+    let mut forces_n = [0.0; MAX_ACTUATORS];
+    for ((force, setting), x) in forces_n.iter_mut().zip(settings).zip(&vertex.x) {
+        *force = x.clamp(0.0, 1.0) * setting.max_force_n;
+    }
+    let met = vertex.x.last().copied().unwrap_or(0.0).clamp(0.0, 1.0);
+    let prices = if met < 1.0 - ROOM { &vertex.first } else { &vertex.second };
+    let mut prices = prices.iter().zip(&scales).map(|(price, scale)| price / scale);
+    let load = prices.by_ref().take(allowed.len()).collect();
+    let gain = prices.take(wanted.len()).collect();
+    let met = if met < 1.0 - ROOM { met } else { 1.0 };
+    Allocation { forces_n, met, cost: cost(settings, &forces_n), prices: Prices { gain, load } }
+}
+
+/// A row a . x >= b of the quadratic programme, of the size of one.
+#[derive(Clone, Copy)]
+struct Row {
+    a: [f64; MAX_ACTUATORS],
+    b: f64,
+    scale: f64,
+}
+
+/// Least energy with every target at `part` of its wish; `None` if rounding leaves nothing feasible.
+fn least_energy(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64], part: f64) -> Option<Allocation> {
+    let p = settings.len();
+    // Forces over their limits; an actuator without one stays at rest.
+    let size = |i: usize| settings[i].max_force_n.max(f64::MIN_POSITIVE);
+    let of = |entry: &dyn Fn(&Setting<'_>) -> f64| {
+        let mut a = [0.0; MAX_ACTUATORS];
+        for i in 0..p {
+            a[i] = entry(&settings[i]) * size(i);
+        }
+        a
+    };
+    let mut rows: Vec<Row> = Vec::with_capacity(wanted.len() + allowed.len() + 2 * p);
+    let mut add = |a: [f64; MAX_ACTUATORS], b: f64, sign: f64| {
+        let scale = a.iter().fold(b.abs(), |most, a| most.max(a.abs())).max(f64::MIN_POSITIVE);
+        rows.push(Row { a: a.map(|a| sign * a / scale), b: sign * b / scale, scale });
+    };
+    for (t, wanted) in wanted.iter().enumerate() {
+        add(of(&|s| s.gain.get(t).copied().unwrap_or(0.0)), part * wanted, 1.0);
+    }
+    for (c, allowed) in allowed.iter().enumerate() {
+        add(of(&|s| s.load.get(c).copied().unwrap_or(0.0)), *allowed, -1.0);
+    }
+    for i in 0..p {
+        let mut unit = [0.0; MAX_ACTUATORS];
+        unit[i] = 1.0;
+        add(unit, 1.0, -1.0);
+        add(unit, 0.0, 1.0);
+    }
+    // The cost in units of the largest E U^2, so that its rows are of the size of one as well.
+    let mut d = [0.0; MAX_ACTUATORS];
+    let mut c = [0.0; MAX_ACTUATORS];
+    for i in 0..p {
+        d[i] = 2.0 * settings[i].energy * size(i) * size(i);
+        c[i] = settings[i].power * size(i);
+    }
+    let unit = d.iter().copied().fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+    for i in 0..p {
+        d[i] = (d[i] / unit).max(1e-14);
+        c[i] /= unit;
+    }
+    let (x, multipliers) = dual_method(p, &d, &c, &rows)?;
+    let mut forces_n = [0.0; MAX_ACTUATORS];
+    for i in 0..p {
+        forces_n[i] = x[i].clamp(0.0, 1.0) * settings[i].max_force_n;
+    }
+    let mut prices = Prices { gain: vec![0.0; wanted.len()], load: vec![0.0; allowed.len()] };
+    for (row, multiplier) in multipliers {
+        let price = multiplier * unit / rows[row].scale;
+        if let Some(gain) = prices.gain.get_mut(row) {
+            *gain = price;
+        } else if let Some(load) = prices.load.get_mut(row - wanted.len()) {
+            *load = price;
+        }
+    }
+    Some(Allocation { forces_n, met: 1.0, cost: cost(settings, &forces_n), prices })
+}
+
+/// Rows that bind, with their multipliers.
+type Active = Vec<(usize, f64)>;
+
+/// Minimises x . D x / 2 + c . x subject to the rows: Goldfarb and Idnani. D is diagonal, so that the few active rows'
+/// equations are solved anew each time instead of updating factors. Returns x and the active rows with their multipliers.
+fn dual_method(
+    p: usize,
+    d: &[f64; MAX_ACTUATORS],
+    c: &[f64; MAX_ACTUATORS],
+    rows: &[Row],
+) -> Option<([f64; MAX_ACTUATORS], Active)> {
+    let mut x = [0.0; MAX_ACTUATORS];
+    for i in 0..p {
+        x[i] = -c[i] / d[i];
+    }
+    let mut active: Active = Vec::with_capacity(MAX_ACTUATORS + 1);
+    let value = |row: &Row, x: &[f64; MAX_ACTUATORS]| (0..p).map(|i| row.a[i] * x[i]).sum::<f64>() - row.b;
+    for _ in 0..MOST_EXCHANGES {
+        let worst = rows
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| active.iter().all(|(known, _)| known != i))
+            .map(|(i, row)| (i, value(row, &x)))
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((entering, _)) = worst.filter(|(_, value)| *value < -FEASIBLE) else {
+            return Some(afresh(p, d, c, rows, active, x));
+        };
+        let mut price = 0.0;
+        for _ in 0..MOST_EXCHANGES {
+            let row = &rows[entering];
+            // r: how the active multipliers change; z: how x moves, per unit of the entering row's multiplier.
+            let right = |active: &Row| product(p, d, &active.a, &row.a);
+            let r = solve_active(p, d, rows, &active, right)?;
+            let mut z = [0.0; MAX_ACTUATORS];
+            for i in 0..p {
+                let held: f64 = active.iter().zip(&r).map(|((k, _), r)| rows[*k].a[i] * r).sum();
+                z[i] = (row.a[i] - held) / d[i];
+            }
+            let slope: f64 = (0..p).map(|i| row.a[i] * z[i]).sum();
+            let reference: f64 = (0..p).map(|i| row.a[i] * row.a[i] / d[i]).sum();
+            let blocking = active
+                .iter()
+                .enumerate()
+                .filter(|(j, _)| r[*j] > 1e-14)
+                .map(|(j, (_, multiplier))| (j, multiplier / r[j]))
+                .min_by(|a, b| a.1.total_cmp(&b.1));
+            let full =
+                if active.len() < p && slope > 1e-13 * reference { -value(row, &x) / slope } else { f64::INFINITY };
+            let step = blocking.map_or(full, |(_, step)| step.min(full));
+            if !step.is_finite() {
+                return None;
+            }
+            for ((_, multiplier), r) in active.iter_mut().zip(&r) {
+                *multiplier -= step * r;
+            }
+            price += step;
+            if full.is_finite() {
+                for i in 0..p {
+                    x[i] += step * z[i];
+                }
+            }
+            if step >= full {
+                active.push((entering, price));
+                break;
+            }
+            if let Some((j, _)) = blocking {
+                active.remove(j);
+            }
+        }
+    }
+    None
+}
+
+/// x and the multipliers from the active rows alone, D x + c = N multipliers and N' x = b: many exchanges make them drift
+/// where some actuators cost a million times as much as others.
+fn afresh(
+    p: usize,
+    d: &[f64; MAX_ACTUATORS],
+    c: &[f64; MAX_ACTUATORS],
+    rows: &[Row],
+    mut active: Active,
+    mut x: [f64; MAX_ACTUATORS],
+) -> ([f64; MAX_ACTUATORS], Active) {
+    let rest = |row: &Row, x: &[f64; MAX_ACTUATORS]| row.b - (0..p).map(|i| row.a[i] * x[i]).sum::<f64>();
+    let mut start = [0.0; MAX_ACTUATORS];
+    for i in 0..p {
+        start[i] = -c[i] / d[i];
+    }
+    if let Some(multipliers) = solve_active(p, d, rows, &active, |row| rest(row, &start)) {
+        for ((_, multiplier), fresh) in active.iter_mut().zip(multipliers) {
+            *multiplier = fresh.max(0.0);
+        }
+    }
+    for _ in 0..2 {
+        let Some(r) = solve_active(p, d, rows, &active, |row| rest(row, &x)) else { break };
+        for ((row, _), r) in active.iter().zip(&r) {
+            for i in 0..p {
+                x[i] += rows[*row].a[i] * r / d[i];
+            }
+        }
+    }
+    (x, active)
+}
+
+fn product(p: usize, d: &[f64; MAX_ACTUATORS], u: &[f64; MAX_ACTUATORS], v: &[f64; MAX_ACTUATORS]) -> f64 {
+    (0..p).map(|i| u[i] * v[i] / d[i]).sum()
+}
+
+/// (N' D^-1 N) r = right for the active rows N: at most four equations.
+fn solve_active(
+    p: usize,
+    d: &[f64; MAX_ACTUATORS],
+    rows: &[Row],
+    active: &[(usize, f64)],
+    right: impl Fn(&Row) -> f64,
+) -> Option<[f64; MAX_ACTUATORS]> {
+    let m = active.len();
+    let mut matrix = [[0.0; MAX_ACTUATORS + 1]; MAX_ACTUATORS];
+    for (i, (row, _)) in active.iter().enumerate() {
+        for (j, (column, _)) in active.iter().enumerate() {
+            matrix[i][j] = product(p, d, &rows[*row].a, &rows[*column].a);
+        }
+        matrix[i][MAX_ACTUATORS] = right(&rows[*row]);
+    }
+    for k in 0..m {
+        let pivot = (k..m).max_by(|a, b| matrix[*a][k].abs().total_cmp(&matrix[*b][k].abs()))?;
+        if matrix[pivot][k] == 0.0 {
+            return None;
+        }
+        matrix.swap(pivot, k);
+        for i in k + 1..m {
+            let factor = matrix[i][k] / matrix[k][k];
+            for j in (k..m).chain([MAX_ACTUATORS]) {
+                matrix[i][j] -= factor * matrix[k][j];
+            }
+        }
+    }
+    let mut r = [0.0; MAX_ACTUATORS];
+    for k in (0..m).rev() {
+        let known: f64 = (k + 1..m).map(|j| matrix[k][j] * r[j]).sum();
+        r[k] = (matrix[k][MAX_ACTUATORS] - known) / matrix[k][k];
+    }
+    Some(r)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn without_limits_forces_follow_gain_over_energy() {
+        let of = |gain, energy| Setting { energy, power: 0.0, max_force_n: 1e9, gain, load: &[] };
+        let found = allocate(&[of(&[3.0], 2.0), of(&[1.0], 0.5)], &[10.0], &[]);
+        assert!((3.0 * found.forces_n[0] + found.forces_n[1] - 10.0).abs() < 1e-12);
+        assert!((found.forces_n[0] / found.forces_n[1] - (3.0 / 2.0) / (1.0 / 0.5)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_cannot_be_had_is_given_as_far_as_it_goes() {
+        let of = |gain, max_force_n| Setting { energy: 1.0, power: 0.0, max_force_n, gain, load: &[1.0] };
+        let settings = [of(&[1.0], 0.1), of(&[2.0], 0.2)];
+        let found = allocate(&settings, &[100.0], &[1.0]);
+        assert!((found.forces_n[0] - 0.1).abs() < 1e-9 && (found.forces_n[1] - 0.2).abs() < 1e-9, "{found:?}");
+        assert!((found.met - 0.005).abs() < 1e-10);
+        assert_eq!(allocate(&settings, &[0.0], &[1.0]).forces_n, [0.0; 4]);
+        // A shared limit of 0.15: the second takes all of it.
+        let found = allocate(&settings, &[100.0], &[0.15]);
+        assert!(found.forces_n[0] < 1e-9 && (found.forces_n[1] - 0.15).abs() < 1e-9, "{found:?}");
+    }
+
+    fn dot(a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| a * b).sum()
+    }
+
+    proptest! {
+        /// The conditions of Karush, Kuhn and Tucker, which are sufficient: feasible, prices at least zero and only where a
+        /// row binds, and no better point of the Lagrangian. Checked as strong duality.
+        #[test]
+        fn cost_equals_its_dual(
+            p in 1_usize..=4,
+            gains in prop::collection::vec(prop::array::uniform4(0.0_f64..1.0), 4),
+            loads in prop::collection::vec(prop::array::uniform6(0.0_f64..1.0), 4),
+            energies in prop::array::uniform4(-4.0_f64..1.0),
+            powers in prop::array::uniform4(0.0_f64..1.0),
+            limits in prop::array::uniform4(0.01_f64..2.0),
+            wanted in prop::array::uniform4(0.0_f64..1.0),
+            targets in 1_usize..=4,
+            allowed in prop::array::uniform6(0.0_f64..2.0),
+            kind in 0..3,
+        ) {
+            let settings: Vec<Setting<'_>> = (0..p).map(|i| Setting {
+                energy: if kind == 0 { 0.0 } else { 10_f64.powf(energies[i]) },
+                power: if kind == 1 { 0.0 } else { powers[i] },
+                max_force_n: limits[i], gain: &gains[i][..targets], load: &loads[i],
+            }).collect();
+            let wanted = &wanted[..targets];
+            let found = allocate(&settings, wanted, &allowed);
+            let u = &found.forces_n;
+            for (i, setting) in settings.iter().enumerate() {
+                prop_assert!(u[i] >= 0.0 && u[i] <= setting.max_force_n * (1.0 + 1e-12));
+            }
+            for (t, wanted) in wanted.iter().enumerate() {
+                let got: f64 = settings.iter().zip(u).map(|(s, u)| s.gain[t] * u).sum();
+                prop_assert!(got >= found.met * wanted - 1e-8, "target {t}: {got} of {wanted}, met {}", found.met);
+            }
+            for (c, allowed) in allowed.iter().enumerate() {
+                prop_assert!(load(&settings, u, c) <= allowed + 1e-8);
+            }
+            let pull = |s: &Setting<'_>| dot(&found.prices.gain, s.gain) - dot(&found.prices.load, s.load);
+            if found.met < 1.0 {
+                // s <= sum prices . allowed + sum max(0, pull) U, with prices . wanted = 1.
+                prop_assert!((dot(&found.prices.gain, wanted) - 1.0).abs() < 1e-8);
+                let dual = dot(&found.prices.load, &allowed) + settings.iter().map(|s| pull(s).max(0.0) * s.max_force_n).sum::<f64>();
+                prop_assert!((dual - found.met).abs() < 1e-8, "{dual} {}", found.met);
+            } else {
+                let phi = |s: &Setting<'_>| {
+                    let pull = pull(s) - s.power;
+                    if s.energy <= 0.0 { return pull.max(0.0) * s.max_force_n; }
+                    let u = (pull / (2.0 * s.energy)).clamp(0.0, s.max_force_n);
+                    pull * u - s.energy * u * u
+                };
+                let dual = dot(&found.prices.gain, wanted) - dot(&found.prices.load, &allowed) - settings.iter().map(phi).sum::<f64>();
+                prop_assert!((dual - found.cost).abs() < 1e-8 * found.cost.max(1.0), "{dual} {}", found.cost);
+            }
+        }
+    }
+}

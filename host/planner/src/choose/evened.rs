@@ -1,0 +1,52 @@
+//! Plans with one setting for the whole surface, which leaves no dead zone.
+
+use crate::choose::allocate::{Allocation, Prices};
+use crate::choose::candidates::Judge;
+use crate::choose::refine::Selection;
+use crate::chosen::Chosen;
+use crate::reach::{Region, schemes};
+use crate::scene::MAX_ACTUATORS;
+use crate::table::{PlanTable, at_point};
+use crate::wish::request::PlanError;
+
+impl PlanTable {
+    /// The drives that leave no dead zone, scaled to what the target asks for.
+    pub(crate) fn evened(
+        &self,
+        judge: &Judge<'_>,
+        zone: Option<Region>,
+        wanted: &[f64],
+    ) -> Result<Selection, PlanError> {
+        let within = zone.map(|zone| schemes::everywhere(self, Some(zone)));
+        let found = within.as_ref().map_or_else(|| self.everywhere(), Option::as_ref);
+        let (setting, gap) = found.ok_or(PlanError::NoFrequencies)?;
+        let mut drives = Vec::with_capacity(setting.len());
+        let mut peak = 0.0;
+        for (i, part) in setting.iter().enumerate() {
+            let row = self.grid_row(part.frequency);
+            let entry = row.get(i).ok_or(PlanError::NoFrequencies)?;
+            let width = *entry.pulse(part.force_n > entry.widths[0].max_force_n);
+            if let Some(shape) = judge.zone.targets.first() {
+                peak += at_point(shape, &entry.acceleration).norm() * part.force_n;
+            }
+            drives.push(Chosen {
+                frequency_hz: part.frequency_hz,
+                on_grid: Some(part.frequency),
+                row,
+                width,
+                force_n: part.force_n,
+                phase_rad: 0.0,
+            });
+        }
+        let wanted = wanted.first().copied().unwrap_or(0.0);
+        let scale = if peak > wanted { wanted / peak } else { 1.0 };
+        let mut forces_n = [0.0; MAX_ACTUATORS];
+        for (force, drive) in forces_n.iter_mut().zip(&mut drives) {
+            drive.force_n *= scale;
+            *force = drive.force_n;
+        }
+        let met = if wanted > 0.0 { (peak / wanted).min(1.0) } else { 1.0 };
+        let allocation = Allocation { forces_n, met, cost: 0.0, prices: Prices::default() };
+        Ok(Selection { drives, allocation, binding: Vec::new(), gap: *gap })
+    }
+}

@@ -1,0 +1,45 @@
+//! The limits of drives that were not chosen by the limits' prices: with phases, or for the whole surface.
+
+use crate::choose::refine::Selection;
+use crate::chosen::groups;
+use crate::electrodes::limits::Limit;
+use crate::reports::limitation::{Limitation, add};
+use crate::table::PlanTable;
+use num_complex::Complex64;
+
+/// Part of a limit that counts as reached: what finds these drives comes as near as that, not to the last digit.
+const NEAR: f64 = 0.95;
+
+impl PlanTable {
+    /// Limits that drives come near to. `scale` is what safety left of the forces.
+    pub(crate) fn nearest_limits(&self, selection: &Selection, scale: f64) -> Vec<Limitation> {
+        let mut found = Vec::new();
+        let drives = &selection.drives;
+        let forces: Vec<_> =
+            drives.iter().map(|drive| (drive.width, drive.force_n / scale.max(f64::MIN_POSITIVE))).collect();
+        for (i, (width, force_n)) in forces.iter().enumerate() {
+            if *force_n > 0.0 && *force_n >= width.max_force_n * NEAR {
+                add(&mut found, Limitation::of(self, width.limit, i));
+            }
+            // Drives of one frequency as phasors.
+            let travel: f64 = groups(drives)
+                .map(|group| {
+                    let own = group.iter().filter_map(|j| {
+                        let phasor = Complex64::from_polar(forces[*j].1, drives[*j].phase_rad);
+                        Some(drives[*j].row.get(*j)?.travel[i] * phasor)
+                    });
+                    own.sum::<Complex64>().norm()
+                })
+                .sum();
+            if self.electrodes.get(i).is_some_and(|electrodes| travel >= NEAR * electrodes.most_travel_m()) {
+                add(&mut found, Limitation::of(self, Limit::Travel, i));
+            }
+        }
+        for row in self.limits.used(&forces, NEAR) {
+            if let Some((actuator, limit)) = self.limits.name(row) {
+                add(&mut found, Limitation::of(self, limit, actuator));
+            }
+        }
+        found
+    }
+}

@@ -1,0 +1,130 @@
+//! What no combination can beat, at given prices.
+//!
+//! With lambda on the targets a and mu on the limits b, every combination reaches at most mu . b + sum_i phi_i with
+//! phi_i = max(0, pull_i) U_i and lambda . a = 1, and costs at least lambda . a - mu . b - sum_i phi_i with
+//! phi_i = max over 0 <= u <= U_i of (pull_i - P_i) u - E_i u^2; pull_i = lambda . h_i - mu . r_i.
+
+use super::{Choices, Kind};
+use crate::choose::allocate::Prices;
+use crate::choose::assignment::{Assignment, lags};
+use crate::scene::MAX_ACTUATORS;
+
+/// Rounding of a bound, as a part of the sums that it is the difference of.
+const ROUNDING: f64 = 1e-14;
+
+/// A part of all combinations: of each actuator the candidates left, in ascending order.
+#[derive(Clone, Debug)]
+pub struct Space {
+    pub lists: Vec<Vec<usize>>,
+}
+
+impl Space {
+    /// All of them.
+    pub fn whole(choices: &Choices) -> Self {
+        Self { lists: choices.candidates.iter().map(|list| (0..list.len()).collect()).collect() }
+    }
+
+    /// How many combinations there are, whether they keep their distance or not; infinite for very many.
+    pub fn combinations(&self) -> usize {
+        self.lists.iter().fold(1, |product, list| product.saturating_mul(list.len()))
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.lists.iter().any(Vec::is_empty)
+    }
+
+    pub fn has(&self, actuator: usize, candidate: usize) -> bool {
+        self.lists.get(actuator).is_some_and(|list| list.binary_search(&candidate).is_ok())
+    }
+}
+
+/// What the prices say of a space.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// No combination is worth more.
+    pub bound: f64,
+    /// The one with the best sum.
+    pub choice: [usize; MAX_ACTUATORS],
+    /// Of each actuator's candidates what they earn, and with which force, list by list.
+    earned: Vec<Vec<(f64, f64)>>,
+    /// Of each actuator what all others earn at best, and the rest of the bound.
+    others: [f64; MAX_ACTUATORS],
+}
+
+impl Evaluation {
+    /// `None` if no frequencies of the space keep their distance.
+    pub fn of(choices: &Choices, space: &Space, prices: &Prices, kind: Kind) -> Option<Self> {
+        let p = space.lists.len();
+        let (targets, limits) = (choices.wanted.len(), choices.allowed.len());
+        let some = |prices: &[f64]| -> Vec<(usize, f64)> {
+            prices.iter().copied().enumerate().filter(|(_, price)| *price != 0.0).collect()
+        };
+        let (gain, load) = (some(&prices.gain), some(&prices.load));
+        // The frequencies in use.
+        let mut place = vec![usize::MAX; choices.frequencies_hz.len()];
+        for (list, candidates) in space.lists.iter().zip(&choices.candidates) {
+            list.iter().for_each(|index| place[candidates[*index].node] = 0);
+        }
+        let mut hz = Vec::with_capacity(place.len());
+        for (place, own) in place.iter_mut().zip(&choices.frequencies_hz).filter(|(place, _)| **place == 0) {
+            *place = hz.len();
+            hz.push(*own);
+        }
+        let f = hz.len();
+        let mut value = vec![f64::NEG_INFINITY; p * f];
+        let mut at = vec![usize::MAX; p * f];
+        let mut earned: Vec<Vec<(f64, f64)>> = Vec::with_capacity(p);
+        for (i, list) in space.lists.iter().enumerate() {
+            let (gains, loads) = (&choices.gains[i], &choices.loads[i]);
+            let own = list.iter().map(|index| {
+                let candidate = &choices.candidates[i][*index];
+                let pull: f64 = gain.iter().map(|(t, price)| price * gains[index * targets + t]).sum();
+                let push: f64 = load.iter().map(|(c, price)| price * loads[index * limits + c]).sum();
+                let earns = kind.earns_at(candidate.energy, candidate.power, candidate.max_force_n, pull - push);
+                let place = i * f + place[candidate.node];
+                if earns.0 > value[place] {
+                    (value[place], at[place]) = (earns.0, *index);
+                }
+                earns
+            });
+            earned.push(own.collect());
+        }
+        let lags = lags(&hz, choices.spacing_hz);
+        let mut sums = Assignment::default();
+        sums.fill(p, value, &lags);
+        let nodes = sums.choice(&lags)?;
+        let mut choice = [0; MAX_ACTUATORS];
+        for i in 0..p {
+            choice[i] = at[i * f + nodes[i]];
+        }
+        let sum = |prices: &[(usize, f64)], of: &[f64]| prices.iter().map(|(row, price)| price * of[*row]).sum::<f64>();
+        let (asked, allowed) = (sum(&gain, &choices.wanted), sum(&load, &choices.allowed));
+        let asked = if kind == Kind::Cost { asked } else { 0.0 };
+        let constant = allowed - asked + ROUNDING * (allowed + asked + sums.most());
+        let all = (1 << p) - 1;
+        let mut others = [0.0; MAX_ACTUATORS];
+        for (i, others) in others.iter_mut().enumerate().take(p) {
+            *others = constant + sums.best(all & !(1 << i), f);
+        }
+        Some(Self { bound: constant + sums.most(), choice, earned, others })
+    }
+
+    /// Leaves out what is in no combination worth more than `enough`.
+    pub fn reduce(&self, space: &mut Space, enough: f64) {
+        for ((list, earned), others) in space.lists.iter_mut().zip(&self.earned).zip(&self.others) {
+            let mut of = earned.iter();
+            list.retain(|_| of.next().is_some_and(|(earns, _)| others + earns > enough));
+        }
+    }
+
+    /// The candidate of an actuator that earns most whatever the others' frequencies, or the one at `candidate`, with its
+    /// force. `space` is the one that was evaluated.
+    pub fn force_of(&self, space: &Space, actuator: usize, candidate: Option<usize>) -> Option<(usize, f64)> {
+        let (list, earned) = (space.lists.get(actuator)?, self.earned.get(actuator)?);
+        let place = match candidate {
+            Some(candidate) => list.binary_search(&candidate).ok()?,
+            None => (0..earned.len()).max_by(|a, b| earned[*a].0.total_cmp(&earned[*b].0))?,
+        };
+        Some((list[place], earned[place].1))
+    }
+}

@@ -1,0 +1,4 @@
+//! What electrodes can do: voltage, travel, breakdown, a press.
+
+pub mod limits;
+pub mod press;

@@ -1,0 +1,364 @@
+//! The steady motion of actuators whose force depends on where their masses are.
+//!
+//! An electrode pulls with eps0 S V^2 / (2 (g - x)^2), x the travel towards it. The planner's forces are those at x = 0;
+//! this is what becomes of them as the masses move: the electrodes soften the springs (by as much as the mean square of
+//! the voltage says), the softening pulsates at twice the frequency of the windows, which turns a motion at the drive's own
+//! frequency against its force's phase, and what is odd in x beyond that makes it all grow with the amplitude.
+//!
+//! The motion is sought as a sum of sines, one per [`Line`]. Of an actuator's own lines, whose phase to its windows is
+//! known, the force is integrated over the windows as it is (Gauss-Legendre); sines at the frequencies of other actuators
+//! have no fixed phase to them and enter by their moments, up to the seventh order. That is a describing function of
+//! several inputs (Gelb and Vander Velde, Multiple-Input Describing Functions, 1968), solved by Newton's method. What is
+//! left out: motion at sums and differences of frequencies (2 f1 - f2), and a phase between lines of different actuators
+//! that happen to coincide.
+
+mod describe;
+mod linear;
+mod ramp;
+#[cfg(test)]
+mod tests;
+
+use crate::electrodes::limits::{Electrodes, Limit};
+use crate::model::ReducedModel;
+use crate::response::Solver;
+use crate::scene::{Actuator, MAX_ACTUATORS};
+use describe::{Description, Windows};
+use nalgebra::DVector;
+use num_complex::Complex64;
+pub use ramp::{Following, Swing, rise};
+
+/// Harmonics of a drive that may have a line: the first, third and fifth.
+pub const HARMONICS: usize = 3;
+/// Most lines: every actuator at its own frequency, with all harmonics.
+pub const MAX_LINES: usize = HARMONICS * MAX_ACTUATORS;
+/// Part of the gap up to which a motion is followed. The series in the motion of others has 1 % left of it there, and the
+/// limit of a third ([`Electrodes::violated`]) lies far within.
+const FOLLOWED: f64 = 0.5;
+/// Change of the forces, relative to the largest, that counts as none.
+const CONVERGED: f64 = 1e-6;
+/// The same on the way to it.
+const ON_THE_WAY: f64 = 1e-2;
+/// Most steps of Newton's method; four or five are usual.
+const MOST_STEPS: usize = 12;
+/// Part of the gap beyond which the motion is followed from no voltage on, so that of several motions that are possible
+/// (a softening spring bends its resonance over) the one is found that a soft start leads to.
+const FROM_REST: f64 = 0.2;
+/// Slow enough to count as steady, in Hz: a panel that nothing holds has no answer to a force that is.
+pub(crate) const STATIC_HZ: f64 = 0.1;
+/// Steps in V^2 on that way.
+const RAMP: u32 = 8;
+
+/// One complex number per actuator.
+pub type Vector = [Complex64; MAX_ACTUATORS];
+/// Row: the actuator whose travel it is; column: the actuator with the force.
+pub type Matrix = [Vector; MAX_ACTUATORS];
+
+/// An ERA's electrodes as what makes a force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transducer {
+    /// Force of 1 V on one electrode with the mass at rest, in N/V^2: eps0 S / (2 g^2).
+    pub newtons_per_volt_squared: f64,
+    /// Air gap on each side in m; infinite for a force that does not depend on the travel.
+    pub gap_m: f64,
+    /// Softening that the model's springs already have (the scene's `bias_voltage_v`), in N/m: it is added back, so that
+    /// it is not counted twice.
+    pub counted_n_per_m: f64,
+}
+
+impl Transducer {
+    /// Of an actuator of a scene.
+    #[must_use]
+    pub fn of(actuator: &Actuator) -> Self {
+        Self {
+            newtons_per_volt_squared: Electrodes::of(actuator).newtons_per_volt_squared(),
+            gap_m: actuator.air_gap_m,
+            counted_n_per_m: actuator.softening_n_per_m(),
+        }
+    }
+
+    /// A force of `newtons_per_volt_squared` that does not depend on the travel.
+    #[must_use]
+    pub const fn fixed(newtons_per_volt_squared: f64) -> Self {
+        Self { newtons_per_volt_squared, gap_m: f64::INFINITY, counted_n_per_m: 0.0 }
+    }
+}
+
+/// How an actuator is driven.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Excitation {
+    /// Number of its frequency. Actuators with the same number have a common one, with a phase that counts.
+    pub frequency: usize,
+    /// Voltage in V.
+    pub voltage_v: f64,
+    /// Part of its half period for which an electrode is on, 0 to 1.
+    pub pulse_width: f64,
+    /// Phase of the force in rad: a window of electrode A has its middle at w t + phase = 0.
+    pub phase_rad: f64,
+}
+
+/// A frequency at which there is motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// Number of the drives' frequency, as in [`Excitation::frequency`].
+    pub frequency: usize,
+    /// Multiple of it: 1, 3 or 5.
+    pub harmonic: u32,
+    /// Travel per force in m/N, of the model (softened by what is `counted` only).
+    pub receptance: Matrix,
+}
+
+/// The steady motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    /// Phasors of the whole force on each actuator in N, line by line: what a linear model has to be driven with.
+    pub force_n: [Vector; MAX_LINES],
+    /// Phasors of each actuator's travel in m, line by line.
+    pub travel_m: [Vector; MAX_LINES],
+    /// Half the phasor, at twice an actuator's frequency, of what its electrodes take off its spring, in N/m: motion X at
+    /// another frequency makes forces of this times X at 2 f + f', and times the conjugate of X at 2 f - f'. These are not
+    /// among the lines.
+    pub pulsating_n_per_m: Vector,
+    /// Mean over time of what each actuator's electrodes take off its spring, in N/m, beyond what is `counted`.
+    pub softening_n_per_m: [f64; MAX_ACTUATORS],
+    /// Most that each actuator's mass can be away from its middle, in m: the sum of the moduli.
+    pub largest_m: [f64; MAX_ACTUATORS],
+}
+
+/// Why there is no steady motion to tell.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NotSafe {
+    /// It would go further than half the gap.
+    #[error("actuator {actuator} (counted from 0) would travel beyond {FOLLOWED} of its gap")]
+    Travel {
+        /// Which, counted from 0.
+        actuator: usize,
+    },
+    /// The electrodes take more off a spring, or feed more into a resonance, than there is: any motion grows.
+    #[error("the electrodes' softening makes a resonance unstable")]
+    Unstable,
+    /// Not the numbers of actuators, drives and lines that belong together.
+    #[error(
+        "{actuators} actuators, {excitations} drives, {lines} lines: as many drives as actuators are needed, at most \
+         {MAX_ACTUATORS}, at most {MAX_LINES} lines of harmonics 1, 3 or 5, and the fundamental of every drive"
+    )]
+    Shape {
+        /// As given.
+        actuators: usize,
+        /// As given.
+        excitations: usize,
+        /// As given.
+        lines: usize,
+    },
+}
+
+impl Motion {
+    /// None at all.
+    pub const REST: Self = Self {
+        force_n: [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES],
+        travel_m: [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES],
+        pulsating_n_per_m: [Complex64::ZERO; MAX_ACTUATORS],
+        softening_n_per_m: [0.0; MAX_ACTUATORS],
+        largest_m: [0.0; MAX_ACTUATORS],
+    };
+
+    /// The same motion with forces and travels times `factor`, a first guess of what another voltage makes of it.
+    fn times(&self, factor: f64) -> Self {
+        let scaled = |vectors: &[Vector; MAX_LINES]| vectors.map(|vector| vector.map(|z| z * factor));
+        Self { force_n: scaled(&self.force_n), travel_m: scaled(&self.travel_m), ..*self }
+    }
+}
+
+/// The steady motion of `actuators` under `excitations` (one each) on `lines`.
+///
+/// # Errors
+/// [`NotSafe`].
+pub fn settle(actuators: &[Transducer], excitations: &[Excitation], lines: &[Line]) -> Result<Motion, NotSafe> {
+    let problem = Problem::new(actuators, excitations, lines)?;
+    let mut motion = Motion::REST;
+    let at_once = problem.newton(&mut motion, 1.0, CONVERGED);
+    let small = |(actuator, largest): (&Transducer, &f64)| *largest <= FROM_REST * actuator.gap_m;
+    if at_once.is_ok() && actuators.iter().zip(&motion.largest_m).all(small) {
+        return Ok(motion);
+    }
+    motion = Motion::REST;
+    for step in 1..RAMP {
+        problem.newton(&mut motion, f64::from(step) / f64::from(RAMP), ON_THE_WAY)?;
+    }
+    problem.newton(&mut motion, 1.0, CONVERGED)?;
+    Ok(motion)
+}
+
+/// The same for voltages whose squares are `grown` times those of the motion `known`: it is followed from there, as a slow
+/// start would, if the step is as small as those that [`settle`] takes.
+///
+/// # Errors
+/// [`NotSafe`].
+pub fn follow(
+    actuators: &[Transducer],
+    excitations: &[Excitation],
+    lines: &[Line],
+    known: &Motion,
+    grown: f64,
+) -> Result<Motion, NotSafe> {
+    let problem = Problem::new(actuators, excitations, lines)?;
+    let mut motion = known.times(grown);
+    problem.newton(&mut motion, 1.0, CONVERGED)?;
+    Ok(motion)
+}
+
+struct Problem<'a> {
+    actuators: &'a [Transducer],
+    excitations: &'a [Excitation],
+    lines: &'a [Line],
+    windows: [Windows; MAX_ACTUATORS],
+}
+
+impl<'a> Problem<'a> {
+    fn new(actuators: &'a [Transducer], excitations: &'a [Excitation], lines: &'a [Line]) -> Result<Self, NotSafe> {
+        let complete = excitations.iter().all(|excitation| {
+            let own = |line: &Line| line.frequency == excitation.frequency && line.harmonic == 1;
+            excitation.voltage_v == 0.0 || lines.iter().any(own)
+        });
+        let odd = lines.iter().all(|line| describe::index_of(line.harmonic).is_some());
+        if !complete
+            || !odd
+            || actuators.len() > MAX_ACTUATORS
+            || actuators.len() != excitations.len()
+            || lines.len() > MAX_LINES
+        {
+            let (actuators, excitations, lines) = (actuators.len(), excitations.len(), lines.len());
+            return Err(NotSafe::Shape { actuators, excitations, lines });
+        }
+        let mut windows = [Windows::NONE; MAX_ACTUATORS];
+        for (windows, excitation) in windows.iter_mut().zip(excitations) {
+            *windows = Windows::new(excitation);
+        }
+        Ok(Self { actuators, excitations, lines, windows })
+    }
+
+    /// Improves `motion` until it is steady, to `tolerance`, under `part` of the voltages' squares.
+    fn newton(&self, motion: &mut Motion, part: f64, tolerance: f64) -> Result<(), NotSafe> {
+        for _ in 0..MOST_STEPS {
+            let mut descriptions = [Description::NONE; MAX_ACTUATORS];
+            for (i, description) in descriptions.iter_mut().enumerate().take(self.actuators.len()) {
+                *description = self.describe(i, motion, part).ok_or(NotSafe::Travel { actuator: i })?;
+            }
+            let (mut change, mut largest) = (0.0_f64, 0.0_f64);
+            for (l, line) in self.lines.iter().enumerate() {
+                let step = self.step_on(l, line, &descriptions, motion)?;
+                for (force, step) in motion.force_n[l].iter_mut().zip(&step) {
+                    *force += step;
+                    change = change.max(step.norm_sqr());
+                    largest = largest.max(force.norm_sqr());
+                }
+                motion.travel_m[l] = times(&line.receptance, &motion.force_n[l], self.actuators.len());
+            }
+            if change <= tolerance * tolerance * largest {
+                motion.pulsating_n_per_m = descriptions.map(|description| description.pulsating_slope[0]);
+                motion.softening_n_per_m = descriptions.map(|description| description.mean_slope);
+                for (i, largest) in motion.largest_m.iter_mut().enumerate() {
+                    *largest = motion.travel_m.iter().take(self.lines.len()).map(|travel| travel[i].norm()).sum();
+                }
+                return Ok(());
+            }
+        }
+        Err(NotSafe::Unstable)
+    }
+
+    /// The force that the motion makes on actuator `i`, and how it changes with the motion; `None` beyond [`FOLLOWED`].
+    fn describe(&self, i: usize, motion: &Motion, part: f64) -> Option<Description> {
+        let (actuator, excitation) = (&self.actuators[i], &self.excitations[i]);
+        let per_gap = 1.0 / actuator.gap_m;
+        let travel = |l: usize| motion.travel_m[l][i] * per_gap;
+        if (0..self.lines.len()).map(|l| travel(l).norm()).sum::<f64>() > FOLLOWED {
+            return None;
+        }
+        let newtons = part * actuator.newtons_per_volt_squared * excitation.voltage_v * excitation.voltage_v;
+        let mut description = self.windows[i].describe(excitation.frequency, self.lines, travel);
+        description.scale(newtons, newtons * per_gap);
+        for l in 0..self.lines.len() {
+            description.force[l] -= motion.travel_m[l][i] * actuator.counted_n_per_m;
+        }
+        description.mean_slope -= actuator.counted_n_per_m;
+        Some(description)
+    }
+
+    /// Newton's step of the forces on a line: with X = G F, (1 - D G) dF = D(X) - F, where D dX has a part in the conjugate
+    /// of dX for the actuators whose own line it is. Lines are taken one by one: what couples them is small.
+    fn step_on(
+        &self,
+        l: usize,
+        line: &Line,
+        descriptions: &[Description; MAX_ACTUATORS],
+        motion: &Motion,
+    ) -> Result<Vector, NotSafe> {
+        let p = self.actuators.len();
+        let mut system = linear::System::new(2 * p);
+        for (i, (description, excitation)) in descriptions.iter().zip(self.excitations).enumerate() {
+            let own = line.frequency == excitation.frequency;
+            let direct = description.mean_slope;
+            let mirrored = match describe::index_of(line.harmonic) {
+                Some(h) if own => description.pulsating_slope[h],
+                _ => Complex64::ZERO,
+            };
+            for j in 0..p {
+                let g = line.receptance[i][j];
+                // d (direct + mirrored conj) (g dF_j) / d Re, d Im.
+                let by_re = g * direct + mirrored * g.conj();
+                let by_im = Complex64::I * g * direct + mirrored * (Complex64::I * g).conj();
+                system.set(2 * i, 2 * j, [-by_re.re, -by_im.re], [-by_re.im, -by_im.im]);
+            }
+            system.add_one(2 * i);
+            let residual = description.force[l] - motion.force_n[l][i];
+            system.set_right(2 * i, residual.re, residual.im);
+        }
+        // At no voltage it is 1; it changes sign where a motion starts to grow by itself.
+        let solution = system.solve().ok_or(NotSafe::Unstable)?;
+        Ok(std::array::from_fn(|i| Complex64::new(solution[2 * i], solution[2 * i + 1])))
+    }
+}
+
+/// Travel of every actuator per force on every one, from the modal coordinates of the displacement for 1 N on each alone
+/// (as of [`crate::response::Solver::coordinates`]), in m/N. Actuators beyond the most are left out.
+#[must_use]
+pub fn travel_receptance(model: &ReducedModel, coordinates: &[DVector<Complex64>]) -> Matrix {
+    let mut matrix = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
+    for (i, row) in matrix.iter_mut().enumerate().take(model.actuators()) {
+        for (entry, q) in row.iter_mut().zip(coordinates) {
+            *entry = model.travel(i, q);
+        }
+    }
+    matrix
+}
+
+/// How far the actuators' masses yield to a steady force on each, in m/N; infinite where the model does not say.
+#[must_use]
+pub fn static_receptance(model: &ReducedModel) -> [[f64; MAX_ACTUATORS]; MAX_ACTUATORS] {
+    match Solver::new(model).coordinates(STATIC_HZ) {
+        Ok(coordinates) => travel_receptance(model, &coordinates).map(|row| row.map(|z| z.norm())),
+        Err(_) => [[f64::INFINITY; MAX_ACTUATORS]; MAX_ACTUATORS],
+    }
+}
+
+fn times(matrix: &Matrix, vector: &Vector, p: usize) -> Vector {
+    let mut out = [Complex64::ZERO; MAX_ACTUATORS];
+    for (out, row) in out.iter_mut().zip(matrix).take(p) {
+        *out = row.iter().zip(vector).take(p).map(|(g, f)| g * f).sum();
+    }
+    out
+}
+
+impl Electrodes {
+    /// The first limit that a motion of up to `travel_m` at `voltage_v` breaks, if any: the voltage, a third of the gap or the stop,
+    /// the breakdown of what is left of it under a press.
+    #[must_use]
+    pub fn violated(&self, travel_m: f64, voltage_v: f64) -> Option<Limit> {
+        if voltage_v > self.max_voltage_v {
+            return Some(Limit::Voltage);
+        }
+        if travel_m > self.most_travel_m() {
+            return Some(Limit::Travel);
+        }
+        (voltage_v > self.holds_v(travel_m)).then_some(Limit::Breakdown)
+    }
+}

@@ -1,0 +1,251 @@
+//! What a plan's motion is to the one before and the one after: how far masses go when it is switched on, with the rails up
+//! or with them, and what it leaves when it ends.
+//!
+//! A plan is safe from rest, its rails rising. Its forces are those of the settled motion, softening included, so that the
+//! panel beside them is linear: the steady motion is a sum over the panel's poles ([`Onset`]), each of
+//! which goes on by itself, and decays, once the forces have ended. [`crate::motion::moving`] adds up what several plans leave.
+
+use crate::Plan;
+use crate::chosen::Chosen;
+use crate::electrodes::limits::{Electrodes, HELD, TRAVEL_PART};
+use crate::motion::closer::CLOSING;
+use crate::motion::rise::{Onset, Ring, Share};
+use crate::motion::safe::{Applied, LEFT_OUT, harmonics_m};
+use crate::motion::softening::{Line, Motion};
+use crate::scene::MAX_ACTUATORS;
+use crate::table::{GROWN, HARMONICS, PlanTable, harmonic_part};
+use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
+use num_complex::Complex64;
+
+/// Part of the limit up to which travel that begins at once stands for travel that begins softly.
+const WEAK: f64 = 0.5;
+
+/// One number for each actuator.
+pub type PerActuator = [f64; MAX_ACTUATORS];
+
+/// How far a plan takes every mass, and what it leaves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Swing {
+    /// Most travel allowed in m: a third of the gap; infinite for actuators that there are not.
+    pub limit_m: PerActuator,
+    /// Bound of the steady travel in m.
+    pub steady_m: PerActuator,
+    /// The same when the drives begin at once, their rails up, on a panel at rest.
+    pub at_once_m: PerActuator,
+    /// The same when the rails rise with them.
+    pub soft_m: PerActuator,
+    /// How many times as far masses go under it that already move: electrodes take a part c off what holds them, which a motion of the
+    /// same energy grows by 1 / sqrt(1 - c) for.
+    pub growth: PerActuator,
+    /// The forces, frequency by frequency.
+    pub lines: Vec<SwingLine>,
+}
+
+/// Forces at one frequency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SwingLine {
+    /// The first actuator that is driven at it, or at the frequency of which it is a harmonic.
+    pub channel: usize,
+    /// Whether any other is.
+    pub is_shared: bool,
+    /// Which multiple of the drive's frequency.
+    pub harmonic: u32,
+    /// That frequency in Hz.
+    pub drive_hz: f64,
+    /// Its phase in rad.
+    pub phase_rad: f64,
+    /// How long its rail takes to rise, in s.
+    pub rise_s: f64,
+    /// What it does to every pole.
+    pub shares: Vec<Share>,
+}
+
+/// One drive of an effect.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Push {
+    /// The actuator.
+    pub channel: usize,
+    /// In Hz.
+    pub frequency_hz: f64,
+    /// Amplitude of the force's fundamental at full level in N, the mass at rest.
+    pub force_n: f64,
+    /// Levels, -1 to 1, of its periods.
+    pub levels: Vec<f64>,
+}
+
+impl PlanTable {
+    /// How far `plan`, one of this table's, takes the masses and what it leaves; `None` where that cannot be told: at a
+    /// resonance without damping, or without poles.
+    #[must_use]
+    pub fn swing(&self, plan: &Plan) -> Option<Swing> {
+        let onset = self.onset()?;
+        let (chosen, applied) = self.chosen_again(plan)?;
+        let problem = self.problem(&chosen, applied);
+        let motion = problem.settled().unwrap_or_else(|_| at_most(&chosen, &problem.lines, &problem.leaders));
+        let mut lines = Vec::new();
+        let (mut steady_m, mut at_once_m) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
+        for ((leader, force_n), travel_m) in problem.leaders.iter().zip(&motion.force_n).zip(&motion.travel_m) {
+            let frequency_hz = chosen.get(*leader)?.frequency_hz;
+            let added = onset.overshoots_at_once(force_n, frequency_hz, travel_m);
+            for (i, travel) in travel_m.iter().enumerate() {
+                steady_m[i] += LEFT_OUT * travel.norm();
+                at_once_m[i] += LEFT_OUT * (travel.norm() + GROWN * added[i]);
+            }
+            let rise_s = rise_s(applied.get(*leader)?);
+            lines.push(line(&chosen, *leader, 1, rise_s, onset.shares(force_n, frequency_hz, rise_s)));
+        }
+        let harmonic_m = harmonics_m(&chosen, &applied, 1.0, &HARMONICS);
+        let harmonics = harmonics(onset, &chosen, &applied);
+        for (ring, k) in onset.rings().iter().zip(0..) {
+            let left: f64 = harmonics.iter().filter_map(|line| line.shares.get(k)).map(Share::left).sum();
+            add(&mut at_once_m, &ring.travel.map(|travel| travel * left));
+        }
+        add(&mut steady_m, &harmonic_m);
+        add(&mut at_once_m, &harmonic_m);
+        lines.extend(harmonics);
+        let limit_m = self.limits_m();
+        // What the plan was made for, unless it is told better; of weak ones it need not be.
+        let mut soft_m = limit_m;
+        if at_once_m.iter().zip(&limit_m).any(|(at_once, limit)| *at_once > WEAK * limit) {
+            let alone_m = harmonics_m(&chosen, &applied, 1.0, &CLOSING.map(f64::from));
+            let besides_m = self.besides(&chosen, &problem, &motion, &alone_m);
+            let besides_m =
+                besides_m.map_or([f64::INFINITY; MAX_ACTUATORS], |besides_m| besides_m.map(|m| LEFT_OUT * m));
+            add(&mut steady_m, &besides_m);
+            add(&mut at_once_m, &besides_m);
+            if let Some(Ok(risen_m)) = self.risen(&chosen, &problem, &motion) {
+                for (i, soft) in soft_m.iter_mut().enumerate() {
+                    *soft = soft.min(LEFT_OUT * risen_m[i] + besides_m[i] + harmonic_m[i]);
+                }
+            }
+        }
+        soft_m.iter_mut().zip(&at_once_m).for_each(|(soft, at_once)| *soft = soft.min(*at_once));
+        let growth = self.growth(&motion.softening_n_per_m);
+        Some(Swing { limit_m, steady_m, at_once_m, soft_m, growth, lines })
+    }
+
+    /// What softenings in N/m make of motions that there are already ([`Swing::growth`]).
+    fn growth(&self, softening_n_per_m: &PerActuator) -> PerActuator {
+        self.static_receptance.map(|row| {
+            let taken: f64 = row.iter().zip(softening_n_per_m).map(|(g, s)| if *s > 0.0 { g * s } else { 0.0 }).sum();
+            (1.0 - taken.min(HELD)).powf(-0.5)
+        })
+    }
+
+    /// How far an effect takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles.
+    #[must_use]
+    pub fn swing_of(&self, pushes: &[Push], travel_m: &PerActuator) -> Option<Swing> {
+        let onset = self.onset()?;
+        let line = |push: &Push| {
+            let closed = travel_m.get(push.channel)? / self.electrodes.get(push.channel)?.gap_m;
+            let force_n = push.force_n / (1.0 - closed.min(TRAVEL_PART)).powi(2);
+            let shares = onset.played(push.channel, force_n, push.frequency_hz, &push.levels);
+            let (channel, drive_hz) = (push.channel, push.frequency_hz);
+            Some(SwingLine { channel, is_shared: false, harmonic: 1, drive_hz, phase_rad: 0.0, rise_s: 0.0, shares })
+        };
+        let lines = pushes.iter().map(line).collect::<Option<Vec<_>>>()?;
+        let [steady_m, at_once_m, soft_m] = [*travel_m; 3];
+        let mut softening_n_per_m = [0.0; MAX_ACTUATORS];
+        for push in pushes {
+            if let (Some(s), Some(own)) = (softening_n_per_m.get_mut(push.channel), self.electrodes.get(push.channel)) {
+                let closed = (travel_m.get(push.channel)? / own.gap_m).min(TRAVEL_PART);
+                *s = push.force_n * own.softening_per_newton(1.0) / (1.0 - closed).powi(3);
+            }
+        }
+        let growth = self.growth(&softening_n_per_m);
+        Some(Swing { limit_m: self.limits_m(), steady_m, at_once_m, soft_m, growth, lines })
+    }
+
+    /// The poles that [`Swing`]s tell of.
+    #[must_use]
+    pub fn rings(&self) -> Vec<Ring> {
+        self.onset().map_or_else(Vec::new, Onset::rings)
+    }
+
+    /// A third of every gap in m; infinite for actuators that there are not.
+    pub(crate) fn limits_m(&self) -> PerActuator {
+        let mut limits = [f64::INFINITY; MAX_ACTUATORS];
+        for (limit, electrodes) in limits.iter_mut().zip(&self.electrodes) {
+            *limit = Electrodes::most_travel_m(electrodes);
+        }
+        limits
+    }
+
+    /// The drives of a plan with their responses, and what is applied to the electrodes.
+    pub(crate) fn chosen_again(&self, plan: &Plan) -> Option<(Vec<Chosen>, [Applied; MAX_ACTUATORS])> {
+        let mut applied = [Applied::default(); MAX_ACTUATORS];
+        let mut chosen = Vec::with_capacity(plan.drives.len());
+        for (i, (drive, applied)) in plan.drives.iter().zip(&mut applied).enumerate() {
+            let row = self.row_for(drive.frequency_hz, i).ok()?;
+            let width = row.get(i)?.widths[0];
+            *applied = Applied { voltage_v: drive.voltage_v, pulse_width: drive.pulse_width };
+            let (frequency_hz, force_n, phase_rad) = (drive.frequency_hz, drive.force_n, drive.phase_rad);
+            chosen.push(Chosen { frequency_hz, on_grid: None, row, width, force_n, phase_rad });
+        }
+        Some((chosen, applied))
+    }
+}
+
+impl Share {
+    /// Amplitude that is left when the force ends.
+    #[must_use]
+    pub fn left(&self) -> f64 {
+        self.steady.iter().map(|z| z.norm()).sum()
+    }
+
+    /// The same beside the steady motion of a part of a force that goes on in its place.
+    #[must_use]
+    pub fn left_beside(&self, next: &Self, part: f64) -> f64 {
+        self.steady.iter().zip(&next.steady).map(|(z, next)| (z - part * next).norm()).sum()
+    }
+}
+
+/// A motion that no force exceeds: those of masses that are all a third of their gaps off.
+fn at_most(chosen: &[Chosen], lines: &[Line], leaders: &[usize]) -> Motion {
+    let grown = (1.0 - TRAVEL_PART).powi(-2);
+    let mut motion = Motion::REST;
+    for ((line, leader), (force_n, travel_m)) in
+        lines.iter().zip(leaders).zip(motion.force_n.iter_mut().zip(&mut motion.travel_m))
+    {
+        let hz = chosen.get(*leader).map(|drive| drive.frequency_hz);
+        for (force, drive) in force_n.iter_mut().zip(chosen).filter(|(_, drive)| Some(drive.frequency_hz) == hz) {
+            *force = Complex64::from_polar(grown * drive.force_n, drive.phase_rad);
+        }
+        for (travel, row) in travel_m.iter_mut().zip(&line.receptance) {
+            *travel = row.iter().zip(force_n.iter()).map(|(g, force)| g * force).sum();
+        }
+    }
+    motion
+}
+
+fn line(chosen: &[Chosen], channel: usize, harmonic: u32, rise_s: f64, shares: Vec<Share>) -> SwingLine {
+    let (drive_hz, phase_rad) = chosen.get(channel).map_or((0.0, 0.0), |drive| (drive.frequency_hz, drive.phase_rad));
+    let is_shared = chosen.iter().enumerate().any(|(i, drive)| i != channel && drive.frequency_hz == drive_hz);
+    SwingLine { channel, is_shared, harmonic, drive_hz, phase_rad, rise_s, shares }
+}
+
+/// The lines of the odd harmonics of all drives.
+fn harmonics(onset: &Onset, chosen: &[Chosen], applied: &[Applied; MAX_ACTUATORS]) -> Vec<SwingLine> {
+    let mut lines = Vec::new();
+    let driven = chosen.iter().zip(applied).enumerate().filter(|(_, (drive, _))| drive.force_n > 0.0);
+    for (j, (drive, applied)) in driven {
+        for (n, harmonic) in HARMONICS.into_iter().zip((3..).step_by(2)) {
+            let mut force_n = [Complex64::ZERO; MAX_ACTUATORS];
+            let amplitude = harmonic_part(n, applied.pulse_width) * drive.force_n;
+            force_n[j] = Complex64::cis(n * drive.phase_rad) * amplitude;
+            let rise_s = rise_s(applied);
+            let shares = onset.shares(&force_n, n * drive.frequency_hz, rise_s);
+            lines.push(line(chosen, j, harmonic, rise_s, shares));
+        }
+    }
+    lines
+}
+
+/// How long a rail takes to a drive's voltage.
+fn rise_s(applied: &Applied) -> f64 {
+    applied.voltage_v / f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS)
+}
+
+fn add(sum: &mut PerActuator, more: &PerActuator) {
+    sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+}

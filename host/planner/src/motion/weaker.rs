@@ -1,0 +1,55 @@
+//! A plan with a part of its forces: what is driven where the motion that is left of earlier touches leaves no room for all of it.
+
+use crate::choose::candidates::Judge;
+use crate::chosen::peak;
+use crate::plan::{Plan, TargetResult};
+use crate::reports::limitation::{self, Limitation, add};
+use crate::table::PlanTable;
+use crate::wish::request::{Quiet, Request, Target};
+use crate::{PlanError, STANDARD_GRAVITY};
+
+impl PlanTable {
+    /// `plan`, one of this table's, with all forces times `part`, 0 to 1: predictions, voltages and quiet zones are worked out anew,
+    /// as electrodes soften less. Its wishes stay, and `limits` says why they are not met.
+    ///
+    /// # Errors
+    /// [`PlanError`], which a plan of this table does not cause.
+    pub fn weaker(&self, plan: &Plan, part: f64) -> Result<Plan, PlanError> {
+        let (mut drives, applied) = self.chosen_again(plan).ok_or(PlanError::NoFrequencies)?;
+        for (drive, applied) in drives.iter_mut().zip(applied) {
+            drive.force_n *= part;
+            drive.width.pulse_width = applied.pulse_width;
+        }
+        let target = |result: &TargetResult| Target {
+            x_m: result.x_mm / 1e3,
+            y_m: result.y_mm / 1e3,
+            intensity_g: Some(result.wanted_g),
+        };
+        let quiet = plan.quiet.iter().map(|zone| Quiet {
+            x_m: zone.x_mm / 1e3,
+            y_m: zone.y_mm / 1e3,
+            radius_m: zone.radius_mm / 1e3,
+            at_most_g: zone.at_most_g,
+        });
+        let request = Request {
+            targets: plan.targets.iter().map(target).collect(),
+            quiet: quiet.collect(),
+            objective: plan.objective,
+            grouping: plan.grouping,
+            ..Request::default()
+        };
+        let judge = Judge::new(self, &request);
+        let (settled, quiet) = self.settled_quietly(&judge.quiet, &mut drives).ok_or(PlanError::NoFrequencies)?;
+        let mut weaker = plan.clone();
+        for (target, shape) in weaker.targets.iter_mut().zip(&judge.zone.targets) {
+            target.peak_g = peak(&drives, shape) / STANDARD_GRAVITY;
+        }
+        let first_g = weaker.targets.first().map_or(0.0, |target| target.peak_g);
+        weaker.predicted = self.predict(&judge, &drives, &settled, first_g);
+        weaker.drives = self.drives(&drives, &settled);
+        weaker.quiet = quiet;
+        add(&mut weaker.limits, Limitation::StillMoving);
+        weaker.limited_by = limitation::text(&weaker.limits);
+        Ok(weaker)
+    }
+}

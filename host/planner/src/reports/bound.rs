@@ -1,0 +1,85 @@
+//! How wrong a plan's prediction may be.
+
+use crate::chosen::Chosen;
+use crate::model::{Bound, ReducedModel};
+use crate::plan::{Plan, TargetResult};
+use crate::response;
+use crate::table::at_point;
+use crate::{PlanTable, STANDARD_GRAVITY};
+use nalgebra::DVector;
+use num_complex::Complex64;
+
+/// Why there is no bound on what nothing moves, or what was not asked for.
+const NOTHING: &str = "nothing moves at the target";
+const NO_LEVELS: &str = "no coarser model was made to compare with";
+const UNBOUNDED: &str = "a coarser model is at an undamped resonance";
+
+impl PlanTable {
+    /// A bound on the relative error of the first target's peak: the same drives on the coarser models, and the
+    /// differences of the phasors, added up as the peak adds their magnitudes (equation 23).
+    pub(crate) fn bound(&self, drives: &[Chosen], target: &TargetResult) -> Bound {
+        let Some(([middle, coarse], estimator)) = &self.coarser else { return Bound::Unknown(NO_LEVELS) };
+        let peak = target.peak_g * STANDARD_GRAVITY;
+        if peak <= 0.0 {
+            return Bound::Unknown(NOTHING);
+        }
+        let at = (target.x_mm / 1e3, target.y_mm / 1e3);
+        let shape = self.model.shape_at(at.0, at.1);
+        let fine = drives.iter().enumerate().map(|(i, drive)| {
+            drive.row.get(i).map_or(Complex64::ZERO, |entry| at_point(&shape, &entry.acceleration)) * drive.force_n
+        });
+        let fine: Vec<Complex64> = fine.collect();
+        let phasors = |level: usize, model: &ReducedModel| -> Option<Vec<Complex64>> {
+            let shape = model.shape_at(at.0, at.1);
+            let each = drives.iter().enumerate().map(|(i, drive)| {
+                if let Some(k) = drive.on_grid {
+                    let row = self.coarser_rows.get(level)?.get(k)?.as_ref()?;
+                    return Some(at_point(&shape, row.get(i)?) * drive.force_n);
+                }
+                let omega = std::f64::consts::TAU * drive.frequency_hz;
+                let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
+                Some(at_point(&shape, q.get(i)?) * (-omega * omega * drive.force_n))
+            });
+            each.collect()
+        };
+        let (Some(middle), Some(coarse)) = (phasors(0, middle), phasors(1, coarse)) else {
+            return Bound::Unknown(UNBOUNDED);
+        };
+        let difference =
+            |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / peak;
+        estimator.response_bound(difference(&coarse, &middle), difference(&middle, &fine))
+    }
+
+    /// A bound on the error of [`PlanTable::field`] at any point, relative to the field's largest value: as for the target, but at
+    /// every point.
+    #[must_use]
+    pub fn field_bound(&self, plan: &Plan) -> Bound {
+        let Some(([middle, coarse], estimator)) = &self.coarser else { return Bound::Unknown(NO_LEVELS) };
+        let largest = self.field(plan).into_iter().flatten().fold(0.0, f64::max);
+        if largest <= 0.0 {
+            return Bound::Unknown(NOTHING);
+        }
+        // For each drive the accelerations at all points.
+        let fields = |model: &ReducedModel| -> Option<Vec<DVector<Complex64>>> {
+            let shapes = model.shapes_on(&self.grid.x_m, &self.grid.y_m).map(Complex64::from);
+            let each = plan.drives.iter().map(|drive| {
+                let actuator = self.scene.actuators.iter().position(|actuator| actuator.id == drive.actuator)?;
+                let omega = std::f64::consts::TAU * drive.frequency_hz;
+                let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
+                Some(&shapes * q.get(actuator)? * Complex64::from(-omega * omega * drive.force_n))
+            });
+            each.collect()
+        };
+        let (Some(fine), Some(middle), Some(coarse)) = (fields(&self.model), fields(middle), fields(coarse)) else {
+            return Bound::Unknown(UNBOUNDED);
+        };
+        let difference = |a: &[DVector<Complex64>], b: &[DVector<Complex64>]| {
+            let mut sum = DVector::zeros(self.grid.weights.len());
+            for (a, b) in a.iter().zip(b) {
+                sum += (a - b).map(|z| z.norm());
+            }
+            sum.amax() / largest
+        };
+        estimator.response_bound(difference(&coarse, &middle), difference(&middle, &fine))
+    }
+}

@@ -1,0 +1,260 @@
+//! Why a plan is what it is, and what something else would give.
+
+use crate::choose::candidates::Judge;
+use crate::model::levels::Levels;
+use crate::model::{Accuracy, ModelError};
+use crate::plan::{Plan, contrast_db};
+use crate::response::ResponseError;
+use crate::scene::{MAX_ACTUATORS, SurfaceKind};
+use crate::table::{PlanTable, TableOptions, at_point, harmonic_part};
+use crate::wish::request::{Grouping, Objective, PlanError, Request};
+use crate::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
+use serde::Serialize;
+
+/// Frequencies told of each actuator.
+const TOLD: usize = 4;
+/// Pulse widths compared.
+const WIDTHS: [f64; 4] = [0.5, 2.0 / 3.0, 0.8, 0.9];
+/// Places along each side at which one more actuator is tried.
+const PLACES: [f64; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
+
+/// A frequency that an actuator might have had.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Frequency {
+    /// In Hz.
+    pub frequency_hz: f64,
+    /// Contrast in dB if it alone vibrated, harmonics included.
+    pub contrast_db: f64,
+    /// What it alone reaches at the target, in g.
+    pub reach_g: f64,
+    /// What limits it there.
+    pub limit: &'static str,
+    /// Whether the plan has it, or one nearer than a step of the grid.
+    pub chosen: bool,
+}
+
+/// Of one actuator.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Candidates {
+    /// Its `id`.
+    pub actuator: String,
+    /// Its most efficient frequencies, one per maximum of contrast over frequency, best first.
+    pub frequencies: Vec<Frequency>,
+}
+
+/// What another choice would give.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Alternative {
+    /// What is changed.
+    pub change: String,
+    /// Peak at the target in g.
+    pub target_peak_g: f64,
+    /// Contrast in dB.
+    pub contrast_db: f64,
+    /// Electrical power of all drives in mW.
+    pub power_mw: f64,
+    /// What limits it.
+    pub limited_by: Option<String>,
+}
+
+/// What a pulse width makes of the forces.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PulseWidth {
+    /// Part of its half period for which an electrode is on.
+    pub pulse_width: f64,
+    /// Fundamental's force over that of a full-width pulse at the same voltage.
+    pub force: f64,
+    /// Mean square over the surface of all drives' odd harmonics over that of their fundamentals, in dB.
+    pub harmonics_db: Option<f64>,
+}
+
+/// The whole of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Explanation {
+    /// What each actuator had to choose from.
+    pub candidates: Vec<Candidates>,
+    /// What the plan's frequencies would do with other pulse widths.
+    pub pulse_widths: Vec<PulseWidth>,
+    /// Other objectives, groupings, one more actuator; the plan itself first.
+    pub alternatives: Vec<Alternative>,
+}
+
+/// Why there is no explanation.
+#[derive(Debug, thiserror::Error)]
+pub enum ExplainError {
+    /// No plan.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// No model of the panel with one more actuator.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// No response of it.
+    #[error(transparent)]
+    Response(#[from] ResponseError),
+}
+
+impl PlanTable {
+    /// Explains the plan that `request` has.
+    ///
+    /// # Errors
+    /// [`ExplainError`].
+    pub fn explain(&self, request: &Request) -> Result<Explanation, ExplainError> {
+        let planned = self.planned(request)?;
+        let judge = Judge::new(self, request);
+        let plan = &planned.plan;
+        let candidates = (0..self.entries.len()).map(|i| self.candidates_of(&judge, plan, i)).collect();
+        let pulse_widths = WIDTHS.iter().map(|width| self.with_width(plan, *width)).collect();
+        let mut alternatives = vec![self.alternative("this plan".into(), &judge, plan)];
+        let mut add = |change: &str, request: Request| match self.plan_for(&request) {
+            Ok(plan) => alternatives.push(self.alternative(change.into(), &judge, &plan)),
+            // What does not go together is no alternative.
+            Err(PlanError::Together { .. }) => {}
+            Err(error) => alternatives.push(Alternative {
+                change: format!("{change}: {error}"),
+                target_peak_g: 0.0,
+                contrast_db: 0.0,
+                power_mw: 0.0,
+                limited_by: None,
+            }),
+        };
+        for (name, objective) in [
+            ("objective contrast", Objective::Contrast),
+            ("objective reach", Objective::Reach),
+            ("objective power", Objective::Power),
+        ] {
+            if objective != request.objective {
+                add(name, Request { objective, grouping: Grouping::Distinct, ..request.clone() });
+            }
+        }
+        for (name, grouping) in
+            [("distinct frequencies", Grouping::Distinct), ("one shared frequency, with phases", Grouping::Shared)]
+        {
+            if grouping != request.grouping && self.entries.len() > 1 {
+                add(name, Request { grouping, objective: Objective::Contrast, ..request.clone() });
+            }
+        }
+        if let Some(more) = self.one_more(request)? {
+            alternatives.push(more);
+        }
+        Ok(Explanation { candidates, pulse_widths, alternatives })
+    }
+
+    /// The maxima over frequency of the contrast that an actuator makes alone.
+    fn candidates_of(&self, judge: &Judge<'_>, plan: &Plan, actuator: usize) -> Candidates {
+        let step_hz = self.frequencies_hz.get(1).zip(self.frequencies_hz.first()).map_or(0.0, |(b, a)| b - a);
+        let chosen_hz = plan.drives.get(actuator).map_or(f64::NAN, |drive| drive.frequency_hz);
+        let contrast = |k: usize| -> Option<f64> {
+            let entry = self.entry(actuator, k)?;
+            let near = judge.zone.mean_square(&entry.acceleration);
+            Some(contrast_db(near, judge.energy(entry, &entry.widths[0])))
+        };
+        let values: Vec<Option<f64>> = (0..self.frequencies_hz.len()).map(contrast).collect();
+        let is_peak = |k: usize| {
+            let beside = |k: Option<usize>| k.and_then(|k| values.get(k).copied().flatten());
+            values[k].is_some_and(|own| {
+                let lower = |other: Option<f64>| other.is_none_or(|other| other <= own);
+                lower(beside(k.checked_sub(1))) && lower(beside(k.checked_add(1)))
+            })
+        };
+        let mut frequencies: Vec<Frequency> = (0..values.len())
+            .filter(|k| is_peak(*k) || (self.frequencies_hz[*k] - chosen_hz).abs() <= 0.5 * step_hz)
+            .filter_map(|k| {
+                let entry = self.entry(actuator, k)?;
+                let shape = judge.zone.targets.first()?;
+                Some(Frequency {
+                    frequency_hz: self.frequencies_hz[k],
+                    contrast_db: values[k]?,
+                    reach_g: at_point(shape, &entry.acceleration).norm() * entry.max_force_n / STANDARD_GRAVITY,
+                    limit: entry.limit.name(),
+                    chosen: (self.frequencies_hz[k] - chosen_hz).abs() <= step_hz,
+                })
+            })
+            .collect();
+        frequencies.sort_by(|a, b| b.contrast_db.total_cmp(&a.contrast_db));
+        // The chosen one is told whatever its rank.
+        let rest = frequencies.split_off(frequencies.len().min(TOLD));
+        if !frequencies.iter().any(|frequency| frequency.chosen) {
+            frequencies.extend(rest.into_iter().find(|frequency| frequency.chosen));
+        }
+        let id = self.scene.actuators.get(actuator).map_or_else(String::new, |actuator| actuator.id.clone());
+        Candidates { actuator: id, frequencies }
+    }
+
+    fn with_width(&self, plan: &Plan, pulse_width: f64) -> PulseWidth {
+        let solver = crate::response::Solver::new(&self.model);
+        let (mut fundamental, mut harmonics) = (0.0, 0.0);
+        for (i, drive) in plan.drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
+            let numbers = (0..).map(|k| f64::from(2 * k + 1));
+            for n in numbers.take_while(|n| *n == 1.0 || n * drive.frequency_hz <= HIGHEST_FELT_HZ) {
+                let hz = n * drive.frequency_hz;
+                let Ok(coordinates) = solver.coordinates(hz) else { continue };
+                let Some(q) = coordinates.get(i) else { continue };
+                let force = drive.force_n * harmonic_part(n, pulse_width) * (std::f64::consts::TAU * hz).powi(2);
+                let square = self.mean_square(q) * force * force;
+                if n == 1.0 { fundamental += square } else { harmonics += square }
+            }
+        }
+        PulseWidth {
+            pulse_width,
+            force: (std::f64::consts::FRAC_PI_2 * pulse_width).sin(),
+            harmonics_db: (harmonics > 0.0 && fundamental > 0.0).then(|| 10.0 * (harmonics / fundamental).log10()),
+        }
+    }
+
+    fn alternative(&self, change: String, judge: &Judge<'_>, plan: &Plan) -> Alternative {
+        let power = |(i, drive): (usize, &crate::plan::Drive)| {
+            judge.power_w_per_n(i, drive.frequency_hz, drive.pulse_width) * drive.force_n
+        };
+        Alternative {
+            change,
+            target_peak_g: plan.predicted.target_peak_g,
+            contrast_db: plan.predicted.contrast_db,
+            power_mw: plan.drives.iter().enumerate().map(power).sum::<f64>() * 1e3,
+            limited_by: plan.limited_by.clone(),
+        }
+    }
+
+    /// One more actuator like the first, at the best of nine places (three on a bar) for the most contrast; `None` where the
+    /// board has no channel left.
+    fn one_more(&self, request: &Request) -> Result<Option<Alternative>, ExplainError> {
+        let Some(like) = self.scene.actuators.first().filter(|_| self.scene.actuators.len() < MAX_ACTUATORS) else {
+            return Ok(None);
+        };
+        let surface = &self.scene.surface;
+        let rows: &[f64] = if surface.kind == SurfaceKind::Bar { &PLACES[1..2] } else { &PLACES };
+        let mut best: Option<Alternative> = None;
+        for (x, y) in rows.iter().flat_map(|y| PLACES.iter().map(move |x| (*x, *y))) {
+            let Ok(place) = self.scene.place(x * surface.length_m, y * surface.width_m) else { continue };
+            let (x_m, y_m) = place.xy_m();
+            let is_taken = |other: &crate::scene::Actuator| (other.x_m - x_m).hypot(other.y_m - y_m) < 1e-3;
+            if self.scene.actuators.iter().any(is_taken) {
+                continue;
+            }
+            let mut scene = self.scene.clone();
+            let mut more = like.clone();
+            (more.id, more.x_m, more.y_m) = (String::from("one more"), x_m, y_m);
+            scene.actuators.push(more);
+            let options = TableOptions::preview();
+            let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz)?;
+            let table = Self::build(&scene, levels.fine, options)?;
+            let request = Request { grouping: Grouping::Distinct, objective: Objective::Contrast, ..request.clone() };
+            // Where this one has no plan another place may.
+            let Ok(plan) = table.plan_for(&request) else { continue };
+            let change = format!(
+                "one more actuator like {}, at {:.0}, {:.0} mm (modelled to 1 %)",
+                like.id,
+                x_m * 1e3,
+                y_m * 1e3
+            );
+            let found = table.alternative(change, &Judge::new(&table, &request), &plan);
+            let is_better = |best: &Alternative| {
+                let (more, less) = (found.target_peak_g, best.target_peak_g);
+                more > less * (1.0 + 1e-6) || more >= less * (1.0 - 1e-6) && found.contrast_db > best.contrast_db
+            };
+            if best.as_ref().is_none_or(is_better) {
+                best = Some(found);
+            }
+        }
+        Ok(best)
+    }
+}

@@ -1,0 +1,115 @@
+//! What keeps a plan or an effect below its wish: a code for programs, a text for people.
+
+use crate::electrodes::limits::Limit;
+use crate::table::PlanTable;
+use serde::{Serialize, Serializer, ser::SerializeStruct};
+use std::fmt;
+
+/// One reason.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Limitation {
+    /// A limit of one actuator.
+    Actuator {
+        /// Which limit.
+        limit: Limit,
+        /// The actuator's `id`.
+        id: String,
+    },
+    /// The mean current of the board's supply.
+    Supply,
+    /// What a quiet zone allows.
+    QuietZone,
+    /// No actuator moves the place.
+    Node,
+    /// An effect that is over before the panel has come up.
+    TooShort,
+    /// What is left of the touches before.
+    StillMoving,
+}
+
+impl Limitation {
+    /// A limit of an actuator of a table's scene; the supply's is nobody's.
+    #[must_use]
+    pub fn of(table: &PlanTable, limit: Limit, actuator: usize) -> Self {
+        if limit == Limit::Supply {
+            return Self::Supply;
+        }
+        Self::Actuator { limit, id: table.scene.actuators.get(actuator).map_or_else(String::new, |own| own.id.clone()) }
+    }
+
+    /// Its code, which stays the same from version to version.
+    #[must_use]
+    pub const fn code(&self) -> &'static str {
+        match self {
+            Self::Actuator { limit, .. } => limit.name(),
+            Self::Supply => Limit::Supply.name(),
+            Self::QuietZone => "quiet-zone",
+            Self::Node => "node",
+            Self::TooShort => "too-short",
+            Self::StillMoving => "still-moving",
+        }
+    }
+
+    /// The actuator whose limit it is, by its `id`.
+    #[must_use]
+    pub fn actuator(&self) -> Option<&str> {
+        match self {
+            Self::Actuator { id, .. } => Some(id),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Limitation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Actuator { limit, id } => write!(f, "{} of {id}", limit.name()),
+            Self::Supply | Self::Node => f.write_str(self.code()),
+            Self::QuietZone => f.write_str("quiet zone"),
+            Self::TooShort => f.write_str("the panel, which does not reach its steady motion within the effect"),
+            Self::StillMoving => f.write_str("motion left of the touches before"),
+        }
+    }
+}
+
+impl Serialize for Limitation {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut object = serializer.serialize_struct("Limitation", 2)?;
+        object.serialize_field("code", self.code())?;
+        object.serialize_field("actuator", &self.actuator())?;
+        object.end()
+    }
+}
+
+/// Adds a reason, unless it is known.
+pub(crate) fn add(reasons: &mut Vec<Limitation>, reason: Limitation) {
+    if !reasons.contains(&reason) {
+        reasons.push(reason);
+    }
+}
+
+/// All of them as a text; `None` without any.
+#[must_use]
+pub fn text(reasons: &[Limitation]) -> Option<String> {
+    (!reasons.is_empty()).then(|| reasons.iter().map(Limitation::to_string).collect::<Vec<_>>().join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_and_texts() {
+        let of = |limit| Limitation::Actuator { limit, id: "left".into() };
+        let all = [of(Limit::PullIn), of(Limit::Voltage), Limitation::QuietZone];
+        assert_eq!(text(&all).as_deref(), Some("pull-in of left, voltage of left, quiet zone"));
+        assert_eq!(text(&[]), None);
+        let json = serde_json::to_string(&all).unwrap();
+        assert!(json.starts_with(r#"[{"code":"pull-in","actuator":"left"},"#), "{json}");
+        assert!(json.ends_with(r#"{"code":"quiet-zone","actuator":null}]"#), "{json}");
+        let mut known = all.to_vec();
+        add(&mut known, Limitation::QuietZone);
+        add(&mut known, Limitation::Node);
+        assert_eq!(known.len(), 4);
+    }
+}

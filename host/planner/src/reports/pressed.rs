@@ -1,0 +1,70 @@
+//! What is said of a press: how wrong the figures may be, and which actuators do not bear it.
+
+use crate::electrodes::press::{Pressed, Stop};
+use crate::model::{Bound, ReducedModel};
+use crate::motion::softening::STATIC_HZ;
+use crate::response::Solver;
+use crate::scene::Actuator;
+use crate::table::{PlanTable, at_point};
+use num_complex::Complex64;
+
+/// A deflection under one point load converges more slowly than the curves' peaks that bounds are made for: 3.2 times their bound was
+/// seen.
+const SLOWER: f64 = 6.0;
+
+impl PlanTable {
+    /// Bound on the relative error of how far a press alone moves an actuator's mass ([`Pressed::alone_m`]), by the coarser models. The
+    /// furthest place is one of the grid's points, or an actuator's: between them a mass may go 1 % further.
+    #[must_use]
+    pub fn press_bound(&self, actuator: usize) -> Bound {
+        let Some(([middle, coarse], estimator)) = &self.coarser else {
+            return Bound::Unknown("no coarser model was made to compare with");
+        };
+        let Some(pressed) = self.pressed.get(actuator).filter(|pressed| pressed.alone_m > 0.0) else {
+            return Bound::Unknown("nothing is moved");
+        };
+        let at = |model: &ReducedModel| {
+            let q = Solver::new(model).coordinates(STATIC_HZ).ok()?;
+            Some(at_point(&model.shape_at(pressed.at_m.0, pressed.at_m.1), q.get(actuator)?))
+        };
+        let (Some(fine), Some(middle), Some(coarse)) = (at(&self.model), at(middle), at(coarse)) else {
+            return Bound::Unknown("nothing holds the panel");
+        };
+        let difference = |a: Complex64, b: Complex64| SLOWER * (a - b).norm() / fine.norm();
+        estimator.response_bound(difference(coarse, middle), difference(middle, fine))
+    }
+
+    /// Which actuators do not bear the scene's press, and what would do.
+    #[must_use]
+    pub fn press_warnings(&self) -> Vec<String> {
+        let assumed = self.scene.actuators.iter().zip(&self.pressed).filter(|(_, own)| own.stop == Stop::Assumed);
+        let text = |(actuator, pressed): (&Actuator, &Pressed)| {
+            let how_far = if pressed.alone_m <= actuator.air_gap_m {
+                format!("{:.0} um off its middle", pressed.alone_m * 1e6)
+            } else {
+                "onto its electrode".into()
+            };
+            let springs = pressed.stiffness_n_per_m.map_or_else(String::new, |stiffness| {
+                format!(", or springs of {} N/m (stiffness_n_per_m, now {})", up(stiffness), actuator.stiffness_n_per_m)
+            });
+            format!(
+                "a press of {} N at {:.1}, {:.1} mm moves the mass of {:?} {how_far}, and its gap of {:.0} um bears a third of \
+                 itself: plans are made for a stop there, which the scene does not have. Fit one and say stop_um = \
+                 {:.0}{springs}; [press] force_n names another force",
+                self.scene.press_n,
+                pressed.at_m.0 * 1e3,
+                pressed.at_m.1 * 1e3,
+                actuator.id,
+                actuator.air_gap_m * 1e6,
+                (pressed.stop_m * 1e6).floor().max(1.0),
+            )
+        };
+        assumed.map(text).collect()
+    }
+}
+
+/// The next number with two digits.
+fn up(value: f64) -> f64 {
+    let digit = 10_f64.powf(value.log10().floor() - 1.0);
+    (value / digit).ceil() * digit
+}

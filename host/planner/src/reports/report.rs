@@ -1,0 +1,82 @@
+//! What is told of a plan besides its drives, by those who have the time: harmonics, rise and decay.
+
+use crate::perception::{level_db, threshold_m_per_s2};
+use crate::plan::{Plan, Planned};
+use crate::table::PlanTable;
+use crate::transient::panel::Drive;
+use crate::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
+use serde::Serialize;
+
+/// Of a plan's first target.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Peak of the whole waveform at most: softened fundamentals and all odd harmonics up to what is felt, the third and fifth as
+    /// they are in moving gaps, in g.
+    pub waveform_peak_g: f64,
+    /// The harmonics' part of it, in g.
+    pub harmonics_g: f64,
+    /// How far the strongest of the harmonics, drives at one frequency together, is above the threshold of feeling, in dB; negative below it, `null` where nothing
+    /// moves but rounding.
+    pub strongest_harmonic_db: Option<f64>,
+    /// When it is there, and gone.
+    #[serde(flatten)]
+    pub times: Times,
+}
+
+/// When a plan's first target vibrates, and when it has stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Times {
+    /// When it has 90 % of its steady peak and keeps it, in ms from switching on with rails that are up; `null` if never.
+    pub reaches_90_ms: Option<f64>,
+    /// When it has decayed to 10 % after switching off, in ms; `null` if never.
+    pub decays_to_10_ms: Option<f64>,
+}
+
+impl PlanTable {
+    /// When a plan's first target vibrates, and when it has stopped.
+    #[must_use]
+    pub fn times(&self, plan: &Plan) -> Times {
+        let shape = plan.targets.first().map(|target| self.model.shape_at(target.x_mm / 1e3, target.y_mm / 1e3));
+        let drives: Vec<Drive> = plan
+            .drives
+            .iter()
+            .enumerate()
+            .filter(|(_, drive)| drive.force_n > 0.0)
+            .map(|(actuator, drive)| Drive {
+                actuator,
+                frequency_hz: drive.frequency_hz,
+                force_n: drive.force_n,
+                phase_rad: drive.phase_rad,
+            })
+            .collect();
+        let timing = self.rise().zip(shape).map(|(rise, shape)| rise.times(&shape, &drives));
+        let ms = |seconds: Option<f64>| seconds.map(|seconds| seconds * 1e3);
+        Times {
+            reaches_90_ms: ms(timing.and_then(|timing| timing.reaches_90_s)),
+            decays_to_10_ms: ms(timing.and_then(|timing| timing.decays_to_10_s)),
+        }
+    }
+
+    /// The report on a plan.
+    #[must_use]
+    pub fn report(&self, planned: &Planned) -> Report {
+        let shape = planned.shapes.first();
+        let motions = self.harmonics(&planned.drives, &planned.settled);
+        let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
+        let harmonics_m_per_s2: f64 = harmonics.iter().map(|(_, peak)| peak).sum();
+        // What comes to them in moving gaps.
+        let moving = shape.and_then(|shape| self.moving_harmonics(&planned.drives, &planned.settled, shape));
+        let at_rest = |hz: f64| harmonics.iter().filter(|(own, _)| *own == hz).map(|(_, peak)| peak).sum::<f64>();
+        let felt = moving.iter().flatten().filter(|(hz, _)| *hz <= HIGHEST_FELT_HZ);
+        let more_m_per_s2: f64 = felt.map(|(hz, peak)| (peak - at_rest(*hz)).max(0.0)).sum();
+        let together = shape.map(|shape| motions.together(shape)).unwrap_or_default();
+        let over = together.iter().map(|(hz, peak)| peak / threshold_m_per_s2(*hz)).fold(0.0, f64::max);
+        Report {
+            waveform_peak_g: planned.plan.predicted.softened_peak_g
+                + (harmonics_m_per_s2 + more_m_per_s2) / STANDARD_GRAVITY,
+            harmonics_g: harmonics_m_per_s2 / STANDARD_GRAVITY,
+            strongest_harmonic_db: level_db(over),
+            times: self.times(&planned.plan),
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! What can be had of a request that cannot be had in full: more for one target against less for the others, and quiet zones
+//! against what the targets get.
+
+use crate::STANDARD_GRAVITY;
+use crate::chosen::peak;
+use crate::plan::{Plan, Planned};
+use crate::table::PlanTable;
+use crate::wish::request::{Objective, PlanError, Request, Weigh};
+use serde::Serialize;
+
+/// Steps of a curve from nothing to all that its target can have.
+const STEPS: u32 = 10;
+/// Part of what the others can have to which their share is found.
+const CLOSE: f64 = 5e-3;
+/// Plans for one point of a curve at most; halving takes 8.
+const MOST_ROUNDS: usize = 10;
+/// Part of a wish that may be missing: a plan's last scaling, where the moving masses ask for one, is right to a thousandth.
+const ON_BORDER: f64 = 1e-3;
+/// Least limit of a quiet zone from which its steps are counted, in g: an eighth or less of what is felt.
+const LEAST_QUIET_G: f64 = 1e-3;
+/// Doublings of the quiet zones' limits at most: to a thousandfold.
+const MOST_DOUBLINGS: u32 = 10;
+/// Part of every wish that counts as all.
+const MET: f64 = 1.0 - 1e-6;
+/// Relative gain below which quiet zones are not what limits.
+const NO_GAIN: f64 = 1e-3;
+
+/// What can be had.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trade {
+    /// What each target gets if it is the only one, at most its wish, in g.
+    pub alone_g: Vec<f64>,
+    /// Of one target against all others together: one curve for two targets, one for each of more.
+    pub targets: Vec<Curve>,
+    /// With the quiet zones' limits as they are, doubled again and again, and without; empty where they do not limit.
+    pub quiet: Vec<QuietPoint>,
+}
+
+/// One target against the others.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Curve {
+    /// The target's number, from 0.
+    pub target: usize,
+    /// From nothing for it to all that it can have alone.
+    pub points: Vec<Point>,
+}
+
+/// What can be had together. Each point is a plan.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// What the curve's target gets at least, of what it gets alone.
+    pub part: f64,
+    /// What every other target gets at least then, of what it gets alone: the most there is, to half a per cent.
+    pub others_part: f64,
+    /// Peaks of all targets in g.
+    pub peaks_g: Vec<f64>,
+}
+
+/// What the targets get with other limits of the quiet zones.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct QuietPoint {
+    /// Limit of each zone in g; `None` without any.
+    pub at_most_g: Option<Vec<f64>>,
+    /// The part of its wish that every target gets.
+    pub part: f64,
+    /// Peaks of all targets in g.
+    pub peaks_g: Vec<f64>,
+}
+
+impl PlanTable {
+    /// The plan for a request, and what can be had where it does not give all. Where a plan made for that gives every target a
+    /// larger part of its wish, within the same quiet zones, it is the plan.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn planned_with_trade(&self, request: &Request) -> Result<(Planned, Option<Trade>), PlanError> {
+        let planned = self.planned(request)?;
+        let Some((trade, seen)) = self.seen_trade(request, &planned.plan)? else { return Ok((planned, None)) };
+        let wanted_g: Vec<f64> = planned.plan.targets.iter().map(|target| target.wanted_g).collect();
+        let own = least_part(&peaks(&planned.plan), &wanted_g);
+        let best =
+            seen.iter().max_by(|a, b| least_part(&a.peaks_g, &wanted_g).total_cmp(&least_part(&b.peaks_g, &wanted_g)));
+        let Some(best) = best.filter(|seen| least_part(&seen.peaks_g, &wanted_g) > own * (1.0 + NO_GAIN)) else {
+            return Ok((planned, Some(trade)));
+        };
+        // What it was made for, and what it gives, which may be more: of the plans for these the better one. Both, as frequencies
+        // between the grid's are chosen for what is asked.
+        let given_g: Vec<f64> = best.peaks_g.iter().zip(&wanted_g).map(|(peak, wanted)| peak.min(*wanted)).collect();
+        let mut found: Option<(f64, Planned)> = None;
+        for asked_g in [&best.asked_g, &given_g] {
+            let mut asked = request.clone();
+            asked.targets.iter_mut().zip(asked_g).for_each(|(target, g)| target.intensity_g = Some(*g));
+            let trial = self.planned(&asked)?;
+            let part = least_part(&peaks(&trial.plan), &wanted_g);
+            if part > found.as_ref().map_or(own, |(part, _)| *part) {
+                found = Some((part, trial));
+            }
+        }
+        let Some((part, mut better)) = found else { return Ok((planned, Some(trade))) };
+        for (target, wanted_g) in better.plan.targets.iter_mut().zip(wanted_g) {
+            target.wanted_g = wanted_g;
+        }
+        if part < MET && better.plan.limits.is_empty() {
+            (better.plan.limited_by, better.plan.limits) = (planned.plan.limited_by, planned.plan.limits);
+        }
+        // The bound stands; what is known is nearer to it.
+        better.plan.optimality_gap = ((1.0 + planned.plan.optimality_gap) * own / part - 1.0).max(0.0);
+        Ok((better, Some(trade)))
+    }
+
+    /// What can be had of `request`, for which `plan` was made: `None` if that gives all that was wanted, or if there is but
+    /// one target and no quiet zone or accelerations are weighed, so that `limited_by` says everything. Takes up to some hundred plans.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn trade(&self, request: &Request, plan: &Plan) -> Result<Option<Trade>, PlanError> {
+        Ok(self.seen_trade(request, plan)?.map(|(trade, _)| trade))
+    }
+
+    /// The same with all plans that were looked at.
+    fn seen_trade(&self, request: &Request, plan: &Plan) -> Result<Option<(Trade, Vec<Seen>)>, PlanError> {
+        let has_parts = request.targets.len() > 1 || !request.quiet.is_empty();
+        if plan.limited_by.is_none()
+            || !has_parts
+            || request.objective == Objective::Reach
+            || request.weigh == Weigh::Felt
+        {
+            return Ok(None);
+        }
+        let wanted_g: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g).collect();
+        let shapes: Vec<_> =
+            request.targets.iter().map(|target| self.model.shape_at(target.x_m, self.y_m(target.y_m))).collect();
+        let (mut alone_g, mut seen) = (Vec::with_capacity(shapes.len()), Vec::with_capacity(shapes.len()));
+        for (t, wanted_g) in wanted_g.iter().enumerate() {
+            let mut only = request.only(&[t]);
+            only.targets.iter_mut().for_each(|target| target.intensity_g = Some(*wanted_g));
+            let Planned { plan, drives, .. } = self.planned(&only)?;
+            alone_g.push(plan.predicted.target_peak_g.min(*wanted_g));
+            let peaks_g = shapes.iter().map(|shape| peak(&drives, shape) / STANDARD_GRAVITY).collect();
+            let asked_g = (0..shapes.len()).map(|other| if other == t { *wanted_g } else { 0.0 }).collect();
+            seen.push(Seen { asked_g, peaks_g });
+        }
+        seen.push(Seen { asked_g: wanted_g.clone(), peaks_g: peaks(plan) });
+        let mut border = Border { table: self, request, alone_g: &alone_g, seen };
+        let curves = match alone_g.len() {
+            0 | 1 => 0,
+            2 => 1,
+            more => more,
+        };
+        let mut targets = Vec::new();
+        for target in (0..curves).filter(|t| alone_g[*t] > 0.0) {
+            targets.push(border.curve(target)?);
+        }
+        let seen = border.seen;
+        let quiet = self.quiet_trade(request, &wanted_g)?;
+        Ok(Some((Trade { alone_g, targets, quiet }, seen)))
+    }
+
+    fn quiet_trade(&self, request: &Request, wanted_g: &[f64]) -> Result<Vec<QuietPoint>, PlanError> {
+        if request.quiet.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut trial = request.clone();
+        for (target, wanted_g) in trial.targets.iter_mut().zip(wanted_g) {
+            target.intensity_g = Some(*wanted_g);
+        }
+        let point = |trial: &Request| -> Result<QuietPoint, PlanError> {
+            let peaks_g = peaks(&self.plan_for(trial)?);
+            let limits = trial.quiet.iter().map(|zone| zone.at_most_g).collect::<Vec<_>>();
+            let part = least_part(&peaks_g, wanted_g).min(1.0);
+            Ok(QuietPoint { at_most_g: (!limits.is_empty()).then_some(limits), part, peaks_g })
+        };
+        let free = point(&Request { quiet: Vec::new(), ..trial.clone() })?;
+        let mut points = vec![point(&trial)?];
+        let is_free = |point: &QuietPoint| point.part >= free.part * (1.0 - NO_GAIN);
+        if points.iter().any(is_free) {
+            return Ok(Vec::new());
+        }
+        for _ in 0..MOST_DOUBLINGS {
+            trial.quiet.iter_mut().for_each(|zone| zone.at_most_g = 2.0 * zone.at_most_g.max(LEAST_QUIET_G));
+            let next = point(&trial)?;
+            let is_last = is_free(&next);
+            points.push(next);
+            if is_last {
+                break;
+            }
+        }
+        points.push(free);
+        Ok(points)
+    }
+}
+
+/// A plan that was looked at, in g of all targets.
+struct Seen {
+    /// What it was made for.
+    asked_g: Vec<f64>,
+    /// What it gives.
+    peaks_g: Vec<f64>,
+}
+
+/// What several targets have had together so far, in all plans looked at.
+struct Border<'a> {
+    table: &'a PlanTable,
+    request: &'a Request,
+    alone_g: &'a [f64],
+    seen: Vec<Seen>,
+}
+
+impl Border<'_> {
+    /// For `target` in steps: what every other one can have.
+    fn curve(&mut self, target: usize) -> Result<Curve, PlanError> {
+        // The others never get more for the target's getting more.
+        let mut most = 1.0;
+        let parts: Vec<f64> = (0..=STEPS).map(|step| f64::from(step) / f64::from(STEPS)).collect();
+        for part in &parts {
+            most = self.look(target, *part, most)?;
+        }
+        let points = parts.into_iter().filter_map(|part| {
+            let (others_part, peaks_g) = self.best(target, part)?;
+            Some(Point { part, others_part, peaks_g: peaks_g.clone() })
+        });
+        Ok(Curve { target, points: points.collect() })
+    }
+
+    /// Looks for the most that all others can have, at most `most`, while `target` has `part`, and returns what is not less.
+    fn look(&mut self, target: usize, part: f64, most: f64) -> Result<f64, PlanError> {
+        let mut high = most;
+        let mut next = high;
+        for _ in 0..MOST_ROUNDS {
+            let low = self.best(target, part).map_or(0.0, |(others_part, _)| others_part);
+            if high - low <= CLOSE {
+                break;
+            }
+            if !self.try_parts(target, part, next)? {
+                high = next;
+            }
+            let low = self.best(target, part).map_or(0.0, |(others_part, _)| others_part);
+            next = 0.5 * (low + high);
+        }
+        Ok(high)
+    }
+
+    /// Plans for these parts; whether they are had.
+    fn try_parts(&mut self, target: usize, part: f64, others_part: f64) -> Result<bool, PlanError> {
+        let wish = |(t, g): (usize, &f64)| g * if t == target { part } else { others_part };
+        let asked_g: Vec<f64> = self.alone_g.iter().enumerate().map(wish).collect();
+        let mut trial = self.request.clone();
+        trial.targets.iter_mut().zip(&asked_g).for_each(|(target, g)| target.intensity_g = Some(*g));
+        let peaks_g = peaks(&self.table.plan_for(&trial)?);
+        self.seen.push(Seen { asked_g, peaks_g });
+        Ok(self.best(target, part).is_some_and(|(had, _)| had >= others_part * (1.0 - ON_BORDER)))
+    }
+
+    /// Of all plans seen that give `target` its part, the one that gives the others most, and how much that is.
+    fn best(&self, target: usize, part: f64) -> Option<(f64, &Vec<f64>)> {
+        // Who cannot have anything has all of it.
+        let of = |t: usize, peaks_g: &[f64]| match self.alone_g[t] {
+            alone_g if alone_g > 0.0 => peaks_g[t] / alone_g,
+            _ => 1.0,
+        };
+        self.seen
+            .iter()
+            .map(|seen| &seen.peaks_g)
+            .filter(|peaks_g| of(target, peaks_g) >= part * (1.0 - ON_BORDER))
+            .map(|peaks_g| {
+                let others = (0..peaks_g.len()).filter(|t| *t != target).map(|t| of(t, peaks_g));
+                (others.fold(1.0, f64::min), peaks_g)
+            })
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+    }
+}
+
+fn peaks(plan: &Plan) -> Vec<f64> {
+    plan.targets.iter().map(|target| target.peak_g).collect()
+}
+
+/// The least part of its wish that any target gets that has one; infinite without any.
+fn least_part(peaks_g: &[f64], wishes_g: &[f64]) -> f64 {
+    let parts = peaks_g.iter().zip(wishes_g).filter(|(_, wish)| **wish > 0.0).map(|(peak, wish)| peak / wish);
+    parts.fold(f64::INFINITY, f64::min)
+}

@@ -1,0 +1,171 @@
+//! Quiet zones: places where the peak acceleration stays below a limit.
+//!
+//! A limit at a point is a row of the problem of forces. A zone has many points; the search starts with nine of each, and where
+//! its answer is too strong at another one, that becomes a row as well (cutting planes). Rows ask for a thousandth less than
+//! the zone allows, so that a few of them do. What is left after the last round, or comes with the forces in moving gaps, is
+//! scaled away.
+
+use crate::STANDARD_GRAVITY;
+use crate::chosen::Chosen;
+use crate::chosen::peak;
+use crate::motion::safe::Settled;
+use crate::table::PlanTable;
+use crate::wish::request::Quiet;
+use nalgebra::DVector;
+use serde::Serialize;
+
+/// Points on a zone's rim with which the search starts, besides its middle.
+const FIRST_POINTS: u32 = 8;
+/// Part of what is allowed that rows ask for.
+const ASKED: f64 = 0.999;
+/// Cells of the surface's grid per side of a cell of points. The grid has at least 12 cells per bending wave at the highest
+/// frequency; with twice as many no point of the zone is further than 1/34 of a wave from one that is looked at, where a crest
+/// is 1 - cos(2 pi/34) = 1.7 % lower.
+const FINER: f64 = 2.0;
+/// Most points along a zone's diameter: 10 000 in all.
+const MOST_ACROSS: f64 = 100.0;
+/// Peaks in m/s^2 below this are rounding: a ten-thousandth of what is felt at best.
+const NO_PEAK: f64 = 1e-6;
+/// Scalings after the forces in moving gaps are known; one is enough where they are proportional to the voltage squared.
+const MOST_SCALINGS: usize = 4;
+
+/// What a plan does in a quiet zone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct QuietResult {
+    /// In mm from the left edge.
+    pub x_mm: f64,
+    /// In mm from the top edge.
+    pub y_mm: f64,
+    /// In mm.
+    pub radius_mm: f64,
+    /// Allowed, in g.
+    pub at_most_g: f64,
+    /// Largest peak in it, in g: the larger one of forces of masses at rest and in moving gaps; right to 2 %, by which a crest
+    /// between the points that are looked at may be higher.
+    pub peak_g: f64,
+    /// Most that odd harmonics up to 1 kHz add to that where they are strongest, in g; the limit is about the fundamentals.
+    pub harmonics_g: f64,
+}
+
+#[derive(Clone, Debug)]
+struct Area {
+    quiet: Quiet,
+    /// Mode shapes at points all over it.
+    points: Vec<DVector<f64>>,
+}
+
+/// The quiet zones of a request.
+#[derive(Clone, Debug, Default)]
+pub struct QuietZones {
+    areas: Vec<Area>,
+    /// Mode shapes at points whose limits are rows, and what these allow in m/s^2.
+    pub rows: Vec<(DVector<f64>, f64)>,
+}
+
+impl QuietZones {
+    /// The zones, which have been checked.
+    #[must_use]
+    pub fn new(table: &PlanTable, zones: &[Quiet]) -> Self {
+        let mut made = Self::default();
+        let surface = &table.scene.surface;
+        for zone in zones {
+            let at = |dx: f64, dy: f64| {
+                // What lies beyond an edge is moved onto it, which stays within the zone.
+                let (x, y) =
+                    ((zone.x_m + dx).clamp(0.0, surface.length_m), (zone.y_m + dy).clamp(0.0, surface.width_m));
+                table.scene.cutout_at(x, y).is_none().then(|| table.model.shape_at(x, table.y_m(y)))
+            };
+            let asked = ASKED * zone.at_most_g * STANDARD_GRAVITY;
+            made.rows.extend(at(0.0, 0.0).map(|shape| (shape, asked)));
+            let mut points: Vec<DVector<f64>> = at(0.0, 0.0).into_iter().collect();
+            if zone.radius_m > 0.0 {
+                let rim = |k: u32, of: u32| {
+                    let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(of)).sin_cos();
+                    at(zone.radius_m * cos, zone.radius_m * sin)
+                };
+                let first = (0..FIRST_POINTS).filter_map(|k| rim(k, FIRST_POINTS));
+                made.rows.extend(first.map(|shape| (shape, asked)));
+                let step = |line: &[f64]| line.get(1).zip(line.first()).map_or(f64::INFINITY, |(b, a)| b - a);
+                let cell = step(&table.grid.x_m).min(step(&table.grid.y_m)) / FINER;
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most a hundred")]
+                let across = (2.0 * zone.radius_m / cell).ceil().clamp(2.0, MOST_ACROSS) as u32;
+                points.extend((0..4 * across).filter_map(|k| rim(k, 4 * across)));
+                let place = |k: u32| zone.radius_m * (2.0 * f64::from(k) / f64::from(across) - 1.0);
+                let lattice = (0..=across).flat_map(|i| (0..=across).map(move |j| (place(i), place(j))));
+                let inside = lattice.filter(|(dx, dy)| dx.hypot(*dy) < zone.radius_m);
+                points.extend(inside.filter_map(|(dx, dy)| at(dx, dy)));
+            }
+            made.areas.push(Area { quiet: *zone, points });
+        }
+        made
+    }
+
+    /// Adds rows where these drives are too strong, the worst point of each zone; whether there is any.
+    pub fn add_violated(&mut self, drives: &[Chosen]) -> bool {
+        let before = self.rows.len();
+        for area in &self.areas {
+            let allowed = area.quiet.at_most_g * STANDARD_GRAVITY;
+            let peaks = area.points.iter().map(|shape| (peak(drives, shape), shape));
+            let worst = peaks.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(most, _)| *most > allowed.max(NO_PEAK));
+            // A row that is there already is as good as rounding lets it be.
+            if let Some((_, shape)) = worst.filter(|(_, shape)| self.rows.iter().all(|(known, _)| known != *shape)) {
+                self.rows.push((shape.clone(), ASKED * allowed));
+            }
+        }
+        self.rows.len() > before
+    }
+
+    /// Largest peak in each zone in m/s^2, at rest and settled.
+    fn peaks(&self, table: &PlanTable, drives: &[Chosen], settled: &Settled) -> Vec<f64> {
+        if self.areas.is_empty() {
+            return Vec::new();
+        }
+        // The same motion that the target's softened peak is of.
+        let closer = table.among_harmonics(drives, settled);
+        let settled = closer.as_ref().unwrap_or(settled);
+        let at = |shape: &DVector<f64>| peak(drives, shape).max(table.settled_peak(drives, settled, shape));
+        self.areas.iter().map(|area| area.points.iter().map(at).fold(0.0, f64::max)).collect()
+    }
+}
+
+impl PlanTable {
+    /// Makes drives safe, and quiet where they have to be.
+    pub(crate) fn settled_quietly(
+        &self,
+        zones: &QuietZones,
+        drives: &mut [Chosen],
+    ) -> Option<(Settled, Vec<QuietResult>)> {
+        let mut settled = self.settled(drives)?;
+        let mut peaks = zones.peaks(self, drives, &settled);
+        for _ in 0..MOST_SCALINGS {
+            let parts = zones.areas.iter().zip(&peaks).map(|(area, peak)| {
+                let allowed = area.quiet.at_most_g * STANDARD_GRAVITY;
+                if *peak > allowed.max(NO_PEAK) { allowed / peak } else { 1.0 }
+            });
+            let part = parts.fold(1.0, f64::min);
+            if part >= 1.0 {
+                break;
+            }
+            drives.iter_mut().for_each(|drive| drive.force_n *= part);
+            let again = self.settled(drives)?;
+            let limited = settled.limited.or(again.limited);
+            let scale = settled.scale * part * again.scale;
+            settled = again;
+            (settled.scale, settled.limited, settled.is_quieted) = (scale, limited, true);
+            peaks = zones.peaks(self, drives, &settled);
+        }
+        if zones.areas.is_empty() {
+            return Some((settled, Vec::new()));
+        }
+        let harmonics = self.harmonics(drives, &settled);
+        let results = zones.areas.iter().zip(peaks).map(|(area, peak)| QuietResult {
+            x_mm: area.quiet.x_m * 1e3,
+            y_mm: self.y_m(area.quiet.y_m) * 1e3,
+            radius_mm: area.quiet.radius_m * 1e3,
+            at_most_g: area.quiet.at_most_g,
+            peak_g: peak / STANDARD_GRAVITY,
+            harmonics_g: harmonics.most_g(area.points.iter()),
+        });
+        Some((settled, results.collect()))
+    }
+}

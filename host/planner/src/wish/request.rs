@@ -1,0 +1,277 @@
+//! What is asked of the planner.
+
+use crate::choose::search::Work;
+use crate::reach::Region;
+use crate::reach::measure::View;
+use crate::scene::{MAX_ACTUATORS, PlaceError, SurfaceKind, along_side};
+use crate::table::PlanTable;
+use crate::{DEFAULT_INTENSITY_G, MAX_QUIET_ZONES, MIN_SPACING_HZ};
+use serde::{Deserialize, Serialize};
+
+/// Most targets at once: ten fingers.
+pub const MAX_TARGETS: usize = 10;
+/// Largest radius of a quiet zone in m: a hand's width, within which its rim and its middle tell what it does.
+pub const MAX_QUIET_RADIUS_M: f64 = 0.1;
+
+/// A point to be felt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// From the left edge in m.
+    pub x_m: f64,
+    /// From the top edge in m; of no account on a bar.
+    pub y_m: f64,
+    /// Peak acceleration wanted in g, 0 or more; [`DEFAULT_INTENSITY_G`] if `None`. What is beyond reach is delivered as
+    /// far as it goes.
+    pub intensity_g: Option<f64>,
+}
+
+/// A place to be spared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quiet {
+    /// From the left edge in m.
+    pub x_m: f64,
+    /// From the top edge in m; of no account on a bar.
+    pub y_m: f64,
+    /// Radius in m, 0 to [`MAX_QUIET_RADIUS_M`].
+    pub radius_m: f64,
+    /// Most peak acceleration there in g.
+    pub at_most_g: f64,
+}
+
+/// What is made least, or most.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "snake_case")]
+pub enum Objective {
+    /// Least mean-square acceleration elsewhere for what is wanted at the targets.
+    #[default]
+    Contrast,
+    /// The greatest least acceleration over the surface: no dead zones. Scaled down to what the first target wants.
+    Reach,
+    /// Least electrical power for what is wanted at the targets.
+    Power,
+}
+
+/// Which actuators share a frequency.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "snake_case")]
+pub enum Grouping {
+    /// None: each has its own, and phases are of no account.
+    #[default]
+    Distinct,
+    /// All: one frequency, with a phase for each actuator.
+    Shared,
+}
+
+/// How accelerations of different frequencies count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "snake_case")]
+pub enum Weigh {
+    /// All the same.
+    #[default]
+    Equal,
+    // Also the text of `--help`, where a link of rustdoc is none: the weights are those of `crate::perception::weight`.
+    /// As they are felt: by the skin's sensitivity at their frequency, at targets and elsewhere. Quiet zones keep their limits in g.
+    Felt,
+}
+
+/// A request.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Request {
+    /// Where it is to be felt: 1 to [`MAX_TARGETS`].
+    pub targets: Vec<Target>,
+    /// Where not: at most [`MAX_QUIET_ZONES`].
+    pub quiet: Vec<Quiet>,
+    /// What is made least, or most.
+    pub objective: Objective,
+    /// For [`Objective::Reach`]: the part of the surface that counts, if not all of it.
+    pub zone: Option<Region>,
+    /// Which actuators share a frequency. A shared one is for one target, without quiet zones, and for contrast.
+    pub grouping: Grouping,
+    /// How accelerations count. Only distinct frequencies and contrast or power can be weighed.
+    pub weigh: Weigh,
+    /// How much may be looked at where limits bind.
+    pub work: Work,
+}
+
+impl Request {
+    /// What a touch asks for: contrast, distinct frequencies.
+    #[must_use]
+    pub fn touch(targets: &[Target]) -> Self {
+        Self { targets: targets.to_vec(), ..Self::default() }
+    }
+}
+
+/// Why there is no plan.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum PlanError {
+    /// The scene has nothing to drive.
+    #[error("the scene has no [[actuator]], so there is nothing to drive")]
+    NoActuators,
+    /// More actuators than a board drives.
+    #[error(
+        "the scene has {count} actuators, but plans are made for at most {MAX_ACTUATORS}, a board's channels (modes and \
+         responses take any number)"
+    )]
+    Actuators {
+        /// In the scene.
+        count: usize,
+    },
+    /// No target, or too many.
+    #[error("touches: {count} given, 1 to {MAX_TARGETS} allowed")]
+    Count {
+        /// As given.
+        count: usize,
+    },
+    /// Too many quiet zones.
+    #[error("quiet: {count} zones given, at most {MAX_QUIET_ZONES} allowed")]
+    Quiet {
+        /// As given.
+        count: usize,
+    },
+    /// A number out of range.
+    #[error("{field}: {value} is not in the allowed range {}", range_text(*min, *max))]
+    Range {
+        /// The field's name.
+        field: &'static str,
+        /// As given.
+        value: f64,
+        /// Least allowed.
+        min: f64,
+        /// Most allowed; infinite where every finite number is.
+        max: f64,
+    },
+    /// A touch where there is no surface.
+    #[error("x_mm, y_mm: ({x_mm}, {y_mm}) lies in cutout[{cutout}] of the scene, where there is no surface")]
+    Cutout {
+        /// In mm.
+        x_mm: f64,
+        /// In mm.
+        y_mm: f64,
+        /// Which, counted from 1.
+        cutout: usize,
+    },
+    /// No frequencies keep their distance, or the response is unbounded everywhere.
+    #[error(
+        "no combination of frequencies is usable: they leave no room for one per actuator, {MIN_SPACING_HZ} Hz apart, or the \
+         response is unbounded at every one (no damping at all?)"
+    )]
+    NoFrequencies,
+    /// A zone of which no point is looked at.
+    #[error("zone: none of the points that are looked at is on the surface in there")]
+    EmptyZone,
+    /// Options that do not go together.
+    #[error("{option}: {value} is for {allowed} only")]
+    Together {
+        /// The option's name.
+        option: &'static str,
+        /// As given.
+        value: &'static str,
+        /// With what it can be had.
+        allowed: &'static str,
+    },
+}
+
+impl From<PlaceError> for PlanError {
+    fn from(error: PlaceError) -> Self {
+        match error {
+            PlaceError::Outside { field, value, max } => Self::Range { field, value, min: 0.0, max },
+            PlaceError::Cutout { x_mm, y_mm, cutout } => Self::Cutout { x_mm, y_mm, cutout },
+        }
+    }
+}
+
+fn range_text(min: f64, max: f64) -> String {
+    if max.is_finite() { format!("{min} to {max}") } else { format!("of finite numbers from {min} up") }
+}
+
+impl PlanTable {
+    /// The targets' intensities in g, after everything has been looked at.
+    pub(crate) fn check(&self, request: &Request) -> Result<Vec<f64>, PlanError> {
+        let targets = &request.targets;
+        if self.scene.actuators.is_empty() {
+            return Err(PlanError::NoActuators);
+        }
+        if self.scene.actuators.len() > MAX_ACTUATORS {
+            return Err(PlanError::Actuators { count: self.scene.actuators.len() });
+        }
+        if targets.is_empty() || targets.len() > MAX_TARGETS {
+            return Err(PlanError::Count { count: targets.len() });
+        }
+        if request.quiet.len() > MAX_QUIET_ZONES {
+            return Err(PlanError::Quiet { count: request.quiet.len() });
+        }
+        if request.grouping == Grouping::Shared {
+            let is_plain = targets.len() == 1 && request.quiet.is_empty() && request.objective == Objective::Contrast;
+            if !is_plain {
+                let allowed = "one target without quiet zones and the objective contrast";
+                return Err(PlanError::Together { option: "grouping", value: "shared", allowed });
+            }
+        }
+        if request.objective == Objective::Reach && !(targets.len() == 1 && request.quiet.is_empty()) {
+            let allowed = "one target without quiet zones";
+            return Err(PlanError::Together { option: "objective", value: "reach", allowed });
+        }
+        if let Some(zone) = request.zone {
+            if request.objective != Objective::Reach {
+                return Err(PlanError::Together { option: "zone", value: "given", allowed: "the objective reach" });
+            }
+            for (x_m, y_m) in zone.x_m.into_iter().zip(zone.y_m) {
+                along_side("zone.x_mm", x_m, self.scene.surface.length_m)?;
+                along_side("zone.y_mm", y_m, self.scene.surface.width_m)?;
+            }
+            if View::new(self, Some(zone)).is_none() {
+                return Err(PlanError::EmptyZone);
+            }
+        }
+        if request.weigh == Weigh::Felt
+            && (request.grouping == Grouping::Shared || request.objective == Objective::Reach)
+        {
+            let allowed = "distinct frequencies and the objectives contrast and power";
+            return Err(PlanError::Together { option: "weigh", value: "felt", allowed });
+        }
+        for quiet in &request.quiet {
+            self.scene.place(quiet.x_m, quiet.y_m)?;
+            within("radius_mm", quiet.radius_m, 0.0, MAX_QUIET_RADIUS_M, 1e3)?;
+            within("at_most_g", quiet.at_most_g, 0.0, f64::INFINITY, 1.0)?;
+        }
+        targets
+            .iter()
+            .map(|target| {
+                self.scene.place(target.x_m, target.y_m)?;
+                let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
+                within("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
+                Ok(intensity_g)
+            })
+            .collect()
+    }
+
+    /// The request with its targets and quiet zones where they are on the surface, after [`PlanTable::check`].
+    pub(crate) fn placed(&self, request: &Request) -> Result<Request, PlanError> {
+        let mut request = request.clone();
+        for target in &mut request.targets {
+            (target.x_m, target.y_m) = self.scene.place(target.x_m, target.y_m)?.xy_m();
+        }
+        for quiet in &mut request.quiet {
+            (quiet.x_m, quiet.y_m) = self.scene.place(quiet.x_m, quiet.y_m)?.xy_m();
+        }
+        Ok(request)
+    }
+
+    /// A bar's points lie on its axis.
+    pub(crate) fn y_m(&self, y_m: f64) -> f64 {
+        match self.scene.surface.kind {
+            SurfaceKind::Bar => self.scene.surface.width_m / 2.0,
+            SurfaceKind::Plate => y_m,
+        }
+    }
+}
+
+pub(crate) fn within(field: &'static str, value: f64, min: f64, max: f64, scale: f64) -> Result<(), PlanError> {
+    if value.is_finite() && (min..=max).contains(&value) {
+        return Ok(());
+    }
+    Err(PlanError::Range { field, value: value * scale, min: min * scale, max: max * scale })
+}

@@ -1,0 +1,87 @@
+//! What counts as "at the target": the surface within 10 mm of it.
+
+use crate::choose::shared_frequency::PerPair;
+use crate::reports::near::around;
+use crate::scene::MAX_ACTUATORS;
+use crate::table::{PlanTable, at_point};
+use crate::wish::request::Target;
+use nalgebra::DVector;
+use num_complex::Complex64;
+
+/// Largest part of the surface that targets take: discs may cover a small surface whole; some of it is always "elsewhere".
+const MOST_PART: f64 = 0.9;
+
+/// The targets and the points around them.
+#[derive(Clone, Debug)]
+pub struct Zone {
+    /// Mode shapes at the targets.
+    pub targets: Vec<DVector<f64>>,
+    /// Mode shapes at the points of a quadrature over the targets' discs, with weights that add up to 1.
+    points: Vec<(DVector<f64>, f64)>,
+    /// Part of the surface that the discs cover.
+    pub part: f64,
+}
+
+impl Zone {
+    /// The zone of `targets`, which lie on the surface.
+    #[must_use]
+    pub fn new(table: &PlanTable, targets: &[Target]) -> Self {
+        let shapes: Vec<DVector<f64>> =
+            targets.iter().map(|target| table.model.shape_at(target.x_m, table.y_m(target.y_m))).collect();
+        let places: Vec<(f64, f64)> = targets.iter().map(|target| (target.x_m, table.y_m(target.y_m))).collect();
+        let mut points = Vec::with_capacity(7 * targets.len());
+        let mut area = 0.0;
+        for ((own, place), shape) in around(&table.scene, &places, table.wave_m).into_iter().zip(&places).zip(&shapes) {
+            for (x, y, weight) in own {
+                area += weight;
+                let shape = if (x, y) == *place { shape.clone() } else { table.model.shape_at(x, y) };
+                points.push((shape, weight));
+            }
+        }
+        let sum: f64 = points.iter().map(|(_, weight)| weight).sum();
+        for (_, weight) in &mut points {
+            *weight /= sum;
+        }
+        Self { targets: shapes, points, part: (area / table.scene.area_m2()).min(MOST_PART) }
+    }
+
+    /// Mode shapes at the points of the quadrature, and their weights.
+    pub fn points(&self) -> Vec<(&DVector<f64>, f64)> {
+        self.points.iter().map(|(shape, weight)| (shape, *weight)).collect()
+    }
+
+    /// Mean over the zone of |acceleration|^2.
+    #[must_use]
+    pub fn mean_square(&self, acceleration: &DVector<Complex64>) -> f64 {
+        self.points.iter().map(|(shape, weight)| at_point(shape, acceleration).norm_sqr() * weight).sum()
+    }
+
+    /// Means over the zone of conj(a_i) a_j, for several motions.
+    #[must_use]
+    pub fn products(&self, accelerations: &[&DVector<Complex64>]) -> PerPair {
+        let mut sums = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
+        for (shape, weight) in &self.points {
+            let mut at = [Complex64::ZERO; MAX_ACTUATORS];
+            at.iter_mut().zip(accelerations).for_each(|(at, acceleration)| *at = at_point(shape, acceleration));
+            for (row, a) in sums.iter_mut().zip(&at) {
+                for (sum, b) in row.iter_mut().zip(&at) {
+                    *sum += a.conj() * b * *weight;
+                }
+            }
+        }
+        sums
+    }
+
+    /// Mean over the zone of |acceleration|.
+    #[must_use]
+    pub fn mean(&self, acceleration: &DVector<Complex64>) -> f64 {
+        self.points.iter().map(|(shape, weight)| at_point(shape, acceleration).norm() * weight).sum()
+    }
+
+    /// Mean square over the rest of the surface, of what has a mean square of `near` here and one of `all` over the whole.
+    #[must_use]
+    pub fn elsewhere(&self, all: f64, near: f64) -> f64 {
+        // The difference may round to nothing on a surface that is all target; it stays positive.
+        ((all - self.part * near) / (1.0 - self.part)).max(1e-9 * all).max(f64::MIN_POSITIVE)
+    }
+}
