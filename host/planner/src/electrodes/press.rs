@@ -104,7 +104,9 @@ pub fn pressed(
     }
     let loose: Vec<usize> = (0..p).filter(|i| given[*i].is_infinite() && all[*i].is_finite()).collect();
     let springs = steady.as_ref().ok().filter(|_| !loose.is_empty()).and_then(|steady| {
-        let pressed_m: Vec<Vec<f64>> = (0..p).map(|i| displaced(scene, model, grid, &steady[i], force_n)).collect();
+        let pressed_m: Vec<Vec<f64>> = (0..p)
+            .map(|i| displaced(scene, model, grid, &steady[i]).into_iter().map(|z| force_n * z.re).collect())
+            .collect();
         let receptance = travel_receptance(model, steady);
         let pulls_n: Vec<f64> = (0..p).map(|i| taken[i] * electrodes[i].gap_m * pull(TRAVEL_PART)).collect();
         let most_m: Vec<f64> = electrodes.iter().take(p).map(|own| TRAVEL_PART * own.gap_m).collect();
@@ -139,17 +141,17 @@ fn furthest(scene: &Scene, model: &ReducedModel, grid: &SurfaceGrid, q: &DVector
         Some(actuator) => (scene.actuators[actuator].x_m, scene.actuators[actuator].y_m),
         None => (grid.x_m[point % columns], grid.y_m[point / columns]),
     };
-    let moved = displaced(scene, model, grid, q, 1.0).into_iter().map(f64::abs).enumerate();
+    let moved = displaced(scene, model, grid, q).into_iter().map(Complex64::norm).enumerate();
     // Of equals the first.
     let (point, most) = moved.fold((0, 0.0), |best, next| if next.1 > best.1 { next } else { best });
     (at(point), most)
 }
 
-/// The steady motion with these coordinates at the grid's points, 0 in cut-outs, and at the actuators, times `factor`.
-fn displaced(scene: &Scene, model: &ReducedModel, grid: &SurfaceGrid, q: &DVector<Complex64>, factor: f64) -> Vec<f64> {
-    let on_grid = grid.field(q).into_iter().zip(&grid.there).map(|(z, there)| if *there { z.re } else { 0.0 });
-    let at_actuators = scene.actuators.iter().map(|own| at_point(&model.shape_at(own.x_m, own.y_m), q).re);
-    on_grid.chain(at_actuators).map(|x| factor * x).collect()
+/// The steady motion with these coordinates at the grid's points, 0 in cut-outs, and at the actuators.
+fn displaced(scene: &Scene, model: &ReducedModel, grid: &SurfaceGrid, q: &DVector<Complex64>) -> Vec<Complex64> {
+    let on_grid = grid.field(q).into_iter().zip(&grid.there).map(|(z, there)| if *there { z } else { Complex64::ZERO });
+    let at_actuators = scene.actuators.iter().map(|own| at_point(&model.shape_at(own.x_m, own.y_m), q));
+    on_grid.chain(at_actuators).collect()
 }
 
 /// What the electrodes take off each spring at rest at the highest voltages, in N/m; of that no more than plans are allowed.
