@@ -20,9 +20,13 @@ impl PlanTable {
         let Some(([middle, coarse], estimator)) = &self.coarser else {
             return Bound::Unknown("no coarser model was made to compare with");
         };
+        let gap_m = self.electrodes.get(actuator).map_or(0.0, |own| own.gap_m);
         let Some(pressed) = self.pressed.get(actuator).filter(|pressed| pressed.alone_m > 0.0) else {
             return Bound::Unknown("nothing is moved");
         };
+        if pressed.alone_m > gap_m {
+            return Bound::Unknown("the mass is on its electrode long before");
+        }
         let at = |model: &ReducedModel| {
             let q = Solver::new(model).coordinates(STATIC_HZ).ok()?;
             Some(at_point(&model.shape_at(pressed.at_m.0, pressed.at_m.1), q.get(actuator)?))
