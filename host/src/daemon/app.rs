@@ -2,6 +2,7 @@
 
 use super::active::{Active, Touched, Update};
 use super::asked::Asked;
+use super::grow::Weaker;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
@@ -14,7 +15,7 @@ use crate::device::{DriveOrder, EffectOrder, LinkError, OpenDevice, Session, Ses
 use crate::effects::{Design, DesignError, Intensity, design, plan_with};
 use crate::planner::drive::SiDrive;
 use crate::planner::limitation::Limitation;
-use crate::planner::moving::fitted;
+use crate::planner::moving::{fitted, grown};
 use crate::planner::succession::Swing;
 use crate::planner::trade::Trade;
 use crate::planner::{Drive, Plan, PlanTable, Request};
@@ -52,6 +53,16 @@ pub struct App {
 pub(super) struct Prepared {
     pub(super) swing: Swing,
     pub(super) kind: Kind,
+}
+
+/// What has begun.
+pub(super) struct Begun {
+    /// What the device achieves.
+    pub(super) device: serde_json::Value,
+    /// When it ends.
+    pub(super) until: Instant,
+    /// [`Turn::drives`].
+    pub(super) begun: u64,
 }
 
 pub(super) enum Kind {
@@ -114,15 +125,15 @@ impl App {
     }
 
     /// The same with when it ends.
-    pub(super) fn active_until(&self) -> Option<(Arc<Active>, Instant)> {
+    fn active_until(&self) -> Option<(Arc<Active>, Instant)> {
         let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
         active.take_if(|(_, until)| Instant::now() >= *until);
         active.clone()
     }
 
-    /// The turn of plan `id` once more, which is being driven; `None` if there is a newer one.
-    pub(super) async fn turn_again(&self, id: u64) -> Option<Turn<'_>> {
-        self.turns.again(id, || board(&self.session.snapshots().borrow())).await
+    /// [`Turns::again`].
+    pub(super) async fn turn_again(&self, id: u64, begun: u64) -> Option<Turn<'_>> {
+        self.turns.again(id, begun, || board(&self.session.snapshots().borrow())).await
     }
 
     /// What a changed scene would do; drives nothing.
@@ -218,43 +229,60 @@ impl App {
         let is_stopped = || self.session.stops() != stops;
         let turn = self.turns.take(id, &prepared.swing, prepared.drives(&plan), board, release, is_stopped).await?;
         let whole = plan.clone();
-        let (plan, prepared) = tokio::task::block_in_place(|| self.fitted(&turn, plan, prepared, manner))?;
+        let (part, (plan, prepared)) = tokio::task::block_in_place(|| self.fitted(&turn, plan, prepared, manner))?;
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
             sim.set_probe(self.table.model.shape_at(target.x_mm / 1e3, target.y_mm / 1e3));
         }
-        let (mut device, until) = self.begun(&turn, stops, &plan, &prepared).await?;
+        let Begun { mut device, until, begun } = self.begun(&turn, stops, &plan, &prepared).await?;
         if let (Some(delayed), Some(map)) = (turn.delayed(), device.as_object_mut()) {
             map.insert("delayed_ms".into(), (delayed.as_secs_f64() * 1e3).into());
         }
         drop(turn);
         let active = self.shown(id, plan, touches, device.get("effect").cloned());
         self.activate(&active, until, stops)?;
-        if matches!(manner, Manner::Hold(_)) && active.plan.plan().drives != whole.drives {
-            self.grow_later(id, stops, whole);
+        if matches!(manner, Manner::Hold(_)) && part < 1.0 {
+            self.grow_later(Weaker { begun, stops, part, active: Arc::clone(&active), whole });
         }
         Ok(Touched { active, device, stretches: None, trade: None })
     }
 
-    /// A plan as strong as there is room for on top of what is left of the touches before.
-    pub(super) fn fitted(
+    /// A plan as strong as there is room for on top of what is left of the touches before, and the part of its forces that this is.
+    fn fitted(
         &self,
         turn: &Turn<'_>,
         plan: Plan,
         prepared: Prepared,
         manner: Manner,
-    ) -> Result<(Plan, Prepared), Problem> {
+    ) -> Result<(f64, (Plan, Prepared)), Problem> {
         let whole = plan.clone();
         let weaker = |part: f64| {
             tracing::info!(plan = turn.id(), part, "weaker, for what is left of the touches before");
-            let plan = self.table.weaker(&whole, part)?;
-            let prepared = self.prepared(&plan, part, manner)?;
-            Ok((plan, prepared))
+            self.of_part(&whole, part, manner)
         };
         fitted((plan, prepared), weaker, |(plan, prepared)| turn.part(&prepared.swing, prepared.drives(plan)))
     }
 
+    /// More of a plan than the `part` of its forces that is driven, if there is room for that ([`grown`]).
+    pub(super) fn grown(
+        &self,
+        turn: &Turn<'_>,
+        part: f64,
+        whole: &Plan,
+        manner: Manner,
+    ) -> Result<Option<(f64, (Plan, Prepared))>, Problem> {
+        let of_part = |part: f64| self.of_part(whole, part, manner);
+        grown(part, of_part, |(plan, prepared)| turn.part(&prepared.swing, prepared.drives(plan)))
+    }
+
+    /// A plan with a part of its forces.
+    fn of_part(&self, whole: &Plan, part: f64, manner: Manner) -> Result<(Plan, Prepared), Problem> {
+        let plan = if part < 1.0 { self.table.weaker(whole, part)? } else { whole.clone() };
+        let prepared = self.prepared(&plan, part, manner)?;
+        Ok((plan, prepared))
+    }
+
     /// What it takes to drive a plan that has `part` of the forces first planned.
-    pub(super) fn prepared(&self, plan: &Plan, part: f64, manner: Manner) -> Result<Prepared, Problem> {
+    fn prepared(&self, plan: &Plan, part: f64, manner: Manner) -> Result<Prepared, Problem> {
         let (swing, kind) = match manner {
             Manner::Hold(hold) => (self.table.swing(plan), Kind::Hold(hold)),
             Manner::Effect(request) => {
@@ -276,14 +304,14 @@ impl App {
         Ok(Prepared { swing: swing.ok_or_else(untold)?, kind })
     }
 
-    /// Has the device drive what it is the turn of; what it achieves, and when it ends.
+    /// Has the device drive what it is the turn of.
     pub(super) async fn begun(
         &self,
         turn: &Turn<'_>,
         stops: u64,
         plan: &Plan,
         prepared: &Prepared,
-    ) -> Result<(serde_json::Value, Instant), Problem> {
+    ) -> Result<Begun, Problem> {
         let Prepared { swing, kind } = prepared;
         let planned = prepared.drives(plan);
         let id = turn.id();
@@ -301,15 +329,17 @@ impl App {
                 played.map(|played| (super::view::played(plan, design, &played), played.start + played.length))
             }
         };
-        match &begun {
-            Ok((_, until)) => turn.drives(swing, planned, *until),
-            // Whether the device has heard of it is not known.
-            Err(SessionError::Link(error)) if !matches!(error, LinkError::Refused(_) | LinkError::TooOld { .. }) => {
-                turn.drives(swing, planned, Instant::now());
+        match begun {
+            Ok((device, until)) => Ok(Begun { device, until, begun: turn.drives(swing, planned, until) }),
+            Err(error) => {
+                // Whether the device has heard of it is not known.
+                if matches!(&error, SessionError::Link(error) if !matches!(error, LinkError::Refused(_) | LinkError::TooOld { .. }))
+                {
+                    turn.drives(swing, planned, Instant::now());
+                }
+                Err(error.into())
             }
-            Err(_) => {}
         }
-        Ok(begun?)
     }
 
     /// Drops touches that wait for what is left of those before: there is something newer.
@@ -348,17 +378,31 @@ impl App {
             if self.session.stops() != stops {
                 return Err(SessionError::Stopped);
             }
-            let known = active.as_ref().map(|(known, until)| (known.id, *until));
-            if known.is_some_and(|(known, _)| known > plan.id) {
+            if active.as_ref().is_some_and(|(known, _)| known.id > plan.id) {
                 return Ok(());
             }
-            // One that is shown again may have been released meanwhile.
-            let until = known.filter(|(known, _)| *known == plan.id).map_or(until, |(_, known)| known.min(until));
             *active = Some((Arc::clone(plan), until));
         }
         // Nobody listening is no error.
         let _ = self.updates.send(Update::Plan(Arc::clone(plan)));
         Ok(())
+    }
+
+    /// When what is shown ends; `None` if it has ended or something else is shown.
+    pub(super) fn until(&self, shown: &Arc<Active>) -> Option<Instant> {
+        self.active_until().filter(|(active, _)| Arc::ptr_eq(active, shown)).map(|(_, until)| until)
+    }
+
+    /// Shows `newer` in place of what is shown, until the same time; `None` if that has ended or something else is shown.
+    pub(super) fn replace(&self, shown: &Arc<Active>, newer: &Arc<Active>) -> Option<Instant> {
+        let until = {
+            let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
+            let (active, until) = active.as_mut().filter(|(active, _)| Arc::ptr_eq(active, shown))?;
+            *active = Arc::clone(newer);
+            *until
+        };
+        let _ = self.updates.send(Update::Plan(Arc::clone(newer)));
+        Some(until)
     }
 
     /// Ends the drive of plan `id` at `when`: its fingers have been lifted.

@@ -1,61 +1,78 @@
 //! Touches that began weaker, for what was left of those before: while they are held they grow with the room there is.
 
-use super::app::App;
+use super::active::Active;
+use super::app::{App, Begun};
 use super::touch::Manner;
 use crate::planner::Plan;
-use crate::planner::moving::{NEXT_LOOK_S, grows};
+use crate::planner::moving::NEXT_LOOK_S;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
+/// A touch that has begun with less.
+pub(super) struct Weaker {
+    /// Its drives are the last that have begun for as long as this is what `Turn::drives` said.
+    pub(super) begun: u64,
+    /// `Session::stops` when it was asked for.
+    pub(super) stops: u64,
+    /// The part of the whole plan's forces that is driven.
+    pub(super) part: f64,
+    /// What is shown of it.
+    pub(super) active: Arc<Active>,
+    /// The plan first made.
+    pub(super) whole: Plan,
+}
+
 impl App {
-    /// Drives plan `id`, which has begun with less, as `whole` as soon as there is room for that.
-    pub(super) fn grow_later(self: &Arc<Self>, id: u64, stops: u64, whole: Plan) {
-        tokio::spawn(grow(Arc::downgrade(self), id, stops, whole));
+    /// Drives the whole plan as soon as there is room for that, and before that as much as there is room for.
+    pub(super) fn grow_later(self: &Arc<Self>, weaker: Weaker) {
+        tokio::spawn(grow(Arc::downgrade(self), weaker));
     }
 
-    /// One look; whether there is to be another.
-    async fn grow(self: &Arc<Self>, id: u64, stops: u64, whole: &Plan) -> bool {
-        let Some((active, until)) = self.active_until().filter(|(active, _)| active.id == id) else { return false };
-        let left = until.saturating_duration_since(Instant::now());
+    /// One look; what there is to look after then, `None` at the end: it is whole, or nobody wants it any more.
+    async fn grow(self: &Arc<Self>, mut weaker: Weaker) -> Option<Weaker> {
+        let id = weaker.active.id;
+        let left = self.until(&weaker.active)?.saturating_duration_since(Instant::now());
         if left.as_secs_f64() <= NEXT_LOOK_S {
-            return false;
+            return None;
         }
-        let Some(turn) = self.turn_again(id).await else { return false };
-        let hold = Manner::Hold(left);
-        let fitted = tokio::task::block_in_place(|| {
-            let prepared = self.prepared(whole, 1.0, hold)?;
-            self.fitted(&turn, whole.clone(), prepared, hold)
-        });
-        let Ok((plan, prepared)) = fitted else { return false };
-        let is_whole = plan.drives == whole.drives;
-        if !grows([active.plan.plan(), &plan, whole].map(|plan| plan.drives.as_slice())) {
-            return true;
-        }
-        let begun = self.begun(&turn, stops, &plan, &prepared).await;
-        drop(turn);
-        if begun.is_err() {
-            return false;
-        }
-        let shown = self.shown(id, plan, &active.touches, None);
-        // A finger may have been lifted meanwhile.
-        let lifted = match self.active_until() {
-            Some((active, now)) if active.id == id => now,
-            _ => Instant::now(),
+        let turn = self.turn_again(id, weaker.begun).await?;
+        let grown = tokio::task::block_in_place(|| self.grown(&turn, weaker.part, &weaker.whole, Manner::Hold(left)));
+        let (part, (plan, prepared)) = match grown {
+            Ok(Some(grown)) => grown,
+            Ok(None) => return Some(weaker),
+            Err(problem) => {
+                tracing::info!(plan = id, "stays weaker: {}", problem.detail());
+                return None;
+            }
         };
-        if lifted < until {
-            self.release(id, lifted);
-        }
-        self.activate(&shown, until, stops).is_ok() && !is_whole
+        let shown = self.shown(id, plan.clone(), &weaker.active.touches, None);
+        // A finger may have been lifted meanwhile; from here to the new drives' end it is looked at again below.
+        self.until(&weaker.active)?;
+        let Begun { begun, .. } = match self.begun(&turn, weaker.stops, &plan, &prepared).await {
+            Ok(begun) => begun,
+            Err(problem) => {
+                tracing::info!(plan = id, "stays weaker: {}", problem.detail());
+                return None;
+            }
+        };
+        let until = self.replace(&weaker.active, &shown);
+        // The drives that have just begun do not know of an end that came while they were on their way.
+        self.release(id, until.unwrap_or_else(Instant::now));
+        drop(turn);
+        until?;
+        (weaker.begun, weaker.part, weaker.active) = (begun, part, shown);
+        (part < 1.0).then_some(weaker)
     }
 }
 
 /// Holds the daemon only while it looks, so that it can end in between.
-async fn grow(app: Weak<App>, id: u64, stops: u64, whole: Plan) {
+async fn grow(app: Weak<App>, mut weaker: Weaker) {
     loop {
         tokio::time::sleep(Duration::from_secs_f64(NEXT_LOOK_S)).await;
         let Some(app) = app.upgrade() else { return };
-        if !app.grow(id, stops, &whole).await {
-            return;
+        match app.grow(weaker).await {
+            Some(left) => weaker = left,
+            None => return,
         }
     }
 }

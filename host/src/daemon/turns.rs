@@ -86,11 +86,13 @@ impl Turns {
         Ok(turn(board(), Instant::now(), Some(now), newest))
     }
 
-    /// A turn for the plan that is being driven, to change it; `None` if there is a newer one.
-    pub async fn again(&self, id: u64, board: impl Fn() -> Board) -> Option<Turn<'_>> {
+    /// A turn for plan `id`, to change its drives, which were the `begun`th to begin ([`Turn::drives`]); `None` if others have begun
+    /// since or are to, or if the board has gone off.
+    pub async fn again(&self, id: u64, begun: u64, board: impl Fn() -> Board) -> Option<Turn<'_>> {
         let newest = self.overtake(id).await.ok()?;
-        let is_driven = self.moving().driven() == Some(id);
-        is_driven.then(|| Turn { turns: self, id, board: board(), since: Instant::now(), waits: None, _newest: newest })
+        let board = board();
+        let is_driven = self.moving().begun() == begun && board != Board::Down;
+        is_driven.then(|| Turn { turns: self, id, board, since: Instant::now(), waits: None, _newest: newest })
     }
 
     /// Ends the turns of older plans than `id`.
@@ -155,10 +157,12 @@ impl Turn<'_> {
         self.waits.map(|since| since.elapsed())
     }
 
-    /// The drives have begun, since it is this one's turn, and will end at `until`.
-    pub fn drives(&self, swing: &Swing, drives: Option<&[Drive]>, until: Instant) {
+    /// The drives have begun, since it is this one's turn, and will end at `until`. How many have begun until now.
+    pub fn drives(&self, swing: &Swing, drives: Option<&[Drive]>, until: Instant) -> u64 {
         let turns = self.turns;
-        turns.moving().begin(self.id, swing, drives, self.board, turns.s(self.since), turns.s(until));
+        let mut moving = turns.moving();
+        moving.begin(self.id, swing, drives, self.board, turns.s(self.since), turns.s(until));
+        moving.begun()
     }
 }
 

@@ -5,7 +5,7 @@ use super::bench::Bench;
 use crate::daemon::wire_drives;
 use crate::device::convert::to_wire;
 use crate::device::sim::{Clock, Panel, SimBoard};
-use crate::planner::moving::{Board, Ending, Moving, NEXT_LOOK_S, Room, fitted, grows};
+use crate::planner::moving::{Board, Ending, Moving, NEXT_LOOK_S, Room, fitted, grown};
 use crate::planner::succession::Swing;
 use crate::planner::{Plan, PlanTable};
 use era_shared::MAX_CHANNELS;
@@ -58,17 +58,10 @@ pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order
     let mut turned = Vec::with_capacity(turns.len());
     for (id, Turn { plan, hold_s, pause_s }) in (0..).zip(turns) {
         let whole_swing = table.swing(plan).ok_or(VerifyError::Unknown)?;
-        let fit = |moving: &Moving, now_s: f64, board: Board| match order {
-            Order::Plainly => Ok(((*plan).clone(), whole_swing.clone())),
-            Order::AsItFits => {
-                let weaker = |part: f64| {
-                    let plan = table.weaker(plan, part)?;
-                    let swing = table.swing(&plan).ok_or(VerifyError::Unknown)?;
-                    Ok::<_, VerifyError>((plan, swing))
-                };
-                let room = |(plan, swing): &(Plan, Swing)| moving.part(swing, Some(&plan.drives), now_s, board);
-                fitted(((*plan).clone(), whole_swing.clone()), weaker, room)
-            }
+        let of_part = |part: f64| {
+            let plan = if part < 1.0 { table.weaker(plan, part)? } else { (*plan).clone() };
+            let swing = table.swing(&plan).ok_or(VerifyError::Unknown)?;
+            Ok::<_, VerifyError>((plan, swing))
         };
         let room = match order {
             Order::Plainly => Room::ALL,
@@ -90,23 +83,24 @@ pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order
         if board == Board::Down {
             bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
         }
-        let force_n = |plan: &Plan| plan.drives.iter().map(|drive| drive.force_n).sum::<f64>();
-        let (mut driven, mut parts, mut left_s): (Option<Plan>, _, _) = (None, Vec::new(), *hold_s);
+        let (mut parts, mut left_s) = (Vec::new(), *hold_s);
         let end_s = if *pause_s > 0.0 { bench.time_s() + hold_s } else { f64::INFINITY };
         while left_s > 0.0 {
             let now_s = bench.time_s();
-            let is_whole = driven.as_ref().is_some_and(|driven| driven.drives == plan.drives);
-            if !is_whole {
-                let (next, swing) = fit(&moving, now_s, board)?;
-                let is_worth = |driven: &Plan| grows([driven, &next, plan].map(|plan| plan.drives.as_slice()));
-                if driven.as_ref().is_none_or(is_worth) {
-                    bench.ask(&Request::SetDrives { drives: wire_drives(&next).iter().map(to_wire).collect() })?;
-                    moving.begin(id, &swing, Some(&next.drives), board, now_s, end_s);
-                    parts.push(if force_n(plan) > 0.0 { force_n(&next) / force_n(plan) } else { 1.0 });
-                    driven = Some(next);
-                    board = Board::Driving;
-                }
+            let fits = |(plan, swing): &(Plan, Swing)| moving.part(swing, Some(&plan.drives), now_s, board);
+            let next = match (parts.last(), order) {
+                (None, Order::Plainly) => Some((1.0, of_part(1.0)?)),
+                (None, Order::AsItFits) => Some(fitted(of_part(1.0)?, of_part, fits)?),
+                (Some(part), _) if *part < 1.0 => grown(*part, of_part, fits)?,
+                (Some(_), _) => None,
+            };
+            if let Some((part, (next, swing))) = next {
+                bench.ask(&Request::SetDrives { drives: wire_drives(&next).iter().map(to_wire).collect() })?;
+                moving.begin(id, &swing, Some(&next.drives), board, now_s, end_s);
+                parts.push(part);
+                board = Board::Driving;
             }
+            let is_whole = parts.last().is_some_and(|part| *part >= 1.0);
             let step_s = if is_whole { left_s } else { left_s.min(NEXT_LOOK_S) };
             bench.run_for(step_s)?;
             left_s -= step_s;

@@ -27,14 +27,17 @@ const SAME_S: f64 = 9.5;
 const RISEN_S: f64 = 0.25;
 /// Time in s after which drives that began weaker are looked at again: free motions decay within some tenths of a second.
 pub const NEXT_LOOK_S: f64 = 0.02;
-/// Part of the missing force that a step has to bring.
-const WORTH_GROWING: f64 = 0.3;
+/// Parts of the missing force that a step may bring. Each swings up itself, so that next to a limit there is room for some four tenths;
+/// less is not worth one.
+const GROWS_BY: [f64; 3] = [1.0, 0.6, 0.3];
 /// Halvings of a wait or of a part: to 30 us and less than a thousandth.
 const HALVINGS: u32 = 10;
 /// Parts of the forces of a change that are looked at.
 const PARTS: u32 = 20;
 /// Part of the room that is taken where a first try was not enough.
 const SURELY: f64 = 0.98;
+/// How often no more than that is taken away.
+const NEARBY: u32 = 3;
 /// Part of a plan's forces below which nothing is driven: 40 dB less than was asked for.
 const LEAST_PART: f64 = 0.01;
 /// Distance in Hz within which two frequencies may be one to the board's timers, which then has one phase.
@@ -92,6 +95,8 @@ pub struct Moving {
     /// Since when nothing is driven, in s.
     off_since_s: f64,
     current: Option<Current>,
+    /// How often drives have begun.
+    begun: u64,
 }
 
 #[derive(Clone, Debug)]
@@ -216,6 +221,7 @@ impl Moving {
             ending: Vec::new(),
             off_since_s: f64::NEG_INFINITY,
             current: None,
+            begun: 0,
         }
     }
 
@@ -296,6 +302,7 @@ impl Moving {
     /// Drives begin at `now_s`, in place of any others, while the board does what [`Moving::room`] was told, and end at
     /// `until_s` unless they are told otherwise.
     pub fn begin(&mut self, id: u64, swing: &Swing, drives: Option<&[Drive]>, board: Board, now_s: f64, until_s: f64) {
+        self.begun += 1;
         if board == Board::Driving
             && self.continues(drives, now_s)
             && let Some(current) = &mut self.current
@@ -345,6 +352,12 @@ impl Moving {
         if let Some(current) = self.current.as_mut().filter(|current| current.id == id) {
             current.until_s = current.until_s.min(when_s);
         }
+    }
+
+    /// How often drives have begun: who has seen it knows later whether something else has begun since.
+    #[must_use]
+    pub const fn begun(&self) -> u64 {
+        self.begun
     }
 
     /// What is driven, whether or not it has ended by itself.
@@ -402,34 +415,50 @@ impl Moving {
     }
 }
 
-/// `whole`, or what `weaker` makes of it for a part of its forces, so that there is room for all of it, as `room` says.
+/// `whole`, or what `weaker` makes of it for a part of its forces, so that there is room for all of it, as `room` says; with that part.
 ///
 /// # Errors
 /// Those of `weaker`.
-pub fn fitted<T, E>(whole: T, weaker: impl Fn(f64) -> Result<T, E>, room: impl Fn(&T) -> f64) -> Result<T, E> {
-    let (mut fitted, mut part, mut sure) = (whole, 1.0, 1.0);
-    loop {
+pub fn fitted<T, E>(whole: T, weaker: impl Fn(f64) -> Result<T, E>, room: impl Fn(&T) -> f64) -> Result<(f64, T), E> {
+    let (mut fitted, mut part) = (whole, 1.0);
+    for tries in 0_u32.. {
         let left = room(&fitted);
         if left >= 1.0 || part <= 0.0 {
-            return Ok(fitted);
+            break;
         }
-        part *= sure * left;
-        // As electrodes soften less, a weaker plan is not just a smaller one, and the first try may not be enough.
-        sure = SURELY;
+        part *= match tries {
+            0 => left,
+            // As electrodes soften less, a weaker plan is not just a smaller one. What is nearly what is driven now may still have room
+            // a little lower, and next to none much lower.
+            1..=NEARBY => SURELY,
+            _ => SURELY * left,
+        };
         if part < LEAST_PART {
             part = 0.0;
         }
         fitted = weaker(part)?;
     }
+    Ok((part, fitted))
 }
 
-/// Whether drives that began weaker should be changed to others: from these, to these, as a part of those first planned. Each step swings
-/// up itself, so that next to a limit it brings some four tenths of what is missing.
-#[must_use]
-pub fn grows([from, to, whole]: [&[Drive]; 3]) -> bool {
-    let force_n = |drives: &[Drive]| drives.iter().map(|drive| drive.force_n).sum::<f64>();
-    let [from_n, to_n, whole_n] = [from, to, whole].map(force_n);
-    to == whole || to_n - from_n >= WORTH_GROWING * (whole_n - from_n)
+/// As much more of a plan as there is room for, where a `part` of its forces is driven: the new part and what `of_part` makes for it.
+/// `None` if no step is worth it yet.
+///
+/// # Errors
+/// Those of `of_part`.
+pub fn grown<T, E>(
+    part: f64,
+    of_part: impl Fn(f64) -> Result<T, E>,
+    room: impl Fn(&T) -> f64,
+) -> Result<Option<(f64, T)>, E> {
+    for step in GROWS_BY {
+        let part = 1.0 - (1.0 - step) * (1.0 - part);
+        let grown = of_part(part)?;
+        if room(&grown) >= 1.0 {
+            return Ok(Some((part, grown)));
+        }
+    }
+    Ok(None)
 }
 
 /// Most travel in m with which drives begin on a panel at rest.

@@ -146,11 +146,36 @@ fn weaker_until_there_is_room() {
         tries.borrow_mut().push(part);
         Ok(part)
     };
-    let found = fitted(1.0, weaker, |part: &f64| (0.5 / part.sqrt()).min(1.0)).unwrap();
-    assert!(found <= 0.25 && found > 0.2, "{:?}", tries.borrow());
-    assert_eq!(fitted(1.0, Ok::<_, ()>, |_| 0.0), Ok(0.0));
+    let (part, found) = fitted(1.0, weaker, |part: &f64| (0.5 / part.sqrt()).min(1.0)).unwrap();
+    assert!(found == part && part <= 0.25 && part > 0.2, "{:?}", tries.borrow());
+    assert_eq!(fitted(1.0, Ok::<_, ()>, |_| 0.0), Ok((0.0, 0.0)));
     assert_eq!(fitted(1.0, |_| Err(()), |_| 0.5), Err(()));
-    assert_eq!(fitted(7.0, |_| Err(()), |_| 1.0), Ok(7.0));
+    assert_eq!(fitted(7.0, |_| Err(()), |_| 1.0), Ok((1.0, 7.0)));
+}
+
+/// What is near to what is driven has room, as little is left of the change; what is weaker by much has next to none.
+#[test]
+fn a_narrow_room_is_found() {
+    let room = |part: &f64| match *part {
+        part if part > 0.99 => 0.97,
+        part if part > 0.95 => 0.99,
+        part if part > 0.9 => 1.0,
+        _ => 0.1,
+    };
+    let (part, _) = fitted(1.0, Ok::<_, ()>, room).unwrap();
+    assert!(part > 0.9, "{part}");
+}
+
+/// Growing takes the largest of its steps for which there is room, and never a step back.
+#[test]
+fn a_growing_touch_takes_no_step_back() {
+    let up_to = |most: f64| move |part: &f64| if (0.5..=most).contains(part) { 1.0 } else { 0.2 };
+    let from = |part: f64, most: f64| grown(part, Ok::<_, ()>, up_to(most)).unwrap().map(|(part, _)| part);
+    assert_eq!(from(0.5, 1.0), Some(1.0));
+    assert_eq!(from(0.5, 0.9), Some(0.8));
+    assert_eq!(from(0.5, 0.7), Some(0.65));
+    assert_eq!(from(0.5, 0.6), None);
+    assert_eq!(grown(0.5, |_| Err::<f64, _>(()), |_| 1.0), Err(()));
 }
 
 #[test]
