@@ -40,9 +40,8 @@ fn view(table: &PlanTable, i: usize) -> serde_json::Value {
 
 fn text(table: &PlanTable) -> String {
     let mut text = format!(
-        "{}: a press of {} N where it moves each mass furthest
- actuator            at mm      alone   error at most      sag   held by            gap left   holds
-",
+        "{}: a press of {} N where it moves each mass furthest\n \
+         actuator            at mm      alone   error at most      sag   held by            gap left   holds\n",
         table.scene.name, table.scene.press_n
     );
     for (i, (actuator, pressed)) in table.scene.actuators.iter().zip(&table.pressed).enumerate() {

@@ -5,6 +5,7 @@
 //! for each, and took three quarters of the time of an iteration for 400 modes.)
 
 use nalgebra::DMatrix;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Vectors that are taken together.
 pub(super) const LANES: usize = 4;
@@ -44,7 +45,7 @@ impl Columns {
         for first in (0..vectors.ncols()).step_by(LANES) {
             let lanes = interleaved(vectors, first);
             let mut sums = vec![[0.0; LANES]; self.len()];
-            pulp::Arch::new().dispatch(|| add_inner(&self.values, &lanes, &mut sums));
+            Arch::new().dispatch(AddInner(&self.values, &lanes, &mut sums));
             for (mut column, lane) in out.columns_range_mut(first..).column_iter_mut().zip(0..LANES) {
                 column.iter_mut().zip(&sums).for_each(|(out, sum)| *out = sum[lane]);
             }
@@ -57,7 +58,7 @@ impl Columns {
         for first in (0..vectors.ncols()).step_by(LANES) {
             let mut lanes = interleaved(vectors, first);
             let coefficients = interleaved(coefficients, first);
-            pulp::Arch::new().dispatch(|| subtract(&self.values, &coefficients, &mut lanes));
+            Arch::new().dispatch(Subtract(&self.values, &coefficients, &mut lanes));
             for (mut column, lane) in vectors.columns_range_mut(first..).column_iter_mut().zip(0..LANES) {
                 column.iter_mut().zip(&lanes).for_each(|(out, value)| *out = value[lane]);
             }
@@ -76,6 +77,19 @@ fn interleaved(vectors: &DMatrix<f64>, first: usize) -> Vec<Lanes> {
         out.iter_mut().zip(column.iter()).for_each(|(out, value)| out[lane] = *value);
     }
     out
+}
+
+/// [`add_inner`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
+/// those of the oldest machine.
+struct AddInner<'a>(&'a [f64], &'a [Lanes], &'a mut [Lanes]);
+
+impl WithSimd for AddInner<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        add_inner(self.0, self.1, self.2);
+    }
 }
 
 /// `out[c]` += the sum over places of `values[c]` times `vectors`.
@@ -103,6 +117,19 @@ fn add_inner(values: &[f64], vectors: &[Lanes], out: &mut [Lanes]) {
             }
         }
         out.iter_mut().zip(sums).for_each(|(out, sums)| *out = sums);
+    }
+}
+
+/// [`subtract`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
+/// those of the oldest machine.
+struct Subtract<'a>(&'a [f64], &'a [Lanes], &'a mut [Lanes]);
+
+impl WithSimd for Subtract<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        subtract(self.0, self.1, self.2);
     }
 }
 

@@ -9,6 +9,7 @@ use super::mesh::Lines;
 use super::shape::gauss;
 use super::singular::{Jet, Singular};
 use super::sparse::Entries;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Rectangles touching a singular point are cut until they are this part of the cell, or of the distance of two places whose
 /// functions' difference quotient is a function: frequencies are then right to 1e-11 even
@@ -187,7 +188,7 @@ impl Block {
                         sum[3] += value[a] * inertia;
                     }
                 }
-                pulp::Arch::new().dispatch(|| add_among(&jets, weight, poisson, &mut self.among));
+                Arch::new().dispatch(AddAmong(&jets, weight, poisson, &mut self.among));
             }
             let [value, first, second] = &y.functions[at_y];
             for (sum, out) in along_x.iter().zip(self.with_cell.chunks_exact_mut(n)) {
@@ -197,6 +198,19 @@ impl Block {
                 }
             }
         }
+    }
+}
+
+/// [`add_among`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
+/// those of the oldest machine.
+struct AddAmong<'a>(&'a Jets, f64, f64, &'a mut [Vec<f64>; 2]);
+
+impl WithSimd for AddAmong<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        add_among(self.0, self.1, self.2, self.3);
     }
 }
 

@@ -1,6 +1,8 @@
 //! Gaussian elimination with complex numbers, real and imaginary parts apart: rows are then sums of real rows, which vector
 //! instructions add several numbers at a time.
 
+use pulp::{Arch, Simd, WithSimd};
+
 /// n equations with p right sides, row by row: each row has its n coefficients and its p right sides.
 #[derive(Clone, Debug)]
 pub(super) struct Equations {
@@ -33,7 +35,20 @@ impl Equations {
     /// is zero or no number.
     pub(super) fn solve(&mut self) -> Option<f64> {
         // With the vector instructions that the machine has.
-        pulp::Arch::new().dispatch(|| eliminate(self))
+        Arch::new().dispatch(Eliminate(self))
+    }
+}
+
+/// [`eliminate`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
+/// those of the oldest machine.
+struct Eliminate<'a>(&'a mut Equations);
+
+impl WithSimd for Eliminate<'_> {
+    type Output = Option<f64>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Option<f64> {
+        eliminate(self.0)
     }
 }
 

@@ -7,6 +7,7 @@
 //! above a given sum can be listed without meeting many others.
 
 use crate::scene::MAX_ACTUATORS;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Sums over all sets of actuators and all prefixes of the frequencies.
 #[derive(Clone, Debug, Default)]
@@ -34,6 +35,61 @@ pub fn lags(frequencies_hz: &[f64], spacing_hz: f64) -> Vec<usize> {
         .collect()
 }
 
+/// The larger of two numbers, neither of which is NaN: one instruction, of which `f64::max` takes several.
+#[inline(always)]
+fn raise(most: &mut f64, value: f64) {
+    *most = if value > *most { value } else { *most };
+}
+
+/// Fills the sets, from the smaller ones to the larger ones, for the vector instructions of the machine.
+struct FillSets<'a> {
+    table: &'a mut Assignment,
+    lags: &'a [usize],
+    /// Frequencies before this one have none far enough below.
+    first: usize,
+    /// How many the first of the others has.
+    from: usize,
+    /// Whether each of these has one more than the one before.
+    is_shift: bool,
+}
+
+impl WithSimd for FillSets<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { table: Assignment { actuators, frequencies: f, value, best }, lags, first, from, is_shift } = self;
+        let (actuators, f) = (*actuators, *f);
+        for set in 1..1 << actuators {
+            let (smaller, own) = best.split_at_mut(set * (f + 1));
+            let own = &mut own[..=f];
+            for i in (0..actuators).filter(|i| set >> i & 1 == 1) {
+                let rest = set & !(1 << i);
+                let rest = &smaller[rest * (f + 1)..(rest + 1) * (f + 1)];
+                let value = &value[i * f..(i + 1) * f];
+                for (own, value) in own[1..=first].iter_mut().zip(value) {
+                    raise(own, value + rest[0]);
+                }
+                let (own, value) = (&mut own[first + 1..], &value[first..]);
+                if is_shift {
+                    for ((own, value), rest) in own.iter_mut().zip(value).zip(&rest[from.min(f)..]) {
+                        raise(own, value + rest);
+                    }
+                } else {
+                    for ((own, value), lag) in own.iter_mut().zip(value).zip(&lags[first..]) {
+                        raise(own, value + rest[*lag]);
+                    }
+                }
+            }
+            let mut most = f64::NEG_INFINITY;
+            for entry in own {
+                raise(&mut most, *entry);
+                *entry = most;
+            }
+        }
+    }
+}
+
 impl Assignment {
     /// Fills the table. `value` holds what each actuator contributes at each frequency, actuator by actuator; `lags` is of
     /// [`lags`].
@@ -50,33 +106,7 @@ impl Assignment {
         let first = lags.partition_point(|lag| *lag == 0);
         let from = lags.get(first).copied().unwrap_or(0);
         let is_shift = lags[first..].windows(2).all(|pair| pair[1] == pair[0] + 1);
-        for set in 1..sets {
-            let (smaller, own) = self.best.split_at_mut(set * (f + 1));
-            let own = &mut own[..=f];
-            for i in (0..actuators).filter(|i| set >> i & 1 == 1) {
-                let rest = set & !(1 << i);
-                let rest = &smaller[rest * (f + 1)..(rest + 1) * (f + 1)];
-                let value = &self.value[i * f..(i + 1) * f];
-                for (own, value) in own[1..=first].iter_mut().zip(value) {
-                    *own = own.max(value + rest[0]);
-                }
-                let (own, value) = (&mut own[first + 1..], &value[first..]);
-                if is_shift {
-                    for ((own, value), rest) in own.iter_mut().zip(value).zip(&rest[from.min(f)..]) {
-                        *own = own.max(value + rest);
-                    }
-                } else {
-                    for ((own, value), lag) in own.iter_mut().zip(value).zip(&lags[first..]) {
-                        *own = own.max(value + rest[*lag]);
-                    }
-                }
-            }
-            let mut most = f64::NEG_INFINITY;
-            for entry in own {
-                most = most.max(*entry);
-                *entry = most;
-            }
-        }
+        Arch::new().dispatch(FillSets { table: self, lags, first, from, is_shift });
     }
 
     /// The best sum of the actuators of `set` (a bit each) at the first `upto` frequencies.

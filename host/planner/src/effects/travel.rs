@@ -41,6 +41,9 @@ const USED: f64 = 0.92;
 const OFFSETS: u32 = 2;
 /// What harmonics make of a small travel, as a rule.
 const WITH_HARMONICS: f64 = 2.0;
+/// Part of the travel allowed below which a travel is small: of a third of the gap this is 1/50 of it, where an electrode's force differs
+/// from that in the middle by 4 %.
+const SMALL: f64 = 0.06;
 /// Halvings in the search for a strength that fits: to 1/64.
 const HALVINGS: usize = 6;
 
@@ -177,8 +180,8 @@ fn left_per_n(effect: &Effect, period_s: f64, ringing: &Ringing, after_s: f64) -
 }
 
 /// A bound of all travels in m if they are so small that nothing has to be stepped: of the fundamentals' travel, from the
-/// steady motion and what is left, at its most, of the free motion that every change of level adds, below 1/50 of the gap. The
-/// factor of sixteen from there to a third of it is for harmonics, of a third of the fundamental at most and a resonance of
+/// steady motion and what is left, at its most, of the free motion that every change of level adds, below [`SMALL`]. The
+/// factor of sixteen from there to what is allowed is for harmonics, of a third of the fundamental at most and a resonance of
 /// their own at worst; the bound itself has [`WITH_HARMONICS`].
 fn surely_small(
     all: &[Electrodes],
@@ -196,7 +199,7 @@ fn surely_small(
         });
         let travel = bounds.sum::<Option<f64>>()?;
         let volts = rail_v(all, parts, actuator, 1.0);
-        let is_small = travel < 0.06 * electrodes.most_travel_m() && volts <= electrodes.holds_v(travel);
+        let is_small = travel < SMALL * electrodes.most_travel_m() && volts <= electrodes.holds_v(travel);
         is_small.then_some(WITH_HARMONICS * travel)
     };
     all.iter().enumerate().map(travel).collect()

@@ -11,7 +11,7 @@ use crate::model::ReducedModel;
 use crate::motion::softening::{STATIC_HZ, travel_receptance};
 use crate::response::Solver;
 use crate::scene::{MAX_ACTUATORS, Mount, Scene};
-use crate::table::{SurfaceGrid, at_point};
+use crate::table::{SurfaceGrid, WIDEST, at_point};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use serde::Serialize;
@@ -19,8 +19,6 @@ use stiffer::Loose;
 
 mod stiffer;
 
-/// Widest pulse: the part of a period for which one electrode or the other is on.
-const WIDEST: f64 = 0.96;
 /// Most rounds in which sags are found; each adds at most a part [`HELD`] of the one before.
 const ROUNDS: usize = 100;
 /// Change, as a part of the gap, that counts as none.
@@ -181,8 +179,12 @@ fn sags(
             (0..p)
                 .map(|j| {
                     let u = x[j] / electrodes[j].gap_m;
+                    // One without voltage, or in its middle, pulls nothing, whatever another's spring is.
+                    if taken[j] <= 0.0 || u <= 0.0 {
+                        return 0.0;
+                    }
                     let force_n = if u < 1.0 { taken[j] * electrodes[j].gap_m * pull(u) } else { f64::INFINITY };
-                    if taken[j] > 0.0 && x[j] > 0.0 { static_receptance[i][j] * force_n } else { 0.0 }
+                    static_receptance[i][j] * force_n
                 })
                 .sum()
         };

@@ -290,9 +290,10 @@ pub(super) fn figures_of(field: impl Iterator<Item = Complex64>, grid: &SurfaceG
             let square = z.norm_sqr();
             mean += weight * square.sqrt();
             most = most.max(square);
-            let along = if column > 0 && grid.there[at - 1] { (z - left).norm() / dx } else { 0.0 };
-            let across = if at >= columns && grid.there[at - columns] { (z - above[column]).norm() / dy } else { 0.0 };
-            steepest = steepest.max(along * along + across * across);
+            let along = if column > 0 && grid.there[at - 1] { (z - left).norm_sqr() / (dx * dx) } else { 0.0 };
+            let is_below = at >= columns && grid.there[at - columns];
+            let across = if is_below { (z - above[column]).norm_sqr() / (dy * dy) } else { 0.0 };
+            steepest = steepest.max(along + across);
         }
         (left, above[column]) = (z, z);
     }

@@ -18,7 +18,7 @@ const WIDTHS: [f64; 4] = [PULSE_WIDTH, 0.72, 0.8, 6.0 / 7.0];
 /// Least time between the two electrodes' windows in s: the board's guard of 200 us, and a tenth more for its rounding.
 const GUARD_S: f64 = 220e-6;
 /// No pulse is wider: beyond it nothing is gained (sin(pi w/2) is above 0.998).
-const WIDEST: f64 = 0.96;
+pub const WIDEST: f64 = 0.96;
 /// What the electrodes' pull makes of a motion of switching on that is as large as the gap allows: 1.24 times was seen in the
 /// simulation of random panels.
 pub(crate) const GROWN: f64 = 1.5;

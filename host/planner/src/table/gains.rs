@@ -2,6 +2,7 @@
 
 use super::Entry;
 use nalgebra::DVector;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Frequencies of a block: its sums, 4 kB, stay in the first-level cache while all coordinates are added.
 const BLOCK: usize = 512;
@@ -48,7 +49,7 @@ impl Gains {
         let shape: Vec<f32> = shape.iter().map(|value| single(*value)).collect();
         let mut out = vec![0.0; self.actuators * self.frequencies];
         // With the vector instructions that the machine has.
-        pulp::Arch::new().dispatch(|| squares(self, &shape, &mut out));
+        Arch::new().dispatch(Squares(self, &shape, &mut out));
         out
     }
 }
@@ -83,8 +84,21 @@ impl Gains {
     pub fn mean_squares(&self, points: &[(&DVector<f64>, f64)], needed: &[bool]) -> Vec<f64> {
         let groups: Vec<Four> = points.chunks(POINTS).map(Four::of).collect();
         let mut out = vec![0.0; self.actuators * self.frequencies];
-        pulp::Arch::new().dispatch(|| mean_squares(self, &groups, needed, &mut out));
+        Arch::new().dispatch(MeanSquares(self, &groups, needed, &mut out));
         out
+    }
+}
+
+/// [`mean_squares`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
+/// those of the oldest machine.
+struct MeanSquares<'a>(&'a Gains, &'a [Four], &'a [bool], &'a mut [f64]);
+
+impl WithSimd for MeanSquares<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        mean_squares(self.0, self.1, self.2, self.3);
     }
 }
 
@@ -145,6 +159,19 @@ fn lanes(values: &[f32]) -> [f32; LANES] {
             padded.iter_mut().zip(values).for_each(|(padded, value)| *padded = *value);
             padded
         }
+    }
+}
+
+/// [`squares`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
+/// those of the oldest machine.
+struct Squares<'a>(&'a Gains, &'a [f32], &'a mut [f64]);
+
+impl WithSimd for Squares<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        squares(self.0, self.1, self.2);
     }
 }
 

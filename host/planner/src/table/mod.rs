@@ -10,6 +10,7 @@ mod rough;
 pub(super) mod stored;
 
 pub use entry::{Entry, HARMONICS, Width, at_point};
+pub use forces::WIDEST;
 pub(super) use forces::{GROWN, harmonic_part, harmonics_m_per_n, travel_by, travel_m_per_n};
 pub use gains::{Gains, SINGLE};
 pub use grid::SurfaceGrid;

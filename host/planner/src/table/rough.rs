@@ -3,6 +3,7 @@
 use super::{Entry, SINGLE};
 use crate::TARGET_RADIUS_M;
 use crate::scene::{Scene, SurfaceKind};
+use pulp::{Arch, Simd, WithSimd};
 
 /// Of every actuator at every frequency, actuator by actuator: a lower bound of the mean square elsewhere, in terms of the
 /// magnitude h at the target, base - slope h - square h^2, but `least` in any case; in (m/s^2/N)^2.
@@ -59,14 +60,7 @@ impl Rough {
     #[must_use]
     pub fn efficiencies(&self, squares: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; squares.len()];
-        pulp::Arch::new().dispatch(|| {
-            let ends = self.least.iter().zip(&self.whole);
-            let bounds = self.base.iter().zip(&self.slope).zip(ends.zip(&self.max_force_n));
-            for ((out, square), ((base, slope), ((least, whole), force))) in out.iter_mut().zip(squares).zip(bounds) {
-                let energy = (base - slope * square.sqrt() - self.square * square).max(*least).min(*whole);
-                *out = if *force > 0.0 { square / energy } else { 0.0 };
-            }
-        });
+        Arch::new().dispatch(Efficiencies(self, squares, &mut out));
         out
     }
 
@@ -109,16 +103,55 @@ impl Rough {
     #[must_use]
     pub fn earnings(&self, squares: &[f64], efficiencies: &[f64], lambda: f64) -> Vec<f64> {
         let mut out = vec![0.0; squares.len()];
-        pulp::Arch::new().dispatch(|| {
-            let known = squares.iter().zip(efficiencies).zip(&self.max_force_n);
-            for (out, ((square, efficiency), force)) in out.iter_mut().zip(known) {
-                // With e = h^2 / E: free lambda^2 e / 4 at u = lambda e / 2h; at the limit lambda h U - h^2 U^2 / e.
-                let reach = square.sqrt() * force;
-                let is_limited = 0.5 * lambda * efficiency > reach;
-                let limited = lambda * reach - reach * reach / efficiency;
-                *out = if is_limited { limited } else { 0.25 * lambda * lambda * efficiency };
-            }
-        });
+        Arch::new().dispatch(Earnings(self, squares, efficiencies, lambda, &mut out));
         out
+    }
+}
+
+/// [`efficiencies`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
+/// those of the oldest machine.
+struct Efficiencies<'a>(&'a Rough, &'a [f64], &'a mut [f64]);
+
+impl WithSimd for Efficiencies<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        efficiencies(self.0, self.1, self.2);
+    }
+}
+
+#[inline(always)]
+fn efficiencies(rough: &Rough, squares: &[f64], out: &mut [f64]) {
+    let ends = rough.least.iter().zip(&rough.whole);
+    let bounds = rough.base.iter().zip(&rough.slope).zip(ends.zip(&rough.max_force_n));
+    for ((out, square), ((base, slope), ((least, whole), force))) in out.iter_mut().zip(squares).zip(bounds) {
+        let energy = (base - slope * square.sqrt() - rough.square * square).max(*least).min(*whole);
+        *out = if *force > 0.0 { square / energy } else { 0.0 };
+    }
+}
+
+/// [`earnings`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
+/// those of the oldest machine.
+struct Earnings<'a>(&'a Rough, &'a [f64], &'a [f64], f64, &'a mut [f64]);
+
+impl WithSimd for Earnings<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        earnings(self.0, self.1, self.2, self.3, self.4);
+    }
+}
+
+#[inline(always)]
+fn earnings(rough: &Rough, squares: &[f64], efficiencies: &[f64], lambda: f64, out: &mut [f64]) {
+    let known = squares.iter().zip(efficiencies).zip(&rough.max_force_n);
+    for (out, ((square, efficiency), force)) in out.iter_mut().zip(known) {
+        // With e = h^2 / E: free lambda^2 e / 4 at u = lambda e / 2h; at the limit lambda h U - h^2 U^2 / e.
+        let reach = square.sqrt() * force;
+        let is_limited = 0.5 * lambda * efficiency > reach;
+        let limited = lambda * reach - reach * reach / efficiency;
+        *out = if is_limited { limited } else { 0.25 * lambda * lambda * efficiency };
     }
 }

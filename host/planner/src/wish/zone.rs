@@ -7,6 +7,7 @@ use crate::table::{PlanTable, at_point};
 use crate::wish::request::Target;
 use nalgebra::DVector;
 use num_complex::Complex64;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Largest part of the surface that targets take: discs may cover a small surface whole; some of it is always "elsewhere".
 const MOST_PART: f64 = 0.9;
@@ -53,7 +54,7 @@ impl Zone {
     /// Mean over the zone of |acceleration|^2.
     #[must_use]
     pub fn mean_square(&self, acceleration: &DVector<Complex64>) -> f64 {
-        self.points.iter().map(|(shape, weight)| at_point(shape, acceleration).norm_sqr() * weight).sum()
+        Arch::new().dispatch(MeanSquare(&self.points, acceleration))
     }
 
     /// Means over the zone of conj(a_i) a_j, for several motions.
@@ -84,4 +85,26 @@ impl Zone {
         // The difference may round to nothing on a surface that is all target; it stays positive.
         ((all - self.part * near) / (1.0 - self.part)).max(1e-9 * all).max(f64::MIN_POSITIVE)
     }
+}
+
+/// [`mean_square`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
+/// those of the oldest machine.
+struct MeanSquare<'a>(&'a [(DVector<f64>, f64)], &'a DVector<Complex64>);
+
+impl WithSimd for MeanSquare<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        mean_square(self.0, self.1)
+    }
+}
+
+#[inline(always)]
+fn mean_square(points: &[(DVector<f64>, f64)], acceleration: &DVector<Complex64>) -> f64 {
+    let mut sum = 0.0;
+    for (shape, weight) in points {
+        sum += at_point(shape, acceleration).norm_sqr() * weight;
+    }
+    sum
 }

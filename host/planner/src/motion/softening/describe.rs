@@ -88,7 +88,7 @@ impl Windows {
         for (l, line) in lines.iter().enumerate() {
             match index_of(line.harmonic) {
                 Some(h) if line.frequency == frequency => own[h] = travel(l) * self.phase[h].conj(),
-                _ => others[l] = travel(l).norm(),
+                _ => others[l] = travel(l).norm_sqr().sqrt(),
             }
         }
         let all = moments(&others, None);

@@ -257,7 +257,8 @@ impl<'a> Problem<'a> {
                 motion.pulsating_n_per_m = descriptions.map(|description| description.pulsating_slope[0]);
                 motion.softening_n_per_m = descriptions.map(|description| description.mean_slope);
                 for (i, largest) in motion.largest_m.iter_mut().enumerate() {
-                    *largest = motion.travel_m.iter().take(self.lines.len()).map(|travel| travel[i].norm()).sum();
+                    *largest =
+                        motion.travel_m.iter().take(self.lines.len()).map(|travel| travel[i].norm_sqr().sqrt()).sum();
                 }
                 return Ok(());
             }
@@ -270,7 +271,7 @@ impl<'a> Problem<'a> {
         let (actuator, excitation) = (&self.actuators[i], &self.excitations[i]);
         let per_gap = 1.0 / actuator.gap_m;
         let travel = |l: usize| motion.travel_m[l][i] * per_gap;
-        if (0..self.lines.len()).map(|l| travel(l).norm()).sum::<f64>() > FOLLOWED {
+        if (0..self.lines.len()).map(|l| travel(l).norm_sqr().sqrt()).sum::<f64>() > FOLLOWED {
             return None;
         }
         let newtons = part * actuator.newtons_per_volt_squared * excitation.voltage_v * excitation.voltage_v;

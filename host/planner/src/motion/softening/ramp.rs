@@ -84,14 +84,14 @@ pub fn rise(
                 let left = state.step(swing, &forces[l]);
                 for i in 0..p {
                     travel[i] += swing.output[i] * state.now;
-                    away[i] += (swing.output[i] * left).norm();
+                    away[i] += (swing.output[i] * left).norm_sqr().sqrt();
                 }
             }
             motion.travel_m[l] = travel;
         }
         let mut is_there = time_s > longest_s;
         for i in 0..p {
-            let travel: f64 = motion.travel_m.iter().take(lines.len()).map(|travel| travel[i].norm()).sum();
+            let travel: f64 = motion.travel_m.iter().take(lines.len()).map(|travel| travel[i].norm_sqr().sqrt()).sum();
             most[i] = most[i].max(travel);
             let still = steady.largest_m[i] + away[i];
             is_there &= still <= most[i].max((1.0 + NEARLY) * steady.largest_m[i]);
