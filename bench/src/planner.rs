@@ -6,7 +6,7 @@ use era_model::model::Accuracy;
 use era_model::model::levels::Levels;
 use era_model::scene::{EXAMPLE_PLATE, Scene};
 use era_planner::allocate::Allocation;
-use era_planner::candidates::Judge;
+use era_planner::candidates::Formulation;
 use era_planner::{Grouping, PlanTable, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
 use std::fmt::Write;
 use std::time::Instant;
@@ -147,7 +147,7 @@ fn check(scene: &Scene, actuators: usize, table: &PlanTable) -> Result<[String; 
             let wanted = intensity_g * STANDARD_GRAVITY;
             let found = |work: Work| {
                 let request = Request { work, ..Request::touch(&[target]) };
-                let choices = Judge::new(table, &request).shortlist(wanted, &|_, _| true);
+                let choices = Formulation::new(table, &request).shortlist(wanted, &|_, _| true);
                 choices.best(&|_, _| true).map(|found| found.allocation).ok_or_else(nothing)
             };
             let started = Instant::now();
@@ -155,7 +155,7 @@ fn check(scene: &Scene, actuators: usize, table: &PlanTable) -> Result<[String; 
             search_s += started.elapsed().as_secs_f64();
             let touch = found(Work::Touch)?;
             let started = Instant::now();
-            let all = Judge::new(table, &Request::touch(&[target])).all(&[wanted]);
+            let all = Formulation::new(table, &Request::touch(&[target])).all(&[wanted]);
             let (best, looked) = all.exhaustive(&|_, _| true);
             brute_s += started.elapsed().as_secs_f64();
             combinations = combinations.max(looked);

@@ -3,7 +3,7 @@
 use era::model::Accuracy;
 use era::model::levels::Levels;
 use era::planner::allocate::Allocation;
-use era::planner::candidates::Judge;
+use era::planner::candidates::Formulation;
 use era::planner::search::Choices;
 use era::planner::{Objective, PlanTable, Quiet, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
 use era::scene::Scene;
@@ -45,9 +45,9 @@ fn the_planner_finds_what_exhaustive_search_finds() {
         for (x, y) in [(0.0, 0.0), (1.0, 0.5), (0.02, 0.97)] {
             for intensity_g in [0.05, 5.0] {
                 let request = Request { work: Work::Study, ..Request::touch(&[target(x, y, None)]) };
-                let judge = Judge::new(&table, &request);
+                let formulation = Formulation::new(&table, &request);
                 let wanted = intensity_g * STANDARD_GRAVITY;
-                let (all, short) = (judge.all(&[wanted]), judge.shortlist(wanted, &any));
+                let (all, short) = (formulation.all(&[wanted]), formulation.shortlist(wanted, &any));
                 let both = all.best(&any).zip(short.best(&any));
                 // At a held edge nothing is reached, and a wish counts as a million times that.
                 if let Some((all, short)) = both.filter(|(all, _)| all.allocation.met > 1e-5) {
@@ -71,11 +71,11 @@ fn the_planner_finds_what_exhaustive_search_finds() {
                     work: Work::Study,
                     ..Request::default()
                 };
-                let judge = Judge::new(&table, &request);
+                let formulation = Formulation::new(&table, &request);
                 let wanted: Vec<f64> = (0..targets.len())
                     .map(|t| intensity_g * STANDARD_GRAVITY / (1.0 + f64::from(u8::from(t > 0))))
                     .collect();
-                let all = judge.all(&wanted);
+                let all = formulation.all(&wanted);
                 let (Some(best), Some(found)) = (all.exhaustive(&any).0, all.best(&any)) else { continue };
                 let what = format!(
                     "scene {number}, {objective:?}, {} targets, {} quiet, {intensity_g} g",
@@ -99,7 +99,7 @@ fn the_planner_finds_what_exhaustive_search_finds() {
                 compared[p] += 1;
                 if wanted.len() == 1 && quiet.is_empty() && objective == Objective::Contrast {
                     // From the bounds alone nothing is dropped that is part of it.
-                    let found = judge.shortlist(wanted[0], &any).best(&any).unwrap();
+                    let found = formulation.shortlist(wanted[0], &any).best(&any).unwrap();
                     same(&found.allocation, &best, &format!("{what}, shortlist"));
                 }
             }

@@ -6,7 +6,7 @@ use era::device::sim::Panel;
 use era::effects::{EffectRequest, NamedEffect, design};
 use era::model::Accuracy;
 use era::model::levels::Levels;
-use era::planner::moving::{Board, CONCEDED, LONGEST_WAIT_S, Moving, Room};
+use era::planner::residual::{Board, CONCEDED, LONGEST_WAIT_S, ResidualVibration, Room};
 use era::planner::{Plan, PlanTable, TableOptions, Target};
 use era::scene::random::scene_text;
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
@@ -92,31 +92,31 @@ fn a_drawn_finger_stays_within_the_limit() {
 fn ordinary_touches_are_neither_late_nor_weaker() {
     for (text, intensity_g) in [(EXAMPLE_BAR, 0.3), (EXAMPLE_PLATE, 0.2), (EXAMPLE_BAR, 0.6)] {
         let table = table_of(text);
-        let mut moving = Moving::new(table.rings());
+        let mut residual = ResidualVibration::new(table.decaying_modes());
         let (mut now_s, mut board, mut took) = (0.0, Board::Down, Vec::new());
         for i in 0..300_u32 {
             let along = f64::from(i) / 300.0;
             let plan = plan_at(&table, 0.05 + 0.9 * along, 0.5 + 0.4 * (9.0 * along).sin(), intensity_g);
             let begun = Instant::now();
-            let swing = table.swing(&plan).unwrap();
+            let motion = table.motion(&plan).unwrap();
             took.push(begun.elapsed().as_secs_f64() * 1e6);
             let drives = Some(plan.drives.as_slice());
-            let room = moving.room(&swing, drives, now_s, board);
+            let room = residual.room(&motion, drives, now_s, board);
             assert_eq!(room, Room::ALL, "touch {i} of {intensity_g} g");
             let is_tap = i >= 200;
-            moving.begin(u64::from(i), &swing, drives, board, now_s, now_s + if is_tap { 0.05 } else { 1.0 });
+            residual.begin(u64::from(i), &motion, drives, board, now_s, now_s + if is_tap { 0.05 } else { 1.0 });
             board = if is_tap { Board::Up } else { Board::Driving };
             now_s += if is_tap { 0.1 } else { 0.016 };
         }
         took.sort_by(f64::total_cmp);
-        println!("{} poles, {:.0} us for a swing (median)", table.rings().len(), took[took.len() / 2]);
+        println!("{} poles, {:.0} us for a motion (median)", table.decaying_modes().len(), took[took.len() / 2]);
         for i in 0..20_u32 {
             let plan = plan_at(&table, 0.1 + 0.04 * f64::from(i), 0.3, intensity_g);
             let design = design(&table, table.rise().unwrap(), &plan, EffectRequest::of(NamedEffect::Click)).unwrap();
-            let swing = design.swing(&table).unwrap();
-            let room = moving.room(&swing, None, now_s, Board::Up);
+            let motion = design.motion(&table).unwrap();
+            let room = residual.room(&motion, None, now_s, Board::Up);
             assert_eq!(room, Room::ALL, "click {i} of {intensity_g} g");
-            moving.begin(1000 + u64::from(i), &swing, None, Board::Up, now_s, now_s + 0.03);
+            residual.begin(1000 + u64::from(i), &motion, None, Board::Up, now_s, now_s + 0.03);
             now_s += 0.15;
         }
     }
@@ -156,7 +156,7 @@ impl Served {
 }
 
 fn is_still_moving(plan: &Value) -> bool {
-    plan["limits"].as_array().unwrap().iter().any(|limit| limit["code"] == "still-moving")
+    plan["limits"].as_array().unwrap().iter().any(|limit| limit["code"] == "still-residual")
 }
 
 /// Over HTTP: the second of two strong touches is weaker at first and says so, and grows to its whole strength while it is held; of

@@ -48,7 +48,7 @@ mod wish;
 pub use choose::{allocate, assignment, candidates, search, shared_frequency};
 pub use electrodes::{limits, press};
 use era_model::{model, response, scene, transient};
-pub use motion::{moving, rise, softening, succession};
+pub use motion::{plan_motion, residual, rise, softening};
 pub use reports::{explain, limitation, trade};
 pub use wish::{quiet, request, schedule};
 

@@ -1,9 +1,9 @@
 //! The plan for a touch.
 
 use crate::STANDARD_GRAVITY;
-use crate::choose::candidates::Judge;
+use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
-use crate::choose::search::{Choices, Found, Work};
+use crate::choose::search::{BestCombination, Choices, Work};
 use crate::chosen::{Chosen, groups, meets, peak};
 use crate::motion::safe::Settled;
 use crate::perception::above_threshold_db;
@@ -24,7 +24,7 @@ const NO_GAP: f64 = 1e-9;
 /// Gaps above this say no more than that nothing is known: where next to nothing of the forces is safe.
 const MOST_GAP: f64 = 1e6;
 /// Part of a wish that counts as met.
-const MET: f64 = 1.0 - 1e-6;
+pub(crate) const MET: f64 = 1.0 - 1e-6;
 
 /// One actuator's part.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -143,20 +143,20 @@ impl PlanTable {
         let started = Instant::now();
         let wanted_g = self.check(request)?;
         let request = &self.placed(request)?;
-        let mut judge = Judge::new(self, request);
+        let mut formulation = Formulation::new(self, request);
         let wanted: Vec<f64> =
-            wanted_g.iter().enumerate().map(|(t, g)| judge.countable(g * STANDARD_GRAVITY, t)).collect();
+            wanted_g.iter().enumerate().map(|(t, g)| formulation.countable(g * STANDARD_GRAVITY, t)).collect();
         let mut selection = match request.grouping {
             Grouping::Distinct if request.objective == Objective::Reach => {
-                self.evened(&judge, request.zone, &wanted)?
+                self.evened(&formulation, request.zone, &wanted)?
             }
-            Grouping::Distinct => self.chosen(&mut judge, request, &wanted)?,
-            Grouping::Shared => self.at_shared_frequency(&judge, &wanted)?,
+            Grouping::Distinct => self.chosen(&mut formulation, request, &wanted)?,
+            Grouping::Shared => self.at_shared_frequency(&formulation, &wanted)?,
         };
-        let settled = self.settled_quietly(&judge.quiet, &mut selection.drives);
+        let settled = self.settled_quietly(&formulation.quiet, &mut selection.drives);
         let (settled, quiet) = settled.ok_or(PlanError::NoFrequencies)?;
         let peaks_g: Vec<f64> =
-            judge.zone.targets.iter().map(|shape| peak(&selection.drives, shape) / STANDARD_GRAVITY).collect();
+            formulation.zone.targets.iter().map(|shape| peak(&selection.drives, shape) / STANDARD_GRAVITY).collect();
         let targets: Vec<TargetResult> = request
             .targets
             .iter()
@@ -172,7 +172,7 @@ impl PlanTable {
         let limits = self.limitations(request, &selection, &settled, &targets);
         let plan = Plan {
             target_mm: [first.x_mm, first.y_mm],
-            predicted: self.predict(&judge, &selection.drives, &settled, first.peak_g),
+            predicted: self.predict(&formulation, &selection.drives, &settled, first.peak_g),
             limited_by: limitation::text(&limits),
             limits,
             error_bound: self.bound(&selection.drives, &first).value(),
@@ -184,36 +184,46 @@ impl PlanTable {
             grouping: request.grouping,
             elapsed_us: started.elapsed().as_secs_f64() * 1e6,
         };
-        Ok(Planned { plan, drives: selection.drives, settled, shapes: judge.zone.targets })
+        Ok(Planned { plan, drives: selection.drives, settled, shapes: formulation.zone.targets })
     }
 
     /// Distinct frequencies: the best combination, refined; with further points of quiet zones until none is too strong.
-    fn chosen(&self, judge: &mut Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
-        let mut selection = self.chosen_for_rows(judge, request, wanted)?;
+    fn chosen(
+        &self,
+        formulation: &mut Formulation<'_>,
+        request: &Request,
+        wanted: &[f64],
+    ) -> Result<Selection, PlanError> {
+        let mut selection = self.chosen_for_rows(formulation, request, wanted)?;
         let [touch, study] = QUIET_ROUNDS;
         for _ in 1..if request.work == Work::Touch { touch } else { study } {
-            if !judge.quiet.add_violated(&selection.drives) {
+            if !formulation.quiet.add_violated(&selection.drives) {
                 break;
             }
-            selection = self.chosen_for_rows(judge, request, wanted)?;
+            selection = self.chosen_for_rows(formulation, request, wanted)?;
         }
         Ok(selection)
     }
 
-    fn chosen_for_rows(&self, judge: &Judge<'_>, request: &Request, wanted: &[f64]) -> Result<Selection, PlanError> {
+    fn chosen_for_rows(
+        &self,
+        formulation: &Formulation<'_>,
+        request: &Request,
+        wanted: &[f64],
+    ) -> Result<Selection, PlanError> {
         let is_plain = wanted.len() == 1
             && request.quiet.is_empty()
             && request.objective == Objective::Contrast
             && request.weigh == Weigh::Equal;
         let choices_for = |fits: &dyn Fn(f64, f64) -> bool| match wanted {
-            [wanted] if is_plain => judge.shortlist(*wanted, fits),
-            _ => judge.all(wanted),
+            [wanted] if is_plain => formulation.shortlist(*wanted, fits),
+            _ => formulation.all(wanted),
         };
         // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
         let (choices, found) = best(choices_for(&|a, b| !meets(a, b)), &|a, b| !meets(a, b))
             .or_else(|| best(choices_for(&|_, _| true), &|_, _| true))
             .ok_or(PlanError::NoFrequencies)?;
-        Ok(self.refined(judge, &choices, &found))
+        Ok(self.refined(formulation, &choices, &found))
     }
 
     /// Peak acceleration (equation 23) at every point of the grid in m/s^2; `None` in cut-outs.
@@ -251,12 +261,12 @@ impl PlanTable {
 
     pub(super) fn predict(
         &self,
-        judge: &Judge<'_>,
+        formulation: &Formulation<'_>,
         drives: &[Chosen],
         settled: &Settled,
         target_peak_g: f64,
     ) -> Predicted {
-        let zone = &judge.zone;
+        let zone = &formulation.zone;
         let (mut near, mut all, mut near_mean, mut mean) = (0.0, 0.0, 0.0, 0.0);
         for group in groups(drives) {
             match group.as_slice() {
@@ -360,7 +370,7 @@ fn gap(selection: &Selection, settled: &Settled) -> f64 {
 }
 
 /// The best of `choices` under `fits`, with them.
-fn best(choices: Choices, fits: &dyn Fn(f64, f64) -> bool) -> Option<(Choices, Found)> {
+fn best(choices: Choices, fits: &dyn Fn(f64, f64) -> bool) -> Option<(Choices, BestCombination)> {
     let found = choices.best(fits)?;
     Some((choices, found))
 }

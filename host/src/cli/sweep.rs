@@ -114,7 +114,7 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
 
 /// A value and where it is.
 #[derive(Clone, Copy, Debug, Default)]
-struct Found {
+struct Extreme {
     value: f64,
     point: usize,
     frequency: usize,
@@ -123,14 +123,14 @@ struct Found {
 /// Of the points' largest values over all frequencies, the most and the least.
 #[derive(Clone, Copy, Debug, Default)]
 struct Extremes {
-    most: Found,
-    least: Found,
+    most: Extreme,
+    least: Extreme,
 }
 
 impl Extremes {
     /// `there` tells the points that no cut-out has taken.
     fn of<T: Stored>(sweep: &Sweep<T>, there: &[bool], actuator: usize, frequencies: usize) -> Self {
-        let mut peaks: Vec<Found> = (0..sweep.points).map(|point| Found { point, ..Found::default() }).collect();
+        let mut peaks: Vec<Extreme> = (0..sweep.points).map(|point| Extreme { point, ..Extreme::default() }).collect();
         for frequency in 0..frequencies {
             for (peak, value) in peaks.iter_mut().zip(sweep.field(frequency, actuator)) {
                 if value.norm() > peak.value {
@@ -139,7 +139,7 @@ impl Extremes {
             }
         }
         peaks.retain(|peak| there[peak.point]);
-        let by_value = |a: &Found, b: &Found| a.value.total_cmp(&b.value);
+        let by_value = |a: &Extreme, b: &Extreme| a.value.total_cmp(&b.value);
         Self {
             most: peaks.iter().copied().max_by(by_value).unwrap_or_default(),
             least: peaks.iter().copied().min_by(by_value).unwrap_or_default(),
@@ -155,7 +155,7 @@ fn summary<T: Stored>(
     place: impl Fn(usize) -> (f64, f64),
     elapsed_ms: f64,
 ) -> serde_json::Value {
-    let tell = |found: &Found| {
+    let tell = |found: &Extreme| {
         let (x_mm, y_mm) = place(found.point);
         json!({
             "acceleration_m_per_s2_per_n": found.value, "x_mm": x_mm, "y_mm": y_mm,

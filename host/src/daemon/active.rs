@@ -1,6 +1,7 @@
 //! What is driven, and what a touch has led to.
 
 use super::view::{FieldView, PlanView, TouchView};
+use crate::planner::Plan;
 use crate::planner::schedule::Stretch;
 use crate::planner::trade::Trade;
 use std::sync::Arc;
@@ -40,4 +41,18 @@ pub struct Touched {
     pub stretches: Option<Vec<Stretch>>,
     /// What can be had, where it cannot be had in full and that was asked for.
     pub trade: Option<Trade>,
+}
+
+/// A touch that has begun with less.
+pub struct Weaker {
+    /// Its drives are the last that have begun for as long as this is what `Turn::drives` said.
+    pub begun: u64,
+    /// `Session::stops` when it was asked for.
+    pub stops: u64,
+    /// The part of the whole plan's forces that is driven.
+    pub part: f64,
+    /// What is shown of it.
+    pub active: Arc<Active>,
+    /// The plan first made.
+    pub whole: Plan,
 }

@@ -1,8 +1,7 @@
 //! What a touch needs, and what it does.
 
-use super::active::{Active, Touched, Update};
+use super::active::{Active, Touched, Update, Weaker};
 use super::asked::Asked;
-use super::grow::Weaker;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
@@ -15,8 +14,8 @@ use crate::device::{DriveOrder, EffectOrder, LinkError, OpenDevice, Session, Ses
 use crate::effects::{Design, DesignError, Intensity, design, plan_with};
 use crate::planner::drive::SiDrive;
 use crate::planner::limitation::Limitation;
-use crate::planner::moving::{fitted, grown};
-use crate::planner::succession::Swing;
+use crate::planner::plan_motion::PlanMotion;
+use crate::planner::residual::{fitted, grown};
 use crate::planner::trade::Trade;
 use crate::planner::{Drive, Plan, PlanTable, Request};
 use axum::http::StatusCode;
@@ -51,7 +50,7 @@ pub struct App {
 
 /// What a plan needs to be driven.
 pub(super) struct Prepared {
-    pub(super) swing: Swing,
+    pub(super) motion: PlanMotion,
     pub(super) kind: Kind,
 }
 
@@ -93,7 +92,7 @@ impl App {
             sim,
             active: Mutex::new(None),
             next_id: Mutex::new(0),
-            turns: Turns::new(table.rings()),
+            turns: Turns::new(table.decaying_modes()),
             updates: broadcast::channel(EVENTS).0,
             closing: watch::channel(false).0,
             table,
@@ -227,7 +226,7 @@ impl App {
         let board = || board(&self.session.snapshots().borrow());
         let release = |older: u64| self.release(older, Instant::now());
         let is_stopped = || self.session.stops() != stops;
-        let turn = self.turns.take(id, &prepared.swing, prepared.drives(&plan), board, release, is_stopped).await?;
+        let turn = self.turns.take(id, &prepared.motion, prepared.drives(&plan), board, release, is_stopped).await?;
         let whole = plan.clone();
         let (part, (plan, prepared)) = tokio::task::block_in_place(|| self.fitted(&turn, plan, prepared, manner))?;
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
@@ -259,7 +258,7 @@ impl App {
             tracing::info!(plan = turn.id(), part, "weaker, for what is left of the touches before");
             self.of_part(&whole, part, manner)
         };
-        fitted((plan, prepared), weaker, |(plan, prepared)| turn.part(&prepared.swing, prepared.drives(plan)))
+        fitted((plan, prepared), weaker, |(plan, prepared)| turn.part(&prepared.motion, prepared.drives(plan)))
     }
 
     /// More of a plan than the `part` of its forces that is driven, if there is room for that ([`grown`]).
@@ -271,7 +270,7 @@ impl App {
         manner: Manner,
     ) -> Result<Option<(f64, (Plan, Prepared))>, Problem> {
         let of_part = |part: f64| self.of_part(whole, part, manner);
-        grown(part, of_part, |(plan, prepared)| turn.part(&prepared.swing, prepared.drives(plan)))
+        grown(part, of_part, |(plan, prepared)| turn.part(&prepared.motion, prepared.drives(plan)))
     }
 
     /// A plan with a part of its forces.
@@ -283,8 +282,8 @@ impl App {
 
     /// What it takes to drive a plan that has `part` of the forces first planned.
     fn prepared(&self, plan: &Plan, part: f64, manner: Manner) -> Result<Prepared, Problem> {
-        let (swing, kind) = match manner {
-            Manner::Hold(hold) => (self.table.swing(plan), Kind::Hold(hold)),
+        let (motion, kind) = match manner {
+            Manner::Hold(hold) => (self.table.motion(plan), Kind::Hold(hold)),
             Manner::Effect(request) => {
                 let rise = self.table.rise().ok_or(DesignError::Unbounded)?;
                 let mut wished = plan.clone();
@@ -293,7 +292,7 @@ impl App {
                 if part < 1.0 {
                     design.add_limit(Limitation::StillMoving);
                 }
-                (design.swing(&self.table), Kind::Effect(Box::new(design)))
+                (design.motion(&self.table), Kind::Effect(Box::new(design)))
             }
         };
         let untold = || {
@@ -301,7 +300,7 @@ impl App {
                 "what the plan leaves when it ends cannot be told: a drive meets the resonance of an undamped mode";
             Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", detail)
         };
-        Ok(Prepared { swing: swing.ok_or_else(untold)?, kind })
+        Ok(Prepared { motion: motion.ok_or_else(untold)?, kind })
     }
 
     /// Has the device drive what it is the turn of.
@@ -312,7 +311,7 @@ impl App {
         plan: &Plan,
         prepared: &Prepared,
     ) -> Result<Begun, Problem> {
-        let Prepared { swing, kind } = prepared;
+        let Prepared { motion, kind } = prepared;
         let planned = prepared.drives(plan);
         let id = turn.id();
         let begun = match kind {
@@ -330,12 +329,12 @@ impl App {
             }
         };
         match begun {
-            Ok((device, until)) => Ok(Begun { device, until, begun: turn.drives(swing, planned, until) }),
+            Ok((device, until)) => Ok(Begun { device, until, begun: turn.drives(motion, planned, until) }),
             Err(error) => {
                 // Whether the device has heard of it is not known.
                 if matches!(&error, SessionError::Link(error) if !matches!(error, LinkError::Refused(_) | LinkError::TooOld { .. }))
                 {
-                    turn.drives(swing, planned, Instant::now());
+                    turn.drives(motion, planned, Instant::now());
                 }
                 Err(error.into())
             }

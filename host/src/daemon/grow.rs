@@ -1,26 +1,11 @@
 //! Touches that began weaker, for what was left of those before: while they are held they grow with the room there is.
 
-use super::active::Active;
+use super::active::Weaker;
 use super::app::{App, Begun};
 use super::touch::Manner;
-use crate::planner::Plan;
-use crate::planner::moving::NEXT_LOOK_S;
+use crate::planner::residual::NEXT_LOOK_S;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
-
-/// A touch that has begun with less.
-pub(super) struct Weaker {
-    /// Its drives are the last that have begun for as long as this is what `Turn::drives` said.
-    pub(super) begun: u64,
-    /// `Session::stops` when it was asked for.
-    pub(super) stops: u64,
-    /// The part of the whole plan's forces that is driven.
-    pub(super) part: f64,
-    /// What is shown of it.
-    pub(super) active: Arc<Active>,
-    /// The plan first made.
-    pub(super) whole: Plan,
-}
 
 impl App {
     /// Drives the whole plan as soon as there is room for that, and before that as much as there is room for.

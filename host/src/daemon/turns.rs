@@ -3,9 +3,9 @@
 use super::problem::Problem;
 use crate::device::{SessionError, Snapshot};
 use crate::planner::Drive;
-use crate::planner::moving::{Board, Ending, Moving, Room};
-use crate::planner::rise::Ring;
-use crate::planner::succession::Swing;
+use crate::planner::plan_motion::PlanMotion;
+use crate::planner::residual::{Board, Ending, ResidualVibration, Room};
+use crate::planner::rise::DecayingMode;
 use axum::http::StatusCode;
 use era_shared::safety::State;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -16,10 +16,10 @@ use std::time::{Duration, Instant};
 pub struct Turns {
     /// The newest plan that has been driven, or waits to be.
     newest: tokio::sync::Mutex<u64>,
-    moving: Mutex<Moving>,
+    residual: Mutex<ResidualVibration>,
     /// Wakes those that wait for their turn: nobody wants it any more.
     unwanted: tokio::sync::Notify,
-    /// Zero of [`Moving`]'s time.
+    /// Zero of [`ResidualVibration`]'s time.
     started: Instant,
 }
 
@@ -37,12 +37,12 @@ pub struct Turn<'a> {
 impl Turns {
     /// For a panel at rest with these poles.
     #[must_use]
-    pub fn new(rings: Vec<Ring>) -> Self {
-        let (newest, moving) = (tokio::sync::Mutex::new(0), Mutex::new(Moving::new(rings)));
-        Self { newest, moving, unwanted: tokio::sync::Notify::new(), started: Instant::now() }
+    pub fn new(modes: Vec<DecayingMode>) -> Self {
+        let (newest, residual) = (tokio::sync::Mutex::new(0), Mutex::new(ResidualVibration::new(modes)));
+        Self { newest, residual, unwanted: tokio::sync::Notify::new(), started: Instant::now() }
     }
 
-    /// Waits as long as that makes `drives` much stronger on top of what is left of the touches before ([`Moving::room`]); those that
+    /// Waits as long as that makes `drives` much stronger on top of what is left of the touches before ([`ResidualVibration::room`]); those that
     /// are on then are ended by `release`. A newer turn takes the place of one that waits.
     ///
     /// # Errors
@@ -50,7 +50,7 @@ impl Turns {
     pub async fn take(
         &self,
         id: u64,
-        swing: &Swing,
+        motion: &PlanMotion,
         drives: Option<&[Drive]>,
         board: impl Fn() -> Board,
         release: impl Fn(u64),
@@ -59,16 +59,16 @@ impl Turns {
         let newest = self.overtake(id).await?;
         let (board_now, now) = (board(), Instant::now());
         let turn = |board, since, waits, newest| Turn { turns: self, id, board, since, waits, _newest: newest };
-        let Room { after_s, part, goes_on } = self.moving().room(swing, drives, self.s(now), board_now);
+        let Room { after_s, part, goes_on } = self.residual().room(motion, drives, self.s(now), board_now);
         if after_s <= 0.0 {
             return Ok(turn(board_now, now, None, newest));
         }
         if !goes_on {
-            let driven = self.moving().driven();
+            let driven = self.residual().driven();
             if let Some(driven) = driven {
                 release(driven);
             }
-            self.moving().end(self.s(now), Ending::AtItsBoundary);
+            self.residual().end(self.s(now), Ending::AtItsBoundary);
         }
         tracing::info!(plan = id, wait_ms = after_s * 1e3, part, "waits for what is left of the touches before");
         drop(newest);
@@ -91,7 +91,7 @@ impl Turns {
     pub async fn again(&self, id: u64, begun: u64, board: impl Fn() -> Board) -> Option<Turn<'_>> {
         let newest = self.overtake(id).await.ok()?;
         let board = board();
-        let is_driven = self.moving().begun() == begun && board != Board::Down;
+        let is_driven = self.residual().begun() == begun && board != Board::Down;
         is_driven.then(|| Turn { turns: self, id, board, since: Instant::now(), waits: None, _newest: newest })
     }
 
@@ -115,16 +115,16 @@ impl Turns {
 
     /// The drives of plan `id` end at `when`.
     pub fn end_of(&self, id: u64, when: Instant) {
-        self.moving().end_of(id, self.s(when));
+        self.residual().end_of(id, self.s(when));
     }
 
     /// Whatever is driven ends with a stop.
     pub fn stop(&self) {
-        self.moving().end(self.s(Instant::now()), Ending::AtOnce);
+        self.residual().end(self.s(Instant::now()), Ending::AtOnce);
     }
 
-    fn moving(&self) -> MutexGuard<'_, Moving> {
-        self.moving.lock().unwrap_or_else(PoisonError::into_inner)
+    fn residual(&self) -> MutexGuard<'_, ResidualVibration> {
+        self.residual.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn s(&self, when: Instant) -> f64 {
@@ -147,8 +147,8 @@ impl Turn<'_> {
 
     /// The part of these drives' forces for which there is room.
     #[must_use]
-    pub fn part(&self, swing: &Swing, drives: Option<&[Drive]>) -> f64 {
-        self.turns.moving().part(swing, drives, self.turns.s(self.since), self.board)
+    pub fn part(&self, motion: &PlanMotion, drives: Option<&[Drive]>) -> f64 {
+        self.turns.residual().part(motion, drives, self.turns.s(self.since), self.board)
     }
 
     /// How long it has waited until now, if it had to.
@@ -158,11 +158,11 @@ impl Turn<'_> {
     }
 
     /// The drives have begun, since it is this one's turn, and will end at `until`. How many have begun until now.
-    pub fn drives(&self, swing: &Swing, drives: Option<&[Drive]>, until: Instant) -> u64 {
+    pub fn drives(&self, motion: &PlanMotion, drives: Option<&[Drive]>, until: Instant) -> u64 {
         let turns = self.turns;
-        let mut moving = turns.moving();
-        moving.begin(self.id, swing, drives, self.board, turns.s(self.since), turns.s(until));
-        moving.begun()
+        let mut residual = turns.residual();
+        residual.begin(self.id, motion, drives, self.board, turns.s(self.since), turns.s(until));
+        residual.begun()
     }
 }
 

@@ -5,8 +5,8 @@ use super::bench::Bench;
 use crate::daemon::wire_drives;
 use crate::device::convert::to_wire;
 use crate::device::sim::{Clock, Panel, SimBoard};
-use crate::planner::moving::{Board, Ending, Moving, NEXT_LOOK_S, Room, fitted, grown};
-use crate::planner::succession::Swing;
+use crate::planner::plan_motion::PlanMotion;
+use crate::planner::residual::{Board, Ending, NEXT_LOOK_S, ResidualVibration, Room, fitted, grown};
 use crate::planner::{Plan, PlanTable};
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::BURST_MAX_MS;
@@ -17,7 +17,7 @@ use era_shared::protocol::Request;
 pub enum Order {
     /// Each when it comes.
     Plainly,
-    /// With as much force as [`Moving`] has room for, as the daemon does.
+    /// With as much force as [`ResidualVibration`] has room for, as the daemon does.
     AsItFits,
 }
 
@@ -53,19 +53,19 @@ pub struct Turned {
 pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order) -> Result<Vec<Turned>, VerifyError> {
     let volts: Vec<f64> = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     let mut bench = Bench::new(SimBoard::new(panel.clone(), &volts, Clock::Manual(0)));
-    let mut moving = Moving::new(table.rings());
+    let mut residual = ResidualVibration::new(table.decaying_modes());
     let mut board = Board::Down;
     let mut turned = Vec::with_capacity(turns.len());
     for (id, Turn { plan, hold_s, pause_s }) in (0..).zip(turns) {
-        let whole_swing = table.swing(plan).ok_or(VerifyError::Unknown)?;
+        let whole_motion = table.motion(plan).ok_or(VerifyError::Unknown)?;
         let of_part = |part: f64| {
             let plan = if part < 1.0 { table.weaker(plan, part)? } else { (*plan).clone() };
-            let swing = table.swing(&plan).ok_or(VerifyError::Unknown)?;
-            Ok::<_, VerifyError>((plan, swing))
+            let motion = table.motion(&plan).ok_or(VerifyError::Unknown)?;
+            Ok::<_, VerifyError>((plan, motion))
         };
         let room = match order {
             Order::Plainly => Room::ALL,
-            Order::AsItFits => moving.room(&whole_swing, Some(&plan.drives), bench.time_s(), board),
+            Order::AsItFits => residual.room(&whole_motion, Some(&plan.drives), bench.time_s(), board),
         };
         if room.goes_on {
             // The next one comes before, and takes its place.
@@ -76,7 +76,7 @@ pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order
         }
         if room.after_s > 0.0 {
             bench.ask(&Request::SetDrives { drives: heapless::Vec::new() })?;
-            moving.end(bench.time_s(), Ending::AtItsBoundary);
+            residual.end(bench.time_s(), Ending::AtItsBoundary);
             bench.run_for(room.after_s)?;
             board = if board == Board::Down { Board::Down } else { Board::Up };
         }
@@ -87,16 +87,16 @@ pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order
         let end_s = if *pause_s > 0.0 { bench.time_s() + hold_s } else { f64::INFINITY };
         while left_s > 0.0 {
             let now_s = bench.time_s();
-            let fits = |(plan, swing): &(Plan, Swing)| moving.part(swing, Some(&plan.drives), now_s, board);
+            let fits = |(plan, motion): &(Plan, PlanMotion)| residual.part(motion, Some(&plan.drives), now_s, board);
             let next = match (parts.last(), order) {
                 (None, Order::Plainly) => Some((1.0, of_part(1.0)?)),
                 (None, Order::AsItFits) => Some(fitted(of_part(1.0)?, of_part, fits)?),
                 (Some(part), _) if *part < 1.0 => grown(*part, of_part, fits)?,
                 (Some(_), _) => None,
             };
-            if let Some((part, (next, swing))) = next {
+            if let Some((part, (next, motion))) = next {
                 bench.ask(&Request::SetDrives { drives: wire_drives(&next).iter().map(to_wire).collect() })?;
-                moving.begin(id, &swing, Some(&next.drives), board, now_s, end_s);
+                residual.begin(id, &motion, Some(&next.drives), board, now_s, end_s);
                 parts.push(part);
                 board = Board::Driving;
             }

@@ -25,7 +25,7 @@ const BEYOND_REACH: f64 = 1e6;
 
 /// A request's targets, and what a candidate does to them.
 #[derive(Clone, Debug)]
-pub struct Judge<'a> {
+pub struct Formulation<'a> {
     table: &'a PlanTable,
     /// The targets and what is around them.
     pub zone: Zone,
@@ -36,7 +36,7 @@ pub struct Judge<'a> {
     work: Work,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> Formulation<'a> {
     /// For a request that has been checked.
     #[must_use]
     pub fn new(table: &'a PlanTable, request: &Request) -> Self {

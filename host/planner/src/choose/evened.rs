@@ -1,7 +1,7 @@
 //! Plans with one setting for the whole surface, which leaves no dead zone.
 
 use crate::choose::allocate::{Allocation, Prices};
-use crate::choose::candidates::Judge;
+use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
 use crate::chosen::Chosen;
 use crate::reach::{Region, schemes};
@@ -13,7 +13,7 @@ impl PlanTable {
     /// The drives that leave no dead zone, scaled to what the target asks for.
     pub(crate) fn evened(
         &self,
-        judge: &Judge<'_>,
+        formulation: &Formulation<'_>,
         zone: Option<Region>,
         wanted: &[f64],
     ) -> Result<Selection, PlanError> {
@@ -26,7 +26,7 @@ impl PlanTable {
             let row = self.grid_row(part.frequency);
             let entry = row.get(i).ok_or(PlanError::NoFrequencies)?;
             let width = *entry.pulse(part.force_n > entry.widths[0].max_force_n);
-            if let Some(shape) = judge.zone.targets.first() {
+            if let Some(shape) = formulation.zone.targets.first() {
                 peak += at_point(shape, &entry.acceleration).norm() * part.force_n;
             }
             drives.push(Chosen {

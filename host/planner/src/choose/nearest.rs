@@ -8,7 +8,7 @@ use crate::table::PlanTable;
 use num_complex::Complex64;
 
 /// Part of a limit that counts as reached: what finds these drives comes as near as that, not to the last digit.
-const NEAR: f64 = 0.95;
+const REACHED_PART: f64 = 0.95;
 
 impl PlanTable {
     /// Limits that drives come near to. `scale` is what safety left of the forces.
@@ -18,7 +18,7 @@ impl PlanTable {
         let forces: Vec<_> =
             drives.iter().map(|drive| (drive.width, drive.force_n / scale.max(f64::MIN_POSITIVE))).collect();
         for (i, (width, force_n)) in forces.iter().enumerate() {
-            if *force_n > 0.0 && *force_n >= width.max_force_n * NEAR {
+            if *force_n > 0.0 && *force_n >= width.max_force_n * REACHED_PART {
                 add(&mut found, Limitation::of(self, width.limit, i));
             }
             // Drives of one frequency as phasors.
@@ -31,11 +31,11 @@ impl PlanTable {
                     own.sum::<Complex64>().norm()
                 })
                 .sum();
-            if self.electrodes.get(i).is_some_and(|electrodes| travel >= NEAR * electrodes.most_travel_m()) {
+            if self.electrodes.get(i).is_some_and(|electrodes| travel >= REACHED_PART * electrodes.most_travel_m()) {
                 add(&mut found, Limitation::of(self, Limit::Travel, i));
             }
         }
-        for row in self.limits.used(&forces, NEAR) {
+        for row in self.limits.used(&forces, REACHED_PART) {
             if let Some((actuator, limit)) = self.limits.name(row) {
                 add(&mut found, Limitation::of(self, limit, actuator));
             }

@@ -2,14 +2,14 @@
 
 use crate::MIN_SPACING_HZ;
 use crate::choose::allocate::Allocation;
-use crate::choose::candidates::Judge;
-use crate::choose::search::{Choices, Found};
+use crate::choose::candidates::Formulation;
+use crate::choose::search::{BestCombination, Choices};
 use crate::chosen::{Chosen, meets};
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{Entry, PlanTable, Width};
 
 /// Least relative gain that a frequency off the grid must bring.
-const WORTH: f64 = 1e-3;
+const LEAST_GAIN: f64 = 1e-3;
 /// Part of that which it must gain by the parabola to be looked at: a parabola through the flank of a resonance may be half off.
 const LIKELY: f64 = 0.5;
 
@@ -28,7 +28,12 @@ pub struct Selection {
 
 impl PlanTable {
     /// The drives of the combination `found` among `choices`, refined off the grid.
-    pub(crate) fn refined(&self, judge: &Judge<'_>, choices: &Choices, found: &Found) -> Selection {
+    pub(crate) fn refined(
+        &self,
+        formulation: &Formulation<'_>,
+        choices: &Choices,
+        found: &BestCombination,
+    ) -> Selection {
         let p = choices.candidates.len();
         let mut drives: Vec<Chosen> = (0..p)
             .map(|i| {
@@ -47,11 +52,11 @@ impl PlanTable {
             })
             .collect();
         let mut allocation = found.allocation.clone();
-        let mut own = judge.empty(&choices.wanted);
+        let mut own = formulation.empty(&choices.wanted);
         let hz: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
         // To first order the whole gains what its parts earn more at the prices that they have.
-        let worth = LIKELY * WORTH * if allocation.met >= 1.0 { allocation.cost } else { allocation.met };
-        let better: Vec<_> = (0..p).map(|i| self.better_frequency(judge, choices, found, i, &hz)).collect();
+        let worth = LIKELY * LEAST_GAIN * if allocation.met >= 1.0 { allocation.cost } else { allocation.met };
+        let better: Vec<_> = (0..p).map(|i| self.better_frequency(formulation, choices, found, i, &hz)).collect();
         let mut moved = Vec::new();
         if better.iter().flatten().map(|(_, gain)| gain).sum::<f64>() >= worth {
             for (i, (hz, _)) in better.into_iter().enumerate().filter_map(|(i, better)| Some((i, better?))) {
@@ -72,7 +77,7 @@ impl PlanTable {
             let mut at = [0; MAX_ACTUATORS];
             for (i, drive) in trial.iter().enumerate() {
                 if let Some(entry) = drive.row.get(i) {
-                    judge.add(&mut own, i, i, 0, entry, drive.frequency_hz);
+                    formulation.add(&mut own, i, i, 0, entry, drive.frequency_hz);
                     let w = choices.candidates[i][found.chosen[i]].tag % 2;
                     at[i] = own.candidates[i].iter().position(|c| c.tag % 2 == w).unwrap_or(0);
                 }
@@ -80,8 +85,8 @@ impl PlanTable {
             let fits = |a: f64, b: f64| (a - b).abs() >= MIN_SPACING_HZ && !meets(a, b);
             let keeps = (0..p).all(|i| (0..i).all(|j| fits(own.frequencies_hz[i], own.frequencies_hz[j])));
             let refined = own.allocation(&at);
-            let is_better = refined.met > allocation.met * (1.0 + WORTH)
-                || refined.met >= allocation.met && refined.cost < allocation.cost * (1.0 - WORTH);
+            let is_better = refined.met > allocation.met * (1.0 + LEAST_GAIN)
+                || refined.met >= allocation.met && refined.cost < allocation.cost * (1.0 - LEAST_GAIN);
             if keeps && is_better {
                 drives = trial;
                 allocation = refined;
@@ -104,9 +109,9 @@ impl PlanTable {
     /// spacing to another drive's frequency.
     fn better_frequency(
         &self,
-        judge: &Judge<'_>,
+        formulation: &Formulation<'_>,
         choices: &Choices,
-        found: &Found,
+        found: &BestCombination,
         i: usize,
         hz: &[f64],
     ) -> Option<(f64, f64)> {
@@ -114,9 +119,9 @@ impl PlanTable {
         let (k, w) = (tag / 2, tag % 2);
         let own = *self.frequencies_hz.get(k)?;
         let earned = |k: usize| -> Option<f64> {
-            let mut one = judge.empty(&choices.wanted);
+            let mut one = formulation.empty(&choices.wanted);
             one.frequencies_hz.push(own);
-            judge.add(&mut one, i, 0, k, self.entry(i, k)?, *self.frequencies_hz.get(k)?);
+            formulation.add(&mut one, i, 0, k, self.entry(i, k)?, *self.frequencies_hz.get(k)?);
             let index = w.min(one.candidates[i].len() - 1);
             Some(one.earned(i, index, &found.allocation))
         };

@@ -17,7 +17,7 @@ mod tests;
 
 use crate::choose::allocate::{Allocation, Prices, Setting, allocate};
 use crate::scene::MAX_ACTUATORS;
-use branch::Search;
+use branch::BranchAndBound;
 
 /// How much is looked at where limits bind, before the search ends with what is proven by then.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,7 +77,7 @@ pub struct Choices {
 
 /// The best combination.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct BestCombination {
     /// Index of each actuator's candidate.
     pub chosen: [usize; MAX_ACTUATORS],
     /// Its forces.
@@ -94,8 +94,8 @@ impl Choices {
     /// The combination that reaches most of what is wanted, and of those that reach as much the one that costs least.
     /// `None` if no frequencies keep their distance.
     #[must_use]
-    pub fn best(&self, fits: Fits<'_>) -> Option<Found> {
-        Search::new(self, fits).run()
+    pub fn best(&self, fits: Fits<'_>) -> Option<BestCombination> {
+        BranchAndBound::new(self, fits).run()
     }
 
     /// The same by looking at every combination, and how many there are: what [`Choices::best`] is held against, for lists of
@@ -129,8 +129,8 @@ impl Choices {
     /// The forces of one combination.
     #[must_use]
     pub fn allocation(&self, chosen: &[usize]) -> Allocation {
-        const NOTHING: Setting<'_> = Setting { energy: 0.0, power: 0.0, max_force_n: 0.0, gain: &[], load: &[] };
-        let mut settings = [NOTHING; MAX_ACTUATORS];
+        const NOT_DRIVEN: Setting<'_> = Setting { energy: 0.0, power: 0.0, max_force_n: 0.0, gain: &[], load: &[] };
+        let mut settings = [NOT_DRIVEN; MAX_ACTUATORS];
         let p = self.candidates.len();
         for (i, setting) in settings.iter_mut().enumerate().take(p) {
             *setting = self.setting(i, chosen[i]);

@@ -6,28 +6,28 @@
 //! damping and frequencies: the one after which the targets are quiet soonest is taken.
 
 use super::motion::samples_of;
-use crate::motion::rise::Ringing;
+use crate::motion::rise::TransientResponse;
 use era_shared::waveform::{FULL_LEVEL, Segment};
 use num_complex::Complex64;
 
 /// Levels and cycles of each, tried besides no brake at all.
 const BRAKES: [(usize, u16); 7] = [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (3, 1), (3, 2)];
 /// How much sooner quiet a longer brake must be to be taken, as a part of the click's length.
-const WORTH: f64 = 0.03;
+const SOONER: f64 = 0.03;
 /// Least decay rate in 1/s that counts in an energy, which is infinite without any.
 const LEAST_RATE: f64 = 0.1;
 /// How long after its push a click is looked at, in s.
 const LOOK_S: f64 = 0.3;
 /// Rounds of the least squares between bounds; each brings a factor, and levels are rounded to 1/1000.
-const ROUNDS: usize = 60;
+const LEAST_SQUARES_ROUNDS: usize = 60;
 
 /// The segments of a click on one drive: `push` cycles and the brake. `targets` holds its fundamental's motion at every
 /// target, with the size below which that is quiet.
 #[must_use]
-pub fn segments(targets: &[(Ringing, f64)], period_s: f64, push: u16) -> Vec<Segment> {
+pub fn segments(targets: &[(TransientResponse, f64)], period_s: f64, push: u16) -> Vec<Segment> {
     let alone = vec![Segment::Cycles { level: FULL_LEVEL, count: push }];
     let (mut best, mut best_s) = (alone.clone(), quiet_s(targets, period_s, &alone));
-    let worth_s = WORTH * f64::from(push) * period_s;
+    let worth_s = SOONER * f64::from(push) * period_s;
     for (count, cycles) in BRAKES {
         // A brake that takes as long as the decay without it brakes nothing.
         #[expect(clippy::cast_precision_loss, reason = "at most three")]
@@ -51,9 +51,9 @@ pub fn segments(targets: &[(Ringing, f64)], period_s: f64, push: u16) -> Vec<Seg
 
 /// When all targets are quiet, in s from the start.
 #[expect(clippy::cast_precision_loss, reason = "sample numbers")]
-fn quiet_s(targets: &[(Ringing, f64)], period_s: f64, segments: &[Segment]) -> f64 {
+fn quiet_s(targets: &[(TransientResponse, f64)], period_s: f64, segments: &[Segment]) -> f64 {
     let levels: Vec<f64> = segments.iter().flat_map(of_segment).collect();
-    let last = |(ringing, quiet): &(Ringing, f64)| {
+    let last = |(ringing, quiet): &(TransientResponse, f64)| {
         let (samples, step_s) = samples_of(ringing, &levels, period_s, LOOK_S);
         samples.iter().rposition(|x| x.abs() > *quiet).map_or(0.0, |i| i as f64 * step_s)
     };
@@ -68,7 +68,7 @@ fn of_segment(segment: &Segment) -> Vec<f64> {
 }
 
 /// The best `count` levels of `cycles` each, in thousandths.
-fn levels(targets: &[(Ringing, f64)], period_s: f64, push: u16, count: usize, cycles: u16) -> Vec<i16> {
+fn levels(targets: &[(TransientResponse, f64)], period_s: f64, push: u16, count: usize, cycles: u16) -> Vec<i16> {
     let section_s = f64::from(cycles) * period_s;
     // Free motion at the end of the last section: of the push, and of each section at level 1.
     let mut pushed: Vec<Vec<Complex64>> = Vec::with_capacity(targets.len());
@@ -94,7 +94,7 @@ fn levels(targets: &[(Ringing, f64)], period_s: f64, push: u16, count: usize, cy
     let right: Vec<f64> = braked.iter().map(|x| -product(x, &pushed)).collect();
     let mut found = vec![0.0_f64; count];
     // A convex problem between bounds: coordinate by coordinate, over-relaxed as neighbours are much alike.
-    for _ in 0..ROUNDS {
+    for _ in 0..LEAST_SQUARES_ROUNDS {
         for i in 0..count {
             let rest: f64 = (0..count).filter(|j| *j != i).map(|j| matrix[i][j] * found[j]).sum();
             if matrix[i][i] > 0.0 {
@@ -108,7 +108,7 @@ fn levels(targets: &[(Ringing, f64)], period_s: f64, push: u16, count: usize, cy
 }
 
 /// Integral from now on of the product of two free motions Re sum x e^(s t) and Re sum y e^(s t).
-fn energy(ringing: &Ringing, x: &[Complex64], y: &[Complex64]) -> f64 {
+fn energy(ringing: &TransientResponse, x: &[Complex64], y: &[Complex64]) -> f64 {
     let rate = |s: Complex64| Complex64::new(s.re.min(-LEAST_RATE), s.im);
     let mut sum = 0.0;
     for ((s, _), x) in ringing.free.iter().zip(x) {
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     /// A mode of `hz` and `ratio` driven at `drive_hz`: w^2-independent coefficients of a sine from rest.
-    fn mode(hz: f64, ratio: f64, drive_hz: f64) -> Ringing {
+    fn mode(hz: f64, ratio: f64, drive_hz: f64) -> TransientResponse {
         let (w, jw) = (std::f64::consts::TAU * hz, Complex64::new(0.0, std::f64::consts::TAU * drive_hz));
         let s = Complex64::new(-ratio * w, w * (1.0 - ratio * ratio).sqrt());
         // Acceleration of q'' + 2 z w q' + w^2 q = sin: g = s / (s - s*), both of a pair in one.
@@ -133,7 +133,7 @@ mod tests {
         let minus_j = Complex64::new(0.0, -1.0);
         let transform = 0.5 * (minus_j / (s - jw) + minus_j.conj() / (s + jw));
         let steady = minus_j * jw * jw / (jw * jw + 2.0 * ratio * w * jw + w * w);
-        Ringing { omega_rad_s: jw.im, steady, free: vec![(s, 2.0 * s * g * transform)] }
+        TransientResponse { omega_rad_s: jw.im, steady, free: vec![(s, 2.0 * s * g * transform)] }
     }
 
     #[test]

@@ -15,8 +15,8 @@ use super::part::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
 use super::supply::keep_within_supply;
 use super::travel::{Within, keep_within_travel};
 use crate::drive::SiDrive;
+use crate::motion::plan_motion::{PlanMotion, Push};
 use crate::motion::rise::RiseTimes;
-use crate::motion::succession::{Push, Swing};
 use crate::reports::limitation::{self, Limitation, add};
 use crate::scene::MAX_ACTUATORS;
 use crate::{Plan, PlanTable, STANDARD_GRAVITY};
@@ -97,7 +97,7 @@ pub struct Design {
 impl Design {
     /// How far it takes the masses and what it leaves; `None` where that cannot be told.
     #[must_use]
-    pub fn swing(&self, table: &PlanTable) -> Option<Swing> {
+    pub fn motion(&self, table: &PlanTable) -> Option<PlanMotion> {
         let push = |(channel, drive): (usize, &DesignedDrive)| {
             let levels = levels(&drive.effect, 1.0 / drive.frequency_hz);
             Push { channel, frequency_hz: drive.frequency_hz, force_n: drive.force_n, levels }
@@ -105,7 +105,7 @@ impl Design {
         let pushes: Vec<Push> = self.drives.iter().enumerate().map(push).collect();
         let mut travel_m = [0.0; MAX_ACTUATORS];
         travel_m.iter_mut().zip(&self.travel_m).for_each(|(travel, known)| *travel = *known);
-        table.swing_of(&pushes, &travel_m)
+        table.motion_of(&pushes, &travel_m)
     }
 
     /// Adds a reason why it is weaker than was asked for.

@@ -14,7 +14,7 @@ pub const MIN_DB: f64 = -20.0;
 /// See [`MIN_DB`].
 pub const MAX_DB: f64 = 80.0;
 /// Rounds of planning for a level: the second has the frequencies of the right strength, unless a limit changes them.
-const ROUNDS: usize = 4;
+const PLANNING_ROUNDS: usize = 4;
 /// Difference in dB that is none; fingers tell 1 dB at best.
 const CLOSE_DB: f64 = 0.01;
 
@@ -101,7 +101,7 @@ pub fn plan_with<'a>(
     let mut plan = table.plan_for(&request)?;
     let Some(rise) = rise() else { return Ok(plan) };
     let shapes: Vec<_> = request.targets.iter().map(|target| shape_of(table, target.x_m, target.y_m)).collect();
-    for _ in 0..ROUNDS {
+    for _ in 0..PLANNING_ROUNDS {
         let drives = forces(table, &plan);
         let mut furthest_db = 0.0_f64;
         let all = request.targets.iter_mut().zip(&shapes).zip(&plan.targets).zip(&is_open);

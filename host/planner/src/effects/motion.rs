@@ -1,6 +1,6 @@
 //! What a point does while drives play their envelopes, from the panel's poles: no equation is stepped in time.
 
-use crate::motion::rise::{Ringing, RiseTimes};
+use crate::motion::rise::{RiseTimes, TransientResponse};
 use crate::transient::panel::Drive;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -53,7 +53,7 @@ impl Channel {
 #[derive(Clone, Debug)]
 pub struct Response {
     channel: Channel,
-    harmonics: Vec<(u32, Ringing)>,
+    harmonics: Vec<(u32, TransientResponse)>,
 }
 
 impl Response {
@@ -69,7 +69,7 @@ impl Response {
 
     /// The fundamental alone.
     #[must_use]
-    pub fn fundamental(&self) -> Option<&Ringing> {
+    pub fn fundamental(&self) -> Option<&TransientResponse> {
         self.harmonics.first().map(|(_, ringing)| ringing)
     }
 
@@ -94,7 +94,7 @@ impl Response {
 
 /// A harmonic with its strength in every period.
 struct Wave<'a> {
-    ringing: &'a Ringing,
+    ringing: &'a TransientResponse,
     parts: Vec<f64>,
     /// Strength now, and phasor of the steady motion at strength 1.
     level: f64,
@@ -103,7 +103,7 @@ struct Wave<'a> {
 }
 
 impl<'a> Wave<'a> {
-    fn new(ringing: &'a Ringing, parts: Vec<f64>, step_s: f64) -> Self {
+    fn new(ringing: &'a TransientResponse, parts: Vec<f64>, step_s: f64) -> Self {
         let carrier_turn = Complex64::from_polar(1.0, ringing.omega_rad_s * step_s);
         Self { ringing, parts, level: 0.0, carrier: ringing.steady, carrier_turn }
     }
@@ -123,7 +123,7 @@ fn add_samples(waves: &mut [Wave<'_>], period_s: f64, step_s: f64, out: &mut [f6
         let time_s = i as f64 * step_s;
         while next <= periods && next as f64 * period_s <= time_s {
             let since_s = time_s - next as f64 * period_s;
-            let mut changes: Vec<(f64, &Ringing)> = Vec::new();
+            let mut changes: Vec<(f64, &TransientResponse)> = Vec::new();
             for wave in waves.iter_mut() {
                 let now = wave.parts.get(next).copied().unwrap_or(0.0);
                 if now != wave.level {
@@ -155,7 +155,7 @@ fn add_samples(waves: &mut [Wave<'_>], period_s: f64, step_s: f64, out: &mut [f6
     clippy::cast_sign_loss,
     reason = "counts of samples"
 )]
-pub fn samples_of(ringing: &Ringing, levels: &[f64], period_s: f64, after_s: f64) -> (Vec<f64>, f64) {
+pub fn samples_of(ringing: &TransientResponse, levels: &[f64], period_s: f64, after_s: f64) -> (Vec<f64>, f64) {
     /// Times per period: between two of them a sine rises by 1 - cos(pi/16) = 2 % at most.
     const TIMES: f64 = 16.0;
     let count = ((levels.len() as f64 + after_s.max(0.0) / period_s) * TIMES).ceil() as usize + 1;

@@ -5,7 +5,7 @@ use super::error::DesignError;
 use super::intensity::{forces, shape_of};
 use super::motion::{Channel, Response};
 use crate::electrodes::limits::Limit;
-use crate::motion::rise::{Ringing, RiseTimes};
+use crate::motion::rise::{RiseTimes, TransientResponse};
 use crate::response::modal_coordinates;
 use crate::transient::panel::Drive;
 use crate::{Plan, PlanTable};
@@ -37,7 +37,7 @@ impl Part {
     /// The fundamental at every target, and what is quiet there per N: of the part `quiet` that the sum of `drives` may
     /// leave, an equal share.
     #[expect(clippy::cast_precision_loss, reason = "at most four")]
-    pub fn quiet(&self, quiet: f64, wanted: &[f64], drives: usize) -> Vec<(Ringing, f64)> {
+    pub fn quiet(&self, quiet: f64, wanted: &[f64], drives: usize) -> Vec<(TransientResponse, f64)> {
         let share = quiet / (drives.max(1) as f64 * self.drive.force_n.max(f64::MIN_POSITIVE));
         let fundamentals = self.responses.iter().map(Response::fundamental);
         fundamentals.zip(wanted).filter_map(|(ringing, wanted)| Some((ringing?.clone(), wanted * share))).collect()

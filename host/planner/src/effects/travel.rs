@@ -15,19 +15,19 @@ use super::part::Part;
 use super::supply::rail_v;
 use crate::PlanTable;
 use crate::electrodes::limits::{Electrodes, Limit};
-use crate::motion::rise::{Ringing, RiseTimes, Stepper};
+use crate::motion::rise::{RiseTimes, Stepper, TransientResponse};
 use era_shared::waveform::{Effect, Segment};
 use nalgebra::DVector;
 use num_complex::Complex64;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 /// Step in s: some sixty in a period of 400 Hz.
-const STEP_S: f64 = 40e-6;
+const TRAVEL_STEP_S: f64 = 40e-6;
 /// Least time to which segments and repetitions are cut, in s: five beats of the least spacing of 20 Hz, in which all phases
 /// of the drives to each other come by.
 const LEAST_S: f64 = 0.25;
 /// Longest, in s.
-const LONGEST_S: f64 = 1.5;
+const LONGEST_CUT_S: f64 = 1.5;
 /// Factor from one length that is tried to the next.
 const LONGER: f64 = 1.3;
 /// Part of the travel allowed that free motions may have left when they count as decayed.
@@ -43,9 +43,9 @@ const OFFSETS: u32 = 2;
 const WITH_HARMONICS: f64 = 2.0;
 /// Part of the travel allowed below which a travel is small: of a third of the gap this is 1/50 of it, where an electrode's force differs
 /// from that in the middle by 4 %.
-const SMALL: f64 = 0.06;
+const SMALL_TRAVEL: f64 = 0.06;
 /// Halvings in the search for a strength that fits: to 1/64.
-const HALVINGS: usize = 6;
+const STRENGTH_HALVINGS: usize = 6;
 
 /// What became of the drives.
 pub struct Within {
@@ -60,12 +60,12 @@ pub struct Within {
 pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part], effects: &[Effect]) -> Within {
     let rows: Vec<DVector<f64>> =
         (0..table.electrodes.len()).map(|actuator| table.model.travel_row(actuator)).collect();
-    let free: Vec<Option<Vec<Ringing>>> = parts.iter().map(|part| free_travel(rise, &rows, part)).collect();
+    let free: Vec<Option<Vec<TransientResponse>>> = parts.iter().map(|part| free_travel(rise, &rows, part)).collect();
     let shortened = Shortened::new(&table.electrodes, parts, effects, &free);
     if let Some(travel_m) = surely_small(&table.electrodes, parts, &shortened.levels, &free) {
         return Within { limited: None, travel_m };
     }
-    let rest = rise.stepper(&rows, STEP_S);
+    let rest = rise.stepper(&rows, TRAVEL_STEP_S);
     let most = OFFSETS.pow(u32::try_from(parts.len().saturating_sub(1)).unwrap_or(0));
     let combinations = if shortened.is_long(parts) { most.min(OFFSETS) } else { most };
     // How far the masses go, or the first limit that is broken, if any is.
@@ -94,7 +94,7 @@ pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part
         Err(limited) => limited,
     };
     let (mut low, mut high, mut travel_m) = (0.0, 1.0, vec![0.0; table.electrodes.len()]);
-    for _ in 0..HALVINGS {
+    for _ in 0..STRENGTH_HALVINGS {
         let middle = 0.5 * (low + high);
         match tried(middle) {
             Err(limit) => (limited, high) = (limit, middle),
@@ -106,7 +106,7 @@ pub fn keep_within_travel(table: &PlanTable, rise: &RiseTimes, parts: &mut [Part
 }
 
 /// The fundamental's travel of every actuator under 1 N of a drive from rest; `None` at an undamped resonance.
-fn free_travel(rise: &RiseTimes, rows: &[DVector<f64>], part: &Part) -> Option<Vec<Ringing>> {
+fn free_travel(rise: &RiseTimes, rows: &[DVector<f64>], part: &Part) -> Option<Vec<TransientResponse>> {
     rows.iter().map(|row| Some(rise.ringings(row, &[part.drive])?.pop()?.displacement())).collect()
 }
 
@@ -119,10 +119,15 @@ struct Shortened {
 }
 
 impl Shortened {
-    fn new(electrodes: &[Electrodes], parts: &[Part], effects: &[Effect], free: &[Option<Vec<Ringing>>]) -> Self {
+    fn new(
+        electrodes: &[Electrodes],
+        parts: &[Part],
+        effects: &[Effect],
+        free: &[Option<Vec<TransientResponse>>],
+    ) -> Self {
         let left_m = |after_s: f64| -> Vec<f64> {
             let drives = || parts.iter().zip(effects).zip(free);
-            let of = |actuator: usize, ((part, effect), free): ((&Part, &Effect), &Option<Vec<Ringing>>)| {
+            let of = |actuator: usize, ((part, effect), free): ((&Part, &Effect), &Option<Vec<TransientResponse>>)| {
                 let ringing = free.as_ref().and_then(|free| free.get(actuator))?;
                 Some(part.drive.force_n * left_per_n(effect, part.channel.period_s(), ringing, after_s))
             };
@@ -133,8 +138,8 @@ impl Shortened {
             left_m.iter().zip(electrodes).all(|(left, electrodes)| *left <= DECAYED * electrodes.most_travel_m())
         };
         let mut enough_s = LEAST_S;
-        while enough_s < LONGEST_S && !is_decayed(&left_m(enough_s)) {
-            enough_s = (enough_s * LONGER).min(LONGEST_S);
+        while enough_s < LONGEST_CUT_S && !is_decayed(&left_m(enough_s)) {
+            enough_s = (enough_s * LONGER).min(LONGEST_CUT_S);
         }
         let cut: Vec<Cut> = parts
             .iter()
@@ -158,7 +163,7 @@ impl Shortened {
 /// Bound, in m/N, on how much the free motions of what was before may still add `after_s` after an effect's start: those of
 /// the changes of level in one repetition, and, where it is repeated, of all the repetitions that it would take for the
 /// motion to be periodic, sum over n of e^(-r (t + n T)).
-fn left_per_n(effect: &Effect, period_s: f64, ringing: &Ringing, after_s: f64) -> f64 {
+fn left_per_n(effect: &Effect, period_s: f64, ringing: &TransientResponse, after_s: f64) -> f64 {
     let once = Effect { times: 1, ..effect.clone() };
     let once_s = length_s(&once, period_s);
     let mut last = 0.0;
@@ -180,14 +185,14 @@ fn left_per_n(effect: &Effect, period_s: f64, ringing: &Ringing, after_s: f64) -
 }
 
 /// A bound of all travels in m if they are so small that nothing has to be stepped: of the fundamentals' travel, from the
-/// steady motion and what is left, at its most, of the free motion that every change of level adds, below [`SMALL`]. The
+/// steady motion and what is left, at its most, of the free motion that every change of level adds, below [`SMALL_TRAVEL`]. The
 /// factor of sixteen from there to what is allowed is for harmonics, of a third of the fundamental at most and a resonance of
 /// their own at worst; the bound itself has [`WITH_HARMONICS`].
 fn surely_small(
     all: &[Electrodes],
     parts: &[Part],
     levels: &[Vec<f64>],
-    free: &[Option<Vec<Ringing>>],
+    free: &[Option<Vec<TransientResponse>>],
 ) -> Option<Vec<f64>> {
     let travel = |(actuator, electrodes): (usize, &Electrodes)| {
         let bounds = parts.iter().zip(levels).zip(free).map(|((part, levels), free)| {
@@ -199,7 +204,7 @@ fn surely_small(
         });
         let travel = bounds.sum::<Option<f64>>()?;
         let volts = rail_v(all, parts, actuator, 1.0);
-        let is_small = travel < SMALL * electrodes.most_travel_m() && volts <= electrodes.holds_v(travel);
+        let is_small = travel < SMALL_TRAVEL * electrodes.most_travel_m() && volts <= electrodes.holds_v(travel);
         is_small.then_some(WITH_HARMONICS * travel)
     };
     all.iter().enumerate().map(travel).collect()
@@ -241,14 +246,14 @@ fn largest(
         })
         .collect();
     let ends = parts.iter().zip(levels).zip(&delays_s).map(|((p, l), d)| d + l.len() as f64 * p.channel.period_s());
-    let steps = ((ends.fold(0.0, f64::max) + AFTER_S) / STEP_S).ceil() as usize;
+    let steps = ((ends.fold(0.0, f64::max) + AFTER_S) / TRAVEL_STEP_S).ceil() as usize;
     let (mut travel, mut most) = (vec![0.0; electrodes.len()], vec![0.0_f64; electrodes.len()]);
     let mut forces = vec![0.0; electrodes.len()];
     for i in 0..steps {
         if most.iter().zip(electrodes).any(|(most, electrodes)| *most > electrodes.most_travel_m()) {
             break;
         }
-        let time_s = i as f64 * STEP_S;
+        let time_s = i as f64 * TRAVEL_STEP_S;
         forces.fill(0.0);
         for ((part, levels), delay_s) in parts.iter().zip(levels).zip(&delays_s) {
             let actuator = part.drive.actuator;
@@ -272,7 +277,7 @@ fn on(part: &Part, levels: &[f64], time_s: f64) -> (f64, f64) {
     }
     let periods = time_s * part.channel.frequency_hz;
     let level = levels.get(periods as usize).copied().unwrap_or(0.0);
-    let step = STEP_S * part.channel.frequency_hz;
+    let step = TRAVEL_STEP_S * part.channel.frequency_hz;
     // In periods: windows in the middle of each half, as wide as the level takes.
     let width = (level.abs() * (FRAC_PI_2 * part.channel.pulse_width).sin()).asin() / FRAC_PI_2;
     let from = periods.fract();
@@ -311,7 +316,7 @@ mod tests {
             let parts = parts(&table, &rise, &plan).unwrap();
             let rows: Vec<DVector<f64>> = (0..parts.len()).map(|actuator| table.model.travel_row(actuator)).collect();
             let free: Vec<_> = parts.iter().map(|part| free_travel(&rise, &rows, part)).collect();
-            let rest = rise.stepper(&rows, STEP_S);
+            let rest = rise.stepper(&rows, TRAVEL_STEP_S);
             for effect in [NamedEffect::Swell, NamedEffect::PulseTrain, NamedEffect::Texture] {
                 let count = (effect == NamedEffect::PulseTrain).then_some(40);
                 let duration_ms = (effect != NamedEffect::PulseTrain).then_some(6000.0);

@@ -20,7 +20,7 @@ use stiffer::Loose;
 mod stiffer;
 
 /// Most rounds in which sags are found; each adds at most a part [`HELD`] of the one before.
-const ROUNDS: usize = 100;
+const SAG_ROUNDS: usize = 100;
 /// Change, as a part of the gap, that counts as none.
 const SETTLED: f64 = 1e-9;
 
@@ -174,7 +174,7 @@ fn sags(
     // Beyond its gap a mass is on an electrode, whatever holds it.
     let most = |i: usize| stops_m[i].min(electrodes[i].gap_m);
     let mut x: Vec<f64> = (0..p).map(|i| alone[i].1.min(most(i))).collect();
-    for _ in 0..ROUNDS {
+    for _ in 0..SAG_ROUNDS {
         let pulled = |i: usize| -> f64 {
             (0..p)
                 .map(|j| {

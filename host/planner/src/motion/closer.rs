@@ -6,8 +6,8 @@
 
 use crate::chosen::Chosen;
 use crate::electrodes::limits::Limit;
-use crate::motion::safe::{Applied, Problem, Settled, harmonics_m};
-use crate::motion::softening::{Following, Line, Motion, NotSafe, rise, settle, travel_receptance};
+use crate::motion::safe::{Applied, DrivenPanel, Settled, harmonics_m};
+use crate::motion::softening::{Line, Motion, NotSafe, TimeResponse, rise, settle, travel_receptance};
 use crate::response::Solver;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, at_point, travel_by};
@@ -23,7 +23,7 @@ const NARROW: f64 = 0.6;
 /// Lowest frequency in Hz at which a difference of frequencies counts as motion.
 const LOWEST_HZ: f64 = 1.0;
 /// Part of the gap's third below which motion at a sum or difference is left out.
-const SMALL: f64 = 1e-3;
+const NO_COMBINATION: f64 = 1e-3;
 
 impl PlanTable {
     /// Whether the masses stay within the limits while the rails rise to the voltages of a steady motion, with all that moves
@@ -47,15 +47,15 @@ impl PlanTable {
     pub(crate) fn risen(
         &self,
         drives: &[Chosen],
-        problem: &Problem,
+        problem: &DrivenPanel,
         motion: &Motion,
     ) -> Option<Result<[f64; MAX_ACTUATORS], NotSafe>> {
         let onset = self.onset()?;
-        let following: Vec<Following> = problem
+        let following: Vec<TimeResponse> = problem
             .lines
             .iter()
             .zip(&problem.leaders)
-            .map(|(line, leader)| onset.following(drives[*leader].frequency_hz, &line.receptance))
+            .map(|(line, leader)| onset.time_response(drives[*leader].frequency_hz, &line.receptance))
             .collect();
         let volts_per_s = f64::from(RAIL_SLOPE_MILLIVOLTS_PER_MS);
         let mut rise_s = [1e-3_f64; MAX_ACTUATORS];
@@ -78,7 +78,7 @@ impl PlanTable {
     pub(crate) fn besides(
         &self,
         drives: &[Chosen],
-        problem: &Problem,
+        problem: &DrivenPanel,
         motion: &Motion,
         alone_m: &[f64; MAX_ACTUATORS],
     ) -> Result<[f64; MAX_ACTUATORS], NotSafe> {
@@ -93,7 +93,7 @@ impl PlanTable {
     }
 
     /// The fundamentals' lines, then those of the harmonics of [`CLOSING`].
-    fn with_harmonics(&self, drives: &[Chosen], problem: &Problem, solver: &Solver<'_>) -> Vec<Line> {
+    fn with_harmonics(&self, drives: &[Chosen], problem: &DrivenPanel, solver: &Solver<'_>) -> Vec<Line> {
         let mut lines = problem.lines.clone();
         for (line, leader) in problem.lines.iter().zip(&problem.leaders) {
             for harmonic in CLOSING {
@@ -146,7 +146,7 @@ impl PlanTable {
     fn beside(
         &self,
         drives: &[Chosen],
-        problem: &Problem,
+        problem: &DrivenPanel,
         motion: &Motion,
         solver: &Solver<'_>,
     ) -> [f64; MAX_ACTUATORS] {
@@ -161,7 +161,7 @@ impl PlanTable {
                     let moved = travel_by(&self.model, q);
                     for ((sum, z), electrodes) in travel_m.iter_mut().zip(moved).zip(&self.electrodes) {
                         let own = z.norm() * force_n;
-                        *sum += if own > SMALL * electrodes.most_travel_m() { own } else { 0.0 };
+                        *sum += if own > NO_COMBINATION * electrodes.most_travel_m() { own } else { 0.0 };
                     }
                 }
             }

@@ -1,9 +1,9 @@
 //! Masses that move in closing gaps: steadily, while rails rise, and with what is left of earlier drives.
 
 pub(crate) mod closer;
-pub mod moving;
+pub mod plan_motion;
+pub mod residual;
 pub mod rise;
 pub(crate) mod safe;
 pub mod softening;
-pub mod succession;
 pub(crate) mod weaker;

@@ -10,14 +10,14 @@
 //!
 //! Under a force f cos(w t + phase) from rest the acceleration is its steady part plus the sum of c e^(s t) with
 //! c = s g F(s), F the force's Laplace transform: no matrix is inverted (equation 21 needs V^-1) and no exponential of a
-//! growing number appears. Coefficients that belong to a point and a drive are a [`Ringing`].
+//! growing number appears. Coefficients that belong to a point and a drive are a [`TransientResponse`].
 //!
 //! Damping: hysteretic losses count as in the simulation in time
 //! ([`ModalSystem::from_reduced`](crate::transient::reduced::ModalSystem::from_reduced)). Equal and critically damped poles are
 //! pulled apart by 1e-7 of their size, which moves the times by as little and leaves nine digits to the coefficients,
 //! as g grows with the inverse root of the distance.
 //!
-//! Poles above [`HIGHEST_HZ`] count as following any force at once, which takes nothing that a finger feels: what rings up
+//! Poles above [`HIGHEST_HZ`] count as following any force at once, which takes nothing that a finger feels: what modes up
 //! there is beyond the skin's 1 kHz.
 
 use crate::model::ReducedModel;
@@ -40,7 +40,7 @@ const DECAYED: f64 = 0.1;
 /// Part of the steady peak that the poles left out of an envelope may have together.
 const LEFT_OUT: f64 = 1e-3;
 /// Longest time in s; what takes longer counts as never.
-const LONGEST_S: f64 = 60.0;
+const LONGEST_RISE_S: f64 = 60.0;
 /// Samples of an envelope, at most, and per beat between pole and drive.
 const SAMPLES: f64 = 512.0;
 const SAMPLES_PER_BEAT: f64 = 14.0;
@@ -69,9 +69,9 @@ pub struct RiseTimes {
 }
 
 /// What one drive of 1 N does at one point, from rest: acceleration in m/s^2 (or displacement in m, see
-/// [`Ringing::displacement`]).
+/// [`TransientResponse::displacement`]).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ringing {
+pub struct TransientResponse {
     /// Angular frequency of the drive in rad/s.
     pub omega_rad_s: f64,
     /// Phasor of the steady motion.
@@ -80,7 +80,7 @@ pub struct Ringing {
     pub free: Vec<(Complex64, Complex64)>,
 }
 
-impl Ringing {
+impl TransientResponse {
     /// The same for the displacement in m. Rigid motions, whose drift is no vibration, are left out.
     #[must_use]
     pub fn displacement(mut self) -> Self {
@@ -158,7 +158,7 @@ impl RiseTimes {
         })
     }
 
-    /// Number of poles that ring: of those that do not follow at once.
+    /// Number of poles that mode: of those that do not follow at once.
     #[must_use]
     pub fn ringing(&self) -> usize {
         self.ringing
@@ -167,7 +167,7 @@ impl RiseTimes {
     /// What each of `drives` does where `shape` holds the shapes' deflections (or an actuator's travel), for 1 N whatever
     /// their `force_n`. `None` where a drive meets the resonance of an undamped mode, or an actuator that there is not.
     #[must_use]
-    pub fn ringings(&self, shape: &DVector<f64>, drives: &[Drive]) -> Option<Vec<Ringing>> {
+    pub fn ringings(&self, shape: &DVector<f64>, drives: &[Drive]) -> Option<Vec<TransientResponse>> {
         let (re, im) = (self.re.tr_mul(shape), self.im.tr_mul(shape));
         drives
             .iter()
@@ -189,7 +189,7 @@ impl RiseTimes {
                         free.push((*s, s * g * transform * if is_pair { 2.0 } else { 1.0 }));
                     }
                 }
-                let ringing = Ringing { omega_rad_s: jw.im, steady: steady * phasor, free };
+                let ringing = TransientResponse { omega_rad_s: jw.im, steady: steady * phasor, free };
                 let is_finite = ringing.steady.is_finite() && ringing.free.iter().all(|(_, c)| c.is_finite());
                 is_finite.then_some(ringing)
             })
@@ -200,14 +200,14 @@ impl RiseTimes {
     /// when it has decayed after all have ended.
     ///
     /// The envelope is the sum over the frequencies of the running amplitude |steady + sum of c e^((s - jw) t)|, phasors of
-    /// equal frequencies added first (equation 23 for each instant; poles that do not swing count with what they do); after the end, which is a whole number of periods of
+    /// equal frequencies added first (equation 23 for each instant; poles that do not motion count with what they do); after the end, which is a whole number of periods of
     /// every drive after its start, the steady part is missing. The steady peak is what equation 23 makes of the damping
     /// in time.
     #[must_use]
     pub fn times(&self, shape: &DVector<f64>, drives: &[Drive]) -> Timing {
         const NEVER: Timing = Timing { reaches_90_s: None, decays_to_10_s: None };
         let Some(ringings) = self.ringings(shape, drives) else { return NEVER };
-        let mut parts: Vec<Ringing> = Vec::with_capacity(drives.len());
+        let mut parts: Vec<TransientResponse> = Vec::with_capacity(drives.len());
         for (mut ringing, drive) in ringings.into_iter().zip(drives) {
             ringing.steady *= drive.force_n;
             ringing.free.iter_mut().for_each(|(_, c)| *c *= drive.force_n);
@@ -223,7 +223,7 @@ impl RiseTimes {
     }
 }
 
-fn envelope_times(parts: &mut [Ringing]) -> Option<Timing> {
+fn envelope_times(parts: &mut [TransientResponse]) -> Option<Timing> {
     let peak: f64 = parts.iter().map(|part| part.steady.norm()).sum();
     if peak <= 0.0 {
         return None;
@@ -235,10 +235,10 @@ fn envelope_times(parts: &mut [Ringing]) -> Option<Timing> {
         part.free.retain(|(_, c)| c.norm() > small);
     }
     let latest_s = latest_s(parts, DECAYED.min(1.0 - REACHED) * peak)?;
-    let beat = |part: &Ringing| {
-        part.free.iter().map(|(s, _)| (s.im - part.omega_rad_s).abs() / TAU).fold(1.0 / LONGEST_S, f64::max)
+    let beat = |part: &TransientResponse| {
+        part.free.iter().map(|(s, _)| (s.im - part.omega_rad_s).abs() / TAU).fold(1.0 / LONGEST_RISE_S, f64::max)
     };
-    let fastest_hz = parts.iter().map(beat).fold(1.0 / LONGEST_S, f64::max);
+    let fastest_hz = parts.iter().map(beat).fold(1.0 / LONGEST_RISE_S, f64::max);
     let step_s = (1.0 / (SAMPLES_PER_BEAT * fastest_hz)).min(latest_s / 64.0).max(latest_s / SAMPLES);
     if step_s <= 0.0 {
         return Some(Timing { reaches_90_s: Some(0.0), decays_to_10_s: Some(0.0) });
@@ -275,7 +275,7 @@ fn envelope_times(parts: &mut [Ringing]) -> Option<Timing> {
 
 /// One part's free motion relative to its drive's phasor, backwards in equal steps.
 struct Walk {
-    /// Of the poles that swing: phasor and factor of a step.
+    /// Of the poles that motion: phasor and factor of a step.
     swinging: Vec<(Complex64, Complex64)>,
     /// Of the others, not relative to the drive.
     creeping: Vec<(Complex64, Complex64)>,
@@ -284,7 +284,7 @@ struct Walk {
 }
 
 impl Walk {
-    fn new(part: &Ringing, from_s: f64, step_s: f64) -> Self {
+    fn new(part: &TransientResponse, from_s: f64, step_s: f64) -> Self {
         let jw = Complex64::new(0.0, part.omega_rad_s);
         let (mut swinging, mut creeping) = (Vec::with_capacity(part.free.len()), Vec::new());
         for (s, c) in &part.free {
@@ -312,8 +312,8 @@ impl Walk {
     }
 }
 
-/// A time in s from which on all free motion together is surely below `limit`; `None` beyond [`LONGEST_S`].
-fn latest_s(parts: &[Ringing], limit: f64) -> Option<f64> {
+/// A time in s from which on all free motion together is surely below `limit`; `None` beyond [`LONGEST_RISE_S`].
+fn latest_s(parts: &[TransientResponse], limit: f64) -> Option<f64> {
     let bound = |time_s: f64| -> f64 {
         parts.iter().flat_map(|part| &part.free).map(|(s, c)| c.norm() * (s.re * time_s).exp()).sum()
     };
@@ -323,7 +323,7 @@ fn latest_s(parts: &[Ringing], limit: f64) -> Option<f64> {
     let mut high = 1e-3;
     while bound(high) > limit {
         high *= 2.0;
-        if high > LONGEST_S {
+        if high > LONGEST_RISE_S {
             return None;
         }
     }
@@ -340,5 +340,5 @@ mod stepper;
 #[cfg(test)]
 mod tests;
 
-pub use onset::{Onset, Ring, Share};
+pub use onset::{DecayingMode, Onset, Participation};
 pub use stepper::Stepper;

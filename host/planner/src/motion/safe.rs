@@ -49,7 +49,7 @@ pub struct Settled {
 }
 
 /// What actuators do to the panel.
-pub(crate) struct Problem {
+pub(crate) struct DrivenPanel {
     transducers: [Transducer; MAX_ACTUATORS],
     excitations: [Excitation; MAX_ACTUATORS],
     actuators: usize,
@@ -59,7 +59,7 @@ pub(crate) struct Problem {
     pub leaders: Vec<usize>,
 }
 
-impl Problem {
+impl DrivenPanel {
     /// Its steady motion.
     pub(crate) fn settled(&self) -> Result<Motion, NotSafe> {
         settle(self.transducers(), self.excitations(), &self.lines)
@@ -310,7 +310,7 @@ impl PlanTable {
     }
 
     /// What the actuators do to the panel under these voltages. Equal frequencies are one line.
-    pub(crate) fn problem(&self, drives: &[Chosen], applied: [Applied; MAX_ACTUATORS]) -> Problem {
+    pub(crate) fn problem(&self, drives: &[Chosen], applied: [Applied; MAX_ACTUATORS]) -> DrivenPanel {
         let p = drives.len().min(MAX_ACTUATORS);
         let mut frequency = [0; MAX_ACTUATORS];
         let mut leaders: Vec<usize> = Vec::with_capacity(p);
@@ -340,7 +340,7 @@ impl PlanTable {
             excitations[i] =
                 Excitation { frequency: frequency[i], voltage_v, pulse_width, phase_rad: drives[i].phase_rad };
         }
-        Problem { transducers, excitations, actuators: p, lines, leaders }
+        DrivenPanel { transducers, excitations, actuators: p, lines, leaders }
     }
 
     /// Voltages and pulse widths for the drives' forces times `scale`. A rail has the highest voltage that is asked of it, and

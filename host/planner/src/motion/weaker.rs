@@ -1,6 +1,6 @@
 //! A plan with a part of its forces: what is driven where the motion that is left of earlier touches leaves no room for all of it.
 
-use crate::choose::candidates::Judge;
+use crate::choose::candidates::Formulation;
 use crate::chosen::peak;
 use crate::plan::{Plan, TargetResult};
 use crate::reports::limitation::{self, Limitation, add};
@@ -38,14 +38,14 @@ impl PlanTable {
             grouping: plan.grouping,
             ..Request::default()
         };
-        let judge = Judge::new(self, &request);
-        let (settled, quiet) = self.settled_quietly(&judge.quiet, &mut drives).ok_or(PlanError::NoFrequencies)?;
+        let formulation = Formulation::new(self, &request);
+        let (settled, quiet) = self.settled_quietly(&formulation.quiet, &mut drives).ok_or(PlanError::NoFrequencies)?;
         let mut weaker = plan.clone();
-        for (target, shape) in weaker.targets.iter_mut().zip(&judge.zone.targets) {
+        for (target, shape) in weaker.targets.iter_mut().zip(&formulation.zone.targets) {
             target.peak_g = peak(&drives, shape) / STANDARD_GRAVITY;
         }
         let first_g = weaker.targets.first().map_or(0.0, |target| target.peak_g);
-        weaker.predicted = self.predict(&judge, &drives, &settled, first_g);
+        weaker.predicted = self.predict(&formulation, &drives, &settled, first_g);
         weaker.drives = self.drives(&drives, &settled);
         weaker.quiet = quiet;
         add(&mut weaker.limits, Limitation::StillMoving);

@@ -22,9 +22,9 @@ use serde::Serialize;
 /// Points of the finer grid that are added at once to those that the weakest place is looked for at.
 const ADDED: usize = 12;
 /// Rounds of that. A dozen is usual.
-const ROUNDS: usize = 200;
+const REFINEMENTS: usize = 200;
 /// Relative difference of minima that counts as none.
-const SAME: f64 = 1e-6;
+const EQUAL_MINIMA: f64 = 1e-6;
 
 /// A way to drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -98,7 +98,7 @@ pub fn compare(table: &PlanTable, region: Option<Region>, measure: Measure) -> R
     let in_phase = together(Phases::Equal)?;
     let chosen = together(Phases::Chosen)?.or(&in_phase);
     let distinct = compared.distinct().ok_or(PlanError::NoFrequencies)?;
-    let found = [Found::from(in_phase), Found::from(chosen), distinct];
+    let found = [SchemeResult::from(in_phase), SchemeResult::from(chosen), distinct];
     let mut schemes: Vec<SchemeReach> = Scheme::ALL
         .into_iter()
         .zip(found)
@@ -107,8 +107,8 @@ pub fn compare(table: &PlanTable, region: Option<Region>, measure: Measure) -> R
     let distinct = schemes.iter().find(|scheme| scheme.scheme == Scheme::DistinctFrequencies);
     let levels = distinct.map(|distinct| (distinct.one_setting.least, distinct.per_touch.least));
     for (scheme, (one, each)) in schemes.iter_mut().zip(levels.into_iter().cycle()) {
-        scheme.one_setting_weaker = below(&table.grid, &scheme.one_setting_field, one * (1.0 - SAME));
-        scheme.per_touch_weaker = below(&table.grid, &scheme.per_touch_field, each * (1.0 - SAME));
+        scheme.one_setting_weaker = below(&table.grid, &scheme.one_setting_field, one * (1.0 - EQUAL_MINIMA));
+        scheme.per_touch_weaker = below(&table.grid, &scheme.per_touch_field, each * (1.0 - EQUAL_MINIMA));
     }
     Ok(schemes)
 }
@@ -148,7 +148,7 @@ struct Compared<'a> {
     measure: Measure,
 }
 
-struct Found {
+struct SchemeResult {
     setting: Vec<Part>,
     scale: f64,
     at_most: Option<f64>,
@@ -156,20 +156,20 @@ struct Found {
     per_touch: Vec<f64>,
 }
 
-impl From<shared::Found> for Found {
-    fn from(found: shared::Found) -> Self {
+impl From<shared::StrongestSetting> for SchemeResult {
+    fn from(found: shared::StrongestSetting) -> Self {
         Self { setting: found.one, scale: found.scale, at_most: None, per_touch: found.each }
     }
 }
 
 impl Compared<'_> {
-    fn distinct(&self) -> Option<Found> {
+    fn distinct(&self) -> Option<SchemeResult> {
         let space = Space::of(self.table, &self.view.shapes, |hz| self.measure.weight(hz));
         let touches = maps::strongest(self.table, &space, Options::default());
         let per_touch = touches.into_iter().map(|touch| Some(touch?.peak)).collect::<Option<_>>()?;
         let (mut setting, at_most) = self.everywhere(space)?;
         let scale = command(self.table, &mut setting)?;
-        Some(Found { setting, scale, at_most: Some(at_most), per_touch })
+        Some(SchemeResult { setting, scale, at_most: Some(at_most), per_touch })
     }
 
     /// Least peak of a setting at points with these mode shapes.
@@ -185,14 +185,15 @@ impl Compared<'_> {
         let mut strongest: Option<(f64, Vec<Part>)> = None;
         let mut upper = f64::INFINITY;
         let mut hint: Option<Vec<usize>> = None;
-        for _ in 0..ROUNDS {
+        for _ in 0..REFINEMENTS {
             let all: Vec<usize> = (0..space.points).collect();
             let best = search::best(&space, &all, Options::default(), hint.as_deref())?;
             upper = upper.min(best.upper);
             let setting = best.setting(self.table, &space);
             let peaks = peaks(self.table, finer, &setting, self.measure);
-            let mut weaker: Vec<usize> =
-                (0..peaks.len()).filter(|x| peaks[*x] < best.least * (1.0 - SAME) && !added.contains(x)).collect();
+            let mut weaker: Vec<usize> = (0..peaks.len())
+                .filter(|x| peaks[*x] < best.least * (1.0 - EQUAL_MINIMA) && !added.contains(x))
+                .collect();
             weaker.sort_by(|a, b| peaks[*a].total_cmp(&peaks[*b]));
             let least = peaks.iter().copied().fold(f64::INFINITY, f64::min);
             if strongest.as_ref().is_none_or(|strongest| least > strongest.0) {
@@ -209,11 +210,11 @@ impl Compared<'_> {
             hint = Some(best.choice);
         }
         let (least, setting) = strongest?;
-        Some((setting, if upper <= least * (1.0 + 2.0 * SAME) { least } else { upper }))
+        Some((setting, if upper <= least * (1.0 + 2.0 * EQUAL_MINIMA) { least } else { upper }))
     }
 
-    fn told(&self, scheme: Scheme, found: Found) -> Option<SchemeReach> {
-        let Found { setting, scale, at_most, per_touch } = found;
+    fn told(&self, scheme: Scheme, found: SchemeResult) -> Option<SchemeReach> {
+        let SchemeResult { setting, scale, at_most, per_touch } = found;
         let (table, view) = (self.table, &self.view);
         let one_setting_field = view.on_grid(table, peaks(table, &view.shapes, &setting, self.measure));
         let per_touch_field = view.on_grid(table, per_touch);

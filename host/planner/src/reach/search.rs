@@ -17,7 +17,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 /// Relative difference of objective values that counts as none.
-const SAME: f64 = 1e-10;
+const EQUAL_VALUES: f64 = 1e-10;
 /// Combinations that are looked at one by one.
 const FEW: usize = 20_000;
 /// Points to begin with.
@@ -61,7 +61,7 @@ pub fn best(space: &Space, points: &[usize], options: Options, hint: Option<&[us
         return None;
     }
     let step = points.len().div_ceil(FIRST_POINTS);
-    let mut search = Search {
+    let mut search = ReachSearch {
         space,
         points,
         options,
@@ -114,7 +114,7 @@ impl Ord for Node {
     }
 }
 
-struct Search<'a> {
+struct ReachSearch<'a> {
     space: &'a Space,
     points: &'a [usize],
     options: Options,
@@ -151,10 +151,10 @@ impl Multipliers {
     }
 }
 
-impl Search<'_> {
+impl ReachSearch<'_> {
     /// Whether a value is more than the best known.
     fn beats(&self, value: f64) -> bool {
-        value > self.least + SAME * self.least.abs()
+        value > self.least + EQUAL_VALUES * self.least.abs()
     }
 
     fn is_spaced(&self, choice: &[usize]) -> bool {

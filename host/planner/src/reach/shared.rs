@@ -43,7 +43,7 @@ pub enum Phases {
 
 /// The strongest found, as they are commanded.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct StrongestSetting {
     /// The drive with the largest minimum over the points.
     pub one: Vec<Part>,
     /// That minimum.
@@ -63,7 +63,7 @@ pub fn tried(actuators: usize, phases: Phases) -> usize {
 /// Searches all frequencies of a table over a view; `None` if no frequency is usable. The setting for all points at once is
 /// refined at the finer ones.
 #[must_use]
-pub fn strongest(table: &PlanTable, view: &View, measure: Measure, phases: Phases) -> Option<Found> {
+pub fn strongest(table: &PlanTable, view: &View, measure: Measure, phases: Phases) -> Option<StrongestSetting> {
     let directions = directions(table.electrodes.len(), phases);
     let mut swept: Vec<Swept> = (0..table.frequencies_hz.len())
         .into_par_iter()
@@ -101,10 +101,10 @@ pub fn strongest(table: &PlanTable, view: &View, measure: Measure, phases: Phase
             best
         })
         .collect();
-    Some(Found { one, least, scale, each })
+    Some(StrongestSetting { one, least, scale, each })
 }
 
-impl Found {
+impl StrongestSetting {
     /// The better of two searches over the same view, as one with fewer choices may have come further.
     #[must_use]
     pub fn or(mut self, other: &Self) -> Self {

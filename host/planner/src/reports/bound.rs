@@ -10,7 +10,7 @@ use nalgebra::DVector;
 use num_complex::Complex64;
 
 /// Why there is no bound on what nothing moves, or what was not asked for.
-const NOTHING: &str = "nothing moves at the target";
+const UNMOVED: &str = "nothing moves at the target";
 const NO_LEVELS: &str = "no coarser model was made to compare with";
 const UNBOUNDED: &str = "a coarser model is at an undamped resonance";
 
@@ -21,7 +21,7 @@ impl PlanTable {
         let Some(([middle, coarse], estimator)) = &self.coarser else { return Bound::Unknown(NO_LEVELS) };
         let peak = target.peak_g * STANDARD_GRAVITY;
         if peak <= 0.0 {
-            return Bound::Unknown(NOTHING);
+            return Bound::Unknown(UNMOVED);
         }
         let at = (target.x_mm / 1e3, target.y_mm / 1e3);
         let shape = self.model.shape_at(at.0, at.1);
@@ -57,7 +57,7 @@ impl PlanTable {
         let Some(([middle, coarse], estimator)) = &self.coarser else { return Bound::Unknown(NO_LEVELS) };
         let largest = self.field(plan).into_iter().flatten().fold(0.0, f64::max);
         if largest <= 0.0 {
-            return Bound::Unknown(NOTHING);
+            return Bound::Unknown(UNMOVED);
         }
         // For each drive the accelerations at all points.
         let fields = |model: &ReducedModel| -> Option<Vec<DVector<Complex64>>> {

@@ -1,6 +1,6 @@
 //! Why a plan is what it is, and what something else would give.
 
-use crate::choose::candidates::Judge;
+use crate::choose::candidates::Formulation;
 use crate::model::levels::Levels;
 use crate::model::{Accuracy, ModelError};
 use crate::plan::{Plan, contrast_db};
@@ -100,13 +100,13 @@ impl PlanTable {
     /// [`ExplainError`].
     pub fn explain(&self, request: &Request) -> Result<Explanation, ExplainError> {
         let planned = self.planned(request)?;
-        let judge = Judge::new(self, request);
+        let formulation = Formulation::new(self, request);
         let plan = &planned.plan;
-        let candidates = (0..self.entries.len()).map(|i| self.candidates_of(&judge, plan, i)).collect();
+        let candidates = (0..self.entries.len()).map(|i| self.candidates_of(&formulation, plan, i)).collect();
         let pulse_widths = WIDTHS.iter().map(|width| self.with_width(plan, *width)).collect();
-        let mut alternatives = vec![self.alternative("this plan".into(), &judge, plan)];
+        let mut alternatives = vec![self.alternative("this plan".into(), &formulation, plan)];
         let mut add = |change: &str, request: Request| match self.plan_for(&request) {
-            Ok(plan) => alternatives.push(self.alternative(change.into(), &judge, &plan)),
+            Ok(plan) => alternatives.push(self.alternative(change.into(), &formulation, &plan)),
             // What does not go together is no alternative.
             Err(PlanError::Together { .. }) => {}
             Err(error) => alternatives.push(Alternative {
@@ -140,13 +140,13 @@ impl PlanTable {
     }
 
     /// The maxima over frequency of the contrast that an actuator makes alone.
-    fn candidates_of(&self, judge: &Judge<'_>, plan: &Plan, actuator: usize) -> Candidates {
+    fn candidates_of(&self, formulation: &Formulation<'_>, plan: &Plan, actuator: usize) -> Candidates {
         let step_hz = self.frequencies_hz.get(1).zip(self.frequencies_hz.first()).map_or(0.0, |(b, a)| b - a);
         let chosen_hz = plan.drives.get(actuator).map_or(f64::NAN, |drive| drive.frequency_hz);
         let contrast = |k: usize| -> Option<f64> {
             let entry = self.entry(actuator, k)?;
-            let near = judge.zone.mean_square(&entry.acceleration);
-            Some(contrast_db(near, judge.energy(entry, &entry.widths[0])))
+            let near = formulation.zone.mean_square(&entry.acceleration);
+            Some(contrast_db(near, formulation.energy(entry, &entry.widths[0])))
         };
         let values: Vec<Option<f64>> = (0..self.frequencies_hz.len()).map(contrast).collect();
         let is_peak = |k: usize| {
@@ -160,7 +160,7 @@ impl PlanTable {
             .filter(|k| is_peak(*k) || (self.frequencies_hz[*k] - chosen_hz).abs() <= 0.5 * step_hz)
             .filter_map(|k| {
                 let entry = self.entry(actuator, k)?;
-                let shape = judge.zone.targets.first()?;
+                let shape = formulation.zone.targets.first()?;
                 Some(Frequency {
                     frequency_hz: self.frequencies_hz[k],
                     contrast_db: values[k]?,
@@ -201,9 +201,9 @@ impl PlanTable {
         }
     }
 
-    fn alternative(&self, change: String, judge: &Judge<'_>, plan: &Plan) -> Alternative {
+    fn alternative(&self, change: String, formulation: &Formulation<'_>, plan: &Plan) -> Alternative {
         let power = |(i, drive): (usize, &crate::plan::Drive)| {
-            judge.power_w_per_n(i, drive.frequency_hz, drive.pulse_width) * drive.force_n
+            formulation.power_w_per_n(i, drive.frequency_hz, drive.pulse_width) * drive.force_n
         };
         Alternative {
             change,
@@ -246,7 +246,7 @@ impl PlanTable {
                 x_m * 1e3,
                 y_m * 1e3
             );
-            let found = table.alternative(change, &Judge::new(&table, &request), &plan);
+            let found = table.alternative(change, &Formulation::new(&table, &request), &plan);
             let is_better = |best: &Alternative| {
                 let (more, less) = (found.target_peak_g, best.target_peak_g);
                 more > less * (1.0 + 1e-6) || more >= less * (1.0 - 1e-6) && found.contrast_db > best.contrast_db

@@ -16,7 +16,7 @@ const LONG_WAVE: f64 = 0.6;
 /// of the distance from it, which is the sixth power of a cosine from chord to chord.
 const LEAST_POINTS: [f64; 2] = [4.0, 8.0];
 /// Most points along either: a hundred waves in a disc.
-const MOST_POINTS: f64 = 256.0;
+const MOST_DISC_POINTS: f64 = 256.0;
 
 /// A point (x, y) in m on the surface, and the area in m^2 that it stands for.
 pub(crate) type Point = (f64, f64, f64);
@@ -31,7 +31,7 @@ pub(crate) fn around(scene: &Scene, targets: &[(f64, f64)], wave_m: f64) -> Vec<
     // The square of a wave turns by 4 k r across a chord and by 2 pi k r along an arc of half a turn; n points integrate some 2 n
     // radians.
     let [across, along] = LEAST_POINTS;
-    let points = |least: f64, more: f64| gauss((least + more).ceil().min(MOST_POINTS) as usize);
+    let points = |least: f64, more: f64| gauss((least + more).ceil().min(MOST_DISC_POINTS) as usize);
     let rules = [points(across, reach), points(along, 2.0 * reach)];
     let own = targets.iter().enumerate().map(|(t, target)| {
         let earlier = &targets[..t];

@@ -3,7 +3,7 @@
 
 use crate::STANDARD_GRAVITY;
 use crate::chosen::peak;
-use crate::plan::{Plan, Planned};
+use crate::plan::{MET, Plan, Planned};
 use crate::table::PlanTable;
 use crate::wish::request::{Objective, PlanError, Request, Weigh};
 use serde::Serialize;
@@ -20,8 +20,6 @@ const ON_BORDER: f64 = 1e-3;
 const LEAST_QUIET_G: f64 = 1e-3;
 /// Doublings of the quiet zones' limits at most: to a thousandfold.
 const MOST_DOUBLINGS: u32 = 10;
-/// Part of every wish that counts as all.
-const MET: f64 = 1.0 - 1e-6;
 /// Relative gain below which quiet zones are not what limits.
 const NO_GAIN: f64 = 1e-3;
 

@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write;
 
 /// Relative distance of frequencies that count as one: within what the iteration leaves shapes are mixed at will.
-const SAME: f64 = 1e-6;
+const ONE_FREQUENCY: f64 = 1e-6;
 /// Relative difference of a frequency that is computed twice, beyond which it is another mode's.
 const ANOTHER: f64 = 1e-4;
 /// Part by which a value must be larger to count as larger: places that symmetry makes equal differ by rounding.
@@ -62,7 +62,7 @@ impl ModeShapes {
             }
         }
         let mut first = 0;
-        for hz in frequencies_hz.chunk_by(|a, b| b - a <= SAME * b) {
+        for hz in frequencies_hz.chunk_by(|a, b| b - a <= ONE_FREQUENCY * b) {
             turn(&mut shapes, first, hz.len());
             first += hz.len();
         }

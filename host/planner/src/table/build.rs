@@ -29,7 +29,7 @@ const BETWEEN: f64 = 1.1;
 
 /// Acceleration per newton, root mean square over the surface, which is as good as none, relative to that of the surface without
 /// anything that holds it. Rounding leaves 1e-12 or so of it; a spring of 1e9 N/m under an actuator 1e-5.
-const NOTHING: f64 = 1e-9;
+const HELD_FAST: f64 = 1e-9;
 
 pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<PlanTable, ResponseError> {
     let frequencies_hz = options.frequencies_hz();
@@ -163,7 +163,7 @@ pub(super) fn entries_at(
         let strongest = *stronger(&widths);
         let mut acceleration = displacement * scale;
         let mean_square = mean_square(products, &acceleration);
-        if mean_square.sqrt() <= NOTHING / mass_kg {
+        if mean_square.sqrt() <= HELD_FAST / mass_kg {
             // An ERA on an edge that does not move: of what rounding leaves a touch would ask for all its force.
             acceleration.fill(Complex64::ZERO);
         }

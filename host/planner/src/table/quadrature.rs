@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 /// hardly move but around the force (118 x 35 mm held on three sides, far below its first mode: 4 points more are wrong by 9e-3, 16 by 1e-3).
 const MORE_POINTS: f64 = 16.0;
 /// Most points in a rectangle along either axis, as many as the grid of pictures has at most.
-const MOST_POINTS: f64 = 256.0;
+const MOST_GAUSS_POINTS: f64 = 256.0;
 
 /// Products of the shapes with each other, as means over the surface, n x n: the mean square of a motion with coordinates q
 /// is q* M q, up to 1 kHz to four digits, three where little but the surroundings of a force moves: there a motion goes as
@@ -62,11 +62,11 @@ fn means(
 
 /// Places and weights of Gauss' rule between each two lines. A square of a motion has waves of half the length; the rule
 /// takes pi points for each of them.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST_POINTS")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most MOST_GAUSS_POINTS")]
 fn nodes(lines_m: &[f64], wave_m: f64) -> Vec<(f64, f64)> {
     let between = lines_m.windows(2).flat_map(|ends| {
         let (from, side) = (ends[0], ends[1] - ends[0]);
-        let count = (TAU * side / wave_m + MORE_POINTS).ceil().min(MOST_POINTS) as usize;
+        let count = (TAU * side / wave_m + MORE_POINTS).ceil().min(MOST_GAUSS_POINTS) as usize;
         gauss(count).into_iter().map(move |(at, weight)| (from + side * at, side * weight))
     });
     between.collect()

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 /// Relative difference of a number computed anew from the one kept. They are the same on the same machine; another's vector
 /// instructions round differently, and near resonance a response has a hundred times what its parts have.
-const SAME: f64 = 1e-9;
+const SAME_NUMBER: f64 = 1e-9;
 /// The same of figures over the surface, which are summed in single precision.
 const SAME_IN_SINGLE: f64 = 1e-4;
 /// The same of force limits, which leave room for free motions: where poles are nearly equal each has its own share of what is
@@ -161,7 +161,7 @@ impl StoredTable {
         let (n, p) = (model.order(), scene.actuators.len());
         let frequencies_hz = options.frequencies_hz();
         expect_size("actuators", self.entries.len(), p)?;
-        let nothing = NOTHING / scene.mass_kg();
+        let nothing = HARDLY_MOVING / scene.mass_kg();
         let restored = |list: Vec<Option<StoredEntry>>| -> Result<Vec<Option<Entry>>, Implausible> {
             expect_size("frequencies", list.len(), frequencies_hz.len())?;
             list.into_iter().map(|entry| entry.map(|entry| entry.restore(n, nothing)).transpose()).collect()
@@ -206,7 +206,7 @@ fn limited_by(entry: &Entry) -> impl Iterator<Item = Limit> {
 }
 
 /// Acceleration, relative to that of the surface under the same force, which is as good as none.
-const NOTHING: f64 = 1e-6;
+const HARDLY_MOVING: f64 = 1e-6;
 
 /// Whether an entry's figures over the surface are those of its acceleration.
 fn over_surface(table: &PlanTable, acceleration: &DVector<Complex64>, kept: &Entry) -> bool {
@@ -215,7 +215,7 @@ fn over_surface(table: &PlanTable, acceleration: &DVector<Complex64>, kept: &Ent
     let [mean, most_square, steepest] = anew;
     let (dx, dy) = table.grid.steps_m();
     // Of a force on an edge that does not move there is only rounding, whose figures are not the same twice.
-    let nothing = NOTHING / table.scene.mass_kg();
+    let nothing = HARDLY_MOVING / table.scene.mass_kg();
     if most_square.max(kept.most_square).sqrt() <= nothing {
         return true;
     }
@@ -243,7 +243,7 @@ fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
         let is_same = match (&anew, &kept) {
             (Some(anew), Some(kept)) => anew.iter().zip(kept).all(|(anew, kept)| {
                 is_close(&anew.acceleration, &kept.acceleration)
-                    && figures(anew).zip(figures(kept)).all(|(anew, kept)| is_same(anew, kept, SAME))
+                    && figures(anew).zip(figures(kept)).all(|(anew, kept)| is_same(anew, kept, SAME_NUMBER))
                     && limits(anew).zip(limits(kept)).all(|(anew, kept)| is_same(anew, kept, SAME_OF_POLES))
                     && limited_by(anew).eq(limited_by(kept))
                     && over_surface(table, &anew.acceleration, kept)
@@ -265,7 +265,7 @@ fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
     }
     let columns: Vec<usize> = samples(table.model.order()).collect();
     for (anew, column) in products_of(&table.scene, &table.model, &columns).column_iter().zip(&columns) {
-        if (anew - table.products.column(*column)).amax() > SAME * anew.amax() {
+        if (anew - table.products.column(*column)).amax() > SAME_NUMBER * anew.amax() {
             return Err(Implausible::Differs("products over the surface"));
         }
     }
@@ -273,7 +273,7 @@ fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
     for point in samples(table.grid.weights.len()) {
         let anew = table.model.shape_at(table.grid.x_m[point % columns], table.grid.y_m[point / columns]);
         let kept = table.grid.shapes.row(point).transpose();
-        if (&anew - kept).amax() > SAME * anew.amax() {
+        if (&anew - kept).amax() > SAME_NUMBER * anew.amax() {
             return Err(Implausible::Differs("shapes at the surface's points"));
         }
     }
@@ -295,5 +295,5 @@ fn is_same(a: f64, b: f64, tolerance: f64) -> bool {
 }
 
 fn is_close(a: &DVector<Complex64>, b: &DVector<Complex64>) -> bool {
-    a.len() == b.len() && (a - b).norm() <= SAME * a.norm()
+    a.len() == b.len() && (a - b).norm() <= SAME_NUMBER * a.norm()
 }

@@ -2,21 +2,21 @@
 
 use super::dual::{Evaluation, Space};
 use super::mixture::{self, Column, Mixture};
-use super::{Choices, Fits, Found, Kind, is_better};
+use super::{BestCombination, Choices, Fits, Kind, is_better};
 use crate::choose::allocate::{Allocation, Prices};
 use crate::scene::MAX_ACTUATORS;
 
 /// What is nearer than this to the best, as a part of it, is as good.
-const SAME: f64 = 1e-10;
+const AS_GOOD: f64 = 1e-10;
 /// Part of the wishes that is nothing: a millionth of what wishes count at most over what can be reached at all.
-const NOTHING: f64 = 1e-12;
+const NO_PART: f64 = 1e-12;
 /// Bounds of all combinations together, at most, before they are divided, and those of a part.
 const FIRST_ROUNDS: usize = 30;
-const ROUNDS: usize = 6;
+const PART_ROUNDS: usize = 6;
 /// Rounds in which the prices of a combination's own forces are tried: where no limit binds they prove it to be the best.
 const OWN_PRICES: usize = 3;
 /// Part of its distance from what is known within which a bound may stay of the least that it can become.
-const NEAR: f64 = 0.1;
+const NEAR_LEAST: f64 = 0.1;
 /// Columns kept of a mixture besides those in use.
 const MOST_COLUMNS: usize = 48;
 /// Combinations of a part that are looked at one by one.
@@ -39,7 +39,7 @@ struct Part {
 }
 
 /// The state of a search.
-pub struct Search<'a> {
+pub struct BranchAndBound<'a> {
     choices: &'a Choices,
     fits: Fits<'a>,
     kind: Kind,
@@ -49,13 +49,13 @@ pub struct Search<'a> {
     steps: usize,
 }
 
-impl<'a> Search<'a> {
+impl<'a> BranchAndBound<'a> {
     pub fn new(choices: &'a Choices, fits: Fits<'a>) -> Self {
         Self { choices, fits, kind: Kind::Cost, best: None, is_polished: false, steps: 0 }
     }
 
     /// First what reaches, then what it costs.
-    pub fn run(mut self) -> Option<Found> {
+    pub fn run(mut self) -> Option<BestCombination> {
         let whole = Space::whole(self.choices);
         let first = Evaluation::of(self.choices, &whole, &self.first_prices(), Kind::Cost)?;
         let allocation = self.consider(&first.choice);
@@ -65,14 +65,14 @@ impl<'a> Search<'a> {
             let gap = self.settle((allocation.met < 1.0).then_some(prices));
             let (chosen, allocation) = self.best.as_ref()?;
             if allocation.met < 1.0 {
-                return Some(Found { chosen: *chosen, allocation: allocation.clone(), gap });
+                return Some(BestCombination { chosen: *chosen, allocation: allocation.clone(), gap });
             }
             prices = allocation.prices.clone();
             self.kind = Kind::Cost;
         }
         let gap = self.settle(Some(prices));
         let (chosen, allocation) = self.best?;
-        Some(Found { chosen, allocation, gap })
+        Some(BestCombination { chosen, allocation, gap })
     }
 
     /// Prices at which some actuator would just do alone, without limits.
@@ -127,8 +127,8 @@ impl<'a> Search<'a> {
         let worth = self.best.as_ref().map_or(f64::NEG_INFINITY, |(_, best)| self.kind.worth(best));
         match self.kind {
             _ if !worth.is_finite() => worth,
-            Kind::Reach => worth + SAME * worth + NOTHING,
-            Kind::Cost => worth + SAME * worth.abs(),
+            Kind::Reach => worth + AS_GOOD * worth + NO_PART,
+            Kind::Cost => worth + AS_GOOD * worth.abs(),
         }
     }
 
@@ -145,7 +145,7 @@ impl<'a> Search<'a> {
     fn gap(&self, bound: f64) -> f64 {
         let Some((_, best)) = self.best.as_ref().filter(|_| bound > self.enough()) else { return 0.0 };
         match self.kind {
-            Kind::Reach => bound.min(1.0) / best.met.max(NOTHING) - 1.0,
+            Kind::Reach => bound.min(1.0) / best.met.max(NO_PART) - 1.0,
             Kind::Cost => ((best.cost + bound) / best.cost).min(1.0),
         }
     }
@@ -183,7 +183,7 @@ impl<'a> Search<'a> {
             for mut half in halves(part) {
                 if half.space.combinations() <= FEW {
                     self.list(&half.space);
-                } else if self.tighten(&mut half, ROUNDS, 0) {
+                } else if self.tighten(&mut half, PART_ROUNDS, 0) {
                     open.push(half);
                 }
             }
@@ -261,7 +261,7 @@ impl<'a> Search<'a> {
             self.consider_shares(part, &found.choice);
             // Once it is near what it can become, only a division helps, unless it can become no better than what is known.
             let (enough, least) = (self.enough(), mixture.worth);
-            if least > enough && part.bound - least <= NEAR * (part.bound - enough) {
+            if least > enough && part.bound - least <= NEAR_LEAST * (part.bound - enough) {
                 break;
             }
             next = if is_better { mixture.prices } else { middle(&part.prices, &mixture.prices) };
@@ -341,7 +341,7 @@ impl<'a> Search<'a> {
                 let mut earned: Vec<(f64, usize)> = earned
                     .filter(|(earned, index)| {
                         other[i] = *index;
-                        *earned > own * (1.0 + SAME) && self.is_allowed(&other)
+                        *earned > own * (1.0 + AS_GOOD) && self.is_allowed(&other)
                     })
                     .collect();
                 earned.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -32,7 +32,7 @@ const STEPS: usize = 60;
 const CENTRED: f64 = 1e-2;
 /// Below this square of the decrement full steps are safe (self-concordance: decrement < 1/4), and rounding of the
 /// barrier's value, which grows with the weight, would only mislead.
-const NEAR: f64 = 0.06;
+const FULL_STEPS: f64 = 0.06;
 
 /// What is minimised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -183,7 +183,7 @@ impl Barrier {
             loop {
                 let trial = self.moved(point, &step, length);
                 let there = self.merit(weight, &trial);
-                if there < merit - 1e-4 * length * decrement || decrement < NEAR && there.is_finite() {
+                if there < merit - 1e-4 * length * decrement || decrement < FULL_STEPS && there.is_finite() {
                     (*point, merit) = (trial, there);
                     break;
                 }

@@ -3,7 +3,7 @@
 use super::{Field, PerActuator, PerPair, best};
 use crate::MOST_CONDITION;
 use crate::choose::allocate::{Allocation, Prices};
-use crate::choose::candidates::Judge;
+use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
 use crate::chosen::Chosen;
 use crate::scene::MAX_ACTUATORS;
@@ -12,22 +12,26 @@ use crate::wish::request::PlanError;
 use num_complex::Complex64;
 
 /// Part of a wish that is met.
-const MET: f64 = 1.0 - 1e-9;
+const MET_BY_PHASORS: f64 = 1.0 - 1e-9;
 /// Times as much that stronger pulses have to reach to be taken: their harmonics move the panel more.
 const MORE: f64 = 1.0 + 1e-3;
 
 impl PlanTable {
     /// The drives for one target with the least energy elsewhere, all at one frequency.
-    pub(crate) fn at_shared_frequency(&self, judge: &Judge<'_>, wanted: &[f64]) -> Result<Selection, PlanError> {
+    pub(crate) fn at_shared_frequency(
+        &self,
+        formulation: &Formulation<'_>,
+        wanted: &[f64],
+    ) -> Result<Selection, PlanError> {
         let wanted = wanted.first().copied().unwrap_or(0.0);
         // All with their quieter pulses, or, if that does not reach, all with their stronger ones; harmonics are those of the
         // pulses taken.
         let best = |strong: bool| {
-            let data = Data::new(self, judge, strong);
+            let data = Data::new(self, formulation, strong);
             best(&data.field(self), wanted).ok_or(PlanError::NoFrequencies)
         };
         let (mut found, mut strong) = (best(false)?, false);
-        if found.reached < wanted * MET {
+        if found.reached < wanted * MET_BY_PHASORS {
             let stronger = best(true)?;
             if stronger.reached > found.reached * MORE {
                 (found, strong) = (stronger, true);
@@ -63,7 +67,7 @@ struct Data {
 
 impl Data {
     /// With each entry's quiet pulse or its strong one.
-    fn new(table: &PlanTable, judge: &Judge<'_>, strong: bool) -> Self {
+    fn new(table: &PlanTable, formulation: &Formulation<'_>, strong: bool) -> Self {
         let (p, f) = (table.entries.len().min(MAX_ACTUATORS), table.frequencies_hz.len());
         let mut data = Self {
             gain: vec![[Complex64::ZERO; MAX_ACTUATORS]; f],
@@ -75,10 +79,10 @@ impl Data {
         for k in 0..f {
             let entries: Option<Vec<_>> = (0..p).map(|i| table.entry(i, k)).collect();
             let (Some(entries), Some(over_all)) = (entries, over_all.get(k)) else { continue };
-            let near = judge.zone.products(&entries.iter().map(|entry| &entry.acceleration).collect::<Vec<_>>());
-            let part = judge.zone.part;
+            let near = formulation.zone.products(&entries.iter().map(|entry| &entry.acceleration).collect::<Vec<_>>());
+            let part = formulation.zone.part;
             for (i, entry) in entries.iter().enumerate() {
-                if let Some(shape) = judge.zone.targets.first() {
+                if let Some(shape) = formulation.zone.targets.first() {
                     data.gain[k][i] = at_point(shape, &entry.acceleration);
                 }
                 data.max_force_n[k][i] = entry.pulse(strong).max_force_n;

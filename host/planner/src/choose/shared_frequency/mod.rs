@@ -56,7 +56,7 @@ pub struct Field<'a> {
 
 /// The best drives.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct BestPhasors {
     /// Index into the grid.
     pub frequency: usize,
     /// Phasors of the forces in N; in phase at the target, where their sum is real.
@@ -81,7 +81,7 @@ pub const REACH_SLACK: f64 = 1e-9;
 ///
 /// `None` if there is no frequency at which anything can be driven, or if the field's slices differ in length.
 #[must_use]
-pub fn best(field: &Field<'_>, wanted: f64) -> Option<Found> {
+pub fn best(field: &Field<'_>, wanted: f64) -> Option<BestPhasors> {
     let count = field.frequencies_hz.len();
     let lengths = [field.gain.len(), field.energy.len(), field.max_force_n.len(), field.travel.len()];
     if !(1..=MAX_ACTUATORS).contains(&field.actuators) || lengths.iter().any(|length| *length != count) {

@@ -3,23 +3,23 @@
 use super::optimum::{Optimum, least_energy, most_peak, within_limits};
 use super::program::{Program, ROUNDING, Units};
 use super::unlimited::Unlimited;
-use super::{Field, Found, REACH_SLACK, ZERO, list};
+use super::{BestPhasors, Field, REACH_SLACK, ZERO, list};
 use crate::scene::MAX_ACTUATORS;
 
 /// Relative improvement below which a frequency counts as no better.
-const SAME: f64 = 1e-10;
+const NO_BETTER: f64 = 1e-10;
 
-pub(super) fn best(field: &Field<'_>, wanted: f64) -> Option<Found> {
+pub(super) fn best(field: &Field<'_>, wanted: f64) -> Option<BestPhasors> {
     let unlimited: Vec<Unlimited> = (0..field.frequencies_hz.len()).map(|k| Unlimited::at(field, k)).collect();
     let most_peaks = (0..unlimited.len()).map(|k| most_peak_at(field, &unlimited[k], k)).collect();
-    let search = Search { field, unlimited, most_peaks };
+    let search = PhasorSearch { field, unlimited, most_peaks };
     // The first of equals.
     let usable = (0..search.unlimited.len()).filter(|k| search.unlimited[*k].usable != 0).rev();
     let frequency =
         usable.max_by(|a, b| search.unlimited[*a].efficiency.total_cmp(&search.unlimited[*b].efficiency))?;
     let efficiency = search.unlimited[frequency].efficiency;
     if wanted.is_nan() || wanted <= 0.0 || efficiency <= 0.0 {
-        return Some(Found {
+        return Some(BestPhasors {
             frequency,
             forces_n: [ZERO; MAX_ACTUATORS],
             energy: 0.0,
@@ -39,16 +39,16 @@ fn most_peak_at(field: &Field<'_>, unlimited: &Unlimited, k: usize) -> f64 {
     list(unlimited.usable).map(|i| field.gain[k][i].norm() * field.max_force_n[k][i]).sum()
 }
 
-struct Search<'a> {
+struct PhasorSearch<'a> {
     field: &'a Field<'a>,
     unlimited: Vec<Unlimited>,
     /// [`most_peak_at`] every frequency.
     most_peaks: Vec<f64>,
 }
 
-impl Search<'_> {
+impl PhasorSearch<'_> {
     /// Least energy for the peak that is the unit; `None` if no frequency has it.
-    fn least_energy(&self, units: Units) -> Option<Found> {
+    fn least_energy(&self, units: Units) -> Option<BestPhasors> {
         let reaches = |k: &usize| self.most_peaks[*k] >= units.peak * (1.0 - ROUNDING);
         // Without limits a peak a costs a^2 / s.
         let bound = |k: usize| units.peak * units.peak / (self.unlimited[k].efficiency * units.energy);
@@ -64,7 +64,7 @@ impl Search<'_> {
     }
 
     /// Where `wanted` is beyond reach: the most peak, with the least energy that its frequency has for it.
-    fn most_peak(&self, wanted: f64, units: impl Fn(f64) -> Units) -> Option<Found> {
+    fn most_peak(&self, wanted: f64, units: impl Fn(f64) -> Units) -> Option<BestPhasors> {
         let at = units(wanted);
         let usable = (0..self.unlimited.len()).filter(|k| self.unlimited[*k].usable != 0);
         let bounds = usable.map(|k| (-self.most_peaks[k] / at.peak, k)).collect();
@@ -84,7 +84,7 @@ impl Search<'_> {
         Program::new(self.field, &self.unlimited[k], k, units)
     }
 
-    fn found(&self, units: Units, best: &Best) -> Found {
+    fn found(&self, units: Units, best: &Best) -> BestPhasors {
         let (k, x) = (best.frequency, &best.optimum.x);
         let (program, unlimited) = (self.program(k, units), &self.unlimited[k]);
         let mut forces_n = [ZERO; MAX_ACTUATORS];
@@ -93,7 +93,7 @@ impl Search<'_> {
         }
         let diagonal = program.actuators().map(|i| self.field.energy[k][i][i].re * forces_n[i].norm_sqr());
         let ridge = unlimited.ridge * diagonal.sum::<f64>();
-        Found {
+        BestPhasors {
             frequency: k,
             forces_n,
             energy: (program.energy_of(x) * units.energy - ridge).max(0.0),
@@ -130,7 +130,7 @@ fn in_order_of_bounds(
         let Some(optimum) = solve(k, limit, &mut solved) else { continue };
         proven = proven.min(optimum.bound);
         if optimum.cost < limit {
-            limit = optimum.cost - SAME * optimum.cost.abs();
+            limit = optimum.cost - NO_BETTER * optimum.cost.abs();
             best = Some((k, optimum));
         }
     }

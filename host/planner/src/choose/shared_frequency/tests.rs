@@ -153,7 +153,7 @@ impl Figures {
 
 /// Checks limits, energy and peak of a result; returns what the energy's rounding is relative to: the energy that the same
 /// forces would have one by one, over that which they have together.
-pub(super) fn check(field: &Field<'_>, found: &Found) -> f64 {
+pub(super) fn check(field: &Field<'_>, found: &BestPhasors) -> f64 {
     let (k, u) = (found.frequency, &found.forces_n);
     let Figures { peak, energy, force, travel } = Figures::of(field, k, u);
     let apart: f64 = (0..4).map(|i| field.energy[k][i][i].re * u[i].norm_sqr()).sum();

@@ -4,9 +4,9 @@
 use nalgebra::{DMatrix, DVector};
 
 /// Most times its own need that an actuator's springs are made stiffer.
-const MOST: f64 = 1e3;
+const MOST_STIFFER: f64 = 1e3;
 /// Halvings of that factor: to 1e-4 of itself.
-const HALVINGS: u32 = 24;
+const SPRING_HALVINGS: u32 = 24;
 
 /// Masses that do not bear a press, with all that moves them.
 pub(super) struct Loose<'a> {
@@ -38,11 +38,11 @@ impl Loose<'_> {
         let (mut low, mut high) = (0.0, 1.0);
         while !self.is_borne(&times(high)) {
             (low, high) = (high, 2.0 * high);
-            if high > MOST {
+            if high > MOST_STIFFER {
                 return None;
             }
         }
-        for _ in 0..HALVINGS {
+        for _ in 0..SPRING_HALVINGS {
             let middle = 0.5 * (low + high);
             *(if self.is_borne(&times(middle)) { &mut high } else { &mut low }) = middle;
         }

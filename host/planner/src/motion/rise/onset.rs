@@ -14,14 +14,14 @@
 
 use super::{RIGID_RAD_S, RiseTimes};
 use crate::model::ReducedModel;
-use crate::motion::softening::{Following, Matrix, Swing, Vector};
+use crate::motion::softening::{Matrix, NearPole, TimeResponse, Vector};
 use crate::scene::MAX_ACTUATORS;
 use nalgebra::DVector;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 
 /// Parts of the steady motion below which what all poles together leave is not followed in time.
-const SMALL: f64 = 0.02;
+const NOT_FOLLOWED: f64 = 0.02;
 /// Part of that sum which poles that are not followed may have.
 const REST: f64 = 0.05;
 /// Samples of the fastest beat that is followed: its crest is missed by 1 - cos(pi / 12) = 3 % at most.
@@ -34,7 +34,7 @@ const FOLLOWED: usize = 8;
 /// Distance in Hz from a drive's frequency within which poles take their time; others follow at once.
 const NEAR_HZ: f64 = 80.0;
 
-/// What switching on is told from: every pole that rings, as actuators drive it and as it moves their masses.
+/// What switching on is told from: every pole that modes, as actuators drive it and as it moves their masses.
 #[derive(Clone, Debug)]
 pub struct Onset {
     poles: Vec<OwnPole>,
@@ -60,7 +60,7 @@ impl OwnPole {
 
 /// A pole by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ring {
+pub struct DecayingMode {
     /// How fast it decays, in 1/s.
     pub rate_per_s: f64,
     /// Travel of every mass in m per amplitude of the pole.
@@ -69,7 +69,7 @@ pub struct Ring {
 
 /// What a force does to a pole.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Share {
+pub struct Participation {
     /// Amplitudes of its part of the steady motion, of the phasor that turns with the force and of the one that turns against
     /// it: all of it is what is left of the pole when the force ends.
     pub steady: [Complex64; 2],
@@ -137,35 +137,36 @@ impl Onset {
 
     /// What every pole does by itself.
     #[must_use]
-    pub fn rings(&self) -> Vec<Ring> {
-        let ring = |pole: &OwnPole| Ring { rate_per_s: (-pole.s.re).max(0.0), travel: pole.output.map(|z| z.norm()) };
-        self.poles.iter().map(ring).collect()
+    pub fn decaying_modes(&self) -> Vec<DecayingMode> {
+        let mode =
+            |pole: &OwnPole| DecayingMode { rate_per_s: (-pole.s.re).max(0.0), travel: pole.output.map(|z| z.norm()) };
+        self.poles.iter().map(mode).collect()
     }
 
     /// What forces with the phasors `force_n` at `frequency_hz` do to every pole, whose rails take `rise_s` to rise.
     #[must_use]
-    pub fn shares(&self, force_n: &Vector, frequency_hz: f64, rise_s: f64) -> Vec<Share> {
+    pub fn participations(&self, force_n: &Vector, frequency_hz: f64, rise_s: f64) -> Vec<Participation> {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         let turned_n = force_n.map(|force| force.conj());
-        let share = |pole: &OwnPole| {
+        let participation = |pole: &OwnPole| {
             let (with, against) = (pole.pushed(force_n), pole.pushed(&turned_n));
             let steady = [with / (jw - pole.s), against / (-jw - pole.s)];
             let left = [pole.s - jw, pole.s + jw].map(|beat| part_left(beat * rise_s).norm());
-            Share {
+            Participation {
                 steady,
                 afterwards: steady.iter().zip(left).map(|(steady, left)| steady.norm() * left).sum(),
                 gain_per_s: with.norm() + against.norm(),
             }
         };
-        self.poles.iter().map(share).collect()
+        self.poles.iter().map(participation).collect()
     }
 
     /// The same of an effect on one actuator, period by period at `levels` of `force_n`: the largest amplitude as the steady
     /// one. A period P of sin(wt) brings the pole s, which is driven by b, w (e^(sP) - 1) / (s^2 + w^2) b.
     #[must_use]
-    pub fn played(&self, actuator: usize, force_n: f64, frequency_hz: f64, levels: &[f64]) -> Vec<Share> {
+    pub fn played(&self, actuator: usize, force_n: f64, frequency_hz: f64, levels: &[f64]) -> Vec<Participation> {
         let omega = TAU * frequency_hz;
-        let share = |pole: &OwnPole| {
+        let participation = |pole: &OwnPole| {
             // Twice, as a pole stands for its conjugate too.
             let push = pole.input.get(actuator).copied().unwrap_or_default() * (2.0 * force_n);
             let turn = (pole.s / frequency_hz).exp();
@@ -175,9 +176,13 @@ impl Onset {
                 now = now * turn + brought * level;
                 most = most.max(now.norm_sqr());
             }
-            Share { steady: [most.sqrt().into(), Complex64::ZERO], afterwards: now.norm(), gain_per_s: push.norm() }
+            Participation {
+                steady: [most.sqrt().into(), Complex64::ZERO],
+                afterwards: now.norm(),
+                gain_per_s: push.norm(),
+            }
         };
-        self.poles.iter().map(share).collect()
+        self.poles.iter().map(participation).collect()
     }
 
     /// `push` is what drives a pole, and how much in the second phasor.
@@ -191,7 +196,7 @@ impl Onset {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         // What does not depend on the mass.
         let mut against = [0.0; MAX_ACTUATORS];
-        let swings: Vec<(Complex64, Complex64, &Vector)> = self
+        let motions: Vec<(Complex64, Complex64, &Vector)> = self
             .poles
             .iter()
             .map(|pole| {
@@ -205,13 +210,13 @@ impl Onset {
             .collect();
         let mut overshoots = [0.0; MAX_ACTUATORS];
         for (other, overshoot) in overshoots.iter_mut().enumerate().take(self.actuators) {
-            let parts = swings.iter().map(|(beat, left, output)| (*beat, left * output[other]));
+            let parts = motions.iter().map(|(beat, left, output)| (*beat, left * output[other]));
             *overshoot = overshoot_of(parts, steady[other]) + against[other];
         }
         overshoots
     }
 
-    /// What the poles that [`Onset::following`] takes to follow at once may leave of their parts on the way, in m, for these
+    /// What the poles that [`Onset::time_response`] takes to follow at once may leave of their parts on the way, in m, for these
     /// forces at `frequency_hz` over `rise_s` each, and the phasors that turn the other way.
     #[must_use]
     pub fn beyond(&self, frequency_hz: f64, forces: &Vector, rise_s: &[f64; MAX_ACTUATORS]) -> [f64; MAX_ACTUATORS] {
@@ -233,19 +238,19 @@ impl Onset {
 
     /// How masses follow forces at `frequency_hz`, where their steady travel is `receptance` per force.
     #[must_use]
-    pub fn following(&self, frequency_hz: f64, receptance: &Matrix) -> Following {
+    pub fn time_response(&self, frequency_hz: f64, receptance: &Matrix) -> TimeResponse {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
-        let swing = |pole: &OwnPole| Swing { beat: pole.s - jw, input: pole.input, output: pole.output };
-        let swings: Vec<Swing> = self.poles.iter().filter(|pole| is_near(pole, jw)).map(swing).collect();
+        let near = |pole: &OwnPole| NearPole { beat: pole.s - jw, input: pole.input, output: pole.output };
+        let near_poles: Vec<NearPole> = self.poles.iter().filter(|pole| is_near(pole, jw)).map(near).collect();
         let mut at_once = *receptance;
-        for swing in &swings {
-            for (row, output) in at_once.iter_mut().zip(&swing.output) {
-                for (entry, input) in row.iter_mut().zip(&swing.input) {
-                    *entry += output * input / swing.beat;
+        for near in &near_poles {
+            for (row, output) in at_once.iter_mut().zip(&near.output) {
+                for (entry, input) in row.iter_mut().zip(&near.input) {
+                    *entry += output * input / near.beat;
                 }
             }
         }
-        Following { swings, at_once }
+        TimeResponse { near_poles, at_once }
     }
 }
 
@@ -269,7 +274,7 @@ fn part_left(z: Complex64) -> Complex64 {
 fn overshoot_of(parts: impl Iterator<Item = (Complex64, Complex64)> + Clone, steady: Complex64) -> f64 {
     let at_rest = steady.norm();
     let sum: f64 = parts.clone().map(|(_, phasor)| phasor.norm()).sum();
-    if sum <= SMALL * at_rest || !sum.is_finite() {
+    if sum <= NOT_FOLLOWED * at_rest || !sum.is_finite() {
         return sum;
     }
     // The strongest are followed, the rest adds up.

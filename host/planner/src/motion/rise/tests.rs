@@ -29,7 +29,7 @@ fn bars() -> Vec<String> {
     out
 }
 
-/// The propagator steps the same equations in another way; what is left out here rings above 2 kHz.
+/// The propagator steps the same equations in another way; what is left out here modes above 2 kHz.
 #[test]
 fn motion_is_that_of_the_propagator() {
     for (i, text) in bars().iter().enumerate() {
@@ -46,7 +46,7 @@ fn motion_is_that_of_the_propagator() {
         for (k, expected) in motion.acceleration_m_per_s2.iter().enumerate() {
             let t = grid.time_s(k);
             let found: f64 = ringings.iter().zip(&drives).map(|(r, d)| r.at(t) * d.force_n).sum();
-            // A sine has a kink at its start, which rings in poles up there by a few per cent.
+            // A sine has a kink at its start, which modes in poles up there by a few per cent.
             assert!((found - expected).abs() < 0.04 * peak, "{i} at {t}: {found} {expected}, peak {peak}");
             let found: f64 =
                 ringings.iter().zip(&drives).map(|(r, d)| r.clone().displacement().at(t) * d.force_n).sum();
@@ -71,7 +71,7 @@ fn times_are_those_of_the_running_amplitude() {
             let grid = TimeGrid { step_s: 1e-4, count: 8001 };
             let ringings = rise.ringings(&shape, &drives).unwrap();
             let envelope = |t: f64, part: f64| -> f64 {
-                let amplitude = |(r, d): (&Ringing, &Drive)| {
+                let amplitude = |(r, d): (&TransientResponse, &Drive)| {
                     let carrier = Complex64::new(0.0, -r.omega_rad_s * t).exp();
                     let one = |(s, c): &(Complex64, Complex64)| {
                         let motion = c * (s * t).exp();
@@ -168,7 +168,7 @@ fn the_stepper_follows_the_closed_form() {
     let (step_s, hz) = (2e-5, 110.0);
     let mut stepper = rise.stepper(&rows, step_s);
     let drive = sine(1, hz, 1.0);
-    let expected: Vec<Ringing> =
+    let expected: Vec<TransientResponse> =
         rows.iter().map(|row| rise.ringings(row, &[drive]).unwrap().remove(0).displacement()).collect();
     let mut out = [0.0; 2];
     let size = expected.iter().map(|r| r.steady.norm()).fold(0.0, f64::max);

@@ -5,19 +5,15 @@
 //! sees, so that integrals over A's windows, twice, are all there is.
 
 use super::{Excitation, HARMONICS, Line, MAX_LINES};
+use crate::model::shape::gauss;
 use num_complex::Complex64;
 use std::f64::consts::FRAC_PI_2;
+use std::sync::LazyLock;
 
-/// Nodes and weights of the Gauss-Legendre rule of 12 points, the positive half.
-const GAUSS: [(f64, f64); 6] = [
-    (0.125_233_408_511_468_9, 0.249_147_045_813_402_72),
-    (0.367_831_498_998_180_2, 0.233_492_536_538_354_86),
-    (0.587_317_954_286_617_5, 0.203_167_426_723_065_87),
-    (0.769_902_674_194_304_7, 0.160_078_328_543_346_09),
-    (0.904_117_256_370_474_8, 0.106_939_325_995_318_11),
-    (0.981_560_634_246_719_2, 0.047_175_336_386_511_74),
-];
-const NODES: usize = 2 * GAUSS.len();
+/// Points of the Gauss-Legendre rule over a window.
+const NODES: usize = 12;
+/// Its points, 0 to 1, and weights, that add up to 1; the later half comes first, the earlier one mirrors it.
+static GAUSS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss(NODES));
 
 /// Place of a harmonic that may have a line, in arrays over [`HARMONICS`].
 pub const fn index_of(harmonic: u32) -> Option<usize> {
@@ -69,12 +65,12 @@ impl Windows {
     pub fn new(excitation: &Excitation) -> Self {
         let mut windows = Self::NONE;
         let width = excitation.pulse_width.clamp(0.0, 1.0);
-        for (i, (node, weight)) in GAUSS.iter().enumerate() {
-            let turn = harmonics(FRAC_PI_2 * width * node);
+        for (i, (node, weight)) in GAUSS.iter().take(NODES / 2).enumerate() {
+            let turn = harmonics(FRAC_PI_2 * width * (2.0 * node - 1.0));
             windows.turns[2 * i] = turn;
             windows.turns[2 * i + 1] = turn.map(|turn| turn.conj());
-            windows.weights[2 * i] = 0.5 * width * weight;
-            windows.weights[2 * i + 1] = 0.5 * width * weight;
+            windows.weights[2 * i] = width * weight;
+            windows.weights[2 * i + 1] = width * weight;
         }
         windows.phase = harmonics(excitation.phase_rad);
         windows

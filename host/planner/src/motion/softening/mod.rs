@@ -13,7 +13,6 @@
 //! that happen to coincide.
 
 mod describe;
-mod linear;
 mod ramp;
 #[cfg(test)]
 mod tests;
@@ -23,10 +22,12 @@ use crate::model::ReducedModel;
 use crate::response::Solver;
 use crate::scene::{Actuator, MAX_ACTUATORS};
 use describe::{Description, Windows};
-use nalgebra::DVector;
+use nalgebra::{DVector, SMatrix, SVector};
 use num_complex::Complex64;
-pub use ramp::{Following, Swing, rise};
+pub use ramp::{NearPole, TimeResponse, rise};
 
+/// Of a line's forces: real and imaginary part for each actuator.
+const UNKNOWNS: usize = 2 * MAX_ACTUATORS;
 /// Harmonics of a drive that may have a line: the first, third and fifth.
 pub const HARMONICS: usize = 3;
 /// Most lines: every actuator at its own frequency, with all harmonics.
@@ -173,7 +174,7 @@ impl Motion {
 /// # Errors
 /// [`NotSafe`].
 pub fn settle(actuators: &[Transducer], excitations: &[Excitation], lines: &[Line]) -> Result<Motion, NotSafe> {
-    let problem = Problem::new(actuators, excitations, lines)?;
+    let problem = ClosingGaps::new(actuators, excitations, lines)?;
     let mut motion = Motion::REST;
     let at_once = problem.newton(&mut motion, 1.0, CONVERGED);
     let small = |(actuator, largest): (&Transducer, &f64)| *largest <= FROM_REST * actuator.gap_m;
@@ -200,20 +201,20 @@ pub fn follow(
     known: &Motion,
     grown: f64,
 ) -> Result<Motion, NotSafe> {
-    let problem = Problem::new(actuators, excitations, lines)?;
+    let problem = ClosingGaps::new(actuators, excitations, lines)?;
     let mut motion = known.times(grown);
     problem.newton(&mut motion, 1.0, CONVERGED)?;
     Ok(motion)
 }
 
-struct Problem<'a> {
+struct ClosingGaps<'a> {
     actuators: &'a [Transducer],
     excitations: &'a [Excitation],
     lines: &'a [Line],
     windows: [Windows; MAX_ACTUATORS],
 }
 
-impl<'a> Problem<'a> {
+impl<'a> ClosingGaps<'a> {
     fn new(actuators: &'a [Transducer], excitations: &'a [Excitation], lines: &'a [Line]) -> Result<Self, NotSafe> {
         let complete = excitations.iter().all(|excitation| {
             let own = |line: &Line| line.frequency == excitation.frequency && line.harmonic == 1;
@@ -294,7 +295,9 @@ impl<'a> Problem<'a> {
         motion: &Motion,
     ) -> Result<Vector, NotSafe> {
         let p = self.actuators.len();
-        let mut system = linear::System::new(2 * p);
+        // Real and imaginary part for each actuator; those that there are not stay 1 x = 0.
+        let mut matrix = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity();
+        let mut right = SVector::<f64, UNKNOWNS>::zeros();
         for (i, (description, excitation)) in descriptions.iter().zip(self.excitations).enumerate() {
             let own = line.frequency == excitation.frequency;
             let direct = description.mean_slope;
@@ -307,14 +310,21 @@ impl<'a> Problem<'a> {
                 // d (direct + mirrored conj) (g dF_j) / d Re, d Im.
                 let by_re = g * direct + mirrored * g.conj();
                 let by_im = Complex64::I * g * direct + mirrored * (Complex64::I * g).conj();
-                system.set(2 * i, 2 * j, [-by_re.re, -by_im.re], [-by_re.im, -by_im.im]);
+                matrix[(2 * i, 2 * j)] -= by_re.re;
+                matrix[(2 * i, 2 * j + 1)] -= by_im.re;
+                matrix[(2 * i + 1, 2 * j)] -= by_re.im;
+                matrix[(2 * i + 1, 2 * j + 1)] -= by_im.im;
             }
-            system.add_one(2 * i);
             let residual = description.force[l] - motion.force_n[l][i];
-            system.set_right(2 * i, residual.re, residual.im);
+            (right[2 * i], right[2 * i + 1]) = (residual.re, residual.im);
         }
+        let factors = matrix.lu();
         // At no voltage it is 1; it changes sign where a motion starts to grow by itself.
-        let solution = system.solve().ok_or(NotSafe::Unstable)?;
+        let determinant = factors.determinant();
+        if determinant.is_nan() || determinant <= 0.0 {
+            return Err(NotSafe::Unstable);
+        }
+        let solution = factors.solve(&right).ok_or(NotSafe::Unstable)?;
         Ok(std::array::from_fn(|i| Complex64::new(solution[2 * i], solution[2 * i + 1])))
     }
 }

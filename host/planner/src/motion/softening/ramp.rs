@@ -5,20 +5,20 @@
 //! under the voltages as they are. That is the averaged motion (Krylov and Bogoliubov) of what [`super::settle`] finds the end
 //! of: it tells how far masses go beyond it, and whether a softening spring's other motion is where they end.
 
-use super::{Excitation, Line, MAX_LINES, Matrix, Motion, NotSafe, Problem, Transducer, Vector, times};
+use super::{ClosingGaps, Excitation, Line, MAX_LINES, Matrix, Motion, NotSafe, Transducer, Vector, times};
 use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
 /// Between two looks in s: poles up to 80 Hz beside a drive turn by half a radian.
-const STEP_S: f64 = 1e-3;
+const RAMP_STEP_S: f64 = 1e-3;
 /// Longest time that is followed after the rails are up, in s.
-const LONGEST_S: f64 = 1.0;
+const LONGEST_RAMP_S: f64 = 1.0;
 /// Part of the steady travel that does not count as beyond it.
 const NEARLY: f64 = 0.02;
 
 /// A pole near a line.
 #[derive(Clone, Copy, Debug)]
-pub struct Swing {
+pub struct NearPole {
     /// s - jw, in 1/s.
     pub beat: Complex64,
     /// What a force on each actuator drives it by.
@@ -29,9 +29,9 @@ pub struct Swing {
 
 /// A line's receptance in time.
 #[derive(Clone, Debug)]
-pub struct Following {
+pub struct TimeResponse {
     /// What takes its time.
-    pub swings: Vec<Swing>,
+    pub near_poles: Vec<NearPole>,
     /// What follows at once, in m/N.
     pub at_once: Matrix,
 }
@@ -45,23 +45,23 @@ pub fn rise(
     actuators: &[Transducer],
     excitations: &[Excitation],
     lines: &[Line],
-    following: &[Following],
+    following: &[TimeResponse],
     rise_s: &[f64; MAX_ACTUATORS],
     steady: &Motion,
 ) -> Result<[f64; MAX_ACTUATORS], NotSafe> {
-    let problem = Problem::new(actuators, excitations, lines)?;
+    let problem = ClosingGaps::new(actuators, excitations, lines)?;
     let p = actuators.len();
-    let mut swings: Vec<Vec<State>> = following
+    let mut near_poles: Vec<Vec<State>> = following
         .iter()
         .zip(&steady.force_n)
-        .map(|(line, forces)| line.swings.iter().map(|swing| State::new(swing, forces)).collect())
+        .map(|(line, forces)| line.near_poles.iter().map(|pole| State::new(pole, forces)).collect())
         .collect();
     let longest_s = rise_s.iter().take(p).copied().fold(0.0, f64::max);
     let mut most = [0.0_f64; MAX_ACTUATORS];
     let mut motion = Motion::REST;
     let mut before = motion.travel_m;
     let mut time_s = 0.0;
-    while time_s < longest_s + LONGEST_S {
+    while time_s < longest_s + LONGEST_RAMP_S {
         // Forces of the middle of the step: travels go on as they have.
         let mut middle = motion;
         for (l, travel) in middle.travel_m.iter_mut().enumerate().take(lines.len()) {
@@ -72,19 +72,19 @@ pub fn rise(
         before = motion.travel_m;
         let mut forces = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_LINES];
         for i in 0..p {
-            let up = ((time_s + 0.5 * STEP_S) / rise_s[i]).min(1.0);
+            let up = ((time_s + 0.5 * RAMP_STEP_S) / rise_s[i]).min(1.0);
             let description = problem.describe(i, &middle, up * up).ok_or(NotSafe::Travel { actuator: i })?;
             forces.iter_mut().zip(&description.force).for_each(|(forces, force)| forces[i] = *force);
         }
-        time_s += STEP_S;
+        time_s += RAMP_STEP_S;
         let mut away = [0.0; MAX_ACTUATORS];
         for (l, line) in following.iter().enumerate().take(lines.len()) {
             let mut travel = times(&line.at_once, &forces[l], p);
-            for (state, swing) in swings[l].iter_mut().zip(&line.swings) {
-                let left = state.step(swing, &forces[l]);
+            for (state, pole) in near_poles[l].iter_mut().zip(&line.near_poles) {
+                let left = state.step(pole, &forces[l]);
                 for i in 0..p {
-                    travel[i] += swing.output[i] * state.now;
-                    away[i] += (swing.output[i] * left).norm_sqr().sqrt();
+                    travel[i] += pole.output[i] * state.now;
+                    away[i] += (pole.output[i] * left).norm_sqr().sqrt();
                 }
             }
             motion.travel_m[l] = travel;
@@ -116,15 +116,15 @@ struct State {
 }
 
 impl State {
-    fn new(swing: &Swing, steady_n: &Vector) -> Self {
-        let turn = (swing.beat * STEP_S).exp();
-        let input: Complex64 = swing.input.iter().zip(steady_n).map(|(b, force)| b * force).sum();
-        Self { now: Complex64::ZERO, steady: -input / swing.beat, turn, gain: (turn - 1.0) / swing.beat }
+    fn new(pole: &NearPole, steady_n: &Vector) -> Self {
+        let turn = (pole.beat * RAMP_STEP_S).exp();
+        let input: Complex64 = pole.input.iter().zip(steady_n).map(|(b, force)| b * force).sum();
+        Self { now: Complex64::ZERO, steady: -input / pole.beat, turn, gain: (turn - 1.0) / pole.beat }
     }
 
     /// What is left to the steady motion after a step.
-    fn step(&mut self, swing: &Swing, forces: &Vector) -> Complex64 {
-        let input: Complex64 = swing.input.iter().zip(forces).map(|(b, force)| b * force).sum();
+    fn step(&mut self, pole: &NearPole, forces: &Vector) -> Complex64 {
+        let input: Complex64 = pole.input.iter().zip(forces).map(|(b, force)| b * force).sum();
         self.now = self.turn * self.now + self.gain * input;
         self.now - self.steady
     }

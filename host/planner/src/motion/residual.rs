@@ -6,8 +6,8 @@
 //! time allows. A drive that is changed while it is on goes on from the boundary of its period, whatever its new frequency:
 //! of a pole only the difference of the two steady motions is left, next to nothing while a finger is drawn.
 
-use crate::motion::rise::{Ring, Share};
-use crate::motion::succession::{PerActuator, Swing, SwingLine};
+use crate::motion::plan_motion::{ForceLine, PerActuator, PlanMotion};
+use crate::motion::rise::{DecayingMode, Participation};
 use crate::plan::Drive;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::GROWN;
@@ -31,7 +31,7 @@ pub const NEXT_LOOK_S: f64 = 0.02;
 /// less is not worth one.
 const GROWS_BY: [f64; 3] = [1.0, 0.6, 0.3];
 /// Halvings of a wait or of a part: to 30 us and less than a thousandth.
-const HALVINGS: u32 = 10;
+const ROOM_HALVINGS: u32 = 10;
 /// Parts of the forces of a change that are looked at.
 const PARTS: u32 = 20;
 /// Part of the room that is taken where a first try was not enough.
@@ -85,8 +85,8 @@ impl Room {
 
 /// Free motions, and the drives that are on.
 #[derive(Clone, Debug)]
-pub struct Moving {
-    rings: Vec<Ring>,
+pub struct ResidualVibration {
+    modes: Vec<DecayingMode>,
     /// Amplitudes of the poles at `left_s`.
     left: Vec<f64>,
     left_s: f64,
@@ -104,7 +104,7 @@ struct Current {
     id: u64,
     /// Of even drives.
     drives: Option<Vec<Drive>>,
-    lines: Vec<SwingLine>,
+    lines: Vec<ForceLine>,
     /// Amplitudes of the free motions that it began with.
     start: Vec<f64>,
     /// Amplitudes that what was driven before would have left, had it ended when this began.
@@ -130,7 +130,7 @@ impl Current {
 
     /// The integral of a line's force over a time from the beginning in s, relative to the whole force: with a rail that rises
     /// it grows with the square of the time.
-    fn forced_s(&self, line: &SwingLine, time_s: f64) -> f64 {
+    fn forced_s(&self, line: &ForceLine, time_s: f64) -> f64 {
         let rising_s = if self.is_soft { line.rise_s.min(time_s) } else { 0.0 };
         let risen = if rising_s > 0.0 { rising_s / line.rise_s } else { 0.0 };
         time_s - rising_s + rising_s * risen * risen / 3.0
@@ -139,8 +139,10 @@ impl Current {
     /// What of pole `k` is left of its beginning, and the most that it can have brought, at `at_s`.
     fn begun(&self, k: usize, rate_per_s: f64, at_s: f64) -> (f64, f64) {
         let time_s = (at_s - self.since_s).max(0.0);
-        let gained =
-            |line: &SwingLine| line.shares.get(k).map_or(0.0, |share| share.gain_per_s) * self.forced_s(line, time_s);
+        let gained = |line: &ForceLine| {
+            line.participations.get(k).map_or(0.0, |participation| participation.gain_per_s)
+                * self.forced_s(line, time_s)
+        };
         let kept = (-rate_per_s * time_s).exp();
         let most = self.before.get(k).map_or(0.0, |before| before * kept) + self.lines.iter().map(gained).sum::<f64>();
         let left = self.start.get(k).copied().unwrap_or(0.0) * kept;
@@ -149,60 +151,62 @@ impl Current {
     }
 
     /// Amplitudes that it leaves when it ends at `end_s`.
-    fn leaves(&self, rings: &[Ring], end_s: f64) -> Vec<f64> {
+    fn leaves(&self, modes: &[DecayingMode], end_s: f64) -> Vec<f64> {
         let is_over = self.drives.is_none() && end_s > self.until_s;
-        let of = |(k, ring): (usize, &Ring)| {
-            let (start, most) = self.begun(k, ring.rate_per_s, end_s);
+        let of = |(k, mode): (usize, &DecayingMode)| {
+            let (start, most) = self.begun(k, mode.rate_per_s, end_s);
             let left = if is_over { afterwards(&self.lines, k) } else { steady(&self.lines, k) };
             (start + left).min(most)
         };
-        rings.iter().enumerate().map(of).collect()
+        modes.iter().enumerate().map(of).collect()
     }
 
     /// The same beside the steady motion of a part of `next`, which takes its place at `end_s`.
-    fn changes(&self, rings: &[Ring], next: &[SwingLine], part: f64, end_s: f64) -> Vec<f64> {
-        let goes_on = |old: &SwingLine| next.iter().find(|new| old.goes_on_as(new, &self.lines));
-        let pairs: Vec<(&SwingLine, Option<&SwingLine>)> = self.lines.iter().map(|old| (old, goes_on(old))).collect();
+    fn changes(&self, modes: &[DecayingMode], next: &[ForceLine], part: f64, end_s: f64) -> Vec<f64> {
+        let goes_on = |old: &ForceLine| next.iter().find(|new| old.goes_on_as(new, &self.lines));
+        let pairs: Vec<(&ForceLine, Option<&ForceLine>)> = self.lines.iter().map(|old| (old, goes_on(old))).collect();
         let is_new =
-            |new: &&SwingLine| !pairs.iter().any(|(_, known)| known.is_some_and(|known| std::ptr::eq(known, *new)));
-        let fresh: Vec<&SwingLine> = next.iter().filter(is_new).collect();
-        let left = |line: &SwingLine, k: usize| line.shares.get(k).map_or(0.0, Share::left);
-        let of = |(k, ring): (usize, &Ring)| {
-            let (start, most) = self.begun(k, ring.rate_per_s, end_s);
-            let changed = |(old, new): &(&SwingLine, Option<&SwingLine>)| match new {
-                Some(new) => {
-                    old.shares.get(k).zip(new.shares.get(k)).map_or(0.0, |(old, new)| old.left_beside(new, part))
-                }
+            |new: &&ForceLine| !pairs.iter().any(|(_, known)| known.is_some_and(|known| std::ptr::eq(known, *new)));
+        let fresh: Vec<&ForceLine> = next.iter().filter(is_new).collect();
+        let left = |line: &ForceLine, k: usize| line.participations.get(k).map_or(0.0, Participation::left);
+        let of = |(k, mode): (usize, &DecayingMode)| {
+            let (start, most) = self.begun(k, mode.rate_per_s, end_s);
+            let changed = |(old, new): &(&ForceLine, Option<&ForceLine>)| match new {
+                Some(new) => old
+                    .participations
+                    .get(k)
+                    .zip(new.participations.get(k))
+                    .map_or(0.0, |(old, new)| old.left_beside(new, part)),
                 None => left(old, k),
             };
             let changes: f64 =
                 pairs.iter().map(changed).sum::<f64>() + part * fresh.iter().map(|new| left(new, k)).sum::<f64>();
             (start + changes).min(most + part * steady(next, k))
         };
-        rings.iter().enumerate().map(of).collect()
+        modes.iter().enumerate().map(of).collect()
     }
 }
 
-fn shares(lines: &[SwingLine], k: usize) -> impl Iterator<Item = &Share> {
-    lines.iter().filter_map(move |line| line.shares.get(k))
+fn participations(lines: &[ForceLine], k: usize) -> impl Iterator<Item = &Participation> {
+    lines.iter().filter_map(move |line| line.participations.get(k))
 }
 
 /// Amplitude of a pole that steady forces leave.
-fn steady(lines: &[SwingLine], k: usize) -> f64 {
-    shares(lines, k).map(Share::left).sum()
+fn steady(lines: &[ForceLine], k: usize) -> f64 {
+    participations(lines, k).map(Participation::left).sum()
 }
 
 /// Amplitude of a pole when the rails are up, or an effect has ended.
-fn afterwards(lines: &[SwingLine], k: usize) -> f64 {
-    shares(lines, k).map(|share| share.afterwards).sum()
+fn afterwards(lines: &[ForceLine], k: usize) -> f64 {
+    participations(lines, k).map(|participation| participation.afterwards).sum()
 }
 
-impl SwingLine {
+impl ForceLine {
     /// Whether the board lets this go on as `new` from the next boundary of its period: the timer of its channel does, unless
     /// it has to keep in phase with another's, now or before.
-    fn goes_on_as(&self, new: &SwingLine, old: &[SwingLine]) -> bool {
+    fn goes_on_as(&self, new: &ForceLine, old: &[ForceLine]) -> bool {
         let is_anothers =
-            |line: &SwingLine| line.channel != new.channel && (line.drive_hz - new.drive_hz).abs() < ONE_HZ;
+            |line: &ForceLine| line.channel != new.channel && (line.drive_hz - new.drive_hz).abs() < ONE_HZ;
         (self.channel, self.harmonic, self.phase_rad.to_bits()) == (new.channel, new.harmonic, new.phase_rad.to_bits())
             && !self.is_shared
             && !new.is_shared
@@ -210,13 +214,13 @@ impl SwingLine {
     }
 }
 
-impl Moving {
-    /// A panel at rest, with its poles ([`crate::PlanTable::rings`]).
+impl ResidualVibration {
+    /// A panel at rest, with its poles ([`crate::PlanTable::modes`]).
     #[must_use]
-    pub fn new(rings: Vec<Ring>) -> Self {
+    pub fn new(modes: Vec<DecayingMode>) -> Self {
         Self {
-            left: vec![0.0; rings.len()],
-            rings,
+            left: vec![0.0; modes.len()],
+            modes,
             left_s: 0.0,
             ending: Vec::new(),
             off_since_s: f64::NEG_INFINITY,
@@ -225,12 +229,12 @@ impl Moving {
         }
     }
 
-    /// The room for `drives`, whose motion is `swing`, from `now_s` on in place of what is driven now. `None` is an effect, which
+    /// The room for `drives`, whose motion is `motion`, from `now_s` on in place of what is driven now. `None` is an effect, which
     /// is no even drive. With all of them there is room for the whole; otherwise they begin weaker, and after a wait where that
     /// makes them much stronger.
     #[must_use]
-    pub fn room(&self, swing: &Swing, drives: Option<&[Drive]>, now_s: f64, board: Board) -> Room {
-        let part = self.part(swing, drives, now_s, board);
+    pub fn room(&self, motion: &PlanMotion, drives: Option<&[Drive]>, now_s: f64, board: Board) -> Room {
+        let part = self.part(motion, drives, now_s, board);
         if part >= 1.0 {
             return Room::ALL;
         }
@@ -242,7 +246,7 @@ impl Moving {
                 return Room { after_s, part, goes_on: true };
             }
         }
-        let off = |after_s: f64| self.part_anew(swing, now_s, after_s, board);
+        let off = |after_s: f64| self.part_anew(motion, now_s, after_s, board);
         // Touches that follow each other quickly are not held back one after the other, with nothing driven in between.
         let off_since_s = self.current.as_ref().map_or(self.off_since_s, |current| current.until_s.min(now_s));
         let longest_s = (LONGEST_WAIT_S - (now_s - off_since_s)).max(0.0);
@@ -251,7 +255,7 @@ impl Moving {
             return Room::at_once(part);
         }
         let (mut low, mut high) = (0.0, longest_s);
-        for _ in 0..HALVINGS {
+        for _ in 0..ROOM_HALVINGS {
             let middle = 0.5 * (low + high);
             *(if off(middle) >= most { &mut high } else { &mut low }) = middle;
         }
@@ -260,28 +264,28 @@ impl Moving {
 
     /// The part of the forces of `drives` for which there is room at `now_s`, without a wait.
     #[must_use]
-    pub fn part(&self, swing: &Swing, drives: Option<&[Drive]>, now_s: f64, board: Board) -> f64 {
+    pub fn part(&self, motion: &PlanMotion, drives: Option<&[Drive]>, now_s: f64, board: Board) -> f64 {
         if board == Board::Driving && self.continues(drives, now_s) {
             return 1.0;
         }
-        let anew = self.part_anew(swing, now_s, 0.0, board);
+        let anew = self.part_anew(motion, now_s, 0.0, board);
         let goes_on = |current: &&Current| board == Board::Driving && drives.is_some() && current.is_even(now_s);
         let Some(current) = self.current.as_ref().filter(goes_on).filter(|_| anew < 1.0) else { return anew };
-        let (begun_m, left_m, free_m) = (begun_m(swing, board), self.left_at(now_s, now_s), self.free_at(now_s));
+        let (begun_m, left_m, free_m) = (begun_m(motion, board), self.left_at(now_s, now_s), self.free_at(now_s));
         let end_s = current.end_s(now_s);
         let fits = |part: f64| {
-            let changed_m = self.travel(&current.changes(&self.rings, &swing.lines, part, end_s));
+            let changed_m = self.travel(&current.changes(&self.modes, &motion.lines, part, end_s));
             (0..MAX_ACTUATORS).all(|i| {
-                let anew_m = swing.growth[i] * left_m[i] + part * begun_m[i];
-                let changed_m = swing.growth[i] * free_m[i] + GROWN * changed_m[i] + part * swing.steady_m[i];
-                anew_m.min(changed_m) <= (1.0 + CONCEDED) * swing.limit_m[i]
+                let anew_m = motion.growth[i] * left_m[i] + part * begun_m[i];
+                let changed_m = motion.growth[i] * free_m[i] + GROWN * changed_m[i] + part * motion.steady_m[i];
+                anew_m.min(changed_m) <= (1.0 + CONCEDED) * motion.limit_m[i]
             })
         };
         // As near to what is driven now as it is, the least change is none: a weaker one may not fit where a stronger one does.
         let parts = (0..=PARTS).rev().map(|k| f64::from(k) / f64::from(PARTS)).take_while(|part| *part > anew);
         let Some(mut low) = parts.into_iter().find(|part| fits(*part)) else { return anew };
         let mut high = (low + 1.0 / f64::from(PARTS)).min(1.0);
-        for _ in 0..HALVINGS {
+        for _ in 0..ROOM_HALVINGS {
             let middle = 0.5 * (low + high);
             *(if fits(middle) { &mut low } else { &mut high }) = middle;
         }
@@ -289,19 +293,27 @@ impl Moving {
     }
 
     /// The same `after_s` later, with everything off until then.
-    fn part_anew(&self, swing: &Swing, now_s: f64, after_s: f64, board: Board) -> f64 {
+    fn part_anew(&self, motion: &PlanMotion, now_s: f64, after_s: f64, board: Board) -> f64 {
         let left_m = self.left_at(now_s, now_s + after_s);
-        let begun_m = begun_m(swing, board);
+        let begun_m = begun_m(motion, board);
         let of = |i: usize| {
-            let room_m = (1.0 + CONCEDED) * swing.limit_m[i] - swing.growth[i] * left_m[i];
+            let room_m = (1.0 + CONCEDED) * motion.limit_m[i] - motion.growth[i] * left_m[i];
             if begun_m[i] <= room_m { 1.0 } else { (room_m / begun_m[i]).max(0.0) }
         };
         (0..MAX_ACTUATORS).map(of).fold(1.0, f64::min)
     }
 
-    /// Drives begin at `now_s`, in place of any others, while the board does what [`Moving::room`] was told, and end at
+    /// Drives begin at `now_s`, in place of any others, while the board does what [`ResidualVibration::room`] was told, and end at
     /// `until_s` unless they are told otherwise.
-    pub fn begin(&mut self, id: u64, swing: &Swing, drives: Option<&[Drive]>, board: Board, now_s: f64, until_s: f64) {
+    pub fn begin(
+        &mut self,
+        id: u64,
+        motion: &PlanMotion,
+        drives: Option<&[Drive]>,
+        board: Board,
+        now_s: f64,
+        until_s: f64,
+    ) {
         self.begun += 1;
         if board == Board::Driving
             && self.continues(drives, now_s)
@@ -313,22 +325,22 @@ impl Moving {
         let goes_on = |current: &mut Current| board == Board::Driving && drives.is_some() && current.is_even(now_s);
         let before = self.current.take_if(goes_on);
         let start = match &before {
-            Some(before) => before.changes(&self.rings, &swing.lines, 1.0, before.end_s(now_s)),
-            None if drives.is_some() => (0..self.rings.len()).map(|k| steady(&swing.lines, k)).collect(),
+            Some(before) => before.changes(&self.modes, &motion.lines, 1.0, before.end_s(now_s)),
+            None if drives.is_some() => (0..self.modes.len()).map(|k| steady(&motion.lines, k)).collect(),
             // In all that it may leave its beginning counts already.
-            None => vec![0.0; self.rings.len()],
+            None => vec![0.0; self.modes.len()],
         };
-        let left_before = before.as_ref().map(|before| before.leaves(&self.rings, before.end_s(now_s)));
+        let left_before = before.as_ref().map(|before| before.leaves(&self.modes, before.end_s(now_s)));
         self.end(now_s, Ending::AtItsBoundary);
         self.pass(now_s);
-        let lowest_hz = swing.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
+        let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
         self.current = Some(Current {
             id,
             drives: drives.map(<[Drive]>::to_vec),
-            lines: swing.lines.clone(),
+            lines: motion.lines.clone(),
             start,
             is_soft: board == Board::Down && drives.is_some(),
-            before: left_before.unwrap_or_else(|| vec![0.0; self.rings.len()]),
+            before: left_before.unwrap_or_else(|| vec![0.0; self.modes.len()]),
             since_s: now_s,
             until_s,
             late_s: LATE_S + 1.0 / lowest_hz,
@@ -343,7 +355,7 @@ impl Moving {
             }
             let end_s = current.end_s(when_s);
             self.off_since_s = when_s.min(current.until_s);
-            self.ending.push((end_s, current.leaves(&self.rings, end_s)));
+            self.ending.push((end_s, current.leaves(&self.modes, end_s)));
         }
     }
 
@@ -371,7 +383,7 @@ impl Moving {
     pub fn left_at(&self, now_s: f64, at_s: f64) -> PerActuator {
         let Some(current) = &self.current else { return self.free_at(at_s) };
         let end_s = current.end_s(now_s);
-        sum(&self.free_at(at_s), &self.travel(&self.decayed(&current.leaves(&self.rings, end_s), at_s - end_s)))
+        sum(&self.free_at(at_s), &self.travel(&self.decayed(&current.leaves(&self.modes, end_s), at_s - end_s)))
     }
 
     /// The same of what does not belong to what is driven.
@@ -384,14 +396,14 @@ impl Moving {
 
     /// Amplitudes after a time.
     fn decayed(&self, amplitudes: &[f64], time_s: f64) -> Vec<f64> {
-        let kept = |(amplitude, ring): (&f64, &Ring)| amplitude * (-ring.rate_per_s * time_s.max(0.0)).exp();
-        amplitudes.iter().zip(&self.rings).map(kept).collect()
+        let kept = |(amplitude, mode): (&f64, &DecayingMode)| amplitude * (-mode.rate_per_s * time_s.max(0.0)).exp();
+        amplitudes.iter().zip(&self.modes).map(kept).collect()
     }
 
     /// Travel in m of all poles' amplitudes together.
     fn travel(&self, amplitudes: &[f64]) -> PerActuator {
-        amplitudes.iter().zip(&self.rings).fold([0.0; MAX_ACTUATORS], |all, (amplitude, ring)| {
-            sum(&all, &ring.travel.map(|travel| travel * amplitude))
+        amplitudes.iter().zip(&self.modes).fold([0.0; MAX_ACTUATORS], |all, (amplitude, mode)| {
+            sum(&all, &mode.travel.map(|travel| travel * amplitude))
         })
     }
 
@@ -462,8 +474,8 @@ pub fn grown<T, E>(
 }
 
 /// Most travel in m with which drives begin on a panel at rest.
-fn begun_m(swing: &Swing, board: Board) -> PerActuator {
-    if board == Board::Down { swing.soft_m } else { swing.at_once_m }
+fn begun_m(motion: &PlanMotion, board: Board) -> PerActuator {
+    if board == Board::Down { motion.soft_m } else { motion.at_once_m }
 }
 
 fn sum(a: &PerActuator, b: &PerActuator) -> PerActuator {

@@ -6,42 +6,42 @@ use proptest::prelude::*;
 
 const RATES: [f64; 2] = [10.0, 40.0];
 
-fn moving() -> Moving {
-    let ring = |rate_per_s: f64| {
+fn residual() -> ResidualVibration {
+    let mode = |rate_per_s: f64| {
         let mut travel = [0.0; MAX_ACTUATORS];
         travel[0] = 1.0;
-        Ring { rate_per_s, travel }
+        DecayingMode { rate_per_s, travel }
     };
-    Moving::new(RATES.map(ring).to_vec())
+    ResidualVibration::new(RATES.map(mode).to_vec())
 }
 
 /// A steady motion of `size`, two thirds of it of the slow pole, that comes up soon, at a frequency.
-fn swing(size: f64, drive_hz: f64) -> Swing {
+fn motion(size: f64, drive_hz: f64) -> PlanMotion {
     let only = |value: f64, others: f64| {
         let mut all = [others; MAX_ACTUATORS];
         all[0] = value;
         all
     };
-    let share = |part: f64| Share {
+    let participation = |part: f64| Participation {
         steady: [Complex64::from(part * size), Complex64::ZERO],
         afterwards: 0.1 * part * size,
         gain_per_s: 1e3 * size,
     };
-    let shares = vec![share(2.0 / 3.0), share(1.0 / 3.0)];
-    Swing {
+    let participations = vec![participation(2.0 / 3.0), participation(1.0 / 3.0)];
+    PlanMotion {
         limit_m: only(1.0, f64::INFINITY),
         steady_m: only(size, 0.0),
         at_once_m: only(2.0 * size, 0.0),
         soft_m: only(size, 0.0),
         growth: only(1.0, 1.0),
-        lines: vec![SwingLine {
+        lines: vec![ForceLine {
             channel: 0,
             is_shared: false,
             harmonic: 1,
             drive_hz,
             phase_rad: 0.0,
             rise_s: 0.1,
-            shares,
+            participations,
         }],
     }
 }
@@ -53,8 +53,8 @@ fn drives(force_n: f64, frequency_hz: f64) -> Vec<Drive> {
 
 #[test]
 fn rails_that_are_up_make_the_difference_on_a_panel_at_rest() {
-    let (moving, drives) = (moving(), drives(1.0, 100.0));
-    let room = |size: f64, board: Board| moving.room(&swing(size, 100.0), Some(&drives), 0.0, board);
+    let (residual, drives) = (residual(), drives(1.0, 100.0));
+    let room = |size: f64, board: Board| residual.room(&motion(size, 100.0), Some(&drives), 0.0, board);
     assert_eq!(room(1.0, Board::Down), Room::ALL);
     // It goes twice as far when it begins at once, and nothing that a wait could mend is left.
     assert_eq!(room(1.0, Board::Up), Room::at_once(0.5 * (1.0 + CONCEDED)));
@@ -64,52 +64,53 @@ fn rails_that_are_up_make_the_difference_on_a_panel_at_rest() {
 
 #[test]
 fn a_touch_is_weaker_by_what_is_left_and_waits_where_that_doubles_it() {
-    let (mut moving, drives) = (moving(), drives(1.0, 100.0));
-    moving.begin(1, &swing(0.9, 100.0), Some(&drives), Board::Down, 0.0, 10.0);
-    moving.end(5.0, Ending::AtItsBoundary);
-    let left = |at_s: f64| moving.left_at(5.0, at_s)[0];
+    let (mut residual, drives) = (residual(), drives(1.0, 100.0));
+    residual.begin(1, &motion(0.9, 100.0), Some(&drives), Board::Down, 0.0, 10.0);
+    residual.end(5.0, Ending::AtItsBoundary);
+    let left = |at_s: f64| residual.left_at(5.0, at_s)[0];
     // The steady part of both poles, from a period and a bit after the end on; what it was begun with has decayed.
     assert!((left(5.0) - 0.9).abs() < 1e-9, "{}", left(5.0));
     let end_s = 5.0 + LATE_S + 0.01;
     let expected = 0.6 * f64::exp(-10.0 * (5.3 - end_s)) + 0.3 * f64::exp(-40.0 * (5.3 - end_s));
     assert!((left(5.3) - expected).abs() < 1e-9, "{} {expected}", left(5.3));
     // 0.12 is left of the limit, and 0.8 is needed; 30 ms later more than twice as much.
-    let room = |now_s: f64| moving.room(&swing(0.4, 200.0), Some(&drives), now_s, Board::Up);
-    assert!((moving.part(&swing(0.4, 200.0), Some(&drives), 5.0, Board::Up) - 0.12 / 0.8).abs() < 1e-9);
+    let room = |now_s: f64| residual.room(&motion(0.4, 200.0), Some(&drives), now_s, Board::Up);
+    assert!((residual.part(&motion(0.4, 200.0), Some(&drives), 5.0, Board::Up) - 0.12 / 0.8).abs() < 1e-9);
     assert!((room(5.0).part - (1.02 - left(5.03)) / 0.8).abs() < 1e-9 && room(5.0).after_s == 0.03, "{:?}", room(5.0));
     let later = room(5.1);
     assert!((later.part - (1.02 - left(5.1)) / 0.8).abs() < 1e-9 && later.after_s == 0.0, "{later:?}");
     // 30 ms are the most it waits; and it does not wait again.
-    let mut moving = super::tests::moving();
-    moving.begin(1, &swing(1.0, 100.0), Some(&drives), Board::Down, 0.0, 10.0);
-    moving.end_of(1, 4.99);
-    let next = swing(0.4, 200.0);
-    let room = moving.room(&next, Some(&drives), 5.0, Board::Driving);
-    let now = moving.part(&next, Some(&drives), 5.0, Board::Driving);
+    let mut residual = super::tests::residual();
+    residual.begin(1, &motion(1.0, 100.0), Some(&drives), Board::Down, 0.0, 10.0);
+    residual.end_of(1, 4.99);
+    let next = motion(0.4, 200.0);
+    let room = residual.room(&next, Some(&drives), 5.0, Board::Driving);
+    let now = residual.part(&next, Some(&drives), 5.0, Board::Driving);
     assert!(room.part >= WORTH_WAITING * now && room.after_s > 0.0 && room.after_s <= LONGEST_WAIT_S, "{room:?} {now}");
-    moving.end(5.0, Ending::AtItsBoundary);
+    residual.end(5.0, Ending::AtItsBoundary);
     let then_s = 5.0 + room.after_s;
-    let then = moving.room(&next, Some(&drives), then_s, Board::Up);
+    let then = residual.room(&next, Some(&drives), then_s, Board::Up);
     assert!((then.part - room.part).abs() < 1e-9 && then.after_s < LONGEST_WAIT_S - room.after_s + 1e-9, "{then:?}");
-    assert_eq!(moving.room(&swing(0.01, 200.0), Some(&drives), 5.0, Board::Up), Room::ALL);
+    assert_eq!(residual.room(&motion(0.01, 200.0), Some(&drives), 5.0, Board::Up), Room::ALL);
 }
 
 #[test]
 fn what_goes_on_as_it_is_or_nearly_keeps_its_strength() {
-    let (mut moving, first) = (moving(), drives(1.0, 100.0));
-    moving.begin(1, &swing(0.95, 100.0), Some(&first), Board::Down, 0.0, 5.0);
-    let part = |next: &Swing, drives: Option<&[Drive]>, board: Board| moving.part(next, drives, 2.0, board);
-    assert_eq!(part(&swing(0.95, 100.0), Some(&first), Board::Driving), 1.0);
+    let (mut residual, first) = (residual(), drives(1.0, 100.0));
+    residual.begin(1, &motion(0.95, 100.0), Some(&first), Board::Down, 0.0, 5.0);
+    let part = |next: &PlanMotion, drives: Option<&[Drive]>, board: Board| residual.part(next, drives, 2.0, board);
+    assert_eq!(part(&motion(0.95, 100.0), Some(&first), Board::Driving), 1.0);
     // The same, a little weaker: of what is left only the difference counts.
     let weaker = drives(0.98, 100.0);
-    assert_eq!(part(&swing(0.93, 100.0), Some(&weaker), Board::Driving), 1.0);
+    assert_eq!(part(&motion(0.93, 100.0), Some(&weaker), Board::Driving), 1.0);
     // As an effect, or when the board has ended it, it begins anew, beside 0.95 of what is left.
     let anew = (1.0 + CONCEDED - 0.95) / (2.0 * 0.95);
-    for found in [part(&swing(0.95, 100.0), None, Board::Driving), part(&swing(0.95, 100.0), Some(&first), Board::Up)] {
+    for found in [part(&motion(0.95, 100.0), None, Board::Driving), part(&motion(0.95, 100.0), Some(&first), Board::Up)]
+    {
         assert!((found - anew).abs() < 1e-9, "{found}");
     }
     // Another channel had the frequency: the board keeps in phase with that one.
-    let mut other = swing(0.93, 100.0);
+    let mut other = motion(0.93, 100.0);
     other.lines[0].channel = 1;
     assert!(part(&other, Some(&weaker), Board::Driving) < 0.1);
 }
@@ -117,10 +118,10 @@ fn what_goes_on_as_it_is_or_nearly_keeps_its_strength() {
 #[test]
 fn the_force_of_a_change_is_the_most_there_is_room_for() {
     // Twice the force at the same frequency: what is changed is as much as there was.
-    let (mut moving, first) = (moving(), drives(0.4, 100.0));
-    moving.begin(1, &swing(0.4, 100.0), Some(&first), Board::Down, 0.0, 5.0);
-    let next = swing(0.8, 100.0);
-    let part = moving.part(&next, Some(&drives(0.8, 100.0)), 3.0, Board::Driving);
+    let (mut residual, first) = (residual(), drives(0.4, 100.0));
+    residual.begin(1, &motion(0.4, 100.0), Some(&first), Board::Down, 0.0, 5.0);
+    let next = motion(0.8, 100.0);
+    let part = residual.part(&next, Some(&drives(0.8, 100.0)), 3.0, Board::Driving);
     // GROWN (0.8 p - 0.4) + 0.8 p = 1.02.
     let expected = (1.0 + CONCEDED + 0.4 * GROWN) / (0.8 * (1.0 + GROWN));
     assert!((part - expected).abs() < 2e-3 && part <= expected + 1e-9, "{part} {expected}");
@@ -128,13 +129,13 @@ fn the_force_of_a_change_is_the_most_there_is_room_for() {
 
 #[test]
 fn what_electrodes_make_grow_counts_for_more() {
-    let (mut moving, drives) = (moving(), drives(1.0, 100.0));
-    moving.begin(1, &swing(0.5, 100.0), Some(&drives), Board::Down, 0.0, 1.0);
-    moving.end(1.0, Ending::AtItsBoundary);
-    let mut next = swing(0.5, 200.0);
+    let (mut residual, drives) = (residual(), drives(1.0, 100.0));
+    residual.begin(1, &motion(0.5, 100.0), Some(&drives), Board::Down, 0.0, 1.0);
+    residual.end(1.0, Ending::AtItsBoundary);
+    let mut next = motion(0.5, 200.0);
     next.growth[0] = 1.2;
-    let left = moving.left_at(1.0, 1.0)[0];
-    let part = moving.part(&next, Some(&drives), 1.0, Board::Up);
+    let left = residual.left_at(1.0, 1.0)[0];
+    let part = residual.part(&next, Some(&drives), 1.0, Board::Up);
     assert!((part - (1.0 + CONCEDED - 1.2 * left)).abs() < 1e-9, "{part} {left}");
 }
 
@@ -180,73 +181,73 @@ fn a_growing_touch_takes_no_step_back() {
 
 #[test]
 fn drives_that_have_just_begun_go_on_for_a_moment() {
-    let (mut moving, first) = (moving(), drives(1.0, 100.0));
-    moving.begin(1, &swing(1.0, 100.0), Some(&first), Board::Down, 0.0, 5.0);
-    let next = (swing(1.0, 200.0), drives(1.0, 200.0));
-    let room = |moving: &Moving, now_s: f64| moving.room(&next.0, Some(&next.1), now_s, Board::Driving);
-    let found = room(&moving, 0.01);
+    let (mut residual, first) = (residual(), drives(1.0, 100.0));
+    residual.begin(1, &motion(1.0, 100.0), Some(&first), Board::Down, 0.0, 5.0);
+    let next = (motion(1.0, 200.0), drives(1.0, 200.0));
+    let room = |residual: &ResidualVibration, now_s: f64| residual.room(&next.0, Some(&next.1), now_s, Board::Driving);
+    let found = room(&residual, 0.01);
     assert!(found.goes_on && (found.after_s - (LONGEST_WAIT_S - 0.01)).abs() < 1e-9, "{found:?}");
-    assert!(!room(&moving, LONGEST_WAIT_S).goes_on);
+    assert!(!room(&residual, LONGEST_WAIT_S).goes_on);
     // Its finger was lifted.
-    moving.end_of(2, 0.01);
-    assert!(room(&moving, 0.01).goes_on);
-    moving.end_of(1, 0.01);
-    assert!(!room(&moving, 0.01).goes_on);
+    residual.end_of(2, 0.01);
+    assert!(room(&residual, 0.01).goes_on);
+    residual.end_of(1, 0.01);
+    assert!(!room(&residual, 0.01).goes_on);
 }
 
 #[test]
 fn what_has_hardly_begun_leaves_no_more_than_its_time_brings() {
-    let (mut moving, drives) = (moving(), drives(1.0, 1000.0));
-    let mut slow = swing(0.9, 1000.0);
-    slow.lines[0].shares.iter_mut().for_each(|share| share.gain_per_s = 1.0);
-    moving.begin(1, &slow, Some(&drives), Board::Up, 0.0, 5.0);
-    moving.end(0.004, Ending::AtItsBoundary);
+    let (mut residual, drives) = (residual(), drives(1.0, 1000.0));
+    let mut slow = motion(0.9, 1000.0);
+    slow.lines[0].participations.iter_mut().for_each(|participation| participation.gain_per_s = 1.0);
+    residual.begin(1, &slow, Some(&drives), Board::Up, 0.0, 5.0);
+    residual.end(0.004, Ending::AtItsBoundary);
     // 1 a second on each pole for 4 ms, and as long as the end may take.
     let most = 2.0 * (0.004 + LATE_S + 1e-3);
-    assert!((moving.left_at(0.004, 0.004)[0] - most).abs() < 1e-9);
+    assert!((residual.left_at(0.004, 0.004)[0] - most).abs() < 1e-9);
     // While the rails rise it is less, with a stop no period more.
-    let mut moving = super::tests::moving();
-    moving.begin(1, &slow, Some(&drives), Board::Down, 0.0, 5.0);
-    moving.end(0.05, Ending::AtOnce);
+    let mut residual = super::tests::residual();
+    residual.begin(1, &slow, Some(&drives), Board::Down, 0.0, 5.0);
+    residual.end(0.05, Ending::AtOnce);
     let time_s = 0.05 + LATE_S;
-    assert!((moving.left_at(0.05, 0.05)[0] - 2.0 * time_s * (time_s / 0.1).powi(2) / 3.0).abs() < 1e-9);
+    assert!((residual.left_at(0.05, 0.05)[0] - 2.0 * time_s * (time_s / 0.1).powi(2) / 3.0).abs() < 1e-9);
 }
 
 #[test]
 fn an_effect_leaves_what_it_leaves_in_the_end_or_its_most_before() {
-    let mut moving = moving();
-    moving.begin(1, &swing(0.5, 100.0), None, Board::Up, 0.0, 0.2);
-    assert!((moving.left_at(0.1, 0.1)[0] - 0.5).abs() < 1e-9);
-    assert!((moving.left_at(0.3, 0.2)[0] - 0.05).abs() < 1e-9);
+    let mut residual = residual();
+    residual.begin(1, &motion(0.5, 100.0), None, Board::Up, 0.0, 0.2);
+    assert!((residual.left_at(0.1, 0.1)[0] - 0.5).abs() < 1e-9);
+    assert!((residual.left_at(0.3, 0.2)[0] - 0.05).abs() < 1e-9);
 }
 
 proptest! {
     /// Whatever is driven when it may be, no sum of what is left and what is driven is above the limit.
     #[test]
     fn no_order_of_touches_goes_beyond(touches in prop::collection::vec((0.05_f64..1.0, 40.0_f64..400.0, 0.005_f64..0.4, any::<bool>()), 1..30)) {
-        let mut moving = moving();
+        let mut residual = residual();
         let (mut now_s, mut board) = (0.0, Board::Down);
         for (id, (size, hz, hold_s, goes_on)) in (0..).zip(touches) {
-            let whole = (swing(size, hz), drives(size, hz));
-            let room = moving.room(&whole.0, Some(&whole.1), now_s, board);
+            let whole = (motion(size, hz), drives(size, hz));
+            let room = residual.room(&whole.0, Some(&whole.1), now_s, board);
             prop_assert!((0.0..=LONGEST_WAIT_S).contains(&room.after_s) && (0.0..=1.0).contains(&room.part), "{room:?}");
             if room.goes_on {
                 now_s += room.after_s;
             } else if room.after_s > 0.0 {
-                moving.end(now_s, Ending::AtItsBoundary);
+                residual.end(now_s, Ending::AtItsBoundary);
                 now_s += room.after_s;
                 board = if board == Board::Down { Board::Down } else { Board::Up };
             }
-            let part = moving.part(&whole.0, Some(&whole.1), now_s, board);
+            let part = residual.part(&whole.0, Some(&whole.1), now_s, board);
             // No less than was promised, and with so much of it there is room for all.
             prop_assert!(room.goes_on || part >= room.part - 1e-9, "{part} {room:?}");
-            let (swing, drives) = (swing(part * size, hz), drives(part * size, hz));
-            prop_assert!(part == 0.0 || moving.part(&swing, Some(&drives), now_s, board) >= 1.0 - 1e-9);
-            moving.begin(id, &swing, Some(&drives), board, now_s, now_s + hold_s);
+            let (motion, drives) = (motion(part * size, hz), drives(part * size, hz));
+            prop_assert!(part == 0.0 || residual.part(&motion, Some(&drives), now_s, board) >= 1.0 - 1e-9);
+            residual.begin(id, &motion, Some(&drives), board, now_s, now_s + hold_s);
             now_s += hold_s;
             board = Board::Driving;
             if !goes_on {
-                moving.end(now_s, Ending::AtItsBoundary);
+                residual.end(now_s, Ending::AtItsBoundary);
                 now_s += 0.01;
                 board = Board::Up;
             }

@@ -3,13 +3,13 @@
 //!
 //! A plan is safe from rest, its rails rising. Its forces are those of the settled motion, softening included, so that the
 //! panel beside them is linear: the steady motion is a sum over the panel's poles ([`Onset`]), each of
-//! which goes on by itself, and decays, once the forces have ended. [`crate::motion::moving`] adds up what several plans leave.
+//! which goes on by itself, and decays, once the forces have ended. [`crate::motion::residual`] adds up what several plans leave.
 
 use crate::Plan;
 use crate::chosen::Chosen;
 use crate::electrodes::limits::{Electrodes, HELD, TRAVEL_PART};
 use crate::motion::closer::CLOSING;
-use crate::motion::rise::{Onset, Ring, Share};
+use crate::motion::rise::{DecayingMode, Onset, Participation};
 use crate::motion::safe::{Applied, LEFT_OUT, harmonics_m};
 use crate::motion::softening::{Line, Motion};
 use crate::scene::MAX_ACTUATORS;
@@ -25,7 +25,7 @@ pub type PerActuator = [f64; MAX_ACTUATORS];
 
 /// How far a plan takes every mass, and what it leaves.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Swing {
+pub struct PlanMotion {
     /// Most travel allowed in m: a third of the gap; infinite for actuators that there are not.
     pub limit_m: PerActuator,
     /// Bound of the steady travel in m.
@@ -38,12 +38,12 @@ pub struct Swing {
     /// same energy grows by 1 / sqrt(1 - c) for.
     pub growth: PerActuator,
     /// The forces, frequency by frequency.
-    pub lines: Vec<SwingLine>,
+    pub lines: Vec<ForceLine>,
 }
 
 /// Forces at one frequency.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SwingLine {
+pub struct ForceLine {
     /// The first actuator that is driven at it, or at the frequency of which it is a harmonic.
     pub channel: usize,
     /// Whether any other is.
@@ -57,7 +57,7 @@ pub struct SwingLine {
     /// How long its rail takes to rise, in s.
     pub rise_s: f64,
     /// What it does to every pole.
-    pub shares: Vec<Share>,
+    pub participations: Vec<Participation>,
 }
 
 /// One drive of an effect.
@@ -77,7 +77,7 @@ impl PlanTable {
     /// How far `plan`, one of this table's, takes the masses and what it leaves; `None` where that cannot be told: at a
     /// resonance without damping, or without poles.
     #[must_use]
-    pub fn swing(&self, plan: &Plan) -> Option<Swing> {
+    pub fn motion(&self, plan: &Plan) -> Option<PlanMotion> {
         let onset = self.onset()?;
         let (chosen, applied) = self.chosen_again(plan)?;
         let problem = self.problem(&chosen, applied);
@@ -92,13 +92,14 @@ impl PlanTable {
                 at_once_m[i] += LEFT_OUT * (travel.norm() + GROWN * added[i]);
             }
             let rise_s = rise_s(applied.get(*leader)?);
-            lines.push(line(&chosen, *leader, 1, rise_s, onset.shares(force_n, frequency_hz, rise_s)));
+            lines.push(line(&chosen, *leader, 1, rise_s, onset.participations(force_n, frequency_hz, rise_s)));
         }
         let harmonic_m = harmonics_m(&chosen, &applied, 1.0, &HARMONICS);
         let harmonics = harmonics(onset, &chosen, &applied);
-        for (ring, k) in onset.rings().iter().zip(0..) {
-            let left: f64 = harmonics.iter().filter_map(|line| line.shares.get(k)).map(Share::left).sum();
-            add(&mut at_once_m, &ring.travel.map(|travel| travel * left));
+        for (mode, k) in onset.decaying_modes().iter().zip(0..) {
+            let left: f64 =
+                harmonics.iter().filter_map(|line| line.participations.get(k)).map(Participation::left).sum();
+            add(&mut at_once_m, &mode.travel.map(|travel| travel * left));
         }
         add(&mut steady_m, &harmonic_m);
         add(&mut at_once_m, &harmonic_m);
@@ -121,10 +122,10 @@ impl PlanTable {
         }
         soft_m.iter_mut().zip(&at_once_m).for_each(|(soft, at_once)| *soft = soft.min(*at_once));
         let growth = self.growth(&motion.softening_n_per_m);
-        Some(Swing { limit_m, steady_m, at_once_m, soft_m, growth, lines })
+        Some(PlanMotion { limit_m, steady_m, at_once_m, soft_m, growth, lines })
     }
 
-    /// What softenings in N/m make of motions that there are already ([`Swing::growth`]).
+    /// What softenings in N/m make of motions that there are already ([`PlanMotion::growth`]).
     fn growth(&self, softening_n_per_m: &PerActuator) -> PerActuator {
         self.static_receptance.map(|row| {
             let taken: f64 = row.iter().zip(softening_n_per_m).map(|(g, s)| if *s > 0.0 { g * s } else { 0.0 }).sum();
@@ -134,14 +135,22 @@ impl PlanTable {
 
     /// How far an effect takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles.
     #[must_use]
-    pub fn swing_of(&self, pushes: &[Push], travel_m: &PerActuator) -> Option<Swing> {
+    pub fn motion_of(&self, pushes: &[Push], travel_m: &PerActuator) -> Option<PlanMotion> {
         let onset = self.onset()?;
         let line = |push: &Push| {
             let closed = travel_m.get(push.channel)? / self.electrodes.get(push.channel)?.gap_m;
             let force_n = push.force_n / (1.0 - closed.min(TRAVEL_PART)).powi(2);
-            let shares = onset.played(push.channel, force_n, push.frequency_hz, &push.levels);
+            let participations = onset.played(push.channel, force_n, push.frequency_hz, &push.levels);
             let (channel, drive_hz) = (push.channel, push.frequency_hz);
-            Some(SwingLine { channel, is_shared: false, harmonic: 1, drive_hz, phase_rad: 0.0, rise_s: 0.0, shares })
+            Some(ForceLine {
+                channel,
+                is_shared: false,
+                harmonic: 1,
+                drive_hz,
+                phase_rad: 0.0,
+                rise_s: 0.0,
+                participations,
+            })
         };
         let lines = pushes.iter().map(line).collect::<Option<Vec<_>>>()?;
         let [steady_m, at_once_m, soft_m] = [*travel_m; 3];
@@ -153,13 +162,13 @@ impl PlanTable {
             }
         }
         let growth = self.growth(&softening_n_per_m);
-        Some(Swing { limit_m: self.limits_m(), steady_m, at_once_m, soft_m, growth, lines })
+        Some(PlanMotion { limit_m: self.limits_m(), steady_m, at_once_m, soft_m, growth, lines })
     }
 
-    /// The poles that [`Swing`]s tell of.
+    /// The poles that [`PlanMotion`]s tell of.
     #[must_use]
-    pub fn rings(&self) -> Vec<Ring> {
-        self.onset().map_or_else(Vec::new, Onset::rings)
+    pub fn decaying_modes(&self) -> Vec<DecayingMode> {
+        self.onset().map_or_else(Vec::new, Onset::decaying_modes)
     }
 
     /// A third of every gap in m; infinite for actuators that there are not.
@@ -186,7 +195,7 @@ impl PlanTable {
     }
 }
 
-impl Share {
+impl Participation {
     /// Amplitude that is left when the force ends.
     #[must_use]
     pub fn left(&self) -> f64 {
@@ -218,14 +227,20 @@ fn at_most(chosen: &[Chosen], lines: &[Line], leaders: &[usize]) -> Motion {
     motion
 }
 
-fn line(chosen: &[Chosen], channel: usize, harmonic: u32, rise_s: f64, shares: Vec<Share>) -> SwingLine {
+fn line(
+    chosen: &[Chosen],
+    channel: usize,
+    harmonic: u32,
+    rise_s: f64,
+    participations: Vec<Participation>,
+) -> ForceLine {
     let (drive_hz, phase_rad) = chosen.get(channel).map_or((0.0, 0.0), |drive| (drive.frequency_hz, drive.phase_rad));
     let is_shared = chosen.iter().enumerate().any(|(i, drive)| i != channel && drive.frequency_hz == drive_hz);
-    SwingLine { channel, is_shared, harmonic, drive_hz, phase_rad, rise_s, shares }
+    ForceLine { channel, is_shared, harmonic, drive_hz, phase_rad, rise_s, participations }
 }
 
 /// The lines of the odd harmonics of all drives.
-fn harmonics(onset: &Onset, chosen: &[Chosen], applied: &[Applied; MAX_ACTUATORS]) -> Vec<SwingLine> {
+fn harmonics(onset: &Onset, chosen: &[Chosen], applied: &[Applied; MAX_ACTUATORS]) -> Vec<ForceLine> {
     let mut lines = Vec::new();
     let driven = chosen.iter().zip(applied).enumerate().filter(|(_, (drive, _))| drive.force_n > 0.0);
     for (j, (drive, applied)) in driven {
@@ -234,8 +249,8 @@ fn harmonics(onset: &Onset, chosen: &[Chosen], applied: &[Applied; MAX_ACTUATORS
             let amplitude = harmonic_part(n, applied.pulse_width) * drive.force_n;
             force_n[j] = Complex64::cis(n * drive.phase_rad) * amplitude;
             let rise_s = rise_s(applied);
-            let shares = onset.shares(&force_n, n * drive.frequency_hz, rise_s);
-            lines.push(line(chosen, j, harmonic, rise_s, shares));
+            let participations = onset.participations(&force_n, n * drive.frequency_hz, rise_s);
+            lines.push(line(chosen, j, harmonic, rise_s, participations));
         }
     }
     lines
