@@ -49,6 +49,19 @@ fn what_is_refused_is_not_warned_about() {
     assert!(told(&thick).contains("WARN") && !told(&thick).contains('\x1b'), "{}", told(&thick));
 }
 
+/// What a newcomer types first, and gets wrong: the daemon's option without its command, a modulus in GPa where Pa is meant.
+#[test]
+fn first_mistakes_are_answered_with_what_would_do() {
+    let output = era(&["--listen", "127.0.0.1:0"]);
+    let text = told(&output);
+    assert!(output.status.code() == Some(2) && text.contains("era serve --listen"), "{text}");
+    let soft = era::scene::EXAMPLE_PLATE.replace("youngs_modulus_pa = 69e9", "youngs_modulus_pa = 69");
+    let file = scratch("soft.toml");
+    std::fs::write(&file, soft).unwrap();
+    let text = told(&era(&["modes", "--scene", &file.display().to_string()]));
+    assert!(text.contains("is youngs_modulus_pa right, which is in Pa?"), "{text}");
+}
+
 /// The array's numbers are those of `era response`, and the header is what NumPy reads.
 #[test]
 fn a_sweep_is_written_for_numpy() {

@@ -126,6 +126,8 @@ fn edges_must_fit_the_surface() {
 fn broken_toml_and_all_mistakes_at_once() {
     let said = mistake("width_mm = 200.0", "width_mm = = 200.0");
     assert!(said.contains(&format!("panel.toml:{}: not valid TOML", line_of("width_mm = 200.0"))), "{said}");
+    let twice = Scene::parse("panel.toml", &EXAMPLE_PLATE.replace("[[support]]", "[support]")).unwrap_err().to_string();
+    assert!(twice.contains("[support] for the second time; each of several is written [[support]]"), "{twice}");
     let text = EXAMPLE_PLATE
         .replace("thickness_mm = 2.0", "thickness_mm = 0")
         .replace("air_gap_um = 500.0", "air_gap_um = -5");

@@ -156,7 +156,7 @@ impl Served {
 }
 
 fn is_still_moving(plan: &Value) -> bool {
-    plan["limits"].as_array().unwrap().iter().any(|limit| limit["code"] == "still-residual")
+    plan["limits"].as_array().unwrap().iter().any(|limit| limit["code"] == "still-moving")
 }
 
 /// Over HTTP: the second of two strong touches is weaker at first and says so, and grows to its whole strength while it is held; of

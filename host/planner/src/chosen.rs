@@ -4,6 +4,7 @@ use crate::response::{Component, peak_acceleration};
 use crate::table::{Entry, Width, at_point};
 use nalgebra::DVector;
 use num_complex::Complex64;
+use std::sync::Arc;
 
 /// Odd harmonics of a drive that another's frequency may meet within the grid. The fifth has a fifth of the fundamental's
 /// force, the seventh a seventh; the third, which most plans do without, a third.
@@ -26,6 +27,17 @@ pub struct Chosen {
     pub force_n: f64,
     /// Phase of the force in rad.
     pub phase_rad: f64,
+}
+
+/// A plan's drives with their responses, made once and kept with the plan.
+#[derive(Clone, Debug)]
+pub struct MadeOf(pub(crate) Arc<[Chosen]>);
+
+/// Plans with the same drives are the same: the responses follow from them.
+impl PartialEq for MadeOf {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// Whether one frequency is an odd harmonic of the other, or so near to one that the beat is slower than [`SLOWEST_BEAT_HZ`].

@@ -4,7 +4,7 @@ use crate::STANDARD_GRAVITY;
 use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
 use crate::choose::search::{BestCombination, Choices, Work};
-use crate::chosen::{Chosen, groups, meets, peak};
+use crate::chosen::{Chosen, MadeOf, groups, meets, peak};
 use crate::motion::safe::Settled;
 use crate::perception::above_threshold_db;
 use crate::reports::limitation::{self, Limitation, add};
@@ -103,6 +103,9 @@ pub struct Plan {
     pub objective: Objective,
     /// Which actuators share a frequency.
     pub grouping: Grouping,
+    /// The drives with their responses, for what is asked of the plan afterwards: how its masses move, and a part of it.
+    #[serde(skip)]
+    pub(crate) made_of: MadeOf,
 }
 
 /// A plan with what it was made from, for those who want to know more of it.
@@ -182,6 +185,7 @@ impl PlanTable {
             optimality_gap: gap(&selection, &settled),
             objective: request.objective,
             grouping: request.grouping,
+            made_of: MadeOf(selection.drives.as_slice().into()),
             elapsed_us: started.elapsed().as_secs_f64() * 1e6,
         };
         Ok(Planned { plan, drives: selection.drives, settled, shapes: formulation.zone.targets })

@@ -67,7 +67,16 @@ type Outcome = Result<(), Failure>;
 #[must_use]
 pub fn main() -> ExitCode {
     let started = Instant::now();
-    let arguments = command::Arguments::parse();
+    let arguments = command::Arguments::try_parse().unwrap_or_else(|error| {
+        // Without a command the daemon runs, but its options belong to it.
+        let first = std::env::args().nth(1).unwrap_or_default();
+        if error.kind() == clap::error::ErrorKind::UnknownArgument && first.starts_with("--") {
+            let _ = error.print();
+            eprintln!("Options come after a command; those of the daemon after `serve`: era serve {first} ...");
+            std::process::exit(2);
+        }
+        error.exit()
+    });
     start_log(arguments.verbose);
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();

@@ -54,6 +54,9 @@ pub(super) struct Prepared {
     pub(super) kind: Kind,
 }
 
+/// A part of a plan's forces, the plan with these, and what it takes to drive it.
+type PartOfPlan = (f64, (Plan, Prepared));
+
 /// What has begun.
 pub(super) struct Begun {
     /// What the device achieves.
@@ -246,13 +249,7 @@ impl App {
     }
 
     /// A plan as strong as there is room for on top of what is left of the touches before, and the part of its forces that this is.
-    fn fitted(
-        &self,
-        turn: &Turn<'_>,
-        plan: Plan,
-        prepared: Prepared,
-        manner: Manner,
-    ) -> Result<(f64, (Plan, Prepared)), Problem> {
+    fn fitted(&self, turn: &Turn<'_>, plan: Plan, prepared: Prepared, manner: Manner) -> Result<PartOfPlan, Problem> {
         let whole = plan.clone();
         let weaker = |part: f64| {
             tracing::info!(plan = turn.id(), part, "weaker, for what is left of the touches before");
@@ -268,7 +265,7 @@ impl App {
         part: f64,
         whole: &Plan,
         manner: Manner,
-    ) -> Result<Option<(f64, (Plan, Prepared))>, Problem> {
+    ) -> Result<Option<PartOfPlan>, Problem> {
         let of_part = |part: f64| self.of_part(whole, part, manner);
         grown(part, of_part, |(plan, prepared)| turn.part(&prepared.motion, prepared.drives(plan)))
     }

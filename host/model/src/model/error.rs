@@ -6,13 +6,16 @@ pub enum ModelError {
     /// The mesh would have to be finer than is allowed.
     #[error(
         "waves at {max_hz} Hz are {wavelength_mm:.2} mm long on this surface and would need {unknowns} unknowns, more than \
-         the {limit} allowed: ask for a lower frequency or a looser accuracy"
+         the {limit} allowed: ask for a lower frequency or a looser accuracy{}",
+        if *is_short { "; waves hardly longer than the surface is thick: is youngs_modulus_pa right, which is in Pa?" } else { "" }
     )]
     TooFine {
         /// Highest frequency asked for.
         max_hz: f64,
         /// Bending wavelength there.
         wavelength_mm: f64,
+        /// Whether a thin surface's theory has an end there.
+        is_short: bool,
         /// Unknowns of the mesh.
         unknowns: usize,
         /// Most allowed.

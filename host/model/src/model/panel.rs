@@ -13,6 +13,8 @@ use super::{Accuracy, ModelError};
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 use nalgebra::DMatrix;
 
+/// Times the thickness below which a wave is too short for a thin surface's theory.
+const SHORTEST_WAVE: f64 = 6.0;
 /// Most unknowns: what a laptop factors in seconds.
 const MOST_UNKNOWNS: usize = 160_000;
 /// Highest frequency that a model is built for, in Hz: two hundred times what the skin feels.
@@ -385,6 +387,7 @@ pub(super) fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> R
         return Err(ModelError::TooFine {
             max_hz,
             wavelength_mm: wavelength * 1e3,
+            is_short: wavelength < SHORTEST_WAVE * scene.surface.thickness_m,
             unknowns: unknowns as usize,
             limit: MOST_UNKNOWNS,
         });

@@ -33,7 +33,16 @@ pub(super) fn scene(source: &str, text: &str) -> Result<Scene, SceneError> {
     let document = DeTable::parse(text).map_err(|error| {
         let line =
             error.span().map_or(0, |span| text.as_bytes().iter().take(span.start).filter(|b| **b == b'\n').count() + 1);
-        let text = format!("not valid TOML: {}", error.message().trim());
+        let told = error.message().trim();
+        // "duplicate key" does not say which.
+        let own = text.lines().nth(line.wrapping_sub(1)).map(str::trim).filter(|_| told == "duplicate key");
+        let text = match own {
+            Some(own) if own.starts_with('[') && !own.starts_with("[[") => {
+                format!("not valid TOML: {own} for the second time; each of several is written [{own}]")
+            }
+            Some(own) => format!("not valid TOML: {told}: {own}"),
+            None => format!("not valid TOML: {told}"),
+        };
         SceneError { source: source.into(), mistakes: vec![Mistake { line, text, ..Mistake::default() }] }
     })?;
     let report = Report::new(text);

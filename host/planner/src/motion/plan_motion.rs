@@ -79,9 +79,9 @@ impl PlanTable {
     #[must_use]
     pub fn motion(&self, plan: &Plan) -> Option<PlanMotion> {
         let onset = self.onset()?;
-        let (chosen, applied) = self.chosen_again(plan)?;
-        let problem = self.problem(&chosen, applied);
-        let motion = problem.settled().unwrap_or_else(|_| at_most(&chosen, &problem.lines, &problem.leaders));
+        let (chosen, applied) = (&*plan.made_of.0, applied(plan));
+        let problem = self.problem(chosen, applied);
+        let motion = problem.settled().unwrap_or_else(|_| at_most(chosen, &problem.lines, &problem.leaders));
         let mut lines = Vec::new();
         let (mut steady_m, mut at_once_m) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
         for ((leader, force_n), travel_m) in problem.leaders.iter().zip(&motion.force_n).zip(&motion.travel_m) {
@@ -92,10 +92,10 @@ impl PlanTable {
                 at_once_m[i] += LEFT_OUT * (travel.norm() + GROWN * added[i]);
             }
             let rise_s = rise_s(applied.get(*leader)?);
-            lines.push(line(&chosen, *leader, 1, rise_s, onset.participations(force_n, frequency_hz, rise_s)));
+            lines.push(line(chosen, *leader, 1, rise_s, onset.participations(force_n, frequency_hz, rise_s)));
         }
-        let harmonic_m = harmonics_m(&chosen, &applied, 1.0, &HARMONICS);
-        let harmonics = harmonics(onset, &chosen, &applied);
+        let harmonic_m = harmonics_m(chosen, &applied, 1.0, &HARMONICS);
+        let harmonics = harmonics(onset, chosen, &applied);
         for (mode, k) in onset.decaying_modes().iter().zip(0..) {
             let left: f64 =
                 harmonics.iter().filter_map(|line| line.participations.get(k)).map(Participation::left).sum();
@@ -108,13 +108,13 @@ impl PlanTable {
         // What the plan was made for, unless it is told better; of weak ones it need not be.
         let mut soft_m = limit_m;
         if at_once_m.iter().zip(&limit_m).any(|(at_once, limit)| *at_once > WEAK * limit) {
-            let alone_m = harmonics_m(&chosen, &applied, 1.0, &CLOSING.map(f64::from));
-            let besides_m = self.besides(&chosen, &problem, &motion, &alone_m);
+            let alone_m = harmonics_m(chosen, &applied, 1.0, &CLOSING.map(f64::from));
+            let besides_m = self.besides(chosen, &problem, &motion, &alone_m);
             let besides_m =
                 besides_m.map_or([f64::INFINITY; MAX_ACTUATORS], |besides_m| besides_m.map(|m| LEFT_OUT * m));
             add(&mut steady_m, &besides_m);
             add(&mut at_once_m, &besides_m);
-            if let Some(Ok(risen_m)) = self.risen(&chosen, &problem, &motion) {
+            if let Some(Ok(risen_m)) = self.risen(chosen, &problem, &motion) {
                 for (i, soft) in soft_m.iter_mut().enumerate() {
                     *soft = soft.min(LEFT_OUT * risen_m[i] + besides_m[i] + harmonic_m[i]);
                 }
@@ -179,20 +179,15 @@ impl PlanTable {
         }
         limits
     }
+}
 
-    /// The drives of a plan with their responses, and what is applied to the electrodes.
-    pub(crate) fn chosen_again(&self, plan: &Plan) -> Option<(Vec<Chosen>, [Applied; MAX_ACTUATORS])> {
-        let mut applied = [Applied::default(); MAX_ACTUATORS];
-        let mut chosen = Vec::with_capacity(plan.drives.len());
-        for (i, (drive, applied)) in plan.drives.iter().zip(&mut applied).enumerate() {
-            let row = self.row_for(drive.frequency_hz, i).ok()?;
-            let width = row.get(i)?.widths[0];
-            *applied = Applied { voltage_v: drive.voltage_v, pulse_width: drive.pulse_width };
-            let (frequency_hz, force_n, phase_rad) = (drive.frequency_hz, drive.force_n, drive.phase_rad);
-            chosen.push(Chosen { frequency_hz, on_grid: None, row, width, force_n, phase_rad });
-        }
-        Some((chosen, applied))
+/// What a plan applies to the electrodes.
+pub(crate) fn applied(plan: &Plan) -> [Applied; MAX_ACTUATORS] {
+    let mut applied = [Applied::default(); MAX_ACTUATORS];
+    for (applied, drive) in applied.iter_mut().zip(&plan.drives) {
+        *applied = Applied { voltage_v: drive.voltage_v, pulse_width: drive.pulse_width };
     }
+    applied
 }
 
 impl Participation {

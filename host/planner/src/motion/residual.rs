@@ -215,7 +215,7 @@ impl ForceLine {
 }
 
 impl ResidualVibration {
-    /// A panel at rest, with its poles ([`crate::PlanTable::modes`]).
+    /// A panel at rest, with its poles ([`crate::PlanTable::decaying_modes`]).
     #[must_use]
     pub fn new(modes: Vec<DecayingMode>) -> Self {
         Self {

@@ -17,7 +17,7 @@
 //! pulled apart by 1e-7 of their size, which moves the times by as little and leaves nine digits to the coefficients,
 //! as g grows with the inverse root of the distance.
 //!
-//! Poles above [`HIGHEST_HZ`] count as following any force at once, which takes nothing that a finger feels: what modes up
+//! Poles above [`HIGHEST_HZ`] count as following any force at once, which takes nothing that a finger feels: what rings up
 //! there is beyond the skin's 1 kHz.
 
 use crate::model::ReducedModel;
@@ -158,7 +158,7 @@ impl RiseTimes {
         })
     }
 
-    /// Number of poles that mode: of those that do not follow at once.
+    /// Number of poles that vibrate: of those that do not follow at once.
     #[must_use]
     pub fn ringing(&self) -> usize {
         self.ringing
@@ -200,7 +200,7 @@ impl RiseTimes {
     /// when it has decayed after all have ended.
     ///
     /// The envelope is the sum over the frequencies of the running amplitude |steady + sum of c e^((s - jw) t)|, phasors of
-    /// equal frequencies added first (equation 23 for each instant; poles that do not motion count with what they do); after the end, which is a whole number of periods of
+    /// equal frequencies added first (equation 23 for each instant; poles that do not vibrate count with what they do); after the end, which is a whole number of periods of
     /// every drive after its start, the steady part is missing. The steady peak is what equation 23 makes of the damping
     /// in time.
     #[must_use]
@@ -275,7 +275,7 @@ fn envelope_times(parts: &mut [TransientResponse]) -> Option<Timing> {
 
 /// One part's free motion relative to its drive's phasor, backwards in equal steps.
 struct Walk {
-    /// Of the poles that motion: phasor and factor of a step.
+    /// Of the poles that vibrate: phasor and factor of a step.
     swinging: Vec<(Complex64, Complex64)>,
     /// Of the others, not relative to the drive.
     creeping: Vec<(Complex64, Complex64)>,

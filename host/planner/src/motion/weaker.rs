@@ -1,7 +1,8 @@
 //! A plan with a part of its forces: what is driven where the motion that is left of earlier touches leaves no room for all of it.
 
 use crate::choose::candidates::Formulation;
-use crate::chosen::peak;
+use crate::chosen::{MadeOf, peak};
+use crate::motion::plan_motion::applied;
 use crate::plan::{Plan, TargetResult};
 use crate::reports::limitation::{self, Limitation, add};
 use crate::table::PlanTable;
@@ -15,8 +16,8 @@ impl PlanTable {
     /// # Errors
     /// [`PlanError`], which a plan of this table does not cause.
     pub fn weaker(&self, plan: &Plan, part: f64) -> Result<Plan, PlanError> {
-        let (mut drives, applied) = self.chosen_again(plan).ok_or(PlanError::NoFrequencies)?;
-        for (drive, applied) in drives.iter_mut().zip(applied) {
+        let mut drives = plan.made_of.0.to_vec();
+        for (drive, applied) in drives.iter_mut().zip(applied(plan)) {
             drive.force_n *= part;
             drive.width.pulse_width = applied.pulse_width;
         }
@@ -47,6 +48,7 @@ impl PlanTable {
         let first_g = weaker.targets.first().map_or(0.0, |target| target.peak_g);
         weaker.predicted = self.predict(&formulation, &drives, &settled, first_g);
         weaker.drives = self.drives(&drives, &settled);
+        weaker.made_of = MadeOf(drives.into());
         weaker.quiet = quiet;
         add(&mut weaker.limits, Limitation::StillMoving);
         weaker.limited_by = limitation::text(&weaker.limits);

@@ -34,7 +34,7 @@ const FOLLOWED: usize = 8;
 /// Distance in Hz from a drive's frequency within which poles take their time; others follow at once.
 const NEAR_HZ: f64 = 80.0;
 
-/// What switching on is told from: every pole that modes, as actuators drive it and as it moves their masses.
+/// What switching on is told from: every pole that vibrates, as actuators drive it and as it moves their masses.
 #[derive(Clone, Debug)]
 pub struct Onset {
     poles: Vec<OwnPole>,

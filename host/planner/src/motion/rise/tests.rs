@@ -29,7 +29,7 @@ fn bars() -> Vec<String> {
     out
 }
 
-/// The propagator steps the same equations in another way; what is left out here modes above 2 kHz.
+/// The propagator steps the same equations in another way; what is left out here vibrates above 2 kHz.
 #[test]
 fn motion_is_that_of_the_propagator() {
     for (i, text) in bars().iter().enumerate() {
@@ -46,7 +46,7 @@ fn motion_is_that_of_the_propagator() {
         for (k, expected) in motion.acceleration_m_per_s2.iter().enumerate() {
             let t = grid.time_s(k);
             let found: f64 = ringings.iter().zip(&drives).map(|(r, d)| r.at(t) * d.force_n).sum();
-            // A sine has a kink at its start, which modes in poles up there by a few per cent.
+            // A sine has a kink at its start, which excites poles up there by a few per cent.
             assert!((found - expected).abs() < 0.04 * peak, "{i} at {t}: {found} {expected}, peak {peak}");
             let found: f64 =
                 ringings.iter().zip(&drives).map(|(r, d)| r.clone().displacement().at(t) * d.force_n).sum();
