@@ -18,6 +18,8 @@ PLANTS = {
 }
 # Between the program's points a mass may go further by so much of it, as between the reference's own.
 BETWEEN = 0.03
+# What an actuator on a clamped edge moves, in um: nothing, of which no part is told.
+NONE_UM = 1e-9
 # Of a sag: what is between points, and once more for the pull that grows with it.
 OF_SAG = 0.05
 
@@ -44,8 +46,8 @@ def run(context):
             if bound is None or off > 0.05 * here:
                 results.append(not_comparable(ALONE, context.name, f"{name}; own error {off / max(here, 1e-300):.1e}"))
             elif not context.planted(FURTHEST):
-                results.append(Result(ALONE, context.name, abs(printed - here) / here, bound + off / here + 1e-9, True, f"{name}; {here:.4g} um at {SLOW_HZ} Hz"))
-            results.append(Result(FURTHEST, context.name, max(0.0, 1e6 * sag.alone / printed - 1), BETWEEN + 2 * sag.error / max(sag.alone, 1e-300), True, name))
+                results.append(Result(ALONE, context.name, abs(printed - here) / max(here, NONE_UM), bound + off / max(here, NONE_UM) + 1e-9, True, f"{name}; {here:.4g} um at {SLOW_HZ} Hz"))
+            results.append(Result(FURTHEST, context.name, max(0.0, 1e6 * sag.alone / max(printed, NONE_UM) - 1), BETWEEN + 2 * sag.error / max(sag.alone, 1e-300), True, name))
         # Where the springs nearly bear it, or nearly do not, either answer is right.
         near = sag.kind != "given" and abs(sag.sag / actuator.air_gap - 1 / 3) < OF_SAG / 3 and printed is not None and 0.8 < said["sag_um"] / gap * 3 < 1.2
         nearly = any(other.kind != "given" and abs(other.sag / a.air_gap - 1 / 3) < OF_SAG / 3 and other.kind == "none" for other, a in zip(own, scene.actuators))

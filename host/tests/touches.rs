@@ -2,6 +2,8 @@
 
 mod support;
 
+use clap::ValueEnum;
+use era::planner::Objective;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -89,6 +91,37 @@ fn several_targets_quiet_zones_and_options_are_taken() {
     let body = r#"{"x_px": 1, "y_px": 1, "effect": "click", "to_ms": 50}"#;
     let (status, _, problem) = daemon.post("/v1/touch", body);
     assert_eq!((status, &problem["field"]), (400, &json!("from_ms")), "{problem}");
+}
+
+/// Every list of objectives in a description of the interface.
+fn objectives_in(described: &Value, found: &mut Vec<Vec<String>>) {
+    if let Some(list) = described.pointer("/objective/enum").and_then(Value::as_array) {
+        found.push(list.iter().filter_map(Value::as_str).map(str::to_owned).collect());
+    }
+    match described {
+        Value::Object(map) => map.values().for_each(|part| objectives_in(part, found)),
+        Value::Array(list) => list.iter().for_each(|part| objectives_in(part, found)),
+        _ => {}
+    }
+}
+
+/// Commands, requests, their description and what a wrong request is told know the same objectives.
+#[test]
+fn every_objective_is_told_of() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let names: Vec<String> = Objective::ALL.iter().map(|objective| objective.name().to_owned()).collect();
+    let of_commands: Vec<String> = Objective::value_variants()
+        .iter()
+        .filter_map(|objective| Some(objective.to_possible_value()?.get_name().to_owned()))
+        .collect();
+    let of_requests: Vec<Value> = Objective::ALL.iter().map(|objective| json!(objective)).collect();
+    assert_eq!((&names, json!(names)), (&of_commands, json!(of_requests)));
+    let mut found = Vec::new();
+    objectives_in(&daemon.get("/openapi.json").1, &mut found);
+    assert!(!found.is_empty() && found.iter().all(|list| *list == names), "{found:?}");
+    let (_, _, wrong) = daemon.post("/v1/touch", r#"{"x_px": "left"}"#);
+    let told: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
+    assert!(wrong["detail"].as_str().unwrap().contains(&told.join(" | ")), "{wrong}");
 }
 
 /// Stretches are driven one after the other; a stop or a newer touch ends those that are left.

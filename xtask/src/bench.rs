@@ -1,4 +1,5 @@
-//! `cargo xtask bench`: builds the measuring program in release mode and runs it; `start` measures `era serve` itself.
+//! `cargo xtask bench`: builds the measuring program in release mode and runs it; `start` measures `era serve` itself, and
+//! `planner --against REV` another commit's planner as well.
 
 use crate::error::Error;
 use crate::process::run;
@@ -23,6 +24,12 @@ pub struct Options {
 pub fn command(options: &Options) -> Result<(), Error> {
     if options.arguments.first().is_some_and(|what| what == "start") {
         return crate::start::command(&options.arguments);
+    }
+    if let [what, option, revision] = options.arguments.as_slice()
+        && what == "planner"
+        && option == "--against"
+    {
+        return crate::against::command(&revision.to_string_lossy());
     }
     let root = root()?;
     run(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet", "-p", "era-bench"]))?;

@@ -1,6 +1,7 @@
 //! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `crosscheck`, `bench`,
 //! `house`.
 
+mod against;
 mod bench;
 mod budget;
 mod check;

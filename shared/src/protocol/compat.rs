@@ -1,14 +1,16 @@
 //! What a host of an older version is told: nothing that it does not know, and nothing that sounds safer than it is.
 
-use super::{Fault, FaultCode, Refusal, Reply};
+use super::{CURRENT_VERSION, Fault, FaultCode, Refusal, Reply};
 use crate::safety::{Event, State};
 
 /// A reply in the words of `version`.
 #[must_use]
 pub fn for_version(reply: Reply, version: u8) -> Reply {
-    if version >= 2 {
-        return reply;
-    }
+    // Not "from 2 on": what a third version adds would have to be put into the words of the second.
+    if version >= CURRENT_VERSION { reply } else { for_1(reply) }
+}
+
+fn for_1(reply: Reply) -> Reply {
     match reply {
         Reply::Alive { state } => Reply::Alive { state: state_of_1(state) },
         Reply::Status(mut status) => {

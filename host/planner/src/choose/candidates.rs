@@ -108,7 +108,10 @@ impl<'a> Formulation<'a> {
         let in_zones: Vec<f64> =
             self.quiet.rows.iter().map(|(shape, _)| at_point(shape, &entry.acceleration).norm()).collect();
         // A wider pulse makes more force of a voltage, which is what counts for power, even where another limit binds.
-        let is_wanted = self.objective == Objective::Power || entry.strong() == widest;
+        let is_wanted = match self.objective {
+            Objective::Power => true,
+            Objective::Contrast | Objective::Reach => entry.strong() == widest,
+        };
         for (w, width) in [quiet, widest].into_iter().enumerate() {
             // The limits of quiet zones are about fundamentals: no drive buys strength with harmonics there.
             if w == 1 && (!is_wanted || width == quiet || !self.quiet.rows.is_empty()) {

@@ -44,9 +44,9 @@ impl Work {
 pub struct Candidate {
     /// Index into the frequencies.
     pub node: usize,
-    /// Mean square elsewhere per N^2.
+    /// E of the cost E u^2 + P u of a force u: mean square elsewhere per N^2, for objectives that count it.
     pub energy: f64,
-    /// Cost per N.
+    /// P of that cost: power per N, for the objective that counts it.
     pub power: f64,
     /// Most force in N.
     pub max_force_n: f64,

@@ -117,14 +117,9 @@ impl PlanTable {
                 limited_by: None,
             }),
         };
-        for (name, objective) in [
-            ("objective contrast", Objective::Contrast),
-            ("objective reach", Objective::Reach),
-            ("objective power", Objective::Power),
-        ] {
-            if objective != request.objective {
-                add(name, Request { objective, grouping: Grouping::Distinct, ..request.clone() });
-            }
+        for objective in Objective::ALL.into_iter().filter(|objective| *objective != request.objective) {
+            let name = format!("objective {}", objective.name());
+            add(&name, Request { objective, grouping: Grouping::Distinct, ..request.clone() });
         }
         for (name, grouping) in
             [("distinct frequencies", Grouping::Distinct), ("one shared frequency, with phases", Grouping::Shared)]

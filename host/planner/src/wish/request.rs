@@ -52,6 +52,21 @@ pub enum Objective {
     Power,
 }
 
+impl Objective {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Contrast, Self::Reach, Self::Power];
+
+    /// As requests name it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Contrast => "contrast",
+            Self::Reach => "reach",
+            Self::Power => "power",
+        }
+    }
+}
+
 /// Which actuators share a frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
