@@ -10,6 +10,7 @@ use era::planner::residual::{Board, CONCEDED, LONGEST_WAIT_S, ResidualVibration,
 use era::planner::{Plan, PlanTable, TableOptions, Target};
 use era::scene::random::scene_text;
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use era::verify::VerifyError;
 use era::verify::succession::{Order, Turn, Turned, follow};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -68,6 +69,46 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
         assert!(fitting.iter().all(|turned| turned.room.after_s <= LONGEST_WAIT_S), "scene {number}");
     }
     assert!(snapped_in >= 1 && weakened >= 3, "{snapped_in} snapped in, {weakened} weaker");
+}
+
+/// Random panels, places, lengths and pauses: `ERA_PANELS=90 cargo test --release -p era-host --test succession random -- --nocapture` tries
+/// many more.
+#[test]
+fn random_successions_stay_within_the_limit() {
+    let panels = std::env::var("ERA_PANELS").ok().and_then(|count| count.parse().ok()).unwrap_or(4_u64);
+    let (mut followed, mut furthest) = (0, 0.0_f64);
+    for number in 0..panels {
+        let table = table_of(&scene_text(23, number));
+        let panel = Panel::of(&table);
+        for start in 0..3_u32 {
+            let at = |i: u32, step: f64| (0.5 + step * f64::from(7 * start + i + 1)).fract();
+            let request = |i: u32| {
+                let (x_m, y_m) = (
+                    at(i, 0.754_877_666) * table.scene.surface.length_m,
+                    at(i, 0.569_840_291) * table.scene.surface.width_m,
+                );
+                table.plan(&[Target { x_m, y_m, intensity_g: Some(AT_THE_LIMIT_G) }])
+            };
+            // A place in a cut-out, or one that nothing moves, has no plan.
+            let plans: Vec<Plan> = (0..4).filter_map(|i| request(i).ok()).collect();
+            let turn = |(plan, i): (_, u32)| Turn {
+                plan,
+                hold_s: [0.016, 0.1, 0.4, 0.7][(start + i) as usize % 4],
+                pause_s: [0.0, 0.02, 0.005, 0.1][(2 * start + 3 * i) as usize % 4],
+            };
+            let turns: Vec<Turn<'_>> = plans.iter().zip(0..).map(turn).collect();
+            let turned = match follow(&table, &panel, &turns, Order::AsItFits) {
+                Err(VerifyError::Unknown) => continue,
+                turned => turned.unwrap(),
+            };
+            let after = turned.iter().flat_map(|turned| &turned.travel_after).copied().fold(0.0, f64::max);
+            assert!(most(&turned).max(after) <= MOST, "panel {number}, start {start}: {:.3}", most(&turned).max(after));
+            followed += 1;
+            furthest = furthest.max(most(&turned));
+        }
+    }
+    println!("{followed} successions on {panels} panels, {furthest:.3} of the gap at most");
+    assert!(followed > 0 && furthest > 0.5 / 3.0, "{followed} {furthest}");
 }
 
 /// A finger that is drawn over a panel, as strong as it goes, a new plan every frame of a page.
