@@ -320,8 +320,10 @@ impl<'a> ClosingGaps<'a> {
         }
         let factors = matrix.lu();
         // At no voltage it is 1; it changes sign where a motion starts to grow by itself.
-        let determinant = factors.determinant();
-        if determinant.is_nan() || determinant <= 0.0 {
+        // The sign alone: the product of pivots may overflow, or be lost, at a resonance.
+        let sign_of = |pivot: &f64| if *pivot == 0.0 { 0.0 } else { pivot.signum() };
+        let sign = factors.p().determinant::<f64>() * factors.u().diagonal().iter().map(sign_of).product::<f64>();
+        if sign.is_nan() || sign <= 0.0 {
             return Err(NotSafe::Unstable);
         }
         let solution = factors.solve(&right).ok_or(NotSafe::Unstable)?;
