@@ -180,3 +180,36 @@ fn superseded() -> Problem {
     let detail = "a newer touch was driven meanwhile";
     Problem::new(StatusCode::CONFLICT, "superseded", "A newer touch came first", detail)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::MAX_ACTUATORS;
+
+    fn nothing() -> PlanMotion {
+        let (none, one) = ([0.0; MAX_ACTUATORS], [1.0; MAX_ACTUATORS]);
+        let limit_m = [f64::INFINITY; MAX_ACTUATORS];
+        PlanMotion { limit_m, steady_m: none, at_once_m: none, soft_m: none, growth: one, lines: Vec::new() }
+    }
+
+    /// A touch with two time windows drives twice under one number: what began weaker in the first must not come back in the second,
+    /// nor on a board that has gone off.
+    #[tokio::test]
+    async fn only_the_last_drives_are_changed_again() {
+        let (turns, motion) = (Turns::new(Vec::new()), nothing());
+        let until = Instant::now() + Duration::from_secs(9);
+        let drive = async |id: u64| {
+            let turn = turns.take(id, &motion, Some(&[]), || Board::Driving, |_| {}, || false).await?;
+            Ok::<_, Problem>(turn.drives(&motion, Some(&[]), until))
+        };
+        let first = drive(1).await.unwrap();
+        assert!(turns.again(1, first, || Board::Driving).await.is_some());
+        assert!(turns.again(1, first, || Board::Down).await.is_none());
+        let second = drive(1).await.unwrap();
+        assert!(turns.again(1, first, || Board::Driving).await.is_none());
+        assert!(turns.again(1, second, || Board::Driving).await.is_some());
+        drive(2).await.unwrap();
+        assert!(turns.again(1, second, || Board::Driving).await.is_none());
+        assert!(drive(1).await.unwrap_err().is("superseded"));
+    }
+}
