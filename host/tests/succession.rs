@@ -71,7 +71,7 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
     assert!(snapped_in >= 1 && weakened >= 3, "{snapped_in} snapped in, {weakened} weaker");
 }
 
-/// Random panels, places, lengths and pauses: `ERA_PANELS=90 cargo test --release -p era-host --test succession random -- --nocapture` tries
+/// Random panels, places, lengths and pauses: `ERA_PANELS=90 cargo test -p era-host --test succession random -- --nocapture` tries
 /// many more.
 #[test]
 fn random_successions_stay_within_the_limit() {

@@ -22,6 +22,8 @@ pub fn command(revision: &str) -> Result<(), Error> {
     let other = root.join("target/against/checkout");
     let git = |arguments: &[&str]| run(Command::new("git").current_dir(&root).args(arguments));
     let path = other.display().to_string();
+    // One that an interrupted run has left.
+    git(&["worktree", "prune"])?;
     if other.exists() {
         git(&["worktree", "remove", "--force", &path])?;
     }

@@ -30,7 +30,7 @@ mod values;
 mod verify;
 mod wishes;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use std::fmt;
 use std::io::Write;
 use std::process::ExitCode;
@@ -69,8 +69,12 @@ pub fn main() -> ExitCode {
     let started = Instant::now();
     let arguments = command::Arguments::try_parse().unwrap_or_else(|error| {
         // Without a command the daemon runs, but its options belong to it.
-        let first = std::env::args().nth(1).unwrap_or_default();
-        if error.kind() == clap::error::ErrorKind::UnknownArgument && first.starts_with("--") {
+        let given: Vec<String> = std::env::args().skip(1).collect();
+        let has_command =
+            command::Arguments::command().get_subcommands().any(|own| given.iter().any(|word| word == own.get_name()));
+        if let (clap::error::ErrorKind::UnknownArgument, false, Some(first)) =
+            (error.kind(), has_command, given.first())
+        {
             let _ = error.print();
             eprintln!("Options come after a command; those of the daemon after `serve`: era serve {first} ...");
             std::process::exit(2);
