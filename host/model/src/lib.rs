@@ -22,6 +22,7 @@
 //! # }
 //! ```
 
+mod kernel;
 pub mod model;
 pub mod response;
 pub mod scene;

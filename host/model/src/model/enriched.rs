@@ -9,7 +9,8 @@ use super::mesh::Lines;
 use super::shape::gauss;
 use super::singular::{Jet, Singular};
 use super::sparse::Entries;
-use pulp::{Arch, Simd, WithSimd};
+use crate::kernel;
+use pulp::Arch;
 
 /// Rectangles touching a singular point are cut until they are this part of the cell, or of the distance of two places whose
 /// functions' difference quotient is a function: frequencies are then right to 1e-11 even
@@ -201,18 +202,7 @@ impl Block {
     }
 }
 
-/// [`add_among`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
-/// those of the oldest machine.
-struct AddAmong<'a>(&'a Jets, f64, f64, &'a mut [Vec<f64>; 2]);
-
-impl WithSimd for AddAmong<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        add_among(self.0, self.1, self.2, self.3);
-    }
-}
+kernel!(AddAmong<'a>(jets: &'a Jets, weight: f64, poisson: f64, sums: &'a mut [Vec<f64>; 2]) -> () = add_among);
 
 /// Adds a point to the lower half of the functions' integrals among themselves: with hundreds of functions' rectangles times
 /// their squared number, most of the work.

@@ -1,7 +1,8 @@
 //! Gaussian elimination with complex numbers, real and imaginary parts apart: rows are then sums of real rows, which vector
 //! instructions add several numbers at a time.
 
-use pulp::{Arch, Simd, WithSimd};
+use crate::kernel;
+use pulp::Arch;
 
 /// n equations with p right sides, row by row: each row has its n coefficients and its p right sides.
 #[derive(Clone, Debug)]
@@ -39,18 +40,7 @@ impl Equations {
     }
 }
 
-/// [`eliminate`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
-/// those of the oldest machine.
-struct Eliminate<'a>(&'a mut Equations);
-
-impl WithSimd for Eliminate<'_> {
-    type Output = Option<f64>;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Option<f64> {
-        eliminate(self.0)
-    }
-}
+kernel!(Eliminate<'a>(equations: &'a mut Equations) -> Option<f64> = eliminate);
 
 #[inline(always)]
 fn eliminate(equations: &mut Equations) -> Option<f64> {

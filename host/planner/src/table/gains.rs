@@ -1,8 +1,9 @@
 //! Accelerations at a point at every frequency of the grid, for all actuators: the inner loop of every plan.
 
 use super::Entry;
+use era_model::kernel;
 use nalgebra::DVector;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Arch;
 
 /// Frequencies of a block: its sums, 4 kB, stay in the first-level cache while all coordinates are added.
 const BLOCK: usize = 512;
@@ -89,18 +90,7 @@ impl Gains {
     }
 }
 
-/// [`mean_squares`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
-/// those of the oldest machine.
-struct MeanSquares<'a>(&'a Gains, &'a [Four], &'a [bool], &'a mut [f64]);
-
-impl WithSimd for MeanSquares<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        mean_squares(self.0, self.1, self.2, self.3);
-    }
-}
+kernel!(MeanSquares<'a>(gains: &'a Gains, groups: &'a [Four], needed: &'a [bool], out: &'a mut [f64]) -> () = mean_squares);
 
 #[inline(always)]
 fn mean_squares(gains: &Gains, groups: &[Four], needed: &[bool], out: &mut [f64]) {
@@ -162,18 +152,7 @@ fn lanes(values: &[f32]) -> [f32; LANES] {
     }
 }
 
-/// [`squares`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
-/// those of the oldest machine.
-struct Squares<'a>(&'a Gains, &'a [f32], &'a mut [f64]);
-
-impl WithSimd for Squares<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        squares(self.0, self.1, self.2);
-    }
-}
+kernel!(Squares<'a>(gains: &'a Gains, shape: &'a [f32], out: &'a mut [f64]) -> () = squares);
 
 #[inline(always)]
 fn squares(gains: &Gains, shape: &[f32], out: &mut [f64]) {

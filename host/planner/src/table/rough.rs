@@ -3,7 +3,8 @@
 use super::{Entry, SINGLE};
 use crate::TARGET_RADIUS_M;
 use crate::scene::{Scene, SurfaceKind};
-use pulp::{Arch, Simd, WithSimd};
+use era_model::kernel;
+use pulp::Arch;
 
 /// Of every actuator at every frequency, actuator by actuator: a lower bound of the mean square elsewhere, in terms of the
 /// magnitude h at the target, base - slope h - square h^2, but `least` in any case; in (m/s^2/N)^2.
@@ -108,18 +109,7 @@ impl Rough {
     }
 }
 
-/// [`efficiencies`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
-/// those of the oldest machine.
-struct Efficiencies<'a>(&'a Rough, &'a [f64], &'a mut [f64]);
-
-impl WithSimd for Efficiencies<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        efficiencies(self.0, self.1, self.2);
-    }
-}
+kernel!(Efficiencies<'a>(rough: &'a Rough, squares: &'a [f64], out: &'a mut [f64]) -> () = efficiencies);
 
 #[inline(always)]
 fn efficiencies(rough: &Rough, squares: &[f64], out: &mut [f64]) {
@@ -131,18 +121,7 @@ fn efficiencies(rough: &Rough, squares: &[f64], out: &mut [f64]) {
     }
 }
 
-/// [`earnings`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
-/// those of the oldest machine.
-struct Earnings<'a>(&'a Rough, &'a [f64], &'a [f64], f64, &'a mut [f64]);
-
-impl WithSimd for Earnings<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        earnings(self.0, self.1, self.2, self.3, self.4);
-    }
-}
+kernel!(Earnings<'a>(rough: &'a Rough, squares: &'a [f64], efficiencies: &'a [f64], lambda: f64, out: &'a mut [f64]) -> () = earnings);
 
 #[inline(always)]
 fn earnings(rough: &Rough, squares: &[f64], efficiencies: &[f64], lambda: f64, out: &mut [f64]) {

@@ -5,9 +5,10 @@ use crate::reports::near::around;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, at_point};
 use crate::wish::request::Target;
+use era_model::kernel;
 use nalgebra::DVector;
 use num_complex::Complex64;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Arch;
 
 /// Largest part of the surface that targets take: discs may cover a small surface whole; some of it is always "elsewhere".
 const MOST_PART: f64 = 0.9;
@@ -87,18 +88,7 @@ impl Zone {
     }
 }
 
-/// [`mean_square`] for the vector instructions of the machine. Not a closure: that is a function of its own, which the compiler may leave with
-/// those of the oldest machine.
-struct MeanSquare<'a>(&'a [(DVector<f64>, f64)], &'a DVector<Complex64>);
-
-impl WithSimd for MeanSquare<'_> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> f64 {
-        mean_square(self.0, self.1)
-    }
-}
+kernel!(MeanSquare<'a>(points: &'a [(DVector<f64>, f64)], acceleration: &'a DVector<Complex64>) -> f64 = mean_square);
 
 #[inline(always)]
 fn mean_square(points: &[(DVector<f64>, f64)], acceleration: &DVector<Complex64>) -> f64 {
