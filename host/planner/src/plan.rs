@@ -224,8 +224,8 @@ impl PlanTable {
             _ => formulation.all(wanted),
         };
         // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
-        let (choices, found) = best(choices_for(&|a, b| !meets(a, b)), &|a, b| !meets(a, b))
-            .or_else(|| best(choices_for(&|_, _| true), &|_, _| true))
+        let (choices, found) = best(formulation, choices_for(&|a, b| !meets(a, b)), &|a, b| !meets(a, b))
+            .or_else(|| best(formulation, choices_for(&|_, _| true), &|_, _| true))
             .ok_or(PlanError::NoFrequencies)?;
         Ok(self.refined(formulation, &choices, &found))
     }
@@ -374,8 +374,21 @@ fn gap(selection: &Selection, settled: &Settled) -> f64 {
 }
 
 /// The best of `choices` under `fits`, with them.
-fn best(choices: Choices, fits: &dyn Fn(f64, f64) -> bool) -> Option<(Choices, BestCombination)> {
-    let found = choices.best(fits)?;
+fn best(
+    formulation: &Formulation<'_>,
+    mut choices: Choices,
+    fits: &dyn Fn(f64, f64) -> bool,
+) -> Option<(Choices, BestCombination)> {
+    let mut found = choices.best(fits)?;
+    if choices.is_estimated {
+        if found.allocation.met < 1.0 {
+            formulation.work_out(&mut choices, Some(&found.chosen));
+            found.allocation = choices.allocation(&found.chosen);
+        } else {
+            formulation.work_out(&mut choices, None);
+            found = choices.best(fits)?;
+        }
+    }
     Some((choices, found))
 }
 

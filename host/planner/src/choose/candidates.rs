@@ -11,6 +11,7 @@ use crate::wish::quiet::QuietZones;
 use crate::wish::request::{Objective, Request, Weigh};
 use crate::wish::zone::Zone;
 use crate::{ELECTRODE_CABLE_F, MIN_SPACING_HZ};
+use nalgebra::DVector;
 
 /// Rounds in which a first combination is improved.
 const FIRST_ROUNDS: usize = 4;
@@ -85,6 +86,7 @@ impl<'a> Formulation<'a> {
                 .collect(),
             spacing_hz: MIN_SPACING_HZ - 1e-9,
             work: self.work,
+            is_estimated: false,
         }
     }
 
@@ -99,14 +101,23 @@ impl<'a> Formulation<'a> {
         entry: &Entry,
         frequency_hz: f64,
     ) {
-        let [quiet, widest] = &entry.widths;
         let near = self.zone.mean_square(&entry.acceleration);
+        self.add_with(choices, [actuator, node, tag], entry, frequency_hz, near);
+    }
+
+    /// The same with what is known, or taken, for the mean square near the targets. `[actuator, node, tag]` as above.
+    fn add_with(
+        &self,
+        choices: &mut Choices,
+        [actuator, node, tag]: [usize; 3],
+        entry: &Entry,
+        frequency_hz: f64,
+        near: f64,
+    ) {
+        let [quiet, widest] = &entry.widths;
         let weight = if self.weigh == Weigh::Felt { perception::weight(frequency_hz) } else { 1.0 };
         let elsewhere = self.zone.elsewhere(entry.mean_square, near) * weight * weight;
-        let gains: Vec<f64> =
-            self.zone.targets.iter().map(|shape| weight * at_point(shape, &entry.acceleration).norm()).collect();
-        let in_zones: Vec<f64> =
-            self.quiet.rows.iter().map(|(shape, _)| at_point(shape, &entry.acceleration).norm()).collect();
+        let at = |shape: &DVector<f64>| at_point(shape, &entry.acceleration).norm_sqr().sqrt();
         // A wider pulse makes more force of a voltage, which is what counts for power, even where another limit binds.
         let is_wanted = match self.objective {
             Objective::Power => true,
@@ -126,9 +137,15 @@ impl<'a> Formulation<'a> {
             };
             let candidate = Candidate { node, energy, power, max_force_n: width.max_force_n, tag: 2 * tag + w };
             choices.candidates[actuator].push(candidate);
-            choices.gains[actuator].extend_from_slice(&gains);
+            let gains = &mut choices.gains[actuator];
+            if w == 0 {
+                gains.extend(self.zone.targets.iter().map(|shape| weight * at(shape)));
+            } else {
+                // The same as with the other pulse.
+                gains.extend_from_within(gains.len() - self.zone.targets.len()..);
+            }
             choices.loads[actuator].extend(self.table.limits.loads(actuator, width));
-            choices.loads[actuator].extend_from_slice(&in_zones);
+            choices.loads[actuator].extend(self.quiet.rows.iter().map(|(shape, _)| at(shape)));
         }
     }
 
@@ -148,7 +165,9 @@ impl<'a> Formulation<'a> {
     }
 
     /// What cannot be missing from the best combination for one target and the objective contrast, from bounds that take one
-    /// product per entry; all where the bounds do not decide.
+    /// product per entry; all where the bounds do not decide. Where a first combination does not reach what is wanted, nearly
+    /// all can be part of one that reaches more, and their energies, on which that does not depend, are estimates: with the mean
+    /// square near the target as large as at it.
     #[must_use]
     pub fn shortlist(&self, wanted: f64, fits: &dyn Fn(f64, f64) -> bool) -> Choices {
         let table = self.table;
@@ -202,10 +221,27 @@ impl<'a> Formulation<'a> {
                 choices.frequencies_hz.push(table.frequencies_hz[k]);
                 last = Some(k);
             }
-            let node = choices.frequencies_hz.len() - 1;
-            self.add(&mut choices, actuator, node, k, entry, table.frequencies_hz[k]);
+            let (node, frequency_hz) = (choices.frequencies_hz.len() - 1, table.frequencies_hz[k]);
+            if known.met < 1.0 {
+                choices.is_estimated = true;
+                self.add_with(&mut choices, [actuator, node, k], entry, frequency_hz, squares[actuator * f + k]);
+            } else {
+                self.add(&mut choices, actuator, node, k, entry, frequency_hz);
+            }
         }
         choices
+    }
+
+    /// Works out energies of a shortlist that are estimates: those of one combination, or all.
+    pub fn work_out(&self, choices: &mut Choices, only: Option<&[usize]>) {
+        for (i, (candidates, entries)) in choices.candidates.iter_mut().zip(&self.table.entries).enumerate() {
+            let range = only.and_then(|only| only.get(i)).map_or(0..candidates.len(), |index| *index..*index + 1);
+            for candidate in &mut candidates[range] {
+                if let Some(entry) = entries.get(candidate.tag / 2).and_then(Option::as_ref) {
+                    candidate.energy = self.energy(entry, &entry.widths[candidate.tag % 2]);
+                }
+            }
+        }
     }
 
     /// A combination that is good by the bounds: the most efficient, one actuator after the other; if that does not reach,

@@ -30,10 +30,12 @@ pub enum Work {
 }
 
 impl Work {
-    /// Bounds and allocations of forces worked out, at most: some ten microseconds each.
-    const fn steps(self) -> usize {
+    /// Bounds and allocations of forces worked out over so many candidates, at most: some ten microseconds each, and more the more
+    /// candidates there are. A touch that may choose from thousands, as one far out of reach does, gains 0.1 dB from 400 of them
+    /// over 100 in one case of twenty.
+    fn steps(self, candidates: usize) -> usize {
         match self {
-            Work::Touch => 400,
+            Work::Touch => (400_000 / candidates.max(1)).clamp(100, 400),
             Work::Study => 20_000,
         }
     }
@@ -73,6 +75,8 @@ pub struct Choices {
     pub spacing_hz: f64,
     /// How much may be looked at.
     pub work: Work,
+    /// Whether energies are estimates: good enough to find what reaches most, not to tell its forces.
+    pub is_estimated: bool,
 }
 
 /// The best combination.

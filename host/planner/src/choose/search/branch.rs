@@ -47,11 +47,13 @@ pub struct BranchAndBound<'a> {
     /// Whether other frequencies have been tried around the best.
     is_polished: bool,
     steps: usize,
+    most_steps: usize,
 }
 
 impl<'a> BranchAndBound<'a> {
     pub fn new(choices: &'a Choices, fits: Fits<'a>) -> Self {
-        Self { choices, fits, kind: Kind::Cost, best: None, is_polished: false, steps: 0 }
+        let most_steps = choices.work.steps(choices.candidates.iter().map(Vec::len).sum());
+        Self { choices, fits, kind: Kind::Cost, best: None, is_polished: false, steps: 0, most_steps }
     }
 
     /// First what reaches, then what it costs.
@@ -137,8 +139,9 @@ impl<'a> BranchAndBound<'a> {
         self.kind == Kind::Reach && self.best.as_ref().is_some_and(|(_, best)| best.met >= 1.0)
     }
 
+    /// Whether enough has been looked at. Before any combination is known that may be driven, it never has.
     const fn is_spent(&self) -> bool {
-        self.steps >= self.choices.work.steps()
+        self.best.is_some() && self.steps >= self.most_steps
     }
 
     /// By which part of it something could be better than the best known, if nothing is worth more than `bound`.

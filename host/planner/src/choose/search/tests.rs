@@ -39,6 +39,7 @@ fn choices() -> impl Strategy<Value = Choices> {
                     })
                     .collect();
                 Choices {
+                    is_estimated: false,
                     frequencies_hz,
                     candidates,
                     gains,
@@ -81,4 +82,25 @@ proptest! {
             }
         }
     }
+}
+
+/// A touch is given what may be driven, however much has been looked at before that is found.
+#[test]
+fn the_only_pair_that_fits_is_found() {
+    let frequencies_hz: Vec<f64> = (0..300).map(|k| 40.0 + 25.0 * f64::from(k)).collect();
+    let only = [frequencies_hz[70], frequencies_hz[220]];
+    let candidate = |node| Candidate { node, energy: 1.0, power: 0.0, max_force_n: 1.0, tag: node };
+    let choices = Choices {
+        candidates: vec![(0..300).map(candidate).collect(); 2],
+        gains: vec![vec![1.0; 300]; 2],
+        loads: vec![Vec::new(); 2],
+        wanted: vec![0.5],
+        frequencies_hz,
+        spacing_hz: 20.0,
+        ..Choices::default()
+    };
+    let found = choices.best(&|a, b| only.contains(&a) && only.contains(&b)).unwrap();
+    let mut chosen = found.chosen[..2].to_vec();
+    chosen.sort_unstable();
+    assert_eq!(chosen, [70, 220]);
 }

@@ -6,12 +6,16 @@
 
 use super::{Excitation, HARMONICS, Line, MAX_LINES};
 use crate::model::shape::gauss;
+use era_model::kernel;
 use num_complex::Complex64;
+use pulp::Arch;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::LazyLock;
 
 /// Points of the Gauss-Legendre rule over a window.
 const NODES: usize = 12;
+/// Points that are summed up at once.
+const LANES: usize = 4;
 /// Its points, 0 to 1, and weights, that add up to 1; the later half comes first, the earlier one mirrors it.
 static GAUSS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss(NODES));
 
@@ -47,28 +51,36 @@ impl Description {
     }
 }
 
+/// A value at each point of the rule.
+type AtNodes = [f64; NODES];
+
 /// A window of electrode A as points of a quadrature.
 #[derive(Clone, Copy, Debug)]
 pub struct Windows {
     /// Weights of means over half a period: they add up to the pulse width.
-    weights: [f64; NODES],
-    /// e^{j n angle} for harmonics n = 1, 3, 5, the angle from the window's middle.
-    turns: [[Complex64; HARMONICS]; NODES],
+    weights: AtNodes,
+    /// Cosine and sine of n angle for harmonics n = 1, 3, 5, the angle from the window's middle.
+    turns: [[AtNodes; 2]; HARMONICS],
     /// e^{j n phase} of the windows.
     phase: [Complex64; HARMONICS],
 }
 
 impl Windows {
-    pub const NONE: Self =
-        Self { weights: [0.0; NODES], turns: [[Complex64::ONE; HARMONICS]; NODES], phase: [Complex64::ONE; HARMONICS] };
+    pub const NONE: Self = Self {
+        weights: [0.0; NODES],
+        turns: [[[1.0; NODES], [0.0; NODES]]; HARMONICS],
+        phase: [Complex64::ONE; HARMONICS],
+    };
 
     pub fn new(excitation: &Excitation) -> Self {
         let mut windows = Self::NONE;
         let width = excitation.pulse_width.clamp(0.0, 1.0);
         for (i, (node, weight)) in GAUSS.iter().take(NODES / 2).enumerate() {
-            let turn = harmonics(FRAC_PI_2 * width * (2.0 * node - 1.0));
-            windows.turns[2 * i] = turn;
-            windows.turns[2 * i + 1] = turn.map(|turn| turn.conj());
+            let turns = harmonics(FRAC_PI_2 * width * (2.0 * node - 1.0));
+            for ([cos, sin], turn) in windows.turns.iter_mut().zip(turns) {
+                (cos[2 * i], sin[2 * i]) = (turn.re, turn.im);
+                (cos[2 * i + 1], sin[2 * i + 1]) = (turn.re, -turn.im);
+            }
             windows.weights[2 * i] = width * weight;
             windows.weights[2 * i + 1] = width * weight;
         }
@@ -81,14 +93,19 @@ impl Windows {
     pub fn describe(&self, frequency: usize, lines: &[Line], travel: impl Fn(usize) -> Complex64) -> Description {
         let mut own = [Complex64::ZERO; HARMONICS];
         let mut others = [0.0; MAX_LINES];
+        // How many of the harmonics' sums are asked for: those up to the last with a line.
+        let mut count = 0;
         for (l, line) in lines.iter().enumerate() {
             match index_of(line.harmonic) {
-                Some(h) if line.frequency == frequency => own[h] = travel(l) * self.phase[h].conj(),
+                Some(h) if line.frequency == frequency => {
+                    own[h] = travel(l) * self.phase[h].conj();
+                    count = count.max(h + 1);
+                }
                 _ => others[l] = travel(l).norm_sqr().sqrt(),
             }
         }
         let all = moments(&others, None);
-        let sums = self.integrate(&own, &all);
+        let sums = Arch::new().dispatch(Integrate(self, &own[..count], &all));
         let mut description = Description::NONE;
         description.mean_slope = sums.slope;
         for ((pulsating, slope_at), phase) in description.pulsating_slope.iter_mut().zip(sums.slope_at).zip(&self.phase)
@@ -108,29 +125,58 @@ impl Windows {
         }
         description
     }
+}
 
-    fn integrate(&self, own: &[Complex64; HARMONICS], others: &[f64; 3]) -> Sums {
-        let mut sums = Sums::default();
-        let [second, fourth, sixth] = *others;
-        for (weight, turn) in self.weights.iter().zip(&self.turns) {
-            let u: f64 = own.iter().zip(turn).map(|(own, turn)| own.re * turn.re - own.im * turn.im).sum();
-            let r = 1.0 / (1.0 - u);
-            let (r2, r3) = (r * r, r * r * r);
-            let force = weight * r2 * (1.0 + r2 * (3.0 * second + r2 * (5.0 * fourth + r2 * 7.0 * sixth)));
-            let slope = weight * r3 * (2.0 + r2 * (12.0 * second + r2 * (30.0 * fourth + r2 * 56.0 * sixth)));
-            sums.slope += slope;
-            for ((turn, force_at), slope_at) in turn.iter().zip(&mut sums.force_at).zip(&mut sums.slope_at) {
-                *force_at += turn.conj() * force;
-                *slope_at += (turn * turn).conj() * slope;
-            }
-            let mut power = weight * r3;
-            for (odd, factor) in sums.odd.iter_mut().zip([2.0, 4.0, 6.0, 8.0]) {
-                *odd += factor * power;
-                power *= r2;
-            }
+kernel!(Integrate<'a>(windows: &'a Windows, own: &'a [Complex64], others: &'a [f64; 3]) -> Sums = integrate);
+
+/// The sums for as many harmonics as `own` has.
+#[inline(always)]
+fn integrate(windows: &Windows, own: &[Complex64], others: &[f64; 3]) -> Sums {
+    let mut sums = Sums::default();
+    let [second, fourth, sixth] = *others;
+    let mut u = [0.0; NODES];
+    for (own, [cos, sin]) in own.iter().zip(&windows.turns) {
+        for n in 0..NODES {
+            u[n] += own.re * cos[n] - own.im * sin[n];
         }
-        sums
     }
+    let (mut force, mut slope) = ([0.0; NODES], [0.0; NODES]);
+    let mut powers = [[0.0; NODES]; 4];
+    for n in 0..NODES {
+        let r = 1.0 / (1.0 - u[n]);
+        let (r2, r3) = (r * r, r * r * r);
+        let weight = windows.weights[n];
+        force[n] = weight * r2 * (1.0 + r2 * (3.0 * second + r2 * (5.0 * fourth + r2 * 7.0 * sixth)));
+        slope[n] = weight * r3 * (2.0 + r2 * (12.0 * second + r2 * (30.0 * fourth + r2 * 56.0 * sixth)));
+        let mut power = weight * r3;
+        for powers in &mut powers {
+            powers[n] = power;
+            power *= r2;
+        }
+    }
+    sums.slope = sum(|n| slope[n]);
+    let at = sums.force_at.iter_mut().zip(&mut sums.slope_at);
+    for ((force_at, slope_at), [cos, sin]) in at.zip(&windows.turns).take(own.len()) {
+        *force_at = Complex64::new(sum(|n| force[n] * cos[n]), -sum(|n| force[n] * sin[n]));
+        let twice = |n: usize| cos[n] * cos[n] - sin[n] * sin[n];
+        *slope_at = Complex64::new(sum(|n| slope[n] * twice(n)), -2.0 * sum(|n| slope[n] * (cos[n] * sin[n])));
+    }
+    for ((odd, factor), powers) in sums.odd.iter_mut().zip([2.0, 4.0, 6.0, 8.0]).zip(&powers) {
+        *odd = factor * sum(|n| powers[n]);
+    }
+    sums
+}
+
+/// The sum over all points, several side by side.
+#[inline(always)]
+fn sum(of: impl Fn(usize) -> f64) -> f64 {
+    let mut sums = [0.0; LANES];
+    for from in (0..NODES).step_by(LANES) {
+        for (lane, sum) in sums.iter_mut().enumerate() {
+            *sum += of(from + lane);
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
 /// Means over a period.
