@@ -27,6 +27,8 @@ pub enum Work {
     Touch,
     /// For a study: up to some tenths of a second.
     Study,
+    /// For a whole surface: up to some ten seconds.
+    Surface,
 }
 
 impl Work {
@@ -37,6 +39,7 @@ impl Work {
         match self {
             Work::Touch => (400_000 / candidates.max(1)).clamp(100, 400),
             Work::Study => 20_000,
+            Work::Surface => 200_000,
         }
     }
 }
@@ -99,7 +102,13 @@ impl Choices {
     /// `None` if no frequencies keep their distance.
     #[must_use]
     pub fn best(&self, fits: Fits<'_>) -> Option<BestCombination> {
-        BranchAndBound::new(self, fits).run()
+        self.best_from(fits, None)
+    }
+
+    /// The same with a combination to begin with, that may be a good one.
+    #[must_use]
+    pub fn best_from(&self, fits: Fits<'_>, known: Option<[usize; MAX_ACTUATORS]>) -> Option<BestCombination> {
+        BranchAndBound::new(self, fits).run(known)
     }
 
     /// The same by looking at every combination, and how many there are: what [`Choices::best`] is held against, for lists of

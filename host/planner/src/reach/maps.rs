@@ -2,7 +2,8 @@
 
 use super::measure::{Measure, Region, View};
 use super::part::Part;
-use super::search::{self, Options};
+use super::search;
+use crate::choose::search::Work;
 use super::setting::command;
 use super::space::Space;
 use crate::table::PlanTable;
@@ -47,14 +48,14 @@ pub struct Strongest {
 
 /// The strongest drive at each point of a space, each with frequencies and forces of its own.
 #[must_use]
-pub fn strongest(table: &PlanTable, space: &Space, options: Options) -> Vec<Option<Strongest>> {
+pub fn strongest(table: &PlanTable, space: &Space) -> Vec<Option<Strongest>> {
     let points: Vec<usize> = (0..space.points).collect();
     let runs: Vec<Vec<Option<Strongest>>> = points
         .par_chunks(RUN)
         .map(|run| {
             let mut hint: Option<Vec<usize>> = None;
             let each = run.iter().map(|point| {
-                let best = search::best(space, &[*point], options, hint.as_deref())?;
+                let best = search::best(space, &[*point], Work::Study, hint.as_deref())?;
                 let mut setting = best.setting(table, space);
                 let peak = best.least * command(table, &mut setting)?;
                 hint = Some(best.choice);
@@ -75,7 +76,7 @@ impl Maps {
         let grid = &table.grid;
         let view = View::new(table, region).ok_or(PlanError::NoFrequencies)?;
         let space = Space::of(table, &view.shapes, |hz| Measure::G.weight(hz));
-        let found: Vec<Strongest> = strongest(table, &space, Options::default())
+        let found: Vec<Strongest> = strongest(table, &space)
             .into_iter()
             .collect::<Option<_>>()
             .ok_or(PlanError::NoFrequencies)?;

@@ -24,6 +24,6 @@ pub use maps::Maps;
 pub use measure::{Measure, Region};
 pub use part::Part;
 pub use schemes::{Scheme, SchemeReach};
-pub use search::{Best, Options};
+pub use search::Best;
 pub use space::{Choice, Space};
 pub use spread::Spread;

@@ -8,7 +8,8 @@ use super::maps;
 use super::measure::{Measure, Region, View};
 use super::part::Part;
 use super::rigid;
-use super::search::{self, Options};
+use super::search;
+use crate::choose::search::Work;
 use super::setting::{self, command, peaks};
 use super::shared::{self, Phases};
 use super::space::Space;
@@ -165,7 +166,7 @@ impl From<shared::StrongestSetting> for SchemeResult {
 impl Compared<'_> {
     fn distinct(&self) -> Option<SchemeResult> {
         let space = Space::of(self.table, &self.view.shapes, |hz| self.measure.weight(hz));
-        let touches = maps::strongest(self.table, &space, Options::default());
+        let touches = maps::strongest(self.table, &space);
         let per_touch = touches.into_iter().map(|touch| Some(touch?.peak)).collect::<Option<_>>()?;
         let (mut setting, at_most) = self.everywhere(space)?;
         let scale = command(self.table, &mut setting)?;
@@ -185,11 +186,14 @@ impl Compared<'_> {
         let mut strongest: Option<(f64, Vec<Part>)> = None;
         let mut upper = f64::INFINITY;
         let mut hint: Option<Vec<usize>> = None;
+        // With little work as long as points join.
+        let mut effort = Work::Touch;
         for _ in 0..REFINEMENTS {
             let all: Vec<usize> = (0..space.points).collect();
-            let best = search::best(&space, &all, Options::default(), hint.as_deref())?;
+            let best = search::best(&space, &all, effort, hint.as_deref())?;
             upper = upper.min(best.upper);
             let setting = best.setting(self.table, &space);
+            hint = Some(best.choice.clone());
             let peaks = peaks(self.table, finer, &setting, self.measure);
             let mut weaker: Vec<usize> = (0..peaks.len())
                 .filter(|x| peaks[*x] < best.least * (1.0 - EQUAL_MINIMA) && !added.contains(x))
@@ -200,14 +204,17 @@ impl Compared<'_> {
                 strongest = Some((least, setting));
             }
             if weaker.is_empty() {
-                break;
+                if effort == Work::Surface {
+                    break;
+                }
+                effort = Work::Surface;
+                continue;
             }
             // The worst, and others from all of the range.
             added.extend(weaker.iter().step_by(weaker.len().div_ceil(ADDED)));
             let shapes = finer.select_rows(&added);
             let rows: Vec<_> = self.view.shapes.row_iter().chain(shapes.row_iter()).collect();
             space = Space::of(self.table, &DMatrix::from_rows(&rows), |hz| self.measure.weight(hz));
-            hint = Some(best.choice);
         }
         let (least, setting) = strongest?;
         Some((setting, if upper <= least * (1.0 + 2.0 * EQUAL_MINIMA) { least } else { upper }))

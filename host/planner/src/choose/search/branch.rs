@@ -57,7 +57,10 @@ impl<'a> BranchAndBound<'a> {
     }
 
     /// First what reaches, then what it costs.
-    pub fn run(mut self) -> Option<BestCombination> {
+    pub fn run(mut self, known: Option<[usize; MAX_ACTUATORS]>) -> Option<BestCombination> {
+        if let Some(known) = known {
+            self.consider(&known);
+        }
         let whole = Space::whole(self.choices);
         let first = Evaluation::of(self.choices, &whole, &self.first_prices(), Kind::Cost)?;
         let allocation = self.consider(&first.choice);
