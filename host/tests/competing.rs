@@ -184,7 +184,7 @@ fn quiet_zones_are_quiet_everywhere() {
             let request = Request { quiet: vec![zone], work, ..Request::touch(&[target]) };
             let plan = table.plan_for(&request).unwrap();
             let [told] = plan.quiet.as_slice() else { panic!("{:?}", plan.quiet) };
-            assert!(told.peak_g <= 0.05 * (1.0 + 1e-9) && told.radius_mm == radius_m * 1e3, "{told:?}");
+            assert!(told.peak_g <= 0.05 * (1.0 + 1e-9) && told.radius_m == radius_m, "{told:?}");
             let field = table.field(&plan);
             let points = table.grid.y_m.iter().flat_map(|y| table.grid.x_m.iter().map(move |x| (*x, *y)));
             let inside = points.zip(&field).filter(|((x, y), _)| (x - x_m).hypot(y - y_m) <= radius_m);

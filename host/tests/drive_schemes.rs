@@ -2,9 +2,10 @@
 
 use era::model::Accuracy;
 use era::model::levels::Levels;
-use era::planner::reach::Part;
 use era::planner::reach::setting::{command, part};
-use era::planner::reach::{Maps, Measure, Region, SchemeReach, rigid, schemes};
+use era::planner::reach::{Measure, everywhere};
+use era::planner::study::{Maps, SchemeReach, rigid, schemes};
+use era::planner::table::{Part, Region};
 use era::planner::{Objective, PlanError, PlanTable, Request, TableOptions, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 
@@ -141,7 +142,7 @@ fn a_part_of_a_band_is_that_band() {
             assert!((a.frequency_hz - b.frequency_hz).abs() <= 1e-6 * b.frequency_hz, "{a:?} {b:?}");
             assert!((a.force_n - b.force_n).abs() <= 1e-6 * b.force_n, "{a:?} {b:?}");
         }
-        let (a, b) = (schemes::everywhere(&cut, None).unwrap(), schemes::everywhere(&built, None).unwrap());
+        let (a, b) = (everywhere(&cut, None).unwrap(), everywhere(&built, None).unwrap());
         assert!(a.0.iter().zip(&b.0).all(|(a, b)| a.frequency == b.frequency));
     }
     let narrow = table(EXAMPLE_BAR, COARSE);

@@ -2,7 +2,7 @@
 
 mod support;
 
-use era::planner::reach::Maps;
+use era::planner::study::Maps;
 use era::planner::{Objective, Request, Target};
 use std::fmt::Write;
 

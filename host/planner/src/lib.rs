@@ -1,9 +1,11 @@
 //! From a touch to drives: which actuator vibrates at which frequency, how strong.
 //!
-//! [`table`] holds what does not depend on the touch (response of every actuator at every frequency of a grid, energy
-//! over the surface, force limits), [`limits`] the electrostatics behind the force limits, [`allocate`] the small convex
-//! problem of how strong each actuator has to be, [`search`] the choice of frequencies, [`plan`] the result,
-//! [`perception`] what a fingertip feels of it, [`rise`] how soon, [`cache`] tables kept on disk.
+//! Rooms, in the order in which they use each other: `physics` is what electrodes and masses do ([`limits`], [`softening`] in closing
+//! gaps, [`rise`]); [`table`] what does not depend on the touch (response of every actuator at every frequency of a grid, energy over
+//! the surface, force limits); `wish` what is asked for ([`request`], [`quiet`] zones); `choose` frequencies ([`search`]) and forces
+//! ([`allocate`]); `motion` masses under a plan's drives; [`reach`] one setting for a whole surface; [`plan`] the result; `reports` what
+//! is said of it ([`explain`], [`trade`]). Beside them [`perception`], what a fingertip feels of it, and [`cache`], tables kept on disk.
+//! [`effects`] and [`study`] build on all of that.
 //!
 //! The facts behind the search: at distinct frequencies peaks add (thesis, equation 23) and mean squares add, so that the
 //! least energy elsewhere for a requested peak at the target separates by actuator. Frequencies of different actuators
@@ -35,9 +37,10 @@ mod choose;
 pub mod chosen;
 pub mod drive;
 pub mod effects;
-mod electrodes;
+mod millimetres;
 mod motion;
 pub mod perception;
+mod physics;
 pub mod plan;
 pub mod reach;
 mod reports;
@@ -46,18 +49,20 @@ pub mod table;
 mod wish;
 
 pub use choose::{allocate, assignment, candidates, search, shared_frequency};
-pub use electrodes::{limits, press};
 use era_model::{model, response, scene, transient};
-pub use motion::{plan_motion, residual, rise, softening};
-pub use reports::{explain, limitation, trade};
-pub use wish::{quiet, request, schedule};
+pub use motion::{plan_motion, residual};
+pub use physics::{Phasors, limits, rise, softening};
+pub use plan::limitation;
+pub use reports::{explain, schedule, trade};
+pub use table::press;
+pub use wish::{quiet, request};
 
-pub use choose::search::Work;
-pub use plan::{Drive, Plan, Planned, Predicted, TargetResult};
+pub use drive::Drive;
+pub use plan::{Plan, Planned, Predicted, TargetResult};
 pub use reports::report::{Report, Times};
 pub use table::{PlanTable, TableOptions};
 pub use wish::quiet::QuietResult;
-pub use wish::request::{Grouping, Objective, PlanError, Quiet, Request, Target, Weigh};
+pub use wish::request::{Grouping, Objective, PlanError, Quiet, Request, Target, Weigh, Work};
 
 /// Standard gravity in m/s^2: intensities are given in g, as is usual in haptics.
 pub const STANDARD_GRAVITY: f64 = 9.80665;

@@ -69,7 +69,8 @@ pub fn run(options: &EffectOptions) -> Outcome {
         return print_json(&answer);
     }
     let predicted = design.predicted;
-    let mut text = format!("{} at {:.1} mm, {:.1} mm", options.effect.name(), plan.target_mm[0], plan.target_mm[1]);
+    let mut text =
+        format!("{} at {:.1} mm, {:.1} mm", options.effect.name(), 1e3 * plan.target_m[0], 1e3 * plan.target_m[1]);
     for drive in &design.drives {
         let _ = write!(
             text,

@@ -226,9 +226,9 @@ fn text(answer: &Answer) -> String {
 }
 
 fn plan_text(text: &mut String, plan: &Plan) {
-    let _ = write!(text, "target {:.1} mm, {:.1} mm", plan.target_mm[0], plan.target_mm[1]);
+    let _ = write!(text, "target {:.1} mm, {:.1} mm", 1e3 * plan.target_m[0], 1e3 * plan.target_m[1]);
     for other in plan.targets.iter().skip(1) {
-        let _ = write!(text, "; {:.1} mm, {:.1} mm", other.x_mm, other.y_mm);
+        let _ = write!(text, "; {:.1} mm, {:.1} mm", 1e3 * other.x_m, 1e3 * other.y_m);
     }
     for drive in &plan.drives {
         let _ = write!(
@@ -254,7 +254,10 @@ fn plan_text(text: &mut String, plan: &Plan) {
             let _ = write!(
                 text,
                 "\n  {:.1} mm, {:.1} mm: {:.3} g of {:.3} g wanted",
-                target.x_mm, target.y_mm, target.peak_g, target.wanted_g
+                1e3 * target.x_m,
+                1e3 * target.y_m,
+                target.peak_g,
+                target.wanted_g
             );
         }
     }
@@ -262,7 +265,12 @@ fn plan_text(text: &mut String, plan: &Plan) {
         let _ = write!(
             text,
             "\n  quiet {:.1} mm, {:.1} mm, radius {:.1} mm: {:.4} g of {:.4} g allowed, harmonics at most {:.4} g more",
-            zone.x_mm, zone.y_mm, zone.radius_mm, zone.peak_g, zone.at_most_g, zone.harmonics_g
+            1e3 * zone.x_m,
+            1e3 * zone.y_m,
+            1e3 * zone.radius_m,
+            zone.peak_g,
+            zone.at_most_g,
+            zone.harmonics_g
         );
     }
     if let Some(limit) = &plan.limited_by {

@@ -233,7 +233,7 @@ impl App {
         let whole = plan.clone();
         let (part, (plan, prepared)) = tokio::task::block_in_place(|| self.fitted(&turn, plan, prepared, manner))?;
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
-            sim.set_probe(self.table.model.shape_at(target.x_mm / 1e3, target.y_mm / 1e3));
+            sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
         }
         let Begun { mut device, until, begun } = self.begun(&turn, stops, &plan, &prepared).await?;
         if let (Some(delayed), Some(map)) = (turn.delayed(), device.as_object_mut()) {

@@ -175,7 +175,7 @@ pub fn compare_request(
     if plan.drives.iter().all(|drive| drive.voltage_v == 0.0) {
         return Err(VerifyError::Nothing);
     }
-    let [x_mm, y_mm] = plan.target_mm;
+    let [x_mm, y_mm] = plan.target_m.map(|metres| metres * 1e3);
     let shape = table.model.shape_at(x_mm / 1e3, y_mm / 1e3);
     let mut panel = panel.clone();
     panel.set_probe(&shape);

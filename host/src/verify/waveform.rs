@@ -3,8 +3,9 @@
 use super::VerifyError;
 use crate::device::sim::low_pass;
 use crate::model::ReducedModel;
+use crate::planner::Phasors;
 use crate::planner::drive::SiDrive;
-use crate::planner::softening::{Excitation, Line, Motion, Transducer, Vector, settle, travel_receptance};
+use crate::planner::softening::{Excitation, Line, Motion, Transducer, settle, travel_receptance};
 use crate::response::{self, Solver};
 use crate::scene::MAX_ACTUATORS;
 use nalgebra::DVector;
@@ -57,7 +58,7 @@ struct Steady {
     frequencies_hz: Vec<f64>,
     excitations: Vec<Excitation>,
     /// Number of the frequency, harmonic, modal coordinates per force, forces.
-    parts: Vec<(usize, u32, Vec<DVector<Complex64>>, Vector)>,
+    parts: Vec<(usize, u32, Vec<DVector<Complex64>>, Phasors)>,
     lines: Vec<Line>,
     motion: Motion,
 }
@@ -271,7 +272,7 @@ fn high_harmonic(
     motion: &Motion,
     frequency: usize,
     harmonic: u32,
-) -> Vector {
+) -> Phasors {
     let n = f64::from(harmonic);
     let mut forces = [Complex64::ZERO; MAX_ACTUATORS];
     for (i, (actuator, excitation)) in actuators.iter().zip(excitations).enumerate() {

@@ -38,7 +38,7 @@ fn planned(table: &PlanTable, request: &Request) -> Result<Planned, TestCaseErro
 /// What a plan moves beyond 10 mm of the target, as the mean square over the table's own grid of fundamentals and, over all the surface,
 /// harmonics, in (m/s^2)^2.
 fn cost(table: &PlanTable, planned: &Planned) -> f64 {
-    let [x, y] = planned.plan.target_mm.map(|mm| mm / 1e3);
+    let [x, y] = planned.plan.target_m;
     let grid = &table.grid;
     let places: Vec<(f64, f64)> = grid.y_m.iter().flat_map(|y| grid.x_m.iter().map(move |x| (*x, *y))).collect();
     let mut cost = 0.0;

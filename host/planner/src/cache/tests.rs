@@ -1,6 +1,6 @@
 use super::{Cache, Key, Origin, Unusable, directory, file, prepare};
-use crate::electrodes::limits::Limit;
 use crate::model::{Accuracy, Bound};
+use crate::physics::limits::Limit;
 use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use crate::{PlanTable, TableOptions, Target};
 use proptest::prelude::*;

@@ -2,12 +2,13 @@
 
 use crate::choose::allocate::Allocation;
 use crate::choose::assignment::{Assignment, lags};
-use crate::choose::search::{Candidate, Choices, Work, is_better};
+use crate::choose::search::{Candidate, Choices, is_better};
 use crate::perception;
 use crate::scene::EPS0;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{Entry, PlanTable, SINGLE, Width, at_point};
 use crate::wish::quiet::QuietZones;
+use crate::wish::request::Work;
 use crate::wish::request::{Objective, Request, Weigh};
 use crate::wish::zone::Zone;
 use crate::{ELECTRODE_CABLE_F, MIN_SPACING_HZ};

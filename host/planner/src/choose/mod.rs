@@ -3,10 +3,7 @@
 pub mod allocate;
 pub mod assignment;
 pub mod candidates;
-pub(crate) mod evened;
 pub(crate) mod linear;
-pub(crate) mod nearest;
 pub(crate) mod refine;
 pub mod search;
 pub mod shared_frequency;
-pub(crate) mod shared_limits;

@@ -17,32 +17,8 @@ mod tests;
 
 use crate::choose::allocate::{Allocation, Prices, Setting, allocate};
 use crate::scene::MAX_ACTUATORS;
+use crate::wish::request::Work;
 use branch::BranchAndBound;
-
-/// How much is looked at where limits bind, before the search ends with what is proven by then.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Work {
-    /// For a touch: some milliseconds.
-    #[default]
-    Touch,
-    /// For a study: up to some tenths of a second.
-    Study,
-    /// For a whole surface: up to some ten seconds.
-    Surface,
-}
-
-impl Work {
-    /// Bounds and allocations of forces worked out over so many candidates, at most: some ten microseconds each, and more the more
-    /// candidates there are. A touch that may choose from thousands, as one far out of reach does, gains 0.1 dB from 400 of them
-    /// over 100 in one case of twenty.
-    fn steps(self, candidates: usize) -> usize {
-        match self {
-            Work::Touch => (400_000 / candidates.max(1)).clamp(100, 400),
-            Work::Study => 20_000,
-            Work::Surface => 200_000,
-        }
-    }
-}
 
 /// One actuator at one frequency with one pulse width.
 #[derive(Clone, Copy, Debug, PartialEq)]

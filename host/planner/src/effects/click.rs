@@ -6,7 +6,7 @@
 //! damping and frequencies: the one after which the targets are quiet soonest is taken.
 
 use super::motion::samples_of;
-use crate::motion::rise::TransientResponse;
+use crate::physics::rise::TransientResponse;
 use era_shared::waveform::{FULL_LEVEL, Segment};
 use num_complex::Complex64;
 

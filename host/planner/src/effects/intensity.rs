@@ -1,7 +1,7 @@
 //! Strengths in g, or in dB above the threshold of feeling.
 
-use crate::motion::rise::RiseTimes;
 use crate::perception;
+use crate::physics::rise::RiseTimes;
 use crate::scene::SurfaceKind;
 use crate::transient::panel::Drive;
 use crate::{Plan, PlanError, PlanTable, Request, STANDARD_GRAVITY};

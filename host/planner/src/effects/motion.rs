@@ -1,6 +1,6 @@
 //! What a point does while drives play their envelopes, from the panel's poles: no equation is stepped in time.
 
-use crate::motion::rise::{RiseTimes, TransientResponse};
+use crate::physics::rise::{RiseTimes, TransientResponse};
 use crate::transient::panel::Drive;
 use nalgebra::DVector;
 use num_complex::Complex64;

@@ -4,8 +4,8 @@ use super::envelope::{length_s, levels};
 use super::error::DesignError;
 use super::intensity::{forces, shape_of};
 use super::motion::{Channel, Response};
-use crate::electrodes::limits::Limit;
-use crate::motion::rise::{RiseTimes, TransientResponse};
+use crate::physics::limits::Limit;
+use crate::physics::rise::{RiseTimes, TransientResponse};
 use crate::response::modal_coordinates;
 use crate::transient::panel::Drive;
 use crate::{Plan, PlanTable};
@@ -49,8 +49,7 @@ impl Part {
 }
 
 pub fn parts(table: &PlanTable, rise: &RiseTimes, plan: &Plan) -> Result<Vec<Part>, DesignError> {
-    let shapes: Vec<DVector<f64>> =
-        plan.targets.iter().map(|target| shape_of(table, target.x_mm / 1e3, target.y_mm / 1e3)).collect();
+    let shapes: Vec<DVector<f64>> = plan.targets.iter().map(|target| shape_of(table, target.x_m, target.y_m)).collect();
     forces(table, plan)
         .into_iter()
         .zip(&plan.drives)

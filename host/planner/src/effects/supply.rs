@@ -2,7 +2,7 @@
 
 use super::part::Part;
 use crate::PlanTable;
-use crate::electrodes::limits::{Electrodes, Limit, most_mean_current_a};
+use crate::physics::limits::{Electrodes, Limit, most_mean_current_a};
 use era_shared::supply::rail_of;
 
 /// Lowers all drives until together they draw no more than the supply delivers for long: pushes of some cycles last longer than

@@ -5,9 +5,9 @@
 //! further for the fundamentals, and the springs' pulsation makes motion at sums and differences of the frequencies.
 
 use crate::chosen::Chosen;
-use crate::electrodes::limits::Limit;
 use crate::motion::safe::{Applied, DrivenPanel, Settled, harmonics_m};
-use crate::motion::softening::{Line, Motion, NotSafe, TimeResponse, rise, settle, travel_receptance};
+use crate::physics::limits::Limit;
+use crate::physics::softening::{Line, Motion, NotSafe, TimeResponse, rise, settle, travel_receptance};
 use crate::response::Solver;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, at_point, travel_by};

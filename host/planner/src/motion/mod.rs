@@ -1,9 +1,8 @@
-//! Masses that move in closing gaps: steadily, while rails rise, and with what is left of earlier drives.
+//! Masses that move in closing gaps under a plan's drives: steadily, while rails rise, and with what is left of earlier drives.
 
 pub(crate) mod closer;
+pub(crate) mod harmonics;
 pub mod plan_motion;
+pub(crate) mod quieted;
 pub mod residual;
-pub mod rise;
 pub(crate) mod safe;
-pub mod softening;
-pub(crate) mod weaker;

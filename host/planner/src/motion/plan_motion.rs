@@ -5,13 +5,13 @@
 //! panel beside them is linear: the steady motion is a sum over the panel's poles ([`Onset`]), each of
 //! which goes on by itself, and decays, once the forces have ended. [`crate::motion::residual`] adds up what several plans leave.
 
-use crate::Plan;
 use crate::chosen::Chosen;
-use crate::electrodes::limits::{Electrodes, HELD, TRAVEL_PART};
+use crate::drive::Drive;
 use crate::motion::closer::CLOSING;
-use crate::motion::rise::{DecayingMode, Onset, Participation};
 use crate::motion::safe::{Applied, LEFT_OUT, harmonics_m};
-use crate::motion::softening::{Line, Motion};
+use crate::physics::limits::{Electrodes, HELD, TRAVEL_PART};
+use crate::physics::rise::{DecayingMode, Onset, Participation};
+use crate::physics::softening::{Line, Motion};
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{GROWN, HARMONICS, PlanTable, harmonic_part};
 use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
@@ -74,12 +74,11 @@ pub struct Push {
 }
 
 impl PlanTable {
-    /// How far `plan`, one of this table's, takes the masses and what it leaves; `None` where that cannot be told: at a
+    /// How far a plan's drives, with their responses, take the masses and what they leave; `None` where that cannot be told: at a
     /// resonance without damping, or without poles.
-    #[must_use]
-    pub fn motion(&self, plan: &Plan) -> Option<PlanMotion> {
+    pub(crate) fn motion_of_drives(&self, chosen: &[Chosen], drives: &[Drive]) -> Option<PlanMotion> {
         let onset = self.onset()?;
-        let (chosen, applied) = (&*plan.made_of.0, applied(plan));
+        let applied = applied(drives);
         let problem = self.problem(chosen, applied);
         let motion = problem.settled().unwrap_or_else(|_| at_most(chosen, &problem.lines, &problem.leaders));
         let mut lines = Vec::new();
@@ -181,10 +180,10 @@ impl PlanTable {
     }
 }
 
-/// What a plan applies to the electrodes.
-pub(crate) fn applied(plan: &Plan) -> [Applied; MAX_ACTUATORS] {
+/// What a plan's drives apply to the electrodes.
+pub(crate) fn applied(drives: &[Drive]) -> [Applied; MAX_ACTUATORS] {
     let mut applied = [Applied::default(); MAX_ACTUATORS];
-    for (applied, drive) in applied.iter_mut().zip(&plan.drives) {
+    for (applied, drive) in applied.iter_mut().zip(drives) {
         *applied = Applied { voltage_v: drive.voltage_v, pulse_width: drive.pulse_width };
     }
     applied

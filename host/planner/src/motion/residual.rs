@@ -6,9 +6,9 @@
 //! time allows. A drive that is changed while it is on goes on from the boundary of its period, whatever its new frequency:
 //! of a pole only the difference of the two steady motions is left, next to nothing while a finger is drawn.
 
+use crate::drive::Drive;
 use crate::motion::plan_motion::{ForceLine, PerActuator, PlanMotion};
-use crate::motion::rise::{DecayingMode, Participation};
-use crate::plan::Drive;
+use crate::physics::rise::{DecayingMode, Participation};
 use crate::scene::MAX_ACTUATORS;
 use crate::table::GROWN;
 

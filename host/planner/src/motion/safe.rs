@@ -1,13 +1,13 @@
 //! The last word on every plan: what the actuators do with the forces that their gaps make of the voltages.
 //!
 //! The search takes the force of the mass at rest. Here the steady motion with the force as it depends on the travel
-//! ([`crate::motion::softening`]) decides: where any actuator would travel beyond a third of its gap or be pulled in, or its voltage (its rail's)
+//! ([`crate::physics::softening`]) decides: where any actuator would travel beyond a third of its gap or be pulled in, or its voltage (its rail's)
 //! break down the gap that is left, or the supply deliver more than it can, all forces are scaled down together until none does.
 //! Where the electrodes soften much, [`crate::motion::closer`] looks at the way there, and at what moves beside it.
 
 use crate::chosen::Chosen;
-use crate::electrodes::limits::{Electrodes, HALVINGS, HELD, LEVELS, Limit, TRAVEL_PART, most_mean_current_a};
-use crate::motion::softening::{Excitation, Line, MAX_LINES, Motion, NotSafe, Transducer, follow, settle};
+use crate::physics::limits::{Electrodes, HALVINGS, HELD, LEVELS, Limit, TRAVEL_PART, most_mean_current_a};
+use crate::physics::softening::{Excitation, Line, MAX_LINES, Motion, NotSafe, Transducer, follow, settle};
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{HARMONICS, PlanTable, harmonics_m_per_n, travel_m_per_n};
 use era_shared::supply::{RAILS, rail_of};

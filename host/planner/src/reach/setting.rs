@@ -1,8 +1,8 @@
 //! What is commanded: one setting of all actuators, made safe as plans are, and what it does.
 
 use super::measure::Measure;
-use super::part::Part;
 use crate::chosen::Chosen;
+use crate::table::Part;
 use crate::table::{PlanTable, Width};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
@@ -57,7 +57,7 @@ pub fn command(table: &PlanTable, setting: &mut [Part]) -> Option<f64> {
 
 /// Acceleration in the model's coordinates of all that a setting does at the frequency of `part`; `None` where an actuator
 /// before it has the same.
-pub(super) fn together(table: &PlanTable, setting: &[Part], part: usize) -> Option<DVector<Complex64>> {
+pub(crate) fn together(table: &PlanTable, setting: &[Part], part: usize) -> Option<DVector<Complex64>> {
     let frequency = setting.get(part)?.frequency;
     if setting.iter().take(part).any(|before| before.frequency == frequency) {
         return None;
@@ -73,7 +73,7 @@ pub(super) fn together(table: &PlanTable, setting: &[Part], part: usize) -> Opti
 
 /// Peaks of a setting at points with these mode shapes (points x n): phasors of one frequency add, peaks of distinct ones do
 /// (equation 23).
-pub(super) fn peaks(table: &PlanTable, shapes: &DMatrix<f64>, setting: &[Part], measure: Measure) -> Vec<f64> {
+pub(crate) fn peaks(table: &PlanTable, shapes: &DMatrix<f64>, setting: &[Part], measure: Measure) -> Vec<f64> {
     let mut sum = vec![0.0; shapes.nrows()];
     for (number, part) in setting.iter().enumerate() {
         let Some(coordinates) = together(table, setting, number) else { continue };

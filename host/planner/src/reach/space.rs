@@ -1,6 +1,6 @@
 //! What every actuator does at every frequency, at full force: how it shakes the points, and what it uses up of the limits.
 
-use crate::choose::shared_limits::SharedLimits;
+use crate::table::shared_limits::SharedLimits;
 use crate::table::{Entry, PlanTable};
 use nalgebra::DMatrix;
 

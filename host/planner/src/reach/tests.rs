@@ -1,8 +1,8 @@
 //! The search against looking at everything.
 
 use super::*;
-use crate::choose::search::Work;
 use crate::choose::linear::Programme;
+use crate::wish::request::Work;
 use proptest::prelude::*;
 
 /// All choices, the same linear program over all points for each.

@@ -197,7 +197,7 @@ impl PlanTable {
     }
 
     fn alternative(&self, change: String, formulation: &Formulation<'_>, plan: &Plan) -> Alternative {
-        let power = |(i, drive): (usize, &crate::plan::Drive)| {
+        let power = |(i, drive): (usize, &crate::drive::Drive)| {
             formulation.power_w_per_n(i, drive.frequency_hz, drive.pulse_width) * drive.force_n
         };
         Alternative {

@@ -1,10 +1,7 @@
-//! What is said of a plan beside its drives: harmonics, bounds, limits, alternatives.
+//! What is said of a plan beside its drives: alternatives, times.
 
-pub(crate) mod bound;
 pub mod explain;
-pub(crate) mod harmonics;
-pub mod limitation;
-pub(crate) mod near;
 pub(crate) mod pressed;
 pub(crate) mod report;
+pub mod schedule;
 pub mod trade;

@@ -1,10 +1,10 @@
 //! What is said of a press: how wrong the figures may be, and which actuators do not bear it.
 
-use crate::electrodes::press::{Pressed, Stop};
 use crate::model::{Bound, ReducedModel};
-use crate::motion::softening::STATIC_HZ;
+use crate::physics::softening::STATIC_HZ;
 use crate::response::Solver;
 use crate::scene::Actuator;
+use crate::table::press::{Pressed, Stop};
 use crate::table::{PlanTable, at_point};
 use num_complex::Complex64;
 

@@ -36,7 +36,7 @@ impl PlanTable {
     /// When a plan's first target vibrates, and when it has stopped.
     #[must_use]
     pub fn times(&self, plan: &Plan) -> Times {
-        let shape = plan.targets.first().map(|target| self.model.shape_at(target.x_mm / 1e3, target.y_mm / 1e3));
+        let shape = plan.targets.first().map(|target| self.model.shape_at(target.x_m, target.y_m));
         let drives: Vec<Drive> = plan
             .drives
             .iter()

@@ -1,15 +1,26 @@
-//! Fields over the surface, as numbers and pictures.
+//! What a panel does over its surface, as numbers and pictures: fields, reach maps ([`maps`]), drive schemes side by side ([`schemes`]:
+//! the thesis' removal of dead zones in numbers; `shared` is what one frequency for all actuators can do), how much of a motion leaves
+//! the panel unbent ([`rigid`]).
 
 mod axes;
 mod map;
+pub mod maps;
 pub mod mode_sheet;
 pub mod npy;
 pub mod reach;
+pub mod rigid;
+pub mod schemes;
 pub mod shapes;
+mod shared;
+pub mod spread;
 mod text;
 
 use crate::scene::Scene;
 use crate::{Plan, PlanTable, STANDARD_GRAVITY};
+pub use maps::Maps;
+pub use schemes::{Scheme, SchemeReach};
+pub use spread::Spread;
+
 use axes::Frame;
 use image::ImageEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -114,7 +125,7 @@ pub fn write_png(path: &Path, scene: &Scene, plan: &Plan, field: &Field) -> Resu
     };
     let range = map::range(field.peak_g.iter().flatten());
     let places: Vec<String> =
-        plan.targets.iter().map(|target| format!("{:.0}, {:.0} mm", target.x_mm, target.y_mm)).collect();
+        plan.targets.iter().map(|target| format!("{:.0}, {:.0} mm", target.x_m * 1e3, target.y_m * 1e3)).collect();
     let title = format!("{}: touch at {}", scene.name, places.join(" and "));
     let size = (frame.right() + axes::SCALE, frame.bottom() + axes::BESIDE.1);
     write_picture(path, size, |area| {
@@ -122,7 +133,7 @@ pub fn write_png(path: &Path, scene: &Scene, plan: &Plan, field: &Field) -> Resu
         let color = |value: f64| axes::shade((value - range.0) / (range.1 - range.0));
         map::draw(area, frame, scene, field, (range, "peak in g"), color)?;
         for target in &plan.targets {
-            let at = map::place(frame, scene, target.x_mm, target.y_mm);
+            let at = map::place(frame, scene, target.x_m * 1e3, target.y_m * 1e3);
             area.draw(&Cross::new(at, 12, RED.stroke_width(3)))?;
         }
         Ok(())

@@ -3,7 +3,8 @@
 use super::axes::{self, Frame};
 use super::text::{self, Anchor, Drawn, Way};
 use super::{Field, PictureError, TITLE, map, write_picture};
-use crate::reach::{Maps, Measure, Scheme, SchemeReach};
+use super::{Maps, Scheme, SchemeReach};
+use crate::reach::Measure;
 use crate::scene::{Scene, SurfaceKind};
 use crate::table::SurfaceGrid;
 use plotters::coord::Shift;

@@ -1,6 +1,6 @@
 //! What one actuator does at one frequency.
 
-use crate::electrodes::limits::Limit;
+use crate::physics::limits::Limit;
 use crate::scene::MAX_ACTUATORS;
 use nalgebra::DVector;
 use num_complex::Complex64;

@@ -2,10 +2,10 @@
 
 use super::entry::{Entry, HARMONICS, Width};
 use crate::PULSE_WIDTH;
-use crate::electrodes::limits::{Electrodes, HALVINGS, HELD, LEVELS, Limit, TRAVEL_PART, WEAK};
 use crate::model::ReducedModel;
-use crate::motion::rise::Onset;
-use crate::motion::softening::{Excitation, Line, Transducer, settle};
+use crate::physics::limits::{Electrodes, HALVINGS, HELD, LEVELS, Limit, TRAVEL_PART, WEAK};
+use crate::physics::rise::Onset;
+use crate::physics::softening::{Excitation, Line, Transducer, settle};
 use crate::scene::MAX_ACTUATORS;
 use era_shared::limits::RAIL_SLOPE_MILLIVOLTS_PER_MS;
 use nalgebra::DVector;

@@ -5,31 +5,36 @@ mod entry;
 mod forces;
 mod gains;
 mod grid;
+mod part;
+pub mod press;
 mod quadrature;
 mod rough;
+pub(crate) mod shared_limits;
 pub(super) mod stored;
+mod view;
 
 pub use entry::{Entry, HARMONICS, Width, at_point};
 pub use forces::WIDEST;
 pub(super) use forces::{GROWN, harmonic_part, harmonics_m_per_n, travel_by, travel_m_per_n};
 pub use gains::{Gains, SINGLE};
 pub use grid::SurfaceGrid;
+pub use part::Part;
 pub use rough::Rough;
+pub use view::{Region, View};
 
-use crate::choose::shared_frequency::PerPair;
-use crate::choose::shared_limits::SharedLimits;
-use crate::electrodes::limits::Electrodes;
-use crate::electrodes::press::Pressed;
 use crate::model::ReducedModel;
 use crate::model::estimator::Estimator;
 use crate::model::levels::Levels;
-use crate::motion::rise::{Onset, RiseTimes};
-use crate::motion::softening::{Transducer, static_receptance};
-use crate::reach::Part;
+use crate::physics::PerPair;
+use crate::physics::limits::Electrodes;
+use crate::physics::rise::{Onset, RiseTimes};
+use crate::physics::softening::{Transducer, static_receptance};
 use crate::response::ResponseError;
 use crate::scene::{MAX_ACTUATORS, Scene};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
+use press::Pressed;
+use shared_limits::SharedLimits;
 use std::sync::OnceLock;
 
 /// The frequency grid.

@@ -7,12 +7,12 @@
 use super::build::{Panel, drivers, electrodes_of, entries_at, figures_of, free_motion, rows};
 use super::quadrature::products_of;
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
-use crate::electrodes::limits::Limit;
 use crate::model::bounded::Step;
 use crate::model::levels::Levels;
 use crate::model::stored::{Implausible, StoredLevels, StoredMatrix, complex, expect_size, pairs};
 use crate::model::{Accuracy, ReducedModel};
-use crate::motion::softening::static_receptance;
+use crate::physics::limits::Limit;
+use crate::physics::softening::static_receptance;
 use crate::response::Solver;
 use crate::scene::{MAX_ACTUATORS, Scene};
 use nalgebra::DVector;

@@ -1,6 +1,6 @@
-//! What is asked for: targets, quiet zones, time windows.
+//! What is asked for: targets and what is around them, quiet zones.
 
+pub(crate) mod around;
 pub mod quiet;
 pub mod request;
-pub mod schedule;
 pub(crate) mod zone;

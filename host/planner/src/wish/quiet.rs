@@ -8,7 +8,7 @@
 use crate::STANDARD_GRAVITY;
 use crate::chosen::Chosen;
 use crate::chosen::peak;
-use crate::motion::safe::Settled;
+use crate::millimetres;
 use crate::table::PlanTable;
 use crate::wish::request::Quiet;
 use nalgebra::DVector;
@@ -25,19 +25,20 @@ const FINER: f64 = 2.0;
 /// Most points along a zone's diameter: 10 000 in all.
 const MOST_ACROSS: f64 = 100.0;
 /// Peaks in m/s^2 below this are rounding: a ten-thousandth of what is felt at best.
-const NO_PEAK: f64 = 1e-6;
-/// Scalings after the forces in moving gaps are known; one is enough where they are proportional to the voltage squared.
-const MOST_SCALINGS: usize = 4;
+pub(crate) const NO_PEAK: f64 = 1e-6;
 
 /// What a plan does in a quiet zone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct QuietResult {
-    /// In mm from the left edge.
-    pub x_mm: f64,
-    /// In mm from the top edge.
-    pub y_mm: f64,
-    /// In mm.
-    pub radius_mm: f64,
+    /// In m from the left edge.
+    #[serde(rename = "x_mm", serialize_with = "millimetres::one")]
+    pub x_m: f64,
+    /// In m from the top edge.
+    #[serde(rename = "y_mm", serialize_with = "millimetres::one")]
+    pub y_m: f64,
+    /// In m.
+    #[serde(rename = "radius_mm", serialize_with = "millimetres::one")]
+    pub radius_m: f64,
     /// Allowed, in g.
     pub at_most_g: f64,
     /// Largest peak in it, in g: the larger one of forces of masses at rest and in moving gaps; right to 2 %, by which a crest
@@ -47,17 +48,18 @@ pub struct QuietResult {
     pub harmonics_g: f64,
 }
 
+/// A zone and its points.
 #[derive(Clone, Debug)]
-struct Area {
-    quiet: Quiet,
+pub(crate) struct Area {
+    pub(crate) quiet: Quiet,
     /// Mode shapes at points all over it.
-    points: Vec<DVector<f64>>,
+    pub(crate) points: Vec<DVector<f64>>,
 }
 
 /// The quiet zones of a request.
 #[derive(Clone, Debug, Default)]
 pub struct QuietZones {
-    areas: Vec<Area>,
+    pub(crate) areas: Vec<Area>,
     /// Mode shapes at points whose limits are rows, and what these allow in m/s^2.
     pub rows: Vec<(DVector<f64>, f64)>,
 }
@@ -113,59 +115,5 @@ impl QuietZones {
             }
         }
         self.rows.len() > before
-    }
-
-    /// Largest peak in each zone in m/s^2, at rest and settled.
-    fn peaks(&self, table: &PlanTable, drives: &[Chosen], settled: &Settled) -> Vec<f64> {
-        if self.areas.is_empty() {
-            return Vec::new();
-        }
-        // The same motion that the target's softened peak is of.
-        let closer = table.among_harmonics(drives, settled);
-        let settled = closer.as_ref().unwrap_or(settled);
-        let at = |shape: &DVector<f64>| peak(drives, shape).max(table.settled_peak(drives, settled, shape));
-        self.areas.iter().map(|area| area.points.iter().map(at).fold(0.0, f64::max)).collect()
-    }
-}
-
-impl PlanTable {
-    /// Makes drives safe, and quiet where they have to be.
-    pub(crate) fn settled_quietly(
-        &self,
-        zones: &QuietZones,
-        drives: &mut [Chosen],
-    ) -> Option<(Settled, Vec<QuietResult>)> {
-        let mut settled = self.settled(drives)?;
-        let mut peaks = zones.peaks(self, drives, &settled);
-        for _ in 0..MOST_SCALINGS {
-            let parts = zones.areas.iter().zip(&peaks).map(|(area, peak)| {
-                let allowed = area.quiet.at_most_g * STANDARD_GRAVITY;
-                if *peak > allowed.max(NO_PEAK) { allowed / peak } else { 1.0 }
-            });
-            let part = parts.fold(1.0, f64::min);
-            if part >= 1.0 {
-                break;
-            }
-            drives.iter_mut().for_each(|drive| drive.force_n *= part);
-            let again = self.settled(drives)?;
-            let limited = settled.limited.or(again.limited);
-            let scale = settled.scale * part * again.scale;
-            settled = again;
-            (settled.scale, settled.limited, settled.is_quieted) = (scale, limited, true);
-            peaks = zones.peaks(self, drives, &settled);
-        }
-        if zones.areas.is_empty() {
-            return Some((settled, Vec::new()));
-        }
-        let harmonics = self.harmonics(drives, &settled);
-        let results = zones.areas.iter().zip(peaks).map(|(area, peak)| QuietResult {
-            x_mm: area.quiet.x_m * 1e3,
-            y_mm: self.y_m(area.quiet.y_m) * 1e3,
-            radius_mm: area.quiet.radius_m * 1e3,
-            at_most_g: area.quiet.at_most_g,
-            peak_g: peak / STANDARD_GRAVITY,
-            harmonics_g: harmonics.most_g(area.points.iter()),
-        });
-        Some((settled, results.collect()))
     }
 }

@@ -1,7 +1,7 @@
 //! What counts as "at the target": the surface within 10 mm of it.
 
-use crate::choose::shared_frequency::PerPair;
-use crate::reports::near::around;
+use super::around::around;
+use crate::physics::PerPair;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, at_point};
 use crate::wish::request::Target;

@@ -14,7 +14,7 @@
 
 use super::program::{Program, times};
 use super::small::{MOST_UNKNOWNS, Matrix, Vector, add_outer, solve_positive};
-use super::{PerActuator, PerPair, ZERO};
+use super::{PerPair, Phasors, ZERO};
 use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
@@ -47,7 +47,7 @@ pub(super) enum Objective {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Solution {
     /// Phasors in parts of their limits; within this module in eigenvectors of the energy.
-    pub(super) x: PerActuator,
+    pub(super) x: Phasors,
     /// The objective there.
     value: f64,
     /// No feasible point has less.
@@ -61,7 +61,7 @@ struct Barrier {
     vectors: PerPair,
     objective: Objective,
     /// Rows of the travels that may be too far.
-    travels: Vec<PerActuator>,
+    travels: Vec<Phasors>,
     /// Where each phasor's two unknowns are.
     place: [usize; MAX_ACTUATORS],
     unknowns: usize,
@@ -72,7 +72,7 @@ struct Barrier {
 pub(super) fn solve(
     program: &Program,
     objective: Objective,
-    start: &PerActuator,
+    start: &Phasors,
     tolerance: f64,
     enough: impl Fn(f64, f64) -> bool,
 ) -> Solution {
@@ -119,16 +119,16 @@ impl Barrier {
         Self { program: turned, vectors, objective, travels, place, unknowns }
     }
 
-    fn to_phasors(&self, v: &PerActuator) -> PerActuator {
+    fn to_phasors(&self, v: &Phasors) -> Phasors {
         std::array::from_fn(|i| times(&self.vectors[i], v))
     }
 
-    fn to_eigenvectors(&self, x: &PerActuator) -> PerActuator {
+    fn to_eigenvectors(&self, x: &Phasors) -> Phasors {
         std::array::from_fn(|n| (0..MAX_ACTUATORS).map(|i| self.vectors[i][n].conj() * x[i]).sum())
     }
 
     /// Rows r of the limits |r v| <= 1: phasors, then travels.
-    fn limits(&self) -> impl Iterator<Item = &PerActuator> {
+    fn limits(&self) -> impl Iterator<Item = &Phasors> {
         self.program.actuators().map(|i| &self.vectors[i]).chain(&self.travels)
     }
 
@@ -139,14 +139,14 @@ impl Barrier {
     }
 
     /// How much the objective may change at all, roughly.
-    fn span(&self, v: &PerActuator) -> f64 {
+    fn span(&self, v: &Phasors) -> f64 {
         match self.objective {
             Objective::LeastEnergy => self.program.energy_of(v),
             Objective::MostPeak => self.program.most_peak(),
         }
     }
 
-    fn value(&self, v: &PerActuator) -> f64 {
+    fn value(&self, v: &Phasors) -> f64 {
         match self.objective {
             Objective::LeastEnergy => self.program.energy_of(v),
             Objective::MostPeak => -self.program.peak(v),
@@ -154,7 +154,7 @@ impl Barrier {
     }
 
     /// Objective and barrier; infinite outside.
-    fn merit(&self, weight: f64, v: &PerActuator) -> f64 {
+    fn merit(&self, weight: f64, v: &Phasors) -> f64 {
         let mut logs = 0.0;
         let mut inside = true;
         let mut add = |slack: f64| {
@@ -171,7 +171,7 @@ impl Barrier {
     }
 
     /// Newton's method on the barrier, up to the last step, which is returned.
-    fn centre(&self, weight: f64, point: &mut PerActuator) -> Vector {
+    fn centre(&self, weight: f64, point: &mut Phasors) -> Vector {
         const NONE: Vector = [0.0; MOST_UNKNOWNS];
         let mut merit = self.merit(weight, point);
         for _ in 0..STEPS {
@@ -196,7 +196,7 @@ impl Barrier {
         NONE
     }
 
-    fn moved(&self, point: &PerActuator, step: &Vector, length: f64) -> PerActuator {
+    fn moved(&self, point: &Phasors, step: &Vector, length: f64) -> Phasors {
         let mut moved = *point;
         for i in self.program.actuators() {
             moved[i] += Complex64::new(step[self.place[i]], step[self.place[i] + 1]) * length;
@@ -205,7 +205,7 @@ impl Barrier {
     }
 
     /// The Newton step and the square of its decrement.
-    fn newton(&self, weight: f64, point: &PerActuator) -> Option<(Vector, f64)> {
+    fn newton(&self, weight: f64, point: &Phasors) -> Option<(Vector, f64)> {
         let program = &self.program;
         let (mut gradient, mut hessian) = ([0.0; MOST_UNKNOWNS], [[0.0; MOST_UNKNOWNS]; MOST_UNKNOWNS]);
         // Weight of the energy, pull towards the peak, and how the pull changes with it.
@@ -236,7 +236,7 @@ impl Barrier {
     }
 
     /// Adds -log(1 - |z|^2) with z = row v.
-    fn add_limit(&self, row: &PerActuator, z: Complex64, gradient: &mut Vector, hessian: &mut Matrix) {
+    fn add_limit(&self, row: &Phasors, z: Complex64, gradient: &mut Vector, hessian: &mut Matrix) {
         let slack = slack(z);
         // Gradients of Re z, Im z and of the slack.
         let (mut re, mut im) = ([0.0; MOST_UNKNOWNS], [0.0; MOST_UNKNOWNS]);
@@ -257,7 +257,7 @@ impl Barrier {
     /// The certificate at a point, with the dual variables as they will be, to first order, after the Newton step: they solve
     /// the equations of the optimum in all phasors that no limit touches, where a slack's own rounding would not let them.
     /// The solution's point is the one after the step, if that is inside.
-    fn certify(&self, weight: f64, point: &PerActuator, step: &Vector) -> Solution {
+    fn certify(&self, weight: f64, point: &Phasors, step: &Vector) -> Solution {
         let program = &self.program;
         let after = self.moved(point, step, 1.0);
         // Changes come from the step itself: as differences they would be lost in rounding.
@@ -271,7 +271,7 @@ impl Barrier {
             Objective::MostPeak => (1.0, 0.0, 0.0),
         };
         let energy = program.energy_times(&after);
-        let mut w: PerActuator =
+        let mut w: Phasors =
             std::array::from_fn(|i| program.gain[i].conj() * of_peak - energy[i] * (2.0 * energy_weight));
         let mut of_travels = 0.0;
         for row in &self.travels {

@@ -1,6 +1,6 @@
 //! Plans with one frequency for all actuators, and phases.
 
-use super::{Field, PerActuator, PerPair, best};
+use super::{Field, PerPair, Phasors, best};
 use crate::MOST_CONDITION;
 use crate::choose::allocate::{Allocation, Prices};
 use crate::choose::candidates::Formulation;
@@ -59,7 +59,7 @@ impl PlanTable {
 
 /// The field at a target.
 struct Data {
-    gain: Vec<PerActuator>,
+    gain: Vec<Phasors>,
     energy: Vec<PerPair>,
     max_force_n: Vec<[f64; MAX_ACTUATORS]>,
     travel: Vec<PerPair>,

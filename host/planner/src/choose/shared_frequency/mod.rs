@@ -23,13 +23,9 @@ mod small;
 mod tests;
 mod unlimited;
 
+use crate::physics::{PerPair, Phasors};
 use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
-
-/// One complex number per actuator.
-pub type PerActuator = [Complex64; MAX_ACTUATORS];
-/// One complex number per pair of actuators, row by row.
-pub type PerPair = [PerActuator; MAX_ACTUATORS];
 
 const ZERO: Complex64 = Complex64::ZERO;
 
@@ -42,7 +38,7 @@ pub struct Field<'a> {
     /// How many there are: 1 to [`MAX_ACTUATORS`].
     pub actuators: usize,
     /// Acceleration at the target per newton of each actuator, in m/s^2/N.
-    pub gain: &'a [PerActuator],
+    pub gain: &'a [Phasors],
     /// Mean over elsewhere of conj(H_i) H_j in (m/s^2/N)^2: Hermitian, positive (semi)definite. Only the lower triangle is
     /// read.
     pub energy: &'a [PerPair],
@@ -60,7 +56,7 @@ pub struct BestPhasors {
     /// Index into the grid.
     pub frequency: usize,
     /// Phasors of the forces in N; in phase at the target, where their sum is real.
-    pub forces_n: PerActuator,
+    pub forces_n: Phasors,
     /// Mean square elsewhere in (m/s^2)^2.
     pub energy: f64,
     /// Peak at the target in m/s^2: what is wanted, or the most that there is less a part of [`REACH_SLACK`].

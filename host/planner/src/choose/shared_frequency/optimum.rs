@@ -2,7 +2,7 @@
 
 use super::barrier::{Objective, solve};
 use super::program::Program;
-use super::{PerActuator, ZERO};
+use super::{Phasors, ZERO};
 use crate::scene::MAX_ACTUATORS;
 
 /// Relative gap between value and bound at which the least energy counts as found.
@@ -16,7 +16,7 @@ const INSIDE: f64 = 0.2;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Optimum {
     /// Phasors in parts of their limits.
-    pub(super) x: PerActuator,
+    pub(super) x: Phasors,
     /// What is minimised: the energy, or minus the peak.
     pub(super) cost: f64,
     /// No phasors cost less.

@@ -2,7 +2,7 @@
 
 use super::small::eigen;
 use super::unlimited::Unlimited;
-use super::{Field, PerActuator, PerPair, ZERO, list};
+use super::{Field, PerPair, Phasors, ZERO, list};
 use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
@@ -22,7 +22,7 @@ pub(super) struct Program {
     /// Actuators that can be driven, as a mask.
     pub(super) used: u8,
     /// Peak: Re(sum gain_i x_i), as the phase of all together is free.
-    pub(super) gain: PerActuator,
+    pub(super) gain: Phasors,
     /// Energy: x^H energy x.
     pub(super) energy: PerPair,
     /// Travel of i: |sum_j travel_ij x_j|.
@@ -59,17 +59,17 @@ impl Program {
     }
 
     /// Re(sum gain_i x_i).
-    pub(super) fn peak(&self, x: &PerActuator) -> f64 {
+    pub(super) fn peak(&self, x: &Phasors) -> f64 {
         self.actuators().map(|i| (self.gain[i] * x[i]).re).sum()
     }
 
     /// energy x.
-    pub(super) fn energy_times(&self, x: &PerActuator) -> PerActuator {
+    pub(super) fn energy_times(&self, x: &Phasors) -> Phasors {
         std::array::from_fn(|i| times(&self.energy[i], x))
     }
 
     /// x^H energy x.
-    pub(super) fn energy_of(&self, x: &PerActuator) -> f64 {
+    pub(super) fn energy_of(&self, x: &Phasors) -> f64 {
         self.energy_times(x).iter().zip(x).map(|(ex, x)| (x.conj() * ex).re).sum()
     }
 
@@ -84,7 +84,7 @@ impl Program {
     }
 
     /// Whether the limits hold.
-    pub(super) fn allows(&self, x: &PerActuator) -> bool {
+    pub(super) fn allows(&self, x: &Phasors) -> bool {
         let travels = self.travel.iter().map(|row| times(row, x));
         x.iter().copied().chain(travels).all(|z| z.norm() <= 1.0 + ROUNDING)
     }
@@ -93,7 +93,7 @@ impl Program {
     /// limited in the old unknowns only.
     pub(super) fn in_eigenvectors(&self) -> (Self, PerPair) {
         let (energies, turn) = eigen(&self.energy);
-        let turned = |row: &PerActuator| -> PerActuator {
+        let turned = |row: &Phasors| -> Phasors {
             std::array::from_fn(|n| (0..MAX_ACTUATORS).map(|i| row[i] * turn[i][n]).sum())
         };
         let mut energy = [[ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
@@ -104,7 +104,7 @@ impl Program {
     }
 
     /// energy^-1 conj(gain) by Cholesky's method: the direction of the best phasors without limits. Its peak is its energy.
-    pub(super) fn unlimited(&self) -> PerActuator {
+    pub(super) fn unlimited(&self) -> Phasors {
         let (mut factor, mut x) = (self.energy, self.gain.map(|gain| gain.conj()));
         for i in self.actuators() {
             for j in self.actuators().take_while(|j| *j <= i) {
@@ -133,6 +133,6 @@ impl Program {
 }
 
 /// Sum of row_j x_j.
-pub(super) fn times(row: &PerActuator, x: &PerActuator) -> Complex64 {
+pub(super) fn times(row: &Phasors, x: &Phasors) -> Complex64 {
     row.iter().zip(x).map(|(entry, x)| entry * x).sum()
 }

@@ -29,7 +29,7 @@ impl Random {
 pub(super) struct Owned {
     pub(super) frequencies_hz: Vec<f64>,
     pub(super) actuators: usize,
-    pub(super) gain: Vec<PerActuator>,
+    pub(super) gain: Vec<Phasors>,
     pub(super) energy: Vec<PerPair>,
     pub(super) max_force_n: Vec<[f64; 4]>,
     pub(super) travel: Vec<PerPair>,
@@ -137,8 +137,8 @@ struct Figures {
 }
 
 impl Figures {
-    fn of(field: &Field<'_>, k: usize, u: &PerActuator) -> Self {
-        let sum = |row: &PerActuator| row.iter().zip(u).map(|(entry, u)| entry * u).sum::<Complex64>();
+    fn of(field: &Field<'_>, k: usize, u: &Phasors) -> Self {
+        let sum = |row: &Phasors| row.iter().zip(u).map(|(entry, u)| entry * u).sum::<Complex64>();
         let forces =
             (0..field.actuators).map(|i| if u[i] == ZERO { 0.0 } else { u[i].norm() / field.max_force_n[k][i] });
         let travels = (0..field.actuators).map(|i| sum(&field.travel[k][i]).norm() / field.max_travel_m[i]);

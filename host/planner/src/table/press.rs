@@ -6,9 +6,9 @@
 //! s g phi(u), s what they take off its spring at rest and phi(u) = u / (1 - u^2)^2, half the difference of (1 - u)^-2 / 2 and (1 + u)^-2 / 2.
 //! An inertial ERA's mass follows what is steady, and its gap stays. The sag is where the springs hold both: x_i = P |G_i| + sum_j G_ij s_j g_j phi(u_j).
 
-use crate::electrodes::limits::{Electrodes, HELD, TRAVEL_PART};
 use crate::model::ReducedModel;
-use crate::motion::softening::{STATIC_HZ, travel_receptance};
+use crate::physics::limits::{Electrodes, HELD, TRAVEL_PART};
+use crate::physics::softening::{STATIC_HZ, travel_receptance};
 use crate::response::Solver;
 use crate::scene::{MAX_ACTUATORS, Mount, Scene};
 use crate::table::{SurfaceGrid, WIDEST, at_point};

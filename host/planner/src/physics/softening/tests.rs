@@ -22,7 +22,7 @@ impl Rig {
         Self { body_kg: 1e12, body_n_per_m: 0.0, damping, eras: 1 }
     }
 
-    fn receptance(&self, frequency_hz: f64) -> Matrix {
+    fn receptance(&self, frequency_hz: f64) -> PerPair {
         let (n, omega) = (1 + self.eras, TAU * frequency_hz);
         let mut matrix = DMatrix::<Complex64>::zeros(n, n);
         matrix[(0, 0)] = Complex64::new(self.body_n_per_m - omega * omega * self.body_kg, omega * self.damping);
@@ -206,7 +206,7 @@ fn what_the_model_has_softened_already_is_not_softened_twice() {
     let plain = rig.receptance(90.0);
     let mut softened = plain;
     softened[0][0] = 1.0 / (1.0 / plain[0][0] - counted);
-    let line = |receptance: Matrix| Line { frequency: 0, harmonic: 1, receptance };
+    let line = |receptance: PerPair| Line { frequency: 0, harmonic: 1, receptance };
     let one = settle(&[ERA], &[drive], &[line(plain)]).unwrap();
     let other = settle(&[Transducer { counted_n_per_m: counted, ..ERA }], &[drive], &[line(softened)]).unwrap();
     let (one, other) = (one.travel_m[0][0], other.travel_m[0][0]);

@@ -1,7 +1,7 @@
 //! How much of a motion is that of a rigid body: such a motion of a held panel has few nodes, or none.
 
-use super::part::Part;
-use super::setting::together;
+use crate::reach::setting::together;
+use crate::table::Part;
 use crate::table::{PlanTable, SurfaceGrid};
 use num_complex::Complex64;
 use std::f64::consts::TAU;

@@ -23,7 +23,7 @@ impl PlanTable {
         if peak <= 0.0 {
             return Bound::Unknown(UNMOVED);
         }
-        let at = (target.x_mm / 1e3, target.y_mm / 1e3);
+        let at = (target.x_m, target.y_m);
         let shape = self.model.shape_at(at.0, at.1);
         let fine = drives.iter().enumerate().map(|(i, drive)| {
             drive.row.get(i).map_or(Complex64::ZERO, |entry| at_point(&shape, &entry.acceleration)) * drive.force_n

@@ -3,8 +3,8 @@
 use crate::choose::candidates::Formulation;
 use crate::chosen::{MadeOf, peak};
 use crate::motion::plan_motion::applied;
+use crate::plan::limitation::{self, Limitation, add};
 use crate::plan::{Plan, TargetResult};
-use crate::reports::limitation::{self, Limitation, add};
 use crate::table::PlanTable;
 use crate::wish::request::{Quiet, Request, Target};
 use crate::{PlanError, STANDARD_GRAVITY};
@@ -17,19 +17,16 @@ impl PlanTable {
     /// [`PlanError`], which a plan of this table does not cause.
     pub fn weaker(&self, plan: &Plan, part: f64) -> Result<Plan, PlanError> {
         let mut drives = plan.made_of.0.to_vec();
-        for (drive, applied) in drives.iter_mut().zip(applied(plan)) {
+        for (drive, applied) in drives.iter_mut().zip(applied(&plan.drives)) {
             drive.force_n *= part;
             drive.width.pulse_width = applied.pulse_width;
         }
-        let target = |result: &TargetResult| Target {
-            x_m: result.x_mm / 1e3,
-            y_m: result.y_mm / 1e3,
-            intensity_g: Some(result.wanted_g),
-        };
+        let target =
+            |result: &TargetResult| Target { x_m: result.x_m, y_m: result.y_m, intensity_g: Some(result.wanted_g) };
         let quiet = plan.quiet.iter().map(|zone| Quiet {
-            x_m: zone.x_mm / 1e3,
-            y_m: zone.y_mm / 1e3,
-            radius_m: zone.radius_mm / 1e3,
+            x_m: zone.x_m,
+            y_m: zone.y_m,
+            radius_m: zone.radius_m,
             at_most_g: zone.at_most_g,
         });
         let request = Request {

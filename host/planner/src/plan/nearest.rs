@@ -2,8 +2,8 @@
 
 use crate::choose::refine::Selection;
 use crate::chosen::groups;
-use crate::electrodes::limits::Limit;
-use crate::reports::limitation::{Limitation, add};
+use crate::physics::limits::Limit;
+use crate::plan::limitation::{Limitation, add};
 use crate::table::PlanTable;
 use num_complex::Complex64;
 

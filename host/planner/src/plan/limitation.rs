@@ -1,6 +1,6 @@
 //! What keeps a plan or an effect below its wish: a code for programs, a text for people.
 
-use crate::electrodes::limits::Limit;
+use crate::physics::limits::Limit;
 use crate::table::PlanTable;
 use serde::{Serialize, Serializer, ser::SerializeStruct};
 use std::fmt;

@@ -14,7 +14,8 @@
 
 use super::{RIGID_RAD_S, RiseTimes};
 use crate::model::ReducedModel;
-use crate::motion::softening::{Matrix, NearPole, TimeResponse, Vector};
+use crate::physics::softening::{NearPole, TimeResponse};
+use crate::physics::{PerPair, Phasors};
 use crate::scene::MAX_ACTUATORS;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -46,14 +47,14 @@ struct OwnPole {
     /// In 1/s.
     s: Complex64,
     /// x2 . b.
-    input: Vector,
+    input: Phasors,
     /// (row . x2) / s.
-    output: Vector,
+    output: Phasors,
 }
 
 impl OwnPole {
     /// What forces drive it by.
-    fn pushed(&self, force_n: &Vector) -> Complex64 {
+    fn pushed(&self, force_n: &Phasors) -> Complex64 {
         self.input.iter().zip(force_n).map(|(b, force)| b * force).sum()
     }
 }
@@ -126,7 +127,7 @@ impl Onset {
     #[must_use]
     pub fn overshoots_at_once(
         &self,
-        force_n: &Vector,
+        force_n: &Phasors,
         frequency_hz: f64,
         steady: &[Complex64; MAX_ACTUATORS],
     ) -> [f64; MAX_ACTUATORS] {
@@ -145,7 +146,7 @@ impl Onset {
 
     /// What forces with the phasors `force_n` at `frequency_hz` do to every pole, whose rails take `rise_s` to rise.
     #[must_use]
-    pub fn participations(&self, force_n: &Vector, frequency_hz: f64, rise_s: f64) -> Vec<Participation> {
+    pub fn participations(&self, force_n: &Phasors, frequency_hz: f64, rise_s: f64) -> Vec<Participation> {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         let turned_n = force_n.map(|force| force.conj());
         let participation = |pole: &OwnPole| {
@@ -196,7 +197,7 @@ impl Onset {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         // What does not depend on the mass.
         let mut against = [0.0; MAX_ACTUATORS];
-        let motions: Vec<(Complex64, Complex64, &Vector)> = self
+        let motions: Vec<(Complex64, Complex64, &Phasors)> = self
             .poles
             .iter()
             .map(|pole| {
@@ -219,7 +220,7 @@ impl Onset {
     /// What the poles that [`Onset::time_response`] takes to follow at once may leave of their parts on the way, in m, for these
     /// forces at `frequency_hz` over `rise_s` each, and the phasors that turn the other way.
     #[must_use]
-    pub fn beyond(&self, frequency_hz: f64, forces: &Vector, rise_s: &[f64; MAX_ACTUATORS]) -> [f64; MAX_ACTUATORS] {
+    pub fn beyond(&self, frequency_hz: f64, forces: &Phasors, rise_s: &[f64; MAX_ACTUATORS]) -> [f64; MAX_ACTUATORS] {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         let mut sums = [0.0; MAX_ACTUATORS];
         for pole in &self.poles {
@@ -238,7 +239,7 @@ impl Onset {
 
     /// How masses follow forces at `frequency_hz`, where their steady travel is `receptance` per force.
     #[must_use]
-    pub fn time_response(&self, frequency_hz: f64, receptance: &Matrix) -> TimeResponse {
+    pub fn time_response(&self, frequency_hz: f64, receptance: &PerPair) -> TimeResponse {
         let jw = Complex64::new(0.0, TAU * frequency_hz);
         let near = |pole: &OwnPole| NearPole { beat: pole.s - jw, input: pole.input, output: pole.output };
         let near_poles: Vec<NearPole> = self.poles.iter().filter(|pole| is_near(pole, jw)).map(near).collect();

@@ -4,9 +4,9 @@ use crate::choose::allocate::{Allocation, Prices};
 use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
 use crate::chosen::Chosen;
-use crate::reach::{Region, schemes};
+use crate::reach::everywhere;
 use crate::scene::MAX_ACTUATORS;
-use crate::table::{PlanTable, at_point};
+use crate::table::{PlanTable, Region, at_point};
 use crate::wish::request::PlanError;
 
 impl PlanTable {
@@ -17,7 +17,7 @@ impl PlanTable {
         zone: Option<Region>,
         wanted: &[f64],
     ) -> Result<Selection, PlanError> {
-        let within = zone.map(|zone| schemes::everywhere(self, Some(zone)));
+        let within = zone.map(|zone| everywhere::everywhere(self, Some(zone)));
         let found = within.as_ref().map_or_else(|| self.everywhere(), Option::as_ref);
         let (setting, gap) = found.ok_or(PlanError::NoFrequencies)?;
         let mut drives = Vec::with_capacity(setting.len());

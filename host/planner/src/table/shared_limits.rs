@@ -9,8 +9,8 @@
 //!   steady forces there; beyond 1 it is pulled in, and up to [`HELD`] is allowed.
 //! - Rails: actuators on one rail have its voltage, the highest that one of them asks for.
 
-use crate::electrodes::limits::{Electrodes, HELD, Limit};
-use crate::motion::softening::Transducer;
+use crate::physics::limits::{Electrodes, HELD, Limit};
+use crate::physics::softening::Transducer;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{Entry, Width};
 use era_shared::supply::rail_of;

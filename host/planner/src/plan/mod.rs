@@ -1,16 +1,25 @@
 //! The plan for a touch.
 
+mod bound;
+pub mod limitation;
+mod nearest;
+mod weaker;
+
 use crate::STANDARD_GRAVITY;
 use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
-use crate::choose::search::{BestCombination, Choices, Work};
+use crate::choose::search::{BestCombination, Choices};
 use crate::chosen::{Chosen, MadeOf, groups, meets, peak};
+use crate::drive::Drive;
+use crate::millimetres;
+use crate::motion::plan_motion::PlanMotion;
 use crate::motion::safe::Settled;
 use crate::perception::above_threshold_db;
-use crate::reports::limitation::{self, Limitation, add};
 use crate::table::{PlanTable, at_point};
 use crate::wish::quiet::QuietResult;
+use crate::wish::request::Work;
 use crate::wish::request::{Grouping, Objective, PlanError, Request, Target, Weigh};
+use limitation::{Limitation, add};
 use nalgebra::DVector;
 use serde::Serialize;
 use std::time::Instant;
@@ -25,23 +34,6 @@ const NO_GAP: f64 = 1e-9;
 const MOST_GAP: f64 = 1e6;
 /// Part of a wish that counts as met.
 pub(crate) const MET: f64 = 1.0 - 1e-6;
-
-/// One actuator's part.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Drive {
-    /// The actuator's `id`.
-    pub actuator: String,
-    /// Fundamental of its force in Hz.
-    pub frequency_hz: f64,
-    /// Electrode voltage in V.
-    pub voltage_v: f64,
-    /// Part of its half period for which an electrode is on.
-    pub pulse_width: f64,
-    /// Phase of its force in rad.
-    pub phase_rad: f64,
-    /// Amplitude of the force's fundamental in N, the mass at rest.
-    pub force_n: f64,
-}
 
 /// What the plan should do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -62,10 +54,12 @@ pub struct Predicted {
 /// One target's share.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TargetResult {
-    /// In mm from the left edge.
-    pub x_mm: f64,
-    /// In mm from the top edge.
-    pub y_mm: f64,
+    /// In m from the left edge.
+    #[serde(rename = "x_mm", serialize_with = "millimetres::one")]
+    pub x_m: f64,
+    /// In m from the top edge.
+    #[serde(rename = "y_mm", serialize_with = "millimetres::one")]
+    pub y_m: f64,
     /// Wanted in g.
     pub wanted_g: f64,
     /// Predicted in g.
@@ -75,8 +69,9 @@ pub struct TargetResult {
 /// The plan for a touch.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
-    /// The (first) target in mm.
-    pub target_mm: [f64; 2],
+    /// The (first) target in m.
+    #[serde(rename = "target_mm", serialize_with = "millimetres::two")]
+    pub target_m: [f64; 2],
     /// All targets.
     pub targets: Vec<TargetResult>,
     /// The quiet zones.
@@ -165,8 +160,8 @@ impl PlanTable {
             .iter()
             .zip(wanted_g.iter().zip(&peaks_g))
             .map(|(target, (wanted_g, peak_g))| TargetResult {
-                x_mm: target.x_m * 1e3,
-                y_mm: self.y_m(target.y_m) * 1e3,
+                x_m: target.x_m,
+                y_m: self.y_m(target.y_m),
                 wanted_g: *wanted_g,
                 peak_g: *peak_g,
             })
@@ -174,7 +169,7 @@ impl PlanTable {
         let first = *targets.first().ok_or(PlanError::Count { count: 0 })?;
         let limits = self.limitations(request, &selection, &settled, &targets);
         let plan = Plan {
-            target_mm: [first.x_mm, first.y_mm],
+            target_m: [first.x_m, first.y_m],
             predicted: self.predict(&formulation, &selection.drives, &settled, first.peak_g),
             limited_by: limitation::text(&limits),
             limits,
@@ -189,6 +184,13 @@ impl PlanTable {
             elapsed_us: started.elapsed().as_secs_f64() * 1e6,
         };
         Ok(Planned { plan, drives: selection.drives, settled, shapes: formulation.zone.targets })
+    }
+
+    /// How far `plan`, one of this table's, takes the masses and what it leaves; `None` where that cannot be told: at a
+    /// resonance without damping, or without poles.
+    #[must_use]
+    pub fn motion(&self, plan: &Plan) -> Option<PlanMotion> {
+        self.motion_of_drives(&plan.made_of.0, &plan.drives)
     }
 
     /// Distinct frequencies: the best combination, refined; with further points of quiet zones until none is too strong.

@@ -1,12 +1,13 @@
 //! Reach maps: what can be had at every point of the surface.
 
-use super::measure::{Measure, Region, View};
-use super::part::Part;
-use super::search;
-use crate::choose::search::Work;
-use super::setting::command;
-use super::space::Space;
+use crate::reach::Measure;
+use crate::reach::Space;
+use crate::reach::search;
+use crate::reach::setting::command;
+use crate::table::Part;
 use crate::table::PlanTable;
+use crate::table::{Region, View};
+use crate::wish::request::Work;
 use crate::{PlanError, Target};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -76,10 +77,8 @@ impl Maps {
         let grid = &table.grid;
         let view = View::new(table, region).ok_or(PlanError::NoFrequencies)?;
         let space = Space::of(table, &view.shapes, |hz| Measure::G.weight(hz));
-        let found: Vec<Strongest> = strongest(table, &space)
-            .into_iter()
-            .collect::<Option<_>>()
-            .ok_or(PlanError::NoFrequencies)?;
+        let found: Vec<Strongest> =
+            strongest(table, &space).into_iter().collect::<Option<_>>().ok_or(PlanError::NoFrequencies)?;
         let columns = grid.x_m.len().max(1);
         let contrasts: Vec<(f64, Vec<f64>)> = view
             .points

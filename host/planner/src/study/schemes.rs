@@ -1,31 +1,19 @@
 //! Three ways to drive a panel, side by side: what each can do everywhere at once, and touch by touch.
 //!
 //! All are held to the same limits, that of every plan: pulse widths as wide as the table has them, room for harmonics and for
-//! switching on, shared rails, and the nonlinear motion as the last word ([`super::setting`]). What differs is that at one
+//! switching on, shared rails, and the nonlinear motion as the last word ([`crate::reach::setting`]). What differs is that at one
 //! frequency phasors add, of motion at a point and of travel, and at distinct ones moduli do.
 
 use super::maps;
-use super::measure::{Measure, Region, View};
-use super::part::Part;
 use super::rigid;
-use super::search;
-use crate::choose::search::Work;
-use super::setting::{self, command, peaks};
 use super::shared::{self, Phases};
-use super::space::Space;
 use super::spread::{Spread, below};
 use crate::PlanError;
-use crate::table::PlanTable;
-use nalgebra::DMatrix;
-use num_complex::Complex64;
+use crate::reach::everywhere::{EQUAL_MINIMA, strongest_everywhere};
+use crate::reach::setting::{command, peaks};
+use crate::reach::{Measure, Space};
+use crate::table::{Part, PlanTable, Region, View};
 use serde::Serialize;
-
-/// Points of the finer grid that are added at once to those that the weakest place is looked for at.
-const ADDED: usize = 12;
-/// Rounds of that. A dozen is usual.
-const REFINEMENTS: usize = 200;
-/// Relative difference of minima that counts as none.
-const EQUAL_MINIMA: f64 = 1e-6;
 
 /// A way to drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -114,29 +102,6 @@ pub fn compare(table: &PlanTable, region: Option<Region>, measure: Measure) -> R
     Ok(schemes)
 }
 
-/// The setting at distinct frequencies with the largest minimum over the surface, or a part of it, for masses at rest, and by which part another
-/// could have a larger one. `None` where no frequencies are usable.
-#[must_use]
-pub fn everywhere(table: &PlanTable, region: Option<Region>) -> Option<(Vec<Part>, f64)> {
-    let compared = Compared { table, view: View::new(table, region)?, measure: Measure::G };
-    let space = Space::of(table, &compared.view.shapes, |hz| compared.measure.weight(hz));
-    let (setting, at_most) = compared.everywhere(space)?;
-    let least = compared.least(&compared.view.finer, &setting);
-    Some((setting, if least > 0.0 { (at_most / least - 1.0).max(0.0) } else { 0.0 }))
-}
-
-impl PlanTable {
-    /// The setting of [`everywhere`] for the whole surface, found when it is first asked for.
-    pub(crate) fn everywhere(&self) -> Option<&(Vec<Part>, f64)> {
-        self.evened.get_or_init(|| everywhere(self, None)).as_ref()
-    }
-
-    /// Finds that setting now, for those who will ask.
-    pub fn prepare_reach(&self) {
-        let _ = self.everywhere();
-    }
-}
-
 /// How many amplitude ratios and phases the schemes with one frequency try at each, before refinement.
 #[must_use]
 pub fn tried(table: &PlanTable) -> [usize; 2] {
@@ -168,56 +133,9 @@ impl Compared<'_> {
         let space = Space::of(self.table, &self.view.shapes, |hz| self.measure.weight(hz));
         let touches = maps::strongest(self.table, &space);
         let per_touch = touches.into_iter().map(|touch| Some(touch?.peak)).collect::<Option<_>>()?;
-        let (mut setting, at_most) = self.everywhere(space)?;
+        let (mut setting, at_most) = strongest_everywhere(self.table, &self.view, self.measure, space)?;
         let scale = command(self.table, &mut setting)?;
         Some(SchemeResult { setting, scale, at_most: Some(at_most), per_touch })
-    }
-
-    /// Least peak of a setting at points with these mode shapes.
-    fn least(&self, shapes: &DMatrix<f64>, setting: &[Part]) -> f64 {
-        peaks(self.table, shapes, setting, self.measure).into_iter().fold(f64::INFINITY, f64::min)
-    }
-
-    /// The setting with the largest minimum on the finer grid, and a bound on that: the optimum at some points is one, and
-    /// points where its setting does less join them.
-    fn everywhere(&self, mut space: Space) -> Option<(Vec<Part>, f64)> {
-        let finer = &self.view.finer;
-        let mut added: Vec<usize> = Vec::new();
-        let mut strongest: Option<(f64, Vec<Part>)> = None;
-        let mut upper = f64::INFINITY;
-        let mut hint: Option<Vec<usize>> = None;
-        // With little work as long as points join.
-        let mut effort = Work::Touch;
-        for _ in 0..REFINEMENTS {
-            let all: Vec<usize> = (0..space.points).collect();
-            let best = search::best(&space, &all, effort, hint.as_deref())?;
-            upper = upper.min(best.upper);
-            let setting = best.setting(self.table, &space);
-            hint = Some(best.choice.clone());
-            let peaks = peaks(self.table, finer, &setting, self.measure);
-            let mut weaker: Vec<usize> = (0..peaks.len())
-                .filter(|x| peaks[*x] < best.least * (1.0 - EQUAL_MINIMA) && !added.contains(x))
-                .collect();
-            weaker.sort_by(|a, b| peaks[*a].total_cmp(&peaks[*b]));
-            let least = peaks.iter().copied().fold(f64::INFINITY, f64::min);
-            if strongest.as_ref().is_none_or(|strongest| least > strongest.0) {
-                strongest = Some((least, setting));
-            }
-            if weaker.is_empty() {
-                if effort == Work::Surface {
-                    break;
-                }
-                effort = Work::Surface;
-                continue;
-            }
-            // The worst, and others from all of the range.
-            added.extend(weaker.iter().step_by(weaker.len().div_ceil(ADDED)));
-            let shapes = finer.select_rows(&added);
-            let rows: Vec<_> = self.view.shapes.row_iter().chain(shapes.row_iter()).collect();
-            space = Space::of(self.table, &DMatrix::from_rows(&rows), |hz| self.measure.weight(hz));
-        }
-        let (least, setting) = strongest?;
-        Some((setting, if upper <= least * (1.0 + 2.0 * EQUAL_MINIMA) { least } else { upper }))
     }
 
     fn told(&self, scheme: Scheme, found: SchemeResult) -> Option<SchemeReach> {
@@ -243,13 +161,5 @@ impl Compared<'_> {
             one_setting_field,
             per_touch_field,
         })
-    }
-}
-
-impl search::Best {
-    /// The choice as forces of masses at rest.
-    pub(super) fn setting(&self, table: &PlanTable, space: &Space) -> Vec<Part> {
-        let each = self.choice.iter().zip(&self.parts).enumerate();
-        each.map(|(i, (f, part))| setting::part(table, i, *f, Complex64::from(part * space.force_n(i, *f)))).collect()
     }
 }

@@ -5,7 +5,7 @@
 //! under the voltages as they are. That is the averaged motion (Krylov and Bogoliubov) of what [`super::settle`] finds the end
 //! of: it tells how far masses go beyond it, and whether a softening spring's other motion is where they end.
 
-use super::{ClosingGaps, Excitation, Line, MAX_LINES, Matrix, Motion, NotSafe, Transducer, Vector, times};
+use super::{ClosingGaps, Excitation, Line, MAX_LINES, Motion, NotSafe, PerPair, Phasors, Transducer, times};
 use crate::scene::MAX_ACTUATORS;
 use num_complex::Complex64;
 
@@ -22,9 +22,9 @@ pub struct NearPole {
     /// s - jw, in 1/s.
     pub beat: Complex64,
     /// What a force on each actuator drives it by.
-    pub input: Vector,
+    pub input: Phasors,
     /// What it moves each actuator's mass by.
-    pub output: Vector,
+    pub output: Phasors,
 }
 
 /// A line's receptance in time.
@@ -33,7 +33,7 @@ pub struct TimeResponse {
     /// What takes its time.
     pub near_poles: Vec<NearPole>,
     /// What follows at once, in m/N.
-    pub at_once: Matrix,
+    pub at_once: PerPair,
 }
 
 /// Most that each actuator's mass is away from its middle in m while the rails rise, each over its `rise_s`, and until the
@@ -116,14 +116,14 @@ struct State {
 }
 
 impl State {
-    fn new(pole: &NearPole, steady_n: &Vector) -> Self {
+    fn new(pole: &NearPole, steady_n: &Phasors) -> Self {
         let turn = (pole.beat * RAMP_STEP_S).exp();
         let input: Complex64 = pole.input.iter().zip(steady_n).map(|(b, force)| b * force).sum();
         Self { now: Complex64::ZERO, steady: -input / pole.beat, turn, gain: (turn - 1.0) / pole.beat }
     }
 
     /// What is left to the steady motion after a step.
-    fn step(&mut self, pole: &NearPole, forces: &Vector) -> Complex64 {
+    fn step(&mut self, pole: &NearPole, forces: &Phasors) -> Complex64 {
         let input: Complex64 = pole.input.iter().zip(forces).map(|(b, force)| b * force).sum();
         self.now = self.turn * self.now + self.gain * input;
         self.now - self.steady

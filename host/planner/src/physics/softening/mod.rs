@@ -17,8 +17,9 @@ mod ramp;
 #[cfg(test)]
 mod tests;
 
-use crate::electrodes::limits::{Electrodes, Limit};
 use crate::model::ReducedModel;
+use crate::physics::limits::{Electrodes, Limit};
+use crate::physics::{PerPair, Phasors};
 use crate::response::Solver;
 use crate::scene::{Actuator, MAX_ACTUATORS};
 use describe::{Description, Windows};
@@ -48,11 +49,6 @@ const FROM_REST: f64 = 0.2;
 pub(crate) const STATIC_HZ: f64 = 0.1;
 /// Steps in V^2 on that way.
 const RAMP: u32 = 8;
-
-/// One complex number per actuator.
-pub type Vector = [Complex64; MAX_ACTUATORS];
-/// Row: the actuator whose travel it is; column: the actuator with the force.
-pub type Matrix = [Vector; MAX_ACTUATORS];
 
 /// An ERA's electrodes as what makes a force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,20 +101,20 @@ pub struct Line {
     /// Multiple of it: 1, 3 or 5.
     pub harmonic: u32,
     /// Travel per force in m/N, of the model (softened by what is `counted` only).
-    pub receptance: Matrix,
+    pub receptance: PerPair,
 }
 
 /// The steady motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
     /// Phasors of the whole force on each actuator in N, line by line: what a linear model has to be driven with.
-    pub force_n: [Vector; MAX_LINES],
+    pub force_n: [Phasors; MAX_LINES],
     /// Phasors of each actuator's travel in m, line by line.
-    pub travel_m: [Vector; MAX_LINES],
+    pub travel_m: [Phasors; MAX_LINES],
     /// Half the phasor, at twice an actuator's frequency, of what its electrodes take off its spring, in N/m: motion X at
     /// another frequency makes forces of this times X at 2 f + f', and times the conjugate of X at 2 f - f'. These are not
     /// among the lines.
-    pub pulsating_n_per_m: Vector,
+    pub pulsating_n_per_m: Phasors,
     /// Mean over time of what each actuator's electrodes take off its spring, in N/m, beyond what is `counted`.
     pub softening_n_per_m: [f64; MAX_ACTUATORS],
     /// Most that each actuator's mass can be away from its middle, in m: the sum of the moduli.
@@ -164,7 +160,7 @@ impl Motion {
 
     /// The same motion with forces and travels times `factor`, a first guess of what another voltage makes of it.
     fn times(&self, factor: f64) -> Self {
-        let scaled = |vectors: &[Vector; MAX_LINES]| vectors.map(|vector| vector.map(|z| z * factor));
+        let scaled = |vectors: &[Phasors; MAX_LINES]| vectors.map(|vector| vector.map(|z| z * factor));
         Self { force_n: scaled(&self.force_n), travel_m: scaled(&self.travel_m), ..*self }
     }
 }
@@ -293,7 +289,7 @@ impl<'a> ClosingGaps<'a> {
         line: &Line,
         descriptions: &[Description; MAX_ACTUATORS],
         motion: &Motion,
-    ) -> Result<Vector, NotSafe> {
+    ) -> Result<Phasors, NotSafe> {
         let p = self.actuators.len();
         // Real and imaginary part for each actuator; those that there are not stay 1 x = 0.
         let mut matrix = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity();
@@ -334,7 +330,7 @@ impl<'a> ClosingGaps<'a> {
 /// Travel of every actuator per force on every one, from the modal coordinates of the displacement for 1 N on each alone
 /// (as of [`crate::response::Solver::coordinates`]), in m/N. Actuators beyond the most are left out.
 #[must_use]
-pub fn travel_receptance(model: &ReducedModel, coordinates: &[DVector<Complex64>]) -> Matrix {
+pub fn travel_receptance(model: &ReducedModel, coordinates: &[DVector<Complex64>]) -> PerPair {
     let mut matrix = [[Complex64::ZERO; MAX_ACTUATORS]; MAX_ACTUATORS];
     for (i, row) in matrix.iter_mut().enumerate().take(model.actuators()) {
         for (entry, q) in row.iter_mut().zip(coordinates) {
@@ -353,7 +349,7 @@ pub fn static_receptance(model: &ReducedModel) -> [[f64; MAX_ACTUATORS]; MAX_ACT
     }
 }
 
-fn times(matrix: &Matrix, vector: &Vector, p: usize) -> Vector {
+fn times(matrix: &PerPair, vector: &Phasors, p: usize) -> Phasors {
     let mut out = [Complex64::ZERO; MAX_ACTUATORS];
     for (out, row) in out.iter_mut().zip(matrix).take(p) {
         *out = row.iter().zip(vector).take(p).map(|(g, f)| g * f).sum();

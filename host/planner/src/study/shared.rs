@@ -5,10 +5,11 @@
 //! phases at every frequency, and the best ones refined and made safe as plans are. The result is the best found, without a
 //! proof. All limits grow with the strength of a drive, so that every ratio is taken as strong as they allow.
 
-use super::measure::{Measure, View};
-use super::part::Part;
-use super::setting::{command, part};
+use crate::reach::Measure;
+use crate::reach::setting::{command, part};
+use crate::table::Part;
 use crate::table::PlanTable;
+use crate::table::View;
 use era_shared::supply::rail_of;
 use nalgebra::DMatrix;
 use num_complex::{Complex32, Complex64};
@@ -177,7 +178,7 @@ impl<'a> At<'a> {
     }
 
     /// The forces of a direction (parts of what each actuator can do alone, with phases) as strong as the limits of masses at
-    /// rest allow: those of [`crate::choose::shared_limits`], but with travels added as phasors. All are proportional to
+    /// rest allow: those of [`crate::table::shared_limits`], but with travels added as phasors. All are proportional to
     /// the strength, as forces are to the voltages' squares.
     fn forces(&self, direction: &[Complex64]) -> Vec<Complex64> {
         let forces: Vec<Complex64> = direction.iter().zip(&self.force_n).map(|(part, force)| part * force).collect();

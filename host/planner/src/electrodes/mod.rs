@@ -1,4 +1,0 @@
-//! What electrodes can do: voltage, travel, breakdown, a press.
-
-pub mod limits;
-pub mod press;

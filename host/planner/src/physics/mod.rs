@@ -1,0 +1,13 @@
+//! What electrodes and masses do, of which no table knows: forces, limits, closing gaps, rails that rise.
+
+pub mod limits;
+pub mod rise;
+pub mod softening;
+
+use crate::scene::MAX_ACTUATORS;
+use num_complex::Complex64;
+
+/// One complex number per actuator.
+pub type Phasors = [Complex64; MAX_ACTUATORS];
+/// One complex number per pair of actuators, row by row.
+pub type PerPair = [Phasors; MAX_ACTUATORS];

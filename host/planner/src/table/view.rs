@@ -1,0 +1,81 @@
+//! The points of a surface, or of a region of it, that a minimum is taken over.
+
+use super::PlanTable;
+use crate::scene::evenly;
+use nalgebra::DMatrix;
+
+/// Lines from one of the table's grid to the next on the finer grid, as a minimum may hide between the points.
+const FINER: usize = 4;
+/// Most points of the finer grid; with more, fewer lines are added.
+const MOST_POINTS: usize = 65_536;
+
+/// A rectangle of the surface in m from its top left corner; on a bar only x counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Region {
+    /// Least and most x.
+    pub x_m: [f64; 2],
+    /// Least and most y.
+    pub y_m: [f64; 2],
+}
+
+impl Region {
+    /// Less than a nanometre beside it is within.
+    fn holds(&self, x_m: f64, y_m: f64, is_line: bool) -> bool {
+        let within = |value: f64, [from, to]: [f64; 2]| value >= from - 1e-9 && value <= to + 1e-9;
+        within(x_m, self.x_m) && (is_line || within(y_m, self.y_m))
+    }
+}
+
+/// The points of a surface, or of a region of it, that a minimum is taken over.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Points of the table's grid, by their numbers.
+    pub points: Vec<usize>,
+    /// Mode shapes at these, points x n.
+    pub shapes: DMatrix<f64>,
+    /// Points of a grid up to four times as fine, in m.
+    pub places_m: Vec<(f64, f64)>,
+    /// Mode shapes at those.
+    pub finer: DMatrix<f64>,
+}
+
+impl View {
+    /// The view of a whole surface or of a region of it; `None` if the table's grid has no point there.
+    #[must_use]
+    pub fn new(table: &PlanTable, region: Option<Region>) -> Option<Self> {
+        let grid = &table.grid;
+        let layout = table.scene.layout();
+        let is_line = grid.y_m.len() < 2;
+        let is_seen = |x: f64, y: f64| region.is_none_or(|region| region.holds(x, y, is_line));
+        let columns = grid.x_m.len().max(1);
+        let points: Vec<usize> = (0..grid.there.len())
+            .filter(|point| grid.there[*point] && is_seen(grid.x_m[point % columns], grid.y_m[point / columns]))
+            .collect();
+        if points.is_empty() {
+            return None;
+        }
+        let times = (1..=FINER).rev().find(|k| k * k * grid.there.len() <= MOST_POINTS).unwrap_or(1);
+        let (x, y) = (between(&grid.x_m, times), between(&grid.y_m, times));
+        let places = y.iter().flat_map(|y| x.iter().map(move |x| (*x, *y)));
+        let (there, places_m): (Vec<usize>, Vec<(f64, f64)>) =
+            places.enumerate().filter(|(_, (x, y))| is_seen(*x, *y) && layout.at(*x, *y).is_some()).unzip();
+        let shapes = grid.shapes.select_rows(&points);
+        Some(Self { points, shapes, places_m, finer: table.model.shapes_on(&x, &y).select_rows(&there) })
+    }
+
+    /// Values at [`View::points`] as values at all points of the grid.
+    #[must_use]
+    pub fn on_grid<T: Clone>(&self, table: &PlanTable, values: impl IntoIterator<Item = T>) -> Vec<Option<T>> {
+        let mut all = vec![None; table.grid.there.len()];
+        for (point, value) in self.points.iter().zip(values) {
+            all[*point] = Some(value);
+        }
+        all
+    }
+}
+
+/// The lines, and `times` - 1 between every two.
+fn between(lines: &[f64], times: usize) -> Vec<f64> {
+    let parts = |pair: &[f64]| evenly(pair[0], pair[1], times + 1).into_iter().take(times);
+    lines.windows(2).flat_map(parts).chain(lines.last().copied()).collect()
+}
