@@ -51,6 +51,9 @@ pub enum StackError {
         /// In the budget.
         budget: u8,
     },
+    /// What the session with the emulated board leaves out.
+    #[error("the session on the emulated board never asks {0}: add it in xtask/src/stack/seen.rs")]
+    NotAsked(String),
     /// The emulated board could not be asked.
     #[error("the emulated board: {0}")]
     Board(String),

@@ -9,7 +9,7 @@ use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, Request};
 use era_shared::waveform::Effect;
 use serde::Deserialize;
 use serde_json::json;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Interrupt set-enable registers and priority registers (ARMv7-M, B3.4.4 and B3.4.9).
@@ -38,25 +38,40 @@ struct Word {
 /// What the bridge says, or [`StackError::Priority`].
 pub fn seen(image: &Path, program: &Program, priorities: &BTreeMap<String, u8>) -> Result<u32, Error> {
     let mut bridge = Bridge::start(image, Pace::Paused)?;
-    session(&mut bridge)?;
+    let asked = session(&mut bridge)?;
+    let missing: Vec<&str> = REQUESTS.into_iter().filter(|name| !asked.contains(name)).collect();
+    if !missing.is_empty() {
+        let source = StackError::NotAsked(missing.join(", "));
+        return Err(Error::Stack { path: image.to_path_buf(), source });
+    }
     check_priorities(&mut bridge, program, priorities)
         .map_err(|source| Error::Stack { path: image.to_path_buf(), source })?;
     let Used { used } = bridge.ask_for(&json!({"op": "stack"}))?;
     Ok(used)
 }
 
-/// Every request, four channels at the highest frequency and with effects, noise while they run, silence, and a fault cleared.
-fn session(bridge: &mut Bridge) -> Result<(), Error> {
+/// Every request, four channels at the highest frequency and with effects, noise while they run, silence, and a fault cleared. The names
+/// of the requests.
+fn session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
     let mut link = Link::default();
+    let mut asked = BTreeSet::new();
+    let silent = (0..4).map(|channel| drive(channel, 1_000_000)).collect();
     let drives = |frequency_millihertz| Request::SetDrives {
         drives: (0..4).map(|channel| drive(channel, frequency_millihertz)).collect(),
     };
     let play = |channel| Request::Play { channel, start_us: 0, effect: Effect::swell(20, 20, 20) };
     let questions =
         [Request::Status, Request::Telemetry, Request::Faults, Request::Clock, Request::Details, Request::Log];
-    let mut ask = |bridge: &mut Bridge, request: &Request| link.request(bridge, request).map(drop);
+    let mut ask = |bridge: &mut Bridge, request: &Request| {
+        asked.insert(name(request));
+        link.request(bridge, request).map(drop)
+    };
 
     ask(bridge, &Request::Hello { host_min: 1, host_current: CURRENT_VERSION })?;
+    run_for(bridge, READY_S)?;
+    ask(bridge, &Request::Arm { deadman_ms: Some(1_000) })?;
+    run_for(bridge, READY_S)?;
+    ask(bridge, &Request::Disarm)?;
     run_for(bridge, READY_S)?;
     ask(bridge, &Request::ArmWith { deadman_ms: Some(1_000), burst_ms: None })?;
     run_for(bridge, READY_S)?;
@@ -67,18 +82,68 @@ fn session(bridge: &mut Bridge) -> Result<(), Error> {
     for channel in 0..4 {
         ask(bridge, &play(channel))?;
     }
+    ask(bridge, &Request::KeepAlive)?;
     for question in &questions {
         ask(bridge, question)?;
     }
     exchange(bridge, &[0xA5; 600], 0.05)?;
     exchange(bridge, &encoded(u8::MAX, 1, &Request::Status)?, 0.05)?;
     run_for(bridge, 0.1)?;
+    ask(bridge, &Request::Prepare { drives: silent })?;
+    for channel in 0..4 {
+        ask(bridge, &play(channel))?;
+    }
+    run_for(bridge, 0.1)?;
     ask(bridge, &drives(20_000))?;
     // The dead-man time is 1 s.
     run_for(bridge, 1.2)?;
     ask(bridge, &Request::Faults)?;
     ask(bridge, &Request::ClearFaults)?;
-    ask(bridge, &Request::Stop)
+    ask(bridge, &Request::Stop)?;
+    Ok(asked)
+}
+
+/// The requests of a session; not that for the bootloader, which ends the program whose stack is looked at.
+const REQUESTS: [&str; 16] = [
+    "Hello",
+    "Arm",
+    "Disarm",
+    "SetDrives",
+    "Stop",
+    "KeepAlive",
+    "Status",
+    "Faults",
+    "ClearFaults",
+    "Telemetry",
+    "ArmWith",
+    "Prepare",
+    "Play",
+    "Clock",
+    "Details",
+    "Log",
+];
+
+/// A request's name. A new one belongs into [`REQUESTS`] as well.
+const fn name(request: &Request) -> &'static str {
+    match request {
+        Request::Hello { .. } => "Hello",
+        Request::Arm { .. } => "Arm",
+        Request::Disarm => "Disarm",
+        Request::SetDrives { .. } => "SetDrives",
+        Request::Stop => "Stop",
+        Request::KeepAlive => "KeepAlive",
+        Request::Status => "Status",
+        Request::Faults => "Faults",
+        Request::ClearFaults => "ClearFaults",
+        Request::Telemetry => "Telemetry",
+        Request::ArmWith { .. } => "ArmWith",
+        Request::Prepare { .. } => "Prepare",
+        Request::Play { .. } => "Play",
+        Request::Clock => "Clock",
+        Request::Details => "Details",
+        Request::Log => "Log",
+        Request::Bootloader { .. } => "Bootloader",
+    }
 }
 
 /// Half of the half period wide, as 1 kHz with its guards allows.

@@ -11,6 +11,7 @@
 //! with orders 7 and 9 the difference is at least 2.6 times the error of order 9, 9 times in the median; with 9 and 11 it is
 //! 2.6 and 3.5 times. `host/tests/model_reference.rs` holds bounds against closed references.
 
+use super::attached::attached;
 use super::bound::Bound;
 use super::corners::has_singular_corner;
 use super::panel::PanelModel;
@@ -59,8 +60,7 @@ pub(super) const NOT_SETTLED: &str =
     "the finest levels that were tried do not agree yet: ask for a looser tolerance or a lower frequency";
 
 pub(super) fn has_point_moment(scene: &Scene) -> bool {
-    scene.surface.kind == SurfaceKind::Plate
-        && scene.supports.iter().any(|support| support.rotational_stiffness_n_m_per_rad > 0.0)
+    scene.surface.kind == SurfaceKind::Plate && attached(scene).any(|attached| attached.turning_n_m_per_rad > 0.0)
 }
 
 /// Relative error of a frequency by rounding, and by what is the same on every mesh.

@@ -27,6 +27,7 @@
 
 pub mod accuracy;
 pub mod assembly;
+mod attached;
 mod bound;
 pub mod bounded;
 mod columns;

@@ -7,9 +7,10 @@
 //! the difference quotients against its neighbour, (w' - w) r / d and (f' - f) r / d, with a length r of the mesh: a dipole's
 //! function, of the size of one whatever d is.
 
+use super::attached::{Attached, attached};
 use super::mesh::MERGE;
 use super::sections::shift;
-use crate::scene::{Mount, Scene};
+use crate::scene::Scene;
 
 /// Places nearer to each other than this part of a cell are neighbours. Where they are not, differences of functions lose up
 /// to the square of this of the 1e-11 that integrals are right to.
@@ -28,13 +29,8 @@ pub(super) struct Place {
 /// held first. A neighbour held more firmly than what it is a neighbour of would cancel with it.
 pub(super) fn places(scene: &Scene) -> Vec<Place> {
     let shift = shift(scene);
-    let supports = scene.supports.iter().map(|s| ((s.x_m, s.y_m), s.stiffness_n_per_m));
-    let masses = scene.masses.iter().map(|m| ((m.x_m, m.y_m), shift * m.mass_kg));
-    let actuators = scene.actuators.iter().map(|a| {
-        let moving = if a.mount == Mount::Grounded { a.moving_mass_kg } else { 0.0 };
-        ((a.x_m, a.y_m), a.effective_stiffness_n_per_m() + shift * (a.housing_mass_kg + moving))
-    });
-    let mut all: Vec<Place> = supports.chain(masses).chain(actuators).map(|(at, held)| Place { at, held }).collect();
+    let place = |attached: Attached| Place { at: attached.at, held: attached.held(shift) };
+    let mut all: Vec<Place> = attached(scene).map(place).collect();
     all.sort_by(|a, b| b.held.total_cmp(&a.held));
     let merged = MERGE * scene.surface.length_m.max(scene.surface.width_m);
     let mut out: Vec<Place> = Vec::new();

@@ -1,6 +1,7 @@
 //! What the scene asks of a plate's mesh: lines where a bar's shape has joints, along patches and cut-outs and towards
 //! singular corners, and the functions of point forces with the images that borders add.
 
+use super::attached::attached;
 use super::corners::{Corner, Kind, corners, layers};
 use super::fineness::Fineness;
 use super::mesh::{Forced, Lines, MERGE};
@@ -69,9 +70,7 @@ fn along_strip(scene: &Scene, fineness: Fineness) -> [Vec<Forced>; 2] {
 
 /// Places of all attachments.
 pub(super) fn attachments(scene: &Scene) -> impl Iterator<Item = (f64, f64)> {
-    let supports = scene.supports.iter().map(|s| (s.x_m, s.y_m));
-    let masses = scene.masses.iter().map(|m| (m.x_m, m.y_m));
-    supports.chain(masses).chain(scene.actuators.iter().map(|a| (a.x_m, a.y_m)))
+    attached(scene).map(|attached| attached.at)
 }
 
 /// Lines that the scene forces, along x and along y.

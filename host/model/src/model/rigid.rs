@@ -5,9 +5,10 @@
 //! mass by itself; they are known in closed form and are kept out of the eigenvalue iteration.
 
 use super::assembly::Assembled;
+use super::attached::attached;
 use super::eigen::Modes;
 use super::grid::Grid;
-use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side, SurfaceKind};
+use crate::scene::{Actuator, EdgeKind, Scene, Side, SurfaceKind};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Part of the largest below which a direction of the (dimensionless) holding vectors counts as not held. Two supports
@@ -161,18 +162,19 @@ fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
         at(x, y)
     };
     let mut holds = Vec::new();
-    let mut soft = |vector, stiffness| holds.push(Hold { vector, stiffness, hard: false });
-    for support in &scene.supports {
-        soft(at_node(support.x_m, support.y_m), support.stiffness_n_per_m);
+    let mut soft = |vector, stiffness| {
+        if stiffness != 0.0 {
+            holds.push(Hold { vector, stiffness, hard: false });
+        }
+    };
+    for attached in attached(scene) {
+        soft(at_node(attached.at.0, attached.at.1), attached.grounded_n_per_m);
         // The slope is cx L / L.
-        let turning = support.rotational_stiffness_n_m_per_rad;
+        let turning = attached.turning_n_m_per_rad;
         soft([0.0, 1.0, 0.0], turning / (length * length));
         if !is_bar {
             soft([0.0, 0.0, 1.0], turning / (width * width));
         }
-    }
-    for actuator in scene.actuators.iter().filter(|actuator| actuator.mount == Mount::Grounded) {
-        soft(at_node(actuator.x_m, actuator.y_m), actuator.effective_stiffness_n_per_m());
     }
     let layout = scene.layout();
     for edge in &scene.edges {

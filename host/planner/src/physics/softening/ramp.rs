@@ -77,19 +77,24 @@ pub fn rise(
             forces.iter_mut().zip(&description.force).for_each(|(forces, force)| forces[i] = *force);
         }
         time_s += RAMP_STEP_S;
+        // What is still to go matters from then on.
+        let are_up = time_s > longest_s;
         let mut away = [0.0; MAX_ACTUATORS];
         for (l, line) in following.iter().enumerate().take(lines.len()) {
             let mut travel = times(&line.at_once, &forces[l], p);
             for (state, pole) in near_poles[l].iter_mut().zip(&line.near_poles) {
-                let left = state.step(pole, &forces[l]);
-                for i in 0..p {
-                    travel[i] += pole.output[i] * state.now;
-                    away[i] += (pole.output[i] * left).norm_sqr().sqrt();
+                state.step(pole, &forces[l]);
+                for (travel, output) in travel.iter_mut().zip(&pole.output).take(p) {
+                    *travel += output * state.now;
+                }
+                if are_up {
+                    let left = state.left();
+                    away.iter_mut().zip(&state.moved).for_each(|(away, moved)| *away += moved * left);
                 }
             }
             motion.travel_m[l] = travel;
         }
-        let mut is_there = time_s > longest_s;
+        let mut is_there = are_up;
         for i in 0..p {
             let travel: f64 = motion.travel_m.iter().take(lines.len()).map(|travel| travel[i].norm_sqr().sqrt()).sum();
             most[i] = most[i].max(travel);
@@ -113,19 +118,25 @@ struct State {
     /// e^(beat h), and what a force that stays for a step adds.
     turn: Complex64,
     gain: Complex64,
+    /// How far it moves each actuator's mass: the moduli of [`NearPole::output`].
+    moved: [f64; MAX_ACTUATORS],
 }
 
 impl State {
     fn new(pole: &NearPole, steady_n: &Phasors) -> Self {
         let turn = (pole.beat * RAMP_STEP_S).exp();
         let input: Complex64 = pole.input.iter().zip(steady_n).map(|(b, force)| b * force).sum();
-        Self { now: Complex64::ZERO, steady: -input / pole.beat, turn, gain: (turn - 1.0) / pole.beat }
+        let (steady, gain) = (-input / pole.beat, (turn - 1.0) / pole.beat);
+        Self { now: Complex64::ZERO, steady, turn, gain, moved: pole.output.map(|output| output.norm()) }
     }
 
-    /// What is left to the steady motion after a step.
-    fn step(&mut self, pole: &NearPole, forces: &Phasors) -> Complex64 {
+    fn step(&mut self, pole: &NearPole, forces: &Phasors) {
         let input: Complex64 = pole.input.iter().zip(forces).map(|(b, force)| b * force).sum();
         self.now = self.turn * self.now + self.gain * input;
-        self.now - self.steady
+    }
+
+    /// How much is left to the steady motion.
+    fn left(&self) -> f64 {
+        (self.now - self.steady).norm_sqr().sqrt()
     }
 }
