@@ -6,7 +6,7 @@
 //! same part s < 1 for all targets, the greatest possible.
 //!
 //! s is a linear programme. The rest is one as well where there is no E; otherwise the dual method of Goldfarb and Idnani
-//! (1983), which starts at the unlimited optimum and adds one violated limit after the other. Both give each row's price,
+//! (1983), which starts at the unlimited optimum and adds one violated limit after the other. Both give each row's dual variable,
 //! what one more unit of it would cost, from which [`crate::choose::search`] knows what no other frequencies can beat.
 
 use crate::choose::linear::Programme;
@@ -43,13 +43,13 @@ pub struct Allocation {
     pub met: f64,
     /// What is minimised.
     pub cost: f64,
-    /// Prices of the cost where all is met, of s otherwise.
-    pub prices: Prices,
+    /// Dual variables of the cost where all is met, of s otherwise.
+    pub duals: Duals,
 }
 
 /// What one more unit of each row would cost, or bring.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Prices {
+pub struct Duals {
     /// Of each target.
     pub gain: Vec<f64>,
     /// Of each shared limit.
@@ -71,7 +71,7 @@ pub fn allocate(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64]) -> Al
     }
     let room = if met < 1.0 { met * (1.0 - ROOM) } else { 1.0 };
     match least_energy(settings, wanted, allowed, room) {
-        Some(found) if met < 1.0 => Allocation { met: room, prices: reach.prices, ..found },
+        Some(found) if met < 1.0 => Allocation { met: room, duals: reach.duals, ..found },
         Some(found) => found,
         None => reach,
     }
@@ -122,7 +122,7 @@ fn without_shared_limits(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f6
         forces_n,
         met: 1.0,
         cost: cost(settings, &forces_n),
-        prices: Prices { gain: vec![lambda], load: vec![0.0; allowed.len()] },
+        duals: Duals { gain: vec![lambda], load: vec![0.0; allowed.len()] },
     })
 }
 
@@ -160,19 +160,19 @@ fn reach(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64]) -> Allocatio
     let first: Vec<f64> = (0..=p).map(|j| f64::from(u8::from(j == p))).collect();
     let second: Vec<f64> = settings.iter().map(|setting| -setting.power * setting.max_force_n).collect();
     let Some(vertex) = programme.maximise(&first, &second) else {
-        return Allocation { forces_n: [0.0; MAX_ACTUATORS], met: 0.0, cost: 0.0, prices: Prices::default() };
+        return Allocation { forces_n: [0.0; MAX_ACTUATORS], met: 0.0, cost: 0.0, duals: Duals::default() };
     };
     let mut forces_n = [0.0; MAX_ACTUATORS];
     for ((force, setting), x) in forces_n.iter_mut().zip(settings).zip(&vertex.x) {
         *force = x.clamp(0.0, 1.0) * setting.max_force_n;
     }
     let met = vertex.x.last().copied().unwrap_or(0.0).clamp(0.0, 1.0);
-    let prices = if met < 1.0 - ROOM { &vertex.first } else { &vertex.second };
-    let mut prices = prices.iter().zip(&scales).map(|(price, scale)| price / scale);
-    let load = prices.by_ref().take(allowed.len()).collect();
-    let gain = prices.take(wanted.len()).collect();
+    let duals = if met < 1.0 - ROOM { &vertex.first } else { &vertex.second };
+    let mut duals = duals.iter().zip(&scales).map(|(dual, scale)| dual / scale);
+    let load = duals.by_ref().take(allowed.len()).collect();
+    let gain = duals.take(wanted.len()).collect();
     let met = if met < 1.0 - ROOM { met } else { 1.0 };
-    Allocation { forces_n, met, cost: cost(settings, &forces_n), prices: Prices { gain, load } }
+    Allocation { forces_n, met, cost: cost(settings, &forces_n), duals: Duals { gain, load } }
 }
 
 /// A row a . x >= b of the quadratic programme, of the size of one.
@@ -229,16 +229,16 @@ fn least_energy(settings: &[Setting<'_>], wanted: &[f64], allowed: &[f64], part:
     for i in 0..p {
         forces_n[i] = x[i].clamp(0.0, 1.0) * settings[i].max_force_n;
     }
-    let mut prices = Prices { gain: vec![0.0; wanted.len()], load: vec![0.0; allowed.len()] };
+    let mut duals = Duals { gain: vec![0.0; wanted.len()], load: vec![0.0; allowed.len()] };
     for (row, multiplier) in multipliers {
-        let price = multiplier * unit / rows[row].scale;
-        if let Some(gain) = prices.gain.get_mut(row) {
-            *gain = price;
-        } else if let Some(load) = prices.load.get_mut(row - wanted.len()) {
-            *load = price;
+        let dual = multiplier * unit / rows[row].scale;
+        if let Some(gain) = duals.gain.get_mut(row) {
+            *gain = dual;
+        } else if let Some(load) = duals.load.get_mut(row - wanted.len()) {
+            *load = dual;
         }
     }
-    Some(Allocation { forces_n, met: 1.0, cost: cost(settings, &forces_n), prices })
+    Some(Allocation { forces_n, met: 1.0, cost: cost(settings, &forces_n), duals })
 }
 
 /// Rows that bind, with their multipliers.
@@ -268,7 +268,7 @@ fn dual_method(
         let Some((entering, _)) = worst.filter(|(_, value)| *value < -FEASIBLE) else {
             return Some(afresh(p, d, c, rows, active, x));
         };
-        let mut price = 0.0;
+        let mut dual = 0.0;
         for _ in 0..MOST_EXCHANGES {
             let row = &rows[entering];
             // r: how the active multipliers change; z: how x moves, per unit of the entering row's multiplier.
@@ -296,14 +296,14 @@ fn dual_method(
             for ((_, multiplier), r) in active.iter_mut().zip(&r) {
                 *multiplier -= step * r;
             }
-            price += step;
+            dual += step;
             if full.is_finite() {
                 for i in 0..p {
                     x[i] += step * z[i];
                 }
             }
             if step >= full {
-                active.push((entering, price));
+                active.push((entering, dual));
                 break;
             }
             if let Some((j, _)) = blocking {
@@ -417,7 +417,7 @@ mod tests {
     }
 
     proptest! {
-        /// The conditions of Karush, Kuhn and Tucker, which are sufficient: feasible, prices at least zero and only where a
+        /// The conditions of Karush, Kuhn and Tucker, which are sufficient: feasible, dual variables at least zero and only where a
         /// row binds, and no better point of the Lagrangian. Checked as strong duality.
         #[test]
         fn cost_equals_its_dual(
@@ -450,11 +450,11 @@ mod tests {
             for (c, allowed) in allowed.iter().enumerate() {
                 prop_assert!(load(&settings, u, c) <= allowed + 1e-8);
             }
-            let pull = |s: &Setting<'_>| dot(&found.prices.gain, s.gain) - dot(&found.prices.load, s.load);
+            let pull = |s: &Setting<'_>| dot(&found.duals.gain, s.gain) - dot(&found.duals.load, s.load);
             if found.met < 1.0 {
-                // s <= sum prices . allowed + sum max(0, pull) U, with prices . wanted = 1.
-                prop_assert!((dot(&found.prices.gain, wanted) - 1.0).abs() < 1e-8);
-                let dual = dot(&found.prices.load, &allowed) + settings.iter().map(|s| pull(s).max(0.0) * s.max_force_n).sum::<f64>();
+                // s <= sum duals . allowed + sum max(0, pull) U, with duals . wanted = 1.
+                prop_assert!((dot(&found.duals.gain, wanted) - 1.0).abs() < 1e-8);
+                let dual = dot(&found.duals.load, &allowed) + settings.iter().map(|s| pull(s).max(0.0) * s.max_force_n).sum::<f64>();
                 prop_assert!((dual - found.met).abs() < 1e-8, "{dual} {}", found.met);
             } else {
                 let phi = |s: &Setting<'_>| {
@@ -463,7 +463,7 @@ mod tests {
                     let u = (pull / (2.0 * s.energy)).clamp(0.0, s.max_force_n);
                     pull * u - s.energy * u * u
                 };
-                let dual = dot(&found.prices.gain, wanted) - dot(&found.prices.load, &allowed) - settings.iter().map(phi).sum::<f64>();
+                let dual = dot(&found.duals.gain, wanted) - dot(&found.duals.load, &allowed) - settings.iter().map(phi).sum::<f64>();
                 prop_assert!((dual - found.cost).abs() < 1e-8 * found.cost.max(1.0), "{dual} {}", found.cost);
             }
         }

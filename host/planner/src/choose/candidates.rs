@@ -180,8 +180,8 @@ impl<'a> Formulation<'a> {
         let efficiencies = rough.efficiencies(&squares);
         let Some(known) = self.first(wanted, &squares, &efficiencies, fits) else { return self.all(&[wanted]) };
         let earnings = |known: &Allocation, efficiencies: &[f64]| {
-            // No better one unless its sum of earnings at this price is more than lambda a - cost.
-            let lambda = known.prices.gain.first().copied().unwrap_or(0.0);
+            // No better one unless its sum of earnings at this lambda is more than lambda a - cost.
+            let lambda = known.duals.gain.first().copied().unwrap_or(0.0);
             (rough.earnings(&squares, efficiencies, lambda), lambda * wanted - known.cost)
         };
         let (known, earns, needed) = if known.met >= 1.0 {
@@ -246,7 +246,7 @@ impl<'a> Formulation<'a> {
     }
 
     /// A combination that is good by the bounds: the most efficient, one actuator after the other; if that does not reach,
-    /// the strongest, and from there what is most efficient at the price of the last one. `None` without any that fits.
+    /// the strongest, and from there what is most efficient at the lambda of the last one. `None` without any that fits.
     fn first(
         &self,
         wanted: f64,
@@ -282,7 +282,7 @@ impl<'a> Formulation<'a> {
         let mut sums = Assignment::default();
         for _ in 0..FIRST_ROUNDS {
             let value = if known.met >= 1.0 {
-                table.rough.earnings(squares, efficiencies, known.prices.gain.first().copied()?)
+                table.rough.earnings(squares, efficiencies, known.duals.gain.first().copied()?)
             } else {
                 table.rough.reaches(squares)
             };

@@ -148,7 +148,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_corner_is_found_with_its_prices() {
+    fn a_corner_is_found_with_its_duals() {
         let mut programme = Programme::new(2);
         programme.row([1.0, 1.0], 4.0);
         programme.row([1.0, 3.0], 6.0);

@@ -21,7 +21,7 @@ pub struct Selection {
     /// How their forces came about.
     pub allocation: Allocation,
     /// Shared limits that bind, by their numbers.
-    pub binding: Vec<usize>,
+    pub active: Vec<usize>,
     /// By which part a better combination on the grid might exist; 0 where none does.
     pub gap: f64,
 }
@@ -54,7 +54,7 @@ impl PlanTable {
         let mut allocation = found.allocation.clone();
         let mut own = formulation.empty(&choices.wanted);
         let hz: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
-        // To first order the whole gains what its parts earn more at the prices that they have.
+        // To first order the whole gains what its parts earn more at the dual variables that they have.
         let worth = LIKELY * LEAST_GAIN * if allocation.met >= 1.0 { allocation.cost } else { allocation.met };
         let better: Vec<_> = (0..p).map(|i| self.better_frequency(formulation, choices, found, i, &hz)).collect();
         let mut moved = Vec::new();
@@ -95,8 +95,8 @@ impl PlanTable {
         for (drive, force_n) in drives.iter_mut().zip(allocation.forces_n) {
             drive.force_n = force_n;
         }
-        let binding = allocation.prices.load.iter().enumerate().filter(|(_, price)| **price > 0.0).map(|(row, _)| row);
-        Selection { binding: binding.collect(), drives, allocation, gap: found.gap }
+        let active = allocation.duals.load.iter().enumerate().filter(|(_, dual)| **dual > 0.0).map(|(row, _)| row);
+        Selection { active: active.collect(), drives, allocation, gap: found.gap }
     }
 
     /// All entries at a frequency of the grid.
@@ -104,7 +104,7 @@ impl PlanTable {
         self.entries.iter().filter_map(|list| list.get(k)?.clone()).collect()
     }
 
-    /// The vertex of the parabola through what an actuator earns, at the prices of the best combination, at its frequency
+    /// The vertex of the parabola through what an actuator earns, at the dual variables of the best combination, at its frequency
     /// and the two beside it, and by how much more it earns there; `None` where that is at the grid's, or nearer than the
     /// spacing to another drive's frequency.
     fn better_frequency(

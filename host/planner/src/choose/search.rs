@@ -1,12 +1,12 @@
 //! The choice of frequencies: the best combination of all, and the proof that it is.
 //!
-//! With a price on every target and every shared limit the problem falls apart into one for each actuator: what is left of
-//! the cost is sum_i phi_i(f_i), phi_i the most that actuator i earns at a frequency at these prices. Whatever the
-//! prices, no combination is better than what they say of all together (weak duality, `dual`), and the best sum over all
+//! With a dual variable on every target and every shared limit the problem falls apart into one for each actuator: what is left of
+//! the cost is sum_i phi_i(f_i), phi_i the most that actuator i earns at a frequency at these dual variables. Whatever the
+//! dual variables, no combination is better than what they say of all together (weak duality, `dual`), and the best sum over all
 //! frequencies that keep their distance is a table ([`crate::choose::assignment`]).
 //!
-//! Where limits do not bind, the combination with the best sum at its own prices is the optimum, and a few rounds find it. Where
-//! they do, `branch` divides the frequencies again and again: each part has a bound, at the prices that are best for it
+//! Where limits do not bind, the combination with the best sum at its own dual variables is the optimum, and a few rounds find it. Where
+//! they do, `branch` divides the frequencies again and again: each part has a bound, at the dual variables that are best for it
 //! (`mixture`), and parts whose bound is no better than the best combination known are done.
 
 mod branch;
@@ -15,7 +15,7 @@ mod mixture;
 #[cfg(test)]
 mod tests;
 
-use crate::choose::allocate::{Allocation, Prices, Setting, allocate};
+use crate::choose::allocate::{Allocation, Duals, Setting, allocate};
 use crate::scene::MAX_ACTUATORS;
 use crate::wish::request::Work;
 use branch::BranchAndBound;
@@ -149,11 +149,11 @@ impl Choices {
         (a - b).abs() >= self.spacing_hz && fits(a, b)
     }
 
-    /// What a candidate earns at the prices of a combination: its part in what that is worth.
+    /// What a candidate earns at the dual variables of a combination: its part in what that is worth.
     #[must_use]
     pub fn earned(&self, actuator: usize, index: usize, known: &Allocation) -> f64 {
         let kind = if known.met >= 1.0 { Kind::Cost } else { Kind::Reach };
-        kind.earns(&self.setting(actuator, index), &known.prices).0
+        kind.earns(&self.setting(actuator, index), &known.duals).0
     }
 }
 
@@ -167,14 +167,14 @@ enum Kind {
 }
 
 impl Kind {
-    /// The most that a candidate earns at these prices, and the force with which it does.
-    fn earns(self, setting: &Setting<'_>, prices: &Prices) -> (f64, f64) {
-        let sum = |prices: &[f64], entries: &[f64]| prices.iter().zip(entries).map(|(a, b)| a * b).sum::<f64>();
-        let pull = sum(&prices.gain, setting.gain) - sum(&prices.load, setting.load);
+    /// The most that a candidate earns at these dual variables, and the force with which it does.
+    fn earns(self, setting: &Setting<'_>, duals: &Duals) -> (f64, f64) {
+        let sum = |duals: &[f64], entries: &[f64]| duals.iter().zip(entries).map(|(a, b)| a * b).sum::<f64>();
+        let pull = sum(&duals.gain, setting.gain) - sum(&duals.load, setting.load);
         self.earns_at(setting.energy, setting.power, setting.max_force_n, pull)
     }
 
-    /// The same with what a newton brings at the prices, `pull`.
+    /// The same with what a newton brings at the dual variables, `pull`.
     fn earns_at(self, energy: f64, power: f64, max_force_n: f64, pull: f64) -> (f64, f64) {
         let pull = if self == Kind::Cost { pull - power } else { pull };
         if pull <= 0.0 {

@@ -356,7 +356,7 @@ impl PlanTable {
                     add(&mut found, Limitation::of(self, drive.width.limit, i));
                 }
             }
-            for row in &selection.binding {
+            for row in &selection.active {
                 let limit = self.limits.name(*row);
                 let of = |(actuator, limit)| Limitation::of(self, limit, actuator);
                 add(&mut found, limit.map_or(Limitation::QuietZone, of));

@@ -1,4 +1,4 @@
-//! The limits of drives that were not chosen by the limits' prices: with phases, or for the whole surface.
+//! The limits of drives that were not chosen with dual variables of the limits: with phases, or for the whole surface.
 
 use crate::choose::refine::Selection;
 use crate::chosen::groups;

@@ -1,6 +1,6 @@
 //! Plans with one setting for the whole surface, which leaves no dead zone.
 
-use crate::choose::allocate::{Allocation, Prices};
+use crate::choose::allocate::{Allocation, Duals};
 use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
 use crate::chosen::Chosen;
@@ -46,7 +46,7 @@ impl PlanTable {
             *force = drive.force_n;
         }
         let met = if wanted > 0.0 { (peak / wanted).min(1.0) } else { 1.0 };
-        let allocation = Allocation { forces_n, met, cost: 0.0, prices: Prices::default() };
-        Ok(Selection { drives, allocation, binding: Vec::new(), gap: *gap })
+        let allocation = Allocation { forces_n, met, cost: 0.0, duals: Duals::default() };
+        Ok(Selection { drives, allocation, active: Vec::new(), gap: *gap })
     }
 }

@@ -99,7 +99,7 @@ impl Rough {
         squares.iter().zip(&self.max_force_n).map(|(square, force)| square.sqrt() * force).collect()
     }
 
-    /// The most that each can earn at the price `lambda` on the target: max over 0 <= u <= U of lambda h u - E u^2, with
+    /// The most that each can earn at the dual variable `lambda` of the target: max over 0 <= u <= U of lambda h u - E u^2, with
     /// the lower bound for E, of which `efficiencies` are made.
     #[must_use]
     pub fn earnings(&self, squares: &[f64], efficiencies: &[f64], lambda: f64) -> Vec<f64> {

@@ -3,7 +3,7 @@
 use super::dual::{Evaluation, Space};
 use super::mixture::{self, Column, Mixture};
 use super::{BestCombination, Choices, Fits, Kind, is_better};
-use crate::choose::allocate::{Allocation, Prices};
+use crate::choose::allocate::{Allocation, Duals};
 use crate::scene::MAX_ACTUATORS;
 
 /// What is nearer than this to the best, as a part of it, is as good.
@@ -13,8 +13,8 @@ const NO_PART: f64 = 1e-12;
 /// Bounds of all combinations together, at most, before they are divided, and those of a part.
 const FIRST_ROUNDS: usize = 30;
 const PART_ROUNDS: usize = 6;
-/// Rounds in which the prices of a combination's own forces are tried: where no limit binds they prove it to be the best.
-const OWN_PRICES: usize = 3;
+/// Rounds in which the dual variables of a combination's own forces are tried: where no limit binds they prove it to be the best.
+const OWN_DUALS: usize = 3;
 /// Part of its distance from what is known within which a bound may stay of the least that it can become.
 const NEAR_LEAST: f64 = 0.1;
 /// Columns kept of a mixture besides those in use.
@@ -35,7 +35,7 @@ struct Part {
     space: Space,
     columns: Vec<Column>,
     /// Of the bound.
-    prices: Prices,
+    duals: Duals,
 }
 
 /// The state of a search.
@@ -62,29 +62,29 @@ impl<'a> BranchAndBound<'a> {
             self.consider(&known);
         }
         let whole = Space::whole(self.choices);
-        let first = Evaluation::of(self.choices, &whole, &self.first_prices(), Kind::Cost)?;
+        let first = Evaluation::of(self.choices, &whole, &self.first_duals(), Kind::Cost)?;
         let allocation = self.consider(&first.choice);
-        let mut prices = allocation.prices.clone();
+        let mut duals = allocation.duals.clone();
         if self.best.as_ref().is_none_or(|(_, best)| best.met < 1.0) {
             self.kind = Kind::Reach;
-            let gap = self.settle((allocation.met < 1.0).then_some(prices));
+            let gap = self.settle((allocation.met < 1.0).then_some(duals));
             let (chosen, allocation) = self.best.as_ref()?;
             if allocation.met < 1.0 {
                 return Some(BestCombination { chosen: *chosen, allocation: allocation.clone(), gap });
             }
-            prices = allocation.prices.clone();
+            duals = allocation.duals.clone();
             self.kind = Kind::Cost;
         }
-        let gap = self.settle(Some(prices));
+        let gap = self.settle(Some(duals));
         let (chosen, allocation) = self.best?;
         Some(BestCombination { chosen, allocation, gap })
     }
 
-    /// Prices at which some actuator would just do alone, without limits.
-    fn first_prices(&self) -> Prices {
+    /// Dual variables at which some actuator would just do alone, without limits.
+    fn first_duals(&self) -> Duals {
         let choices = self.choices;
         let targets = choices.wanted.len();
-        let price = |t: usize| {
+        let dual = |t: usize| {
             let mut sum = 0.0;
             let mut least = f64::INFINITY;
             for (candidates, gains) in choices.candidates.iter().zip(&choices.gains) {
@@ -107,7 +107,7 @@ impl<'a> BranchAndBound<'a> {
             let share = 1.0 / targets as f64;
             (energy + power).max(f64::MIN_POSITIVE) * share
         };
-        Prices { gain: (0..targets).map(price).collect(), load: vec![0.0; choices.allowed.len()] }
+        Duals { gain: (0..targets).map(dual).collect(), load: vec![0.0; choices.allowed.len()] }
     }
 
     /// Works out a combination, and keeps it if it is the best that fits.
@@ -157,21 +157,21 @@ impl<'a> BranchAndBound<'a> {
     }
 
     /// Finds the best combination; returns the gap.
-    fn settle(&mut self, prices: Option<Prices>) -> f64 {
+    fn settle(&mut self, duals: Option<Duals>) -> f64 {
         // What the reach took, half of it at most, is not missing for the cost.
         self.steps /= 2;
         let targets = self.choices.wanted.len();
         // Of what reaches nothing known, any that make all that is asked for cost one.
         let sum: f64 = self.choices.wanted.iter().sum();
-        let prices = prices
-            .unwrap_or_else(|| Prices { gain: vec![1.0 / sum; targets], load: vec![0.0; self.choices.allowed.len()] });
-        let mut whole = Part { bound: f64::INFINITY, space: Space::whole(self.choices), columns: Vec::new(), prices };
+        let duals = duals
+            .unwrap_or_else(|| Duals { gain: vec![1.0 / sum; targets], load: vec![0.0; self.choices.allowed.len()] });
+        let mut whole = Part { bound: f64::INFINITY, space: Space::whole(self.choices), columns: Vec::new(), duals };
         if let Some((chosen, allocation)) = &self.best {
             for (i, force_n) in allocation.forces_n.iter().enumerate().take(self.choices.candidates.len()) {
                 mixture::add(&mut whole.columns, i, chosen[i], *force_n);
             }
         }
-        if self.tighten(&mut whole, FIRST_ROUNDS, OWN_PRICES) { self.divide(whole) } else { 0.0 }
+        if self.tighten(&mut whole, FIRST_ROUNDS, OWN_DUALS) { self.divide(whole) } else { 0.0 }
     }
 
     /// Divides the part with the most promising bound until none is better than what is known.
@@ -221,10 +221,10 @@ impl<'a> BranchAndBound<'a> {
         }
     }
 
-    /// Improves the prices of a part and leaves out what they show to be no better than the best known, which improves on the
-    /// way; whether anything is left. The prices of the combination found are tried first, `own_prices` times.
-    fn tighten(&mut self, part: &mut Part, rounds: usize, own_prices: usize) -> bool {
-        let mut next = part.prices.clone();
+    /// Improves the dual variables of a part and leaves out what they show to be no better than the best known, which improves on the
+    /// way; whether anything is left. The dual variables of the combination found are tried first, `own_duals` times.
+    fn tighten(&mut self, part: &mut Part, rounds: usize, own_duals: usize) -> bool {
+        let mut next = part.duals.clone();
         for round in 0..rounds {
             if self.is_spent() {
                 break;
@@ -235,7 +235,7 @@ impl<'a> BranchAndBound<'a> {
             let is_better = found.bound < part.bound;
             if is_better {
                 part.bound = found.bound;
-                part.prices.clone_from(&next);
+                part.duals.clone_from(&next);
             }
             let allocation = self.consider(&found.choice);
             if self.is_met() || part.bound <= self.enough() {
@@ -253,10 +253,10 @@ impl<'a> BranchAndBound<'a> {
                 return false;
             }
             part.columns.retain(|column| part.space.has(column.actuator, column.candidate));
-            // The prices are those of the reach where not all is met.
-            let has_prices = (self.kind == Kind::Reach) == (allocation.met < 1.0);
-            if round < own_prices && has_prices && allocation.prices != next {
-                next = allocation.prices;
+            // The dual variables are those of the reach where not all is met.
+            let has_duals = (self.kind == Kind::Reach) == (allocation.met < 1.0);
+            if round < own_duals && has_duals && allocation.duals != next {
+                next = allocation.duals;
                 continue;
             }
             if !is_new && !is_better {
@@ -270,7 +270,7 @@ impl<'a> BranchAndBound<'a> {
             if least > enough && part.bound - least <= NEAR_LEAST * (part.bound - enough) {
                 break;
             }
-            next = if is_better { mixture.prices } else { middle(&part.prices, &mixture.prices) };
+            next = if is_better { mixture.duals } else { middle(&part.duals, &mixture.duals) };
         }
         !part.space.is_empty()
     }
@@ -288,7 +288,7 @@ impl<'a> BranchAndBound<'a> {
         }
     }
 
-    /// What earns most at the prices of `found`, and a combination with its forces; whether any is new.
+    /// What earns most at the dual variables of `found`, and a combination with its forces; whether any is new.
     fn add_columns(
         &self,
         part: &mut Part,
@@ -321,7 +321,7 @@ impl<'a> BranchAndBound<'a> {
             if self.kind == Kind::Reach || mixture.met >= 1.0 - MISSING {
                 return Ok(Some(mixture));
             }
-            let found = Evaluation::of(self.choices, &part.space, &mixture.prices, Kind::Reach).ok_or(())?;
+            let found = Evaluation::of(self.choices, &part.space, &mixture.duals, Kind::Reach).ok_or(())?;
             if found.bound < 1.0 - MISSING {
                 return Err(());
             }
@@ -332,7 +332,7 @@ impl<'a> BranchAndBound<'a> {
         Ok(None)
     }
 
-    /// Tries other frequencies of one actuator at a time around the best combination, those that earn more at its prices: no
+    /// Tries other frequencies of one actuator at a time around the best combination, those that earn more at its dual variables: no
     /// other one can be better.
     fn polish(&mut self) {
         while !self.is_polished && !self.is_spent() && !self.is_met() {
@@ -398,11 +398,11 @@ fn halves(part: Part) -> [Part; 2] {
             list.drain(..cut);
         }
         let columns = part.columns.iter().filter(|column| space.has(column.actuator, column.candidate));
-        Part { bound: part.bound, columns: columns.copied().collect(), space, prices: part.prices.clone() }
+        Part { bound: part.bound, columns: columns.copied().collect(), space, duals: part.duals.clone() }
     })
 }
 
-fn middle(a: &Prices, b: &Prices) -> Prices {
+fn middle(a: &Duals, b: &Duals) -> Duals {
     let mean = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect();
-    Prices { gain: mean(&a.gain, &b.gain), load: mean(&a.load, &b.load) }
+    Duals { gain: mean(&a.gain, &b.gain), load: mean(&a.load, &b.load) }
 }

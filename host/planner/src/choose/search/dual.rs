@@ -1,11 +1,11 @@
-//! What no combination can beat, at given prices.
+//! What no combination can beat, at given dual variables.
 //!
 //! With lambda on the targets a and mu on the limits b, every combination reaches at most mu . b + sum_i phi_i with
 //! phi_i = max(0, pull_i) U_i and lambda . a = 1, and costs at least lambda . a - mu . b - sum_i phi_i with
 //! phi_i = max over 0 <= u <= U_i of (pull_i - P_i) u - E_i u^2; pull_i = lambda . h_i - mu . r_i.
 
 use super::{Choices, Kind};
-use crate::choose::allocate::Prices;
+use crate::choose::allocate::Duals;
 use crate::choose::assignment::{Assignment, lags};
 use crate::scene::MAX_ACTUATORS;
 
@@ -38,7 +38,7 @@ impl Space {
     }
 }
 
-/// What the prices say of a space.
+/// What the dual variables say of a space.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
     /// No combination is worth more.
@@ -53,13 +53,13 @@ pub struct Evaluation {
 
 impl Evaluation {
     /// `None` if no frequencies of the space keep their distance.
-    pub fn of(choices: &Choices, space: &Space, prices: &Prices, kind: Kind) -> Option<Self> {
+    pub fn of(choices: &Choices, space: &Space, duals: &Duals, kind: Kind) -> Option<Self> {
         let p = space.lists.len();
         let (targets, limits) = (choices.wanted.len(), choices.allowed.len());
-        let some = |prices: &[f64]| -> Vec<(usize, f64)> {
-            prices.iter().copied().enumerate().filter(|(_, price)| *price != 0.0).collect()
+        let some = |duals: &[f64]| -> Vec<(usize, f64)> {
+            duals.iter().copied().enumerate().filter(|(_, dual)| *dual != 0.0).collect()
         };
-        let (gain, load) = (some(&prices.gain), some(&prices.load));
+        let (gain, load) = (some(&duals.gain), some(&duals.load));
         // The frequencies in use.
         let mut place = vec![usize::MAX; choices.frequencies_hz.len()];
         for (list, candidates) in space.lists.iter().zip(&choices.candidates) {
@@ -78,8 +78,8 @@ impl Evaluation {
             let (gains, loads) = (&choices.gains[i], &choices.loads[i]);
             let own = list.iter().map(|index| {
                 let candidate = &choices.candidates[i][*index];
-                let pull: f64 = gain.iter().map(|(t, price)| price * gains[index * targets + t]).sum();
-                let push: f64 = load.iter().map(|(c, price)| price * loads[index * limits + c]).sum();
+                let pull: f64 = gain.iter().map(|(t, dual)| dual * gains[index * targets + t]).sum();
+                let push: f64 = load.iter().map(|(c, dual)| dual * loads[index * limits + c]).sum();
                 let earns = kind.earns_at(candidate.energy, candidate.power, candidate.max_force_n, pull - push);
                 let place = i * f + place[candidate.node];
                 if earns.0 > value[place] {
@@ -97,7 +97,7 @@ impl Evaluation {
         for i in 0..p {
             choice[i] = at[i * f + nodes[i]];
         }
-        let sum = |prices: &[(usize, f64)], of: &[f64]| prices.iter().map(|(row, price)| price * of[*row]).sum::<f64>();
+        let sum = |duals: &[(usize, f64)], of: &[f64]| duals.iter().map(|(row, dual)| dual * of[*row]).sum::<f64>();
         let (asked, allowed) = (sum(&gain, &choices.wanted), sum(&load, &choices.allowed));
         let asked = if kind == Kind::Cost { asked } else { 0.0 };
         let constant = allowed - asked + ROUNDING * (allowed + asked + sums.most());

@@ -1,12 +1,12 @@
-//! The prices at which a part of all combinations has its least bound: those of the best mixture of combinations.
+//! The dual variables at which a part of all combinations has its least bound: those of the best mixture of combinations.
 //!
 //! If every actuator could share its time between frequencies, each at the force it likes, with what they do to targets and limits
 //! added up by their shares, the best mixture would be exactly as good as the least bound (strong duality of the convex
 //! hull; Geoffrion 1974). Over the columns met so far, a frequency and a force each, that is a small linear programme, whose
-//! prices bring new columns (Dantzig and Wolfe 1960).
+//! dual variables bring new columns (Dantzig and Wolfe 1960).
 
 use super::{Choices, Kind};
-use crate::choose::allocate::Prices;
+use crate::choose::allocate::Duals;
 use crate::choose::linear::Programme;
 
 /// Shares below this are rounding.
@@ -29,9 +29,9 @@ pub struct Column {
 pub struct Mixture {
     /// What it is worth: what it reaches, or minus what it costs.
     pub worth: f64,
-    /// Its prices.
-    pub prices: Prices,
-    /// Part of the wishes that it meets. Where that is less than all, the prices of a mixture for the least cost are those
+    /// Its dual variables.
+    pub duals: Duals,
+    /// Part of the wishes that it meets. Where that is less than all, the dual variables of a mixture for the least cost are those
     /// of its reach.
     pub met: f64,
 }
@@ -66,7 +66,7 @@ pub fn best(choices: &Choices, columns: &mut [Column], kind: Kind) -> Option<Mix
         for (column, entry) in columns.iter().zip(entries.clone()) {
             most[column.actuator] = most[column.actuator].max(entry);
         }
-        // What these columns cannot use up has no price.
+        // What these columns cannot use up has dual variables of 0.
         if most.iter().sum::<f64>() > *allowed {
             let scale = most.iter().copied().fold(*allowed, f64::max);
             programme.row(entries.map(|entry| entry / scale), allowed / scale);
@@ -99,23 +99,23 @@ pub fn best(choices: &Choices, columns: &mut [Column], kind: Kind) -> Option<Mix
     }
     let met = vertex.x.last().copied().unwrap_or(0.0);
     let is_met = kind == Kind::Cost && met >= 1.0 - NO_SHARE;
-    let mut prices = Prices { gain: vec![0.0; targets], load: vec![0.0; limits] };
+    let mut duals = Duals { gain: vec![0.0; targets], load: vec![0.0; limits] };
     let of = if is_met { &vertex.second } else { &vertex.first };
-    for (price, (row, scale)) in of.iter().zip(&scales) {
-        let price = if is_met { price * unit / scale } else { price / scale };
-        match prices.gain.get_mut(*row) {
-            Some(gain) => *gain = price,
-            None => prices.load[row - targets] = price,
+    for (dual, (row, scale)) in of.iter().zip(&scales) {
+        let dual = if is_met { dual * unit / scale } else { dual / scale };
+        match duals.gain.get_mut(*row) {
+            Some(gain) => *gain = dual,
+            None => duals.load[row - targets] = dual,
         }
     }
     if !is_met {
         // All that is asked for costs one.
-        let sum: f64 = prices.gain.iter().zip(&choices.wanted).map(|(price, wanted)| price * wanted).sum();
+        let sum: f64 = duals.gain.iter().zip(&choices.wanted).map(|(dual, wanted)| dual * wanted).sum();
         if sum <= 0.0 {
             return None;
         }
-        prices.gain.iter_mut().chain(&mut prices.load).for_each(|price| *price /= sum);
+        duals.gain.iter_mut().chain(&mut duals.load).for_each(|dual| *dual /= sum);
     }
     let cost: f64 = columns.iter().zip(&costs).map(|(column, cost)| column.share * cost).sum();
-    Some(Mixture { worth: if kind == Kind::Cost { -cost } else { met }, prices, met })
+    Some(Mixture { worth: if kind == Kind::Cost { -cost } else { met }, duals, met })
 }

@@ -2,7 +2,7 @@
 
 use super::{Field, PerPair, Phasors, best};
 use crate::MOST_CONDITION;
-use crate::choose::allocate::{Allocation, Prices};
+use crate::choose::allocate::{Allocation, Duals};
 use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
 use crate::chosen::Chosen;
@@ -50,8 +50,8 @@ impl PlanTable {
         let forces_n = found.forces_n.map(Complex64::norm);
         Ok(Selection {
             drives: found.forces_n.iter().take(self.entries.len()).enumerate().map(drive).collect(),
-            allocation: Allocation { forces_n, met, cost: found.energy, prices: Prices::default() },
-            binding: Vec::new(),
+            allocation: Allocation { forces_n, met, cost: found.energy, duals: Duals::default() },
+            active: Vec::new(),
             gap: if found.proven_gap > 1e-8 { found.proven_gap } else { 0.0 },
         })
     }
