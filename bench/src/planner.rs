@@ -147,8 +147,9 @@ fn check(scene: &Scene, actuators: usize, table: &PlanTable) -> Result<[String; 
             let wanted = intensity_g * STANDARD_GRAVITY;
             let found = |work: Work| {
                 let request = Request { work, ..Request::touch(&[target]) };
-                let choices = Formulation::new(table, &request).shortlist(wanted, &|_, _| true);
-                choices.best(&|_, _| true).map(|found| found.allocation).ok_or_else(nothing)
+                let formulation = Formulation::new(table, &request);
+                let found = formulation.best_of(formulation.shortlist(wanted, &|_, _| true), &|_, _| true);
+                found.map(|(_, found)| found.allocation).ok_or_else(nothing)
             };
             let started = Instant::now();
             let study = found(Work::Study)?;

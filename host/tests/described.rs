@@ -100,6 +100,7 @@ fn answers_are_as_described() {
     let described = Described::of(&daemon);
     for path in ["/v1/state", "/v1/scene", "/v1/field"] {
         let (status, answer) = daemon.get(path);
+        assert_eq!(status, 200, "{path}");
         described.holds(path, "get", status, &answer);
     }
     let asked = described.schema("/paths/~1v1~1touch/post/requestBody/content/application~1json/schema");
@@ -139,6 +140,13 @@ fn what_is_not_described_is_found() {
         let mut wrong = right.clone();
         wrong.pointer_mut(pointer).unwrap()[key] = json!(1);
         assert!(!schema.is_valid(&wrong), "{pointer}/{key}");
+    }
+    for (pointer, key) in
+        [("", "drives"), ("", "optimality_gap"), ("/predicted", "target_peak_g"), ("/drives/0", "force_n")]
+    {
+        let mut wrong = right.clone();
+        wrong.pointer_mut(pointer).unwrap().as_object_mut().unwrap().remove(key).unwrap();
+        assert!(!schema.is_valid(&wrong), "{pointer}/{key} is missing");
     }
     let mut wrong = right.clone();
     wrong["drives"][0]["frequency_hz"] = json!("fast");

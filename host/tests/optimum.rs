@@ -99,7 +99,7 @@ fn the_planner_finds_what_exhaustive_search_finds() {
                 compared[p] += 1;
                 if wanted.len() == 1 && quiet.is_empty() && objective == Objective::Contrast {
                     // From the bounds alone nothing is dropped that is part of it.
-                    let found = formulation.shortlist(wanted[0], &any).best(&any).unwrap();
+                    let (_, found) = formulation.best_of(formulation.shortlist(wanted[0], &any), &any).unwrap();
                     same(&found.allocation, &best, &format!("{what}, shortlist"));
                 }
             }

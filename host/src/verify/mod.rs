@@ -175,8 +175,8 @@ pub fn compare_request(
     if plan.drives.iter().all(|drive| drive.voltage_v == 0.0) {
         return Err(VerifyError::Nothing);
     }
-    let [x_mm, y_mm] = plan.target_m.map(|metres| metres * 1e3);
-    let shape = table.model.shape_at(x_mm / 1e3, y_mm / 1e3);
+    let [x_m, y_m] = plan.target_m;
+    let shape = table.model.shape_at(x_m, y_m);
     let mut panel = panel.clone();
     panel.set_probe(&shape);
     let Record { waveform, fundamentals, samples, step_s, predicted_peak, unsettled, extremes } =
@@ -199,8 +199,8 @@ pub fn compare_request(
     let (achieved_g, predicted_band_g) = (in_g(waveform.fundamentals()), in_g(predicted_peak));
     let relative = |found: f64, predicted: f64| (found - predicted) / predicted.max(f64::MIN_POSITIVE);
     Ok(Comparison {
-        x_mm,
-        y_mm,
+        x_mm: x_m * 1e3,
+        y_mm: y_m * 1e3,
         linear_g,
         predicted_g,
         rounded_g,

@@ -5,7 +5,7 @@ use super::{Program, StackError};
 use crate::emulate::bridge::{Bridge, Pace};
 use crate::emulate::link::{Link, encoded, exchange};
 use crate::error::Error;
-use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, Request};
+use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, Reply, Request};
 use era_shared::waveform::Effect;
 use serde::Deserialize;
 use serde_json::json;
@@ -39,7 +39,7 @@ struct Word {
 pub fn seen(image: &Path, program: &Program, priorities: &BTreeMap<String, u8>) -> Result<u32, Error> {
     let mut bridge = Bridge::start(image, Pace::Paused)?;
     let asked = session(&mut bridge)?;
-    let missing: Vec<&str> = REQUESTS.into_iter().filter(|name| !asked.contains(name)).collect();
+    let missing: Vec<&str> = REQUESTS.iter().copied().filter(|name| !asked.contains(name)).collect();
     if !missing.is_empty() {
         let source = StackError::NotAsked(missing.join(", "));
         return Err(Error::Stack { path: image.to_path_buf(), source });
@@ -55,7 +55,7 @@ pub fn seen(image: &Path, program: &Program, priorities: &BTreeMap<String, u8>) 
 fn session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
     let mut link = Link::default();
     let mut asked = BTreeSet::new();
-    let silent = (0..4).map(|channel| drive(channel, 1_000_000)).collect();
+    let prepared = (0..4).map(|channel| drive(channel, 1_000_000)).collect();
     let drives = |frequency_millihertz| Request::SetDrives {
         drives: (0..4).map(|channel| drive(channel, frequency_millihertz)).collect(),
     };
@@ -64,7 +64,10 @@ fn session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
         [Request::Status, Request::Telemetry, Request::Faults, Request::Clock, Request::Details, Request::Log];
     let mut ask = |bridge: &mut Bridge, request: &Request| {
         asked.insert(name(request));
-        link.request(bridge, request).map(drop)
+        match link.request(bridge, request)? {
+            Reply::Refused(refusal) => Err(Error::NoReply(format!("{request:?}, which was refused: {refusal:?}"))),
+            _ => Ok(()),
+        }
     };
 
     ask(bridge, &Request::Hello { host_min: 1, host_current: CURRENT_VERSION })?;
@@ -89,7 +92,7 @@ fn session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
     exchange(bridge, &[0xA5; 600], 0.05)?;
     exchange(bridge, &encoded(u8::MAX, 1, &Request::Status)?, 0.05)?;
     run_for(bridge, 0.1)?;
-    ask(bridge, &Request::Prepare { drives: silent })?;
+    ask(bridge, &Request::Prepare { drives: prepared })?;
     for channel in 0..4 {
         ask(bridge, &play(channel))?;
     }
@@ -103,48 +106,39 @@ fn session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
     Ok(asked)
 }
 
-/// The requests of a session; not that for the bootloader, which ends the program whose stack is looked at.
-const REQUESTS: [&str; 16] = [
-    "Hello",
-    "Arm",
-    "Disarm",
-    "SetDrives",
-    "Stop",
-    "KeepAlive",
-    "Status",
-    "Faults",
-    "ClearFaults",
-    "Telemetry",
-    "ArmWith",
-    "Prepare",
-    "Play",
-    "Clock",
-    "Details",
-    "Log",
-];
+/// Names of all requests, the compiler sees to that; those of a session are all but that for the bootloader, which ends the program whose
+/// stack is looked at.
+macro_rules! requests {
+    ($($name:ident),+) => {
+        const REQUESTS: &[&str] = &[$(stringify!($name)),+];
 
-/// A request's name. A new one belongs into [`REQUESTS`] as well.
-const fn name(request: &Request) -> &'static str {
-    match request {
-        Request::Hello { .. } => "Hello",
-        Request::Arm { .. } => "Arm",
-        Request::Disarm => "Disarm",
-        Request::SetDrives { .. } => "SetDrives",
-        Request::Stop => "Stop",
-        Request::KeepAlive => "KeepAlive",
-        Request::Status => "Status",
-        Request::Faults => "Faults",
-        Request::ClearFaults => "ClearFaults",
-        Request::Telemetry => "Telemetry",
-        Request::ArmWith { .. } => "ArmWith",
-        Request::Prepare { .. } => "Prepare",
-        Request::Play { .. } => "Play",
-        Request::Clock => "Clock",
-        Request::Details => "Details",
-        Request::Log => "Log",
-        Request::Bootloader { .. } => "Bootloader",
-    }
+        const fn name(request: &Request) -> &'static str {
+            match request {
+                $(Request::$name { .. } => stringify!($name),)+
+                Request::Bootloader { .. } => "Bootloader",
+            }
+        }
+    };
 }
+
+requests!(
+    Hello,
+    Arm,
+    Disarm,
+    SetDrives,
+    Stop,
+    KeepAlive,
+    Status,
+    Faults,
+    ClearFaults,
+    Telemetry,
+    ArmWith,
+    Prepare,
+    Play,
+    Clock,
+    Details,
+    Log
+);
 
 /// Half of the half period wide, as 1 kHz with its guards allows.
 const fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {

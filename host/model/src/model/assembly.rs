@@ -9,6 +9,7 @@
 //! the line); w_xx across it is free to jump, as it must where the rigidity does.
 
 use super::ModelError;
+use super::attached::{Attached, actuators, passive};
 use super::enriched::{EdgeSprings, add_singular};
 use super::fineness::Fineness;
 use super::grid::{Derivative, Grid};
@@ -16,7 +17,7 @@ use super::mesh::Lines;
 use super::sections::Section;
 use super::shape::CellMatrices;
 use super::sparse::{Entries, SparseVector, Symmetric};
-use crate::scene::{Actuator, EdgeKind, Mount, Scene, Side};
+use crate::scene::{EdgeKind, Scene, Side};
 
 /// A spring, dashpot and mass on one motion d = vector . u: forces stiffness d, damping d' and mass d'' along the vector.
 #[derive(Clone, Debug, Default)]
@@ -86,15 +87,11 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
     }
     let edges = grid.over_unknowns(edges);
     stiffness.add_all(&edges, 1.0);
-    for support in &scene.supports {
-        parts.support(support);
-    }
-    for point in &scene.masses {
-        let vector = grid.attachment(point.x_m, point.y_m);
-        parts.attach(Attachment { vector, mass: point.mass_kg, ..Attachment::default() });
+    for attached in passive(scene) {
+        parts.add(&attached);
     }
     let without_actuators = parts.attachments.len();
-    let actuators = scene.actuators.iter().enumerate().map(|(i, actuator)| parts.actuator(i, actuator)).collect();
+    let actuators = actuators(scene).enumerate().map(|(i, attached)| parts.actuator(i, &attached)).collect();
     let n = parts.unknowns;
     for attachment in &parts.attachments {
         stiffness.add_outer(&attachment.vector, attachment.stiffness);
@@ -246,44 +243,44 @@ impl Parts<'_> {
         }
     }
 
-    fn support(&mut self, support: &crate::scene::Support) {
+    /// Adds something at a point; what a force between it and its other side acts on, and what the travel between them is.
+    fn add(&mut self, attached: &Attached) -> Vec<(usize, f64)> {
+        let (x_m, y_m) = attached.at;
+        let surface = self.grid.attachment(x_m, y_m);
         self.attach(Attachment {
-            vector: self.grid.attachment(support.x_m, support.y_m),
-            stiffness: support.stiffness_n_per_m,
-            damping: support.damping_n_s_per_m,
-            mass: 0.0,
+            vector: surface.clone(),
+            stiffness: attached.stiffness_n_per_m,
+            damping: attached.damping_n_s_per_m,
+            mass: attached.mass_kg,
         });
-        let stiffness = support.rotational_stiffness_n_m_per_rad;
+        let stiffness = attached.turning_n_m_per_rad;
         if stiffness > 0.0 {
-            let (x_m, y_m) = self.grid.attached_at(support.x_m, support.y_m);
+            let (x_m, y_m) = self.grid.attached_at(x_m, y_m);
             for slope in [Derivative::SlopeX, Derivative::SlopeY] {
                 let vector = self.grid.row_at(x_m, y_m, slope);
                 self.attach(Attachment { vector, stiffness, ..Attachment::default() });
             }
         }
+        let Some(carried) = attached.carried else { return surface };
+        let own = self.unknowns;
+        self.unknowns += 1;
+        self.attach(Attachment { vector: vec![(own, 1.0)], mass: carried.mass_kg, ..Attachment::default() });
+        let mut between = surface;
+        between.push((own, -1.0));
+        self.attach(Attachment {
+            vector: between.clone(),
+            stiffness: carried.stiffness_n_per_m,
+            damping: carried.damping_n_s_per_m,
+            mass: 0.0,
+        });
+        between
     }
 
-    fn actuator(&mut self, index: usize, actuator: &Actuator) -> ActuatorVectors {
-        let surface = self.grid.attachment(actuator.x_m, actuator.y_m);
-        let (housing, moving) = (actuator.housing_mass_kg, actuator.moving_mass_kg);
-        let (stiffness, damping) = (actuator.effective_stiffness_n_per_m(), actuator.damping_n_s_per_m);
-        let between = match actuator.mount {
-            Mount::Inertial => {
-                let own = self.unknowns;
-                self.unknowns += 1;
-                self.moving_masses.push((own, index));
-                self.attach(Attachment { vector: surface.clone(), mass: housing, ..Attachment::default() });
-                self.attach(Attachment { vector: vec![(own, 1.0)], mass: moving, ..Attachment::default() });
-                let mut between = surface;
-                between.push((own, -1.0));
-                self.attach(Attachment { vector: between.clone(), stiffness, damping, mass: 0.0 });
-                between
-            }
-            Mount::Grounded => {
-                self.attach(Attachment { vector: surface.clone(), stiffness, damping, mass: housing + moving });
-                surface
-            }
-        };
+    fn actuator(&mut self, index: usize, attached: &Attached) -> ActuatorVectors {
+        if attached.carried.is_some() {
+            self.moving_masses.push((self.unknowns, index));
+        }
+        let between = self.add(attached);
         ActuatorVectors { force: between.clone(), travel: between }
     }
 }

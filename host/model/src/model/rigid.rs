@@ -162,13 +162,9 @@ fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
         at(x, y)
     };
     let mut holds = Vec::new();
-    let mut soft = |vector, stiffness| {
-        if stiffness != 0.0 {
-            holds.push(Hold { vector, stiffness, hard: false });
-        }
-    };
+    let mut soft = |vector, stiffness| holds.push(Hold { vector, stiffness, hard: false });
     for attached in attached(scene) {
-        soft(at_node(attached.at.0, attached.at.1), attached.grounded_n_per_m);
+        soft(at_node(attached.at.0, attached.at.1), attached.stiffness_n_per_m);
         // The slope is cx L / L.
         let turning = attached.turning_n_m_per_rad;
         soft([0.0, 1.0, 0.0], turning / (length * length));

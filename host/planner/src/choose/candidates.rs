@@ -2,14 +2,12 @@
 
 use crate::choose::allocate::Allocation;
 use crate::choose::assignment::{Assignment, lags};
-use crate::choose::search::{Candidate, Choices, is_better};
+use crate::choose::search::{BestCombination, Candidate, Choices, Fits, is_better};
 use crate::perception;
-use crate::scene::EPS0;
-use crate::scene::MAX_ACTUATORS;
+use crate::scene::{EPS0, MAX_ACTUATORS};
 use crate::table::{Entry, PlanTable, SINGLE, Width, at_point};
 use crate::wish::quiet::QuietZones;
-use crate::wish::request::Work;
-use crate::wish::request::{Objective, Request, Weigh};
+use crate::wish::request::{Objective, Request, Weigh, Work};
 use crate::wish::zone::Zone;
 use crate::{ELECTRODE_CABLE_F, MIN_SPACING_HZ};
 use nalgebra::DVector;
@@ -233,8 +231,25 @@ impl<'a> Formulation<'a> {
         choices
     }
 
+    /// The best of `choices`, a shortlist or all, with them.
+    #[must_use]
+    pub fn best_of(&self, mut choices: Choices, fits: Fits<'_>) -> Option<(Choices, BestCombination)> {
+        let mut found = choices.best(fits)?;
+        if choices.is_estimated {
+            if found.allocation.met < 1.0 {
+                self.work_out(&mut choices, Some(&found.chosen));
+                found.allocation = choices.allocation(&found.chosen);
+            } else {
+                self.work_out(&mut choices, None);
+                choices.is_estimated = false;
+                found = choices.best_from(fits, Some(found.chosen))?;
+            }
+        }
+        Some((choices, found))
+    }
+
     /// Works out energies of a shortlist that are estimates: those of one combination, or all.
-    pub fn work_out(&self, choices: &mut Choices, only: Option<&[usize]>) {
+    fn work_out(&self, choices: &mut Choices, only: Option<&[usize]>) {
         for (i, (candidates, entries)) in choices.candidates.iter_mut().zip(&self.table.entries).enumerate() {
             let range = only.and_then(|only| only.get(i)).map_or(0..candidates.len(), |index| *index..*index + 1);
             for candidate in &mut candidates[range] {

@@ -2,7 +2,7 @@
 //!
 //! Maximise c . x, and among the optima d . x, subject to A x <= b and x >= 0, with b >= 0, so that x = 0 is a feasible
 //! start and no first phase is needed. Allocation has at most five variables and some hundred rows, a tableau of a few
-//! kilobytes; [`crate::reach`] some hundred variables.
+//! kilobytes; mixtures of combinations have some fifty (`search/mixture.rs`), and as many rows as there are targets and limits.
 
 /// Relative size below which a reduced cost or a pivot counts as zero. Rows and columns are scaled to the size of one by
 /// whoever sets the programme up.

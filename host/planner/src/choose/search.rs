@@ -68,6 +68,10 @@ pub struct BestCombination {
     /// By which part of its cost, or of what it reaches, another combination could be better at most; 0 where it is
     /// proven to be the best.
     pub gap: f64,
+    /// Where the wishes are not met: no combination meets more of them than this part.
+    pub most: f64,
+    /// Steps that it took ([`Work`]).
+    pub steps: usize,
 }
 
 /// Whether two frequencies may go together, other than by their distance.

@@ -9,5 +9,6 @@ use num_complex::Complex64;
 
 /// One complex number per actuator.
 pub type Phasors = [Complex64; MAX_ACTUATORS];
-/// One complex number per pair of actuators, row by row.
+/// One complex number per pair of actuators, row by row; of travels per force the row is the actuator whose travel it is, the column that
+/// with the force.
 pub type PerPair = [Phasors; MAX_ACTUATORS];

@@ -8,7 +8,7 @@ mod weaker;
 use crate::STANDARD_GRAVITY;
 use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
-use crate::choose::search::{BestCombination, Choices};
+use crate::choose::search::Fits;
 use crate::chosen::{Chosen, MadeOf, groups, meets, peak};
 use crate::drive::Drive;
 use crate::millimetres;
@@ -17,8 +17,7 @@ use crate::motion::safe::Settled;
 use crate::perception::above_threshold_db;
 use crate::table::{PlanTable, at_point};
 use crate::wish::quiet::QuietResult;
-use crate::wish::request::Work;
-use crate::wish::request::{Grouping, Objective, PlanError, Request, Target, Weigh};
+use crate::wish::request::{Grouping, Objective, PlanError, Request, Target, Weigh, Work};
 use limitation::{Limitation, add};
 use nalgebra::DVector;
 use serde::Serialize;
@@ -226,9 +225,9 @@ impl PlanTable {
             _ => formulation.all(wanted),
         };
         // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
-        let (choices, found) = best(formulation, choices_for(&|a, b| !meets(a, b)), &|a, b| !meets(a, b))
-            .or_else(|| best(formulation, choices_for(&|_, _| true), &|_, _| true))
-            .ok_or(PlanError::NoFrequencies)?;
+        let best = |fits: Fits<'_>| formulation.best_of(choices_for(fits), fits);
+        let (choices, found) =
+            best(&|a, b| !meets(a, b)).or_else(|| best(&|_, _| true)).ok_or(PlanError::NoFrequencies)?;
         Ok(self.refined(formulation, &choices, &found))
     }
 
@@ -373,25 +372,6 @@ impl PlanTable {
 fn gap(selection: &Selection, settled: &Settled) -> f64 {
     let gap = (1.0 + selection.gap) / settled.scale.max(f64::MIN_POSITIVE) - 1.0;
     if gap > NO_GAP { gap.min(MOST_GAP) } else { 0.0 }
-}
-
-/// The best of `choices` under `fits`, with them.
-fn best(
-    formulation: &Formulation<'_>,
-    mut choices: Choices,
-    fits: &dyn Fn(f64, f64) -> bool,
-) -> Option<(Choices, BestCombination)> {
-    let mut found = choices.best(fits)?;
-    if choices.is_estimated {
-        if found.allocation.met < 1.0 {
-            formulation.work_out(&mut choices, Some(&found.chosen));
-            found.allocation = choices.allocation(&found.chosen);
-        } else {
-            formulation.work_out(&mut choices, None);
-            found = choices.best(fits)?;
-        }
-    }
-    Some((choices, found))
 }
 
 /// 10 log10(near / rest), within 200 dB either way; 0 where nothing moves.

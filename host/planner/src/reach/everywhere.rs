@@ -13,6 +13,8 @@ use num_complex::Complex64;
 const ADDED: usize = 12;
 /// Rounds of that. A dozen is usual.
 const REFINEMENTS: usize = 200;
+/// Steps of all searches together after which no other begins.
+const MOST_STEPS: usize = 400_000;
 /// Relative difference of minima that counts as none.
 pub(crate) const EQUAL_MINIMA: f64 = 1e-6;
 
@@ -24,7 +26,8 @@ pub fn everywhere(table: &PlanTable, region: Option<Region>) -> Option<(Vec<Part
     let space = Space::of(table, &view.shapes, |hz| measure.weight(hz));
     let (setting, at_most) = strongest_everywhere(table, &view, measure, space)?;
     let least = peaks(table, &view.finer, &setting, measure).into_iter().fold(f64::INFINITY, f64::min);
-    Some((setting, if least > 0.0 { (at_most / least - 1.0).max(0.0) } else { 0.0 }))
+    let gap = if at_most <= least { 0.0 } else { at_most / least - 1.0 };
+    Some((setting, gap))
 }
 
 impl PlanTable {
@@ -52,12 +55,14 @@ pub(crate) fn strongest_everywhere(
     let mut strongest: Option<(f64, Vec<Part>)> = None;
     let mut upper = f64::INFINITY;
     let mut hint: Option<Vec<usize>> = None;
+    let mut steps = 0;
     // With little work as long as points join.
     let mut effort = Work::Touch;
     for _ in 0..REFINEMENTS {
         let all: Vec<usize> = (0..space.points).collect();
         let best = search::best(&space, &all, effort, hint.as_deref())?;
         upper = upper.min(best.upper);
+        steps += best.steps;
         let setting = best.setting(table, &space);
         let peaks = peaks(table, finer, &setting, measure);
         let mut weaker: Vec<usize> =
@@ -68,6 +73,10 @@ pub(crate) fn strongest_everywhere(
             strongest = Some((least, setting));
         }
         hint = Some(best.choice);
+        let is_proven = strongest.as_ref().is_some_and(|(least, _)| upper <= least * (1.0 + 2.0 * EQUAL_MINIMA));
+        if is_proven || steps >= MOST_STEPS {
+            break;
+        }
         if weaker.is_empty() {
             if effort == Work::Surface {
                 break;

@@ -30,6 +30,8 @@ pub struct Best {
     pub least: f64,
     /// No choice has more than this; `least` unless the search ended before that was proven.
     pub upper: f64,
+    /// Steps of the searches that it took ([`Work`]): of each round at most as many as of all together.
+    pub steps: usize,
 }
 
 /// The choice with the largest least gain over `points`. `hint` is a good one, if known. `None` if no frequencies keep
@@ -44,13 +46,15 @@ pub fn best(space: &Space, points: &[usize], work: Work, hint: Option<&[usize]>)
     let mut hint: Option<Vec<usize>> = hint.map(<[usize]>::to_vec);
     let mut best: Option<Best> = None;
     let mut upper = f64::INFINITY;
+    let mut steps = 0;
     // With little work as long as points join.
     let mut effort = Work::Touch;
     for _ in 0..MOST_ADDED {
         let (choices, unit) = choices(space, &active, effort);
         let known = hint.as_ref().and_then(|hint| index_of(&choices, hint));
         let found = choices.best_from(&|_, _| true, known)?;
-        upper = upper.min(found.allocation.met * (1.0 + found.gap) * unit);
+        upper = upper.min(found.most * unit);
+        steps += found.steps;
         let at = |i: usize| choices.candidates[i][found.chosen[i]].tag;
         let choice: Vec<usize> = (0..space.actuators()).map(at).collect();
         let parts: Vec<f64> = found.allocation.forces_n.iter().take(choice.len()).copied().collect();
@@ -58,22 +62,23 @@ pub fn best(space: &Space, points: &[usize], work: Work, hint: Option<&[usize]>)
         let (least, worst) = peaks.min_by(|a, b| a.0.total_cmp(&b.0))?;
         hint = Some(choice.clone());
         if best.as_ref().is_none_or(|best| least > best.least) {
-            best = Some(Best { choice, parts, least, upper });
+            best = Some(Best { choice, parts, least, upper, steps });
         }
         if best.as_ref().is_some_and(|best| upper <= best.least * (1.0 + EQUAL_VALUES)) {
             break;
         }
-        if !active.contains(&worst) {
-            active.push(worst);
-        } else if effort == work {
+        if effort == work && (active.contains(&worst) || steps >= work.steps(candidates(&choices))) {
             break;
-        } else {
+        }
+        if active.contains(&worst) {
             effort = work;
+        } else {
+            active.push(worst);
         }
     }
     let best = best?;
     let is_proven = upper <= best.least * (1.0 + EQUAL_VALUES);
-    Some(Best { upper: if is_proven { best.least } else { upper }, ..best })
+    Some(Best { upper: if is_proven { best.least } else { upper }, steps, ..best })
 }
 
 /// What may be chosen, forces in parts of full force, and the wish at each of the points.
@@ -106,6 +111,11 @@ fn choices(space: &Space, active: &[usize], work: Work) -> (Choices, f64) {
     let unit = if unit > 0.0 { BEYOND * unit } else { 1.0 };
     choices.wanted = vec![unit; active.len()];
     (choices, unit)
+}
+
+/// How many candidates there are.
+fn candidates(choices: &Choices) -> usize {
+    choices.candidates.iter().map(Vec::len).sum()
 }
 
 /// Frequencies as candidates.

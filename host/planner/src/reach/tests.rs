@@ -102,7 +102,7 @@ proptest! {
     }
 }
 
-/// Lists too long to be enumerated: nodes are split, and the optimum is that of all 2 million combinations.
+/// The optimum is that of all 2 million combinations.
 #[test]
 fn long_lists_are_split() {
     let space = random_space(3, 130, 12, 7);

@@ -1,4 +1,4 @@
-//! What is said of a plan beside its drives: alternatives, times.
+//! What is said of a plan beside its drives: alternatives, times, presses.
 
 pub mod explain;
 pub(crate) mod pressed;

@@ -97,7 +97,7 @@ pub enum Work {
     Touch,
     /// For a study: up to some tenths of a second.
     Study,
-    /// For a whole surface: up to some ten seconds.
+    /// For a whole surface: up to a minute.
     Surface,
 }
 

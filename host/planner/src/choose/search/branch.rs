@@ -46,14 +46,29 @@ pub struct BranchAndBound<'a> {
     best: Option<([usize; MAX_ACTUATORS], Allocation)>,
     /// Whether other frequencies have been tried around the best.
     is_polished: bool,
+    /// What is counted against the most of them; of the reach, half of it at most is left for the cost.
     steps: usize,
+    /// All of them.
+    taken: usize,
+    /// No combination is worth more.
+    bound: f64,
     most_steps: usize,
 }
 
 impl<'a> BranchAndBound<'a> {
     pub fn new(choices: &'a Choices, fits: Fits<'a>) -> Self {
         let most_steps = choices.work.steps(choices.candidates.iter().map(Vec::len).sum());
-        Self { choices, fits, kind: Kind::Cost, best: None, is_polished: false, steps: 0, most_steps }
+        Self {
+            choices,
+            fits,
+            kind: Kind::Cost,
+            best: None,
+            is_polished: false,
+            steps: 0,
+            taken: 0,
+            bound: f64::INFINITY,
+            most_steps,
+        }
     }
 
     /// First what reaches, then what it costs.
@@ -70,14 +85,15 @@ impl<'a> BranchAndBound<'a> {
             let gap = self.settle((allocation.met < 1.0).then_some(duals));
             let (chosen, allocation) = self.best.as_ref()?;
             if allocation.met < 1.0 {
-                return Some(BestCombination { chosen: *chosen, allocation: allocation.clone(), gap });
+                let (chosen, allocation, most) = (*chosen, allocation.clone(), self.bound.min(1.0));
+                return Some(BestCombination { chosen, allocation, gap, most, steps: self.taken });
             }
             duals = allocation.duals.clone();
             self.kind = Kind::Cost;
         }
         let gap = self.settle(Some(duals));
         let (chosen, allocation) = self.best?;
-        Some(BestCombination { chosen, allocation, gap })
+        Some(BestCombination { chosen, allocation, gap, most: 1.0, steps: self.taken })
     }
 
     /// Dual variables at which some actuator would just do alone, without limits.
@@ -103,19 +119,28 @@ impl<'a> BranchAndBound<'a> {
             let energy = if sum > 0.0 { 2.0 * choices.wanted[t] / sum } else { 0.0 };
             // A hair above, so that what earns nothing else does not hide the one that earns.
             let power = if least.is_finite() { least * (1.0 + 1e-9) } else { 0.0 };
-            #[expect(clippy::cast_precision_loss, reason = "at most ten targets")]
+            #[expect(clippy::cast_precision_loss, reason = "some hundred targets")]
             let share = 1.0 / targets as f64;
             (energy + power).max(f64::MIN_POSITIVE) * share
         };
         Duals { gain: (0..targets).map(dual).collect(), load: vec![0.0; choices.allowed.len()] }
     }
 
+    const fn step(&mut self) {
+        self.steps += 1;
+        self.taken += 1;
+    }
+
     /// Works out a combination, and keeps it if it is the best that fits.
     fn consider(&mut self, chosen: &[usize; MAX_ACTUATORS]) -> Allocation {
-        self.steps += 1;
+        self.step();
         let allocation = self.choices.allocation(chosen);
         let fits = self.is_allowed(chosen);
         if fits && self.best.as_ref().is_none_or(|(_, best)| is_better(&allocation, best)) {
+            if self.best.is_none() {
+                // A long way to the first one leaves some for better ones.
+                self.steps = self.steps.min(self.most_steps / 2);
+            }
             self.best = Some((*chosen, allocation.clone()));
             self.is_polished = false;
         }
@@ -159,7 +184,7 @@ impl<'a> BranchAndBound<'a> {
     /// Finds the best combination; returns the gap.
     fn settle(&mut self, duals: Option<Duals>) -> f64 {
         // What the reach took, half of it at most, is not missing for the cost.
-        self.steps /= 2;
+        self.steps = (self.steps / 2).min(self.most_steps / 2);
         let targets = self.choices.wanted.len();
         // Of what reaches nothing known, any that make all that is asked for cost one.
         let sum: f64 = self.choices.wanted.iter().sum();
@@ -171,20 +196,21 @@ impl<'a> BranchAndBound<'a> {
                 mixture::add(&mut whole.columns, i, chosen[i], *force_n);
             }
         }
-        if self.tighten(&mut whole, FIRST_ROUNDS, OWN_DUALS) { self.divide(whole) } else { 0.0 }
+        self.bound = if self.tighten(&mut whole, FIRST_ROUNDS, OWN_DUALS) { self.divide(whole) } else { self.enough() };
+        self.gap(self.bound)
     }
 
-    /// Divides the part with the most promising bound until none is better than what is known.
+    /// Divides the part with the most promising bound until none is better than what is known; what no combination is worth more than.
     fn divide(&mut self, whole: Part) -> f64 {
         let mut open = vec![whole];
         loop {
             let most = (0..open.len()).max_by(|a, b| open[*a].bound.total_cmp(&open[*b].bound));
-            let Some(part) = most.map(|at| open.swap_remove(at)) else { return 0.0 };
+            let Some(part) = most.map(|at| open.swap_remove(at)) else { return self.enough() };
             if self.is_met() || part.bound <= self.enough() {
-                return 0.0;
+                return self.enough();
             }
             if self.is_spent() {
-                return self.gap(part.bound);
+                return part.bound;
             }
             for mut half in halves(part) {
                 if half.space.combinations() <= FEW {
@@ -229,7 +255,7 @@ impl<'a> BranchAndBound<'a> {
             if self.is_spent() {
                 break;
             }
-            self.steps += 1;
+            self.step();
             let found = Evaluation::of(self.choices, &part.space, &next, self.kind);
             let Some(found) = found else { return false };
             let is_better = found.bound < part.bound;
@@ -316,7 +342,7 @@ impl<'a> BranchAndBound<'a> {
             part.columns.retain(|column| column.share > 0.0);
         }
         for _ in 0..FEASIBLE_ROUNDS {
-            self.steps += 1;
+            self.step();
             let Some(mixture) = mixture::best(self.choices, &mut part.columns, self.kind) else { return Ok(None) };
             if self.kind == Kind::Reach || mixture.met >= 1.0 - MISSING {
                 return Ok(Some(mixture));

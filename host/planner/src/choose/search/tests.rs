@@ -103,4 +103,5 @@ fn the_only_pair_that_fits_is_found() {
     let mut chosen = found.chosen[..2].to_vec();
     chosen.sort_unstable();
     assert_eq!(chosen, [70, 220]);
+    assert_eq!(found.gap, 0.0);
 }

@@ -36,7 +36,8 @@ pub struct Description {
     pub force: [Complex64; MAX_LINES],
     /// Mean over time of the force's slope: what is taken off the spring.
     pub mean_slope: f64,
-    /// Half the phasor of the slope's pulsation at twice each harmonic: what the conjugate of a phasor comes back with.
+    /// Half the phasor of the slope's pulsation at twice each harmonic: what the conjugate of a phasor comes back with; 0
+    /// beyond the last harmonic that has a line.
     pub pulsating_slope: [Complex64; HARMONICS],
 }
 
