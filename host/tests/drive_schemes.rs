@@ -35,8 +35,8 @@ fn settings_are_within_the_limits() {
         assert_eq!(schemes.len(), 3);
         for scheme in schemes {
             for (part, actuator) in scheme.setting.iter().zip(&table.scene.actuators) {
-                assert!(part.voltage_v <= actuator.max_voltage_v * (1.0 + 1e-9), "{scheme:?}");
-                assert!(part.force_n >= 0.0 && (0.5..1.0).contains(&part.pulse_width), "{scheme:?}");
+                assert!(part.drive.voltage_v <= actuator.max_voltage_v * (1.0 + 1e-9), "{scheme:?}");
+                assert!(part.drive.force_n >= 0.0 && (0.5..1.0).contains(&part.drive.pulse_width), "{scheme:?}");
             }
             let mut again = scheme.setting.clone();
             let scale = command(&table, &mut again).unwrap();

@@ -156,7 +156,7 @@ fn even_effects_are_as_strong_as_planned() {
         let predicted = design.predicted;
         assert!((0.85 * predicted.peak_least_g..1.15 * predicted.peak_most_g).contains(&peak), "{peak}, {predicted:?}");
         for (drive, planned) in design.drives.iter().zip(&plan.drives) {
-            assert!(drive.voltage_v <= planned.voltage_v * (1.0 + 1e-9));
+            assert!(drive.drive.voltage_v <= planned.voltage_v * (1.0 + 1e-9));
         }
     }
 }
@@ -193,9 +193,9 @@ fn no_effect_goes_beyond_the_actuators_limits() {
             for ((extreme, electrodes), drive) in extremes.iter().zip(&table.electrodes).zip(&design.drives) {
                 let part = extreme.travel_m / electrodes.gap_m;
                 assert!(!extreme.snapped_in && part <= 1.0 / 3.0, "{effect:?}: {part} of the gap");
-                assert!(drive.voltage_v <= electrodes.max_voltage_v);
+                assert!(drive.drive.voltage_v <= electrodes.max_voltage_v);
                 let holds = era::planner::limits::breakdown_v(electrodes.gap_m - extreme.travel_m);
-                assert!(drive.voltage_v <= 0.851 * holds, "{effect:?}: {} V, {holds} V break down", drive.voltage_v);
+                assert!(drive.drive.voltage_v <= 0.851 * holds, "{effect:?}: {} V, {holds} V break down", drive.drive.voltage_v);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// One drive in SI units.
+/// A channel's drive as the board has it, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SiDrive {
     /// 0-based.
@@ -17,7 +17,7 @@ pub struct SiDrive {
     pub phase_rad: f64,
 }
 
-/// One actuator's part.
+/// An actuator's drive: planned, of a setting for the whole surface, or of an effect at full level.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Drive {
     /// The actuator's `id`.
@@ -32,4 +32,13 @@ pub struct Drive {
     pub phase_rad: f64,
     /// Amplitude of the force's fundamental in N, the mass at rest.
     pub force_n: f64,
+}
+
+/// Drives with their channels: actuator i of the scene is on channel i of the board.
+pub fn on_channels<'a>(drives: impl IntoIterator<Item = &'a Drive>) -> Vec<SiDrive> {
+    let on = |(channel, drive): (u8, &Drive)| {
+        let Drive { frequency_hz, voltage_v, pulse_width, phase_rad, .. } = *drive;
+        SiDrive { channel, frequency_hz, voltage_v, pulse_width, phase_rad }
+    };
+    (0..).zip(drives).map(on).collect()
 }

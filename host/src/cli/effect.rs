@@ -71,7 +71,8 @@ pub fn run(options: &EffectOptions) -> Outcome {
     let predicted = design.predicted;
     let mut text =
         format!("{} at {:.1} mm, {:.1} mm", options.effect.name(), 1e3 * plan.target_m[0], 1e3 * plan.target_m[1]);
-    for drive in &design.drives {
+    for designed in &design.drives {
+        let drive = &designed.drive;
         let _ = write!(
             text,
             "\n  {:12} {:7.2} Hz  {:7.1} V  {:.4} N  {}",
@@ -79,7 +80,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
             drive.frequency_hz,
             drive.voltage_v,
             drive.force_n,
-            effects::view::text(drive)
+            effects::view::text(designed)
         );
     }
     let _ = write!(

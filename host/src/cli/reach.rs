@@ -126,12 +126,12 @@ fn settings(schemes: &[SchemeReach], measure: Measure) -> String {
                 text,
                 "| {} | {} | {} Hz | {:.4} N | {:.0} V | {:.3} | {:.0}\u{b0} | {rigid} |",
                 scheme.scheme.name(),
-                part.actuator,
-                part.frequency_hz,
-                part.force_n,
-                part.voltage_v,
-                part.pulse_width,
-                part.phase_rad.to_degrees()
+                part.drive.actuator,
+                part.drive.frequency_hz,
+                part.drive.force_n,
+                part.drive.voltage_v,
+                part.drive.pulse_width,
+                part.drive.phase_rad.to_degrees()
             );
         }
     }
@@ -162,7 +162,7 @@ fn reasons(schemes: &[SchemeReach], first_bending_hz: Option<f64>) -> String {
             && scheme.rigid.is_some_and(|rigid| rigid > RIGID)
     };
     if let Some(scheme) = schemes.iter().find(better) {
-        let hz = scheme.setting.first().map_or(0.0, |part| part.frequency_hz);
+        let hz = scheme.setting.first().map_or(0.0, |part| part.drive.frequency_hz);
         let _ = write!(
             text,
             "\nOne frequency has the strongest weakest place here: at {hz} Hz {} of the motion (mean square) is that of a rigid \

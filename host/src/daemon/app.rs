@@ -12,7 +12,7 @@ use crate::device::convert::to_wire;
 use crate::device::sim::SimControl;
 use crate::device::{DriveOrder, EffectOrder, LinkError, OpenDevice, Session, SessionError, Snapshot};
 use crate::effects::{Design, DesignError, Intensity, design, plan_with};
-use crate::planner::drive::SiDrive;
+use crate::planner::drive::on_channels;
 use crate::planner::limitation::Limitation;
 use crate::planner::plan_motion::PlanMotion;
 use crate::planner::residual::{fitted, grown};
@@ -313,7 +313,7 @@ impl App {
         let id = turn.id();
         let begun = match kind {
             Kind::Hold(hold) => {
-                let drives = wire_drives(plan).iter().map(to_wire).collect();
+                let drives = on_channels(&plan.drives).iter().map(to_wire).collect();
                 let order = DriveOrder { id, stops, drives, hold: *hold, from_zero: turn.is_soft() };
                 let driven = self.session.drive(order).await;
                 driven.map(|driven| (super::view::achieved(plan, &driven.achieved), Instant::now() + *hold))
@@ -432,19 +432,4 @@ impl App {
     pub async fn clear_faults(&self) -> Result<(), SessionError> {
         self.session.clear_faults().await
     }
-}
-
-/// The plan's drives with their channels: actuator i of the scene is on channel i of the board.
-#[must_use]
-pub fn wire_drives(plan: &Plan) -> Vec<SiDrive> {
-    (0_u8..)
-        .zip(&plan.drives)
-        .map(|(channel, drive)| SiDrive {
-            channel,
-            frequency_hz: drive.frequency_hz,
-            voltage_v: drive.voltage_v,
-            pulse_width: drive.pulse_width,
-            phase_rad: drive.phase_rad,
-        })
-        .collect()
 }

@@ -21,7 +21,7 @@ mod touch;
 mod turns;
 mod view;
 
-pub use app::{App, wire_drives};
+pub use app::App;
 pub use attachments::Place;
 pub use preview::{Preview, PreviewRequest};
 pub use problem::Problem;

@@ -1,10 +1,10 @@
 //! Prediction against measurement: the planner works in the frequency domain, the simulated device in time. Both are told
 //! the same plan, the device by the same frames that a board would get, and its accelerometer is read.
 
-use crate::daemon::wire_drives;
 use crate::device::convert::{from_wire, to_wire};
 use crate::device::sim::{Clock, Extreme, Panel, SimBoard};
 use crate::model::ReducedModel;
+use crate::planner::drive::on_channels;
 use crate::planner::softening::{NotSafe, Transducer};
 use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
@@ -262,7 +262,7 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
     let transducers: Vec<Transducer> = actuators.iter().map(Transducer::of).collect();
     let mut bench = Bench::new(SimBoard::new(panel, &volts, Clock::Manual(0)));
     bench.ask(&Request::ArmWith { deadman_ms: None, burst_ms: Some(BURST_MAX_MS) })?;
-    let drives = wire_drives(plan).iter().map(to_wire).collect();
+    let drives = on_channels(&plan.drives).iter().map(to_wire).collect();
     let Reply::DrivesSet { achieved } = bench.ask(&Request::SetDrives { drives })? else {
         return Err(VerifyError::Device("something else than the drives it has set".into()));
     };

@@ -2,9 +2,9 @@
 
 use super::VerifyError;
 use super::bench::Bench;
-use crate::daemon::wire_drives;
 use crate::device::convert::to_wire;
 use crate::device::sim::{Clock, Panel, SimBoard};
+use crate::planner::drive::on_channels;
 use crate::planner::plan_motion::PlanMotion;
 use crate::planner::residual::{Board, Ending, NEXT_LOOK_S, ResidualVibration, Room, fitted, grown};
 use crate::planner::{Plan, PlanTable};
@@ -95,7 +95,7 @@ pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order
                 (Some(_), _) => None,
             };
             if let Some((part, (next, motion))) = next {
-                bench.ask(&Request::SetDrives { drives: wire_drives(&next).iter().map(to_wire).collect() })?;
+                bench.ask(&Request::SetDrives { drives: on_channels(&next.drives).iter().map(to_wire).collect() })?;
                 residual.begin(id, &motion, Some(&next.drives), board, now_s, end_s);
                 parts.push(part);
                 board = Board::Driving;

@@ -14,7 +14,7 @@ use super::named::{EffectRequest, NamedEffect, Shape};
 use super::part::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
 use super::supply::keep_within_supply;
 use super::travel::{Within, keep_within_travel};
-use crate::drive::SiDrive;
+use crate::drive::{Drive, SiDrive, on_channels};
 use crate::motion::plan_motion::{PlanMotion, Push};
 use crate::physics::rise::RiseTimes;
 use crate::plan::limitation::{self, Limitation, add};
@@ -42,18 +42,8 @@ const REACHED: f64 = 0.95;
 /// One drive's part of an effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DesignedDrive {
-    /// The actuator's `id`.
-    pub actuator: String,
-    /// In Hz.
-    pub frequency_hz: f64,
-    /// Electrode voltage at full level in V.
-    pub voltage_v: f64,
-    /// Part of its half period for which an electrode is on at full level.
-    pub pulse_width: f64,
-    /// In rad.
-    pub phase_rad: f64,
-    /// Amplitude of the force's fundamental at full level in N.
-    pub force_n: f64,
+    /// At full level.
+    pub drive: Drive,
     /// What the board plays on it.
     pub effect: Effect,
 }
@@ -98,8 +88,8 @@ impl Design {
     /// How far it takes the masses and what it leaves; `None` where that cannot be told.
     #[must_use]
     pub fn motion(&self, table: &PlanTable) -> Option<PlanMotion> {
-        let push = |(channel, drive): (usize, &DesignedDrive)| {
-            let levels = levels(&drive.effect, 1.0 / drive.frequency_hz);
+        let push = |(channel, DesignedDrive { drive, effect }): (usize, &DesignedDrive)| {
+            let levels = levels(effect, 1.0 / drive.frequency_hz);
             Push { channel, frequency_hz: drive.frequency_hz, force_n: drive.force_n, levels }
         };
         let pushes: Vec<Push> = self.drives.iter().enumerate().map(push).collect();
@@ -117,16 +107,7 @@ impl Design {
     /// Its drives with their channels: actuator i of the scene is on channel i of the board.
     #[must_use]
     pub fn wire_drives(&self) -> Vec<SiDrive> {
-        (0_u8..)
-            .zip(&self.drives)
-            .map(|(channel, drive)| SiDrive {
-                channel,
-                frequency_hz: drive.frequency_hz,
-                voltage_v: drive.voltage_v,
-                pulse_width: drive.pulse_width,
-                phase_rad: drive.phase_rad,
-            })
-            .collect()
+        on_channels(self.drives.iter().map(|designed| &designed.drive))
     }
 }
 
@@ -194,15 +175,7 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
             let voltage_v = electrodes.map_or(drive.voltage_v, |electrodes| {
                 electrodes.voltage_for(force_n, drive.pulse_width).min(electrodes.max_voltage_v)
             });
-            DesignedDrive {
-                actuator: drive.actuator.clone(),
-                frequency_hz: drive.frequency_hz,
-                voltage_v,
-                pulse_width: drive.pulse_width,
-                phase_rad: drive.phase_rad,
-                force_n,
-                effect,
-            }
+            DesignedDrive { drive: Drive { voltage_v, force_n, ..drive.clone() }, effect }
         })
         .collect();
     let limited_by = limitation::text(&limits);

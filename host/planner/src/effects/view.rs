@@ -17,12 +17,11 @@ pub fn json(design: &Design) -> Value {
     })
 }
 
-fn drive(drive: &DesignedDrive) -> Value {
-    json!({
-        "actuator": drive.actuator, "frequency_hz": drive.frequency_hz, "voltage_v": drive.voltage_v,
-        "pulse_width": drive.pulse_width, "phase_rad": drive.phase_rad, "force_n": drive.force_n,
-        "segments": drive.effect.segments.iter().map(segment).collect::<Vec<_>>(), "times": drive.effect.times,
-    })
+fn drive(designed: &DesignedDrive) -> Value {
+    let mut value = json!(designed.drive);
+    value["segments"] = designed.effect.segments.iter().map(segment).collect();
+    value["times"] = designed.effect.times.into();
+    value
 }
 
 /// Levels as parts of the full force, -1 to 1.

@@ -25,16 +25,16 @@ impl PlanTable {
         for (i, part) in setting.iter().enumerate() {
             let row = self.grid_row(part.frequency);
             let entry = row.get(i).ok_or(PlanError::NoFrequencies)?;
-            let width = *entry.pulse(part.force_n > entry.widths[0].max_force_n);
+            let width = *entry.pulse(part.drive.force_n > entry.widths[0].max_force_n);
             if let Some(shape) = formulation.zone.targets.first() {
-                peak += at_point(shape, &entry.acceleration).norm() * part.force_n;
+                peak += at_point(shape, &entry.acceleration).norm() * part.drive.force_n;
             }
             drives.push(Chosen {
-                frequency_hz: part.frequency_hz,
+                frequency_hz: part.drive.frequency_hz,
                 on_grid: Some(part.frequency),
                 row,
                 width,
-                force_n: part.force_n,
+                force_n: part.drive.force_n,
                 phase_rad: 0.0,
             });
         }

@@ -2,8 +2,8 @@
 
 use super::measure::Measure;
 use crate::chosen::Chosen;
-use crate::table::Part;
-use crate::table::{PlanTable, Width};
+use crate::drive::Drive;
+use crate::table::{Part, PlanTable, Width};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
@@ -15,15 +15,15 @@ pub fn part(table: &PlanTable, actuator: usize, frequency: usize, force: Complex
         Some(electrodes) if force.norm() > 0.0 => electrodes.voltage_for(force.norm(), pulse_width),
         _ => 0.0,
     };
-    Part {
+    let drive = Drive {
         actuator: table.scene.actuators.get(actuator).map_or_else(String::new, |actuator| actuator.id.clone()),
         frequency_hz: table.frequencies_hz.get(frequency).copied().unwrap_or_default(),
         force_n: force.norm(),
         phase_rad: if force.norm() > 0.0 { force.arg() } else { 0.0 },
         voltage_v,
         pulse_width,
-        frequency,
-    }
+    };
+    Part { drive, frequency }
 }
 
 fn width(table: &PlanTable, actuator: usize, frequency: usize) -> Width {
@@ -38,19 +38,19 @@ pub fn command(table: &PlanTable, setting: &mut [Part]) -> Option<f64> {
         .iter()
         .enumerate()
         .map(|(i, part)| Chosen {
-            frequency_hz: part.frequency_hz,
+            frequency_hz: part.drive.frequency_hz,
             on_grid: Some(part.frequency),
             row: table.grid_row(part.frequency),
             width: width(table, i, part.frequency),
-            force_n: part.force_n,
-            phase_rad: part.phase_rad,
+            force_n: part.drive.force_n,
+            phase_rad: part.drive.phase_rad,
         })
         .collect();
     let settled = table.settled(&mut drives)?;
     for ((part, drive), applied) in setting.iter_mut().zip(&drives).zip(&settled.applied) {
-        part.force_n = drive.force_n;
-        part.voltage_v = applied.voltage_v;
-        part.pulse_width = applied.pulse_width;
+        part.drive.force_n = drive.force_n;
+        part.drive.voltage_v = applied.voltage_v;
+        part.drive.pulse_width = applied.pulse_width;
     }
     Some(settled.scale)
 }
@@ -63,9 +63,9 @@ pub(crate) fn together(table: &PlanTable, setting: &[Part], part: usize) -> Opti
         return None;
     }
     let mut coordinates = DVector::<Complex64>::zeros(table.model.order());
-    for (actuator, drive) in setting.iter().enumerate().filter(|(_, drive)| drive.frequency == frequency) {
+    for (actuator, part) in setting.iter().enumerate().filter(|(_, part)| part.frequency == frequency) {
         if let Some(entry) = table.entry(actuator, frequency) {
-            coordinates += &entry.acceleration * Complex64::from_polar(drive.force_n, drive.phase_rad);
+            coordinates += &entry.acceleration * Complex64::from_polar(part.drive.force_n, part.drive.phase_rad);
         }
     }
     Some(coordinates)
@@ -77,7 +77,7 @@ pub(crate) fn peaks(table: &PlanTable, shapes: &DMatrix<f64>, setting: &[Part], 
     let mut sum = vec![0.0; shapes.nrows()];
     for (number, part) in setting.iter().enumerate() {
         let Some(coordinates) = together(table, setting, number) else { continue };
-        let weight = measure.weight(part.frequency_hz);
+        let weight = measure.weight(part.drive.frequency_hz);
         let (re, im) = (shapes * coordinates.map(|z| z.re), shapes * coordinates.map(|z| z.im));
         for ((sum, re), im) in sum.iter_mut().zip(re.iter()).zip(im.iter()) {
             *sum += re.hypot(*im) * weight;

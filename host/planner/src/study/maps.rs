@@ -92,7 +92,7 @@ impl Maps {
             })
             .collect::<Result<_, PlanError>>()?;
         let mm = |lines: &[f64]| lines.iter().map(|line| line * 1e3).collect();
-        let hz = |strongest: &Strongest| strongest.setting.iter().map(|part| part.frequency_hz).collect();
+        let hz = |strongest: &Strongest| strongest.setting.iter().map(|part| part.drive.frequency_hz).collect();
         Ok(Self {
             x_mm: mm(&grid.x_m),
             y_mm: mm(&grid.y_m),

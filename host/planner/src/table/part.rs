@@ -1,23 +1,15 @@
-//! One actuator's part of a setting of all.
+//! One actuator's part of a setting of all, at a frequency of the table.
 
+use crate::drive::Drive;
 use serde::Serialize;
 
 /// One actuator's part of a setting.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Part {
-    /// The actuator's `id`.
-    pub actuator: String,
-    /// In Hz.
-    pub frequency_hz: f64,
-    /// Amplitude of the force's fundamental in N, the mass at rest.
-    pub force_n: f64,
-    /// Phase of the force in rad.
-    pub phase_rad: f64,
-    /// Electrode voltage in V.
-    pub voltage_v: f64,
-    /// Part of its half period for which an electrode is on.
-    pub pulse_width: f64,
-    /// The frequency as an index.
+    /// What it does.
+    #[serde(flatten)]
+    pub drive: Drive,
+    /// Its frequency as an index of the table's.
     #[serde(skip)]
     pub frequency: usize,
 }
