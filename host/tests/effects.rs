@@ -195,7 +195,11 @@ fn no_effect_goes_beyond_the_actuators_limits() {
                 assert!(!extreme.snapped_in && part <= 1.0 / 3.0, "{effect:?}: {part} of the gap");
                 assert!(drive.drive.voltage_v <= electrodes.max_voltage_v);
                 let holds = era::planner::limits::breakdown_v(electrodes.gap_m - extreme.travel_m);
-                assert!(drive.drive.voltage_v <= 0.851 * holds, "{effect:?}: {} V, {holds} V break down", drive.drive.voltage_v);
+                assert!(
+                    drive.drive.voltage_v <= 0.851 * holds,
+                    "{effect:?}: {} V, {holds} V break down",
+                    drive.drive.voltage_v
+                );
             }
         }
     }

@@ -81,7 +81,7 @@ fn an_old_order_is_refused_after_a_stop() {
         let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
         (era::device::sim::Panel::of(&table), volts)
     });
-    let session = era::device::Session::start(device.unwrap()).unwrap();
+    let session = era::device::Session::start(device.unwrap(), Default::default(), Default::default()).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(async {
         let mut seen = session.snapshots();
@@ -384,7 +384,7 @@ fn the_live_socket_takes_touches_and_tells_plans() {
     let problem = wait_for("error", Some(json!({"type": "dance"})));
     assert!(problem["problem"]["detail"].as_str().unwrap().contains("dance"));
     let problem = wait_for("error", Some(json!({"type": "touch", "touches": [{"x_px": -4.0, "y_px": 0.0}]})));
-    assert_eq!(problem["problem"]["field"], "x_px");
+    assert_eq!(problem["problem"]["field"], "touches[0].x_px");
     wait_for("state", Some(json!({"type": "touch", "touches": []})));
     daemon.wait_for(|state| state["device"]["state"] == "armed");
     // A page that goes away has lifted its fingers.

@@ -1,77 +1,12 @@
 //! Boards of other protocol versions: an older one is spoken to in its own, a newer one is refused by name.
 
-use era::device::sim::{Clock, Panel, SimBoard};
+mod support;
+
 use era::device::{Client, LinkError};
-use era::planner::softening::Transducer;
-use era::transient::reduced::ModalSystem;
-use era_shared::device::{Device, Port};
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
-use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Refusal, Reply, Request};
-use era_shared::safety::{LinkId, State};
-use nalgebra::{DMatrix, DVector};
-use std::collections::VecDeque;
-use std::io::{ErrorKind, Read, Write};
-use std::time::{Duration, Instant};
-
-/// A board that speaks the versions `min` to `current` and refuses others as every version does.
-struct Board {
-    min: u8,
-    current: u8,
-    device: Device,
-    board: SimBoard,
-    port: Port,
-    decoder: Decoder,
-    answers: VecDeque<u8>,
-}
-
-impl Board {
-    fn speaking(min: u8, current: u8) -> Self {
-        let none =
-            ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
-        let panel = Panel::new(&none, vec![Transducer::fixed(0.0); 2]);
-        let mut board = SimBoard::new(panel, &[2000.0; 2], Clock::Wall(Instant::now()));
-        let mut device = Device::new();
-        device.start(&mut board);
-        let (port, decoder) = (Port::new(LinkId(0)), Decoder::new());
-        Self { min, current, device, board, port, decoder, answers: VecDeque::new() }
-    }
-}
-
-impl Write for Board {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let Self { min, current, answers, decoder, .. } = self;
-        let (min, current) = (*min, *current);
-        let mut refused = false;
-        decoder.feed(bytes, |frame| {
-            let Ok(frame) = frame else { return };
-            if !(min..=current).contains(&frame.version) {
-                refused = true;
-                let refusal = Refusal::Version { got: frame.version, device_min: min, device_current: current };
-                let (mut out, reply) = ([0; MAX_ENCODED], Reply::Refused(refusal));
-                let length = encode(current, Kind::Reply, frame.sequence, &reply, &mut out).expect("it fits");
-                answers.extend(&out[..length]);
-            }
-        });
-        if !refused {
-            self.device.receive(&mut self.board, &mut self.port, bytes, |answer| self.answers.extend(answer));
-        }
-        Ok(bytes.len())
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-impl Read for Board {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        self.device.poll(&mut self.board);
-        if self.answers.is_empty() {
-            std::thread::sleep(Duration::from_millis(1));
-            return Err(ErrorKind::TimedOut.into());
-        }
-        self.answers.read(buffer)
-    }
-}
+use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Reply, Request};
+use era_shared::safety::State;
+use std::time::Duration;
+use support::old_board::Board;
 
 fn client(min: u8, current: u8) -> Client {
     Client::new(Box::new(Board::speaking(min, current)), Duration::from_millis(500))

@@ -7,13 +7,9 @@ use embassy_stm32::usb::{Driver, InterruptHandler};
 use embassy_stm32::{Peri, interrupt, uid};
 use embassy_usb::class::cdc_acm::{CdcAcmClass, Receiver, Sender, State};
 use embassy_usb::{Builder, Config, UsbDevice};
+use era_shared::link::{USB_PRODUCT, USB_PRODUCT_NAME, USB_VENDOR};
 use static_cell::StaticCell;
 
-/// USB vendor and product: pid.codes' pair for tests and private use. A product that is sold needs its own.
-const VENDOR: u16 = 0x1209;
-const PRODUCT: u16 = 0x0001;
-/// What the computer's list of serial ports shows.
-const PRODUCT_NAME: &str = "ERA haptics board";
 /// What the board itself may draw from the bus in mA; the high-voltage supply has its own.
 const MAX_CURRENT_MA: u16 = 200;
 
@@ -32,9 +28,9 @@ pub fn open(
     static CONTROL: StaticCell<[u8; 64]> = StaticCell::new();
     static STATE: StaticCell<State<'static>> = StaticCell::new();
 
-    let mut config = Config::new(VENDOR, PRODUCT);
+    let mut config = Config::new(USB_VENDOR, USB_PRODUCT);
     config.manufacturer = Some("ERA haptics");
-    config.product = Some(PRODUCT_NAME);
+    config.product = Some(USB_PRODUCT_NAME);
     config.serial_number = Some(uid::uid_hex());
     config.max_power = MAX_CURRENT_MA;
     let mut builder = Builder::new(

@@ -105,6 +105,55 @@ pub struct Serve {
     /// Address and port to listen on [default: 127.0.0.1:7878]
     #[arg(long, value_name = "ADDR:PORT")]
     pub listen: Option<std::net::SocketAddr>,
+    /// Socket in the file system to listen on as well, for this user alone; `none` for none [default: era.sock in
+    /// $XDG_RUNTIME_DIR, where that is set]
+    #[arg(long, value_name = "PATH")]
+    pub socket: Option<PathBuf>,
+    /// File of tokens, a line ROLE SECRET each (view, touch or arm); requests then need one
+    #[arg(long, value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+    /// Certificate in PEM, to serve with TLS
+    #[arg(long, value_name = "FILE", requires = "tls_key")]
+    pub tls_cert: Option<PathBuf>,
+    /// Its private key in PEM
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    pub tls_key: Option<PathBuf>,
+    /// Folder with a certificate and key, which are made where there are none, to serve with TLS
+    #[arg(long, value_name = "DIR", conflicts_with = "tls_cert")]
+    pub tls_dir: Option<PathBuf>,
+    /// Another page that may talk to the daemon, as http://HOST:PORT; several times for several
+    #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::origin)]
+    pub allow_origin: Vec<String>,
+    /// Another name by which the daemon may be called, beside localhost and addresses in numbers; several times for several
+    #[arg(long, value_name = "NAME")]
+    pub allow_host: Vec<String>,
+    /// Time without a touch in s after which the board is disarmed [default: 5]
+    #[arg(long, value_name = "S", value_parser = parse_idle)]
+    pub idle_s: Option<f64>,
+    /// Let the next touch clear a latched silence of this host (fault host-silent); others wait for a person
+    #[arg(long)]
+    pub clear_silence: bool,
+    /// After the board was away: let the next touch arm it, or wait for `POST /v1/arm` [default: touch]
+    #[arg(long, value_name = "WHO", value_enum)]
+    pub after_outage: Option<AfterOutage>,
+}
+
+/// Who arms a board that was away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AfterOutage {
+    /// The next touch
+    Touch,
+    /// A person, with `POST /v1/arm`
+    Person,
+}
+
+/// Longest idle time: an hour at high voltage for a touch that may never come is enough.
+const MAX_IDLE_S: f64 = 3600.0;
+
+fn parse_idle(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
+    if (0.1..=MAX_IDLE_S).contains(&seconds) { Ok(seconds) } else { Err(format!("must be in 0.1 to {MAX_IDLE_S} s")) }
 }
 
 /// Where the daemon is.

@@ -1,48 +1,53 @@
 //! The daemon's start and end.
 
-use super::args::Serve;
+use super::args::{AfterOutage, Serve};
 use super::panel::prepared_table;
 use super::{Failure, Outcome};
-use crate::daemon::{App, DEFAULT_LISTEN, serve};
+use crate::daemon::listener::{ListenError, TlsFiles, first_certificate};
+use crate::daemon::{Access, App, DEFAULT_LISTEN, Listener, serve};
+use crate::device::session::policy::Policy;
 use crate::device::sim::Panel;
 use crate::device::{OpenDevice, Target};
 use crate::planner::cache::{Origin, Prepared};
 use crate::planner::{Plan, PlanTable, Target as TouchTarget};
-use std::net::SocketAddr;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+/// Name of the daemon's socket in the user's folder for such.
+const SOCKET: &str = "era.sock";
 /// Where the first plan is tried, in parts of the way to the screen's middle.
 const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 
 /// Serves; `started` is when the program was.
 pub fn run(options: &Serve, started: Instant) -> Outcome {
     let (scene, text) = options.panel.load_text()?;
-    let default: Result<SocketAddr, _> = DEFAULT_LISTEN.parse();
-    let listen = match options.listen {
-        Some(listen) => listen,
-        None => default.map_err(Failure::failed)?,
-    };
+    let access = access(options)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::failed)?;
     // A port in use is told before the panel is computed.
-    let listener = runtime.block_on(tokio::net::TcpListener::bind(listen)).map_err(|error| {
-        Failure::failed(format!(
-            "cannot listen on {listen}: {error}. Is another daemon running? `era serve --listen 127.0.0.1:PORT` takes another port (0: any that is free), which \
-             clients are told with --url"
-        ))
-    })?;
-    let address = listener.local_addr().map_err(Failure::failed)?;
+    let listeners = runtime.block_on(listeners(options, &access))?;
+    let urls: Vec<String> = listeners.iter().map(Listener::url).collect();
     let prepared = prepared_table(&options.panel, options.keep, &scene)?;
     tracing::info!("{}", account(&prepared));
     let table = prepared.table;
     let target = options.device.clone().unwrap_or(Target::Sim);
-    let device = open_device(&target, &table)?;
-    let app = Arc::new(App::new(table, device, text).map_err(Failure::failed)?);
+    // A board that is not there yet is waited for.
+    let device = match OpenDevice::absent(&target) {
+        Some(device) => device,
+        None => open_device(&target, &table)?,
+    };
+    let policy = Policy {
+        idle: options.idle_s.map_or(Policy::IDLE, Duration::from_secs_f64),
+        clears_silence: options.clear_silence,
+        arms_after_outage: options.after_outage != Some(AfterOutage::Person),
+    };
+    let app = Arc::new(App::with(table, device, text, policy, access).map_err(Failure::failed)?);
     let first = first_plan(&app.table);
     let planned = started.elapsed();
     tracing::info!(
-        "ready after {:.3} s: open http://{address} (scene {}, device {target})",
+        "ready after {:.3} s: open {} (scene {}, device {target})",
         planned.as_secs_f64(),
+        urls.join(", "),
         scene.name
     );
     if let Some(plan) = first {
@@ -50,7 +55,56 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         tracing::info!("first plan {:.0} ms after the start, {own_us:.0} us of which it took itself", ms(planned));
     }
     warm_up(&app);
-    runtime.block_on(serve(app, listener, shutdown())).map_err(Failure::failed)
+    runtime.block_on(serve(app, listeners, shutdown()));
+    Ok(())
+}
+
+/// Who may do what.
+fn access(options: &Serve) -> Result<Access, Failure> {
+    let tokens = match &options.token_file {
+        None => Vec::new(),
+        Some(path) => {
+            let wrong = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", path.display()));
+            let text = std::fs::read_to_string(path).map_err(|error| wrong(&error))?;
+            Access::tokens(&text).map_err(|error| wrong(&error))?
+        }
+    };
+    Ok(Access { origins: options.allow_origin.clone(), hosts: options.allow_host.clone(), tokens })
+}
+
+/// Where to listen.
+async fn listeners(options: &Serve, access: &Access) -> Result<Vec<Listener>, Failure> {
+    let refused = |error: ListenError| match error {
+        ListenError::Open { .. } | ListenError::Tls { .. } => Failure::Usage(error.to_string()),
+        _ => Failure::failed(error),
+    };
+    let address = options.listen.map_or_else(|| DEFAULT_LISTEN.parse().map_err(Failure::failed), Ok)?;
+    let has_tokens = !access.tokens.is_empty();
+    let tls = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
+        (Some(certificate), Some(key), _) => Some(TlsFiles { certificate: certificate.clone(), key: key.clone() }),
+        (.., Some(folder)) => {
+            let mut names = options.allow_host.clone();
+            names.extend((!address.ip().is_unspecified()).then(|| address.ip().to_string()));
+            Some(first_certificate(folder, &names).map_err(refused)?)
+        }
+        _ => None,
+    };
+    let mut all = vec![Listener::tcp(address, tls.as_ref(), has_tokens).await.map_err(refused)?];
+    #[cfg(unix)]
+    match &options.socket {
+        Some(path) if path.as_os_str() == "none" => {}
+        Some(path) => all.push(Listener::unix(path).map_err(refused)?),
+        None => {
+            let folder = std::env::var_os("XDG_RUNTIME_DIR").filter(|folder| !folder.is_empty());
+            // Nobody has asked for it: a second daemon does without.
+            match folder.map(|folder| Listener::unix(&Path::new(&folder).join(SOCKET))) {
+                Some(Ok(listener)) => all.push(listener),
+                Some(Err(error)) => tracing::info!("no socket in the file system: {error}"),
+                None => {}
+            }
+        }
+    }
+    Ok(all)
 }
 
 /// What it took to have a table, and what it takes.

@@ -1,7 +1,10 @@
 //! What a touch needs, and what it does.
 
+use super::access::Access;
 use super::active::{Active, Touched, Update, Weaker};
+use super::admission::Admission;
 use super::asked::Asked;
+use super::live::SOCKETS;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
@@ -9,6 +12,7 @@ use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
 use super::view::{FieldView, PlanView, SceneView, TouchView};
 use crate::device::convert::to_wire;
+use crate::device::session::policy::{Needs, Policy};
 use crate::device::sim::SimControl;
 use crate::device::{DriveOrder, EffectOrder, LinkError, OpenDevice, Session, SessionError, Snapshot};
 use crate::effects::{Design, DesignError, Intensity, design, plan_with};
@@ -21,7 +25,7 @@ use crate::planner::{Drive, Plan, PlanTable, Request};
 use axum::http::StatusCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use tokio::sync::{broadcast, watch};
+use tokio::sync::{Semaphore, broadcast, watch};
 
 /// Events kept for a slow page before it misses some.
 const EVENTS: usize = 16;
@@ -37,12 +41,17 @@ pub struct App {
     pub metrics: Metrics,
     /// When the daemon started.
     pub started: Instant,
+    /// Who may do what.
+    pub access: Access,
+    /// Who is next, and what became of whom.
+    pub admission: Admission,
+    /// Places for pages' sockets.
+    pub sockets: Arc<Semaphore>,
     session: Session,
     previews: Previews,
     sim: Option<SimControl>,
     /// The last plan and when its drive ends.
     active: Mutex<Option<(Arc<Active>, Instant)>>,
-    next_id: Mutex<u64>,
     turns: Turns,
     updates: broadcast::Sender<Update>,
     closing: watch::Sender<bool>,
@@ -85,16 +94,33 @@ impl App {
     /// # Errors
     /// If the session's thread cannot be started.
     pub fn new(table: PlanTable, device: OpenDevice, scene_toml: String) -> std::io::Result<Self> {
+        Self::with(table, device, scene_toml, Policy::default(), Access::default())
+    }
+
+    /// The same with what the session does without being asked, and who may do what.
+    ///
+    /// # Errors
+    /// If the session's thread cannot be started.
+    pub fn with(
+        table: PlanTable,
+        device: OpenDevice,
+        scene_toml: String,
+        policy: Policy,
+        access: Access,
+    ) -> std::io::Result<Self> {
+        let max_voltages_v = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
         let sim = device.sim();
         Ok(Self {
             scene: SceneView::new(&table.scene),
             metrics: Metrics::default(),
             started: Instant::now(),
-            session: Session::start(device)?,
+            access,
+            admission: Admission::default(),
+            sockets: Arc::new(Semaphore::new(SOCKETS)),
+            session: Session::start(device, Needs { max_voltages_v }, policy)?,
             previews: Previews::new(scene_toml),
             sim,
             active: Mutex::new(None),
-            next_id: Mutex::new(0),
             turns: Turns::new(table.decaying_modes()),
             updates: broadcast::channel(EVENTS).0,
             closing: watch::channel(false).0,
@@ -108,6 +134,12 @@ impl App {
         self.session.snapshots()
     }
 
+    /// Whether the thread that looks after the device does its work.
+    #[must_use]
+    pub fn is_alive(&self) -> bool {
+        self.session.is_alive()
+    }
+
     /// Plans and stops as they happen.
     #[must_use]
     pub fn updates(&self) -> broadcast::Receiver<Update> {
@@ -116,8 +148,16 @@ impl App {
 
     /// Becomes true when the daemon shuts down.
     #[must_use]
-    pub fn closing(&self) -> watch::Sender<bool> {
-        self.closing.clone()
+    pub fn closing(&self) -> watch::Receiver<bool> {
+        self.closing.subscribe()
+    }
+
+    /// Stops the device, before anything else ends; nothing is driven from here on.
+    pub async fn close(&self) {
+        self.closing.send_replace(true);
+        if let Err(error) = self.stop().await {
+            tracing::warn!(%error, "could not stop the device on leaving; its dead-man timer does it");
+        }
     }
 
     /// The plan that is being driven.
@@ -148,14 +188,14 @@ impl App {
         result
     }
 
-    /// Plans for a touch, with all that belongs to it, and drives it.
+    /// Plans for a touch, the request `id`, with all that belongs to it, and drives it.
     ///
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
-    pub async fn touch(self: &Arc<Self>, request: &TouchRequest) -> Result<Touched, Problem> {
+    pub async fn touch(self: &Arc<Self>, id: u64, request: &TouchRequest) -> Result<Touched, Problem> {
         let asked = request.asked(&self.table.scene);
         let result = match asked {
-            Ok(asked) => self.try_touch(&asked).await,
+            Ok(asked) => self.try_touch(id, &asked).await,
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
@@ -168,26 +208,36 @@ impl App {
     /// As [`App::touch`].
     pub async fn touch_all(
         self: &Arc<Self>,
+        id: u64,
         touches: Vec<TouchView>,
         intensity: Option<Intensity>,
         manner: Manner,
     ) -> Result<Touched, Problem> {
         let result = match Asked::fingers(touches, intensity, manner, &self.table.scene) {
-            Ok(asked) => self.try_touch(&asked).await,
+            Ok(asked) => self.try_touch(id, &asked).await,
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
         result
     }
 
-    async fn try_touch(self: &Arc<Self>, asked: &Asked) -> Result<Touched, Problem> {
+    async fn try_touch(self: &Arc<Self>, id: u64, asked: &Asked) -> Result<Touched, Problem> {
         // A stop from here on means that this is not driven any more.
         let stops = self.session.stops();
+        if *self.closing.borrow() {
+            return Err(SessionError::Closed.into());
+        }
+        let place = self.admission.place().await?;
+        // Whoever has waited may not be wanted any more.
+        self.turns.check(id)?;
+        if self.session.stops() != stops {
+            return Err(SessionError::Stopped.into());
+        }
         if let Some(spans) = &asked.spans {
-            return self.in_stretches(asked, spans.clone(), stops).await;
+            return self.in_stretches(id, asked, spans.clone(), stops).await;
         }
         let plan = tokio::task::block_in_place(|| self.plan(asked, &asked.request))?;
-        let id = self.new_id();
+        drop(place);
         let driven = self.driven(id, stops, plan.clone(), &asked.touches, asked.manner).await?;
         let trade = self.trade(asked, &asked.request, &plan)?;
         Ok(Touched { trade, ..driven })
@@ -206,13 +256,6 @@ impl App {
             return Ok(None);
         }
         Ok(tokio::task::block_in_place(|| self.table.trade(request, plan))?)
-    }
-
-    /// The next plan's number.
-    pub(super) fn new_id(&self) -> u64 {
-        let mut next = self.next_id.lock().unwrap_or_else(PoisonError::into_inner);
-        *next += 1;
-        *next
     }
 
     /// Drives a plan and shows it.
@@ -423,6 +466,18 @@ impl App {
         *self.active.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let _ = self.updates.send(Update::Stopped);
         result
+    }
+
+    /// Arms the device, if it is not, so that the next touch need not wait for its self-test; it stays armed for the idle
+    /// time.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub async fn arm(&self) -> Result<(), SessionError> {
+        if *self.closing.borrow() {
+            return Err(SessionError::Closed);
+        }
+        self.session.arm().await
     }
 
     /// Clears the device's latched fault.

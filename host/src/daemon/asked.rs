@@ -1,7 +1,7 @@
 //! What a request asks the planner for, in the planner's units.
 
 use super::problem::Problem;
-use super::touch::{AlsoRequest, Manner, QuietRequest, TouchRequest};
+use super::touch::{AlsoRequest, Manner, QuietRequest, TouchRequest, check_intensity};
 use super::view::TouchView;
 use crate::effects::Intensity;
 use crate::planner::request::MAX_QUIET_RADIUS_M;
@@ -40,7 +40,8 @@ impl Asked {
         manner: Manner,
         scene: &Scene,
     ) -> Result<Self, Problem> {
-        let targets = touches.iter().map(|touch| target(touch, scene)).collect::<Result<Vec<_>, _>>()?;
+        let of = |(t, touch)| target(touch, scene).map_err(|problem| problem.of(Some(format!("touches[{t}]"))));
+        let targets = touches.iter().enumerate().map(of).collect::<Result<Vec<_>, _>>()?;
         let request = Request::touch(&targets);
         Ok(Self { touches, request, intensity, manner, spans: None, with_trade: false })
     }
@@ -48,9 +49,7 @@ impl Asked {
 
 fn target(touch: &TouchView, scene: &Scene) -> Result<Target, Problem> {
     let (x_m, y_m) = scene.place_px(touch.x_px, touch.y_px)?.xy_m();
-    if let Some(g) = touch.intensity_g {
-        at_least_0("intensity_g", g)?;
-    }
+    check_intensity(touch.intensity_g)?;
     Ok(Target { x_m, y_m, intensity_g: touch.intensity_g })
 }
 
@@ -86,10 +85,10 @@ impl TouchRequest {
     pub fn asked(&self, scene: &Scene) -> Result<Asked, Problem> {
         let (intensity, manner) = self.feel().check(DEFAULT_DURATION_MS)?;
         let also = self.also.iter().flatten();
-        let first = TouchView { id: 0, x_px: self.x_px, y_px: self.y_px, intensity_g: None };
+        let first = TouchView { id: 0, x_px: self.x_px, y_px: self.y_px, intensity_g: None, effect: None };
         let others = (1..).zip(also.clone()).map(|(id, other)| {
             let AlsoRequest { x_px, y_px, intensity_g, .. } = *other;
-            TouchView { id, x_px, y_px, intensity_g }
+            TouchView { id, x_px, y_px, intensity_g, effect: None }
         });
         let touches: Vec<TouchView> = std::iter::once(first).chain(others).collect();
         let name = |t: usize| (t > 0).then(|| format!("also[{}]", t - 1));

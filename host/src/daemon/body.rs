@@ -1,15 +1,60 @@
 //! Requests read from JSON, with the field that is wrong.
 
+use super::admission::MAX_NAME;
 use super::problem::Problem;
+use axum::http::{HeaderMap, StatusCode, header};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use serde_path_to_error::{Path, Segment};
+
+/// Content types that say nothing against JSON: what `curl -d`, plain sockets and HTTP libraries say of any text.
+const TAKEN: [&str; 4] =
+    ["application/json", "application/x-www-form-urlencoded", "text/plain", "application/octet-stream"];
+
+/// Refuses a body that is said to be something else than JSON.
+///
+/// # Errors
+/// [`Problem`] with status 415.
+pub fn check_type(headers: &HeaderMap) -> Result<(), Problem> {
+    let Some(value) = headers.get(header::CONTENT_TYPE) else { return Ok(()) };
+    let said = value.to_str().unwrap_or("not ASCII");
+    let kind = said.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
+    if kind.is_empty() || TAKEN.contains(&kind.as_str()) || kind.ends_with("+json") {
+        return Ok(());
+    }
+    let detail = format!("the content type is {said:?}, but must be application/json");
+    let problem = Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "content-type", "JSON is wanted", detail);
+    Err(problem.at("content-type", said.into(), "application/json".into(), None))
+}
+
+/// What the client calls its request, in the header `x-request-id`.
+///
+/// # Errors
+/// [`Problem`] if that is too long, or not made of letters, digits and `-_.`.
+pub fn name(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let Some(value) = headers.get("x-request-id") else { return Ok(None) };
+    let is_plain = |text: &&str| {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        (1..=MAX_NAME).contains(&text.len()) && text.chars().all(plain)
+    };
+    match value.to_str().ok().filter(is_plain) {
+        Some(text) => Ok(Some(text.to_owned())),
+        None => {
+            let said = String::from_utf8_lossy(value.as_bytes()).into_owned();
+            let allowed = format!("1 to {MAX_NAME} letters, digits, '-', '_' and '.'");
+            let detail = format!("the header x-request-id is {said:?}, but must be {allowed}");
+            let problem = Problem::new(StatusCode::BAD_REQUEST, "bad-header", "A header cannot be used", detail);
+            Err(problem.at("x-request-id", said.into(), allowed, None))
+        }
+    }
+}
 
 /// A request from JSON; `wanted` says in a message what it should look like.
 ///
 /// # Errors
 /// [`Problem`] with the field, its value and what is allowed where one of them has the wrong type, `also[0].x_px` say.
 pub fn from_json<T: DeserializeOwned>(text: &[u8], wanted: &str) -> Result<T, Problem> {
+    objects(text, wanted)?;
     let mut deserializer = serde_json::Deserializer::from_slice(text);
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let (path, what) = (error.path(), error.inner().to_string());
@@ -25,6 +70,48 @@ pub fn from_json<T: DeserializeOwned>(text: &[u8], wanted: &str) -> Result<T, Pr
     Ok(value)
 }
 
+/// Refuses lists in place of objects, which serde takes for the fields in their order: requests are objects, and so is every
+/// entry of their lists. What is no JSON at all is told by who reads it.
+fn objects(text: &[u8], wanted: &str) -> Result<(), Problem> {
+    fn check(value: &Value, path: &str, wanted: &str) -> Result<(), Problem> {
+        let inside = |name: String| if path.is_empty() { name } else { format!("{path}.{name}") };
+        match value {
+            Value::Object(map) => map.iter().try_for_each(|(key, value)| match value {
+                Value::Object(_) | Value::Array(_) => check(value, &inside(key.clone()), wanted),
+                _ => Ok(()),
+            }),
+            Value::Array(list) => list.iter().enumerate().try_for_each(|(i, entry)| {
+                let path = format!("{path}[{i}]");
+                if entry.is_object() {
+                    return check(entry, &path, wanted);
+                }
+                let detail = format!("{path} is {entry}, but must be an object; expected {wanted}");
+                Err(Problem::body(detail).at(&path, entry.clone(), "an object".into(), None))
+            }),
+            _ => Ok(()),
+        }
+    }
+    match serde_json::from_slice::<Value>(text) {
+        Ok(value @ Value::Object(_)) => check(&value, "", wanted),
+        Ok(value) => {
+            Err(Problem::body(format!("the body is {}, but must be an object; expected {wanted}", kind(&value))))
+        }
+        Err(_) => Ok(()),
+    }
+}
+
+/// What kind of JSON this is.
+const fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "true or false",
+        Value::Number(_) => "a number",
+        Value::String(_) => "a text",
+        Value::Array(_) => "a list",
+        Value::Object(_) => "an object",
+    }
+}
+
 /// What a message of serde's ("invalid type: string "x", expected f64 at line 1 column 9") says should have been there, if
 /// it is about a value's type.
 fn expected(message: &str) -> Option<String> {
@@ -33,8 +120,14 @@ fn expected(message: &str) -> Option<String> {
     let (_, rest) = message.split_once("expected ").filter(|_| is_of_a_value)?;
     let what = rest.rsplit_once(" at line").map_or(rest, |(what, _)| what);
     Some(match what {
-        "f64" => "a number".into(),
-        "u32" | "u64" => "a whole number, 0 or more".into(),
+        "f64" | "f32" => "a number".into(),
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".into(),
+        "i8" | "i16" | "i32" | "i64" => "a whole number".into(),
+        "a boolean" => "true or false".into(),
+        "a string" => "a text".into(),
+        "a sequence" => "a list".into(),
+        "a map" => "an object".into(),
+        other if other.starts_with("struct ") => "an object".into(),
         other => other.replace('`', ""),
     })
 }
@@ -62,6 +155,10 @@ mod tests {
             (r#"{"x_px": 1, "y_px": 2, "count": -1}"#, "count", "-1", "a whole number, 0 or more"),
             (r#"{"x_px": 1, "y_px": 2, "effect": "clack"}"#, "effect", "\"clack\"", "click"),
             (r#"{"x_px": 1, "y_px": 2, "also": [{"x_px": null, "y_px": 2}]}"#, "also[0].x_px", "null", "a number"),
+            // A list is no object, though serde could read one as the fields in their order.
+            (r#"{"x_px": 1, "y_px": 2, "also": [[3, 4]]}"#, "also[0]", "[3,4]", "an object"),
+            (r#"{"x_px": 1, "y_px": 2, "also": 3}"#, "also", "3", "a list"),
+            (r#"{"x_px": 1, "y_px": 2, "trade": 3}"#, "trade", "3", "true or false"),
         ];
         for (text, field, value, allowed) in cases {
             let problem = from_json::<TouchRequest>(text.as_bytes(), "a touch").unwrap_err();

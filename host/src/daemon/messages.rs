@@ -104,10 +104,11 @@ pub fn state(app: &App) -> Value {
             "state": status.map(|status| status.state.name()), "fault": fault,
             "firmware": identity.map(Identity::firmware_text), "image": identity.map(|known| known.image.as_str()),
             "protocol": device.protocol,
-            "board_id": identity.map(board_id), "boot_id": identity.map(|known| known.boot_id),
+            "board_id": identity.map(|known| Identity::hex(known.board_id)), "boot_id": identity.map(|known| known.boot_id),
             "reset_cause": identity.map(|known| format!("{:?}", known.reset_cause)),
             "failure": identity.map(|known| known.failure.as_str()).filter(|failure| !failure.is_empty()),
-            "restarts": device.restarts, "supply": supply, "clock": clock,
+            "restarts": device.restarts, "outages": device.outages, "faults": device.faults, "silences_cleared": device.cleared,
+            "mismatch": device.mismatch, "waits_to_be_armed": device.waits_to_be_armed, "supply": supply, "clock": clock,
         },
         "plan": active.as_ref().map(|active| &active.plan),
         "plan_id": active.as_ref().map(|active| active.id),
@@ -115,13 +116,10 @@ pub fn state(app: &App) -> Value {
         "telemetry": telemetry,
         "link": {
             "round_trip_ms_median": device.round_trip.map(|time| time.as_secs_f64() * 1e3),
+            "round_trip_ms_worst": device.round_trip_worst.map(|time| time.as_secs_f64() * 1e3),
             "frames_sent": device.link.frames_sent, "repeats": device.link.repeats,
-            "crc_errors": device.link.bad_frames,
+            "crc_errors": device.link.bad_frames, "longest_gap_ms": device.longest_gap.as_secs_f64() * 1e3,
         },
         "daemon": { "version": env!("CARGO_PKG_VERSION"), "uptime_s": app.started.elapsed().as_secs_f64() },
     })
-}
-
-fn board_id(identity: &Identity) -> String {
-    identity.board_id.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -1,5 +1,6 @@
 //! Counters in the Prometheus text format.
 
+use super::admission::Admission;
 use crate::device::Snapshot;
 use era_shared::safety::State;
 use std::fmt::Write;
@@ -38,7 +39,7 @@ impl Metrics {
 
     /// All of it as text.
     #[must_use]
-    pub fn text(&self, device: &Snapshot) -> String {
+    pub fn text(&self, device: &Snapshot, admission: &Admission) -> String {
         let mut out = String::new();
         let mut metric = |name: &str, kind: &str, help: &str, value: &dyn std::fmt::Display| {
             // Writing to a String cannot fail.
@@ -56,12 +57,26 @@ impl Metrics {
         metric("era_preview_failures_total", "counter", "Previews answered with an error.", &failures);
         metric("era_device_connected", "gauge", "1 if the device answers.", &u8::from(device.connected));
         metric("era_device_restarts_total", "counter", "Restarts of the device noticed.", &device.restarts);
+        let help = "Requests that wait for the planner.";
+        metric("era_requests_waiting", "gauge", help, &admission.waiting());
+        let help = "Requests refused as too many waited.";
+        metric("era_requests_refused_total", "counter", help, &admission.refused());
+        metric("era_device_outages_total", "counter", "Times that the link was lost.", &device.outages);
+        metric("era_device_faults_total", "counter", "Faults latched by the device.", &device.faults);
+        let help = "Latched silences of this host cleared by policy.";
+        metric("era_device_silences_cleared_total", "counter", help, &device.cleared);
+        let help = "Longest time between two signs of life to the armed device.";
+        metric("era_link_longest_gap_seconds", "gauge", help, &device.longest_gap.as_secs_f64());
         metric("era_link_frames_sent_total", "counter", "Frames sent to the device.", &device.link.frames_sent);
         metric("era_link_repeats_total", "counter", "Frames sent again for want of an answer.", &device.link.repeats);
         metric("era_link_bad_frames_total", "counter", "Broken frames received.", &device.link.bad_frames);
         if let Some(round_trip) = device.round_trip {
             let name = "era_link_round_trip_seconds";
             metric(name, "gauge", "Median of the last round trips.", &round_trip.as_secs_f64());
+        }
+        if let Some(worst) = device.round_trip_worst {
+            let name = "era_link_round_trip_worst_seconds";
+            metric(name, "gauge", "Longest of the last round trips.", &worst.as_secs_f64());
         }
         if let Some(clock) = device.clock {
             let help = "Root mean square of the board clock's prediction errors.";

@@ -1,30 +1,39 @@
 //! The daemon: HTTP and WebSocket in front of one device session.
 //!
-//! `app` holds what a touch needs and does it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would do, without driving it;
-//! `routes` and `live` are the two ways in; `view` is what goes out as JSON; `problem` is how errors are told (RFC 9457).
+//! `server` accepts connections and gives every request a task of its own; `access` says who may do what; `routes` and `live`
+//! are the two ways in. `admission` numbers requests and queues them for the planner. `app` holds what a touch needs and does
+//! it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
+//! do, without driving it. `view` is what goes out as JSON; `problem` is how errors are told (RFC 9457).
 
+mod access;
 mod active;
+mod admission;
 mod app;
 mod asked;
 mod assets;
 mod attachments;
 mod body;
 mod grow;
+pub mod listener;
 mod live;
 mod messages;
 mod metrics;
 mod preview;
 mod problem;
 mod routes;
+mod server;
 mod stretches;
 mod touch;
 mod turns;
 mod view;
 
+pub use access::{Access, Token};
 pub use app::App;
 pub use attachments::Place;
+pub use listener::Listener;
 pub use preview::{Preview, PreviewRequest};
 pub use problem::Problem;
+pub use server::serve;
 pub use touch::TouchRequest;
 pub use view::{FieldView, PlanView};
 
@@ -35,30 +44,6 @@ use tokio::sync::oneshot;
 
 /// Where the daemon listens unless told otherwise: loopback only.
 pub const DEFAULT_LISTEN: &str = "127.0.0.1:7878";
-
-/// Serves `app` on `listener` until `shutdown` resolves, then stops and disarms the device.
-///
-/// # Errors
-/// If the listener fails.
-pub async fn serve(
-    app: Arc<App>,
-    listener: TcpListener,
-    shutdown: impl Future<Output = ()> + Send + 'static,
-) -> std::io::Result<()> {
-    let router = routes::router(Arc::clone(&app));
-    // Open WebSockets would hold a graceful shutdown up for ever, so they watch the same signal.
-    let closing = app.closing();
-    let result = axum::serve(listener, router)
-        .with_graceful_shutdown(async move {
-            shutdown.await;
-            closing.send_replace(true);
-        })
-        .await;
-    if let Err(error) = app.stop().await {
-        tracing::warn!(%error, "could not stop the device on leaving; its dead-man timer does it");
-    }
-    result
-}
 
 /// A daemon in a thread of its own, for programs and tests that need one for a while.
 #[derive(Debug)]
@@ -82,9 +67,7 @@ impl Background {
             let until = async move {
                 let _ = signal.await;
             };
-            if let Err(error) = runtime.block_on(serve(Arc::new(app), listener, until)) {
-                tracing::error!(%error, "the daemon failed");
-            }
+            runtime.block_on(serve(Arc::new(app), vec![Listener::Tcp(listener)], until));
         })?;
         Ok(Self { address, shutdown: Some(shutdown), thread: Some(thread) })
     }

@@ -5,7 +5,7 @@ use crate::model::ModelError;
 use crate::planner::PlanError;
 use crate::response::ResponseError;
 use crate::scene::{PixelError, SceneError};
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::Value;
@@ -38,6 +38,12 @@ struct Content {
     /// Line of a scene, from 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     line: Option<usize>,
+    /// When to ask again, in ms.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    retry_after_ms: Option<u64>,
+    /// How many wait before this.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    depth: Option<usize>,
     /// All mistakes of a scene; the first is the one above.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     mistakes: Vec<MistakeView>,
@@ -62,6 +68,8 @@ impl Problem {
             value: None,
             allowed: None,
             line: None,
+            retry_after_ms: None,
+            depth: None,
             mistakes: Vec::new(),
         }))
     }
@@ -74,6 +82,20 @@ impl Problem {
         self.0.allowed = Some(allowed);
         self.0.line = line;
         self
+    }
+
+    /// To be asked again after so many ms; so many wait before it.
+    #[must_use]
+    pub fn retry(mut self, after_ms: u64, depth: Option<usize>) -> Self {
+        self.0.retry_after_ms = Some(after_ms);
+        self.0.depth = depth;
+        self
+    }
+
+    /// HTTP status.
+    #[must_use]
+    pub fn status(&self) -> StatusCode {
+        StatusCode::from_u16(self.0.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
     }
 
     /// A number outside its range.
@@ -121,9 +143,13 @@ impl Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let status = StatusCode::from_u16(self.0.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let body = serde_json::to_vec(&self).unwrap_or_default();
-        (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response()
+        let mut response = (self.status(), [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
+        if let Some(ms) = self.0.retry_after_ms {
+            // Whole seconds, the least of which is one (RFC 9110, 10.2.3); the body says it in ms.
+            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(ms.div_ceil(1000)));
+        }
+        response
     }
 }
 
@@ -220,6 +246,15 @@ impl From<SessionError> for Problem {
             }
             SessionError::Link(_) | SessionError::Disconnected { .. } => {
                 Self::new(StatusCode::BAD_GATEWAY, "device-lost", "The device does not answer", detail)
+            }
+            SessionError::Away { .. } => Self::new(
+                StatusCode::CONFLICT,
+                "not-armed",
+                "The device waits to be armed",
+                format!("{detail} (POST /v1/arm arms it)"),
+            ),
+            SessionError::Unfit { .. } => {
+                Self::new(StatusCode::CONFLICT, "device-unfit", "The device does not fit the scene", detail)
             }
             SessionError::Stopped => Self::new(StatusCode::CONFLICT, "stopped", "Stopped meanwhile", detail),
             SessionError::Closed => {

@@ -4,14 +4,14 @@ use super::app::App;
 use super::messages;
 use super::preview::{MAX_SCENE, PreviewRequest};
 use super::problem::Problem;
+use super::server::whole_body;
 use super::touch::TouchRequest;
 use super::view::FieldView;
-use super::{assets, live};
+use super::{access, assets, live};
 use axum::body::Bytes;
-use axum::extract::rejection::BytesRejection;
-use axum::extract::{DefaultBodyLimit, Query, Request, State};
-use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
-use axum::middleware::{self, Next};
+use axum::extract::{DefaultBodyLimit, Path, Query, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header};
+use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
@@ -23,6 +23,8 @@ use std::sync::Arc;
 const MAX_BODY: usize = 16 * 1024;
 /// The same for a preview: a scene whose every byte is escaped, and what goes with it.
 const MAX_PREVIEW_BODY: usize = 2 * MAX_SCENE + MAX_BODY;
+/// What a client calls its request, and how the answer calls it.
+const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The description of this interface.
 const OPENAPI: &str = include_str!("openapi.json");
 
@@ -30,8 +32,9 @@ const OPENAPI: &str = include_str!("openapi.json");
 pub fn router(app: Arc<App>) -> Router {
     let mut router = Router::new()
         .route("/v1/touch", post(touch))
-        .route("/v1/preview", post(preview).layer(DefaultBodyLimit::max(MAX_PREVIEW_BODY)))
+        .route("/v1/requests/{id}", get(request))
         .route("/v1/stop", post(stop))
+        .route("/v1/arm", post(arm))
         .route("/v1/faults/clear", post(clear_faults))
         .route("/v1/state", get(state))
         .route("/v1/scene", get(scene))
@@ -42,67 +45,66 @@ pub fn router(app: Arc<App>) -> Router {
     for path in assets::paths() {
         router = router.route(path, get(move || async move { assets::asset(path) }));
     }
+    let large = Router::new()
+        .route("/v1/preview", post(preview))
+        .layer(middleware::from_fn_with_state(MAX_PREVIEW_BODY, whole_body));
     router
+        .layer(middleware::from_fn_with_state(MAX_BODY, whole_body))
+        .merge(large)
         .fallback(not_found)
         .method_not_allowed_fallback(wrong_method)
-        .layer(DefaultBodyLimit::max(MAX_BODY))
-        .layer(middleware::from_fn(same_origin))
+        // The bounds above hold; this one would cut previews short.
+        .layer(DefaultBodyLimit::disable())
+        .layer(middleware::from_fn_with_state(Arc::clone(&app), access::check))
         .with_state(app)
 }
 
-/// Refuses requests that a page from elsewhere makes a browser send: this daemon moves hardware.
-async fn same_origin(request: Request, next: Next) -> Response {
-    let headers = request.headers();
-    // A name that someone else's DNS may point here is not ours, whatever page it comes from ("DNS rebinding").
-    if let Some(host) = text(headers, header::HOST)
-        && !is_own(host)
-    {
-        let detail = format!("requests for {host} are not taken; use localhost or the daemon's address in numbers");
-        return Problem::new(StatusCode::FORBIDDEN, "foreign-host", "Foreign host", detail).into_response();
-    }
-    if let Some(origin) = text(headers, header::ORIGIN) {
-        let own = text(headers, header::HOST).unwrap_or_default();
-        if origin.split_once("://").is_none_or(|(_, authority)| authority != own) {
-            let detail = format!("requests from pages of {origin} are not taken; open the page of this daemon itself");
-            return Problem::new(StatusCode::FORBIDDEN, "foreign-origin", "Foreign page", detail).into_response();
-        }
-    }
-    next.run(request).await
+/// Only the way to stop, where all other places are taken.
+pub fn stop_only(app: Arc<App>) -> Router {
+    Router::new()
+        .route("/v1/stop", post(stop))
+        .fallback(busy)
+        .layer(middleware::from_fn_with_state(MAX_BODY, whole_body))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app), access::check))
+        .with_state(app)
 }
 
-/// Whether a Host header names this machine beyond doubt: localhost, or an address in numbers.
-fn is_own(host: &str) -> bool {
-    let name = host.rsplit_once(':').filter(|(_, port)| port.parse::<u16>().is_ok()).map_or(host, |(name, _)| name);
-    let address = name.trim_start_matches('[').trim_end_matches(']');
-    name.eq_ignore_ascii_case("localhost") || address.parse::<std::net::IpAddr>().is_ok()
+async fn busy() -> Problem {
+    let detail = "as many connections are open as there may be; only POST /v1/stop is taken on this one";
+    Problem::new(StatusCode::SERVICE_UNAVAILABLE, "busy", "Too many connections", detail).retry(1000, None)
 }
 
-fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
-    headers.get(name).and_then(|value| value.to_str().ok())
+/// The request in a JSON body; `wanted` says in a message what it should look like.
+fn from_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, wanted: &str) -> Result<T, Problem> {
+    super::body::check_type(headers)?;
+    super::body::from_json(body, wanted)
 }
 
-/// The request in a body of at most `most` bytes; `wanted` says in a message what it should look like.
-fn from_body<T: DeserializeOwned>(
-    body: Result<Bytes, BytesRejection>,
-    most: usize,
-    wanted: &str,
-) -> Result<T, Problem> {
-    let body = body.map_err(|rejection| {
-        let detail = format!("{}; at most {most} bytes are taken", rejection.body_text());
-        Problem::new(rejection.status(), "bad-body", "The request's body cannot be used", detail)
-    })?;
-    super::body::from_json(&body, wanted)
-}
-
-async fn touch(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
+async fn touch(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number or "intensity_db"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "buzz" | "swell" | "pulse_train" | "texture", "count"?: number, "period_ms"?: number, "from_ms"?: number, "to_ms"?: number, "also"?: [{"x_px": number, "y_px": number, "intensity_g"?: number, "from_ms"?: number, "to_ms"?: number}, ...], "quiet"?: [{"x_px": number, "y_px": number, "radius_mm": number, "at_most_g": number}, ...], "objective"?: "contrast" | "reach" | "power", "grouping"?: "distinct" | "shared", "weigh"?: "equal" | "felt", "trade"?: boolean}"#;
-    let request: TouchRequest = from_body(body, MAX_BODY, wanted)?;
-    Ok(Json(messages::touched(app.touch(&request).await?)).into_response())
+    let request: TouchRequest = from_body(&headers, &body, wanted)?;
+    let name = super::body::name(&headers)?;
+    let id = app.admission.arrived(name.clone());
+    let answer = app.touch(id, &request).await.map(messages::touched);
+    app.admission.done(id, answer.clone());
+    let mut response = answer.map(Json).into_response();
+    let name = HeaderValue::try_from(name.unwrap_or_else(|| id.to_string()));
+    response.headers_mut().extend(name.ok().map(|name| (REQUEST_ID, name)));
+    Ok(response)
 }
 
-async fn preview(State(app): State<Arc<App>>, body: Result<Bytes, BytesRejection>) -> Result<Response, Problem> {
+async fn request(State(app): State<Arc<App>>, Path(key): Path<String>) -> Result<Response, Problem> {
+    Ok(Json(app.admission.told(&key)?).into_response())
+}
+
+async fn arm(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+    app.arm().await?;
+    Ok(Json(messages::state(&app)).into_response())
+}
+
+async fn preview(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}}"#;
-    let request: PreviewRequest = from_body(body, MAX_PREVIEW_BODY, wanted)?;
+    let request: PreviewRequest = from_body(&headers, &body, wanted)?;
     Ok(Json(app.preview(request).await?).into_response())
 }
 
@@ -140,7 +142,9 @@ async fn field(State(app): State<Arc<App>>, uri: Uri) -> Result<Response, Proble
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
             let (x_m, y_m) = app.table.scene.place_px(x_px, y_px)?.xy_m();
+            super::touch::check_intensity(query.intensity_g)?;
             let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
+            let _place = app.admission.place().await?;
             tokio::task::block_in_place(|| -> Result<_, Problem> {
                 let plan = app.table.plan(&[target])?;
                 Ok(FieldView::new(&app.table, Some(&plan), 0))
@@ -156,7 +160,7 @@ async fn field(State(app): State<Arc<App>>, uri: Uri) -> Result<Response, Proble
 }
 
 async fn metrics(State(app): State<Arc<App>>) -> Response {
-    let text = app.metrics.text(&app.device().borrow());
+    let text = app.metrics.text(&app.device().borrow(), &app.admission);
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 

@@ -29,6 +29,7 @@ impl App {
     /// Plans all spans, begins with what is to be felt at once, and leaves the rest to a task. A stop or a newer touch ends it.
     pub(super) async fn in_stretches(
         self: &Arc<Self>,
+        id: u64,
         asked: &Asked,
         spans: Vec<Span>,
         stops: u64,
@@ -38,7 +39,6 @@ impl App {
         let acts = acts(&all, &asked.touches);
         let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
         let shown = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
-        let id = self.new_id();
         let begun = Instant::now();
         let (mut at_once, later): (Vec<Act>, Vec<Act>) = acts.into_iter().partition(|act| act.from.is_zero());
         let device = match at_once.pop() {

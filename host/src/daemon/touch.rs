@@ -12,6 +12,10 @@ pub const MIN_DURATION_MS: u32 = 1;
 /// Longest in ms. A finger held on a page is renewed within it, and nobody needs more from one request.
 pub const MAX_DURATION_MS: u32 = 10_000;
 
+/// Largest peak that may be asked for, in g: a thousand times what is felt as strong. More is a mistake of units or worse, and
+/// would drive everything at its limits.
+pub const MAX_INTENSITY_G: f64 = 1000.0;
+
 /// A touch as the HTTP interface takes it.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -96,7 +100,7 @@ impl TouchRequest {
 }
 
 /// What touches should feel like, unchecked; fields as in [`TouchRequest`].
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[allow(missing_docs, reason = "documented at TouchRequest")]
 pub struct Feel {
     pub intensity_g: Option<f64>,
@@ -122,6 +126,7 @@ impl Feel {
     /// # Errors
     /// [`Problem`] that names the field.
     pub fn check(&self, hold_ms: u32) -> Result<(Option<Intensity>, Manner), Problem> {
+        check_intensity(self.intensity_g)?;
         let intensity = match (self.intensity_g, self.intensity_db) {
             (Some(_), Some(db)) => {
                 let detail = "intensity_g and intensity_db are two ways to say the same: give one of them";
@@ -148,6 +153,17 @@ impl Feel {
         // Before anything is planned.
         request.envelope()?;
         Ok((intensity, Manner::Effect(request)))
+    }
+}
+
+/// Refuses a peak that nothing can have.
+///
+/// # Errors
+/// [`Problem`] with the range.
+pub fn check_intensity(intensity_g: Option<f64>) -> Result<(), Problem> {
+    match intensity_g {
+        Some(g) if !(0.0..=MAX_INTENSITY_G).contains(&g) => Err(Problem::range("intensity_g", g, 0, MAX_INTENSITY_G)),
+        _ => Ok(()),
     }
 }
 

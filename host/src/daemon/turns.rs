@@ -8,6 +8,7 @@ use crate::planner::residual::{Board, Ending, ResidualVibration, Room};
 use crate::planner::rise::DecayingMode;
 use axum::http::StatusCode;
 use era_shared::safety::State;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -16,6 +17,8 @@ use std::time::{Duration, Instant};
 pub struct Turns {
     /// The newest plan that has been driven, or waits to be.
     newest: tokio::sync::Mutex<u64>,
+    /// The same, for those that do not wait for it.
+    latest: AtomicU64,
     residual: Mutex<ResidualVibration>,
     /// Wakes those that wait for their turn: nobody wants it any more.
     unwanted: tokio::sync::Notify,
@@ -39,7 +42,13 @@ impl Turns {
     #[must_use]
     pub fn new(modes: Vec<DecayingMode>) -> Self {
         let (newest, residual) = (tokio::sync::Mutex::new(0), Mutex::new(ResidualVibration::new(modes)));
-        Self { newest, residual, unwanted: tokio::sync::Notify::new(), started: Instant::now() }
+        Self {
+            newest,
+            latest: AtomicU64::new(0),
+            residual,
+            unwanted: tokio::sync::Notify::new(),
+            started: Instant::now(),
+        }
     }
 
     /// Waits as long as that makes `drives` much stronger on top of what is left of the touches before ([`ResidualVibration::room`]); those that
@@ -105,7 +114,16 @@ impl Turns {
             return Err(superseded());
         }
         *newest = id;
+        self.latest.store(id, Ordering::SeqCst);
         Ok(newest)
+    }
+
+    /// Whether this is still the newest plan.
+    ///
+    /// # Errors
+    /// [`Problem`]: there was a newer one.
+    pub fn check(&self, id: u64) -> Result<(), Problem> {
+        if id < self.latest.load(Ordering::SeqCst) { Err(superseded()) } else { Ok(()) }
     }
 
     /// Ends all waits; who has not begun to wait is not concerned.

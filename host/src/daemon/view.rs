@@ -2,7 +2,7 @@
 
 use crate::device::convert::from_wire;
 use crate::device::session::Played;
-use crate::effects::{self, Design};
+use crate::effects::{self, Design, NamedEffect};
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY, Times};
 use crate::scene::Scene;
 use era_shared::protocol::AchievedDrive;
@@ -23,6 +23,9 @@ pub struct TouchView {
     /// Peak wanted for it alone, in g.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intensity_g: Option<f64>,
+    /// Played when it goes down; one panel plays one effect, the first finger's that has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effect: Option<NamedEffect>,
 }
 
 /// The scene as a page draws it.

@@ -30,6 +30,23 @@ pub enum LinkError {
         /// How often it was sent.
         attempts: u32,
     },
+    /// The port takes no bytes: the board hangs, or its USB controller does.
+    #[error("the device's port took no bytes for {waited:?}. Does the board run, and is the cable in?")]
+    Blocked {
+        /// How long was waited.
+        waited: Duration,
+    },
+    /// There is another board than before.
+    #[error(
+        "the board at this port is {found}, and this daemon drives {wanted}: plug that one in again, or restart the daemon to \
+         use this one"
+    )]
+    OtherBoard {
+        /// Identifier of the board that the session began with.
+        wanted: String,
+        /// Identifier of the board that answers.
+        found: String,
+    },
     /// The device is too old for this request; everything else goes on.
     #[error(
         "{request} needs ERA protocol version {needed}, and this device speaks {spoken}: update the board's firmware"
@@ -67,7 +84,7 @@ pub enum LinkError {
     },
 }
 
-/// A byte stream to a device. Reads return what there is, or time out within a few ms.
+/// A byte stream to a device. Reads return what there is, writes take what they can, and both time out within a few ms.
 pub trait Transport: Read + Write + Send {}
 impl<T: Read + Write + Send + ?Sized> Transport for T {}
 
@@ -188,7 +205,7 @@ impl Client {
                 self.statistics.repeats += 1;
                 tracing::debug!(request = name(request), attempt, "no answer, sending again");
                 // A zero ends whatever half frame the line may hold, so that the repeat is not spoiled by it.
-                self.transport.write_all(&[0])?;
+                self.write(&[0])?;
             }
             let sent = Instant::now();
             self.send(request)?;
@@ -206,10 +223,25 @@ impl Client {
         let mut frame = [0; MAX_ENCODED];
         let length = encode(self.version, Kind::Request, self.sequence, request, &mut frame)
             .map_err(|error| std::io::Error::new(ErrorKind::InvalidInput, format!("{error:?}")))?;
-        self.transport.write_all(frame.get(..length).unwrap_or_default())?;
-        self.transport.flush()?;
+        self.write(frame.get(..length).unwrap_or_default())?;
         self.last_frame_written = Some(Instant::now());
         self.statistics.frames_sent += 1;
+        Ok(())
+    }
+
+    /// Hands bytes to the port, for as long as an answer is waited for at most. Not flushed: that is `tcdrain`, which waits
+    /// without a limit for a device that takes nothing, and the system sends what it has anyway.
+    fn write(&mut self, mut bytes: &[u8]) -> Result<(), LinkError> {
+        let begun = Instant::now();
+        while !bytes.is_empty() {
+            match self.transport.write(bytes) {
+                Ok(0) => return Err(std::io::Error::from(ErrorKind::WriteZero).into()),
+                Ok(count) => bytes = bytes.get(count..).unwrap_or_default(),
+                Err(error) if is_wait(&error) && begun.elapsed() < self.timeout => {}
+                Err(error) if is_wait(&error) => return Err(LinkError::Blocked { waited: begun.elapsed() }),
+                Err(error) => return Err(error.into()),
+            }
+        }
         Ok(())
     }
 
@@ -220,11 +252,7 @@ impl Client {
             let length = match self.transport.read(&mut buffer) {
                 Ok(0) => return Err(std::io::Error::from(ErrorKind::UnexpectedEof).into()),
                 Ok(length) => length,
-                Err(error)
-                    if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
-                {
-                    continue;
-                }
+                Err(error) if is_wait(&error) => continue,
                 Err(error) => return Err(error.into()),
             };
             let mut found = None;
@@ -254,6 +282,11 @@ impl Client {
         }
         self.round_trips.push_back(time);
     }
+}
+
+/// Whether a port only asks to be tried again.
+fn is_wait(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
 
 /// A request's name, as in logs and messages.

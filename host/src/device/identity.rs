@@ -60,6 +60,12 @@ impl Identity {
         }
     }
 
+    /// A board's identifier in hexadecimal.
+    #[must_use]
+    pub fn hex(board_id: [u8; 12]) -> String {
+        board_id.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
     /// The image's version, with the source's commit where it is known: `0.1.0+1a2b3c4d`.
     #[must_use]
     pub fn firmware_text(&self) -> String {

@@ -10,6 +10,8 @@ pub mod convert;
 
 pub mod emulated;
 pub mod identity;
+mod port;
+pub mod priority;
 pub mod session;
 pub mod sim;
 pub mod target;

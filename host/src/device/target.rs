@@ -1,11 +1,11 @@
 //! Which device to use, and how to open it.
 
-use super::client::{Client, LinkError, Transport};
+use super::client::{Client, Transport};
 use super::emulated::{EmulatedBoard, EmulatedError};
+use super::port::{self, Port, UsbName};
 use super::sim::{Panel, SimControl, SimDevice};
 use super::timing::{REAL_TIME, Timing};
 use era_shared::link::UART_BAUD;
-use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Request};
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
@@ -24,7 +24,7 @@ pub enum Target {
     Sim,
     /// The firmware image in the emulator.
     Emulated,
-    /// The first serial port that an ERA board answers on.
+    /// The first board that the computer's list of USB ports shows.
     Auto,
     /// A serial port by its path.
     Serial(String),
@@ -69,10 +69,13 @@ pub enum TargetError {
         available: String,
     },
     /// No port answered.
-    #[error("no ERA board answered on any serial port ({tried}). Connect one, or use --device sim")]
+    #[error(
+        "no ERA board is among the serial ports ({ports}). Connect one, name its port if it has no USB of its own (ST-LINK), \
+         or use --device sim"
+    )]
     NoneFound {
-        /// Ports tried.
-        tried: String,
+        /// Ports there are.
+        ports: String,
     },
     /// No pseudo-terminal for the simulated device.
     #[error("cannot start the simulated device: {0}")]
@@ -100,6 +103,10 @@ pub struct OpenDevice {
     path: String,
     timing: Timing,
     keeper: Keeper,
+    /// Which board it is, where USB tells: it is found again by that, whatever path it has then.
+    usb: Option<UsbName>,
+    /// Any board will do that is found.
+    any: bool,
 }
 
 impl OpenDevice {
@@ -114,7 +121,7 @@ impl OpenDevice {
                 let (panel, max_voltages_v) = panel();
                 let sim = SimDevice::start(panel, max_voltages_v).map_err(TargetError::Sim)?;
                 let path = sim.path().to_owned();
-                Ok(Self { kind: "sim", path, timing: REAL_TIME, keeper: Keeper::Sim(sim) })
+                Ok(Self { kind: "sim", path, timing: REAL_TIME, keeper: Keeper::Sim(sim), usb: None, any: false })
             }
             board => Self::open_board(board),
         }
@@ -130,28 +137,28 @@ impl OpenDevice {
             Target::Emulated => {
                 let board = EmulatedBoard::start()?;
                 let (path, timing) = (board.path().to_owned(), board.timing());
-                Ok(Self { kind: "emulated", path, timing, keeper: Keeper::Emulated(board) })
+                Ok(Self { kind: "emulated", path, timing, keeper: Keeper::Emulated(board), usb: None, any: false })
             }
-            Target::Serial(path) => {
-                let device = Self { kind: "serial", path: path.clone(), timing: REAL_TIME, keeper: Keeper::Nothing };
-                device.transport().map_err(|source| TargetError::Port {
-                    path: path.clone(),
-                    source,
-                    available: ports().join(", "),
-                })?;
-                Ok(device)
-            }
-            Target::Auto => {
-                let tried = ports();
-                tried
-                    .iter()
-                    .map(|path| Self { kind: "serial", path: path.clone(), timing: REAL_TIME, keeper: Keeper::Nothing })
-                    .find(|device| device.answers())
-                    .ok_or_else(|| TargetError::NoneFound {
-                        tried: if tried.is_empty() { "there is none".into() } else { tried.join(", ") },
-                    })
+            Target::Serial(_) | Target::Auto => {
+                let mut device = Self::absent(target).ok_or(TargetError::NoBoard)?;
+                match device.transport() {
+                    Ok(_) => Ok(device),
+                    Err(_) if device.any => Err(TargetError::NoneFound { ports: port::list() }),
+                    Err(source) => Err(TargetError::Port { path: device.path, source, available: port::list() }),
+                }
             }
         }
+    }
+
+    /// A board that may come later; `None` for what this program starts itself.
+    #[must_use]
+    pub fn absent(target: &Target) -> Option<Self> {
+        let (path, any) = match target {
+            Target::Serial(path) => (path.clone(), false),
+            Target::Auto => ("auto".to_owned(), true),
+            Target::Sim | Target::Emulated => return None,
+        };
+        Some(Self { kind: "serial", path, timing: REAL_TIME, keeper: Keeper::Nothing, usb: None, any })
     }
 
     /// `sim`, `emulated` or `serial`.
@@ -190,13 +197,20 @@ impl OpenDevice {
         }
     }
 
-    /// Opens the port.
+    /// Opens the port: that of the board which was opened before, wherever USB shows it now.
     ///
     /// # Errors
-    /// As the port does.
-    pub fn transport(&self) -> Result<Box<dyn Transport>, serialport::Error> {
+    /// As the port does; that there is no such device if the board is not there.
+    pub fn transport(&mut self) -> Result<Box<dyn Transport>, serialport::Error> {
+        if self.any || self.usb.is_some() {
+            let found = port::find(self.usb.as_ref()).ok_or_else(|| {
+                let what = self.usb.as_ref().map_or_else(|| "no ERA board".into(), |usb| format!("no board {usb}"));
+                serialport::Error::new(serialport::ErrorKind::NoDevice, format!("{what} is connected"))
+            })?;
+            self.path = found;
+        }
         let mut tries = 1;
-        loop {
+        let port = loop {
             match serialport::new(&self.path, UART_BAUD).timeout(READ_TIMEOUT).open() {
                 // Whoever has just closed the port may still hold its lock for a moment: a process that was being forked
                 // meanwhile keeps it until it runs its program.
@@ -204,31 +218,21 @@ impl OpenDevice {
                     tries += 1;
                     std::thread::sleep(OPEN_AGAIN);
                 }
-                port => return Ok(Box::new(port?)),
+                port => break port?,
             }
+        };
+        if self.usb.is_none() {
+            self.usb = port::usb_of(&self.path);
         }
+        self.any = self.any && self.usb.is_none();
+        Ok(Box::new(Port(port)))
     }
 
     /// Opens the port and puts a client on it.
     ///
     /// # Errors
     /// As the port does.
-    pub fn client(&self) -> Result<Client, serialport::Error> {
+    pub fn client(&mut self) -> Result<Client, serialport::Error> {
         Ok(Client::new(self.transport()?, self.timing.reply_timeout))
     }
-
-    fn answers(&self) -> bool {
-        let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        self.client().is_ok_and(|mut client| {
-            matches!(client.request(&hello), Ok(_) | Err(LinkError::Version { .. } | LinkError::Refused(_)))
-        })
-    }
-}
-
-fn ports() -> Vec<String> {
-    // Without libudev the crate lists this folder, and panics where it is missing (a chroot without /sys).
-    if cfg!(target_os = "linux") && !std::path::Path::new("/sys/class/tty").is_dir() {
-        return Vec::new();
-    }
-    serialport::available_ports().unwrap_or_default().into_iter().map(|port| port.port_name).collect()
 }

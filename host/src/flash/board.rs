@@ -53,12 +53,28 @@ impl Board {
     /// # Errors
     /// [`BoardError`].
     pub fn open(target: &Target) -> Result<Self, BoardError> {
-        let device = OpenDevice::open_board(target)?;
-        let port = |source| BoardError::Port { path: device.path().to_owned(), source };
-        let mut client = device.client().map_err(port)?;
+        let mut device = OpenDevice::open_board(target)?;
+        let mut client =
+            device.client().map_err(|source| BoardError::Port { path: device.path().to_owned(), source })?;
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
         match client.request(&hello)? {
             Reply::Welcome(welcome) => Ok(Self { welcome, client, device }),
+            // Version 1, which names neither its image nor what its last run failed with.
+            Reply::Hello(hello) => {
+                let welcome = Welcome {
+                    protocol_min: hello.protocol_min,
+                    protocol_current: hello.protocol_current,
+                    board: hello.board,
+                    board_id: hello.board_id,
+                    boot_id: hello.boot_id,
+                    reset_cause: hello.reset_cause,
+                    image: Default::default(),
+                    firmware: hello.firmware,
+                    channels: hello.channels,
+                    failure: Default::default(),
+                };
+                Ok(Self { welcome, client, device })
+            }
             other => Err(unexpected(&hello, &other)),
         }
     }

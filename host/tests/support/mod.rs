@@ -2,10 +2,12 @@
 #![allow(dead_code, reason = "each test file is its own program and uses a part of this")]
 
 pub mod browser;
+pub mod old_board;
 pub mod scenes;
 
-use era::daemon::{App, Background};
-use era::device::sim::SimControl;
+use era::daemon::{Access, App, Background};
+use era::device::session::policy::Policy;
+use era::device::sim::{Panel, SimControl};
 use era::device::{OpenDevice, Target};
 use era::model::levels::Levels;
 use era::model::{Accuracy, PanelModel};
@@ -35,21 +37,45 @@ fn served_table(text: &str) -> PlanTable {
     PlanTable::with_levels(&scene, levels, options).unwrap()
 }
 
+/// A scene's simulated panel, and the voltages of its channels.
+pub fn panel_of(table: &PlanTable) -> (Panel, Vec<f64>) {
+    (Panel::of(table), table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect())
+}
+
 impl Daemon {
     /// The daemon on a scene, once its device answers.
     pub fn start(scene: &str) -> Self {
+        Self::start_with(scene, Policy::default(), Access::default())
+    }
+
+    /// The same with what it does without being asked, and who may do what.
+    pub fn start_with(scene: &str, policy: Policy, access: Access) -> Self {
         let table = served_table(scene);
-        let panel = || {
-            let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-            (era::device::sim::Panel::of(&table), volts)
-        };
-        let device = OpenDevice::open(&Target::Sim, panel).unwrap();
+        let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
         let sim = device.sim().unwrap();
-        let app = App::new(table, device, scene.to_owned()).unwrap();
-        let background = Background::start(app).unwrap();
-        let daemon = Self { url: format!("http://{}", background.address()), sim, background };
+        let daemon = Self::of(table, scene, device, sim, policy, access);
         daemon.wait_for(|state| state["device"]["connected"] == true);
         daemon
+    }
+
+    /// The same behind tokens; its device may not answer yet.
+    pub fn start_guarded(scene: &str, access: Access) -> Self {
+        let table = served_table(scene);
+        let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
+        let sim = device.sim().unwrap();
+        Self::of(table, scene, device, sim, Policy::default(), access)
+    }
+
+    /// The daemon with a board at a serial port's path, which may be there or not.
+    pub fn at(scene: &str, path: &str, policy: Policy) -> Self {
+        let device = OpenDevice::absent(&Target::Serial(path.into())).unwrap();
+        Self::of(served_table(scene), scene, device, SimControl::default(), policy, Access::default())
+    }
+
+    fn of(table: PlanTable, scene: &str, device: OpenDevice, sim: SimControl, policy: Policy, access: Access) -> Self {
+        let app = App::with(table, device, scene.to_owned(), policy, access).unwrap();
+        let background = Background::start(app).unwrap();
+        Self { url: format!("http://{}", background.address()), sim, background }
     }
 
     pub fn agent() -> ureq::Agent {

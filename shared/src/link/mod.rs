@@ -7,6 +7,13 @@
 mod decoder;
 mod frame;
 
+/// USB vendor of the board: pid.codes' pair for tests and private use. A product that is sold needs its own.
+pub const USB_VENDOR: u16 = 0x1209;
+/// USB product of the board.
+pub const USB_PRODUCT: u16 = 0x0001;
+/// What the computer's list of serial ports shows.
+pub const USB_PRODUCT_NAME: &str = "ERA haptics board";
+
 /// Speed of the UART link (the ST-LINK virtual COM port) in baud; USB has no speed to set. Slow enough for every adapter.
 pub const UART_BAUD: u32 = 115_200;
 

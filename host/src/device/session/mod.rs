@@ -5,15 +5,18 @@
 //! switches off by itself.
 
 mod play;
+pub mod policy;
 mod worker;
 
 use super::client::{LinkError, LinkStatistics};
 use super::clock::ClockQuality;
 use super::identity::Identity;
+use super::priority;
 use super::target::OpenDevice;
 use era_shared::protocol::{AchievedDrive, ChannelDrive, Details, StatusReply, TelemetryReply};
 use era_shared::safety::State;
 use era_shared::waveform::Effect;
+use policy::{Needs, Policy};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -53,6 +56,18 @@ pub enum SessionError {
         waited: Duration,
         /// Its state's name.
         state: &'static str,
+    },
+    /// The device was away, and is not armed again by itself.
+    #[error("the device was away ({reason}) and waits to be armed by a person")]
+    Away {
+        /// What had happened.
+        reason: String,
+    },
+    /// The device is not made for this scene.
+    #[error("the device does not fit the scene: {reason}")]
+    Unfit {
+        /// What is missing.
+        reason: String,
     },
     /// Everything was stopped after this drive had been asked for.
     #[error("everything was stopped while this was being planned")]
@@ -109,10 +124,24 @@ pub struct Snapshot {
     pub clock: Option<ClockQuality>,
     /// Median round trip.
     pub round_trip: Option<Duration>,
+    /// Longest of the last round trips.
+    pub round_trip_worst: Option<Duration>,
     /// Frames and errors.
     pub link: LinkStatistics,
     /// Restarts noticed since the session began.
     pub restarts: u32,
+    /// How often the link was lost since then.
+    pub outages: u32,
+    /// Faults latched since then.
+    pub faults: u32,
+    /// Latched silences of the host that were cleared by policy.
+    pub cleared: u32,
+    /// Longest time between two signs of life while armed.
+    pub longest_gap: Duration,
+    /// What of the board does not go with the scene.
+    pub mismatch: Option<String>,
+    /// Whether a person has to arm it.
+    pub waits_to_be_armed: bool,
 }
 
 impl Snapshot {
@@ -159,6 +188,7 @@ enum Command {
     Stop { answer: oneshot::Sender<Result<(), SessionError>> },
     EndAt { id: u64, when: Instant },
     Clear { answer: oneshot::Sender<Result<(), SessionError>> },
+    Arm { stops: u64, answer: oneshot::Sender<Result<(), SessionError>> },
     Close,
 }
 
@@ -168,28 +198,67 @@ pub struct Session {
     commands: Sender<Command>,
     snapshot: watch::Receiver<Snapshot>,
     stops: Arc<AtomicU64>,
+    beat: Arc<Beat>,
     thread: Option<JoinHandle<()>>,
 }
 
+/// When the session's thread was last seen at work.
+#[derive(Debug)]
+struct Beat {
+    origin: Instant,
+    last_ms: AtomicU64,
+}
+
+impl Beat {
+    fn new() -> Self {
+        Self { origin: Instant::now(), last_ms: AtomicU64::new(0) }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "the age of a process in ms")]
+    fn now_ms(&self) -> u64 {
+        self.origin.elapsed().as_millis() as u64
+    }
+
+    fn beat(&self) {
+        self.last_ms.store(self.now_ms(), Ordering::Relaxed);
+    }
+
+    fn age(&self) -> Duration {
+        Duration::from_millis(self.now_ms().saturating_sub(self.last_ms.load(Ordering::Relaxed)))
+    }
+}
+
 impl Session {
-    /// Starts the session's thread.
+    /// Starts the session's thread, for a scene that `needs` that much of a board.
     ///
     /// # Errors
     /// If the system gives no thread.
-    pub fn start(device: OpenDevice) -> std::io::Result<Self> {
+    pub fn start(device: OpenDevice, needs: Needs, policy: Policy) -> std::io::Result<Self> {
         let (commands, inbox) = channel();
         let first = Snapshot { kind: device.kind(), path: device.path().to_owned(), ..Snapshot::default() };
         let (publish, snapshot) = watch::channel(first);
         let stops = Arc::new(AtomicU64::new(0));
-        let worker = Worker::new(device, publish, Arc::clone(&stops));
-        let thread = std::thread::Builder::new().name("device-session".into()).spawn(move || worker.run(&inbox))?;
-        Ok(Self { commands, snapshot, stops, thread: Some(thread) })
+        let beat = Arc::new(Beat::new());
+        let worker = Worker::new(device, needs, policy, publish, Arc::clone(&stops), Arc::clone(&beat));
+        let thread = std::thread::Builder::new().name("device-session".into()).spawn(move || {
+            priority::raise();
+            worker.run(&inbox);
+        })?;
+        Ok(Self { commands, snapshot, stops, beat, thread: Some(thread) })
     }
 
     /// What is known of the device, kept up to date.
     #[must_use]
     pub fn snapshots(&self) -> watch::Receiver<Snapshot> {
         self.snapshot.clone()
+    }
+
+    /// Whether the session's thread does its work: it looks after the device ten times a second, and no request to the
+    /// device takes as long as this.
+    #[must_use]
+    pub fn is_alive(&self) -> bool {
+        const LONGEST: Duration = Duration::from_secs(5);
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) && self.beat.age() < LONGEST
     }
 
     /// How often everything was stopped so far.
@@ -239,6 +308,16 @@ impl Session {
     pub fn end_at(&self, id: u64, when: Instant) {
         // A session that has ended has ended its drives.
         let _ = self.send(Command::EndAt { id, when });
+    }
+
+    /// Arms, unless that has been done, and waits for the self-test to end.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub async fn arm(&self) -> Result<(), SessionError> {
+        let (answer, reply) = oneshot::channel();
+        self.send(Command::Arm { stops: self.stops(), answer })?;
+        reply.await.map_err(|_| SessionError::Closed)?
     }
 
     /// Clears the latched fault.

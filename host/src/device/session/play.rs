@@ -40,6 +40,7 @@ impl Worker {
             let spoken = self.client.as_ref().map_or(0, Client::version);
             return Err(LinkError::TooOld { request: "play", needed: prepare.since(), spoken }.into());
         }
+        self.check_fit()?;
         if self.arm()? {
             self.await_armed(stops)?;
         }

@@ -1,12 +1,13 @@
 //! The session's thread.
 
-use super::{Command, DriveOrder, Driven, SessionError, Snapshot};
-use crate::device::client::{Client, LinkError, LinkStatistics};
+use super::policy::{Fit, Needs, Policy};
+use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
+use crate::device::client::{Client, LinkError};
 use crate::device::clock::ClockSync;
 use crate::device::identity::Identity;
 use crate::device::target::OpenDevice;
 use era_shared::limits::BURST_MAX_MS;
-use era_shared::protocol::{CURRENT_VERSION, Details, MIN_VERSION, Reply, Request};
+use era_shared::protocol::{CURRENT_VERSION, Details, Fault, FaultCode, MIN_VERSION, Reply, Request};
 use era_shared::safety::State;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,10 +15,10 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
-/// Between two tries to open a lost port.
-const REOPEN: Duration = Duration::from_millis(500);
-/// Idle time after which the session disarms: high voltage is not kept ready for a touch that may never come.
-const DISARM_AFTER: Duration = Duration::from_secs(5);
+/// Between two tries to open a lost port: a replugged board is there after some 300 ms, ...
+const REOPEN: Duration = Duration::from_millis(100);
+/// ... and one that stays away is looked for less and less often, down to this.
+const REOPEN_MOST: Duration = Duration::from_secs(2);
 /// Between two looks at a device that arms or discharges: both take some 20 ms.
 const TRANSITION: Duration = Duration::from_millis(20);
 /// Between two questions whether the self-test has ended.
@@ -35,6 +36,16 @@ pub(super) struct Worker {
     pub(super) device: OpenDevice,
     pub(super) client: Option<Client>,
     publish: watch::Sender<Snapshot>,
+    needs: Needs,
+    policy: Policy,
+    beat: Arc<Beat>,
+    reopen: Duration,
+    /// The board that the session began with.
+    board_id: Option<[u8; 12]>,
+    /// Why a person has to arm it.
+    away: Option<String>,
+    /// Why it cannot drive the scene.
+    unfit: Option<String>,
     pub(super) stops: Arc<AtomicU64>,
     /// The drive that was set last.
     pub(super) drive_id: u64,
@@ -52,12 +63,26 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    pub(super) fn new(device: OpenDevice, publish: watch::Sender<Snapshot>, stops: Arc<AtomicU64>) -> Self {
+    pub(super) fn new(
+        device: OpenDevice,
+        needs: Needs,
+        policy: Policy,
+        publish: watch::Sender<Snapshot>,
+        stops: Arc<AtomicU64>,
+        beat: Arc<Beat>,
+    ) -> Self {
         let now = Instant::now();
         Self {
             device,
             client: None,
             publish,
+            needs,
+            policy,
+            beat,
+            reopen: REOPEN,
+            board_id: None,
+            away: None,
+            unfit: None,
             stops,
             drive_id: 0,
             boot_id: None,
@@ -75,6 +100,7 @@ impl Worker {
 
     pub(super) fn run(mut self, inbox: &Receiver<Command>) {
         loop {
+            self.beat.beat();
             self.attend();
             match inbox.recv_timeout(self.until_next_duty()) {
                 Ok(Command::Drive { order, answer }) => {
@@ -93,6 +119,9 @@ impl Worker {
                 }
                 Ok(Command::Clear { answer }) => {
                     let _ = answer.send(self.clear());
+                }
+                Ok(Command::Arm { stops, answer }) => {
+                    let _ = answer.send(self.arm_by_hand(stops));
                 }
                 Ok(Command::Close) | Err(RecvTimeoutError::Disconnected) => {
                     if self.client.is_some()
@@ -127,13 +156,13 @@ impl Worker {
         if self.client.is_none() {
             if now >= self.next_open {
                 self.open();
-                self.next_open = Instant::now() + REOPEN;
+                self.next_open = Instant::now() + self.reopen;
             }
             return;
         }
         let result = if self.drive_until.is_some_and(|until| now >= until) {
             self.rest()
-        } else if self.armed && self.drive_until.is_none() && now >= self.idle_since + DISARM_AFTER {
+        } else if self.armed && self.drive_until.is_none() && now >= self.idle_since + self.policy.idle {
             self.ask(&Request::Disarm).map(|_| self.armed = false)
         } else if self.armed && now >= self.last_heard + self.device.timing().keep_alive {
             self.keep_alive()
@@ -155,8 +184,14 @@ impl Worker {
             self.greet()
         });
         match opened {
-            Ok(()) => tracing::info!(path = self.device.path(), kind = self.device.kind(), "device connected"),
-            Err(error) => self.note_trouble(&error),
+            Ok(()) => {
+                tracing::info!(path = self.device.path(), kind = self.device.kind(), "device connected");
+                self.reopen = REOPEN;
+            }
+            Err(error) => {
+                self.note_trouble(&error);
+                self.reopen = (self.reopen * 2).min(REOPEN_MOST);
+            }
         }
     }
 
@@ -166,13 +201,32 @@ impl Worker {
         if self.boot_id != Some(identity.boot_id) {
             self.clock.reset();
         }
+        let board = self.board_id.unwrap_or(identity.board_id);
+        if board != identity.board_id {
+            let [wanted, found] = [board, identity.board_id].map(Identity::hex);
+            return Err(LinkError::OtherBoard { wanted, found });
+        }
+        self.board_id = Some(board);
+        let fit = self.needs.fit(&identity);
+        let mismatch = match &fit {
+            Fit::Good => None,
+            Fit::Weaker(text) | Fit::Unfit(text) => Some(text.clone()),
+        };
+        if let Some(text) = &mismatch
+            && self.publish.borrow().mismatch.as_ref() != Some(text)
+        {
+            tracing::warn!("{text}");
+        }
+        self.unfit = mismatch.clone().filter(|_| matches!(fit, Fit::Unfit(_)));
         self.boot_id = Some(identity.boot_id);
         self.armed = false;
         self.drive_until = None;
         (self.next_clock, self.quick_samples) = (Instant::now(), QUICK_SAMPLES);
         let protocol = self.client.as_ref().map(Client::version);
+        let path = self.device.path().to_owned();
         self.publish.send_modify(|snapshot| {
             (snapshot.identity, snapshot.protocol) = (Some(identity), protocol);
+            (snapshot.mismatch, snapshot.path) = (mismatch, path);
             (snapshot.details, snapshot.clock) = (None, None);
         });
         self.look()
@@ -225,26 +279,32 @@ impl Worker {
             self.next_status = Instant::now() + self.device.timing().status.min(TRANSITION);
         }
         let restarted = self.boot_id.is_some_and(|known| known != status.boot_id);
+        let known = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
+        let is_new = |fault: &Fault| known.is_none_or(|k| (k.code, k.count) != (fault.code, fault.count));
+        let faulted = status.fault.filter(is_new);
+        if let Some(fault) = faulted {
+            self.report(&fault);
+        }
         if !status.state.is_live() {
             self.armed = false;
             self.drive_until = None;
         }
-        let (round_trip, link) = self
-            .client
-            .as_ref()
-            .map_or((None, LinkStatistics::default()), |client| (client.round_trip_median(), client.statistics()));
+        let of_link = |client: &Client| (client.round_trip_median(), client.round_trip_worst(), client.statistics());
+        let (round_trip, worst, link) = self.client.as_ref().map(of_link).unwrap_or_default();
         self.publish.send_modify(|snapshot| {
             snapshot.connected = true;
             snapshot.problem = None;
             snapshot.status = Some(status);
             snapshot.telemetry = Some(telemetry);
             snapshot.details = details;
-            snapshot.round_trip = round_trip;
+            (snapshot.round_trip, snapshot.round_trip_worst) = (round_trip, worst);
             snapshot.link = link;
             snapshot.restarts += u32::from(restarted);
+            snapshot.faults += u32::from(faulted.is_some());
         });
         if restarted {
             tracing::warn!("the device has restarted");
+            self.was_away("it had restarted");
             return self.greet();
         }
         Ok(())
@@ -269,6 +329,7 @@ impl Worker {
             self.armed = false;
             self.drive_until = None;
         }
+        self.check_fit()?;
         let fresh = self.arm()?;
         let drives: heapless::Vec<_, _> = drives.into_iter().take(era_shared::MAX_CHANNELS).collect();
         let state = if drives.is_empty() { State::Armed } else { State::Running };
@@ -277,8 +338,12 @@ impl Worker {
         };
         let frame_written = self.client.as_ref().and_then(Client::last_frame_written);
         if fresh {
-            // The device holds the drives until its self-test has passed; what is acknowledged is driven.
-            self.await_armed(stops)?;
+            // The device holds the drives until its self-test has passed; what is acknowledged is driven, and what is refused
+            // is not, later than that either.
+            if let Err(error) = self.await_armed(stops) {
+                self.take_back();
+                return Err(error);
+            }
         }
         let now = Instant::now();
         self.drive_id = id;
@@ -304,6 +369,7 @@ impl Worker {
         if self.armed {
             return Ok(false);
         }
+        self.clear_silence()?;
         self.check_fault()?;
         let arm = match self.is_modern() {
             // A touch may be held for longer than the board's default burst.
@@ -335,6 +401,90 @@ impl Worker {
             }
             std::thread::sleep(ARMING_POLL);
         }
+    }
+
+    /// As [`Self::arm`], whatever the device was away for.
+    fn arm_by_hand(&mut self, stops: u64) -> Result<(), SessionError> {
+        if stops != self.stops.load(Ordering::SeqCst) {
+            return Err(SessionError::Stopped);
+        }
+        self.connected()?;
+        let was_away = self.away.take();
+        self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = false);
+        let armed = self.check_fit().and_then(|()| self.arm()).and_then(|fresh| match fresh {
+            true => self.await_armed(stops),
+            false => Ok(()),
+        });
+        self.idle_since = Instant::now();
+        if let Err(error) = &armed {
+            self.away = was_away;
+            if let SessionError::Link(error) = error {
+                self.note_trouble(error);
+            }
+        }
+        self.look()?;
+        armed
+    }
+
+    /// Refuses to drive a scene that the board is not made for, and a board that a person has to arm.
+    pub(super) fn check_fit(&self) -> Result<(), SessionError> {
+        if let Some(reason) = self.unfit.clone() {
+            return Err(SessionError::Unfit { reason });
+        }
+        match self.away.clone() {
+            Some(reason) => Err(SessionError::Away { reason }),
+            None => Ok(()),
+        }
+    }
+
+    /// From here on a person has to arm it, if that is the policy.
+    fn was_away(&mut self, reason: &str) {
+        if !self.policy.arms_after_outage && self.board_id.is_some() && self.away.is_none() {
+            self.away = Some(reason.to_owned());
+            self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = true);
+        }
+    }
+
+    /// Drives that were set and then answered with an error must not run.
+    fn take_back(&mut self) {
+        self.armed = false;
+        self.drive_until = None;
+        if let Err(error) = self.ask(&Request::Stop).and_then(|_| self.look()) {
+            self.note_trouble(&error);
+        }
+    }
+
+    /// Clears a latched silence of this host, if that is the policy.
+    fn clear_silence(&mut self) -> Result<(), SessionError> {
+        let fault = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
+        if !self.policy.clears_silence || fault.is_none_or(|fault| fault.code != FaultCode::HostSilent) {
+            return Ok(());
+        }
+        tracing::warn!("clearing the latched silence of this host, as is the policy");
+        self.ask(&Request::ClearFaults)?;
+        self.publish.send_modify(|snapshot| snapshot.cleared += 1);
+        Ok(self.look()?)
+    }
+
+    /// Says what is known when a fault has been latched.
+    fn report(&self, fault: &Fault) {
+        let snapshot = self.publish.borrow();
+        let ms = |time: Duration| time.as_secs_f64() * 1e3;
+        let link = self.client.as_ref().map(Client::statistics).unwrap_or_default();
+        tracing::error!(
+            code = fault.code.number(),
+            name = fault.code.name(),
+            detail = fault.detail,
+            count = fault.count,
+            heard_ms_ago = ms(self.last_heard.elapsed()),
+            longest_gap_ms = ms(snapshot.longest_gap),
+            round_trip_ms = snapshot.round_trip.map(ms),
+            repeats = link.repeats,
+            bad_frames = link.bad_frames,
+            outages = snapshot.outages,
+            "the device has latched a fault: {}",
+            fault.code.advice()
+        );
     }
 
     pub(super) fn check_fault(&self) -> Result<(), SessionError> {
@@ -383,13 +533,18 @@ impl Worker {
     pub(super) fn ask(&mut self, request: &Request) -> Result<Reply, LinkError> {
         let client = self.client.as_mut().ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotConnected))?;
         let reply = client.request(request)?;
-        self.last_heard = Instant::now();
+        let now = Instant::now();
+        let gap = now - self.last_heard;
+        self.last_heard = now;
+        if self.armed && gap > self.publish.borrow().longest_gap {
+            self.publish.send_modify(|snapshot| snapshot.longest_gap = gap);
+        }
         Ok(reply)
     }
 
     /// A refusal leaves the link as it is, after a look at the device's state; anything else closes it, to be opened anew.
     pub(super) fn note_trouble(&mut self, error: &LinkError) {
-        if matches!(error, LinkError::Refused(_)) {
+        if matches!(error, LinkError::Refused(_) | LinkError::TooOld { .. }) {
             self.next_status = Instant::now();
             tracing::warn!(%error, "refused");
             return;
@@ -402,9 +557,21 @@ impl Worker {
         self.armed = false;
         self.drive_until = None;
         self.next_open = Instant::now() + REOPEN;
+        self.was_away(&text);
         self.publish.send_modify(|snapshot| {
+            snapshot.outages += u32::from(snapshot.connected);
             snapshot.connected = false;
             snapshot.problem = Some(text);
+        });
+    }
+}
+
+impl Drop for Worker {
+    /// However the thread ends, nobody takes its device for connected.
+    fn drop(&mut self) {
+        self.publish.send_modify(|snapshot| {
+            snapshot.connected = false;
+            snapshot.problem = Some("the session with the device has ended".into());
         });
     }
 }

@@ -51,6 +51,9 @@ pub struct SimBoard {
 }
 
 impl SimBoard {
+    /// Its identifier unless it is named.
+    pub const ID: [u8; 12] = *b"sim-board-01";
+
     /// A board with one channel per actuator, `max_voltages_v` their voltage limits.
     #[must_use]
     #[allow(
@@ -67,7 +70,7 @@ impl SimBoard {
         Self {
             info: BoardInfo {
                 board: BoardKind::Simulated,
-                board_id: *b"sim-board-01",
+                board_id: Self::ID,
                 boot_id: 1,
                 reset_cause: ResetCause::PowerOn,
                 // Shorter than the longest name there can be.
@@ -89,6 +92,13 @@ impl SimBoard {
             started_us: None,
             leaving: false,
         }
+    }
+
+    /// The same as another one of its kind.
+    #[must_use]
+    pub fn named(mut self, board_id: [u8; 12]) -> Self {
+        self.info.board_id = board_id;
+        self
     }
 
     /// The panel, for its accelerometer.

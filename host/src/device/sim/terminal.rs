@@ -2,6 +2,7 @@
 
 use super::board::{Clock, Defects, SimBoard};
 use super::panel::Panel;
+use crate::device::priority;
 use era_shared::board::Board;
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind};
@@ -85,6 +86,14 @@ impl SimDevice {
     /// # Errors
     /// If the system gives no pseudo-terminal.
     pub fn start(panel: Panel, max_voltages_v: Vec<f64>) -> Result<Self, serialport::Error> {
+        Self::start_named(panel, max_voltages_v, SimBoard::ID)
+    }
+
+    /// The same with an identifier of its own: another board of its kind.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn start_named(panel: Panel, max_voltages_v: Vec<f64>, board_id: [u8; 12]) -> Result<Self, serialport::Error> {
         let (mut terminal, line) = TTYPort::pair()?;
         terminal.set_timeout(TICK)?;
         let path = line.name().ok_or_else(|| serialport::Error::new(serialport::ErrorKind::NoDevice, "unnamed pty"))?;
@@ -93,7 +102,9 @@ impl SimDevice {
         let control = SimControl::default();
         let wishes = control.clone();
         let thread = std::thread::Builder::new().name("simulated-device".into()).spawn(move || {
-            Loop::new(panel, &max_voltages_v, wishes).run(&mut terminal);
+            // A board keeps its time whatever else the computer does.
+            priority::raise();
+            Loop::new(panel, &max_voltages_v, board_id, wishes).run(&mut terminal);
         })?;
         Ok(Self { path, control, thread: Some(thread) })
     }
@@ -131,8 +142,8 @@ struct Loop {
 }
 
 impl Loop {
-    fn new(panel: Panel, max_voltages_v: &[f64], control: SimControl) -> Self {
-        let mut board = SimBoard::new(panel, max_voltages_v, Clock::Wall(Instant::now()));
+    fn new(panel: Panel, max_voltages_v: &[f64], board_id: [u8; 12], control: SimControl) -> Self {
+        let mut board = SimBoard::new(panel, max_voltages_v, Clock::Wall(Instant::now())).named(board_id);
         let mut device = Device::new();
         device.start(&mut board);
         Self { device, board, port: Port::new(LinkId(0)), listener: Decoder::new(), control, answers: 0 }
@@ -184,16 +195,17 @@ impl Loop {
             };
             let received_at = Instant::now();
             self.board.set_defects(knobs.defects);
-            due_us = self.device.poll(&mut self.board);
-            self.board.advance();
+            // What has been sent is heard before the silence is judged: a computer that is busy may come late to both.
             if length == 0 || knobs.silent {
+                due_us = self.device.poll(&mut self.board);
+                self.board.advance();
                 continue;
             }
             let mut answers: Vec<Vec<u8>> = Vec::new();
             let received = buffer.get(..length).unwrap_or_default();
             self.device.receive(&mut self.board, &mut self.port, received, |answer| answers.push(answer.to_vec()));
-            // The request may have changed what is due.
             due_us = self.device.poll(&mut self.board);
+            self.board.advance();
             if self.board.is_leaving() {
                 self.restart();
             }

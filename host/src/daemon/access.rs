@@ -1,0 +1,370 @@
+//! Who may do what: pages and names from elsewhere, tokens and their roles.
+
+use super::app::App;
+use super::problem::Problem;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use std::sync::Arc;
+
+/// For how long a browser may remember that another page's requests are allowed, in s.
+const PREFLIGHT_S: u32 = 600;
+const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
+const FETCH_MODE: HeaderName = HeaderName::from_static("sec-fetch-mode");
+
+/// What somebody may do; each role includes those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// Read state, scene, fields, metrics, and the page.
+    View,
+    /// Drive touches, and stop.
+    Touch,
+    /// Arm, and clear faults.
+    Arm,
+}
+
+impl Role {
+    /// Its name in files and messages.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::View => "view",
+            Self::Touch => "touch",
+            Self::Arm => "arm",
+        }
+    }
+
+    /// What a request needs.
+    fn needed(method: &Method, path: &str) -> Self {
+        match path {
+            "/v1/arm" | "/v1/faults/clear" => Self::Arm,
+            "/v1/live" => Self::Touch,
+            _ if matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS) => Self::View,
+            _ => Self::Touch,
+        }
+    }
+}
+
+/// Marks requests of whoever may open the daemon's socket in the file system: they need no token.
+#[derive(Clone, Copy, Debug)]
+pub struct Owner;
+
+/// A secret and what it opens.
+#[derive(Clone)]
+pub struct Token {
+    secret: String,
+    role: Role,
+}
+
+impl std::fmt::Debug for Token {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Token").field("role", &self.role).finish_non_exhaustive()
+    }
+}
+
+/// Least length of a secret: 128 bits in base64.
+const MIN_SECRET: usize = 22;
+
+/// Who is let in. By default: whoever can connect, from the daemon's own page or from none.
+#[derive(Clone, Debug, Default)]
+pub struct Access {
+    /// Origins of other pages that may talk to the daemon: `https://kiosk.example:8443`.
+    pub origins: Vec<String>,
+    /// Names beside `localhost` and addresses in numbers by which the daemon may be called.
+    pub hosts: Vec<String>,
+    /// None: no token is asked for.
+    pub tokens: Vec<Token>,
+}
+
+impl Access {
+    /// Tokens from a file's lines: `ROLE SECRET`, with `#` before what is a comment.
+    ///
+    /// # Errors
+    /// The line and what is wrong with it.
+    pub fn tokens(text: &str) -> Result<Vec<Token>, String> {
+        let mut tokens = Vec::new();
+        for (number, line) in (1..).zip(text.lines()) {
+            let line = line.trim();
+            if line.is_empty() || line.starts_with('#') {
+                continue;
+            }
+            let mut words = line.split_whitespace();
+            let role = match words.next() {
+                Some("view") => Role::View,
+                Some("touch") => Role::Touch,
+                Some("arm") => Role::Arm,
+                _ => return Err(format!("line {number}: the first word must be a role: view, touch or arm")),
+            };
+            match (words.next(), words.next()) {
+                (Some(secret), None) if secret.len() >= MIN_SECRET && secret.is_ascii() => {
+                    tokens.push(Token { secret: secret.to_owned(), role });
+                }
+                (Some(_), None) => {
+                    return Err(format!("line {number}: a secret must have {MIN_SECRET} or more ASCII characters"));
+                }
+                _ => return Err(format!("line {number}: a role and one secret are wanted")),
+            }
+        }
+        if tokens.is_empty() {
+            return Err("there is no token in it: a line is a role (view, touch, arm) and a secret".into());
+        }
+        Ok(tokens)
+    }
+
+    /// An origin as browsers write it, `http://HOST[:PORT]`, without a path.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn origin(text: &str) -> Result<String, String> {
+        let wanted = "must be an origin as browsers send it: http://HOST or https://HOST, a port if it is not the usual \
+                      one, and nothing after it";
+        let (scheme, rest) = text.split_once("://").ok_or(wanted)?;
+        let is_host = |c: char| c.is_ascii_alphanumeric() || ".-:[]".contains(c);
+        if !matches!(scheme, "http" | "https") || rest.is_empty() || !rest.chars().all(is_host) {
+            return Err(wanted.into());
+        }
+        Ok(text.to_ascii_lowercase())
+    }
+
+    /// Whether the request comes from where it may.
+    fn check_source(&self, method: &Method, headers: &HeaderMap) -> Result<Option<HeaderValue>, Problem> {
+        let host = text(headers, &header::HOST)?;
+        // A name that someone else's DNS may point here is not ours, whatever page it comes from ("DNS rebinding").
+        if let Some(host) = host
+            && !is_own(host)
+            && !self.hosts.iter().any(|own| own.eq_ignore_ascii_case(name_of(host)))
+        {
+            let detail = format!(
+                "requests for {host} are not taken; use localhost or the daemon's address in numbers, or start it with \
+                 --allow-host"
+            );
+            return Err(Problem::new(StatusCode::FORBIDDEN, "foreign-host", "Foreign host", detail));
+        }
+        let foreign = |who: &str| {
+            let detail = format!(
+                "requests from {who} are not taken; open the page of this daemon itself, or start it with --allow-origin"
+            );
+            Problem::new(StatusCode::FORBIDDEN, "foreign-origin", "Foreign page", detail)
+        };
+        if let Some(origin) = text(headers, &header::ORIGIN)? {
+            if self.origins.iter().any(|known| known.eq_ignore_ascii_case(origin)) {
+                return Ok(headers.get(header::ORIGIN).cloned());
+            }
+            if origin.split_once("://").is_none_or(|(_, authority)| Some(authority) != host) {
+                return Err(foreign(&format!("pages of {origin}")));
+            }
+            return Ok(None);
+        }
+        // A browser that sends no Origin (for an image, say) tells here where the request comes from. A link on another page
+        // may lead to this daemon's.
+        let is_link = *method == Method::GET && text(headers, &FETCH_MODE)? == Some("navigate");
+        match text(headers, &FETCH_SITE)? {
+            Some("cross-site" | "same-site") if !is_link => Err(foreign("other pages")),
+            _ => Ok(None),
+        }
+    }
+
+    /// Whether the request's token opens what it wants.
+    fn check_token(&self, request: &Request) -> Result<(), Problem> {
+        let needed = Role::needed(request.method(), request.uri().path());
+        if self.tokens.is_empty() || request.extensions().get::<Owner>().is_some() {
+            return Ok(());
+        }
+        let bearer = text(request.headers(), &header::AUTHORIZATION)?
+            .and_then(|value| value.strip_prefix("Bearer ").or_else(|| value.strip_prefix("bearer ")));
+        // A page cannot set a socket's headers, nor those of its own first request.
+        let query = request.uri().query().unwrap_or_default();
+        let in_query = query.split('&').find_map(|pair| pair.strip_prefix("token="));
+        let given = bearer.or(in_query).map(str::trim);
+        let role = given.and_then(|given| self.role(given));
+        match role {
+            Some(role) if role >= needed => Ok(()),
+            Some(role) => {
+                let detail = format!("this token's role is {}, and this needs {}", role.name(), needed.name());
+                Err(Problem::new(StatusCode::FORBIDDEN, "role", "Not with this token", detail))
+            }
+            None => {
+                let detail = match given {
+                    None => "a token is wanted: Authorization: Bearer TOKEN, or ?token=TOKEN",
+                    Some(_) => "this token is not known",
+                };
+                Err(Problem::new(StatusCode::UNAUTHORIZED, "token", "Who are you?", detail))
+            }
+        }
+    }
+
+    /// The most that a secret opens; takes as long for a wrong one as for a right one of the same length.
+    fn role(&self, given: &str) -> Option<Role> {
+        let is_same = |secret: &str| {
+            let differ = secret.bytes().zip(given.bytes()).fold(0, |differ, (a, b)| differ | (a ^ b));
+            secret.len() == given.len() && differ == 0
+        };
+        self.tokens.iter().filter(|token| is_same(&token.secret)).map(|token| token.role).max()
+    }
+}
+
+/// Lets a request through, or says why not.
+pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+    let origin = match app.access.check_source(request.method(), request.headers()) {
+        Ok(origin) => origin,
+        Err(problem) => return problem.into_response(),
+    };
+    let is_preflight =
+        *request.method() == Method::OPTIONS && request.headers().contains_key(header::ACCESS_CONTROL_REQUEST_METHOD);
+    let mut response = if is_preflight && origin.is_some() {
+        // A browser asks without the page's token whether the page may ask with it.
+        let allowed = [
+            (header::ACCESS_CONTROL_ALLOW_METHODS, "GET, POST"),
+            (header::ACCESS_CONTROL_ALLOW_HEADERS, "authorization, content-type, x-request-id"),
+        ];
+        let age = [(header::ACCESS_CONTROL_MAX_AGE, PREFLIGHT_S.to_string())];
+        (StatusCode::NO_CONTENT, allowed, age).into_response()
+    } else {
+        match app.access.check_token(&request) {
+            Ok(()) => next.run(request).await,
+            Err(problem) => problem.into_response(),
+        }
+    };
+    if let Some(origin) = origin {
+        let headers = response.headers_mut();
+        headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, origin);
+        headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, HeaderValue::from_static("retry-after, x-request-id"));
+        headers.append(header::VARY, HeaderValue::from_static("origin"));
+    }
+    response
+}
+
+/// A header as text.
+fn text<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>, Problem> {
+    headers
+        .get(name)
+        .map(|value| {
+            value.to_str().map_err(|_| {
+                let detail = format!("the header {name} must be plain ASCII");
+                Problem::new(StatusCode::BAD_REQUEST, "bad-header", "A header cannot be used", detail)
+            })
+        })
+        .transpose()
+}
+
+/// A Host header without its port.
+fn name_of(host: &str) -> &str {
+    host.rsplit_once(':').filter(|(_, port)| port.parse::<u16>().is_ok()).map_or(host, |(name, _)| name)
+}
+
+/// Whether a Host header names this machine beyond doubt: localhost, or an address in numbers.
+fn is_own(host: &str) -> bool {
+    let name = name_of(host);
+    let address = name.trim_start_matches('[').trim_end_matches(']');
+    name.eq_ignore_ascii_case("localhost") || address.parse::<std::net::IpAddr>().is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TOKENS: &str =
+        "# panel\nview AAAAAAAAAAAAAAAAAAAAAA\ntouch BBBBBBBBBBBBBBBBBBBBBBBB\n\narm CCCCCCCCCCCCCCCCCCCCCCCC\n";
+
+    #[test]
+    fn a_token_opens_its_role_and_those_below() {
+        let access = Access { tokens: Access::tokens(TOKENS).unwrap(), ..Access::default() };
+        let status = |method: &str, path: &str, token: Option<&str>| {
+            let mut request = axum::http::Request::builder().method(method).uri(path);
+            if let Some(token) = token {
+                request = request.header("authorization", format!("Bearer {token}"));
+            }
+            let result = access.check_token(&request.body(axum::body::Body::empty()).unwrap());
+            result.err().map_or(200, |problem| problem.status().as_u16())
+        };
+        let [view, touch, arm] =
+            ["AAAAAAAAAAAAAAAAAAAAAA", "BBBBBBBBBBBBBBBBBBBBBBBB", "CCCCCCCCCCCCCCCCCCCCCCCC"].map(Some);
+        for (method, path, allowed) in [
+            ("GET", "/v1/state", [401, 200, 200, 200]),
+            ("GET", "/", [401, 200, 200, 200]),
+            ("POST", "/v1/touch", [401, 403, 200, 200]),
+            ("POST", "/v1/stop", [401, 403, 200, 200]),
+            ("GET", "/v1/live", [401, 403, 200, 200]),
+            ("POST", "/v1/arm", [401, 403, 403, 200]),
+            ("POST", "/v1/faults/clear", [401, 403, 403, 200]),
+        ] {
+            let found = [None, view, touch, arm].map(|token| status(method, path, token));
+            assert_eq!(found, allowed, "{method} {path}");
+        }
+        for wrong in ["", "A", "AAAAAAAAAAAAAAAAAAAAAB", "AAAAAAAAAAAAAAAAAAAAAAA"] {
+            assert_eq!(status("GET", "/v1/state", Some(wrong)), 401, "{wrong:?}");
+        }
+        assert_eq!(status("GET", "/v1/live?token=BBBBBBBBBBBBBBBBBBBBBBBB", None), 200);
+        assert_eq!(status("GET", "/v1/live?send=state&token=AAAAAAAAAAAAAAAAAAAAAA", None), 403);
+    }
+
+    #[test]
+    fn secrets_are_neither_short_nor_shown() {
+        for (text, wanted) in
+            [("", "no token"), ("view short", "line 1"), ("\nboss AAAAAAAAAAAAAAAAAAAAAA", "line 2"), ("arm", "secret")]
+        {
+            let error = Access::tokens(text).unwrap_err();
+            assert!(error.contains(wanted), "{text:?}: {error}");
+        }
+        let shown = format!("{:?}", Access::tokens(TOKENS).unwrap());
+        assert!(!shown.contains("AAAA") && shown.contains("View"), "{shown}");
+    }
+
+    #[test]
+    fn origins_are_written_as_browsers_do() {
+        for good in ["http://kiosk", "https://kiosk.example:8443", "http://127.0.0.1:3000", "http://[::1]:80"] {
+            assert_eq!(Access::origin(good).as_deref(), Ok(good));
+        }
+        for bad in
+            ["kiosk", "ftp://kiosk", "http://", "http://kiosk/", "http://kiosk/page", "*", "null", "http://k\u{e4}"]
+        {
+            assert!(Access::origin(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn only_what_comes_from_here_or_is_allowed_is_taken() {
+        let access = Access {
+            origins: vec!["https://kiosk.example".into()],
+            hosts: vec!["panel.local".into()],
+            ..Access::default()
+        };
+        let taken = |method: &Method, headers: &[(&'static str, &[u8])]| {
+            let mut map = HeaderMap::new();
+            for (name, value) in headers {
+                map.append(*name, HeaderValue::from_bytes(value).unwrap());
+            }
+            access.check_source(method, &map)
+        };
+        let good: &[&[(&'static str, &[u8])]] = &[
+            &[("host", b"127.0.0.1:7878")],
+            &[("host", b"localhost:7878"), ("origin", b"http://localhost:7878")],
+            &[("host", b"[::1]:7878"), ("sec-fetch-site", b"same-origin")],
+            &[("host", b"panel.local:7878"), ("sec-fetch-site", b"none")],
+            &[("host", b"127.0.0.1"), ("origin", b"https://kiosk.example"), ("sec-fetch-site", b"cross-site")],
+            &[],
+        ];
+        for headers in good {
+            assert!(taken(&Method::POST, headers).is_ok(), "{headers:?}");
+        }
+        let bad: &[&[(&'static str, &[u8])]] = &[
+            &[("host", b"elsewhere.example")],
+            &[("host", b"localhost.elsewhere.example:7878")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"http://127.0.0.1:9999")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"null")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"https://kiosk.example.evil")],
+            &[("host", b"127.0.0.1:7878"), ("sec-fetch-site", b"cross-site")],
+            &[("host", b"127.0.0.1:7878"), ("sec-fetch-site", b"same-site")],
+            // What is not ASCII was taken for absent once.
+            &[("host", b"elsewhere\xc3\xa4.example")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"http://k\xc3\xb6nig.example")],
+        ];
+        for headers in bad {
+            assert!(taken(&Method::POST, headers).is_err(), "{headers:?}");
+        }
+        // A link on another page may lead here; a form there may not.
+        let link: &[(&'static str, &[u8])] = &[("sec-fetch-site", b"cross-site"), ("sec-fetch-mode", b"navigate")];
+        assert!(taken(&Method::GET, link).is_ok() && taken(&Method::POST, link).is_err());
+    }
+}

@@ -1,0 +1,223 @@
+//! Who is next: numbers at arrival, a bounded queue for the planner, and what became of each request.
+
+use super::problem::Problem;
+use axum::http::StatusCode;
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+use tokio::sync::{Semaphore, SemaphorePermit};
+
+/// Plans at once: one that takes long (what can be had instead, say) leaves the other place to touches.
+const AT_ONCE: usize = 2;
+/// Most that may wait: 64 plans of 1 ms in two places are 32 ms, after which a finger feels a touch as late.
+const MOST_WAITING: usize = 64;
+/// When to come again, in ms: half the queue is done by then.
+const RETRY_MS: u64 = 20;
+/// Requests whose outcome is kept.
+const KEPT: usize = 256;
+/// Longest name that a client may give to a request.
+pub const MAX_NAME: usize = 64;
+
+/// Requests in their order.
+#[derive(Debug)]
+pub struct Admission {
+    last_id: AtomicU64,
+    planner: Semaphore,
+    waiting: AtomicUsize,
+    refused: AtomicU64,
+    known: Mutex<VecDeque<Known>>,
+}
+
+#[derive(Debug)]
+struct Known {
+    id: u64,
+    /// As its client calls it.
+    name: Option<String>,
+    arrived: Instant,
+    outcome: Option<Outcome>,
+}
+
+#[derive(Debug)]
+struct Outcome {
+    at: Instant,
+    result: Result<Value, Problem>,
+}
+
+impl Default for Admission {
+    fn default() -> Self {
+        Self {
+            last_id: AtomicU64::new(0),
+            planner: Semaphore::new(AT_ONCE),
+            waiting: AtomicUsize::new(0),
+            refused: AtomicU64::new(0),
+            known: Mutex::new(VecDeque::with_capacity(KEPT)),
+        }
+    }
+}
+
+impl Admission {
+    /// The number of a request that has just arrived: a later one is larger, whichever is planned first.
+    pub fn arrived(&self, name: Option<String>) -> u64 {
+        // Under the lock, so that the list is in the order of the numbers.
+        let mut known = self.known();
+        let id = self.last_id.fetch_add(1, Ordering::Relaxed) + 1;
+        if known.len() == KEPT {
+            known.pop_front();
+        }
+        known.push_back(Known { id, name, arrived: Instant::now(), outcome: None });
+        id
+    }
+
+    /// A place at the planner, in the order of asking.
+    ///
+    /// # Errors
+    /// [`Problem`] with status 429: too many wait.
+    pub async fn place(&self) -> Result<SemaphorePermit<'_>, Problem> {
+        if let Ok(place) = self.planner.try_acquire() {
+            return Ok(place);
+        }
+        let waiting = Waiting::new(&self.waiting);
+        if waiting.before >= MOST_WAITING {
+            self.refused.fetch_add(1, Ordering::Relaxed);
+            let detail = format!(
+                "{} requests wait for the planner, which is as many as it takes; try again in {RETRY_MS} ms",
+                waiting.before
+            );
+            let problem = Problem::new(StatusCode::TOO_MANY_REQUESTS, "busy", "Too many requests", detail);
+            return Err(problem.retry(RETRY_MS, Some(waiting.before)));
+        }
+        self.planner.acquire().await.map_err(|_| {
+            Problem::new(StatusCode::SERVICE_UNAVAILABLE, "closing", "The daemon is shutting down", "no planner")
+        })
+    }
+
+    /// Keeps what became of a request.
+    pub fn done(&self, id: u64, result: Result<Value, Problem>) {
+        let mut known = self.known();
+        if let Some(known) = known.iter_mut().find(|known| known.id == id) {
+            known.outcome = Some(Outcome { at: Instant::now(), result });
+        }
+    }
+
+    /// What is known of a request, by its number or its client's name for it, of the latest of that name.
+    ///
+    /// # Errors
+    /// [`Problem`] if nothing is.
+    pub fn told(&self, key: &str) -> Result<Value, Problem> {
+        let known = self.known();
+        let id: Option<u64> = key.parse().ok();
+        let is_it = |known: &&Known| known.name.as_deref() == Some(key) || Some(known.id) == id;
+        let Some(known) = known.iter().rev().find(is_it) else {
+            let detail = format!("no request {key:?} is known; the last {KEPT} are kept");
+            return Err(Problem::new(StatusCode::NOT_FOUND, "not-found", "Not found", detail));
+        };
+        let ms = |until: Instant| until.saturating_duration_since(known.arrived).as_secs_f64() * 1e3;
+        let mut told = json!({
+            "id": known.id, "name": known.name, "age_ms": ms(Instant::now()), "state": "waiting", "took_ms": null,
+            "status": null, "answer": null, "problem": null,
+        });
+        if let Some(Outcome { at, result }) = &known.outcome {
+            told["took_ms"] = ms(*at).into();
+            match result {
+                Ok(answer) => {
+                    told["state"] = "done".into();
+                    told["status"] = 200.into();
+                    told["answer"] = answer.clone();
+                }
+                Err(problem) => {
+                    told["state"] = "failed".into();
+                    told["status"] = problem.status().as_u16().into();
+                    told["problem"] = json!(problem);
+                }
+            }
+        }
+        Ok(told)
+    }
+
+    /// How many wait for the planner.
+    pub fn waiting(&self) -> usize {
+        self.waiting.load(Ordering::Relaxed)
+    }
+
+    /// How many were refused as too many waited.
+    pub fn refused(&self) -> u64 {
+        self.refused.load(Ordering::Relaxed)
+    }
+
+    fn known(&self) -> MutexGuard<'_, VecDeque<Known>> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Counts one that waits, until it does not wait any more.
+struct Waiting<'a> {
+    count: &'a AtomicUsize,
+    before: usize,
+}
+
+impl<'a> Waiting<'a> {
+    fn new(count: &'a AtomicUsize) -> Self {
+        Self { before: count.fetch_add(1, Ordering::Relaxed), count }
+    }
+}
+
+impl Drop for Waiting<'_> {
+    fn drop(&mut self) {
+        self.count.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::pin::Pin;
+    use std::task::{Context, Waker};
+
+    fn is_ready<F: Future>(future: Pin<&mut F>) -> bool {
+        future.poll(&mut Context::from_waker(Waker::noop())).is_ready()
+    }
+
+    #[tokio::test]
+    async fn more_than_the_planner_can_do_soon_are_sent_away() {
+        let admission = Admission::default();
+        let first = [admission.place().await.unwrap(), admission.place().await.unwrap()];
+        let mut waiting: Vec<_> = (0..MOST_WAITING).map(|_| Box::pin(admission.place())).collect();
+        for place in &mut waiting {
+            assert!(!is_ready(place.as_mut()));
+        }
+        let refused = admission.place().await.unwrap_err();
+        let told = json!(refused);
+        assert_eq!((refused.status().as_u16(), &told["depth"]), (429, &json!(MOST_WAITING)), "{told}");
+        assert!(told["retry_after_ms"].as_u64() > Some(0) && admission.refused() == 1, "{told}");
+        // First come, first served; who gives up leaves the queue.
+        drop(waiting.pop());
+        drop(first);
+        assert!(is_ready(waiting[0].as_mut()));
+        assert!(!is_ready(waiting[5].as_mut()));
+        assert_eq!(admission.waiting(), MOST_WAITING - 2);
+    }
+
+    #[test]
+    fn the_outcome_is_found_by_number_and_by_name() {
+        let admission = Admission::default();
+        let (a, b) = (admission.arrived(Some("tap".into())), admission.arrived(None));
+        assert!(b > a);
+        assert_eq!(admission.told("tap").unwrap()["state"], "waiting");
+        admission.done(a, Ok(json!({"plan_id": a})));
+        admission.done(b, Err(Problem::body("no".into())));
+        for key in ["tap", &a.to_string()] {
+            let told = admission.told(key).unwrap();
+            assert_eq!(
+                (&told["id"], &told["answer"], &told["status"]),
+                (&json!(a), &json!({"plan_id": a}), &json!(200))
+            );
+        }
+        assert_eq!(admission.told(&b.to_string()).unwrap()["problem"]["status"], 400);
+        for _ in 0..KEPT {
+            admission.arrived(None);
+        }
+        assert_eq!(admission.told("tap").unwrap_err().status().as_u16(), 404);
+    }
+}

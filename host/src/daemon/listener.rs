@@ -1,0 +1,245 @@
+//! Where the daemon listens: loopback, a socket in the file system, or with TLS anywhere.
+
+use std::fmt;
+use std::io;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tokio::net::{TcpListener, TcpStream};
+use tokio_rustls::TlsAcceptor;
+use tokio_rustls::rustls::ServerConfig;
+use tokio_rustls::rustls::pki_types::pem::PemObject;
+use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
+
+/// A place where connections come in.
+pub enum Listener {
+    /// Plain TCP; loopback only, which [`Listener::tcp`] sees to.
+    Tcp(TcpListener),
+    /// TCP with TLS.
+    Tls(TcpListener, TlsAcceptor),
+    /// A socket in the file system, for its owner alone.
+    #[cfg(unix)]
+    Unix(UnixPlace),
+}
+
+/// A socket in the file system, removed at the end.
+#[cfg(unix)]
+#[derive(Debug)]
+pub struct UnixPlace {
+    listener: tokio::net::UnixListener,
+    path: PathBuf,
+}
+
+#[cfg(unix)]
+impl Drop for UnixPlace {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+impl fmt::Debug for Listener {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Listener").field(&self.url()).finish()
+    }
+}
+
+/// Why there is no listener.
+#[derive(Debug, thiserror::Error)]
+pub enum ListenError {
+    /// Two kilovolts for everybody.
+    #[error(
+        "--listen {address} is not loopback: whoever reaches it could drive the panel. It takes --token-file and --tls-cert \
+         with --tls-key (or --tls-dir, which makes a certificate)"
+    )]
+    Open {
+        /// As asked for.
+        address: SocketAddr,
+    },
+    /// The system gives no port.
+    #[error(
+        "cannot listen on {address}: {source}. Is another daemon running? `era serve --listen 127.0.0.1:PORT` takes another \
+         port (0: any that is free), which clients are told with --url"
+    )]
+    Port {
+        /// As asked for.
+        address: SocketAddr,
+        /// Why.
+        source: io::Error,
+    },
+    /// The system gives no socket.
+    #[error("cannot listen on the socket {path}: {source}")]
+    Socket {
+        /// Where.
+        path: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// A running daemon has it.
+    #[error("another daemon listens on the socket {path}; --socket takes another path, or none")]
+    Taken {
+        /// Where.
+        path: String,
+    },
+    /// Certificate or key.
+    #[error("{file}: {reason}")]
+    Tls {
+        /// Which file.
+        file: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+/// Files of a certificate and its key.
+#[derive(Clone, Debug)]
+pub struct TlsFiles {
+    /// Certificates in PEM, the daemon's own first.
+    pub certificate: PathBuf,
+    /// Its private key in PEM.
+    pub key: PathBuf,
+}
+
+impl Listener {
+    /// Listens on an address; anything but loopback only with TLS and where tokens are asked for.
+    ///
+    /// # Errors
+    /// [`ListenError`].
+    pub async fn tcp(address: SocketAddr, tls: Option<&TlsFiles>, has_tokens: bool) -> Result<Self, ListenError> {
+        if !address.ip().is_loopback() && (tls.is_none() || !has_tokens) {
+            return Err(ListenError::Open { address });
+        }
+        let acceptor = tls.map(acceptor).transpose()?;
+        let listener = TcpListener::bind(address).await.map_err(|source| ListenError::Port { address, source })?;
+        Ok(match acceptor {
+            Some(acceptor) => Self::Tls(listener, acceptor),
+            None => Self::Tcp(listener),
+        })
+    }
+
+    /// Listens on a socket in the file system that only its owner may open. One that a daemon left behind is removed.
+    ///
+    /// # Errors
+    /// [`ListenError`].
+    #[cfg(unix)]
+    pub fn unix(path: &Path) -> Result<Self, ListenError> {
+        use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
+        let named = || path.display().to_string();
+        let failed = |source| ListenError::Socket { path: named(), source };
+        if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(failed)?;
+        }
+        match std::os::unix::net::UnixStream::connect(path) {
+            Ok(_) => return Err(ListenError::Taken { path: named() }),
+            Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
+                std::fs::remove_file(path).map_err(failed)?;
+            }
+            // There is none, or something that is no socket: binding says so.
+            Err(_) => {}
+        }
+        // Bound under another name and moved once nobody else may open it.
+        let hidden = path.with_extension(format!("{}.new", std::process::id()));
+        let listener = tokio::net::UnixListener::bind(&hidden).map_err(failed)?;
+        let moved = std::fs::set_permissions(&hidden, std::fs::Permissions::from_mode(0o600)).and_then(|()| {
+            if path.exists() { Err(io::ErrorKind::AlreadyExists.into()) } else { std::fs::rename(&hidden, path) }
+        });
+        if let Err(source) = moved {
+            let _ = std::fs::remove_file(&hidden);
+            return Err(failed(source));
+        }
+        Ok(Self::Unix(UnixPlace { listener, path: path.to_owned() }))
+    }
+
+    /// Where it is, for people and `--url`.
+    #[must_use]
+    pub fn url(&self) -> String {
+        let at = |listener: &TcpListener| {
+            listener.local_addr().map_or_else(|error| error.to_string(), |address| address.to_string())
+        };
+        match self {
+            Self::Tcp(listener) => format!("http://{}", at(listener)),
+            Self::Tls(listener, _) => format!("https://{}", at(listener)),
+            #[cfg(unix)]
+            Self::Unix(place) => format!("unix:{}", place.path.display()),
+        }
+    }
+
+    /// The next connection.
+    ///
+    /// # Errors
+    /// As the system has it; the next try may go well.
+    pub async fn accept(&self) -> io::Result<Incoming> {
+        let quick = |stream: TcpStream| {
+            // An answer is one write, and a touch waits for nothing that could fill a segment.
+            let _ = stream.set_nodelay(true);
+            stream
+        };
+        Ok(match self {
+            Self::Tcp(listener) => Incoming::Tcp(quick(listener.accept().await?.0)),
+            Self::Tls(listener, acceptor) => Incoming::Tls(quick(listener.accept().await?.0), acceptor.clone()),
+            #[cfg(unix)]
+            Self::Unix(place) => Incoming::Unix(place.listener.accept().await?.0),
+        })
+    }
+}
+
+/// A connection that has come in.
+pub enum Incoming {
+    /// Plain.
+    Tcp(TcpStream),
+    /// Before its handshake.
+    Tls(TcpStream, TlsAcceptor),
+    /// From this machine's file system.
+    #[cfg(unix)]
+    Unix(tokio::net::UnixStream),
+}
+
+fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
+    let wrong = |file: &Path, reason: &dyn fmt::Display| ListenError::Tls {
+        file: file.display().to_string(),
+        reason: reason.to_string(),
+    };
+    let certificates: Vec<CertificateDer<'static>> = CertificateDer::pem_file_iter(&files.certificate)
+        .and_then(Iterator::collect)
+        .map_err(|error| wrong(&files.certificate, &error))?;
+    if certificates.is_empty() {
+        return Err(wrong(&files.certificate, &"there is no certificate in it (PEM is wanted)"));
+    }
+    let key = PrivateKeyDer::from_pem_file(&files.key).map_err(|error| wrong(&files.key, &error))?;
+    let config = ServerConfig::builder()
+        .with_no_client_auth()
+        .with_single_cert(certificates, key)
+        .map_err(|error| wrong(&files.key, &error))?;
+    Ok(TlsAcceptor::from(Arc::new(config)))
+}
+
+/// A certificate and its key in a folder: those that are there, or new ones for these names and this machine's loopback. Clients
+/// trust the certificate itself; nobody else vouches for it.
+///
+/// # Errors
+/// [`ListenError`].
+pub fn first_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, ListenError> {
+    let files = TlsFiles { certificate: folder.join("era-cert.pem"), key: folder.join("era-key.pem") };
+    if files.certificate.exists() && files.key.exists() {
+        return Ok(files);
+    }
+    let wrong =
+        |reason: &dyn fmt::Display| ListenError::Tls { file: folder.display().to_string(), reason: reason.to_string() };
+    let mut all: Vec<String> = ["localhost", "127.0.0.1", "::1"].map(String::from).to_vec();
+    all.extend(names.iter().cloned());
+    let made = rcgen::generate_simple_self_signed(all).map_err(|error| wrong(&error))?;
+    std::fs::create_dir_all(folder).map_err(|error| wrong(&error))?;
+    write_secret(&files.key, &made.signing_key.serialize_pem()).map_err(|error| wrong(&error))?;
+    std::fs::write(&files.certificate, made.cert.pem()).map_err(|error| wrong(&error))?;
+    tracing::info!("made a certificate: clients on other machines trust {}", files.certificate.display());
+    Ok(files)
+}
+
+/// A file that only its owner may read, from its first byte on.
+fn write_secret(path: &Path, text: &str) -> io::Result<()> {
+    use std::io::Write;
+    let mut options = std::fs::OpenOptions::new();
+    options.write(true).create(true).truncate(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    options.open(path)?.write_all(text.as_bytes())
+}

@@ -1,0 +1,172 @@
+//! The fingers of one page: what they do, in order, and driving it.
+
+use super::error_message;
+use crate::daemon::app::App;
+use crate::daemon::touch::{Feel, MAX_DURATION_MS, Manner};
+use crate::daemon::view::TouchView;
+use serde_json::Value;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::{Notify, mpsc};
+
+/// Least time for which a tap vibrates, however short the finger was down.
+const TAP: Duration = Duration::from_millis(400);
+/// Between two looks whether a touch that nobody wants any more has begun to wait for its turn.
+const AGAIN: Duration = Duration::from_millis(10);
+/// Most taps that wait to be driven: more than ten fingers make while one is planned.
+const MOST_STEPS: usize = 32;
+
+/// Fingers that went down or moved, and whether they have been lifted since.
+#[derive(Clone, Debug)]
+struct Step {
+    /// None: those before are lifted.
+    touches: Vec<TouchView>,
+    feel: Feel,
+    lifted: Option<Instant>,
+}
+
+/// What a page's fingers have done and is not driven yet. Of fingers that move only the newest place counts; those that were
+/// lifted stay, so that every tap is driven.
+#[derive(Debug, Default)]
+pub struct Fingers {
+    steps: Mutex<VecDeque<Step>>,
+    changed: Notify,
+    gone: Mutex<bool>,
+}
+
+impl Fingers {
+    /// All fingers that are down now, none if they are lifted.
+    pub fn are(&self, touches: Vec<TouchView>, feel: Feel) {
+        let mut steps = self.steps();
+        if touches.is_empty() {
+            match steps.back_mut() {
+                Some(last) if last.lifted.is_none() => last.lifted = Some(Instant::now()),
+                Some(_) => {}
+                None => steps.push_back(Step { touches, feel, lifted: Some(Instant::now()) }),
+            }
+        } else {
+            // A device slower than the page skips what came in between.
+            if steps.len() >= MOST_STEPS || steps.back().is_some_and(|last| last.lifted.is_none()) {
+                steps.pop_back();
+            }
+            steps.push_back(Step { touches, feel, lifted: None });
+        }
+        drop(steps);
+        self.changed.notify_one();
+    }
+
+    /// Whatever they have done is not wanted any more.
+    pub fn forget(&self) {
+        self.steps().clear();
+        self.are(Vec::new(), Feel::default());
+    }
+
+    /// The page has gone away: its fingers are lifted.
+    pub fn go(&self) {
+        self.are(Vec::new(), Feel::default());
+        *self.gone.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.changed.notify_one();
+    }
+
+    /// The next step; `None` once the page is gone and all is done.
+    async fn next(&self) -> Option<Step> {
+        loop {
+            let changed = self.changed.notified();
+            if let Some(step) = self.steps().pop_front() {
+                return Some(step);
+            }
+            if *self.gone.lock().unwrap_or_else(PoisonError::into_inner) {
+                return None;
+            }
+            changed.await;
+        }
+    }
+
+    /// Whether fingers have moved or come that stand in place of those that are being driven: a tap is never replaced.
+    fn is_replaced(&self) -> bool {
+        self.steps().front().is_some_and(|step| !step.touches.is_empty())
+    }
+
+    fn steps(&self) -> MutexGuard<'_, VecDeque<Step>> {
+        self.steps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Drives what the fingers ask for until the page is gone.
+pub async fn drive(app: Arc<App>, fingers: Arc<Fingers>, replies: mpsc::Sender<Value>) {
+    let mut hand = Hand::default();
+    while let Some(Step { touches, feel, lifted }) = fingers.next().await {
+        if !touches.is_empty()
+            && !hand.has_played(&touches, &feel)
+            && let Err(problem) = hand.drive(&app, &fingers, touches, feel, lifted.is_some()).await
+        {
+            // The page reads nothing: it has missed older news than this.
+            let _ = replies.try_send(error_message(&problem));
+        }
+        if lifted.is_some() {
+            hand.lift(&app);
+        }
+    }
+}
+
+/// The fingers that are down, and what is driven for them.
+#[derive(Debug, Default)]
+struct Hand {
+    down: Vec<i64>,
+    feel: Feel,
+    /// The even drive, and since when its fingers are down.
+    held: Option<(Instant, u64)>,
+}
+
+impl Hand {
+    /// Whether an effect has been played for all of these fingers: it is not begun again by one that moves.
+    fn has_played(&self, touches: &[TouchView], feel: &Feel) -> bool {
+        feel.effect.is_some() && self.feel == *feel && touches.iter().all(|touch| self.down.contains(&touch.id))
+    }
+
+    async fn drive(
+        &mut self,
+        app: &Arc<App>,
+        fingers: &Fingers,
+        touches: Vec<TouchView>,
+        feel: Feel,
+        is_tap: bool,
+    ) -> Result<(), crate::daemon::Problem> {
+        let (intensity, manner) = feel.check(MAX_DURATION_MS)?;
+        let ids = touches.iter().map(|touch| touch.id).collect();
+        let id = app.admission.arrived(None);
+        let mut touch = std::pin::pin!(app.touch_all(id, touches, intensity, manner));
+        // To its end in any case, but without waiting for its turn once newer fingers stand in its place.
+        let done = loop {
+            tokio::select! {
+                done = &mut touch => break done,
+                () = tokio::time::sleep(AGAIN), if !is_tap => {}
+            }
+            if fingers.is_replaced() {
+                app.drop_waiting();
+            }
+        };
+        match done {
+            Ok(done) => {
+                (self.down, self.feel) = (ids, feel);
+                self.held = match manner {
+                    // An effect ends by itself, whatever the fingers do meanwhile.
+                    Manner::Effect(_) => None,
+                    Manner::Hold(_) => Some((self.held.map_or_else(Instant::now, |(since, _)| since), done.active.id)),
+                };
+                Ok(())
+            }
+            // The page itself has asked for something newer.
+            Err(problem) if problem.is("superseded") && fingers.is_replaced() => Ok(()),
+            Err(problem) => Err(problem),
+        }
+    }
+
+    fn lift(&mut self, app: &App) {
+        self.down.clear();
+        if let Some((since, plan)) = self.held.take() {
+            app.release(plan, since + TAP);
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! What a page is told. A page that reads slowly gets the newest state and plan and misses what came in between; one that
+//! reads nothing is let go.
+
+use super::Letter;
+use crate::daemon::active::{Active, Update};
+use crate::daemon::app::App;
+use crate::daemon::messages;
+use crate::daemon::server::closed;
+use axum::extract::ws::{Message, WebSocket};
+use futures_util::SinkExt;
+use futures_util::stream::SplitSink;
+use serde_json::Value;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::mpsc;
+
+/// Longest time for which a page may take nothing.
+const WRITE_TIME: Duration = Duration::from_secs(5);
+
+/// What a page wants to be told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wants {
+    /// The scene, once.
+    pub scene: bool,
+    /// The state, as it changes.
+    pub state: bool,
+    /// Plans, as they are driven.
+    pub plan: bool,
+    /// With the predicted field, some 16 kB each.
+    pub field: bool,
+}
+
+impl Wants {
+    /// Names in a request.
+    pub const NAMES: &'static str = "scene, state, plan, field";
+    /// What a page gets that does not say.
+    pub const ALL: Self = Self { scene: true, state: true, plan: true, field: true };
+
+    /// From names with commas between.
+    ///
+    /// # Errors
+    /// The name that is none.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let mut wants = Self { scene: false, state: false, plan: false, field: false };
+        for name in text.split(',').map(str::trim).filter(|name| !name.is_empty()) {
+            match name {
+                "scene" => wants.scene = true,
+                "state" => wants.state = true,
+                "plan" => wants.plan = true,
+                // A field belongs to its plan.
+                "field" => (wants.plan, wants.field) = (true, true),
+                other => return Err(other.into()),
+            }
+        }
+        Ok(wants)
+    }
+
+    fn plan_message(self, active: &Active) -> Value {
+        let mut message = messages::plan_message(active);
+        if let Some(map) = message.as_object_mut().filter(|_| !self.field) {
+            map.remove("field");
+        }
+        message
+    }
+}
+
+/// Tells a page until it goes away, the daemon ends, or nobody replies any more.
+pub async fn write(
+    app: Arc<App>,
+    mut sink: SplitSink<WebSocket, Message>,
+    mut letters: mpsc::Receiver<Letter>,
+    mut replies: mpsc::Receiver<Value>,
+    wants: Wants,
+) {
+    let (mut device, mut updates, mut closing) = (app.device(), app.updates(), app.closing());
+    let mut first = Vec::new();
+    first.extend(wants.scene.then(|| messages::typed("scene", &app.scene)));
+    first.extend(wants.state.then(|| messages::typed("state", &messages::state(&app))));
+    first.extend(app.active().filter(|_| wants.plan).map(|active| wants.plan_message(&active)));
+    for message in first {
+        if !send(&mut sink, text(&message)).await {
+            return;
+        }
+    }
+    loop {
+        let message = tokio::select! {
+            letter = letters.recv() => match letter {
+                Some(Letter::Ping) => Some(Message::Ping(axum::body::Bytes::new())),
+                None => break,
+            },
+            Some(reply) = replies.recv() => Some(text(&reply)),
+            changed = device.changed(), if wants.state => match changed {
+                Ok(()) => Some(text(&messages::typed("state", &messages::state(&app)))),
+                Err(_) => break,
+            },
+            update = updates.recv() => match update {
+                Ok(Update::Plan(active)) => wants.plan.then(|| text(&wants.plan_message(&active))),
+                Ok(Update::Stopped) => wants.state.then(|| text(&messages::typed("state", &messages::state(&app)))),
+                // Some were missed; the newest is what counts.
+                Err(RecvError::Lagged(_)) => {
+                    updates = updates.resubscribe();
+                    app.active().filter(|_| wants.plan).map(|active| text(&wants.plan_message(&active)))
+                }
+                Err(RecvError::Closed) => break,
+            },
+            () = closed(&mut closing) => break,
+        };
+        if let Some(message) = message
+            && !send(&mut sink, message).await
+        {
+            return;
+        }
+    }
+    let _ = tokio::time::timeout(WRITE_TIME, sink.close()).await;
+}
+
+fn text(message: &Value) -> Message {
+    Message::Text(message.to_string().into())
+}
+
+/// Whether it was taken in time.
+async fn send(sink: &mut SplitSink<WebSocket, Message>, message: Message) -> bool {
+    match tokio::time::timeout(WRITE_TIME, sink.send(message)).await {
+        Ok(sent) => sent.is_ok(),
+        Err(_) => {
+            tracing::info!("a page that reads nothing is let go");
+            false
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_says_what_it_wants() {
+        let only = |scene, state, plan, field| Ok(Wants { scene, state, plan, field });
+        assert_eq!(Wants::parse("state"), only(false, true, false, false));
+        assert_eq!(Wants::parse("scene, field"), only(true, false, true, true));
+        assert_eq!(Wants::parse("scene,state,plan,field"), Ok(Wants::ALL));
+        assert_eq!(Wants::parse(""), only(false, false, false, false));
+        assert_eq!(Wants::parse("plan,map"), Err("map".into()));
+    }
+}

@@ -1,0 +1,20 @@
+//! Threads that must not be late.
+
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
+
+/// Has the system prefer this thread: a board that hears nothing for a quarter of a second goes off. Where that is not allowed
+/// it stays as it is.
+pub fn raise() {
+    // The lowest of the real-time priorities is above everything that is not real-time.
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::RoundRobin);
+    let lowest = ThreadPriorityValue::try_from(1_u8).map(ThreadPriority::Crossplatform);
+    let raised = lowest
+        .map_err(|_| ())
+        .and_then(|priority| set_thread_priority_and_policy(thread_native_id(), priority, policy).map_err(|_| ()));
+    if raised.is_err() {
+        tracing::debug!("this thread has no raised priority; the limit for it is RLIMIT_RTPRIO");
+    }
+}

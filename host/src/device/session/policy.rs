@@ -1,0 +1,63 @@
+//! What a session does without being asked, and what a scene needs of a board.
+
+use crate::device::identity::Identity;
+use std::time::Duration;
+
+/// What a session does without being asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Policy {
+    /// Time without a drive after which it disarms: high voltage is not kept ready for a touch that may never come.
+    pub idle: Duration,
+    /// Whether a latched silence of this host is cleared by the next touch. The board has gone off, and nothing is wrong with
+    /// it: the host was busy.
+    pub clears_silence: bool,
+    /// Whether a board that was away (unplugged, restarted, silent) is armed by the next touch, or waits for a person.
+    pub arms_after_outage: bool,
+}
+
+impl Policy {
+    /// Idle time unless told otherwise.
+    pub const IDLE: Duration = Duration::from_secs(5);
+}
+
+impl Default for Policy {
+    fn default() -> Self {
+        Self { idle: Self::IDLE, clears_silence: false, arms_after_outage: true }
+    }
+}
+
+/// What a scene needs of a board.
+#[derive(Clone, Debug, Default)]
+pub struct Needs {
+    /// Most voltage of every actuator in V: actuator i is on channel i.
+    pub max_voltages_v: Vec<f64>,
+}
+
+/// How a board goes with a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fit {
+    /// It has what is needed.
+    Good,
+    /// It drives less than the scene allows.
+    Weaker(String),
+    /// It cannot drive this scene.
+    Unfit(String),
+}
+
+impl Needs {
+    /// How a board goes with these.
+    #[must_use]
+    pub fn fit(&self, board: &Identity) -> Fit {
+        let (wanted, there) = (self.max_voltages_v.len(), board.channels.len());
+        if there < wanted {
+            return Fit::Unfit(format!("the scene has {wanted} actuators, and the board has {there} channels"));
+        }
+        let less = self.max_voltages_v.iter().zip(&board.channels).zip(1..).find_map(|((volts, channel), number)| {
+            let most_v = f64::from(channel.max_voltage_millivolts) / 1e3;
+            (most_v < *volts).then(|| {
+                format!("actuator {number} may have {volts} V by the scene, and the board gives its channel {most_v} V")
+            })
+        });
+        less.map_or(Fit::Good, Fit::Weaker)
+    }
+}

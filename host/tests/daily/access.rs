@@ -1,0 +1,156 @@
+//! Who is let in: the threats of docs/src/safety.md, one by one.
+
+use crate::raw::{connect, send_and_listen};
+use crate::support::Daemon;
+use era::daemon::Access;
+use era::device::session::policy::Policy;
+use era::scene::EXAMPLE_PLATE;
+use serde_json::{Value, json};
+use std::io::{Read, Write};
+use std::process::Command;
+use std::time::Duration;
+
+fn request(
+    daemon: &Daemon,
+    method: &str,
+    path: &str,
+    headers: &[(&str, &str)],
+) -> (u16, ureq::http::HeaderMap, String) {
+    let mut request = ureq::http::Request::builder().method(method).uri(format!("{}{path}", daemon.url));
+    for (name, value) in headers {
+        request = request.header(*name, *value);
+    }
+    let agent: ureq::Agent = ureq::Agent::config_builder()
+        .http_status_as_error(false)
+        .allow_non_standard_methods(true)
+        .timeout_global(Some(Duration::from_secs(30)))
+        .build()
+        .into();
+    let mut answer = agent.run(request.body(()).unwrap()).unwrap();
+    let text = answer.body_mut().read_to_string().unwrap();
+    (answer.status().as_u16(), answer.headers().clone(), text)
+}
+
+#[test]
+fn other_pages_are_let_in_by_name_only() {
+    let own = "https://kiosk.example:8443";
+    let access = Access { origins: vec![Access::origin(own).unwrap()], ..Access::default() };
+    let daemon = Daemon::start_with(EXAMPLE_PLATE, Policy::default(), access);
+    let (status, headers, _) = request(&daemon, "POST", "/v1/stop", &[("Origin", own)]);
+    assert_eq!((status, headers.get("access-control-allow-origin").unwrap().to_str().unwrap()), (200, own));
+    // What a browser asks before it lets the page post JSON.
+    let asks = [
+        ("Origin", own),
+        ("Access-Control-Request-Method", "POST"),
+        ("Access-Control-Request-Headers", "content-type"),
+    ];
+    let (status, headers, _) = request(&daemon, "OPTIONS", "/v1/touch", &asks);
+    assert_eq!(status, 204);
+    assert!(headers["access-control-allow-methods"].to_str().unwrap().contains("POST"));
+    assert!(headers["access-control-allow-headers"].to_str().unwrap().contains("content-type"));
+    for foreign in ["https://kiosk.example", "https://kiosk.example:8443.evil.example", "null"] {
+        let (status, headers, text) = request(&daemon, "POST", "/v1/stop", &[("Origin", foreign)]);
+        assert_eq!(status, 403, "{foreign}: {text}");
+        assert!(headers.get("access-control-allow-origin").is_none(), "{foreign}");
+        let (status, ..) = request(&daemon, "OPTIONS", "/v1/touch", &[("Origin", foreign), asks[1]]);
+        assert_eq!(status, 403);
+    }
+    // The page may also open the socket, which browsers ask nobody about.
+    let mut live = ureq::http::Request::builder().uri(format!("{}/v1/live", daemon.url.replace("http", "ws")));
+    for (name, value) in [
+        ("Host", "localhost"),
+        ("Connection", "Upgrade"),
+        ("Upgrade", "websocket"),
+        ("Sec-WebSocket-Version", "13"),
+        ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
+        ("Origin", own),
+    ] {
+        live = live.header(name, value);
+    }
+    let (parts, ()) = live.body(()).unwrap().into_parts();
+    let mut wanted = tungstenite::http::Request::builder().uri(parts.uri.to_string());
+    for (name, value) in &parts.headers {
+        wanted = wanted.header(name.as_str(), value.as_bytes());
+    }
+    tungstenite::connect(wanted.body(()).unwrap()).unwrap();
+}
+
+#[test]
+fn a_request_from_another_site_without_an_origin_is_refused() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    for site in ["cross-site", "same-site"] {
+        let (status, _, text) = request(&daemon, "POST", "/v1/stop", &[("Sec-Fetch-Site", site)]);
+        assert_eq!(status, 403, "{text}");
+        assert_eq!(request(&daemon, "GET", "/v1/state", &[("Sec-Fetch-Site", site)]).0, 403);
+    }
+    assert_eq!(request(&daemon, "POST", "/v1/stop", &[("Sec-Fetch-Site", "same-origin")]).0, 200);
+    let link = [("Sec-Fetch-Site", "cross-site"), ("Sec-Fetch-Mode", "navigate")];
+    assert_eq!(request(&daemon, "GET", "/", &link).0, 200);
+}
+
+#[test]
+fn names_that_are_not_ascii_are_not_taken_for_absent() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    for headers in ["Host: pan\u{e9}l.example\r\n", "Host: localhost\r\nOrigin: http://pan\u{e9}l.example\r\n"] {
+        let request = format!("POST /v1/stop HTTP/1.1\r\n{headers}Content-Length: 0\r\n\r\n");
+        let answer = send_and_listen(&daemon, &request);
+        assert!(answer.starts_with("HTTP/1.1 400"), "{answer}");
+    }
+}
+
+#[test]
+fn tokens_open_what_their_role_allows() {
+    let [view, touch, arm] = ["V", "T", "A"].map(|letter| letter.repeat(32));
+    let tokens = Access::tokens(&format!("view {view}\ntouch {touch}\narm {arm}\n")).unwrap();
+    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
+    let status = |method: &str, path: &str, token: Option<&String>| {
+        let bearer = token.map(|token| format!("Bearer {token}")).unwrap_or_default();
+        let headers: Vec<(&str, &str)> = if token.is_some() { vec![("Authorization", &bearer)] } else { Vec::new() };
+        request(&daemon, method, path, &headers).0
+    };
+    assert_eq!(status("GET", "/v1/state", None), 401);
+    assert_eq!(status("POST", "/v1/stop", None), 401);
+    assert_eq!(status("GET", "/v1/state", Some(&view)), 200);
+    assert_eq!(status("POST", "/v1/stop", Some(&view)), 403);
+    assert_eq!(status("POST", "/v1/stop", Some(&touch)), 200);
+    assert_eq!(status("POST", "/v1/faults/clear", Some(&touch)), 403);
+    assert_ne!(status("POST", "/v1/faults/clear", Some(&arm)), 403);
+    assert_eq!(status("GET", "/v1/state", Some(&"X".repeat(32))), 401);
+    let (.., text) = request(&daemon, "GET", "/v1/state", &[]);
+    let problem: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(problem["type"], json!("urn:era:problem:token"));
+    assert!(!text.contains(&view) && problem["detail"].as_str().unwrap().contains("Bearer"));
+}
+
+fn era(arguments: &[&str]) -> (i32, String) {
+    let out = Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).output().unwrap();
+    (out.status.code().unwrap(), String::from_utf8_lossy(&out.stderr).into_owned())
+}
+
+#[test]
+fn the_network_is_served_only_with_a_token_and_tls() {
+    for listen in ["0.0.0.0:0", "[::]:0"] {
+        let (code, said) = era(&["serve", "--listen", listen]);
+        assert!(code == 2 && said.contains("--token-file") && said.contains("--tls-cert"), "{code} {said}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let tokens = folder.path().join("tokens");
+    std::fs::write(&tokens, format!("arm {}\n", "A".repeat(32))).unwrap();
+    let (code, said) = era(&["serve", "--listen", "0.0.0.0:0", "--token-file", tokens.to_str().unwrap()]);
+    assert!(code == 2 && said.contains("--tls-cert"), "{code} {said}");
+    std::fs::write(&tokens, "arm short\n").unwrap();
+    let (code, said) = era(&["serve", "--token-file", tokens.to_str().unwrap()]);
+    assert!(code == 2 && said.contains("line 1"), "{code} {said}");
+}
+
+/// One connection after the other is asked for its token before anything is read of it.
+#[test]
+fn a_token_is_asked_for_before_the_body_is_read() {
+    let access = Access { tokens: Access::tokens(&format!("touch {}", "T".repeat(32))).unwrap(), ..Access::default() };
+    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, access);
+    let mut stream = connect(&daemon);
+    stream.write_all(b"POST /v1/touch HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9999\r\n\r\n").unwrap();
+    let mut first = [0; 12];
+    stream.read_exact(&mut first).unwrap();
+    assert_eq!(&first, b"HTTP/1.1 401");
+}

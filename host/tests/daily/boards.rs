@@ -1,0 +1,204 @@
+//! Boards that come late, go away, come back, are others, fall silent, take nothing, or are old.
+
+use crate::support::{Daemon, old_board, panel_of, table};
+use era::device::session::policy::Policy;
+use era::device::sim::{Knobs, SimBoard, SimDevice};
+use era::device::{Client, LinkError};
+use era::planner::PlanTable;
+use era::scene::EXAMPLE_PLATE;
+use era_shared::protocol::Request;
+use serde_json::{Value, json};
+use std::io::{ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+const TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 200}"#;
+const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
+
+/// A place into which boards are plugged: a link that leads to the pseudo-terminal of each.
+struct Socket {
+    link: PathBuf,
+    table: PlanTable,
+    _folder: tempfile::TempDir,
+}
+
+impl Socket {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        Self { link: folder.path().join("board"), table: table(EXAMPLE_PLATE), _folder: folder }
+    }
+
+    fn path(&self) -> &str {
+        self.link.to_str().unwrap()
+    }
+
+    fn plug(&self, board_id: [u8; 12]) -> SimDevice {
+        let (panel, volts) = panel_of(&self.table);
+        let board = SimDevice::start_named(panel, volts, board_id).unwrap();
+        self.lead_to(board.path());
+        board
+    }
+
+    fn lead_to(&self, path: &str) {
+        std::os::unix::fs::symlink(path, &self.link).unwrap();
+    }
+
+    fn unplug(&self, board: SimDevice) {
+        std::fs::remove_file(&self.link).unwrap();
+        drop(board);
+    }
+}
+
+fn is_connected(state: &Value) -> bool {
+    state["device"]["connected"] == true
+}
+
+#[test]
+fn a_board_may_come_late_go_away_and_come_back() {
+    let socket = Socket::new();
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
+    let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
+    assert!(status == 502 && problem["detail"].as_str().unwrap().contains("not connected"), "{problem}");
+    let board = socket.plug(SimBoard::ID);
+    daemon.wait_for(is_connected);
+    assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+    socket.unplug(board);
+    daemon.wait_for(|state| !is_connected(state) && state["device"]["outages"] == 1);
+    let board = socket.plug(SimBoard::ID);
+    daemon.wait_for(is_connected);
+    assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200);
+    socket.unplug(board);
+    daemon.wait_for(|state| !is_connected(state));
+    // Another board has other limits, another calibration, and perhaps another panel.
+    let other = socket.plug(*b"sim-board-02");
+    let state = daemon.wait_for(|state| state["device"]["problem"].as_str().is_some_and(|p| p.contains("drives")));
+    let [mine, others] = [SimBoard::ID, *b"sim-board-02"].map(era::device::Identity::hex);
+    let told = state["device"]["problem"].as_str().unwrap();
+    assert!(told.contains(&mine) && told.contains(&others), "{told}");
+    assert_eq!(daemon.post("/v1/touch", TOUCH).0, 502);
+    socket.unplug(other);
+    let _board = socket.plug(SimBoard::ID);
+    daemon.wait_for(is_connected);
+    assert!(daemon.get_text("/metrics").contains("era_device_outages_total 2"));
+}
+
+#[test]
+fn after_an_outage_a_person_may_have_to_arm() {
+    let socket = Socket::new();
+    let policy = Policy { arms_after_outage: false, ..Policy::default() };
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), policy);
+    let board = socket.plug(SimBoard::ID);
+    daemon.wait_for(is_connected);
+    assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200, "nothing has happened yet");
+    socket.unplug(board);
+    daemon.wait_for(|state| !is_connected(state));
+    let board = socket.plug(SimBoard::ID);
+    let state = daemon.wait_for(is_connected);
+    assert_eq!(state["device"]["waits_to_be_armed"], true);
+    for body in [TOUCH, r#"{"x_px": 300, "y_px": 900, "effect": "click"}"#] {
+        let (status, _, problem) = daemon.post("/v1/touch", body);
+        assert_eq!((status, &problem["type"]), (409, &json!("urn:era:problem:not-armed")), "{problem}");
+        assert!(problem["detail"].as_str().unwrap().contains("POST /v1/arm"), "{problem}");
+    }
+    assert_eq!(daemon.post("/v1/arm", "").0, 200);
+    assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200);
+    // A restart is an outage too.
+    board.control().restart();
+    daemon.wait_for(|state| state["device"]["waits_to_be_armed"] == true);
+    assert_eq!(daemon.post("/v1/touch", TOUCH).0, 409);
+}
+
+/// The board goes off in any case; who clears it is a policy. Either way it is counted.
+#[test]
+fn a_silence_of_the_host_may_be_cleared_by_the_next_touch() {
+    for clears_silence in [false, true] {
+        let daemon =
+            Daemon::start_with(EXAMPLE_PLATE, Policy { clears_silence, ..Policy::default() }, Default::default());
+        assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+        daemon.wait_for(|state| state["device"]["state"] == "running");
+        daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+        std::thread::sleep(Duration::from_millis(600));
+        daemon.sim.set_knobs(Knobs::default());
+        let state = daemon.wait_for(|state| state["device"]["state"] == "fault");
+        assert_eq!((&state["device"]["fault"]["name"], &state["device"]["faults"]), (&json!("host-silent"), &json!(1)));
+        let status = daemon.post("/v1/touch", TOUCH).0;
+        assert_eq!(status, if clears_silence { 200 } else { 409 });
+        let metrics = daemon.get_text("/metrics");
+        let cleared = format!("era_device_silences_cleared_total {}", u8::from(clears_silence));
+        assert!(metrics.contains(&cleared) && metrics.contains("era_device_faults_total 1"), "{metrics}");
+    }
+    // Any other fault waits for a person.
+    let policy = Policy { clears_silence: true, ..Policy::default() };
+    let daemon = Daemon::start_with(EXAMPLE_PLATE, policy, Default::default());
+    assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+    let mut knobs = Knobs::default();
+    knobs.defects.interlock_open = true;
+    daemon.sim.set_knobs(knobs);
+    daemon.wait_for(|state| state["device"]["state"] == "fault");
+    daemon.sim.set_knobs(Knobs::default());
+    assert_eq!(daemon.post("/v1/touch", TOUCH).0, 409);
+}
+
+#[test]
+fn a_board_with_too_few_channels_is_not_driven() {
+    let socket = Socket::new();
+    let (panel, volts) = panel_of(&socket.table);
+    let board = SimDevice::start(panel, volts[..1].to_vec()).unwrap();
+    socket.lead_to(board.path());
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
+    let state = daemon.wait_for(is_connected);
+    assert!(state["device"]["mismatch"].as_str().unwrap().contains("2 actuators"), "{state}");
+    let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
+    assert_eq!((status, &problem["type"]), (409, &json!("urn:era:problem:device-unfit")), "{problem}");
+    assert_eq!(daemon.post("/v1/arm", "").0, 409);
+}
+
+/// What an old board cannot do is refused, and everything else goes on.
+#[test]
+fn an_effect_does_not_end_the_link_to_an_old_board() {
+    let socket = Socket::new();
+    socket.lead_to(&old_board::behind_a_terminal(old_board::Board::speaking(1, 1)));
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
+    daemon.wait_for(is_connected);
+    let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "effect": "click"}"#);
+    assert_eq!((status, &problem["type"]), (409, &json!("urn:era:problem:device-refused")), "{problem}");
+    assert!(problem["detail"].as_str().unwrap().contains("version"), "{problem}");
+    let state = daemon.state();
+    assert!(is_connected(&state) && state["device"]["outages"] == 0, "{state}");
+}
+
+/// A port whose device takes no bytes.
+struct Stuck;
+
+impl Write for Stuck {
+    fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+        std::thread::sleep(Duration::from_millis(2));
+        Err(ErrorKind::TimedOut.into())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        loop {
+            // As `tcdrain` does.
+            std::thread::sleep(Duration::from_secs(1));
+        }
+    }
+}
+
+impl Read for Stuck {
+    fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+        Err(ErrorKind::TimedOut.into())
+    }
+}
+
+#[test]
+fn a_board_that_takes_no_bytes_is_given_up() {
+    let error = Client::new(Box::new(Stuck), Duration::from_millis(50)).request(&Request::Status).unwrap_err();
+    assert!(matches!(error, LinkError::Blocked { .. }) && error.to_string().contains("took no bytes"), "{error}");
+}
+
+#[test]
+fn a_path_without_a_port_is_told_with_its_name() {
+    let missing = Path::new("/nonexistent/era-board");
+    let daemon = Daemon::at(EXAMPLE_PLATE, missing.to_str().unwrap(), Policy::default());
+    let state = daemon.wait_for(|state| state["device"]["problem"].is_string());
+    assert!(!is_connected(&state) && state["device"]["port"] == "/nonexistent/era-board", "{state}");
+}

@@ -1,0 +1,105 @@
+//! Fingers on a page: taps are felt, effects begin once.
+
+use crate::support::Daemon;
+use era::scene::EXAMPLE_PLATE;
+use serde_json::{Value, json};
+use std::net::TcpStream;
+use std::time::Duration;
+use tungstenite::stream::MaybeTlsStream;
+use tungstenite::{Message, WebSocket};
+
+type Socket = WebSocket<MaybeTlsStream<TcpStream>>;
+
+fn live(daemon: &Daemon, query: &str) -> Socket {
+    let (socket, _) = tungstenite::connect(format!("{}/v1/live{query}", daemon.url.replace("http", "ws"))).unwrap();
+    if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
+        stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    }
+    socket
+}
+
+fn say(socket: &mut Socket, message: &Value) {
+    socket.send(Message::text(message.to_string())).unwrap();
+}
+
+fn touch(touches: &Value) -> Value {
+    json!({"type": "touch", "touches": touches, "intensity_g": 0.1})
+}
+
+/// The next message of a kind; an error is none.
+fn next(socket: &mut Socket, kind: &str) -> Value {
+    loop {
+        if let Message::Text(text) = socket.read().unwrap() {
+            let message: Value = serde_json::from_str(&text).unwrap();
+            assert_ne!(message["type"], "error", "{message}");
+            if message["type"] == kind {
+                return message;
+            }
+        }
+    }
+}
+
+#[test]
+fn every_tap_vibrates() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut socket = live(&daemon, "?send=plan");
+    for i in 0..20 {
+        say(&mut socket, &touch(&json!([{"id": 1, "x_px": 100 + 80 * i, "y_px": 500.0}])));
+        say(&mut socket, &touch(&json!([])));
+    }
+    for i in 0..20 {
+        let plan = next(&mut socket, "plan");
+        assert_eq!(plan["touches"][0]["x_px"], f64::from(100 + 80 * i), "tap {i}: {}", plan["touches"]);
+        assert!(plan.get("field").is_none(), "nobody asked for the field");
+    }
+    // The last one is driven for its least time, and then it is lifted.
+    daemon.wait_for(|state| state["device"]["state"] == "armed" && state["plan"].is_null());
+}
+
+#[test]
+fn an_effect_begins_once_however_its_finger_moves() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut socket = live(&daemon, "?send=plan");
+    let at = |id: u32, x_px: f64| json!({"id": id, "x_px": x_px, "y_px": 500.0, "effect": "click"});
+    say(&mut socket, &touch(&json!([at(1, 400.0)])));
+    let first = next(&mut socket, "plan");
+    assert_eq!(first["effect"]["name"], "click");
+    for i in 1..10 {
+        say(&mut socket, &touch(&json!([at(1, 400.0 + f64::from(i))])));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    // A second finger is a second click, of which the next plan tells.
+    say(&mut socket, &touch(&json!([at(1, 410.0), at(2, 1500.0)])));
+    let second = next(&mut socket, "plan");
+    assert_eq!(second["touches"].as_array().unwrap().len(), 2, "{}", second["touches"]);
+    // So is the first one after it was lifted.
+    say(&mut socket, &touch(&json!([])));
+    say(&mut socket, &touch(&json!([at(1, 700.0)])));
+    let third = next(&mut socket, "plan");
+    assert_eq!(third["touches"][0]["x_px"], 700.0, "{}", third["touches"]);
+}
+
+#[test]
+fn the_finger_that_is_wrong_is_named() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut socket = live(&daemon, "?send=");
+    say(&mut socket, &touch(&json!([{"id": 1, "x_px": 10, "y_px": 10}, {"id": 2, "x_px": 5000, "y_px": 10}])));
+    let Message::Text(text) = socket.read().unwrap() else { panic!("no text") };
+    let message: Value = serde_json::from_str(&text).unwrap();
+    let problem = &message["problem"];
+    assert_eq!((&problem["field"], &problem["value"]), (&json!("touches[1].x_px"), &json!(5000.0)), "{message}");
+    assert!(problem["detail"].as_str().unwrap().starts_with("touches[1].x_px is 5000"), "{message}");
+}
+
+#[test]
+fn a_socket_tells_only_what_it_is_asked_for() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let error = tungstenite::connect(format!("{}/v1/live?send=map", daemon.url.replace("http", "ws"))).unwrap_err();
+    let tungstenite::Error::Http(answer) = error else { panic!("{error}") };
+    let problem: Value = serde_json::from_slice(answer.body().as_ref().unwrap()).unwrap();
+    assert_eq!((answer.status().as_u16(), &problem["field"]), (400, &json!("send")), "{problem}");
+    let mut all = live(&daemon, "");
+    next(&mut all, "scene");
+    daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900}"#);
+    assert!(next(&mut all, "plan")["field"]["peak_g"].is_array());
+}

@@ -1,0 +1,89 @@
+//! Senders that hang up, send half of something, or read nothing.
+
+use crate::raw::{connect, post, send_and_go, send_and_listen};
+use crate::support::Daemon;
+use era::scene::EXAMPLE_PLATE;
+use serde_json::json;
+use std::io::Write;
+use std::time::Duration;
+use tungstenite::Message;
+
+const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
+
+#[test]
+fn a_stop_counts_though_its_sender_hangs_up() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    for _ in 0..10 {
+        assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+        daemon.wait_for(|state| state["device"]["state"] == "running");
+        send_and_go(&daemon, &post("/v1/stop", ""));
+        daemon.wait_for(|state| state["device"]["state"] != "running" && state["plan"].is_null());
+    }
+    // Whoever closes only the sending half still wants the answer.
+    let answer = send_and_listen(&daemon, &post("/v1/stop", ""));
+    assert!(answer.starts_with("HTTP/1.1 200 OK"), "{answer}");
+}
+
+/// What is driven is shown, and what it leaves in the panel is counted, whoever listens.
+#[test]
+fn a_touch_counts_though_its_sender_hangs_up() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    for wait_ms in [0, 1, 3, 10] {
+        let mut stream = connect(&daemon);
+        stream.write_all(post("/v1/touch", LONG_TOUCH).as_bytes()).unwrap();
+        std::thread::sleep(Duration::from_millis(wait_ms));
+        drop(stream);
+        let state = daemon.wait_for(|state| state["device"]["state"] == "running" && !state["plan"].is_null());
+        assert!(state["plan_id"].as_u64() > Some(0), "{state}");
+        daemon.post("/v1/stop", "");
+    }
+}
+
+#[test]
+fn a_page_that_reads_nothing_is_still_heard() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let (mut socket, _) = tungstenite::connect(format!("{}/v1/live", daemon.url.replace("http", "ws"))).unwrap();
+    let touch = |x_px: f64| json!({"type": "touch", "touches": [{"id": 1, "x_px": x_px, "y_px": 500.0}]}).to_string();
+    socket.send(Message::text(touch(400.0))).unwrap();
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    // More than the system keeps for a reader: 16 kB for each.
+    for i in 0..300 {
+        let body = json!({"x_px": 300 + i, "y_px": 600, "intensity_g": 0.1, "duration_ms": 5000}).to_string();
+        assert_eq!(daemon.post("/v1/touch", &body).0, 200);
+    }
+    socket.send(Message::text(r#"{"type": "stop"}"#)).unwrap();
+    daemon.wait_for(|state| state["device"]["state"] != "running" && state["plan"].is_null());
+}
+
+/// Half a request's headers, or half a body, hold up neither the end nor the device's stop.
+#[test]
+fn a_half_sent_request_does_not_keep_the_daemon() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+    let mut half_head = connect(&daemon);
+    half_head.write_all(b"POST /v1/touch HTTP/1.1\r\nHost: local").unwrap();
+    let mut half_body = connect(&daemon);
+    half_body.write_all(b"POST /v1/touch HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100\r\n\r\n{").unwrap();
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    // Ends with the daemon's thread, or the test runner's patience.
+    drop(daemon.background);
+    drop((half_head, half_body));
+}
+
+/// Where all places are taken there is still one for a stop.
+#[test]
+fn a_stop_gets_through_a_crowd() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    let mut crowd: Vec<_> = (0..260).map(|_| connect(&daemon)).collect();
+    for one in &mut crowd {
+        one.write_all(b"GET /v1/state HTTP/1.1\r\nHost: local").unwrap();
+    }
+    let refused = send_and_listen(&daemon, &post("/v1/touch", LONG_TOUCH));
+    assert!(refused.starts_with("HTTP/1.1 503") && refused.to_lowercase().contains("retry-after: 1"), "{refused}");
+    let stopped = send_and_listen(&daemon, &post("/v1/stop", ""));
+    assert!(stopped.starts_with("HTTP/1.1 200"), "{stopped}");
+    drop(crowd);
+    daemon.wait_for(|state| state["device"]["state"] != "running" && state["plan"].is_null());
+}

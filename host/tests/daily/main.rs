@@ -1,0 +1,12 @@
+//! The daemon in daily use: nothing hangs, nothing is lost, nobody gets in.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod access;
+mod boards;
+mod bodies;
+mod fingers;
+mod hang_up;
+mod order;
+mod raw;

@@ -1,0 +1,106 @@
+//! Requests in their order, and what became of them.
+
+use crate::raw::{connect, post_with, send_and_go};
+use crate::support::Daemon;
+use era::scene::EXAMPLE_PLATE;
+use serde_json::json;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::time::Duration;
+
+/// A touch that came later is never replaced by one that came before it, however long each of them was planned.
+#[test]
+fn an_older_touch_never_overrides_a_newer_one() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut both = 0;
+    for round in 0..20_u32 {
+        // Planned longer: many targets, and what could be had instead.
+        let also: Vec<_> = (0..3).map(|i| json!({"x_px": 200 + 400 * i, "y_px": 1000})).collect();
+        let old =
+            json!({"x_px": 300, "y_px": 200 + round, "also": also, "trade": true, "duration_ms": 3000}).to_string();
+        let new = json!({"x_px": 1500, "y_px": 700, "intensity_g": 0.1, "duration_ms": 3000}).to_string();
+        std::thread::scope(|threads| {
+            let older = threads.spawn(|| daemon.post("/v1/touch", &old));
+            std::thread::sleep(Duration::from_millis(3));
+            let (status, _, newer) = daemon.post("/v1/touch", &new);
+            let (older_status, _, older) = older.join().unwrap();
+            assert!(older_status == 200 || older["type"] == "urn:era:problem:superseded", "{older}");
+            if status == 200 && older_status == 200 {
+                both += 1;
+                let newest = newer["plan_id"].as_u64().max(older["plan_id"].as_u64());
+                assert_eq!(daemon.state()["plan_id"].as_u64(), newest, "round {round}");
+            }
+        });
+        daemon.post("/v1/stop", "");
+    }
+    println!("both were driven in {both} of 20 rounds");
+}
+
+#[test]
+fn what_became_of_a_request_can_be_asked_afterwards() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let touch = r#"{"x_px": 300, "y_px": 900, "duration_ms": 3000}"#;
+    // Its sender never sees the answer.
+    send_and_go(&daemon, &post_with("/v1/touch", "X-Request-Id: tap-17\r\n", touch));
+    let told = loop {
+        let (status, told) = daemon.get("/v1/requests/tap-17");
+        if status == 200 && told["state"] != "waiting" {
+            break told;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    assert_eq!(
+        (&told["state"], &told["status"], &told["name"]),
+        (&json!("done"), &json!(200), &json!("tap-17")),
+        "{told}"
+    );
+    assert_eq!(told["answer"]["plan_id"], told["id"]);
+    assert_eq!(daemon.state()["plan_id"], told["id"]);
+    assert!(told["took_ms"].as_f64().unwrap() > 0.0 && told["age_ms"].as_f64() >= told["took_ms"].as_f64(), "{told}");
+    // A failure is kept as it was answered.
+    let (_, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 5000, "y_px": 900}"#);
+    let (_, failed) = daemon.get(&format!("/v1/requests/{}", told["id"].as_u64().unwrap() + 1));
+    assert_eq!((&failed["status"], &failed["problem"]), (&json!(400), &problem), "{failed}");
+    let (status, problem) = daemon.get("/v1/requests/99999");
+    assert_eq!((status, &problem["status"]), (404, &json!(404)));
+}
+
+#[test]
+fn the_answer_says_how_its_request_is_called() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut stream = BufReader::new(connect(&daemon));
+    for (header, wanted) in [("", "x-request-id: 1"), ("X-Request-Id: my.tap_2\r\n", "x-request-id: my.tap_2")] {
+        let request = post_with("/v1/touch", header, r#"{"x_px": 300, "y_px": 900}"#);
+        stream.get_mut().write_all(request.as_bytes()).unwrap();
+        let (mut found, mut length) = (false, 0);
+        loop {
+            let mut line = String::new();
+            stream.read_line(&mut line).unwrap();
+            let line = line.trim_end().to_lowercase();
+            found |= line == wanted;
+            if let Some(text) = line.strip_prefix("content-length: ") {
+                length = text.parse().unwrap();
+            }
+            if line.is_empty() {
+                break;
+            }
+        }
+        assert!(found, "{wanted}");
+        stream.read_exact(&mut vec![0; length]).unwrap();
+    }
+    let bad =
+        Daemon::agent().post(format!("{}/v1/touch", daemon.url)).header("x-request-id", "a b").send("{}").unwrap();
+    assert_eq!(bad.status(), 400);
+}
+
+#[test]
+fn arming_ahead_is_harmless_and_lasts_for_the_idle_time() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    for _ in 0..2 {
+        let (status, _, state) = daemon.post("/v1/arm", "");
+        assert_eq!((status, &state["device"]["state"]), (200, &json!("armed")), "{state}");
+    }
+    assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 50}"#).0, 200);
+    daemon.wait_for(|state| state["device"]["state"] == "armed");
+    // Five seconds later.
+    daemon.wait_for(|state| state["device"]["state"] == "safe");
+}

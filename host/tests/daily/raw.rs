@@ -1,0 +1,44 @@
+//! HTTP by hand, for senders that do what libraries do not.
+
+use crate::support::Daemon;
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::time::Duration;
+
+pub fn address(daemon: &Daemon) -> String {
+    daemon.url.trim_start_matches("http://").to_owned()
+}
+
+pub fn connect(daemon: &Daemon) -> TcpStream {
+    let stream = TcpStream::connect(address(daemon)).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    stream.set_nodelay(true).unwrap();
+    stream
+}
+
+pub fn post(path: &str, body: &str) -> String {
+    post_with(path, "", body)
+}
+
+/// With more header lines, each ended by CR LF.
+pub fn post_with(path: &str, headers: &str, body: &str) -> String {
+    let length = body.len();
+    format!("POST {path} HTTP/1.1\r\nHost: localhost\r\n{headers}Content-Length: {length}\r\n\r\n{body}")
+}
+
+/// Sends and hangs up at once, both ways.
+pub fn send_and_go(daemon: &Daemon, request: &str) {
+    let mut stream = connect(daemon);
+    stream.write_all(request.as_bytes()).unwrap();
+    stream.shutdown(Shutdown::Both).unwrap();
+}
+
+/// Sends, closes the sending half, and reads all that comes.
+pub fn send_and_listen(daemon: &Daemon, request: &str) -> String {
+    let mut stream = connect(daemon);
+    stream.write_all(request.as_bytes()).unwrap();
+    stream.shutdown(Shutdown::Write).unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer
+}
