@@ -2,7 +2,7 @@
 
 use super::args::Serve;
 use super::panel::prepared_table;
-use super::{Failure, Outcome};
+use super::{Failure, Outcome, notify};
 use crate::daemon::{App, DEFAULT_LISTEN, serve};
 use crate::device::sim::Panel;
 use crate::device::{OpenDevice, Target};
@@ -50,7 +50,8 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         tracing::info!("first plan {:.0} ms after the start, {own_us:.0} us of which it took itself", ms(planned));
     }
     warm_up(&app);
-    runtime.block_on(serve(app, listener, shutdown())).map_err(Failure::failed)
+    notify::ready(runtime.handle(), &format!("serving on http://{address}"), || true);
+    runtime.block_on(serve(app, listener, notify::stopping_after(shutdown()))).map_err(Failure::failed)
 }
 
 /// What it took to have a table, and what it takes.

@@ -1,0 +1,47 @@
+//! `era completions` and `era man`: what a shell and `man` want to know of the command line.
+
+use super::command::Arguments;
+use super::told::tell;
+use super::{Failure, Outcome, print_text};
+use clap::{Args, CommandFactory};
+use clap_complete::Shell;
+use std::path::PathBuf;
+
+#[derive(Clone, Debug, Args)]
+pub struct Completions {
+    /// The shell
+    #[arg(value_enum)]
+    pub shell: Shell,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Man {
+    /// Write the pages of the program and of every command into this folder; without it, the program's own page is printed
+    #[arg(long, value_name = "DIR")]
+    pub dir: Option<PathBuf>,
+}
+
+/// Prints a completion script.
+pub fn completions(options: &Completions) -> Outcome {
+    let mut command = Arguments::command();
+    let name = command.get_name().to_owned();
+    let mut script = Vec::new();
+    clap_complete::generate(options.shell, &mut command, name, &mut script);
+    print_text(String::from_utf8_lossy(&script).trim_end())
+}
+
+/// Prints or writes man pages.
+pub fn man(options: &Man) -> Outcome {
+    let Some(folder) = &options.dir else {
+        let mut page = Vec::new();
+        clap_mangen::Man::new(Arguments::command()).render(&mut page).map_err(Failure::failed)?;
+        return print_text(String::from_utf8_lossy(&page).trim_end());
+    };
+    let write = || {
+        std::fs::create_dir_all(folder)?;
+        clap_mangen::generate_to(Arguments::command(), folder)
+    };
+    write().map_err(|error| Failure::failed(format!("cannot write man pages to {}: {error}", folder.display())))?;
+    tell!("man pages are in {}: man -l {}/era.1", folder.display(), folder.display());
+    Ok(())
+}
