@@ -95,6 +95,9 @@ impl Keep {
 
 #[derive(Clone, Debug, Default, Args)]
 pub struct Serve {
+    /// Configuration file; options given here come before its keys (see docs/src/operation.md)
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
     #[command(flatten)]
     pub panel: Panel,
     #[command(flatten)]

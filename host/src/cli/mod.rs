@@ -9,11 +9,15 @@ mod args_field;
 mod client;
 mod command;
 mod completions;
+mod config;
+mod config_keys;
 mod cost;
+mod doctor;
 mod effect;
 mod explain;
 mod field;
 mod flash;
+mod install;
 mod latency;
 mod log;
 mod modes;
@@ -143,6 +147,9 @@ fn run(arguments: command::Arguments, started: Instant) -> Outcome {
         Some(Command::Latency(options)) => latency::run(&options),
         Some(Command::Flash(options)) => flash::run(&options),
         Some(Command::Monitor(options)) => monitor::run(&options),
+        Some(Command::Doctor(options)) => doctor::run(&options),
+        Some(Command::Install(options)) => install::run(&options),
+        Some(Command::Config(options)) => config::run(&options),
         Some(Command::Completions(options)) => completions::completions(&options),
         Some(Command::Man(options)) => completions::man(&options),
     }

@@ -2,7 +2,7 @@
 
 use super::args::Serve;
 use super::panel::prepared_table;
-use super::{Failure, Outcome, notify};
+use super::{Failure, Outcome, config, notify};
 use crate::daemon::{App, DEFAULT_LISTEN, serve};
 use crate::device::sim::Panel;
 use crate::device::{OpenDevice, Target};
@@ -17,6 +17,7 @@ const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 
 /// Serves; `started` is when the program was.
 pub fn run(options: &Serve, started: Instant) -> Outcome {
+    let options = &config::joined(options)?;
     let (scene, text) = options.panel.load_text()?;
     let default: Result<SocketAddr, _> = DEFAULT_LISTEN.parse();
     let listen = match options.listen {
