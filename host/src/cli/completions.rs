@@ -1,9 +1,8 @@
 //! `era completions` and `era man`: what a shell and `man` want to know of the command line.
 
-use super::command::Arguments;
 use super::told::tell;
 use super::{Failure, Outcome, print_text};
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 use clap_complete::Shell;
 use std::path::PathBuf;
 
@@ -21,25 +20,24 @@ pub struct Man {
     pub dir: Option<PathBuf>,
 }
 
-/// Prints a completion script.
-pub fn completions(options: &Completions) -> Outcome {
-    let mut command = Arguments::command();
+/// Prints a completion script for the whole command line.
+pub fn completions(options: &Completions, mut command: Command) -> Outcome {
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(options.shell, &mut command, name, &mut script);
     print_text(String::from_utf8_lossy(&script).trim_end())
 }
 
-/// Prints or writes man pages.
-pub fn man(options: &Man) -> Outcome {
+/// Prints or writes man pages of the whole command line.
+pub fn man(options: &Man, command: Command) -> Outcome {
     let Some(folder) = &options.dir else {
         let mut page = Vec::new();
-        clap_mangen::Man::new(Arguments::command()).render(&mut page).map_err(Failure::failed)?;
+        clap_mangen::Man::new(command).render(&mut page).map_err(Failure::failed)?;
         return print_text(String::from_utf8_lossy(&page).trim_end());
     };
     let write = || {
         std::fs::create_dir_all(folder)?;
-        clap_mangen::generate_to(Arguments::command(), folder)
+        clap_mangen::generate_to(command, folder)
     };
     write().map_err(|error| Failure::failed(format!("cannot write man pages to {}: {error}", folder.display())))?;
     tell!("man pages are in {}: man -l {}/era.1", folder.display(), folder.display());

@@ -75,12 +75,11 @@ pub fn main() -> ExitCode {
         let given: Vec<String> = std::env::args().skip(1).collect();
         let has_command =
             command::Arguments::command().get_subcommands().any(|own| given.iter().any(|word| word == own.get_name()));
-        if let (clap::error::ErrorKind::UnknownArgument, false, Some(first)) =
-            (error.kind(), has_command, given.first())
-        {
+        if let (clap::error::ErrorKind::UnknownArgument, false) = (error.kind(), has_command) {
+            let wrong = error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
             refuse(
                 &error,
-                &format!("Options come after a command; those of the daemon after `serve`: era serve {first} ..."),
+                &format!("Options come after a command; those of the daemon after `serve`: era serve {wrong} ..."),
             );
         }
         refuse(&error, "")
@@ -150,8 +149,8 @@ fn run(arguments: command::Arguments, started: Instant) -> Outcome {
         Some(Command::Doctor(options)) => doctor::run(&options),
         Some(Command::Install(options)) => install::run(&options),
         Some(Command::Config(options)) => config::run(&options),
-        Some(Command::Completions(options)) => completions::completions(&options),
-        Some(Command::Man(options)) => completions::man(&options),
+        Some(Command::Completions(options)) => completions::completions(&options, command::Arguments::command()),
+        Some(Command::Man(options)) => completions::man(&options, command::Arguments::command()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a board's own words mean.
 
 use super::facts::{Clock, Heard, Supply};
-use super::judge::Finding;
+use super::finding::Finding;
 use era_shared::protocol::CURRENT_VERSION;
 
 /// The board's oscillator is within 1 % (10 000 ppm) of its value.

@@ -1,15 +1,17 @@
 //! What keeps the daemon from the board, and what to do about it.
 //!
 //! [`facts`] is what can be known; [`machine`], [`board`] and [`daemon`] find it out; [`judge`] says what it means, without
-//! looking at anything itself. Nothing is driven or armed, and nothing is written to a port that is neither the board's
+//! looking at anything itself, as [`finding`]s. Nothing is driven or armed, and nothing is written to a port that is neither the board's
 //! by its USB identity nor named by the user.
 
 pub mod board;
 pub mod daemon;
 pub mod facts;
+pub mod finding;
 pub mod judge;
 mod judge_board;
 pub mod machine;
 
 pub use facts::Facts;
-pub use judge::{Finding, Verdict, judge};
+pub use finding::{Finding, Verdict};
+pub use judge::judge;

@@ -78,7 +78,8 @@ fn mistakes_in_files_are_told_and_the_simulated_device_needs_nothing() {
     assert!(code == Some(1) && of(&findings, "scene")["verdict"] == "problem", "{findings:?}");
     let (findings, code) = doctor(&["--device", "sim"]);
     assert!(code == Some(0) && of(&findings, "board")["verdict"] == "ok", "{findings:?}");
-    let text = Command::new(env!("CARGO_BIN_EXE_era")).args(["doctor", "--device", "/dev/none-of-these"]).output().unwrap();
+    let text =
+        Command::new(env!("CARGO_BIN_EXE_era")).args(["doctor", "--device", "/dev/none-of-these"]).output().unwrap();
     let (told, error) = (String::from_utf8_lossy(&text.stdout), String::from_utf8_lossy(&text.stderr));
     assert!(told.contains("PROBLEM") && told.contains("-> name one of the ports"), "{told}");
     assert!(error.contains("error: ") && error.contains("problem"), "{error}");

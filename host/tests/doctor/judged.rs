@@ -93,8 +93,21 @@ fn nothing_is_said_against_a_machine_on_which_all_is_well() {
     assert!(findings.iter().all(|finding| finding.advice.is_none()), "{findings:?}");
     let checks: Vec<&str> = findings.iter().map(|finding| finding.check).collect();
     let all = [
-        "config", "scene", "ports", "board", "udev-rule", "modem-manager", "daemon", "permission", "port", "firmware",
-        "fault", "interlock", "supply", "clock", "realtime",
+        "config",
+        "scene",
+        "ports",
+        "board",
+        "udev-rule",
+        "modem-manager",
+        "daemon",
+        "permission",
+        "port",
+        "firmware",
+        "fault",
+        "interlock",
+        "supply",
+        "clock",
+        "realtime",
     ];
     assert_eq!(checks, all);
 }
@@ -146,7 +159,11 @@ fn troubles_of_the_port_are_told() {
     };
     is(&after("permission", denied), Problem, &["dialout", "era install --only rule", "usermod"]);
     is(&after("permission", |facts| answer(facts, Answer::Missing)), Problem, &["there is no /dev/ttyACM0"]);
-    is(&after("permission", |facts| answer(facts, Answer::Failed("not a typewriter".into()))), Problem, &["typewriter"]);
+    is(
+        &after("permission", |facts| answer(facts, Answer::Failed("not a typewriter".into()))),
+        Problem,
+        &["typewriter"],
+    );
     let held = |facts: &mut Facts| {
         answer(facts, Answer::NotAsked);
         facts.chosen.as_mut().unwrap().holders = vec![Holder { pid: 4711, name: "minicom".into() }];
@@ -154,7 +171,11 @@ fn troubles_of_the_port_are_told() {
     is(&after("port", held), Problem, &["minicom (process 4711)"]);
     is(&after("port", |facts| answer(facts, Answer::Busy)), Problem, &["held by another program"]);
     is(&after("firmware", |facts| answer(facts, Answer::Silent("no answer".into()))), Problem, &["era flash"]);
-    is(&after("firmware", |facts| answer(facts, Answer::Version("versions 3 to 4".into()))), Problem, &["versions 3 to 4"]);
+    is(
+        &after("firmware", |facts| answer(facts, Answer::Version("versions 3 to 4".into()))),
+        Problem,
+        &["versions 3 to 4"],
+    );
 }
 
 #[test]
@@ -188,7 +209,9 @@ fn troubles_of_the_board_are_told() {
     is(&after("interlock", supply(|it| it.stop_released = false)), Problem, &["emergency stop"]);
     is(&after("interlock", supply(|it| it.earth_bonded = false)), Problem, &["earth", "do not touch"]);
     is(&after("supply", supply(|it| it.rail_v[1] = 800.0)), Problem, &["800 V", "do not open"]);
-    let clock = |rate_ppm, worst_s| heard(move |it| it.clock = Some(Clock { rate_ppm: Some(rate_ppm), half_round_trip_s: 1e-3, worst_s }));
+    let clock = |rate_ppm, worst_s| {
+        heard(move |it| it.clock = Some(Clock { rate_ppm: Some(rate_ppm), half_round_trip_s: 1e-3, worst_s }))
+    };
     is(&after("clock", clock(-25_000.0, 1e-4)), Problem, &["-25000 ppm", "1 %"]);
     is(&after("clock", clock(10.0, 0.02)), Warning, &["20.00 ms"]);
     is(&after("link", heard(|it| it.frames = (100, 5))), Warning, &["5 of 100", "cable"]);

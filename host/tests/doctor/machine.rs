@@ -22,7 +22,11 @@ fn rules_about_the_board_are_found_wherever_they_are() {
     plant(root, "usr/lib/udev/rules.d/70-era.rules", &era::install::rule::text("plugdev"));
     // The same folder by another name, as on most machines.
     symlink("usr/lib", root.join("lib")).unwrap();
-    plant(root, "etc/udev/rules.d/60-own.rules", "ATTRS{idVendor}==\"1209\", ATTRS{idProduct}==\"0001\", MODE=\"0666\"\n");
+    plant(
+        root,
+        "etc/udev/rules.d/60-own.rules",
+        "ATTRS{idVendor}==\"1209\", ATTRS{idProduct}==\"0001\", MODE=\"0666\"\n",
+    );
     let found = rules(root).unwrap();
     assert_eq!(found.len(), 2, "{found:?}");
     assert!(found[0].ignores_modem_manager && found[0].path.ends_with("lib/udev/rules.d/70-era.rules"), "{found:?}");
@@ -68,7 +72,9 @@ fn limits_and_groups_are_read() {
     let root = folder.path();
     assert_eq!(realtime(root), None);
     let line = |soft: &str| {
-        format!("Limit                     Soft Limit           Hard Limit           Units     \nMax realtime priority     {soft}                    99                   \n")
+        format!(
+            "Limit                     Soft Limit           Hard Limit           Units     \nMax realtime priority     {soft}                    99                   \n"
+        )
     };
     for (soft, limit) in [("0", Some(0)), ("20", Some(20)), ("unlimited", Some(99)), ("?", None)] {
         plant(root, "proc/self/limits", &line(soft));

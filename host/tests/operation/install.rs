@@ -99,7 +99,8 @@ fn a_user_is_told_what_to_run() {
     let output = command.args(["install", "--user"]).env("XDG_CONFIG_HOME", home.path()).output().unwrap();
     let (told, warned) = (text(&output.stdout), text(&output.stderr));
     assert!(output.status.success(), "{warned}");
-    for words in ["systemctl --user daemon-reload", "systemctl --user enable --now era.service", "era config example >"] {
+    for words in ["systemctl --user daemon-reload", "systemctl --user enable --now era.service", "era config example >"]
+    {
         assert!(told.contains(words), "{words} in {told}");
     }
     assert!(!told.contains("udevadm") && warned.contains("is not there yet"), "{told} {warned}");
