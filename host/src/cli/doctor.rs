@@ -82,6 +82,11 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
     let address: SocketAddr = serve.listen.map_or_else(|| DEFAULT_LISTEN.parse(), Ok).map_err(Failure::failed)?;
     let daemon = daemon::ask(address);
     let chosen = path.map(|path| {
+        // The same port may have several names, as in /dev/serial/by-id.
+        let path = match &daemon {
+            Daemon::Runs { port, .. } if is_same(port, &path) => port.clone(),
+            _ => path,
+        };
         let holders = machine::holders(root, &path);
         let is_daemons = matches!(&daemon, Daemon::Runs { port, .. } if *port == path);
         let is_free = holders.is_empty() && !is_daemons;
@@ -109,6 +114,11 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
         config,
         scene,
     })
+}
+
+fn is_same(a: &str, b: &str) -> bool {
+    let file = |path: &str| std::fs::canonicalize(path).ok();
+    a == b || file(a).is_some_and(|a| file(b) == Some(a))
 }
 
 /// The configuration file, and what it makes the daemon use.

@@ -16,7 +16,8 @@ pub fn judge(facts: &Facts) -> Vec<Finding> {
     all.push(judge_modem_manager(facts));
     all.push(judge_daemon(facts));
     if let Some(chosen) = &facts.chosen {
-        all.extend(judge_port(chosen, &facts.daemon));
+        let has_rule = facts.rules.as_ref().is_some_and(|rules| !rules.is_empty());
+        all.extend(judge_port(chosen, &facts.daemon, has_rule));
     }
     all.extend(heard(facts).into_iter().flat_map(judge_board::judge));
     all.extend(facts.realtime.map(judge_realtime));
@@ -96,11 +97,7 @@ fn judge_presence(facts: &Facts) -> Finding {
 
 fn judge_rule(facts: &Facts) -> Option<Finding> {
     Some(match facts.rules.as_deref()? {
-        [] => Finding::warning(
-            "udev-rule",
-            "no udev rule gives users the board and its bootloader",
-            "sudo era install --only rule",
-        ),
+        [] => Finding::warning("udev-rule", "no udev rule gives users the board and its bootloader", RULE),
         [rule, ..] => Finding::ok("udev-rule", rule.path.clone()),
     })
 }
@@ -113,7 +110,7 @@ fn judge_modem_manager(facts: &Facts) -> Finding {
         Some(pid) => Finding::warning(
             "modem-manager",
             format!("runs (process {pid}), and opens the port of a board that is plugged in for some seconds"),
-            "sudo era install --only rule, then plug the board in again",
+            RULE,
         ),
     }
 }
@@ -147,21 +144,24 @@ fn judge_daemon(facts: &Facts) -> Finding {
     }
 }
 
+/// What gives users the board.
+const RULE: &str = "sudo era install --only rule, and plug the board in again";
+
 /// The port itself: may it be opened, and who has it.
-fn judge_port(chosen: &Chosen, daemon: &Daemon) -> Vec<Finding> {
+fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> {
     let Chosen { path, access, holders, answer } = chosen;
     let mut all = vec![match answer {
         Answer::Denied => {
-            let group = access.group.as_deref().unwrap_or("of its file");
-            let own = if access.is_member { ", which this user is in: sign in again" } else { "" };
-            Finding::problem(
-                "permission",
-                format!("this user may not open {path} (group {group}{own})"),
-                format!(
-                    "sudo era install --only rule, and plug the board in again; or: sudo usermod -aG {group} $USER, and \
-                     sign in again"
+            let own = if access.is_member { ", which this user is in" } else { "" };
+            let (group, join) = match &access.group {
+                Some(group) => (
+                    format!(" (group {group}{own})"),
+                    format!("; or: sudo usermod -aG {group} $USER, and sign in again"),
                 ),
-            )
+                None => (String::new(), String::new()),
+            };
+            let first = if has_rule { "plug the board in again, so that the udev rule acts" } else { RULE };
+            Finding::problem("permission", format!("this user may not open {path}{group}"), format!("{first}{join}"))
         }
         Answer::Missing => Finding::problem(
             "permission",

@@ -17,7 +17,7 @@ const REPEATS: u64 = 100;
 pub fn judge(heard: &Heard) -> Vec<Finding> {
     let mut all = vec![judge_firmware(heard)];
     all.push(judge_fault(heard));
-    all.extend(heard.supply.as_ref().map(|supply| judge_loops(supply)));
+    all.extend(heard.supply.as_ref().map(judge_loops));
     all.extend(heard.supply.as_ref().map(|supply| judge_rails(supply, heard.state.as_deref())));
     all.extend(heard.clock.map(judge_clock));
     let (sent, again) = heard.frames;

@@ -43,7 +43,8 @@ impl Unit<'_> {
              # `systemctl edit {NAME}` changes settings beside this file, and they stay.\n\
              [Unit]\n\
              Description=ERA haptics daemon\n\
-             {after}\n\
+             {after}# A board may be plugged in at any time: starts are not counted.\n\
+             StartLimitIntervalSec=0\n\n\
              [Service]\n\
              Type=notify\n\
              ExecStart={program} serve --config {config}\n\

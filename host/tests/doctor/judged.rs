@@ -157,7 +157,12 @@ fn troubles_of_the_port_are_told() {
         answer(facts, Answer::Denied);
         facts.chosen.as_mut().unwrap().access = Access { group: Some("dialout".into()), is_member: false };
     };
-    is(&after("permission", denied), Problem, &["dialout", "era install --only rule", "usermod"]);
+    is(&after("permission", denied), Problem, &["group dialout", "so that the udev rule acts", "usermod -aG dialout"]);
+    let no_rule = |facts: &mut Facts| {
+        denied(facts);
+        facts.rules = Some(Vec::new());
+    };
+    is(&after("permission", no_rule), Problem, &["era install --only rule"]);
     is(&after("permission", |facts| answer(facts, Answer::Missing)), Problem, &["there is no /dev/ttyACM0"]);
     is(
         &after("permission", |facts| answer(facts, Answer::Failed("not a typewriter".into()))),
