@@ -5,12 +5,15 @@
 //! real). The first three, with [`transient`], are the crate `era-model`; the planner, with [`effects`] and [`study`], is
 //! `era-planner`; both are known here by the names of their modules. [`daemon`] puts HTTP and a WebSocket in front of it,
 //! [`verify`] compares what the planner predicts with what the simulated device measures, [`flash`] writes a board's
-//! firmware, [`monitor`] shows its log, and [`cli`] is the command line.
+//! firmware, [`monitor`] shows its log, [`install`] knows the files that Linux wants for it, [`doctor`] finds what stands in its way,
+//! and [`cli`] is the command line.
 
 pub mod cli;
 pub mod daemon;
 pub mod device;
+pub mod doctor;
 pub mod flash;
+pub mod install;
 pub mod monitor;
 pub mod verify;
 

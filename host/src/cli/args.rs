@@ -95,6 +95,9 @@ impl Keep {
 
 #[derive(Clone, Debug, Default, Args)]
 pub struct Serve {
+    /// Configuration file; options given here come before its keys (see docs/src/operation.md)
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
     #[command(flatten)]
     pub panel: Panel,
     #[command(flatten)]
@@ -151,7 +154,7 @@ pub enum AfterOutage {
 /// Longest idle time: an hour at high voltage for a touch that may never come is enough.
 const MAX_IDLE_S: f64 = 3600.0;
 
-fn parse_idle(text: &str) -> Result<f64, String> {
+pub fn parse_idle(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
     if (0.1..=MAX_IDLE_S).contains(&seconds) { Ok(seconds) } else { Err(format!("must be in 0.1 to {MAX_IDLE_S} s")) }
 }

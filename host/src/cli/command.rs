@@ -3,8 +3,13 @@
 use super::args::{Daemon, Latency, Modes, Press, Response, Serve, Sweep, Touch, Transient, Verify};
 use super::args_board::{Flash, Monitor};
 use super::args_field::Field;
+use super::completions::{Completions, Man};
+use super::config::Config;
+use super::doctor::Doctor;
 use super::effect::EffectOptions;
+use super::install::Install;
 use super::plan::PlanOptions;
+use super::told::LogFormat;
 use clap::{Parser, Subcommand};
 
 /// Localized touch feedback on large surfaces: two to four electrostatic resonant actuators (ERAs) on a flexibly held
@@ -30,6 +35,9 @@ pub struct Arguments {
     /// Log more (-v, -vv); the variable ERA_LOG takes a filter as tracing-subscriber understands it
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub verbose: u8,
+    /// How the log and errors are written to standard error
+    #[arg(long, value_name = "FORMAT", value_enum, default_value_t, global = true)]
+    pub log_format: LogFormat,
 }
 
 #[derive(Debug, Subcommand)]
@@ -110,4 +118,27 @@ Examples:
   era monitor --port emulated             the firmware on the emulated board
   era monitor --probe                     through a debug probe (not yet tried on a real board)")]
     Monitor(Monitor),
+    /// Look for what keeps the daemon from the board, and say what to do; nothing is driven
+    #[command(after_help = "\
+Examples:
+  era doctor
+  era doctor --config /etc/era/era.toml
+  era doctor --device /dev/ttyACM0 --json")]
+    Doctor(Doctor),
+    /// Install the udev rule for the board and the systemd unit for the daemon (Linux)
+    #[command(after_help = "\
+Examples:
+  era install --print                     look first
+  sudo era install                        a service of the machine
+  era install --user                      a service of this user; then: sudo era install --only rule
+  era install --root pkg --program /usr/bin/era    for a package")]
+    Install(Install),
+    /// Check the daemon's configuration file, or print one
+    Config(Config),
+    /// Print a completion script for a shell
+    #[command(after_help = "Example:\n  era completions bash > ~/.local/share/bash-completion/completions/era")]
+    Completions(Completions),
+    /// Print the program's man page, or write those of all commands
+    #[command(after_help = "Example:\n  era man --dir ~/.local/share/man/man1")]
+    Man(Man),
 }

@@ -3,6 +3,7 @@
 use super::args::At;
 use super::args_field::Field;
 use super::panel::{is_met, plan_table, target, tell_missing, tell_plan};
+use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text, reach};
 use crate::study;
 use serde_json::json;
@@ -28,7 +29,7 @@ pub fn run(options: &Field) -> Outcome {
         reach::tell_written(path, study::write_png(path, &scene, &plan, &field).map_err(Failure::failed)?);
     }
     if let (Some(bound), false) = (bound.value(), options.json) {
-        eprintln!("error at most {bound:.0e} of the largest value");
+        tell!("error at most {bound:.0e} of the largest value");
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {

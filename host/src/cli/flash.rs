@@ -1,6 +1,7 @@
 //! `era flash`: the firmware onto a board.
 
 use super::args_board::Flash;
+use super::told::tell;
 use super::{Failure, Outcome, print_json};
 use crate::device::{Target, TargetError};
 use crate::flash::board::{Board, BoardError};
@@ -34,7 +35,7 @@ pub fn run(options: &Flash) -> Outcome {
     }
     let path = options.image.clone().unwrap_or_else(default_path);
     let (image, _) = Image::read(&path).map_err(Failure::usage)?;
-    eprintln!(
+    tell!(
         "image    {} {}, {} bytes, {}",
         image.header.name(),
         Version(image.header.firmware),
@@ -78,7 +79,7 @@ impl Job<'_> {
             Err(error) if self.options.probe => Err(Failure::failed(error)),
             Err(ProbeError::NotInstalled(_) | ProbeError::NoProbe) => Ok(Way::Dfu),
             Err(error) => {
-                eprintln!("no debug probe: {error}");
+                tell!("no debug probe: {error}");
                 Ok(Way::Dfu)
             }
         }
@@ -168,8 +169,8 @@ impl Job<'_> {
     fn allow(&self, before: Option<OnBoard>, place: &str) -> Outcome {
         let after = Version(self.image.header.firmware);
         match before {
-            Some(before) => eprintln!("board    {}, at {place} -> {after}", Version(before.firmware)),
-            None => eprintln!("board    no ERA firmware on it, at {place} -> {after}"),
+            Some(before) => tell!("board    {}, at {place} -> {after}", Version(before.firmware)),
+            None => tell!("board    no ERA firmware on it, at {place} -> {after}"),
         }
         check(&self.image.header, before.as_ref(), self.options.force).map_err(Failure::failed)?;
         if self.options.yes {
@@ -195,7 +196,7 @@ impl Job<'_> {
         let target = self.options.port.clone().unwrap_or(Target::Auto);
         match Board::wait_for(&target) {
             Ok(board) if board.welcome.firmware == self.image.header.firmware => {
-                eprintln!("done     {} answers at {}", Version(board.welcome.firmware), board.path());
+                tell!("done     {} answers at {}", Version(board.welcome.firmware), board.path());
                 Ok(true)
             }
             Ok(board) => Err(Failure::failed(format!(
@@ -205,7 +206,7 @@ impl Job<'_> {
                 Version(board.welcome.firmware)
             ))),
             Err(error) => {
-                eprintln!("done     the image was written and read back; no board answers yet: {error}");
+                tell!("done     the image was written and read back; no board answers yet: {error}");
                 Ok(false)
             }
         }

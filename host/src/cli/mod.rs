@@ -8,14 +8,21 @@ mod args_board;
 mod args_field;
 mod client;
 mod command;
+mod completions;
+mod config;
+mod config_keys;
 mod cost;
+mod doctor;
 mod effect;
 mod explain;
 mod field;
 mod flash;
+mod install;
 mod latency;
+mod log;
 mod modes;
 mod monitor;
+mod notify;
 mod panel;
 mod plan;
 mod plan_explain;
@@ -24,6 +31,7 @@ mod progress;
 mod reach;
 mod serve;
 mod sweep;
+mod told;
 mod transient;
 mod trials;
 mod values;
@@ -32,13 +40,8 @@ mod wishes;
 
 use clap::{CommandFactory, Parser};
 use std::fmt;
-use std::io::Write;
 use std::process::ExitCode;
 use std::time::Instant;
-use tracing_subscriber::Layer;
-use tracing_subscriber::filter::Targets;
-use tracing_subscriber::layer::SubscriberExt;
-use tracing_subscriber::util::SubscriberInitExt;
 
 /// Why a command ended early.
 #[derive(Debug)]
@@ -72,38 +75,53 @@ pub fn main() -> ExitCode {
         let given: Vec<String> = std::env::args().skip(1).collect();
         let has_command =
             command::Arguments::command().get_subcommands().any(|own| given.iter().any(|word| word == own.get_name()));
-        if let (clap::error::ErrorKind::UnknownArgument, false, Some(first)) =
-            (error.kind(), has_command, given.first())
-        {
-            let _ = error.print();
-            eprintln!("Options come after a command; those of the daemon after `serve`: era serve {first} ...");
-            std::process::exit(2);
+        if let (clap::error::ErrorKind::UnknownArgument, false) = (error.kind(), has_command) {
+            let wrong = error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
+            refuse(
+                &error,
+                &format!("Options come after a command; those of the daemon after `serve`: era serve {wrong} ..."),
+            );
         }
-        error.exit()
+        refuse(&error, "")
     });
-    start_log(arguments.verbose);
+    told::set_format(arguments.log_format);
+    log::start(arguments.verbose, arguments.log_format);
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
         let what = panic.payload_as_str().unwrap_or("no message").lines().next().unwrap_or_default();
         // Where standard error is closed (`2>&1 | head`) that is the panic, and another one would end in an abort.
-        let mut errors = std::io::stderr();
-        let _ =
-            writeln!(errors, "error: this is a mistake in era itself{place}: {what}; please report it with the scene");
+        told::tell_error(&format!("this is a mistake in era itself{place}: {what}; please report it with the scene"));
     }));
     // A panic is a defect, but never a status that scripts do not know, nor a page of frames for the user.
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(arguments, started)));
     match outcome.unwrap_or(Err(Failure::Defect)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => {
-            eprintln!("error: {message}");
+            told::tell_error(&message);
             ExitCode::from(2)
         }
         Err(Failure::Failed(message)) => {
-            eprintln!("error: {message}");
+            told::tell_error(&message);
             ExitCode::FAILURE
         }
         // The hook has said what.
         Err(Failure::Defect) => ExitCode::FAILURE,
+    }
+}
+
+/// Ends the program as its arguments cannot be read, or ask for help.
+fn refuse(error: &clap::Error, hint: &str) -> ! {
+    match told::format_asked_for(std::env::args_os()) {
+        told::LogFormat::Json if error.use_stderr() => {
+            told::tell_refusal(told::LogFormat::Json, &format!("{error}{hint}"));
+            std::process::exit(2)
+        }
+        _ if hint.is_empty() => error.exit(),
+        format => {
+            let _ = error.print();
+            told::tell_refusal(format, hint);
+            std::process::exit(2)
+        }
     }
 }
 
@@ -128,29 +146,12 @@ fn run(arguments: command::Arguments, started: Instant) -> Outcome {
         Some(Command::Latency(options)) => latency::run(&options),
         Some(Command::Flash(options)) => flash::run(&options),
         Some(Command::Monitor(options)) => monitor::run(&options),
+        Some(Command::Doctor(options)) => doctor::run(&options),
+        Some(Command::Install(options)) => install::run(&options),
+        Some(Command::Config(options)) => config::run(&options),
+        Some(Command::Completions(options)) => completions::completions(&options, command::Arguments::command()),
+        Some(Command::Man(options)) => completions::man(&options, command::Arguments::command()),
     }
-}
-
-/// Logs to standard error: warnings and the daemon's news, or what `-v`, `-vv` or the variable `ERA_LOG` ask for.
-fn start_log(verbose: u8) {
-    let default = match verbose {
-        0 => "warn,era=info",
-        1 => "info,era=debug",
-        _ => "debug,era=trace",
-    };
-    let filter = tracing_subscriber::EnvFilter::try_from_env("ERA_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(default));
-    // Colours for people; a file, a pipe and whoever sets NO_COLOR (https://no-color.org) get plain text.
-    let is_coloured = std::io::IsTerminal::is_terminal(&std::io::stderr())
-        && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    let log = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(is_coloured)
-        .with_target(false)
-        .with_filter(filter);
-    // Whatever is logged: progress tells the model's levels.
-    let levels = Targets::new().with_target(progress::LevelWatch::TARGET, tracing::Level::DEBUG);
-    tracing_subscriber::registry().with(log).with(progress::LevelWatch.with_filter(levels)).init();
 }
 
 /// Writes a line of JSON to standard output.

@@ -4,6 +4,7 @@ use super::args::Modes as Options;
 use super::cost::Cost;
 use super::panel::{is_met, tell_missing, tell_steps, tolerance_of, warn_if_thick};
 use super::progress::{with_cost, with_progress};
+use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text, reach, sweep};
 use crate::model::{Bound, Mode, bounded_modes};
 use crate::scene::Scene;
@@ -91,11 +92,11 @@ fn write(options: &Options, scene: &Scene, shapes: &ModeShapes) -> Result<bool, 
         npy::write_doubles(path, &sides, shapes.values())
             .and_then(|()| npy::write_axes(path, &axes))
             .map_err(|error| failed(path, error))?;
-        eprintln!("wrote {}, and its axes beside it", path.display());
+        tell!("wrote {}, and its axes beside it", path.display());
     }
     if let Some(path) = &options.png {
         if shapes.frequencies_hz.len() > mode_sheet::MOST_MODES {
-            eprintln!("--png draws the first {} of {} modes", mode_sheet::MOST_MODES, shapes.frequencies_hz.len());
+            tell!("--png draws the first {} of {} modes", mode_sheet::MOST_MODES, shapes.frequencies_hz.len());
         }
         reach::tell_written(path, mode_sheet::write(path, scene, shapes).map_err(Failure::failed)?);
     }
@@ -103,7 +104,7 @@ fn write(options: &Options, scene: &Scene, shapes: &ModeShapes) -> Result<bool, 
         Some(path) if path.as_os_str() == "-" => print_text(shapes.csv().trim_end()).map(|()| true),
         Some(path) => {
             std::fs::write(path, shapes.csv()).map_err(|error| failed(path, error))?;
-            eprintln!("wrote {}", path.display());
+            tell!("wrote {}", path.display());
             Ok(false)
         }
         None => Ok(false),

@@ -4,6 +4,7 @@ use super::args::{At, Band, Keep, Panel, Response, Unit};
 use super::cost::Cost;
 use super::explain::explain;
 use super::progress::{with_cost, with_progress};
+use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::bounded::Step;
 use crate::model::{Accuracy, Bound, ModelError};
@@ -126,7 +127,7 @@ pub fn need_actuators(scene: &Scene) -> Result<(), Failure> {
 /// `--explain`.
 pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Step]) {
     if panel.explain {
-        eprintln!("{}", explain(scene, accuracy, steps));
+        tell!("{}", explain(scene, accuracy, steps));
     }
 }
 
@@ -147,11 +148,11 @@ pub fn is_met(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
 pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
     if let Some(reason) = bounds.iter().find_map(|bound| bound.reason()) {
-        eprintln!("error_bound is null: {reason}");
+        tell!("error_bound is null: {reason}");
     }
     let largest = bounds.iter().filter_map(|bound| bound.value()).fold(0.0, f64::max);
     if accuracy.time().is_none() && largest > accuracy.value() {
-        eprintln!(
+        tell!(
             "error_bound {largest:.1e} is above the tolerance {:.1e}, and the finest meshes did not bring it down",
             accuracy.value()
         );
@@ -162,19 +163,17 @@ pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
 /// is not. A plan's target has a bound of its own: the table's mesh is chosen once, for all of them.
 pub fn tell_plan(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
     if plans.iter().any(|plan| plan.error_bound.is_none()) {
-        eprintln!(
-            "error_bound is null: nothing moves at the target, or the panel's model has none (see `era response`)"
-        );
+        tell!("error_bound is null: nothing moves at the target, or the panel's model has none (see `era response`)");
     }
     let tolerance = accuracy.value();
     let Some(largest) = plans.iter().filter_map(|plan| plan.error_bound).reduce(f64::max) else { return };
     if largest > tolerance {
-        eprintln!(
+        tell!(
             "error_bound {largest:.1e} of the target's peak is above the tolerance {tolerance:.1e}: a plan is made on the mesh \
              that usually meets it; ask for a tighter --tolerance"
         );
     } else if explain {
-        eprintln!("tolerance {tolerance:.0e} met: the target's peak is right to {largest:.0e}");
+        tell!("tolerance {tolerance:.0e} met: the target's peak is right to {largest:.0e}");
     }
 }
 

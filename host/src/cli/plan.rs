@@ -5,6 +5,7 @@ use super::args_field::{Corners, parse_corners};
 use super::panel::{bounds_of, is_met, plan_table, point_of, target, tell_plan};
 use super::progress::with_progress;
 use super::reach::region;
+use super::told::tell;
 use super::wishes::Wishes;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{Intensity, plan_with};
@@ -73,7 +74,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
     let mut answer = with_progress("planning", || answer(&table, options, request, spans, accuracy.value()))?;
     // In JSON they are part of the answer.
     for explanation in answer.explanations.iter().filter(|_| !options.json) {
-        eprintln!("{}", super::plan_explain::text(explanation));
+        tell!("{}", super::plan_explain::text(explanation));
     }
     let plans = plans(&answer);
     tell_plan(&plans, accuracy, options.panel.explain);

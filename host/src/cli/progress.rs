@@ -4,6 +4,7 @@
 //! Everything goes to standard error.
 
 use super::cost::{Cost, words};
+use super::told::{self, tell};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt;
 use std::io::IsTerminal;
@@ -34,7 +35,7 @@ pub fn with_cost<T>(what: &'static str, cost: Option<Cost>, work: impl FnOnce() 
     let Some(cost) = cost else { return with_progress(what, work) };
     let time = cost.time();
     if time > SHORT {
-        eprintln!("{what}: about {} ({cost})", words(time));
+        tell!("{what}: about {} ({cost})", words(time));
     }
     watched(what, Some(time), work)
 }
@@ -57,10 +58,10 @@ fn watch(what: &'static str, expected: Option<Duration>, done: &Receiver<()>) {
     if is_over(SHORT) {
         return;
     }
-    if !std::io::stderr().is_terminal() {
+    if told::is_json() || !std::io::stderr().is_terminal() {
         let mut line = FIRST_LINE;
         while !is_over(line.saturating_sub(started.elapsed())) {
-            eprintln!("{what}: {:.0} s so far{}", started.elapsed().as_secs_f64(), latest());
+            tell!("{what}: {:.0} s so far{}", started.elapsed().as_secs_f64(), latest());
             line *= 2;
         }
         return;

@@ -3,6 +3,7 @@
 use super::args_field::{Corners, Field};
 use super::panel::{need_actuators, plan_table};
 use super::progress::with_progress;
+use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::planner::perception::level_db;
 use crate::planner::reach::Measure;
@@ -297,13 +298,13 @@ fn write_csv(options: &Field, text: &str) -> Result<bool, Failure> {
         return print_text(text.trim_end()).map(|()| true);
     }
     std::fs::write(path, text).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
-    eprintln!("wrote {}", path.display());
+    tell!("wrote {}", path.display());
     Ok(false)
 }
 
 /// Says what picture was written.
 pub fn tell_written(path: &Path, (width, height): (u32, u32)) {
-    eprintln!("wrote {}, {width} x {height} pixels", path.display());
+    tell!("wrote {}, {width} x {height} pixels", path.display());
 }
 
 /// Lines of `x_mm,y_mm` and for each scheme the peak with one setting and with the best for the touch, in g or dB above the

@@ -2,7 +2,7 @@
 
 use super::args::{AfterOutage, Serve};
 use super::panel::prepared_table;
-use super::{Failure, Outcome};
+use super::{Failure, Outcome, config, notify};
 use crate::daemon::listener::{ListenError, TlsFiles, first_certificate};
 use crate::daemon::{Access, App, DEFAULT_LISTEN, Listener, serve};
 use crate::device::session::policy::Policy;
@@ -21,6 +21,7 @@ const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 
 /// Serves; `started` is when the program was.
 pub fn run(options: &Serve, started: Instant) -> Outcome {
+    let options = &config::joined(options)?;
     let (scene, text) = options.panel.load_text()?;
     let access = access(options)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::failed)?;
@@ -55,7 +56,9 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         tracing::info!("first plan {:.0} ms after the start, {own_us:.0} us of which it took itself", ms(planned));
     }
     warm_up(&app);
-    runtime.block_on(serve(app, listeners, shutdown()));
+    let watched = Arc::clone(&app);
+    notify::ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || watched.is_alive());
+    runtime.block_on(serve(app, listeners, notify::stopping_after(shutdown())));
     Ok(())
 }
 

@@ -3,6 +3,7 @@
 use super::args::{DriveText, Transient, Unit};
 use super::panel::{surface_point, warn_if_thick};
 use super::progress::with_progress;
+use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::PanelModel;
 use crate::scene::Scene;
@@ -37,7 +38,7 @@ pub fn run(options: &Transient) -> Outcome {
         motion_at(&model, &model.shape_at(at.0, at.1), &drives, grid).map_err(Failure::failed)
     })?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    eprintln!("error_bound is null: {NO_BOUND}");
+    tell!("error_bound is null: {NO_BOUND}");
     // Several drives beat, and a beat's peaks say nothing about settling.
     let settled_s = match drives.as_slice() {
         [drive] => motion.settles_s(drive.frequency_hz, SETTLED),

@@ -16,6 +16,7 @@ pub mod session;
 pub mod sim;
 pub mod target;
 pub mod timing;
+pub mod usb_ids;
 
 pub use client::{Client, LinkError};
 pub use clock::{ClockQuality, ClockSync};

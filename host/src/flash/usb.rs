@@ -2,14 +2,14 @@
 
 use super::dfuse::{ControlPipe, PipeError, TRANSFER_SIZE};
 use super::layout::{Layout, LayoutError};
+use crate::device::usb_ids::BOOTLOADER;
 use nusb::descriptors::language_id::US_ENGLISH;
 use nusb::transfer::{ControlIn, ControlOut, ControlType, Recipient, TransferError};
 use nusb::{Device, DeviceInfo, Interface, MaybeFuture};
 use std::time::{Duration, Instant};
 
-/// ST's bootloader (AN2606, section 3).
-const VENDOR: u16 = 0x0483;
-const PRODUCT: u16 = 0xDF11;
+const VENDOR: u16 = BOOTLOADER.0;
+const PRODUCT: u16 = BOOTLOADER.1;
 /// Class and subclass of DFU, and its functional descriptor (DFU 1.1, section 4.1).
 const CLASS: u8 = 0xFE;
 const SUBCLASS: u8 = 0x01;

@@ -1,0 +1,45 @@
+//! `era completions` and `era man`: what a shell and `man` want to know of the command line.
+
+use super::told::tell;
+use super::{Failure, Outcome, print_text};
+use clap::{Args, Command};
+use clap_complete::Shell;
+use std::path::PathBuf;
+
+#[derive(Clone, Debug, Args)]
+pub struct Completions {
+    /// The shell
+    #[arg(value_enum)]
+    pub shell: Shell,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Man {
+    /// Write the pages of the program and of every command into this folder; without it, the program's own page is printed
+    #[arg(long, value_name = "DIR")]
+    pub dir: Option<PathBuf>,
+}
+
+/// Prints a completion script for the whole command line.
+pub fn completions(options: &Completions, mut command: Command) -> Outcome {
+    let name = command.get_name().to_owned();
+    let mut script = Vec::new();
+    clap_complete::generate(options.shell, &mut command, name, &mut script);
+    print_text(String::from_utf8_lossy(&script).trim_end())
+}
+
+/// Prints or writes man pages of the whole command line.
+pub fn man(options: &Man, command: Command) -> Outcome {
+    let Some(folder) = &options.dir else {
+        let mut page = Vec::new();
+        clap_mangen::Man::new(command).render(&mut page).map_err(Failure::failed)?;
+        return print_text(String::from_utf8_lossy(&page).trim_end());
+    };
+    let write = || {
+        std::fs::create_dir_all(folder)?;
+        clap_mangen::generate_to(command, folder)
+    };
+    write().map_err(|error| Failure::failed(format!("cannot write man pages to {}: {error}", folder.display())))?;
+    tell!("man pages are in {}: man -l {}/era.1", folder.display(), folder.display());
+    Ok(())
+}

@@ -1,0 +1,382 @@
+//! The daemon's configuration file: how it is read and joined with the command line, and `era config`.
+
+use super::args::Serve;
+use super::config_keys::{Given, KEYS, Key};
+use super::{Failure, Outcome, print_json, print_text};
+use clap::{Args, Subcommand};
+use serde_json::json;
+use std::fmt::{self, Write};
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// The version of configuration files that is read.
+const VERSION: f64 = 1.0;
+
+/// `era config`.
+#[derive(Clone, Debug, Args)]
+pub struct Config {
+    #[command(subcommand)]
+    pub command: ConfigCommand,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+pub enum ConfigCommand {
+    /// Say what a configuration file makes `era serve` use, or what is wrong with it
+    #[command(after_help = "Example:\n  era config check /etc/era/era.toml")]
+    Check(ConfigCheck),
+    /// Print a configuration file with every key and its default, commented out
+    #[command(after_help = "Example:\n  era config example > era.toml")]
+    Example,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct ConfigCheck {
+    /// The configuration file
+    pub file: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A mistake in a configuration file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mistake {
+    /// Line, counted from 1; 0 if it belongs to no line.
+    pub line: usize,
+    /// What is wrong: key, value and what is allowed.
+    pub text: String,
+}
+
+/// A configuration file that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConfigError {
+    /// The file as it was named.
+    pub source: String,
+    /// Every mistake found, by line.
+    pub mistakes: Vec<Mistake>,
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, Mistake { line, text }) in self.mistakes.iter().enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            match line {
+                0 => write!(f, "{}: {text}", self.source)?,
+                line => write!(f, "{}:{line}: {text}", self.source)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
+/// A key that the file has.
+#[derive(Clone, Debug)]
+struct Setting {
+    key: &'static Key,
+    line: usize,
+    given: Given,
+    /// The value as people read it.
+    text: String,
+}
+
+/// A configuration file that can be used.
+#[derive(Clone, Debug)]
+pub struct ConfigFile {
+    source: String,
+    /// Where relative paths count from.
+    base: PathBuf,
+    settings: Vec<Setting>,
+}
+
+impl ConfigFile {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with every mistake in it.
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let source = path.display().to_string();
+        let failed = |text: String| ConfigError { source: source.clone(), mistakes: vec![Mistake { line: 0, text }] };
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| failed(format!("cannot read the configuration file: {error}")))?;
+        let whole = std::path::absolute(path).map_err(|error| failed(error.to_string()))?;
+        let base = whole.parent().map(Path::to_path_buf).unwrap_or_default();
+        Self::parse(&source, &text, &base)
+    }
+
+    /// Reads a file's text; `source` is its name in messages, relative paths count from `base`.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with every mistake in it.
+    pub fn parse(source: &str, text: &str, base: &Path) -> Result<Self, ConfigError> {
+        let line_at = |offset: usize| text.bytes().take(offset).filter(|byte| *byte == b'\n').count() + 1;
+        let error = |mistakes| ConfigError { source: source.into(), mistakes };
+        let document = DeTable::parse(text).map_err(|wrong| {
+            let line = wrong.span().map_or(0, |span| line_at(span.start));
+            error(vec![Mistake { line, text: format!("not valid TOML: {}", wrong.message().trim()) }])
+        })?;
+        let (mut settings, mut mistakes) = (Vec::new(), Vec::new());
+        let mut has_version = false;
+        for (name, value) in document.get_ref() {
+            let line = line_at(name.span().start);
+            match read_key(name.get_ref(), value, base) {
+                Ok(Some((key, given, text))) => settings.push(Setting { key, line, given, text }),
+                Ok(None) => has_version = true,
+                Err(text) => {
+                    has_version |= name.get_ref() == "version";
+                    mistakes.push(Mistake { line, text });
+                }
+            }
+        }
+        if !has_version {
+            mistakes.push(Mistake { line: 0, text: format!("version is missing (a number {VERSION})") });
+        }
+        settings.sort_by_key(|setting| setting.line);
+        for (i, setting) in settings.iter().enumerate() {
+            let rival = settings[..i].iter().find(|other| setting.key.rival == Some(other.key.name));
+            if let Some(rival) = rival {
+                let text = format!("{} and {} are given, but at most one is allowed", rival.key.name, setting.key.name);
+                mistakes.push(Mistake { line: setting.line, text });
+            }
+        }
+        if !mistakes.is_empty() {
+            mistakes.sort_by_key(|mistake| mistake.line);
+            return Err(error(mistakes));
+        }
+        Ok(Self { source: source.into(), base: base.to_path_buf(), settings })
+    }
+
+    /// What `era serve` is to do: the command line's options before the file's.
+    #[must_use]
+    pub fn under(&self, options: &Serve) -> Serve {
+        let mut joined = options.clone();
+        for setting in &self.settings {
+            if !is_said(setting.key, options) {
+                // The value has been tried when the file was read.
+                let _ = (setting.key.take)(&mut joined, &setting.given, &self.base);
+            }
+        }
+        joined
+    }
+
+    /// Every key with its value and where that comes from, for `options` on the command line.
+    fn account(&self, options: &Serve) -> Vec<Used> {
+        let used = |key: &'static Key| {
+            let setting = self.settings.iter().find(|setting| setting.key.name == key.name);
+            match setting {
+                _ if is_said(key, options) => Used { key, value: None, line: None },
+                Some(setting) => Used { key, value: Some(setting.text.clone()), line: Some(setting.line) },
+                None => Used { key, value: Some(key.default.into()), line: None },
+            }
+        };
+        KEYS.iter().map(used).collect()
+    }
+}
+
+/// Whether the command line has decided what a key decides.
+fn is_said(key: &Key, options: &Serve) -> bool {
+    (key.is_given)(options) || KEYS.iter().any(|other| key.rival == Some(other.name) && (other.is_given)(options))
+}
+
+/// What holds for a key.
+struct Used {
+    key: &'static Key,
+    /// `None` if the command line has it.
+    value: Option<String>,
+    /// The file's line, if it has it.
+    line: Option<usize>,
+}
+
+/// A key with its value and the value as people read it; nothing for the version; or what is wrong.
+fn read_key(
+    name: &str,
+    value: &Spanned<DeValue<'_>>,
+    base: &Path,
+) -> Result<Option<(&'static Key, Given, String)>, String> {
+    let (given, told) = read_value(value.get_ref());
+    if name == "version" {
+        let is_known = matches!(given, Given::Number(number) if number.total_cmp(&VERSION).is_eq());
+        return if is_known { Ok(None) } else { Err(format!("version is {told}, but must be {VERSION}")) };
+    }
+    let Some(key) = KEYS.iter().find(|key| key.name == name) else {
+        let known: Vec<&str> = KEYS.iter().map(|key| key.name).collect();
+        let plain = name.to_lowercase().replace('-', "_");
+        let hint = match known.iter().find(|known| **known == plain) {
+            Some(meant) => format!("did you mean {meant}?"),
+            None => format!("known keys: version, {}", known.join(", ")),
+        };
+        return Err(format!("unknown key {name}; {hint}"));
+    };
+    match (key.take)(&mut Serve::default(), &given, base) {
+        Some(()) => Ok(Some((key, given, told))),
+        None => Err(format!("{name} is {told}, but must be {}", key.allowed)),
+    }
+}
+
+/// A value, and how messages write it.
+fn read_value(value: &DeValue<'_>) -> (Given, String) {
+    match value {
+        DeValue::String(text) => (Given::Text(text.to_string()), format!("{text:?}")),
+        DeValue::Boolean(flag) => (Given::Flag(*flag), flag.to_string()),
+        DeValue::Integer(number) if number.radix() == 10 => (of_number(number.as_str()), number.as_str().into()),
+        DeValue::Integer(number) => (Given::Other, number.as_str().into()),
+        DeValue::Float(number) => (of_number(number.as_str()), number.as_str().into()),
+        DeValue::Datetime(time) => (Given::Other, time.to_string()),
+        DeValue::Array(list) => {
+            let texts = |entry: &toml::Spanned<DeValue<'_>>| match entry.get_ref() {
+                DeValue::String(text) => Some(text.to_string()),
+                _ => None,
+            };
+            match list.iter().map(texts).collect::<Option<Vec<String>>>() {
+                Some(texts) => {
+                    let told = format!("{texts:?}");
+                    (Given::Texts(texts), told)
+                }
+                None => (Given::Other, "a list".into()),
+            }
+        }
+        DeValue::Table(_) => (Given::Other, "a table".into()),
+    }
+}
+
+fn of_number(text: &str) -> Given {
+    text.parse().map_or(Given::Other, Given::Number)
+}
+
+/// The options of `era serve`, with those of its configuration file if it names one.
+pub fn joined(options: &Serve) -> Result<Serve, Failure> {
+    let Some(path) = &options.config else { return Ok(options.clone()) };
+    let file = ConfigFile::read(path).map_err(Failure::usage)?;
+    for Used { key, value, line } in file.account(options) {
+        let place = line.map_or_else(|| "default".into(), |line| format!("{}:{line}", file.source));
+        match value {
+            Some(value) => tracing::debug!("{} = {value} ({place})", key.name),
+            None => tracing::debug!("{} as on the command line", key.name),
+        }
+    }
+    Ok(file.under(options))
+}
+
+/// `era config`.
+pub fn run(options: &Config) -> Outcome {
+    match &options.command {
+        ConfigCommand::Check(options) => check(options),
+        ConfigCommand::Example => print_text(&example()),
+    }
+}
+
+fn check(options: &ConfigCheck) -> Outcome {
+    let found = ConfigFile::read(&options.file).and_then(|file| {
+        // The scene is tried as well; what is wrong in it has its own lines.
+        let scene = file.under(&Serve::default()).panel.load();
+        match scene {
+            Err(Failure::Usage(text) | Failure::Failed(text)) => {
+                let line = file.settings.iter().find(|setting| setting.key.name == "scene");
+                let line = line.map_or(0, |setting| setting.line);
+                Err(ConfigError { source: file.source, mistakes: vec![Mistake { line, text }] })
+            }
+            _ => Ok(file),
+        }
+    });
+    let file = match found {
+        Ok(file) => file,
+        Err(error) => {
+            if options.json {
+                let mistakes: Vec<_> =
+                    error.mistakes.iter().map(|it| json!({"line": it.line, "text": it.text})).collect();
+                print_json(&json!({"file": error.source, "mistakes": mistakes, "settings": []}))?;
+            }
+            return Err(Failure::usage(error));
+        }
+    };
+    let used = file.account(&Serve::default());
+    if options.json {
+        let settings: Vec<_> =
+            used.iter().map(|used| json!({"key": used.key.name, "value": used.value, "line": used.line})).collect();
+        return print_json(&json!({"file": file.source, "mistakes": [], "settings": settings}));
+    }
+    let mut text = format!("{} can be used", file.source);
+    for Used { key, value, line } in used {
+        let place = line.map_or_else(|| "default".into(), |line| format!("line {line}"));
+        let _ = write!(text, "\n{:10} {:28} {place}", key.name, value.unwrap_or_default());
+    }
+    print_text(&text)
+}
+
+/// A file with every key.
+fn example() -> String {
+    let mut text = format!(
+        "# Configuration of `era serve`: era serve --config FILE. Options on the command line come before these.\n\
+         # Relative paths count from this file's folder.\n\nversion = {VERSION}"
+    );
+    for Key { name, help, default, example, .. } in KEYS {
+        let _ = write!(text, "\n\n# {help}. Default: {default}.\n# {name} = {example}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::Target;
+
+    fn parse(text: &str) -> Result<ConfigFile, ConfigError> {
+        ConfigFile::parse("era.toml", text, Path::new("/etc/era"))
+    }
+
+    #[test]
+    fn mistakes_name_line_key_value_and_what_is_allowed() {
+        for (text, told) in [
+            ("", "era.toml: version is missing (a number 1)"),
+            ("version = 2", "era.toml:1: version is 2, but must be 1"),
+            ("version = \"1\"", "era.toml:1: version is \"1\", but must be 1"),
+            ("version = 1\nsceen = 1", "era.toml:2: unknown key sceen; known keys: version, scene"),
+            ("version = 1\nno-cache = true", "era.toml:2: unknown key no-cache; did you mean no_cache?"),
+            ("version = 1\nscene = 7", "era.toml:2: scene is 7, but must be the path of a scene file"),
+            ("version = 1\n\nlisten = \"7878\"", "era.toml:3: listen is \"7878\", but must be an address and a port"),
+            ("version = 1\ntolerance = 1", "era.toml:2: tolerance is 1, but must be a number 1e-8 to 0.1"),
+            ("version = 1\nno_cache = \"yes\"", "era.toml:2: no_cache is \"yes\", but must be true or false"),
+            ("version = 1\ndevice = \"\"", "era.toml:2: device is \"\", but must be \"sim\", \"emulated\""),
+            ("version = 1\naccuracy = \"best\"", "must be \"fast\", \"balanced\" or \"reference\""),
+            ("version = 1\n[listen]\nport = 1", "era.toml:2: listen is a table, but must be"),
+            ("version = 1\ntolerance = 1e-3\naccuracy = \"fast\"", "era.toml:3: tolerance and accuracy are given"),
+            ("version = 1\nscene = ", "era.toml:2: not valid TOML"),
+            ("version = 1\nversion = 1", "era.toml:2: not valid TOML"),
+        ] {
+            let error = parse(text).unwrap_err().to_string();
+            assert!(error.contains(told), "{text}: {error}");
+        }
+        let both = parse("lisen = 1\nscene = 2\nversion = 1").unwrap_err();
+        assert_eq!(both.mistakes.iter().map(|mistake| mistake.line).collect::<Vec<_>>(), [1, 2]);
+    }
+
+    #[test]
+    fn the_command_line_comes_before_the_file() {
+        let text = "version = 1\nscene = \"panel.toml\"\ndevice = \"auto\"\ntolerance = 1e-3\nno_cache = true";
+        let file = parse(text).unwrap();
+        let alone = file.under(&Serve::default());
+        assert_eq!(alone.panel.scene.as_deref(), Some(Path::new("/etc/era/panel.toml")));
+        assert_eq!((alone.device, alone.panel.tolerance), (Some(Target::Auto), Some(1e-3)));
+        assert!(alone.keep.no_cache && alone.listen.is_none());
+        let mut options = Serve { device: Some(Target::Sim), ..Serve::default() };
+        options.panel.accuracy = "fast".parse().ok();
+        let joined = file.under(&options);
+        // The rival on the command line goes before the file's key, too.
+        assert_eq!((joined.device, joined.panel.tolerance), (Some(Target::Sim), None));
+        assert!(joined.panel.accuracy.is_some() && joined.keep.no_cache);
+    }
+
+    #[test]
+    fn the_example_can_be_read_with_and_without_its_comments() {
+        let text = example();
+        assert!(parse(&text).unwrap().settings.is_empty());
+        let all: Vec<&str> =
+            text.lines().map(|line| line.strip_prefix("# ").filter(|it| it.contains(" = ")).unwrap_or(line)).collect();
+        let all = all.join("\n").replace("tolerance = 1e-3", "");
+        assert_eq!(parse(&all).unwrap().settings.len(), KEYS.len() - 1);
+    }
+}

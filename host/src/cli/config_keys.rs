@@ -1,0 +1,358 @@
+//! The keys of the daemon's configuration file: those of `era serve`'s options, one row each.
+//!
+//! An option that is added to `serve` gets a row here: how it is named, what it may be, and where its value goes.
+
+use super::args::{AfterOutage, Serve, parse_idle};
+use crate::daemon::{Access, DEFAULT_LISTEN};
+use crate::device::Target;
+use crate::model::Accuracy;
+use clap::ValueEnum;
+use std::path::{Path, PathBuf};
+
+/// A value as the file has it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Given {
+    /// A string.
+    Text(String),
+    /// An integer or a float.
+    Number(f64),
+    /// `true` or `false`.
+    Flag(bool),
+    /// A list of strings.
+    Texts(Vec<String>),
+    /// Dates, tables, and other lists: no key takes one.
+    Other,
+}
+
+impl Given {
+    fn text(&self) -> Option<&str> {
+        match self {
+            Given::Text(text) if !text.is_empty() => Some(text),
+            _ => None,
+        }
+    }
+
+    fn number(&self) -> Option<f64> {
+        match self {
+            Given::Number(number) => Some(*number),
+            _ => None,
+        }
+    }
+
+    fn flag(&self) -> Option<bool> {
+        match self {
+            Given::Flag(flag) => Some(*flag),
+            _ => None,
+        }
+    }
+
+    fn texts(&self) -> Option<&[String]> {
+        match self {
+            Given::Texts(texts) => Some(texts),
+            _ => None,
+        }
+    }
+
+    /// A path; a relative one counts from `base`.
+    fn path(&self, base: &Path) -> Option<PathBuf> {
+        self.text().map(|text| base.join(text))
+    }
+}
+
+/// One key.
+#[derive(Debug)]
+pub struct Key {
+    /// As in the file: the option's name, with underscores.
+    pub name: &'static str,
+    /// What it is, for `era config example`.
+    pub help: &'static str,
+    /// What it may be, to stand behind "must be".
+    pub allowed: &'static str,
+    /// What holds where nobody says otherwise.
+    pub default: &'static str,
+    /// A value as TOML.
+    pub example: &'static str,
+    /// Another key that decides the same: at most one of the two may be given.
+    pub rival: Option<&'static str>,
+    /// Whether the command line has said it.
+    pub is_given: fn(&Serve) -> bool,
+    /// Puts the value where it belongs; relative paths count from the folder. `None` if it is not allowed.
+    pub take: fn(&mut Serve, &Given, &Path) -> Option<()>,
+}
+
+/// All keys, in the order in which they are listed.
+pub const KEYS: &[Key] = &[
+    Key {
+        name: "scene",
+        help: "Scene file: the panel with its actuators",
+        allowed: "the path of a scene file",
+        default: "the example plate",
+        example: "\"panel.toml\"",
+        rival: None,
+        is_given: |serve| serve.panel.scene.is_some(),
+        take: |serve, given, base| {
+            serve.panel.scene = Some(given.path(base)?);
+            Some(())
+        },
+    },
+    Key {
+        name: "accuracy",
+        help: "How accurately it is modelled: fast, balanced or reference",
+        allowed: "\"fast\", \"balanced\" or \"reference\"",
+        default: "balanced",
+        example: "\"balanced\"",
+        rival: Some("tolerance"),
+        is_given: |serve| serve.panel.accuracy.is_some(),
+        take: |serve, given, _| {
+            serve.panel.accuracy = Some(given.text()?.parse().ok()?);
+            Some(())
+        },
+    },
+    Key {
+        name: "tolerance",
+        help: "The same as a relative tolerance, in place of accuracy",
+        allowed: "a number 1e-8 to 0.1",
+        default: "that of accuracy",
+        example: "1e-3",
+        rival: Some("accuracy"),
+        is_given: |serve| serve.panel.tolerance.is_some(),
+        take: |serve, given, _| {
+            let tolerance = given.number()?;
+            Accuracy::tolerance(tolerance).ok()?;
+            serve.panel.tolerance = Some(tolerance);
+            Some(())
+        },
+    },
+    Key {
+        name: "explain",
+        help: "Tell in the log what was modelled, and what each step cost",
+        allowed: "true or false",
+        default: "false",
+        example: "false",
+        rival: None,
+        is_given: |serve| serve.panel.explain,
+        take: |serve, given, _| {
+            serve.panel.explain = given.flag()?;
+            Some(())
+        },
+    },
+    Key {
+        name: "no_cache",
+        help: "Compute the plan table even if it is on disk",
+        allowed: "true or false",
+        default: "false",
+        example: "false",
+        rival: None,
+        is_given: |serve| serve.keep.no_cache,
+        take: |serve, given, _| {
+            serve.keep.no_cache = given.flag()?;
+            Some(())
+        },
+    },
+    Key {
+        name: "device",
+        help: "The device: sim, emulated, auto, or the path of a serial port",
+        allowed: "\"sim\", \"emulated\", \"auto\" or the path of a serial port",
+        default: "sim",
+        example: "\"auto\"",
+        rival: None,
+        is_given: |serve| serve.device.is_some(),
+        take: |serve, given, _| {
+            serve.device = Some(given.text()?.parse::<Target>().ok()?);
+            Some(())
+        },
+    },
+    Key {
+        name: "listen",
+        help: "Address and port to listen on",
+        allowed: "an address and a port, as \"127.0.0.1:7878\"",
+        default: DEFAULT_LISTEN,
+        example: "\"127.0.0.1:7878\"",
+        rival: None,
+        is_given: |serve| serve.listen.is_some(),
+        take: |serve, given, _| {
+            serve.listen = Some(given.text()?.parse().ok()?);
+            Some(())
+        },
+    },
+    Key {
+        name: "socket",
+        help: "Socket in the file system to listen on as well, for this user alone; none for none",
+        allowed: "a path, or \"none\"",
+        default: "era.sock in $XDG_RUNTIME_DIR, where that is set",
+        example: "\"none\"",
+        rival: None,
+        is_given: |serve| serve.socket.is_some(),
+        take: |serve, given, base| {
+            let text = given.text()?;
+            serve.socket = Some(if text == "none" { text.into() } else { base.join(text) });
+            Some(())
+        },
+    },
+    Key {
+        name: "token_file",
+        help: "File of tokens, a line ROLE SECRET each (view, touch or arm)",
+        allowed: "the path of a file",
+        default: "none",
+        example: "\"tokens\"",
+        rival: None,
+        is_given: |serve| serve.token_file.is_some(),
+        take: |serve, given, base| {
+            serve.token_file = Some(given.path(base)?);
+            Some(())
+        },
+    },
+    Key {
+        name: "tls_cert",
+        help: "Certificate in PEM, to serve with TLS; with tls_key",
+        allowed: "the path of a file",
+        default: "none",
+        example: "\"tls_cert.pem\"",
+        rival: Some("tls_dir"),
+        is_given: |serve| serve.tls_cert.is_some(),
+        take: |serve, given, base| {
+            serve.tls_cert = Some(given.path(base)?);
+            Some(())
+        },
+    },
+    Key {
+        name: "tls_key",
+        help: "Its private key in PEM",
+        allowed: "the path of a file",
+        default: "none",
+        example: "\"tls_key.pem\"",
+        rival: None,
+        is_given: |serve| serve.tls_key.is_some(),
+        take: |serve, given, base| {
+            serve.tls_key = Some(given.path(base)?);
+            Some(())
+        },
+    },
+    Key {
+        name: "tls_dir",
+        help: "Folder with a certificate and key, made where there are none, to serve with TLS",
+        allowed: "the path of a folder",
+        default: "none",
+        example: "\"tls\"",
+        rival: Some("tls_cert"),
+        is_given: |serve| serve.tls_dir.is_some(),
+        take: |serve, given, base| {
+            serve.tls_dir = Some(given.path(base)?);
+            Some(())
+        },
+    },
+    Key {
+        name: "allow_origin",
+        help: "Other pages that may talk to the daemon",
+        allowed: "a list of origins, as [\"http://kiosk.example:8080\"]",
+        default: "none",
+        example: "[\"http://kiosk.example:8080\"]",
+        rival: None,
+        is_given: |serve| !serve.allow_origin.is_empty(),
+        take: |serve, given, _| {
+            serve.allow_origin = given.texts()?.iter().map(|text| Access::origin(text).ok()).collect::<Option<_>>()?;
+            Some(())
+        },
+    },
+    Key {
+        name: "allow_host",
+        help: "Other names by which the daemon may be called",
+        allowed: "a list of names, as [\"panel.local\"]",
+        default: "none",
+        example: "[\"panel.local\"]",
+        rival: None,
+        is_given: |serve| !serve.allow_host.is_empty(),
+        take: |serve, given, _| {
+            serve.allow_host = given.texts()?.to_vec();
+            Some(())
+        },
+    },
+    Key {
+        name: "idle_s",
+        help: "Time without a touch in s after which the board is disarmed",
+        allowed: "a number 0.1 to 3600",
+        default: "5",
+        example: "5",
+        rival: None,
+        is_given: |serve| serve.idle_s.is_some(),
+        take: |serve, given, _| {
+            let seconds = given.number()?;
+            serve.idle_s = Some(parse_idle(&seconds.to_string()).ok()?);
+            Some(())
+        },
+    },
+    Key {
+        name: "clear_silence",
+        help: "Let the next touch clear a latched silence of this host",
+        allowed: "true or false",
+        default: "false",
+        example: "false",
+        rival: None,
+        is_given: |serve| serve.clear_silence,
+        take: |serve, given, _| {
+            serve.clear_silence = given.flag()?;
+            Some(())
+        },
+    },
+    Key {
+        name: "after_outage",
+        help: "Who arms a board that was away: the next touch, or a person with POST /v1/arm",
+        allowed: "\"touch\" or \"person\"",
+        default: "touch",
+        example: "\"touch\"",
+        rival: None,
+        is_given: |serve| serve.after_outage.is_some(),
+        take: |serve, given, _| {
+            serve.after_outage = Some(AfterOutage::from_str(given.text()?, false).ok()?);
+            Some(())
+        },
+    },
+];
+
+#[cfg(test)]
+mod tests {
+    use super::super::command::Arguments;
+    use super::*;
+    use clap::CommandFactory;
+
+    /// Options of `serve` that are no keys: the file itself, what `serve` refuses, and those of every command.
+    const NO_KEYS: [&str; 6] = ["config", "within", "verbose", "log_format", "help", "version"];
+
+    #[test]
+    fn every_option_of_serve_is_a_key() {
+        let mut command = Arguments::command();
+        command.build();
+        let serve = command.find_subcommand("serve").unwrap();
+        let options: Vec<&str> =
+            serve.get_arguments().map(|option| option.get_id().as_str()).filter(|id| !NO_KEYS.contains(id)).collect();
+        for option in &options {
+            assert!(KEYS.iter().any(|key| key.name == *option), "add a row to KEYS for --{option}");
+        }
+        for key in KEYS {
+            assert!(options.contains(&key.name), "{} is no option of serve", key.name);
+        }
+    }
+
+    #[test]
+    fn rivals_know_each_other_and_values_land_where_the_command_line_looks() {
+        for key in KEYS {
+            if let Some(rival) = key.rival {
+                let other = KEYS.iter().find(|other| other.name == rival).unwrap();
+                assert_eq!(other.rival, Some(key.name));
+            }
+            let given = match key.example.parse::<f64>() {
+                Ok(number) => Given::Number(number),
+                Err(_) if key.example == "false" => Given::Flag(true),
+                Err(_) if key.example.starts_with('[') => {
+                    Given::Texts(vec![key.example.trim_matches(['[', ']', '"']).into()])
+                }
+                Err(_) => Given::Text(key.example.trim_matches('"').into()),
+            };
+            let mut serve = Serve::default();
+            assert!(!(key.is_given)(&serve), "{}", key.name);
+            assert!((key.take)(&mut serve, &given, Path::new("/base")).is_some(), "{}: {given:?}", key.name);
+            assert!((key.is_given)(&serve), "{}", key.name);
+            assert!((key.take)(&mut serve, &Given::Other, Path::new("/base")).is_none(), "{}", key.name);
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! `era doctor`: finds out, judges, and prints.
+
+use super::args::Serve;
+use super::config::ConfigFile;
+use super::{Failure, Outcome, print_json, print_text};
+use crate::daemon::DEFAULT_LISTEN;
+use crate::device::Target;
+use crate::doctor::facts::{Answer, Chosen, Daemon, File, Wanted};
+use crate::doctor::{Facts, Finding, Verdict, board, daemon, judge, machine};
+use clap::Args;
+use serde_json::json;
+use std::fmt::Write;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+#[derive(Clone, Debug, Args)]
+pub struct Doctor {
+    /// The device that does not do as it should: auto, or the path of a serial port; sim and emulated need no hardware.
+    /// Without it a board is looked for by its USB identity, and no other port is written to
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<Target>,
+    /// The daemon's configuration file: it is checked, and its device and address are looked at
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// A scene file to check
+    #[arg(long, value_name = "FILE")]
+    pub scene: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+pub fn run(options: &Doctor) -> Outcome {
+    let findings = judge(&facts(options)?);
+    let count = |verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();
+    let (problems, warnings) = (count(Verdict::Problem), count(Verdict::Warning));
+    if options.json {
+        print_json(&json!({"findings": findings, "problems": problems, "warnings": warnings}))?;
+    } else {
+        print_text(&findings_text(&findings))?;
+    }
+    match problems {
+        0 => Ok(()),
+        1 => Err(Failure::failed("1 problem; what to do is told with it")),
+        many => Err(Failure::failed(format!("{many} problems; what to do is told with each"))),
+    }
+}
+
+fn findings_text(findings: &[Finding]) -> String {
+    let mut text = String::new();
+    for (i, Finding { check, verdict, found, advice }) in findings.iter().enumerate() {
+        let verdict = match verdict {
+            Verdict::Ok => "ok",
+            Verdict::Warning => "warning",
+            Verdict::Problem => "PROBLEM",
+        };
+        let _ = write!(text, "{}{verdict:8} {check:14} {found}", if i > 0 { "\n" } else { "" });
+        if let Some(advice) = advice {
+            let _ = write!(text, "\n{:8} {:14} -> {advice}", "", "");
+        }
+    }
+    text
+}
+
+/// Looks at everything. Only a port that is the board's or named is opened, and only if nobody else has it open.
+fn facts(options: &Doctor) -> Result<Facts, Failure> {
+    let root = Path::new("/");
+    let (config, serve) = configuration(options);
+    let wanted = match options.device.as_ref().or(serve.device.as_ref()) {
+        None => Wanted::Any,
+        Some(Target::Auto) => Wanted::Board,
+        Some(Target::Serial(path)) => Wanted::Port(path.clone()),
+        Some(Target::Sim) => Wanted::Simulated("sim"),
+        Some(Target::Emulated) => Wanted::Simulated("emulated"),
+    };
+    let ports = machine::ports();
+    let path = match &wanted {
+        Wanted::Port(path) => Some(path.clone()),
+        Wanted::Any | Wanted::Board => ports.iter().find(|port| port.is_board()).map(|port| port.path.clone()),
+        Wanted::Simulated(_) => None,
+    };
+    let address: SocketAddr = serve.listen.map_or_else(|| DEFAULT_LISTEN.parse(), Ok).map_err(Failure::failed)?;
+    let daemon = daemon::ask(address);
+    let chosen = path.map(|path| {
+        // The same port may have several names, as in /dev/serial/by-id.
+        let path = match &daemon {
+            Daemon::Runs { port, .. } if is_same(port, &path) => port.clone(),
+            _ => path,
+        };
+        let holders = machine::holders(root, &path);
+        let is_daemons = matches!(&daemon, Daemon::Runs { port, .. } if *port == path);
+        let is_free = holders.is_empty() && !is_daemons;
+        let answer = if is_free { board::ask(&path) } else { Answer::NotAsked };
+        Chosen { access: machine::access(root, &path), holders, answer, path }
+    });
+    let scene = options.scene.as_ref().or(serve.panel.scene.as_ref()).map(|path| {
+        let panel = super::args::Panel { scene: Some(path.clone()), ..super::args::Panel::default() };
+        let mistake = match panel.load() {
+            Err(Failure::Usage(text) | Failure::Failed(text)) => Some(text),
+            _ => None,
+        };
+        File { path: path.display().to_string(), mistake }
+    });
+    Ok(Facts {
+        wanted,
+        ports,
+        bootloader: machine::bootloader(),
+        rules: machine::rules(root),
+        modem_manager: machine::modem_manager(root),
+        realtime: machine::realtime(root),
+        chosen,
+        address: daemon::reached(address).to_string(),
+        daemon,
+        config,
+        scene,
+    })
+}
+
+fn is_same(a: &str, b: &str) -> bool {
+    let file = |path: &str| std::fs::canonicalize(path).ok();
+    a == b || file(a).is_some_and(|a| file(b) == Some(a))
+}
+
+/// The configuration file, and what it makes the daemon use.
+fn configuration(options: &Doctor) -> (Option<File>, Serve) {
+    let Some(path) = &options.config else { return (None, Serve::default()) };
+    let (mistake, serve) = match ConfigFile::read(path) {
+        Ok(file) => (None, file.under(&Serve::default())),
+        Err(error) => (Some(error.to_string()), Serve::default()),
+    };
+    (Some(File { path: path.display().to_string(), mistake }), serve)
+}

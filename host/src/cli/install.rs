@@ -1,0 +1,227 @@
+//! `era install`: the udev rule and the systemd unit.
+
+use super::config::ConfigFile;
+use super::told::tell;
+use super::{Failure, Outcome, print_text};
+use crate::install::files::{self, Done};
+use crate::install::{rule, unit};
+use clap::{Args, ValueEnum};
+use std::path::{Path, PathBuf};
+
+/// One of the files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    /// The udev rule: who may use the board
+    Rule,
+    /// The systemd unit: the daemon as a service
+    Service,
+}
+
+#[derive(Clone, Debug, Args)]
+pub struct Install {
+    /// A service of this user rather than of the machine; the udev rule, which needs root, is left out
+    #[arg(long)]
+    pub user: bool,
+    /// Only one of the two files
+    #[arg(long, value_name = "PART", value_enum)]
+    pub only: Option<Part>,
+    /// The service's configuration file [default: /etc/era/era.toml, with --user ~/.config/era/era.toml]
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// The program that the service runs [default: this one]
+    #[arg(long, value_name = "PATH")]
+    pub program: Option<PathBuf>,
+    /// The group of users who may use the board
+    #[arg(long, value_name = "NAME", default_value = rule::GROUP, value_parser = parse_group)]
+    pub group: String,
+    /// Write below this folder in place of /, for packages
+    #[arg(long, value_name = "DIR")]
+    pub root: Option<PathBuf>,
+    /// Print the files, and write nothing
+    #[arg(long, conflicts_with = "remove")]
+    pub print: bool,
+    /// Remove the files
+    #[arg(long)]
+    pub remove: bool,
+    /// Also overwrite or remove files that this command did not write
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// A name that neither udev nor systemd takes for something else.
+fn parse_group(text: &str) -> Result<String, String> {
+    let is_fit = !text.is_empty()
+        && text.len() <= 32
+        && !text.starts_with('-')
+        && text.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-'));
+    if is_fit { Ok(text.into()) } else { Err("must be a group's name: letters, digits, _ and -".into()) }
+}
+
+/// A file that is to be.
+struct Wanted {
+    part: Part,
+    path: PathBuf,
+    text: String,
+}
+
+pub fn run(options: &Install) -> Outcome {
+    if !cfg!(target_os = "linux") {
+        return Err(Failure::usage("udev rules and systemd units are for Linux"));
+    }
+    if options.user && options.only == Some(Part::Rule) {
+        return Err(Failure::usage("a udev rule holds for the whole machine: leave --user out"));
+    }
+    let config = config_path(options)?;
+    let wanted = wanted(options, &config)?;
+    if options.print {
+        let files: Vec<String> =
+            wanted.iter().map(|file| format!("# {}\n{}", file.path.display(), file.text)).collect();
+        return print_text(files.join("\n").trim_end());
+    }
+    // All or nothing, as far as it can be known beforehand.
+    for file in &wanted {
+        files::check(&file.path, options.force).map_err(Failure::failed)?;
+    }
+    let mut changed = Vec::new();
+    for file in &wanted {
+        let done = if options.remove {
+            files::remove(&file.path, options.force)
+        } else {
+            files::write(&file.path, &file.text, options.force)
+        };
+        let done = done.map_err(Failure::failed)?;
+        if options.remove && file.part == Part::Service {
+            unlink(&file.path);
+        }
+        print_text(&format!("{done} {}", file.path.display()))?;
+        if !matches!(done, Done::Unchanged | Done::Absent) {
+            changed.push(file.part);
+        }
+    }
+    if !options.remove {
+        warn_of(options, &config, &wanted);
+    }
+    let steps = steps(options, &changed, &config);
+    // Whoever makes a package runs nothing now.
+    if options.root.is_none() && !steps.is_empty() {
+        print_text(&format!("now run:\n  {}", steps.join("\n  ")))?;
+    }
+    Ok(())
+}
+
+fn wanted(options: &Install, config: &Path) -> Result<Vec<Wanted>, Failure> {
+    let is_wanted = |part| options.only.is_none_or(|only| only == part);
+    let mut wanted = Vec::new();
+    if is_wanted(Part::Rule) && !options.user {
+        let path = root(options).join(rule::PATH);
+        wanted.push(Wanted { part: Part::Rule, path, text: rule::text(&options.group) });
+    }
+    if is_wanted(Part::Service) {
+        let program = match &options.program {
+            Some(program) => std::path::absolute(program).map_err(Failure::failed)?,
+            None => std::env::current_exe().map_err(|error| {
+                Failure::failed(format!("this program's own path is not known: {error}; --program names one"))
+            })?,
+        };
+        let unit = unit::Unit { program: &program, config, group: &options.group, is_user: options.user };
+        let text = unit.text().map_err(Failure::usage)?;
+        wanted.push(Wanted { part: Part::Service, path: unit_path(options)?, text });
+    }
+    Ok(wanted)
+}
+
+/// Takes away the link by which `systemctl enable` starts the unit: once the unit is gone, `disable` does not know it.
+fn unlink(unit: &Path) {
+    for target in ["multi-user.target.wants", "default.target.wants"] {
+        let link = unit.with_file_name(target).join(unit::NAME);
+        if link.is_symlink() && !link.exists() {
+            let _ = std::fs::remove_file(link);
+        }
+    }
+}
+
+fn root(options: &Install) -> &Path {
+    options.root.as_deref().unwrap_or(Path::new("/"))
+}
+
+fn unit_path(options: &Install) -> Result<PathBuf, Failure> {
+    match (options.user, &options.root) {
+        (false, _) => Ok(root(options).join(unit::SYSTEM_PATH)),
+        (true, Some(root)) => Ok(root.join(unit::USERS_PATH)),
+        (true, None) => Ok(users_configuration()?.join("systemd/user").join(unit::NAME)),
+    }
+}
+
+fn config_path(options: &Install) -> Result<PathBuf, Failure> {
+    match &options.config {
+        Some(path) => std::path::absolute(path).map_err(Failure::failed),
+        None if options.user && options.root.is_none() => Ok(users_configuration()?.join("era/era.toml")),
+        None => Ok("/etc/era/era.toml".into()),
+    }
+}
+
+/// Where this user's configuration is.
+fn users_configuration() -> Result<PathBuf, Failure> {
+    let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    folder("XDG_CONFIG_HOME")
+        .or_else(|| folder("HOME").map(|home| home.join(".config")))
+        .ok_or_else(|| Failure::failed("neither XDG_CONFIG_HOME nor HOME names a folder: --root and --config do"))
+}
+
+/// What will not work as it is.
+fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
+    let Some(service) = wanted.iter().find(|file| file.part == Part::Service) else { return };
+    if options.root.is_some() {
+        return;
+    }
+    if config.exists() {
+        if let Err(error) = ConfigFile::read(config) {
+            tell!("the service will not start with this configuration:\n{error}");
+        }
+    } else {
+        tell!("{} is not there yet: without it the service does not start", config.display());
+    }
+    let run = service.text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap_or_default();
+    if !options.user && ["/root/", "/home/", "/tmp/"].iter().any(|private| run.contains(private)) {
+        tell!(
+            "the service's own user may not reach {run}: put program and configuration where all can read them \
+             (/usr/local/bin, /etc/era), or use --user"
+        );
+    }
+}
+
+/// The commands that make the change known.
+fn steps(options: &Install, changed: &[Part], config: &Path) -> Vec<String> {
+    let mut steps = Vec::new();
+    let (manager, sudo) = if options.user { ("systemctl --user", "") } else { ("sudo systemctl", "sudo ") };
+    if changed.contains(&Part::Rule) {
+        if !options.remove && !has_group(&options.group) {
+            steps.push(format!("sudo groupadd --system {}", options.group));
+        }
+        steps.push("sudo udevadm control --reload".into());
+        steps.push("sudo udevadm trigger --subsystem-match=usb --subsystem-match=tty".into());
+    }
+    if changed.contains(&Part::Service) {
+        if options.remove {
+            steps.push(format!("{manager} stop {}", unit::NAME));
+            steps.push(format!("{manager} daemon-reload"));
+            return steps;
+        }
+        if !config.exists() {
+            let folder = config.parent().unwrap_or(Path::new("/")).display();
+            steps.push(format!("{sudo}mkdir -p {folder}"));
+            let writer = if options.user { ">" } else { "| sudo tee" };
+            steps.push(format!("era config example {writer} {}", config.display()));
+        }
+        steps.push(format!("era config check {}", config.display()));
+        steps.push(format!("{manager} daemon-reload"));
+        steps.push(format!("{manager} enable --now {}", unit::NAME));
+    }
+    steps
+}
+
+/// Whether the machine has a group; where that cannot be read, it is taken to have it.
+fn has_group(name: &str) -> bool {
+    std::fs::read_to_string("/etc/group")
+        .map_or(true, |groups| groups.lines().any(|line| line.split(':').next() == Some(name)))
+}

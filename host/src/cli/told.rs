@@ -1,0 +1,83 @@
+//! What is told on standard error beside the log: errors, and how far a command is; as text or as lines of JSON.
+
+use serde_json::json;
+use std::ffi::OsString;
+use std::io::Write;
+use std::sync::OnceLock;
+use std::time::SystemTime;
+use tracing_subscriber::fmt::time::{FormatTime, SystemTime as Clock};
+
+/// How the log is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// For people
+    #[default]
+    Text,
+    /// One object a line: timestamp, level, message, and what else there is
+    Json,
+}
+
+/// The format of this process; text until it is set.
+static FORMAT: OnceLock<LogFormat> = OnceLock::new();
+
+/// Sets the format of this process, once.
+pub fn set_format(format: LogFormat) {
+    let _ = FORMAT.set(format);
+}
+
+/// The format that a command line asks for which could not be read.
+pub fn format_asked_for(arguments: impl Iterator<Item = OsString>) -> LogFormat {
+    let words: Vec<OsString> = arguments.collect();
+    let is_json = words.iter().any(|word| word == "--log-format=json")
+        || words.windows(2).any(|pair| pair[0] == "--log-format" && pair[1] == "json");
+    if is_json { LogFormat::Json } else { LogFormat::Text }
+}
+
+/// Whether standard error is lines of JSON.
+pub fn is_json() -> bool {
+    FORMAT.get() == Some(&LogFormat::Json)
+}
+
+/// Tells what is no part of the log, as how far a command is; written as `println!` is.
+macro_rules! tell {
+    ($($text:tt)*) => { $crate::cli::told::tell_text(&format!($($text)*)) };
+}
+pub(super) use tell;
+
+/// Tells a text that is no part of the log.
+pub fn tell_text(text: &str) {
+    write(FORMAT.get().copied().unwrap_or_default(), None, text);
+}
+
+/// Tells why a command ended.
+pub fn tell_error(text: &str) {
+    write(FORMAT.get().copied().unwrap_or_default(), Some("error: "), text);
+}
+
+/// Tells why a command did not begin: nothing has been set yet.
+pub fn tell_refusal(format: LogFormat, text: &str) {
+    write(format, Some(""), text);
+}
+
+/// A line; `error` is what goes before an error where people read it. Where standard error is closed (`2>&1 | head`),
+/// nobody is told.
+fn write(format: LogFormat, error: Option<&str>, text: &str) {
+    let mut out = std::io::stderr().lock();
+    let _ = match format {
+        LogFormat::Text => writeln!(out, "{}{text}", error.unwrap_or_default()),
+        LogFormat::Json => {
+            let level = if error.is_some() { "ERROR" } else { "INFO" };
+            writeln!(out, "{}", json!({"timestamp": timestamp(), "level": level, "message": text}))
+        }
+    };
+}
+
+/// Now, as the log writes it.
+fn timestamp() -> String {
+    let mut text = String::new();
+    if Clock.format_time(&mut tracing_subscriber::fmt::format::Writer::new(&mut text)).is_err() {
+        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        text = since.as_secs().to_string();
+    }
+    text
+}

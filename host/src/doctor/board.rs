@@ -1,0 +1,102 @@
+//! What a board says when it is asked. Every question is one that changes nothing on it.
+
+use super::facts::{Answer, Clock, Heard, Supply};
+use crate::device::timing::REAL_TIME;
+use crate::device::{Client, ClockSync, Identity, LinkError};
+use era_shared::link::UART_BAUD;
+use era_shared::protocol::{CURRENT_VERSION, Details, MIN_VERSION, Reply, Request, ResetCause};
+use era_shared::safety::State;
+use serialport::ErrorKind;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Time a read waits for its first byte.
+const READ_TIMEOUT: Duration = Duration::from_millis(2);
+/// How often the board's clock is read, and how long between two readings.
+const CLOCK_READINGS: u32 = 16;
+const CLOCK_EVERY: Duration = Duration::from_millis(40);
+
+/// Opens a port and asks who is there. The port must be a board's by its USB identity or named by the user, and nobody
+/// else may have it open.
+#[must_use]
+pub fn ask(path: &str) -> Answer {
+    let transport = match serialport::new(path, UART_BAUD).timeout(READ_TIMEOUT).open() {
+        Ok(transport) => transport,
+        Err(error) => return not_opened(path, &error),
+    };
+    match heard(&mut Client::new(Box::new(transport), REAL_TIME.reply_timeout)) {
+        Ok(heard) => Answer::Heard(heard),
+        Err(error @ LinkError::Version { .. }) => Answer::Version(error.to_string()),
+        Err(error) => Answer::Silent(error.to_string()),
+    }
+}
+
+fn not_opened(path: &str, error: &serialport::Error) -> Answer {
+    match error.kind {
+        ErrorKind::Io(std::io::ErrorKind::NotFound) => Answer::Missing,
+        ErrorKind::Io(std::io::ErrorKind::PermissionDenied) => Answer::Denied,
+        ErrorKind::NoDevice if Path::new(path).exists() => Answer::Busy,
+        ErrorKind::NoDevice => Answer::Missing,
+        _ => Answer::Failed(error.to_string()),
+    }
+}
+
+/// Asks everything that there is to know.
+///
+/// # Errors
+/// [`LinkError`] if the board does not say who it is, or falls silent.
+pub fn heard(client: &mut Client) -> Result<Heard, LinkError> {
+    let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
+    let reply = client.request(&hello)?;
+    let identity = Identity::from_reply(reply).ok_or_else(|| unexpected("hello"))?;
+    let mut heard = Heard {
+        firmware: identity.firmware_text(),
+        protocol: Some(client.version()),
+        failure: Some(identity.failure).filter(|failure| !failure.is_empty()),
+        was_watchdog: identity.reset_cause == ResetCause::Watchdog,
+        ..Heard::default()
+    };
+    let Reply::Status(status) = client.request(&Request::Status)? else { return Err(unexpected("status")) };
+    heard.state = Some(status.state.name().into());
+    heard.fault = status.fault.map(|fault| fault.code.into());
+    // A board that is armed hears its host in every question: its dead-man timer is not to be held up by ours.
+    let is_idle = matches!(status.state, State::Boot | State::Safe | State::Fault | State::Discharging);
+    if is_idle && client.version() >= Request::Details.since() {
+        let Reply::Details(details) = client.request(&Request::Details)? else { return Err(unexpected("details")) };
+        heard.supply = Some(supply(&details));
+        heard.clock = clock(client)?;
+    }
+    let statistics = client.statistics();
+    heard.frames = (statistics.frames_sent, statistics.repeats);
+    Ok(heard)
+}
+
+fn supply(details: &Details) -> Supply {
+    Supply {
+        rail_v: details.rail_millivolts.iter().map(|millivolts| f64::from(*millivolts) / 1e3).collect(),
+        interlock_closed: details.interlock_closed,
+        stop_released: details.stop_released,
+        earth_bonded: details.earth_bonded,
+    }
+}
+
+/// Reads the board's clock for a while.
+fn clock(client: &mut Client) -> Result<Option<Clock>, LinkError> {
+    let mut sync = ClockSync::new(Instant::now());
+    for _ in 0..CLOCK_READINGS {
+        let Reply::Clock { now_us } = client.request(&Request::Clock)? else { return Err(unexpected("clock")) };
+        if let Some((sent, received)) = client.last_frame_written().zip(client.last_reply_read()) {
+            sync.sample(sent, received, now_us);
+        }
+        std::thread::sleep(CLOCK_EVERY);
+    }
+    Ok(sync.quality().map(|quality| Clock {
+        rate_ppm: Some(quality.rate_ppm),
+        half_round_trip_s: quality.half_round_trip_s,
+        worst_s: quality.residual_worst_s,
+    }))
+}
+
+fn unexpected(request: &'static str) -> LinkError {
+    LinkError::Unexpected { request, reply: "another kind of answer".into() }
+}

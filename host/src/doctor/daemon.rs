@@ -1,0 +1,97 @@
+//! What a running daemon says of itself and its device.
+
+use super::facts::{Clock, Daemon, Fault, Heard, Supply};
+use serde_json::Value;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpStream};
+use std::time::Duration;
+
+/// Longest wait for a connection on this machine.
+const CONNECT: Duration = Duration::from_millis(500);
+/// Longest wait for an answer.
+const ANSWER: Duration = Duration::from_secs(5);
+
+/// Where a daemon that listens at `address` is reached from this machine.
+#[must_use]
+pub fn reached(address: SocketAddr) -> SocketAddr {
+    let ip = match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+        ip => ip,
+    };
+    SocketAddr::new(ip, address.port())
+}
+
+/// Asks whoever listens there.
+#[must_use]
+pub fn ask(address: SocketAddr) -> Daemon {
+    let address = reached(address);
+    if TcpStream::connect_timeout(&address, CONNECT).is_err() {
+        return Daemon::Absent;
+    }
+    let agent: ureq::Agent =
+        ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(ANSWER)).build().into();
+    let mut answer = match agent.get(format!("http://{address}/v1/state")).call() {
+        Ok(answer) => answer,
+        Err(error) => return Daemon::Stranger(error.to_string()),
+    };
+    let status = answer.status();
+    let Ok(state) = answer.body_mut().read_json::<Value>() else {
+        return Daemon::Stranger(format!("it answers {status}, but not with JSON"));
+    };
+    if matches!(status.as_u16(), 401 | 403) {
+        return Daemon::Guarded(text(&state["detail"]).unwrap_or_else(|| status.to_string()));
+    }
+    if !status.is_success() {
+        return Daemon::Stranger(format!("it answers {status}"));
+    }
+    read(&state)
+}
+
+/// Reads the answer to `GET /v1/state`.
+#[must_use]
+pub fn read(state: &Value) -> Daemon {
+    let (device, daemon) = (&state["device"], &state["daemon"]);
+    let (Some(version), Some(kind), Some(port)) =
+        (text(&daemon["version"]), text(&device["kind"]), text(&device["port"]))
+    else {
+        return Daemon::Stranger("it answers with other JSON than a daemon's".into());
+    };
+    let problem =
+        (device["connected"] == false).then(|| text(&device["problem"]).unwrap_or_else(|| "no reason given".into()));
+    let heard = text(&device["firmware"]).map(|firmware| Box::new(heard(firmware, state)));
+    Daemon::Runs { version, port, kind, problem, heard }
+}
+
+fn heard(firmware: String, state: &Value) -> Heard {
+    let (device, link) = (&state["device"], &state["link"]);
+    let (supply, clock) = (&device["supply"], &device["clock"]);
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    Heard {
+        firmware,
+        protocol: device["protocol"].as_u64().and_then(|version| version.try_into().ok()),
+        state: text(&device["state"]),
+        fault: device["fault"]["code"].as_u64().map(|code| Fault {
+            code,
+            name: text(&device["fault"]["name"]).unwrap_or_default(),
+            advice: text(&device["fault"]["message"]).unwrap_or_default(),
+        }),
+        failure: text(&device["failure"]),
+        was_watchdog: device["reset_cause"] == "Watchdog",
+        supply: supply.is_object().then(|| Supply {
+            rail_v: supply["rail_v"].as_array().into_iter().flatten().map(number).collect(),
+            interlock_closed: supply["interlock_closed"] == true,
+            stop_released: supply["stop_released"] == true,
+            earth_bonded: supply["earth_bonded"] == true,
+        }),
+        clock: clock.is_object().then(|| Clock {
+            rate_ppm: clock["rate_ppm"].as_f64(),
+            half_round_trip_s: number(&clock["half_round_trip_us"]) * 1e-6,
+            worst_s: number(&clock["residual_worst_us"]) * 1e-6,
+        }),
+        frames: (link["frames_sent"].as_u64().unwrap_or(0), link["repeats"].as_u64().unwrap_or(0)),
+    }
+}
+
+fn text(value: &Value) -> Option<String> {
+    value.as_str().map(str::to_owned)
+}

@@ -1,0 +1,146 @@
+//! What the machine itself tells: ports, rules, processes, limits. Paths are looked up below a folder, `/` but in tests.
+
+use super::facts::{Access, Holder, Port, Rule, Usb};
+use crate::flash::usb::{UsbError, find};
+use crate::install::rule::{ignores_modem_manager, is_for_board};
+use serialport::SerialPortType;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Folders of udev rules.
+const RULES: [&str; 4] = ["etc/udev/rules.d", "run/udev/rules.d", "usr/lib/udev/rules.d", "lib/udev/rules.d"];
+
+/// The serial ports, by path.
+#[must_use]
+pub fn ports() -> Vec<Port> {
+    // Without libudev the crate lists this folder, and panics where it is missing (a chroot without /sys).
+    if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
+        return Vec::new();
+    }
+    let mut ports: Vec<Port> = serialport::available_ports()
+        .unwrap_or_default()
+        .into_iter()
+        .map(|port| Port {
+            path: port.port_name,
+            usb: match port.port_type {
+                SerialPortType::UsbPort(usb) => Some(Usb { vendor: usb.vid, product: usb.pid, name: usb.product }),
+                _ => None,
+            },
+        })
+        .collect();
+    ports.sort_by(|a, b| a.path.cmp(&b.path));
+    ports
+}
+
+/// Whether a chip waits in its bootloader; `None` if the bus cannot be looked at.
+#[must_use]
+pub fn bootloader() -> Option<bool> {
+    match find() {
+        Ok(found) => Some(found.is_some()),
+        Err(UsbError::Several(_)) => Some(true),
+        Err(_) => None,
+    }
+}
+
+/// The udev rules that name the board; `None` where there is no folder of rules.
+#[must_use]
+pub fn rules(root: &Path) -> Option<Vec<Rule>> {
+    let folders: Vec<_> = RULES.iter().filter_map(|folder| fs::read_dir(root.join(folder)).ok()).collect();
+    if folders.is_empty() {
+        return None;
+    }
+    // The last two folders are one on most machines.
+    let mut seen = BTreeSet::new();
+    let mut rules = Vec::new();
+    for path in folders.into_iter().flatten().flatten().map(|entry| entry.path()) {
+        let is_rule = path.extension().is_some_and(|extension| extension == "rules");
+        if !is_rule || !seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())) {
+            continue;
+        }
+        if let Some(text) = fs::read_to_string(&path).ok().filter(|text| is_for_board(text)) {
+            let ignores_modem_manager = ignores_modem_manager(&text);
+            rules.push(Rule { path: path.display().to_string(), ignores_modem_manager });
+        }
+    }
+    // What keeps ModemManager away is told first.
+    rules.sort_by(|a, b| b.ignores_modem_manager.cmp(&a.ignores_modem_manager).then_with(|| a.path.cmp(&b.path)));
+    Some(rules)
+}
+
+/// ModemManager's process, if it runs.
+#[must_use]
+pub fn modem_manager(root: &Path) -> Option<u32> {
+    processes(root).into_iter().find(|(_, folder)| name_of(folder) == "ModemManager").map(|(pid, _)| pid)
+}
+
+/// Who has a port open, as far as this user can see; this process is left out.
+#[must_use]
+pub fn holders(root: &Path, port: &str) -> Vec<Holder> {
+    let port = fs::canonicalize(port).unwrap_or_else(|_| port.into());
+    let has_open = |folder: &Path| {
+        let Ok(files) = fs::read_dir(folder.join("fd")) else { return false };
+        files.flatten().any(|file| fs::read_link(file.path()).is_ok_and(|open| open == port))
+    };
+    processes(root)
+        .into_iter()
+        .filter(|(pid, folder)| *pid != std::process::id() && has_open(folder))
+        .map(|(pid, folder)| Holder { pid, name: name_of(&folder) })
+        .collect()
+}
+
+/// The highest real-time priority that this process may ask for.
+#[must_use]
+pub fn realtime(root: &Path) -> Option<u64> {
+    let limits = fs::read_to_string(root.join("proc/self/limits")).ok()?;
+    let line = limits.lines().find_map(|line| line.strip_prefix("Max realtime priority"))?;
+    match line.split_whitespace().next()? {
+        "unlimited" => Some(99),
+        number => number.parse().ok(),
+    }
+}
+
+/// Who may use a port, by its file's group. What `uaccess` gives beside it is not seen here, only by opening.
+#[cfg(unix)]
+#[must_use]
+pub fn access(root: &Path, port: &str) -> Access {
+    use std::os::unix::fs::MetadataExt;
+    let Ok(metadata) = fs::metadata(port) else { return Access::default() };
+    let groups = fs::read_to_string(root.join("etc/group")).unwrap_or_default();
+    let group = groups.lines().find_map(|line| {
+        let mut parts = line.split(':');
+        let (name, number) = (parts.next()?, parts.nth(1)?);
+        (number.parse() == Ok(metadata.gid())).then(|| name.to_owned())
+    });
+    let status = fs::read_to_string(root.join("proc/self/status")).unwrap_or_default();
+    let is_member = status
+        .lines()
+        .filter_map(|line| line.strip_prefix("Gid:").or_else(|| line.strip_prefix("Groups:")))
+        .flat_map(str::split_whitespace)
+        .any(|number| number.parse() == Ok(metadata.gid()));
+    Access { group, is_member }
+}
+
+/// Who may use a port: not known on this system.
+#[cfg(not(unix))]
+#[must_use]
+pub fn access(_: &Path, _: &str) -> Access {
+    Access::default()
+}
+
+/// All processes by number, with their folders.
+fn processes(root: &Path) -> Vec<(u32, PathBuf)> {
+    let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
+    let mut all: Vec<(u32, PathBuf)> = fs::read_dir(root.join("proc"))
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| number(&entry.path()).map(|pid| (pid, entry.path())))
+        .collect();
+    all.sort();
+    all
+}
+
+fn name_of(process: &Path) -> String {
+    fs::read_to_string(process.join("comm")).map_or_else(|_| "unknown".into(), |name| name.trim().to_owned())
+}

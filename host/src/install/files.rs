@@ -1,0 +1,130 @@
+//! Files that say who wrote them: others are neither overwritten nor removed, unless by force.
+
+use std::fmt;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// First line of every file that is written here.
+pub const MARK: &str = "# Written by `era install`, which may replace or remove it.";
+
+/// What was done with a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Done {
+    /// It was not there.
+    Written,
+    /// Another text was there.
+    Replaced,
+    /// It was there with the same text.
+    Unchanged,
+    /// It is gone.
+    Removed,
+    /// It was not there to be removed.
+    Absent,
+}
+
+impl fmt::Display for Done {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Done::Written => "wrote",
+            Done::Replaced => "replaced",
+            Done::Unchanged => "unchanged",
+            Done::Removed => "removed",
+            Done::Absent => "not there",
+        })
+    }
+}
+
+/// Why a file was not written or removed.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// It is somebody else's.
+    #[error("{} was not written by `era install`: it is left as it is; --force takes it", .0.display())]
+    Foreign(PathBuf),
+    /// The system says no.
+    #[error("cannot {what} {}: {source}{}", path.display(), if source.kind() == ErrorKind::PermissionDenied { ". Run it as root (sudo), or look with --print" } else { "" })]
+    Io {
+        /// What was tried.
+        what: &'static str,
+        /// With which file.
+        path: PathBuf,
+        /// The system's words.
+        source: std::io::Error,
+    },
+}
+
+/// Makes sure that a file may be written or removed.
+///
+/// # Errors
+/// [`FileError::Foreign`] if it is somebody else's, and those of reading it.
+pub fn check(path: &Path, is_forced: bool) -> Result<(), FileError> {
+    match present(path)? {
+        Some(text) if !is_forced && !is_own(&text) => Err(FileError::Foreign(path.to_path_buf())),
+        _ => Ok(()),
+    }
+}
+
+/// Writes a file as a whole, with its folders.
+///
+/// # Errors
+/// [`FileError`].
+pub fn write(path: &Path, text: &str, is_forced: bool) -> Result<Done, FileError> {
+    check(path, is_forced)?;
+    let before = present(path)?;
+    if before.as_deref() == Some(text.as_bytes()) {
+        return Ok(Done::Unchanged);
+    }
+    let failed = |source| FileError::Io { what: "write", path: path.to_path_buf(), source };
+    let folder = path.parent().unwrap_or(Path::new("/"));
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    // Nobody reads half a file, and a link is replaced rather than followed.
+    let new = path.with_extension("era-new");
+    let put = || {
+        let mut file = std::fs::File::create(&new)?;
+        file.write_all(text.as_bytes())?;
+        readable_by_all(&file)?;
+        file.sync_all()?;
+        std::fs::rename(&new, path)
+    };
+    put().map_err(|error| {
+        let _ = std::fs::remove_file(&new);
+        failed(error)
+    })?;
+    Ok(if before.is_some() { Done::Replaced } else { Done::Written })
+}
+
+/// Removes a file; its folders stay.
+///
+/// # Errors
+/// [`FileError`].
+pub fn remove(path: &Path, is_forced: bool) -> Result<Done, FileError> {
+    check(path, is_forced)?;
+    match std::fs::remove_file(path) {
+        Ok(()) => Ok(Done::Removed),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Done::Absent),
+        Err(source) => Err(FileError::Io { what: "remove", path: path.to_path_buf(), source }),
+    }
+}
+
+fn present(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
+    match std::fs::read(path) {
+        Ok(text) => Ok(Some(text)),
+        // A link to nowhere is something all the same.
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(path.is_symlink().then(Vec::new)),
+        Err(source) => Err(FileError::Io { what: "read", path: path.to_path_buf(), source }),
+    }
+}
+
+fn is_own(text: &[u8]) -> bool {
+    text.split(|byte| *byte == b'\n').next() == Some(MARK.as_bytes())
+}
+
+#[cfg(unix)]
+fn readable_by_all(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable_by_all(_: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
+}

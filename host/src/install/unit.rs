@@ -1,0 +1,165 @@
+//! The systemd unit: how the daemon is started, watched and fenced in.
+
+use super::files::MARK;
+use std::path::Path;
+
+/// The unit's name.
+pub const NAME: &str = "era.service";
+/// Where the machine's own unit goes.
+pub const SYSTEM_PATH: &str = "etc/systemd/system/era.service";
+/// Where a unit for every user goes.
+pub const USERS_PATH: &str = "etc/systemd/user/era.service";
+/// Seconds without a sign of life after which the daemon is started anew.
+const WATCHDOG_S: u32 = 10;
+/// Highest real-time priority that the daemon's threads may have.
+const PRIORITY: u32 = 20;
+
+/// What the unit runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Unit<'a> {
+    /// The program.
+    pub program: &'a Path,
+    /// Its configuration file.
+    pub config: &'a Path,
+    /// The group that may use the board.
+    pub group: &'a str,
+    /// Run by a user's own service manager rather than the machine's.
+    pub is_user: bool,
+}
+
+impl Unit<'_> {
+    /// The unit's text.
+    ///
+    /// # Errors
+    /// If a path cannot be written in a unit: it is not UTF-8, or has a control character.
+    pub fn text(&self) -> Result<String, String> {
+        // Variables are replaced in arguments, but not in the program's path.
+        let (program, config) = (word(self.program)?, word(self.config)?.replace('$', "$$"));
+        let own = if self.is_user { String::new() } else { system_part(self.group) };
+        let wanted = if self.is_user { "default.target" } else { "multi-user.target" };
+        let after = if self.is_user { "" } else { "After=network.target\n" };
+        Ok(format!(
+            "{MARK}\n\
+             # `systemctl edit {NAME}` changes settings beside this file, and they stay.\n\
+             [Unit]\n\
+             Description=ERA haptics daemon\n\
+             {after}# A board may be plugged in at any time: starts are not counted.\n\
+             StartLimitIntervalSec=0\n\n\
+             [Service]\n\
+             Type=notify\n\
+             ExecStart={program} serve --config {config}\n\
+             # The first start with a scene computes its plan table.\n\
+             TimeoutStartSec=300\n\
+             TimeoutStopSec=10\n\
+             WatchdogSec={WATCHDOG_S}\n\
+             Restart=on-failure\n\
+             RestartSec=2\n\
+             # A mistake in the configuration or the scene: another start would not help.\n\
+             RestartPreventExitStatus=2\n\
+             LimitRTPRIO={PRIORITY}\n\
+             Environment=ERA_CACHE_DIR=%C/era\n\
+             {own}\
+             NoNewPrivileges=yes\n\
+             LockPersonality=yes\n\
+             MemoryDenyWriteExecute=yes\n\
+             RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6\n\
+             RestrictNamespaces=yes\n\
+             RestrictSUIDSGID=yes\n\
+             SystemCallArchitectures=native\n\
+             UMask=0077\n\n\
+             [Install]\n\
+             WantedBy={wanted}\n"
+        ))
+    }
+}
+
+/// What only the machine's own service manager can do. `RestrictRealtime` is left out on purpose.
+fn system_part(group: &str) -> String {
+    format!(
+        "CacheDirectory=era\n\
+         # A user of its own, without a home, that may use the board and the pseudo-terminal of the simulated device.\n\
+         DynamicUser=yes\n\
+         SupplementaryGroups={group}\n\
+         DevicePolicy=closed\n\
+         # USB serial ports (ttyACM, ttyUSB) by number: their names are known only once a driver is loaded.\n\
+         DeviceAllow=char-166 rw\n\
+         DeviceAllow=char-188 rw\n\
+         DeviceAllow=/dev/ptmx rw\n\
+         DeviceAllow=char-pts rw\n\
+         CapabilityBoundingSet=\n\
+         PrivateTmp=yes\n\
+         ProtectClock=yes\n\
+         ProtectControlGroups=yes\n\
+         ProtectHome=read-only\n\
+         ProtectHostname=yes\n\
+         ProtectKernelLogs=yes\n\
+         ProtectKernelModules=yes\n\
+         ProtectKernelTunables=yes\n\
+         ProtectProc=invisible\n\
+         ProtectSystem=strict\n\
+         SystemCallFilter=@system-service\n"
+    )
+}
+
+/// A path as one word of `ExecStart` (systemd.service(5), "Command lines"; systemd.unit(5), "Specifiers").
+fn word(path: &Path) -> Result<String, String> {
+    let text =
+        path.to_str().ok_or_else(|| format!("{} is not UTF-8, and cannot be written in a unit", path.display()))?;
+    if text.chars().any(char::is_control) {
+        return Err(format!("{text:?} has a control character, and cannot be written in a unit"));
+    }
+    let escaped = text.replace('%', "%%");
+    if escaped.chars().any(|c| c.is_whitespace() || matches!(c, '"' | '\'' | '\\' | ';')) {
+        return Ok(format!("\"{}\"", escaped.replace('\\', "\\\\").replace('"', "\\\"")));
+    }
+    Ok(escaped)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(is_user: bool) -> String {
+        let (program, config) = (Path::new("/usr/bin/era"), Path::new("/etc/era/era.toml"));
+        Unit { program, config, group: "plugdev", is_user }.text().unwrap()
+    }
+
+    #[test]
+    fn the_machines_unit_is_watched_and_fenced_in() {
+        let text = text(false);
+        for line in [
+            "Type=notify",
+            "ExecStart=/usr/bin/era serve --config /etc/era/era.toml",
+            "WatchdogSec=10",
+            "Restart=on-failure",
+            "LimitRTPRIO=20",
+            "DynamicUser=yes",
+            "SupplementaryGroups=plugdev",
+            "ProtectSystem=strict",
+            "WantedBy=multi-user.target",
+        ] {
+            assert!(text.lines().any(|own| own == line), "{line} in {text}");
+        }
+        assert!(!text.contains("RestrictRealtime"));
+    }
+
+    /// A user's service manager may not change users, nor fence devices in.
+    #[test]
+    fn a_users_unit_asks_for_nothing_that_needs_root() {
+        let text = text(true);
+        for key in
+            ["DynamicUser", "SupplementaryGroups", "Protect", "DevicePolicy", "CapabilityBoundingSet", "PrivateTmp"]
+        {
+            assert!(!text.contains(key), "{key} in {text}");
+        }
+        assert!(text.contains("WantedBy=default.target") && text.contains("Type=notify"));
+    }
+
+    #[test]
+    fn paths_are_one_word_each() {
+        assert_eq!(word(Path::new("/opt/era/bin/era")).unwrap(), "/opt/era/bin/era");
+        assert_eq!(word(Path::new("/my panel/100%.toml")).unwrap(), "\"/my panel/100%%.toml\"");
+        assert_eq!(word(Path::new("/a\"b\\c$d")).unwrap(), "\"/a\\\"b\\\\c$d\"");
+        assert!(word(Path::new("/a\nExecStart=/bin/x")).unwrap_err().contains("control character"));
+    }
+}

@@ -1,0 +1,131 @@
+//! The command, beside a simulated device on a pseudo-terminal.
+
+use era::device::sim::{Defects, Knobs, Panel, SimControl, SimDevice};
+use era::doctor::facts::Daemon;
+use era::planner::softening::Transducer;
+use era::transient::reduced::ModalSystem;
+use nalgebra::{DMatrix, DVector};
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+fn device() -> SimDevice {
+    let none = ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
+    SimDevice::start(Panel::new(&none, vec![Transducer::fixed(0.0); 2]), vec![2000.0; 2]).unwrap()
+}
+
+fn spoil(control: &SimControl, defects: Defects) {
+    control.set_knobs(Knobs { defects, ..Knobs::default() });
+}
+
+/// Findings by check, and the exit code; the address is one where nobody listens.
+fn doctor(arguments: &[&str]) -> (Vec<Value>, Option<i32>) {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("era.toml");
+    std::fs::write(&config, "version = 1\nlisten = \"127.0.0.1:1\"\n").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    command.args(["doctor", "--json", "--config", config.to_str().unwrap()]).args(arguments);
+    let output = command.output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    let all: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {told}"));
+    (all["findings"].as_array().unwrap().clone(), output.status.code())
+}
+
+fn of<'a>(findings: &'a [Value], check: &str) -> &'a Value {
+    findings.iter().find(|finding| finding["check"] == check).unwrap_or_else(|| panic!("no {check} in {findings:?}"))
+}
+
+#[test]
+fn a_device_that_is_well_is_heard_and_not_armed() {
+    let device = device();
+    let (findings, code) = doctor(&["--device", device.path()]);
+    assert_eq!(code, Some(0), "{findings:?}");
+    for check in ["config", "permission", "port", "firmware", "fault", "interlock", "supply", "clock"] {
+        assert_eq!(of(&findings, check)["verdict"], "ok", "{findings:?}");
+    }
+    assert!(of(&findings, "fault")["found"].as_str().unwrap().contains("safe"), "{findings:?}");
+    assert!(device.control().drives_received().is_none());
+}
+
+#[test]
+fn open_loops_a_silent_line_and_a_held_port_are_told() {
+    let device = device();
+    spoil(&device.control(), Defects { interlock_open: true, ..Defects::default() });
+    let (findings, code) = doctor(&["--device", device.path()]);
+    assert!(code == Some(1) && of(&findings, "interlock")["verdict"] == "problem", "{findings:?}");
+    device.control().set_knobs(Knobs { silent: true, ..Knobs::default() });
+    let (findings, code) = doctor(&["--device", device.path()]);
+    assert!(code == Some(1) && of(&findings, "firmware")["verdict"] == "problem", "{findings:?}");
+    // Somebody has the port: it is not touched, and it is said who.
+    device.control().set_knobs(Knobs::default());
+    let held = serialport::new(device.path(), 115_200).timeout(Duration::from_millis(10)).open().unwrap();
+    let (findings, code) = doctor(&["--device", device.path()]);
+    let port = of(&findings, "port");
+    let told = port["found"].as_str().unwrap();
+    assert!(code == Some(1) && told.contains(&format!("process {}", std::process::id())), "{findings:?}");
+    assert_eq!(held.bytes_to_read().unwrap(), 0);
+    let (findings, code) = doctor(&["--device", "/dev/none-of-these"]);
+    assert!(code == Some(1) && of(&findings, "permission")["verdict"] == "problem", "{findings:?}");
+}
+
+#[test]
+fn mistakes_in_files_are_told_and_the_simulated_device_needs_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("panel.toml");
+    std::fs::write(&scene, "version = 1\n").unwrap();
+    let (findings, code) = doctor(&["--device", "sim", "--scene", scene.to_str().unwrap()]);
+    assert!(code == Some(1) && of(&findings, "scene")["verdict"] == "problem", "{findings:?}");
+    let (findings, code) = doctor(&["--device", "sim"]);
+    assert!(code == Some(0) && of(&findings, "board")["verdict"] == "ok", "{findings:?}");
+    let text =
+        Command::new(env!("CARGO_BIN_EXE_era")).args(["doctor", "--device", "/dev/none-of-these"]).output().unwrap();
+    let (told, error) = (String::from_utf8_lossy(&text.stdout), String::from_utf8_lossy(&text.stderr));
+    assert!(told.contains("PROBLEM") && told.contains("-> name one of the ports"), "{told}");
+    assert!(error.contains("error: ") && error.contains("problem"), "{error}");
+}
+
+/// A daemon that ends with the test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A daemon that runs is asked in place of its board, which keeps its port to itself.
+#[test]
+fn a_daemon_is_asked_in_place_of_its_board() {
+    let device = device();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast", "--device", device.path()]);
+    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").stderr(Stdio::piped());
+    let mut daemon = Running(command.spawn().unwrap());
+    let mut lines = BufReader::new(daemon.0.stderr.take().unwrap()).lines().map_while(Result::ok);
+    let line = lines.find(|line| line.contains("open http://")).unwrap();
+    let address = line.split("http://").nth(1).unwrap().split_whitespace().next().unwrap().to_owned();
+    // Nobody is held up by what it goes on to tell.
+    std::thread::spawn(move || lines.for_each(drop));
+    let found = (0..100).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(50));
+        match era::doctor::daemon::ask(address.parse().unwrap()) {
+            Daemon::Runs { heard: Some(heard), port, .. } if heard.supply.is_some() => Some((*heard, port)),
+            _ => None,
+        }
+    });
+    let (heard, port) = found.expect("the daemon tells of its device");
+    assert_eq!((port.as_str(), heard.protocol), (device.path(), Some(2)));
+    assert!(heard.supply.is_some_and(|supply| supply.interlock_closed && supply.rail_v.len() == 2));
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("era.toml");
+    std::fs::write(&config, format!("version = 1\nlisten = \"{address}\"\ndevice = \"{port}\"\n")).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    let output = command.args(["doctor", "--json", "--config", config.to_str().unwrap()]).output().unwrap();
+    let all: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let findings = all["findings"].as_array().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{findings:?}");
+    assert!(of(findings, "port")["found"].as_str().unwrap().contains("running daemon's"), "{findings:?}");
+    assert_eq!(of(findings, "interlock")["verdict"], "ok");
+}

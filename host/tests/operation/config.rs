@@ -1,0 +1,70 @@
+//! The daemon's configuration file on the command line.
+
+use super::{run, text};
+use serde_json::Value;
+
+#[test]
+fn what_would_be_used_is_told_with_where_it_comes_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("era.toml");
+    std::fs::write(folder.path().join("panel.toml"), era::scene::EXAMPLE_PLATE).unwrap();
+    std::fs::write(&file, "version = 1\n\nscene = \"panel.toml\"\nlisten = \"127.0.0.1:9000\"\n").unwrap();
+    let name = file.to_str().unwrap();
+    let output = run(&["config", "check", name]);
+    let told = text(&output.stdout);
+    assert!(output.status.success() && told.contains("can be used"), "{told}");
+    let line = |key: &str| told.lines().find(|line| line.starts_with(key)).unwrap().to_owned();
+    assert!(line("listen").contains("127.0.0.1:9000") && line("listen").ends_with("line 4"));
+    assert!(line("device").contains("sim") && line("device").ends_with("default"));
+    let json: Value = serde_json::from_slice(&run(&["config", "check", name, "--json"]).stdout).unwrap();
+    let scene = json["settings"].as_array().unwrap().iter().find(|it| it["key"] == "scene").unwrap();
+    assert_eq!((&scene["line"], json["mistakes"].as_array().unwrap().len()), (&Value::from(3), 0));
+    // What `config example` prints can be read.
+    std::fs::write(&file, run(&["config", "example"]).stdout).unwrap();
+    assert!(run(&["config", "check", name]).status.success());
+}
+
+#[test]
+fn mistakes_are_told_with_their_lines_by_check_and_by_serve() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("era.toml");
+    let name = file.to_str().unwrap();
+    std::fs::write(&file, "version = 1\nlisten = \"nowhere\"\nsceen = \"x\"\n").unwrap();
+    for arguments in [&["config", "check", name][..], &["serve", "--config", name]] {
+        let output = run(arguments);
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(told.contains(&format!("{name}:2: listen is \"nowhere\", but must be an address")), "{told}");
+        assert!(told.contains(&format!("{name}:3: unknown key sceen")), "{told}");
+    }
+    let json: Value = serde_json::from_slice(&run(&["config", "check", name, "--json"]).stdout).unwrap();
+    assert_eq!(json["mistakes"][1]["line"], 3);
+    // A scene that cannot be read belongs to the line that names it.
+    std::fs::write(&file, "version = 1\nscene = \"none.toml\"\n").unwrap();
+    let output = run(&["config", "check", name]);
+    let told = text(&output.stderr);
+    assert!(output.status.code() == Some(2) && told.contains(&format!("{name}:2: ")), "{told}");
+    assert!(told.contains("none.toml: cannot read the scene file"), "{told}");
+    let output = run(&["config", "check", "/nowhere/era.toml"]);
+    assert!(output.status.code() == Some(2) && text(&output.stderr).contains("cannot read the configuration file"));
+}
+
+/// The file's port is taken; the command line's is not. Both are told before any panel is computed.
+#[test]
+fn serve_takes_the_file_and_the_command_line_before_it() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("era.toml");
+    let name = file.to_str().unwrap();
+    std::fs::write(&file, format!("version = 1\nlisten = \"{address}\"\ndevice = \"/dev/none\"\n")).unwrap();
+    let output = run(&["serve", "--config", name]);
+    let told = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && told.contains(&format!("cannot listen on {address}")), "{told}");
+    let other = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = other.local_addr().unwrap().to_string();
+    let output = run(&["-v", "serve", "--config", name, "--listen", &address, "--accuracy", "fast"]);
+    let told = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && told.contains(&format!("cannot listen on {address}")), "{told}");
+    assert!(told.contains("listen as on the command line") && told.contains("device = \"/dev/none\""), "{told}");
+}

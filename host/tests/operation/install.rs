@@ -1,0 +1,108 @@
+//! The files of `era install`, below a folder of the test's own.
+#![cfg(target_os = "linux")]
+
+use super::{run, text};
+use std::path::Path;
+
+const RULE: &str = "etc/udev/rules.d/70-era.rules";
+const UNIT: &str = "etc/systemd/system/era.service";
+
+fn install(root: &Path, more: &[&str]) -> std::process::Output {
+    run(&[&["install", "--root", root.to_str().unwrap(), "--program", "/usr/bin/era"], more].concat())
+}
+
+#[test]
+fn rule_and_unit_are_written_once_and_removed_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let first = install(root, &["--group", "haptics"]);
+    assert!(first.status.success(), "{}", text(&first.stderr));
+    assert_eq!(text(&first.stdout).matches("wrote ").count(), 2, "{}", text(&first.stdout));
+    let rule = std::fs::read_to_string(root.join(RULE)).unwrap();
+    for words in ["1209", "0001", "df11", "GROUP=\"haptics\"", "uaccess", "ENV{ID_MM_DEVICE_IGNORE}=\"1\""] {
+        assert!(rule.contains(words), "{words} in {rule}");
+    }
+    let unit = std::fs::read_to_string(root.join(UNIT)).unwrap();
+    for line in [
+        "Type=notify",
+        "WatchdogSec=10",
+        "Restart=on-failure",
+        "LimitRTPRIO=20",
+        "SupplementaryGroups=haptics",
+        "ExecStart=/usr/bin/era serve --config /etc/era/era.toml",
+    ] {
+        assert!(unit.lines().any(|own| own == line), "{line} in {unit}");
+    }
+    let again = text(&install(root, &["--group", "haptics"]).stdout);
+    assert_eq!(again.matches("unchanged ").count(), 2, "{again}");
+    let changed = text(&install(root, &["--group", "haptics", "--config", "/srv/my panel.toml"]).stdout);
+    assert!(changed.contains("unchanged ") && changed.contains("replaced "), "{changed}");
+    let unit = std::fs::read_to_string(root.join(UNIT)).unwrap();
+    assert!(unit.contains("serve --config \"/srv/my panel.toml\"\n"), "{unit}");
+    // Of a package nothing is to be run now; and no half file is left.
+    assert!(!changed.contains("udevadm"), "{changed}");
+    assert_eq!(std::fs::read_dir(root.join("etc/systemd/system")).unwrap().count(), 1);
+    let removed = text(&install(root, &["--remove"]).stdout);
+    assert_eq!(removed.matches("removed ").count(), 2, "{removed}");
+    assert!(!root.join(RULE).exists() && !root.join(UNIT).exists());
+    assert_eq!(text(&install(root, &["--remove"]).stdout).matches("not there ").count(), 2);
+}
+
+#[test]
+fn somebody_elses_files_are_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let unit = root.join(UNIT);
+    std::fs::create_dir_all(unit.parent().unwrap()).unwrap();
+    std::fs::write(&unit, "[Service]\n").unwrap();
+    for more in [&[][..], &["--remove"]] {
+        let output = install(root, more);
+        let told = text(&output.stderr);
+        assert!(output.status.code() == Some(1) && told.contains("was not written by `era install`"), "{told}");
+        assert_eq!(std::fs::read_to_string(&unit).unwrap(), "[Service]\n");
+    }
+    // Nothing is done by half.
+    assert!(!root.join(RULE).exists());
+    assert!(install(root, &["--force"]).status.success());
+    assert!(std::fs::read_to_string(&unit).unwrap().contains("Type=notify"));
+    // A unit that is masked is somebody's wish, too.
+    std::fs::remove_file(&unit).unwrap();
+    std::os::unix::fs::symlink("/dev/null", &unit).unwrap();
+    assert_eq!(install(root, &[]).status.code(), Some(1));
+    assert!(unit.is_symlink());
+}
+
+#[test]
+fn parts_can_be_had_one_by_one_and_looked_at() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let printed = text(&install(root, &["--print"]).stdout);
+    assert!(printed.contains("Type=notify") && printed.contains("uaccess") && printed.contains(RULE), "{printed}");
+    assert_eq!(std::fs::read_dir(root).unwrap().count(), 0);
+    assert!(install(root, &["--only", "rule"]).status.success());
+    assert!(root.join(RULE).exists() && !root.join(UNIT).exists());
+    let user = text(&install(root, &["--user"]).stdout);
+    assert!(user.contains("etc/systemd/user/era.service") && !user.contains("rules.d"), "{user}");
+    let unit = std::fs::read_to_string(root.join("etc/systemd/user/era.service")).unwrap();
+    assert!(unit.contains("WantedBy=default.target") && !unit.contains("DynamicUser"), "{unit}");
+    assert_eq!(install(root, &["--user", "--only", "rule"]).status.code(), Some(2));
+    for group in ["", "a b", "-x", "a\"b"] {
+        assert_eq!(install(root, &[&format!("--group={group}")]).status.code(), Some(2), "{group}");
+    }
+}
+
+/// Below the user's own folder nothing else than the unit is written, and what to run is said.
+#[test]
+fn a_user_is_told_what_to_run() {
+    let home = tempfile::tempdir().unwrap();
+    let mut command = super::era();
+    let output = command.args(["install", "--user"]).env("XDG_CONFIG_HOME", home.path()).output().unwrap();
+    let (told, warned) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{warned}");
+    for words in ["systemctl --user daemon-reload", "systemctl --user enable --now era.service", "era config example >"]
+    {
+        assert!(told.contains(words), "{words} in {told}");
+    }
+    assert!(!told.contains("udevadm") && warned.contains("is not there yet"), "{told} {warned}");
+    assert!(home.path().join("systemd/user/era.service").is_file());
+}

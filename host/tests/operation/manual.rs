@@ -1,0 +1,59 @@
+//! Completion scripts and man pages.
+
+use super::{run, text};
+use std::io::Write;
+use std::process::{Command, Stdio};
+
+/// The commands that `era --help` lists.
+fn commands() -> Vec<String> {
+    let help = text(&run(&["--help"]).stdout);
+    let list = help.split("Commands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    let is_name = |line: &&str| line.starts_with("  ") && !line.starts_with("   ");
+    let mut names: Vec<String> =
+        list.lines().filter(is_name).map(|line| line.split_whitespace().next().unwrap().to_owned()).collect();
+    names.retain(|name| name != "help");
+    assert!(names.len() > 18, "{names:?}");
+    names
+}
+
+#[test]
+fn completion_scripts_know_every_command() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let output = run(&["completions", shell]);
+        let script = text(&output.stdout);
+        assert!(output.status.success() && output.stderr.is_empty(), "{shell}");
+        for command in commands() {
+            assert!(script.contains(&command), "{shell} does not know {command}");
+        }
+    }
+    assert_eq!(run(&["completions", "tcsh"]).status.code(), Some(2));
+}
+
+#[test]
+fn bash_can_read_its_script() {
+    let Ok(mut bash) = Command::new("bash").arg("-n").stdin(Stdio::piped()).spawn() else {
+        eprintln!("no bash here: nothing was tried");
+        return;
+    };
+    bash.stdin.take().unwrap().write_all(&run(&["completions", "bash"]).stdout).unwrap();
+    assert!(bash.wait().unwrap().success());
+}
+
+#[test]
+fn every_command_has_a_man_page() {
+    let page = text(&run(&["man"]).stdout);
+    assert!(page.contains(".TH era 1") && page.contains("\\-\\-log\\-format"), "{page}");
+    let folder = tempfile::tempdir().unwrap();
+    let pages = folder.path().join("man1");
+    let output = run(&["man", "--dir", pages.to_str().unwrap()]);
+    assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
+    for command in commands() {
+        let own = std::fs::read_to_string(pages.join(format!("era-{command}.1"))).unwrap();
+        assert!(own.contains(".TH ") && own.contains(&command.replace('-', "\\-")), "{command}: {own}");
+    }
+    assert!(pages.join("era.1").is_file() && pages.join("era-config-check.1").is_file());
+    // Where nothing can be written.
+    let blocked = folder.path().join("file");
+    std::fs::write(&blocked, "").unwrap();
+    assert_eq!(run(&["man", "--dir", blocked.to_str().unwrap()]).status.code(), Some(1));
+}
