@@ -268,6 +268,8 @@ fn description_metrics_and_page_are_there() {
     for path in [
         "/v1/touch",
         "/v1/preview",
+        "/v1/requests/{id}",
+        "/v1/arm",
         "/v1/stop",
         "/v1/state",
         "/v1/scene",

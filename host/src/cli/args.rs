@@ -413,6 +413,9 @@ pub struct Latency {
     pub panel: Panel,
     #[command(flatten)]
     pub keep: Keep,
+    /// Peak acceleration asked for, in g; as a touch that does not say unless given
+    #[arg(long, value_name = "A")]
+    pub intensity_g: Option<f64>,
     /// Number of touches
     #[arg(long, value_name = "N", default_value_t = 1000)]
     pub touches: u32,
