@@ -123,7 +123,7 @@ fn each_bad_request_says_what_is_wrong() {
         (r#"{"x_px": 1, "y_px": 1, "z_px": 1}"#, &["unknown field `z_px`", "intensity_g"]),
         (r#"{"x_px": 1921, "y_px": 1}"#, &["x_px is 1921", "0 to 1920"]),
         (r#"{"x_px": 1, "y_px": -0.5}"#, &["y_px is -0.5", "0 to 1280"]),
-        (r#"{"x_px": 1, "y_px": 1, "intensity_g": -1}"#, &["intensity_g is -1", "0 and above"]),
+        (r#"{"x_px": 1, "y_px": 1, "intensity_g": -1}"#, &["intensity_g is -1", "0 to 1000"]),
         (r#"{"x_px": 1, "y_px": 1, "duration_ms": 0}"#, &["duration_ms is 0", "1 to 10000"]),
         (r#"{"x_px": 1, "y_px": 1, "duration_ms": 10001}"#, &["duration_ms is 10001", "1 to 10000"]),
         (r#"{"x_px": 1, "y_px": 1, "duration_ms": "long"}"#, &["long", "duration_ms"]),
