@@ -27,7 +27,7 @@ impl Charge {
 
     /// What a period costs while its electrodes are on with `millivolts`, on a channel for `max_millivolts`.
     ///
-    /// In integers, each step rounded up: never less than it is, and more by less than 5e-5 of the largest. A higher voltage or a wider
+    /// In integers, each step rounded up: never less than it is, and more by less than 3e-5 of the largest. A higher voltage or a wider
     /// window never costs less.
     #[must_use]
     pub fn of(period: &Period, millivolts: u32, max_millivolts: u32) -> Self {
