@@ -3,7 +3,9 @@
 
 use era_shared::limits::{BURST_DEFAULT_MS, DISCHARGED_MILLIVOLTS, DUTY_CREDIT_MS, REST_MS, TEST_MILLIVOLTS};
 use era_shared::protocol::FaultCode;
-use era_shared::safety::{Action, Budget, Charge, Event, LinkId, Outcome, Safety, SelfTest, State, Verdict, transition};
+use era_shared::safety::{
+    Action, Budget, Charge, Event, LinkId, Outcome, Safety, SelfTest, State, Verdict, transition,
+};
 use era_shared::supply::Senses;
 
 #[test]

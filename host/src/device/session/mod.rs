@@ -11,7 +11,7 @@ use super::client::{LinkError, LinkStatistics};
 use super::clock::ClockQuality;
 use super::identity::Identity;
 use super::target::OpenDevice;
-use era_shared::protocol::{AchievedDrive, ChannelDrive, Details, StatusReply, TelemetryReply};
+use era_shared::protocol::{AchievedDrive, ChannelDrive, CreditReply, Details, StatusReply, TelemetryReply};
 use era_shared::safety::State;
 use era_shared::waveform::Effect;
 use std::sync::Arc;
@@ -105,6 +105,8 @@ pub struct Snapshot {
     pub telemetry: Option<TelemetryReply>,
     /// Supply, loops and budgets as last seen; a device of version 1 does not tell.
     pub details: Option<Details>,
+    /// What the channels' drives cost; a device of version 1 or 2 does not tell, and charges by time.
+    pub credit: Option<CreditReply>,
     /// How well its clock is known.
     pub clock: Option<ClockQuality>,
     /// Median round trip.

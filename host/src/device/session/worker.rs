@@ -6,7 +6,7 @@ use crate::device::clock::ClockSync;
 use crate::device::identity::Identity;
 use crate::device::target::OpenDevice;
 use era_shared::limits::BURST_MAX_MS;
-use era_shared::protocol::{CURRENT_VERSION, Details, MIN_VERSION, Reply, Request};
+use era_shared::protocol::{CURRENT_VERSION, CreditReply, Details, MIN_VERSION, Reply, Request};
 use era_shared::safety::State;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -173,7 +173,7 @@ impl Worker {
         let protocol = self.client.as_ref().map(Client::version);
         self.publish.send_modify(|snapshot| {
             (snapshot.identity, snapshot.protocol) = (Some(identity), protocol);
-            (snapshot.details, snapshot.clock) = (None, None);
+            (snapshot.details, snapshot.credit, snapshot.clock) = (None, None, None);
         });
         self.look()
     }
@@ -190,7 +190,11 @@ impl Worker {
 
     /// Whether the device speaks version 2 or later.
     pub(super) fn is_modern(&self) -> bool {
-        self.client.as_ref().is_some_and(|client| client.version() >= 2)
+        self.speaks(2)
+    }
+
+    fn speaks(&self, version: u8) -> bool {
+        self.client.as_ref().is_some_and(|client| client.version() >= version)
     }
 
     /// Asks for the board's time, quickly at first and then now and then.
@@ -215,6 +219,11 @@ impl Worker {
         Ok(details)
     }
 
+    fn credit(&mut self) -> Result<CreditReply, LinkError> {
+        let Reply::Credit(credit) = self.ask(&Request::Credit)? else { return Err(unexpected("credit")) };
+        Ok(credit)
+    }
+
     pub(super) fn look(&mut self) -> Result<(), LinkError> {
         self.next_status = Instant::now() + self.device.timing().status;
         let Reply::Status(status) = self.ask(&Request::Status)? else { return Err(unexpected("status")) };
@@ -224,6 +233,7 @@ impl Worker {
             // It is about to change.
             self.next_status = Instant::now() + self.device.timing().status.min(TRANSITION);
         }
+        let credit = if self.speaks(Request::Credit.since()) { Some(self.credit()?) } else { None };
         let restarted = self.boot_id.is_some_and(|known| known != status.boot_id);
         if !status.state.is_live() {
             self.armed = false;
@@ -239,6 +249,7 @@ impl Worker {
             snapshot.status = Some(status);
             snapshot.telemetry = Some(telemetry);
             snapshot.details = details;
+            snapshot.credit = credit;
             snapshot.round_trip = round_trip;
             snapshot.link = link;
             snapshot.restarts += u32::from(restarted);
