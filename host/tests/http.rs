@@ -49,6 +49,11 @@ fn stop_stops_whatever_runs() {
     for rail in state["device"]["supply"]["rail_v"].as_array().unwrap() {
         assert!(rail.as_f64().unwrap() < 60.0, "{state}");
     }
+    // What does not drive is not charged, and nothing runs out.
+    let supply = &state["device"]["supply"];
+    assert_eq!(supply["credit_rule"], "force-squared");
+    let (credits, lasts) = (supply["credit_s"].as_array().unwrap(), supply["credit_lasts_s"].as_array().unwrap());
+    assert!(lasts.len() == credits.len() && lasts.iter().all(Value::is_null), "{state}");
 }
 
 /// A stop ends what was asked for before it, planned or not: touches race with stops at all distances of a plan's time.

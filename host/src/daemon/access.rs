@@ -1,6 +1,5 @@
 //! Who may do what: pages and names from elsewhere, tokens and their roles.
 
-use super::app::App;
 use super::problem::Problem;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
@@ -205,8 +204,8 @@ impl Access {
 }
 
 /// Lets a request through, or says why not.
-pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
-    let origin = match app.access.check_source(request.method(), request.headers()) {
+pub async fn check(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
+    let origin = match access.check_source(request.method(), request.headers()) {
         Ok(origin) => origin,
         Err(problem) => return problem.into_response(),
     };
@@ -221,7 +220,7 @@ pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) ->
         let age = [(header::ACCESS_CONTROL_MAX_AGE, PREFLIGHT_S.to_string())];
         (StatusCode::NO_CONTENT, allowed, age).into_response()
     } else {
-        match app.access.check_token(&request) {
+        match access.check_token(&request) {
             Ok(()) => next.run(request).await,
             Err(problem) => problem.into_response(),
         }

@@ -4,7 +4,6 @@ use super::access::Access;
 use super::active::{Active, Touched, Update, Weaker};
 use super::admission::Admission;
 use super::asked::Asked;
-use super::live::SOCKETS;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
@@ -27,6 +26,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, broadcast, watch};
 
+/// Pages' sockets at once.
+pub const SOCKETS: usize = 64;
 /// Events kept for a slow page before it misses some.
 const EVENTS: usize = 16;
 
@@ -42,7 +43,7 @@ pub struct App {
     /// When the daemon started.
     pub started: Instant,
     /// Who may do what.
-    pub access: Access,
+    pub access: Arc<Access>,
     /// Who is next, and what became of whom.
     pub admission: Admission,
     /// Places for pages' sockets.
@@ -114,7 +115,7 @@ impl App {
             scene: SceneView::new(&table.scene),
             metrics: Metrics::default(),
             started: Instant::now(),
-            access,
+            access: Arc::new(access),
             admission: Admission::default(),
             sockets: Arc::new(Semaphore::new(SOCKETS)),
             session: Session::start(device, Needs { max_voltages_v }, policy)?,
@@ -487,4 +488,10 @@ impl App {
     pub async fn clear_faults(&self) -> Result<(), SessionError> {
         self.session.clear_faults().await
     }
+}
+
+/// Resolves when the daemon ends.
+pub async fn closed(closing: &mut watch::Receiver<bool>) {
+    // An error means that it is gone already.
+    let _ = closing.wait_for(|closing| *closing).await.map(|_| ());
 }

@@ -1,10 +1,10 @@
 //! The HTTP interface.
 
 use super::app::App;
+use super::body::whole_body;
 use super::messages;
 use super::preview::{MAX_SCENE, PreviewRequest};
 use super::problem::Problem;
-use super::server::whole_body;
 use super::touch::TouchRequest;
 use super::view::FieldView;
 use super::{access, assets, live};
@@ -55,7 +55,7 @@ pub fn router(app: Arc<App>) -> Router {
         .method_not_allowed_fallback(wrong_method)
         // The bounds above hold; this one would cut previews short.
         .layer(DefaultBodyLimit::disable())
-        .layer(middleware::from_fn_with_state(Arc::clone(&app), access::check))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), access::check))
         .with_state(app)
 }
 
@@ -65,7 +65,7 @@ pub fn stop_only(app: Arc<App>) -> Router {
         .route("/v1/stop", post(stop))
         .fallback(busy)
         .layer(middleware::from_fn_with_state(MAX_BODY, whole_body))
-        .layer(middleware::from_fn_with_state(Arc::clone(&app), access::check))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), access::check))
         .with_state(app)
 }
 

@@ -6,7 +6,7 @@
 mod fingers;
 mod writer;
 
-use super::app::App;
+use super::app::{App, SOCKETS};
 use super::problem::Problem;
 use super::touch::Feel;
 use super::view::TouchView;
@@ -34,8 +34,6 @@ const REPLIES: usize = 32;
 const PING: Duration = Duration::from_secs(5);
 /// A page of which nothing was heard for so long has lifted its fingers.
 const SILENCE: Duration = Duration::from_secs(15);
-/// Sockets at once.
-pub const SOCKETS: usize = 64;
 
 /// What a page says. Plain structures, not an enum with its tag inside: serde reads such an enum by way of a copy in which
 /// numbers are maps as soon as any crate of the program turns on serde_json's `arbitrary_precision`.
