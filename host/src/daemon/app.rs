@@ -7,6 +7,7 @@ use super::asked::Asked;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
+use super::record::Recorder;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
 use super::view::{FieldView, PlanView, SceneView, TouchView};
@@ -44,6 +45,8 @@ pub struct App {
     pub started: Instant,
     /// Who may do what.
     pub access: Arc<Access>,
+    /// Writes down what is asked and what becomes of it, where that is wanted.
+    pub record: Option<Recorder>,
     /// Who is next, and what became of whom.
     pub admission: Admission,
     /// Places for pages' sockets.
@@ -116,6 +119,7 @@ impl App {
             metrics: Metrics::default(),
             started: Instant::now(),
             access: Arc::new(access),
+            record: None,
             admission: Admission::default(),
             sockets: Arc::new(Semaphore::new(SOCKETS)),
             session: Session::start(device, Needs { max_voltages_v }, policy)?,
@@ -133,6 +137,13 @@ impl App {
     #[must_use]
     pub fn device(&self) -> watch::Receiver<Snapshot> {
         self.session.snapshots()
+    }
+
+    /// Writes a line down, where that is wanted.
+    pub fn note(&self, kind: &str, content: impl FnOnce() -> serde_json::Value) {
+        if let Some(record) = &self.record {
+            record.line(kind, content);
+        }
     }
 
     /// Whether the thread that looks after the device does its work.
@@ -463,6 +474,7 @@ impl App {
     pub async fn stop(&self) -> Result<(), SessionError> {
         self.turns.stop();
         let result = self.session.stop().await;
+        self.note("stopped", || serde_json::json!({"problem": result.as_ref().err().map(ToString::to_string)}));
         self.turns.drop_waiting();
         *self.active.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let _ = self.updates.send(Update::Stopped);

@@ -21,6 +21,7 @@ use futures_util::StreamExt;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -102,6 +103,9 @@ pub async fn upgrade(
 }
 
 async fn serve(app: Arc<App>, socket: WebSocket, wants: Wants) {
+    // Names the page in recordings.
+    static PAGES: AtomicU64 = AtomicU64::new(0);
+    let page = PAGES.fetch_add(1, Ordering::Relaxed) + 1;
     let (sink, mut stream) = socket.split();
     let (letters, inbox) = mpsc::channel::<Letter>(1);
     let (replies, outbox) = mpsc::channel::<Value>(REPLIES);
@@ -117,7 +121,7 @@ async fn serve(app: Arc<App>, socket: WebSocket, wants: Wants) {
                     heard = Instant::now();
                     match message {
                         Message::Text(text) => {
-                            if let Some(problem) = take(&app, text.as_str(), &fingers, &replies) {
+                            if let Some(problem) = take(&app, page, text.as_str(), &fingers, &replies) {
                                 // A page that reads nothing misses what is wrong with what it says.
                                 let _ = replies.try_send(error_message(&problem));
                             }
@@ -139,12 +143,13 @@ async fn serve(app: Arc<App>, socket: WebSocket, wants: Wants) {
             _ = &mut writer => break,
         }
     }
+    app.note("gone", || json!({"socket": page}));
     fingers.go();
     drop(letters);
 }
 
 /// Carries out what a page said; what is wrong with it, if anything is.
-fn take(app: &Arc<App>, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Value>) -> Option<Problem> {
+fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Value>) -> Option<Problem> {
     let wanted = r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"#;
     match super::body::from_json(text.as_bytes(), wanted) {
         Ok(Incoming {
@@ -158,6 +163,10 @@ fn take(app: &Arc<App>, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Va
             period_ms,
         }) => {
             let effect = effect.or_else(|| touches.iter().find_map(|touch| touch.effect));
+            app.note(
+                "fingers",
+                || json!({"socket": page, "message": serde_json::from_str::<Value>(text).unwrap_or_default()}),
+            );
             fingers.are(touches, Feel { intensity_g, intensity_db, duration_ms, effect, count, period_ms });
             None
         }
@@ -165,6 +174,7 @@ fn take(app: &Arc<App>, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Va
             Some(Problem::body(format!("missing field `touches`; expected {wanted}")))
         }
         Ok(Incoming { kind: Kind::Stop, .. }) => {
+            app.note("stop", || json!({"socket": page}));
             fingers.forget();
             // Of its own, so that the next message is read whatever the device does.
             let (app, replies) = (Arc::clone(app), replies.clone());
