@@ -71,6 +71,9 @@ enum Letter {
 #[serde(deny_unknown_fields)]
 struct LiveQuery {
     send: Option<String>,
+    /// Which `access` has asked for.
+    #[serde(rename = "token")]
+    _token: Option<String>,
 }
 
 /// Takes the upgrade.
