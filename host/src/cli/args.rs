@@ -128,7 +128,7 @@ pub struct Serve {
     #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::origin)]
     pub allow_origin: Vec<String>,
     /// Another name by which the daemon may be called, beside localhost and addresses in numbers; several times for several
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = crate::daemon::Access::host)]
     pub allow_host: Vec<String>,
     /// Write down what is asked and what becomes of it, to a new file that `era replay` reads
     #[arg(long, value_name = "FILE")]

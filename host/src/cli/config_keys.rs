@@ -263,7 +263,7 @@ pub const KEYS: &[Key] = &[
         rival: None,
         is_given: |serve| !serve.allow_host.is_empty(),
         take: |serve, given, _| {
-            serve.allow_host = given.texts()?.to_vec();
+            serve.allow_host = given.texts()?.iter().map(|text| Access::host(text).ok()).collect::<Option<_>>()?;
             Some(())
         },
     },

@@ -100,11 +100,13 @@ impl Access {
                 _ => return Err(format!("line {number}: the first word must be a role: view, touch or arm")),
             };
             match (words.next(), words.next()) {
-                (Some(secret), None) if secret.len() >= MIN_SECRET && secret.is_ascii() => {
+                (Some(secret), None) if secret.len() >= MIN_SECRET && secret.chars().all(is_unreserved) => {
                     tokens.push(Token { secret: secret.to_owned(), role });
                 }
                 (Some(_), None) => {
-                    return Err(format!("line {number}: a secret must have {MIN_SECRET} or more ASCII characters"));
+                    return Err(format!(
+                        "line {number}: a secret must have {MIN_SECRET} or more letters, digits, '-', '_', '.' and '~'"
+                    ));
                 }
                 _ => return Err(format!("line {number}: a role and one secret are wanted")),
             }
@@ -126,6 +128,18 @@ impl Access {
         let is_host = |c: char| c.is_ascii_alphanumeric() || ".-:[]".contains(c);
         if !matches!(scheme, "http" | "https") || rest.is_empty() || !rest.chars().all(is_host) {
             return Err(wanted.into());
+        }
+        Ok(text.to_ascii_lowercase())
+    }
+
+    /// A name as a Host header has it, without a port.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn host(text: &str) -> Result<String, String> {
+        let is_name = |c: char| c.is_ascii_alphanumeric() || "-.".contains(c);
+        if text.is_empty() || !text.chars().all(is_name) {
+            return Err("must be a name of letters, digits, '-' and '.', without a port".into());
         }
         Ok(text.to_ascii_lowercase())
     }
@@ -238,6 +252,11 @@ pub async fn check(State(access): State<Arc<Access>>, request: Request, next: Ne
     response
 }
 
+/// Characters that stand for themselves wherever a secret is written, addresses included (RFC 3986, 2.3).
+const fn is_unreserved(c: char) -> bool {
+    c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | '~')
+}
+
 /// A header as text.
 fn text<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>, Problem> {
     headers
@@ -308,9 +327,13 @@ mod tests {
 
     #[test]
     fn secrets_are_neither_short_nor_shown() {
-        for (text, wanted) in
-            [("", "no token"), ("view short", "line 1"), ("\nboss AAAAAAAAAAAAAAAAAAAAAA", "line 2"), ("arm", "secret")]
-        {
+        for (text, wanted) in [
+            ("", "no token"),
+            ("view short", "line 1"),
+            ("\nboss AAAAAAAAAAAAAAAAAAAAAA", "line 2"),
+            ("arm", "secret"),
+            ("arm AAAAAAAAAAAAAAAAAAAAA+/=", "letters"),
+        ] {
             let error = Access::tokens(text).unwrap_err();
             assert!(error.contains(wanted), "{text:?}: {error}");
         }

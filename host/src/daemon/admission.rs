@@ -62,12 +62,18 @@ impl Admission {
     pub fn arrived(&self, name: Option<String>) -> u64 {
         // Under the lock, so that the list is in the order of the numbers.
         let mut known = self.known();
-        let id = self.last_id.fetch_add(1, Ordering::Relaxed) + 1;
+        let id = self.number();
         if known.len() == KEPT {
             known.pop_front();
         }
         known.push_back(Known { id, name, arrived: Instant::now(), outcome: None });
         id
+    }
+
+    /// A number alone, for touches whose outcome their sender is told anyway: fingers that move would push all others out of
+    /// what is kept.
+    pub fn number(&self) -> u64 {
+        self.last_id.fetch_add(1, Ordering::Relaxed) + 1
     }
 
     /// A place at the planner, in the order of asking.

@@ -200,14 +200,21 @@ impl App {
         result
     }
 
-    /// Plans for a touch, the request `id`, with all that belongs to it, and drives it.
+    /// How often everything was stopped so far: what was asked for before a stop is not driven after it.
+    #[must_use]
+    pub fn stops(&self) -> u64 {
+        self.session.stops()
+    }
+
+    /// Plans for a touch, the request `id`, with all that belongs to it, and drives it unless everything was stopped since
+    /// [`App::stops`] said `stops`.
     ///
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
-    pub async fn touch(self: &Arc<Self>, id: u64, request: &TouchRequest) -> Result<Touched, Problem> {
+    pub async fn touch(self: &Arc<Self>, id: u64, stops: u64, request: &TouchRequest) -> Result<Touched, Problem> {
         let asked = request.asked(&self.table.scene);
         let result = match asked {
-            Ok(asked) => self.try_touch(id, &asked).await,
+            Ok(asked) => self.try_touch(id, stops, &asked).await,
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
@@ -221,21 +228,20 @@ impl App {
     pub async fn touch_all(
         self: &Arc<Self>,
         id: u64,
+        stops: u64,
         touches: Vec<TouchView>,
         intensity: Option<Intensity>,
         manner: Manner,
     ) -> Result<Touched, Problem> {
         let result = match Asked::fingers(touches, intensity, manner, &self.table.scene) {
-            Ok(asked) => self.try_touch(id, &asked).await,
+            Ok(asked) => self.try_touch(id, stops, &asked).await,
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
         result
     }
 
-    async fn try_touch(self: &Arc<Self>, id: u64, asked: &Asked) -> Result<Touched, Problem> {
-        // A stop from here on means that this is not driven any more.
-        let stops = self.session.stops();
+    async fn try_touch(self: &Arc<Self>, id: u64, stops: u64, asked: &Asked) -> Result<Touched, Problem> {
         if *self.closing.borrow() {
             return Err(SessionError::Closed.into());
         }

@@ -42,13 +42,15 @@ pub fn name(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     let Some(value) = headers.get("x-request-id") else { return Ok(None) };
     let is_plain = |text: &&str| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-        (1..=MAX_NAME).contains(&text.len()) && text.chars().all(plain)
+        // Numbers are the daemon's own names for requests.
+        let is_number = text.chars().all(|c| c.is_ascii_digit());
+        (1..=MAX_NAME).contains(&text.len()) && text.chars().all(plain) && !is_number
     };
     match value.to_str().ok().filter(is_plain) {
         Some(text) => Ok(Some(text.to_owned())),
         None => {
             let said = String::from_utf8_lossy(value.as_bytes()).into_owned();
-            let allowed = format!("1 to {MAX_NAME} letters, digits, '-', '_' and '.'");
+            let allowed = format!("1 to {MAX_NAME} letters, digits, '-', '_' and '.', not digits alone");
             let detail = format!("the header x-request-id is {said:?}, but must be {allowed}");
             let problem = Problem::new(StatusCode::BAD_REQUEST, "bad-header", "A header cannot be used", detail);
             Err(problem.at("x-request-id", said.into(), allowed, None))

@@ -122,11 +122,11 @@ impl Listener {
     /// [`ListenError`].
     #[cfg(unix)]
     pub fn unix(path: &Path) -> Result<Self, ListenError> {
-        use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
+        use std::os::unix::fs::PermissionsExt;
         let named = || path.display().to_string();
         let failed = |source| ListenError::Socket { path: named(), source };
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(failed)?;
+            private_folder(folder).map_err(failed)?;
         }
         match std::os::unix::net::UnixStream::connect(path) {
             Ok(_) => return Err(ListenError::Taken { path: named() }),
@@ -225,19 +225,37 @@ fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
 /// [`ListenError`].
 pub fn first_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, ListenError> {
     let files = TlsFiles { certificate: folder.join("era-cert.pem"), key: folder.join("era-key.pem") };
-    if files.certificate.exists() && files.key.exists() {
-        return Ok(files);
+    match (files.certificate.exists(), files.key.exists()) {
+        (true, true) => return Ok(files),
+        (false, false) => {}
+        (has_certificate, _) => {
+            let (there, missing) =
+                if has_certificate { (&files.certificate, &files.key) } else { (&files.key, &files.certificate) };
+            return Err(ListenError::Tls {
+                file: missing.display().to_string(),
+                reason: format!("is missing, and {} is there: move that away, and both are made anew", there.display()),
+            });
+        }
     }
     let wrong =
         |reason: &dyn fmt::Display| ListenError::Tls { file: folder.display().to_string(), reason: reason.to_string() };
     let mut all: Vec<String> = ["localhost", "127.0.0.1", "::1"].map(String::from).to_vec();
     all.extend(names.iter().cloned());
     let made = rcgen::generate_simple_self_signed(all).map_err(|error| wrong(&error))?;
-    std::fs::create_dir_all(folder).map_err(|error| wrong(&error))?;
+    private_folder(folder).map_err(|error| wrong(&error))?;
     write_secret(&files.key, &made.signing_key.serialize_pem()).map_err(|error| wrong(&error))?;
     std::fs::write(&files.certificate, made.cert.pem()).map_err(|error| wrong(&error))?;
     tracing::info!("made a certificate: clients on other machines trust {}", files.certificate.display());
     Ok(files)
+}
+
+/// A folder, made for its owner alone where there is none.
+fn private_folder(path: &Path) -> io::Result<()> {
+    let mut builder = std::fs::DirBuilder::new();
+    builder.recursive(true);
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.create(path)
 }
 
 /// A file that only its owner may read, from its first byte on.

@@ -7,18 +7,19 @@ use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::time::{Duration, Instant};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Instant;
 
 /// Lines that may wait for the disk.
 const WAITING: usize = 4096;
-/// Most of a recording that is lost when the machine is.
-const FLUSH: Duration = Duration::from_secs(1);
 
 /// Writes down.
 #[derive(Debug)]
 pub struct Recorder {
-    lines: SyncSender<Value>,
+    /// Until the end.
+    lines: Option<SyncSender<Value>>,
+    thread: Option<JoinHandle<()>>,
     started: Instant,
     left_out: AtomicU64,
 }
@@ -32,12 +33,13 @@ impl Recorder {
         let file = std::fs::OpenOptions::new().write(true).create_new(true).open(path)?;
         let (lines, inbox) = sync_channel(WAITING);
         let named = path.display().to_string();
-        std::thread::Builder::new().name("recorder".into()).spawn(move || {
+        let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
             if let Err(error) = write(BufWriter::new(file), &inbox) {
                 tracing::error!(%error, path = named, "nothing is recorded any more");
             }
         })?;
-        let recorder = Self { lines, started: Instant::now(), left_out: AtomicU64::new(0) };
+        let recorder =
+            Self { lines: Some(lines), thread: Some(thread), started: Instant::now(), left_out: AtomicU64::new(0) };
         recorder.line("begin", || {
             let version = env!("CARGO_PKG_VERSION");
             let since_1970 = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
@@ -56,18 +58,29 @@ impl Recorder {
         if let (Value::Object(line), Value::Object(content)) = (&mut line, content()) {
             line.extend(content);
         }
-        if self.lines.try_send(line).is_err() {
+        if self.lines.as_ref().is_none_or(|lines| lines.try_send(line).is_err()) {
             self.left_out.fetch_add(left_out + 1, Ordering::Relaxed);
         }
     }
 }
 
-fn write(mut file: impl Write, inbox: &Receiver<Value>) -> std::io::Result<()> {
-    loop {
-        match inbox.recv_timeout(FLUSH) {
-            Ok(line) => writeln!(file, "{line}")?,
-            Err(RecvTimeoutError::Timeout) => file.flush()?,
-            Err(RecvTimeoutError::Disconnected) => return file.flush(),
+impl Drop for Recorder {
+    /// Waits for the last lines.
+    fn drop(&mut self) {
+        drop(self.lines.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
         }
     }
+}
+
+fn write(mut file: impl Write, inbox: &Receiver<Value>) -> std::io::Result<()> {
+    while let Ok(line) = inbox.recv() {
+        writeln!(file, "{line}")?;
+        for line in inbox.try_iter() {
+            writeln!(file, "{line}")?;
+        }
+        file.flush()?;
+    }
+    Ok(())
 }

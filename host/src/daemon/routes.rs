@@ -9,6 +9,7 @@ use super::touch::TouchRequest;
 use super::view::FieldView;
 use super::{access, assets, live};
 use axum::body::Bytes;
+use axum::extract::rejection::PathRejection;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header};
 use axum::middleware;
@@ -82,13 +83,14 @@ fn from_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, wanted: &st
 }
 
 async fn touch(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Result<Response, Problem> {
+    let stops = app.stops();
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number or "intensity_db"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "buzz" | "swell" | "pulse_train" | "texture", "count"?: number, "period_ms"?: number, "from_ms"?: number, "to_ms"?: number, "also"?: [{"x_px": number, "y_px": number, "intensity_g"?: number, "from_ms"?: number, "to_ms"?: number}, ...], "quiet"?: [{"x_px": number, "y_px": number, "radius_mm": number, "at_most_g": number}, ...], "objective"?: "contrast" | "reach" | "power", "grouping"?: "distinct" | "shared", "weigh"?: "equal" | "felt", "trade"?: boolean}"#;
     let request: TouchRequest = from_body(&headers, &body, wanted)?;
     let name = super::body::name(&headers)?;
     let id = app.admission.arrived(name.clone());
     // It has just been read as such.
     app.note("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
-    let answer = app.touch(id, &request).await.map(messages::touched);
+    let answer = app.touch(id, stops, &request).await.map(messages::touched);
     app.note("outcome", || outcome(id, &answer));
     app.admission.done(id, answer.clone());
     let mut response = answer.map(Json).into_response();
@@ -107,7 +109,10 @@ fn outcome(id: u64, answer: &Result<Value, Problem>) -> Value {
     }
 }
 
-async fn request(State(app): State<Arc<App>>, Path(key): Path<String>) -> Result<Response, Problem> {
+async fn request(State(app): State<Arc<App>>, key: Result<Path<String>, PathRejection>) -> Result<Response, Problem> {
+    let Path(key) = key.map_err(|error| {
+        Problem::new(StatusCode::BAD_REQUEST, "bad-query", "The path cannot be used", error.body_text())
+    })?;
     Ok(Json(app.admission.told(&key)?).into_response())
 }
 

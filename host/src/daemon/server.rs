@@ -37,11 +37,11 @@ const ACCEPT_AGAIN: Duration = Duration::from_millis(50);
 
 /// Serves `app` on all `listeners` until `shutdown` resolves. The device is stopped first then, whatever connections do.
 pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Future<Output = ()> + Send + 'static) {
-    let doors = Arc::new(Doors::new(&app));
     let closing = app.closing();
     let mut all = JoinSet::new();
     for listener in listeners {
-        all.spawn(listen(listener, Arc::clone(&doors), closing.clone()));
+        // Each with places of its own: a crowd at one is in nobody's way at another.
+        all.spawn(listen(listener, Doors::new(&app), closing.clone()));
     }
     shutdown.await;
     app.close().await;
@@ -49,7 +49,7 @@ pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Futur
 }
 
 /// Accepts connections until the daemon ends, and gives those that are open then a moment.
-async fn listen(listener: Listener, doors: Arc<Doors>, mut closing: watch::Receiver<bool>) {
+async fn listen(listener: Listener, doors: Doors, mut closing: watch::Receiver<bool>) {
     let mut tasks = JoinSet::new();
     loop {
         tokio::select! {

@@ -208,11 +208,15 @@ impl OpenDevice {
                 serialport::Error::new(serialport::ErrorKind::NoDevice, format!("{what} is connected"))
             })?;
         }
+        Ok(())
+    }
+
+    /// An ERA board has answered at this port: from now on that one is wanted, wherever USB shows it.
+    pub fn remember(&mut self) {
         if self.usb.is_none() && self.kind == "serial" {
             self.usb = port::usb_of(&self.path);
         }
         self.any = self.any && self.usb.is_none();
-        Ok(())
     }
 
     /// Opens the port.

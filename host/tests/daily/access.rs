@@ -226,6 +226,38 @@ fn the_socket_in_the_file_system_is_for_its_owner() {
     assert!(kept.is_err() && std::fs::read_to_string(&path).unwrap() == "a file");
 }
 
+/// Whoever fills the port keeps its owner's stop out of the port, and not out of the socket.
+#[cfg(unix)]
+#[test]
+fn a_crowd_at_the_port_is_not_at_the_socket() {
+    use std::os::unix::net::UnixStream;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("era.sock");
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let app = std::sync::Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+    let (port, socket) = runtime.block_on(async {
+        let port = Listener::tcp("127.0.0.1:0".parse().unwrap(), None, false).await.unwrap();
+        (port, Listener::unix(&path).unwrap())
+    });
+    let address = port.url().trim_start_matches("http://").to_owned();
+    let (end, ended) = tokio::sync::oneshot::channel::<()>();
+    let serving = runtime.spawn(era::daemon::serve(app, vec![port, socket], async {
+        let _ = ended.await;
+    }));
+    let crowd: Vec<_> = (0..300).map(|_| std::net::TcpStream::connect(&address).unwrap()).collect();
+    let mut stream = UnixStream::connect(&path).unwrap();
+    stream
+        .write_all(b"POST /v1/stop HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Length: 0\r\n\r\n")
+        .unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    // The simulated device may not have answered yet: what counts is that the stop was taken.
+    assert!(answer.starts_with("HTTP/1.1 200") || answer.starts_with("HTTP/1.1 502"), "{answer}");
+    drop(crowd);
+    end.send(()).unwrap();
+    runtime.block_on(serving).unwrap();
+}
+
 /// One connection after the other is asked for its token before anything is read of it.
 #[test]
 fn a_token_is_asked_for_before_the_body_is_read() {

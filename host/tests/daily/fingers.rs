@@ -72,7 +72,13 @@ fn an_effect_begins_once_however_its_finger_moves() {
     say(&mut socket, &touch(&json!([at(1, 410.0), at(2, 1500.0)])));
     let second = next(&mut socket, "plan");
     assert_eq!(second["touches"].as_array().unwrap().len(), 2, "{}", second["touches"]);
-    // So is the first one after it was lifted.
+    // So is the same one when it comes again while the first stays, ...
+    say(&mut socket, &touch(&json!([at(1, 410.0)])));
+    std::thread::sleep(Duration::from_millis(300));
+    say(&mut socket, &touch(&json!([at(1, 410.0), at(2, 1400.0)])));
+    let again = next(&mut socket, "plan");
+    assert_eq!(again["touches"][1]["x_px"], 1400.0, "{}", again["touches"]);
+    // ... and the first one after it was lifted.
     say(&mut socket, &touch(&json!([])));
     say(&mut socket, &touch(&json!([at(1, 700.0)])));
     let third = next(&mut socket, "plan");

@@ -23,7 +23,9 @@ struct Step {
     /// None: those before are lifted.
     touches: Vec<TouchView>,
     feel: Feel,
-    lifted: Option<Instant>,
+    lifted: bool,
+    /// [`App::stops`] when it was said: a stop from then on means that it is not driven.
+    stops: u64,
 }
 
 /// What a page's fingers have done and is not driven yet. Of fingers that move only the newest place counts; those that were
@@ -37,20 +39,20 @@ pub struct Fingers {
 
 impl Fingers {
     /// All fingers that are down now, none if they are lifted.
-    pub fn are(&self, touches: Vec<TouchView>, feel: Feel) {
+    pub fn are(&self, touches: Vec<TouchView>, feel: Feel, stops: u64) {
         let mut steps = self.steps();
         if touches.is_empty() {
             match steps.back_mut() {
-                Some(last) if last.lifted.is_none() => last.lifted = Some(Instant::now()),
+                Some(last) if !last.lifted => last.lifted = true,
                 Some(_) => {}
-                None => steps.push_back(Step { touches, feel, lifted: Some(Instant::now()) }),
+                None => steps.push_back(Step { touches, feel, lifted: true, stops }),
             }
         } else {
             // A device slower than the page skips what came in between.
-            if steps.len() >= MOST_STEPS || steps.back().is_some_and(|last| last.lifted.is_none()) {
+            if steps.len() >= MOST_STEPS || steps.back().is_some_and(|last| !last.lifted) {
                 steps.pop_back();
             }
-            steps.push_back(Step { touches, feel, lifted: None });
+            steps.push_back(Step { touches, feel, lifted: false, stops });
         }
         drop(steps);
         self.changed.notify_one();
@@ -59,12 +61,12 @@ impl Fingers {
     /// Whatever they have done is not wanted any more.
     pub fn forget(&self) {
         self.steps().clear();
-        self.are(Vec::new(), Feel::default());
+        self.are(Vec::new(), Feel::default(), 0);
     }
 
     /// The page has gone away: its fingers are lifted.
     pub fn go(&self) {
-        self.are(Vec::new(), Feel::default());
+        self.are(Vec::new(), Feel::default(), 0);
         *self.gone.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.changed.notify_one();
     }
@@ -96,15 +98,17 @@ impl Fingers {
 /// Drives what the fingers ask for until the page is gone.
 pub async fn drive(app: Arc<App>, fingers: Arc<Fingers>, replies: mpsc::Sender<Value>) {
     let mut hand = Hand::default();
-    while let Some(Step { touches, feel, lifted }) = fingers.next().await {
-        if !touches.is_empty()
-            && !hand.has_played(&touches, &feel)
-            && let Err(problem) = hand.drive(&app, &fingers, touches, feel, lifted.is_some()).await
+    while let Some(step) = fingers.next().await {
+        let lifted = step.lifted;
+        hand.keep(&step.touches);
+        if !step.touches.is_empty()
+            && !hand.has_played(&step.touches, &step.feel)
+            && let Err(problem) = hand.drive(&app, &fingers, step).await
         {
             // The page reads nothing: it has missed older news than this.
             let _ = replies.try_send(error_message(&problem));
         }
-        if lifted.is_some() {
+        if lifted {
             hand.lift(&app);
         }
     }
@@ -125,18 +129,17 @@ impl Hand {
         feel.effect.is_some() && self.feel == *feel && touches.iter().all(|touch| self.down.contains(&touch.id))
     }
 
-    async fn drive(
-        &mut self,
-        app: &Arc<App>,
-        fingers: &Fingers,
-        touches: Vec<TouchView>,
-        feel: Feel,
-        is_tap: bool,
-    ) -> Result<(), crate::daemon::Problem> {
+    /// Forgets fingers that are not down any more: when they come again, their effect does.
+    fn keep(&mut self, touches: &[TouchView]) {
+        self.down.retain(|id| touches.iter().any(|touch| touch.id == *id));
+    }
+
+    async fn drive(&mut self, app: &Arc<App>, fingers: &Fingers, step: Step) -> Result<(), crate::daemon::Problem> {
+        let Step { touches, feel, lifted: is_tap, stops } = step;
         let (intensity, manner) = feel.check(MAX_DURATION_MS)?;
         let ids = touches.iter().map(|touch| touch.id).collect();
-        let id = app.admission.arrived(None);
-        let mut touch = std::pin::pin!(app.touch_all(id, touches, intensity, manner));
+        let id = app.admission.number();
+        let mut touch = std::pin::pin!(app.touch_all(id, stops, touches, intensity, manner));
         // To its end in any case, but without waiting for its turn once newer fingers stand in its place.
         let done = loop {
             tokio::select! {

@@ -170,7 +170,8 @@ fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc
                 "fingers",
                 || json!({"socket": page, "message": serde_json::from_str::<Value>(text).unwrap_or_default()}),
             );
-            fingers.are(touches, Feel { intensity_g, intensity_db, duration_ms, effect, count, period_ms });
+            let feel = Feel { intensity_g, intensity_db, duration_ms, effect, count, period_ms };
+            fingers.are(touches, feel, app.stops());
             None
         }
         Ok(Incoming { kind: Kind::Touch, touches: None, .. }) => {

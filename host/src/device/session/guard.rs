@@ -28,8 +28,8 @@ impl Worker {
                 self.note_trouble(error);
             }
         }
-        self.look()?;
-        armed
+        armed?;
+        Ok(self.look()?)
     }
 
     /// Refuses to drive a scene that the board is not made for, and a board that a person has to arm.

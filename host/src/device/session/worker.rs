@@ -212,6 +212,7 @@ impl Worker {
             return Err(LinkError::OtherBoard { wanted, found });
         }
         self.board_id = Some(board);
+        self.device.remember();
         let fit = self.needs.fit(&identity);
         let mismatch = match &fit {
             Fit::Good => None,
