@@ -56,12 +56,6 @@ impl Http {
         Self { place, stream: None, opened: 0 }
     }
 
-    /// Where it leads.
-    #[must_use]
-    pub const fn place(&self) -> &Place {
-        &self.place
-    }
-
     fn connected(&mut self) -> io::Result<&mut BufReader<Box<dyn Stream>>> {
         if self.stream.is_none() {
             let stream: Box<dyn Stream> = match &self.place {

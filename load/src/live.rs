@@ -30,17 +30,15 @@ impl Live {
         self.0.send(Message::text(message.to_string())).map_err(|error| error.to_string())
     }
 
-    /// Waits for what the daemon says next.
+    /// Waits for what the daemon says next; `null` is a sign of life.
     ///
     /// # Errors
     /// What went wrong, for people: nothing came for a while, or the socket is closed.
     pub fn read(&mut self) -> Result<Value, String> {
-        loop {
-            match self.0.read().map_err(|error| error.to_string())? {
-                Message::Text(text) => return serde_json::from_str(&text).map_err(|error| error.to_string()),
-                Message::Close(_) => return Err("the daemon has closed the socket".into()),
-                _ => {}
-            }
+        match self.0.read().map_err(|error| error.to_string())? {
+            Message::Text(text) => serde_json::from_str(&text).map_err(|error| error.to_string()),
+            Message::Close(_) => Err("the daemon has closed the socket".into()),
+            _ => Ok(Value::Null),
         }
     }
 

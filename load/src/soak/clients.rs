@@ -1,6 +1,6 @@
 //! Clients of every kind, each in a thread of its own.
 
-use super::tally::Tally;
+use super::tally::{Answered, Tally};
 use super::world::{Serving, World};
 use crate::http::{Answer, Http, PATIENCE, Place};
 use crate::live::Live;
@@ -27,17 +27,6 @@ const SCREEN_PX: [u32; 2] = [1920, 1280];
 
 fn pause(random: &mut Rng) {
     std::thread::sleep(Duration::from_millis(random.u64(0..PAUSE_MS)));
-}
-
-/// What an answer comes to: its status, and the end of its problem's type.
-fn told(answer: &Answer) -> String {
-    let json = answer.json();
-    kind(answer.status, &json)
-}
-
-fn kind(status: u16, problem: &Value) -> String {
-    let name = problem["type"].as_str().and_then(|kind| kind.rsplit(':').next()).filter(|_| status != 200);
-    name.map_or_else(|| status.to_string(), |name| format!("{status} {name}"))
 }
 
 /// In eighths of a pixel, which every reader of numbers gets right to the last bit.
@@ -88,7 +77,7 @@ pub fn http(world: &World, socket: Option<&Path>, client: usize, mut random: Rng
                 match http.request("POST", "/v1/touch", Some(&name), &body) {
                     Ok(answer) => {
                         tally.times.add(begun.elapsed());
-                        tally.answered(told(&answer));
+                        tally.answered(Answered::of(answer.status, &answer.json()));
                     }
                     Err(error) => unanswered(world, serving, &name, &error, &mut tally),
                 }
@@ -159,7 +148,10 @@ pub fn live(world: &World, client: usize, mut random: Rng) -> Tally {
         let begun = Instant::now();
         match gesture(&mut live, client, &mut random) {
             Ok(answer) => {
-                tally.times.add(begun.elapsed());
+                // A drag of which a place was refused is waited for.
+                if answer.is_driven() {
+                    tally.live_times.add(begun.elapsed());
+                }
                 tally.answered(answer);
                 known = Some((serving, live));
             }
@@ -178,7 +170,7 @@ pub fn live(world: &World, client: usize, mut random: Rng) -> Tally {
 }
 
 /// Puts a finger down, moves it, and lifts it.
-fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<String, String> {
+fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered, String> {
     let (moves, intensity_g) = (random.u64(0..MOST_MOVES), random.f64());
     let (mut x_px, mut y_px) = place(random);
     for step in 0..=moves {
@@ -199,16 +191,17 @@ fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<String, S
             Err(error) => return refused.ok_or(error),
         };
         if message["type"] == "plan" && message["touches"][0]["x_px"] == json!(x_px) {
-            return Ok("plan shown".into());
+            return Ok(Answered::shown());
         }
         if message["type"] == "error" {
             let problem = &message["problem"];
-            refused = Some(format!("error {}", kind(problem["status"].as_u64().unwrap_or(0) as u16, problem)));
+            let status = problem["status"].as_u64().and_then(|status| u16::try_from(status).ok());
+            refused = Some(Answered::of(status.unwrap_or(0), problem));
             if moves == 0 {
                 break;
             }
             (begun, patience) = (Instant::now(), STILL);
         }
     }
-    refused.ok_or_else(|| format!("neither plan nor error within {} s", PATIENCE.as_secs()))
+    refused.ok_or_else(|| format!("neither plan nor error within {} s of {moves} moves", PATIENCE.as_secs()))
 }

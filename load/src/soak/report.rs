@@ -79,12 +79,14 @@ impl Report {
         row("touches sent", tally.sent.to_string());
         row("  answered", tally.all_answered().to_string());
         for (with, count) in &tally.answered {
-            row(&format!("    {with}"), count.to_string());
+            let detail = tally.details.get(with).map(|detail| format!(", at first: {detail}")).unwrap_or_default();
+            row(&format!("    {with}"), format!("{count}{detail}"));
         }
         row("  outcome told afterwards", tally.told.to_string());
         row("  with a daemon that was killed", tally.killed.to_string());
         row("  lost", tally.lost.to_string());
-        row("answer p50 / p99 / max", tally.times.told());
+        row("HTTP, answer p50 / p99 / max", tally.times.told());
+        row("live, shown p50 / p99 / max", tally.live_times.told());
         row("stops and looks at the state", tally.others.to_string());
         row("reconnects of clients", tally.reconnects.to_string());
         row("outages of the link to the board", self.outages.to_string());

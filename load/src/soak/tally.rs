@@ -1,10 +1,42 @@
 //! What clients count.
 
 use crate::times::Times;
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Lost touches of which is told what is known.
 const TOLD: usize = 20;
+
+/// How a touch was answered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Answered {
+    /// The status and the end of the problem's type; "shown" for a plan on a live socket.
+    pub kind: String,
+    /// What the problem says.
+    pub detail: Option<String>,
+}
+
+impl Answered {
+    /// By a status and perhaps a problem.
+    #[must_use]
+    pub fn of(status: u16, problem: &Value) -> Self {
+        let name = problem["type"].as_str().and_then(|kind| kind.rsplit(':').next()).filter(|_| status != 200);
+        let kind = name.map_or_else(|| status.to_string(), |name| format!("{status} {name}"));
+        Self { kind, detail: name.and_then(|_| problem["detail"].as_str()).map(str::to_owned) }
+    }
+
+    /// By a plan on a live socket.
+    #[must_use]
+    pub fn shown() -> Self {
+        Self { kind: "shown".into(), detail: None }
+    }
+
+    /// Whether it was driven.
+    #[must_use]
+    pub const fn is_driven(&self) -> bool {
+        self.detail.is_none()
+    }
+}
 
 /// What became of touches.
 #[derive(Debug, Default)]
@@ -13,6 +45,8 @@ pub struct Tally {
     pub sent: u64,
     /// Those that were answered, by what they were answered with.
     pub answered: BTreeMap<String, u64>,
+    /// What the first of each kind of refusal said.
+    pub details: BTreeMap<String, String>,
     /// Those without an answer whose outcome the daemon told when it was asked afterwards.
     pub told: u64,
     /// Those that a daemon had taken when it was killed.
@@ -21,8 +55,10 @@ pub struct Tally {
     pub lost: u64,
     /// What is known of the first of them.
     pub losses: Vec<String>,
-    /// From sending to the answer.
+    /// From sending a request to its answer.
     pub times: Times,
+    /// From putting a finger down to the plan for its last place.
+    pub live_times: Times,
     /// Connections that had to be opened again to the same daemon.
     pub reconnects: u64,
     /// Other requests: stops and looks at the state.
@@ -30,9 +66,15 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// A touch was answered.
-    pub fn answered(&mut self, with: String) {
-        *self.answered.entry(with).or_default() += 1;
+    /// A touch was answered with this status and, where it was refused, this problem.
+    pub fn answered(&mut self, with: Answered) {
+        let Answered { kind, detail } = with;
+        if let Some(detail) = detail
+            && !self.details.contains_key(&kind)
+        {
+            self.details.insert(kind.clone(), detail);
+        }
+        *self.answered.entry(kind).or_default() += 1;
     }
 
     /// A touch was lost.
@@ -50,12 +92,16 @@ impl Tally {
         for (with, count) in other.answered {
             *self.answered.entry(with).or_default() += count;
         }
+        for (kind, detail) in other.details {
+            self.details.entry(kind).or_insert(detail);
+        }
         self.told += other.told;
         self.killed += other.killed;
         self.lost += other.lost;
         self.losses.extend(other.losses);
         self.losses.truncate(TOLD);
         self.times.join(other.times);
+        self.live_times.join(other.live_times);
         self.reconnects += other.reconnects;
         self.others += other.others;
     }
