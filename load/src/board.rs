@@ -54,24 +54,28 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// A board for the example plate, plugged in at `link`.
+    /// A board for the example plate, plugged in at `link` with a cable that can be disturbed.
     ///
     /// # Errors
     /// [`Error::Scene`], [`Error::Line`], [`Error::System`].
     pub fn new(link: PathBuf) -> Result<Self, Error> {
-        let wrong = |error: &dyn std::fmt::Display| Error::Scene(error.to_string());
-        let scene = Scene::parse("example plate", EXAMPLE_PLATE).map_err(|error| wrong(&error))?;
-        let options = TableOptions::default();
-        let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
-            .map_err(|error| wrong(&error))?
-            .reduce(options.to_hz, &[])
-            .map_err(|error| wrong(&error))?;
-        let table = PlanTable::build(&scene, model, options).map_err(|error| wrong(&error))?;
-        let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        let device = SimDevice::start_named(Panel::of(&table), volts, SimBoard::ID)?;
-        let mut bench = Self { device, link, cable: None };
+        let mut bench = Self { device: device()?, link, cable: None };
         bench.plug()?;
         Ok(bench)
+    }
+
+    /// The same without that cable, which takes time: for measurements.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn direct(link: PathBuf) -> Result<Self, Error> {
+        let bench = Self { device: device()?, link, cable: None };
+        bench.lead_to(bench.device.path())?;
+        Ok(bench)
+    }
+
+    fn lead_to(&self, path: &str) -> Result<(), Error> {
+        std::os::unix::fs::symlink(path, &self.link).map_err(Error::file(&self.link))
     }
 
     /// What the board has seen.
@@ -86,7 +90,7 @@ impl Bench {
     /// [`Error::Line`], [`Error::System`].
     pub fn plug(&mut self) -> Result<(), Error> {
         let cable = Cable::new(self.device.path())?;
-        std::os::unix::fs::symlink(&cable.path, &self.link).map_err(Error::file(&self.link))?;
+        self.lead_to(&cable.path)?;
         self.cable = Some(cable);
         Ok(())
     }
@@ -125,6 +129,19 @@ impl Bench {
     pub fn calm(&self) -> bool {
         self.cable.as_ref().is_some_and(|cable| cable.trouble().rubbish.take().is_some())
     }
+}
+
+fn device() -> Result<SimDevice, Error> {
+    let wrong = |error: &dyn std::fmt::Display| Error::Scene(error.to_string());
+    let scene = Scene::parse("example plate", EXAMPLE_PLATE).map_err(|error| wrong(&error))?;
+    let options = TableOptions::default();
+    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz)
+        .map_err(|error| wrong(&error))?
+        .reduce(options.to_hz, &[])
+        .map_err(|error| wrong(&error))?;
+    let table = PlanTable::build(&scene, model, options).map_err(|error| wrong(&error))?;
+    let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
+    Ok(SimDevice::start_named(Panel::of(&table), volts, SimBoard::ID)?)
 }
 
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! What can go wrong with a load.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::Path;
 
 /// Why a load could not be put on, or what it showed.
 #[derive(Debug, thiserror::Error)]
@@ -44,7 +44,7 @@ impl Error {
     }
 
     /// Something about the file at `path`.
-    pub fn file(path: &std::path::Path) -> impl FnOnce(io::Error) -> Self {
-        Self::system(PathBuf::from(path).display().to_string())
+    pub fn file(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        Self::system(path.display().to_string())
     }
 }

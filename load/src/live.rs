@@ -3,7 +3,7 @@
 use crate::http::tcp;
 use serde_json::Value;
 use std::net::{SocketAddr, TcpStream};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tungstenite::{Message, WebSocket};
 
 /// A live socket.
@@ -39,6 +39,25 @@ impl Live {
             Message::Text(text) => serde_json::from_str(&text).map_err(|error| error.to_string()),
             Message::Close(_) => Err("the daemon has closed the socket".into()),
             _ => Ok(Value::Null),
+        }
+    }
+
+    /// What the daemon says next, if that comes in time.
+    ///
+    /// # Errors
+    /// What went wrong, for people.
+    pub fn read_until(&mut self, when: Instant) -> Result<Option<Value>, String> {
+        use std::io::ErrorKind::{TimedOut, WouldBlock};
+        let left = when.saturating_duration_since(Instant::now());
+        // None at all would mean no end.
+        let left = left.max(Duration::from_micros(1));
+        self.0.get_ref().set_read_timeout(Some(left)).map_err(|error| error.to_string())?;
+        match self.0.read() {
+            Ok(Message::Text(text)) => serde_json::from_str(&text).map(Some).map_err(|error| error.to_string()),
+            Ok(Message::Close(_)) => Err("the daemon has closed the socket".into()),
+            Ok(_) => Ok(None),
+            Err(tungstenite::Error::Io(error)) if matches!(error.kind(), TimedOut | WouldBlock) => Ok(None),
+            Err(error) => Err(error.to_string()),
         }
     }
 

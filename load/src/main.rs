@@ -8,6 +8,7 @@ mod daemon;
 mod error;
 mod http;
 mod live;
+mod pace;
 mod soak;
 mod times;
 
@@ -26,11 +27,14 @@ struct Arguments {
 enum Command {
     /// Many clients for a long time, with faults or without
     Soak(soak::Options),
+    /// From a request to its answer, to the board and to a stop, at several rates and over every way in
+    Daemon(pace::Options),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Soak(options) => soak::run(&options),
+        Command::Daemon(options) => pace::run(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

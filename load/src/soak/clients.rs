@@ -183,6 +183,7 @@ fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered,
     }
     live.send(&json!({"type": "touch", "touches": []}))?;
     let mut refused = None;
+    let mut others = 0_u64;
     let (mut begun, mut patience) = (Instant::now(), PATIENCE);
     while begun.elapsed() < patience {
         let message = match live.read() {
@@ -193,6 +194,7 @@ fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered,
         if message["type"] == "plan" && message["touches"][0]["x_px"] == json!(x_px) {
             return Ok(Answered::shown());
         }
+        others += u64::from(message["type"] == "plan");
         if message["type"] == "error" {
             let problem = &message["problem"];
             let status = problem["status"].as_u64().and_then(|status| u16::try_from(status).ok());
@@ -203,5 +205,5 @@ fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered,
             (begun, patience) = (Instant::now(), STILL);
         }
     }
-    refused.ok_or_else(|| format!("neither plan nor error within {} s of {moves} moves", PATIENCE.as_secs()))
+    refused.ok_or_else(|| format!("neither plan nor error within {} s of {moves} moves, but {others} plans of others", PATIENCE.as_secs()))
 }

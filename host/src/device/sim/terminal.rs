@@ -88,7 +88,7 @@ impl SimControl {
         self.lock().drives_received
     }
 
-    /// When the last byte of the last frame that stops or disarms was received.
+    /// When the last byte of the last frame that stops everything was received.
     #[must_use]
     pub fn stop_received(&self) -> Option<Instant> {
         self.lock().stop_received
@@ -281,7 +281,7 @@ impl Loop {
         }
     }
 
-    /// Notes when frames that set drives, or end them, have become complete.
+    /// Notes when frames that set drives, or stop everything, have become complete.
     fn listen(&mut self, bytes: &[u8], at: Instant) {
         let (mut drives_set, mut stops) = (false, false);
         let (heard, deadman) = (&mut self.heard, &mut self.deadman);
@@ -290,7 +290,7 @@ impl Loop {
             *heard = at;
             match postcard::from_bytes(frame.body) {
                 Ok(Request::SetDrives { drives } | Request::Prepare { drives }) => drives_set |= !drives.is_empty(),
-                Ok(Request::Stop | Request::Disarm) => stops = true,
+                Ok(Request::Stop) => stops = true,
                 Ok(Request::Arm { deadman_ms } | Request::ArmWith { deadman_ms, .. }) => {
                     *deadman = deadman_ms.map_or(DEADMAN_DEFAULT, |ms| Duration::from_millis(ms.into()));
                 }
