@@ -180,6 +180,14 @@ class Board:
                     "earth_bonded": True,
                     "credit_ms": [60_000] * self.channels,
                 }
+            case "Credit":
+                # Full, and nothing that runs out: who asks is answered, no more.
+                channel = {"left_ms": 60_000, "charge_ppm": 0}
+                return "Credit", {
+                    "rule": ("ForceSquared", None),
+                    "earned_ppm": 100_000,
+                    "channels": [channel] * self.channels,
+                }
             case "Log":
                 return "Log", {"bytes": b""}
         return "Refused", ("Malformed", None)

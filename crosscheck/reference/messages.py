@@ -1,4 +1,4 @@
-"""Layout of the messages of protocol version 2.
+"""Layout of the messages of protocol version 3.
 
 docs/src/protocol.md names requests and replies and points to shared/src/protocol for their fields: order and width of the
 fields are the definition of the format, and are stated here a second time, as a schema.
@@ -6,7 +6,7 @@ fields are the definition of the format, and are stated here a second time, as a
 
 from . import frames
 
-VERSION = 2
+VERSION = 3
 
 _DRIVE = {
     "channel": "u8",
@@ -53,6 +53,7 @@ REQUEST = (
         ("Details", None),
         ("Log", None),
         ("Bootloader", {"key": "u32"}),
+        ("Credit", None),
     ],
 )
 
@@ -103,6 +104,11 @@ _DETAILS = {
     "earth_bonded": "bool",
     "credit_ms": ("list", "u32"),
 }
+_CREDIT = {
+    "rule": ("enum", [("Time", None), ("ForceSquared", None)]),
+    "earned_ppm": "u32",
+    "channels": ("list", {"left_ms": "u32", "charge_ppm": "u32"}),
+}
 
 REPLY = (
     "enum",
@@ -126,6 +132,7 @@ REPLY = (
         ("Details", _DETAILS),
         ("Log", {"bytes": "bytes"}),
         ("Bootloader", None),
+        ("Credit", _CREDIT),
     ],
 )
 

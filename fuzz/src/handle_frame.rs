@@ -206,7 +206,8 @@ impl Bench {
             | (Request::Telemetry, Reply::Telemetry(_))
             | (Request::Clock, Reply::Clock { .. })
             | (Request::Details, Reply::Details(_))
-            | (Request::Log, Reply::Log { .. }) => {}
+            | (Request::Log, Reply::Log { .. })
+            | (Request::Credit, Reply::Credit(_)) => {}
             (Request::Arm { .. }, Reply::Armed { deadman_ms })
             | (Request::ArmWith { .. }, Reply::ArmedWith { deadman_ms, .. }) => {
                 assert!(state.is_live(), "armed, but {state:?}");

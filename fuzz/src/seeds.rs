@@ -69,6 +69,7 @@ pub fn handle_frame() -> Vec<Seed> {
         ask(0, &Request::Clock),
         ask(0, &Request::Details),
         ask(0, &Request::Log),
+        ask(0, &Request::Credit),
         ask(0, &Request::Bootloader { key: BOOTLOADER_KEY }),
         ask(0, &Request::Disarm),
         ask(0, &Request::Bootloader { key: BOOTLOADER_KEY }),

@@ -4,7 +4,7 @@ use crate::bench::{Bench, Outcome, Session, VOLTAGE_MILLIVOLTS, check_pins_low, 
 use crate::breakage::Breakage;
 use era::device::LinkError;
 use era_shared::limits::{BURST_MAX_MS, DISCHARGED_MILLIVOLTS, REST_MS};
-use era_shared::protocol::{ChannelDrive, FaultCode, Refusal, Reply, Request};
+use era_shared::protocol::{ChannelDrive, ChargeRule, FaultCode, Refusal, Reply, Request};
 use era_shared::safety::{Event, State};
 use std::time::{Duration, Instant};
 
@@ -32,6 +32,15 @@ pub(crate) fn details(bench: &Bench) -> Outcome {
         equal(&format!("a set-point of {set} mV"), set.abs_diff(VOLTAGE_MILLIVOLTS) < 1_000, true)?;
         equal(&format!("a rail of {measured} mV"), measured.abs_diff(VOLTAGE_MILLIVOLTS) < 15_000, true)?;
     }
+    let credit = match session.ask(&Request::Credit)? {
+        Reply::Credit(credit) => credit,
+        other => return Err(format!("credit was answered {other:?}")),
+    };
+    equal("what is charged by", credit.rule, ChargeRule::ForceSquared)?;
+    let charged: Vec<bool> = credit.channels.iter().map(|channel| channel.charge_ppm > 0).collect();
+    let driven: Vec<bool> = (0..channels).map(|channel| channel < 2).collect();
+    equal("who is charged", charged, driven)?;
+    equal("so weak a drive never runs out", credit.lasts_ms(0), None)?;
     session.disarm()
 }
 

@@ -122,7 +122,11 @@ fn answers_are_as_described() {
     let (status, _, answer) = daemon.post("/v1/preview", &preview.to_string());
     assert_eq!(status, 200, "{answer}");
     described.holds("/v1/preview", "post", status, &answer);
-    for path in ["/v1/stop", "/v1/faults/clear"] {
+    let (status, told) = daemon.get("/v1/requests/1");
+    described.holds("/v1/requests/{id}", "get", status, &told);
+    let (status, told) = daemon.get("/v1/requests/none");
+    described.holds("/v1/requests/{id}", "get", status, &told);
+    for path in ["/v1/arm", "/v1/stop", "/v1/faults/clear"] {
         let (status, _, answer) = daemon.post(path, "");
         described.holds(path, "post", status, &answer);
     }

@@ -49,6 +49,11 @@ fn stop_stops_whatever_runs() {
     for rail in state["device"]["supply"]["rail_v"].as_array().unwrap() {
         assert!(rail.as_f64().unwrap() < 60.0, "{state}");
     }
+    // What does not drive is not charged, and nothing runs out.
+    let supply = &state["device"]["supply"];
+    assert_eq!(supply["credit_rule"], "force-squared");
+    let (credits, lasts) = (supply["credit_s"].as_array().unwrap(), supply["credit_lasts_s"].as_array().unwrap());
+    assert!(lasts.len() == credits.len() && lasts.iter().all(Value::is_null), "{state}");
 }
 
 /// A stop ends what was asked for before it, planned or not: touches race with stops at all distances of a plan's time.
@@ -123,7 +128,7 @@ fn each_bad_request_says_what_is_wrong() {
         (r#"{"x_px": 1, "y_px": 1, "z_px": 1}"#, &["unknown field `z_px`", "intensity_g"]),
         (r#"{"x_px": 1921, "y_px": 1}"#, &["x_px is 1921", "0 to 1920"]),
         (r#"{"x_px": 1, "y_px": -0.5}"#, &["y_px is -0.5", "0 to 1280"]),
-        (r#"{"x_px": 1, "y_px": 1, "intensity_g": -1}"#, &["intensity_g is -1", "0 and above"]),
+        (r#"{"x_px": 1, "y_px": 1, "intensity_g": -1}"#, &["intensity_g is -1", "0 to 1000"]),
         (r#"{"x_px": 1, "y_px": 1, "duration_ms": 0}"#, &["duration_ms is 0", "1 to 10000"]),
         (r#"{"x_px": 1, "y_px": 1, "duration_ms": 10001}"#, &["duration_ms is 10001", "1 to 10000"]),
         (r#"{"x_px": 1, "y_px": 1, "duration_ms": "long"}"#, &["long", "duration_ms"]),
@@ -268,6 +273,8 @@ fn description_metrics_and_page_are_there() {
     for path in [
         "/v1/touch",
         "/v1/preview",
+        "/v1/requests/{id}",
+        "/v1/arm",
         "/v1/stop",
         "/v1/state",
         "/v1/scene",

@@ -48,6 +48,16 @@ fn a_board_of_version_1_is_driven_in_version_1() {
 }
 
 #[test]
+fn a_board_of_version_2_is_driven_in_version_2() {
+    let mut client = client(1, 2);
+    assert!(matches!(client.request(&hello()), Ok(Reply::Welcome(_))));
+    assert_eq!(client.version(), 2);
+    assert!(matches!(client.request(&Request::Details), Ok(Reply::Details(_))));
+    let error = client.request(&Request::Credit).expect_err("version 2 does not tell what it charges");
+    assert!(matches!(error, LinkError::TooOld { request: "credit", needed: 3, spoken: 2 }), "{error:?}");
+}
+
+#[test]
 fn without_a_common_version_the_older_side_is_named() {
     let newer = CURRENT_VERSION + 1;
     let error = client(newer, newer + 4).request(&hello()).expect_err("nothing in common").to_string();

@@ -3,7 +3,10 @@
 
 mod support;
 
+use era::daemon::Access;
 use era::scene::EXAMPLE_PLATE;
+use std::io::{Read, Write};
+use std::net::TcpListener;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Mutex, PoisonError};
 use support::Daemon;
@@ -14,17 +17,23 @@ static TURN: Mutex<()> = Mutex::new(());
 /// How often a test may begin anew because the machine stood still for longer than the board accepts.
 const STALLS: usize = 3;
 
+/// The browser; `None` where the test is to be skipped.
+fn browser_or_skip() -> Option<&'static str> {
+    let program = program();
+    if program.is_none() {
+        assert!(std::env::var_os("ERA_NO_BROWSER").is_some(), "no Chromium here: install it, or set ERA_NO_BROWSER");
+        eprintln!("skipped: no Chromium here and ERA_NO_BROWSER is set");
+    }
+    program
+}
+
 /// Runs `test` with a browser on the page of a fresh daemon; saves a picture if `ERA_SCREENSHOTS` names a folder.
 ///
 /// A simulated board that hears nothing for a quarter of a second switches everything off, as a real one does, and on a busy
 /// machine that comes without anyone's fault. A test that failed and finds that fault latched begins anew; a daemon that
 /// really falls silent does so every time.
 fn with_page(width: u32, height: u32, test: impl Fn(&Daemon, &mut Browser)) {
-    let Some(program) = program() else {
-        assert!(std::env::var_os("ERA_NO_BROWSER").is_some(), "no Chromium here: install it, or set ERA_NO_BROWSER");
-        eprintln!("skipped: no Chromium here and ERA_NO_BROWSER is set");
-        return;
-    };
+    let Some(program) = browser_or_skip() else { return };
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     for stalls in 0.. {
         let daemon = Daemon::start(EXAMPLE_PLATE);
@@ -277,4 +286,65 @@ fn a_lost_daemon_is_shown() {
     drop(daemon);
     browser.wait_for("document.querySelector('#connection').textContent.includes('lost')");
     assert_eq!(browser.value("document.body.dataset.state"), "unknown");
+}
+
+/// A daemon that asks for a token serves its page to everybody; what the page does needs the token behind its address.
+#[test]
+fn a_page_brings_its_token() {
+    let Some(program) = browser_or_skip() else { return };
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let secret = "T".repeat(32);
+    let tokens = Access::tokens(&format!("touch {secret}")).unwrap();
+    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
+    let mut browser = Browser::start(program, 1280, 800);
+    browser.open(&format!("{}/#token={secret}", daemon.url));
+    browser.wait_for("document.body?.dataset.state === 'safe'");
+    let mut without = Browser::start(program, 1280, 800);
+    without.open(&daemon.url);
+    without.wait_for("document.body !== null");
+    assert_ne!(without.value("document.body.dataset.state ?? ''"), "safe");
+}
+
+/// Another page, of an origin that is allowed, posts a touch and opens the socket; of one that is not, neither.
+#[test]
+fn a_page_of_an_allowed_origin_talks_to_the_daemon() {
+    let Some(program) = browser_or_skip() else { return };
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let [mine, other] = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
+    let [mine_url, other_url] = [&mine, &other].map(|page| format!("http://{}", page.local_addr().unwrap()));
+    let access = Access { origins: vec![Access::origin(&mine_url).unwrap()], ..Access::default() };
+    let daemon = Daemon::start_with(EXAMPLE_PLATE, era::device::session::policy::Policy::default(), access);
+    let html = format!(
+        r#"<!doctype html><body><script>
+        const say = (name, text) => (document.body.dataset[name] = text);
+        fetch("{url}/v1/touch", {{
+          method: "POST", headers: {{ "content-type": "application/json" }},
+          body: JSON.stringify({{ x_px: 300, y_px: 900, duration_ms: 100 }}),
+        }}).then((answer) => answer.json()).then((plan) => say("touch", String(plan.drives.length)), () => say("touch", "refused"));
+        const socket = new WebSocket("{ws}/v1/live");
+        socket.onmessage = (message) => say("socket", JSON.parse(message.data).type);
+        socket.onclose = () => document.body.dataset.socket ?? say("socket", "refused");
+        </script></body>"#,
+        url = daemon.url,
+        ws = daemon.url.replace("http", "ws")
+    );
+    for page in [mine, other] {
+        let html = html.clone();
+        std::thread::spawn(move || {
+            for stream in page.incoming() {
+                let mut stream = stream.unwrap();
+                let _ = stream.read(&mut [0; 4096]);
+                let head = "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nConnection: close\r\n";
+                let _ = write!(stream, "{head}Content-Length: {}\r\n\r\n{html}", html.len());
+            }
+        });
+    }
+    for (url, touch, is_let_in) in [(mine_url, "2", true), (other_url, "refused", false)] {
+        let mut browser = Browser::start(program, 800, 600);
+        browser.open(&url);
+        browser.wait_for("document.body?.dataset.touch !== undefined && document.body.dataset.socket !== undefined");
+        assert_eq!(browser.value("document.body.dataset.touch"), touch, "{url}");
+        let socket = browser.value("document.body.dataset.socket");
+        assert_eq!(socket != "refused", is_let_in, "{url}: {socket}");
+    }
 }

@@ -7,6 +7,10 @@ const SILENCE_MS = 4000;
 const ANSWER_MS = 3000;
 const STOP_TRIES = 3;
 
+// A daemon that asks for a token is opened with it behind the address, http://HOST:PORT/#token=SECRET: that part stays in the
+// browser.
+const TOKEN = new URLSearchParams(location.hash.slice(1)).get("token");
+
 // The answer's body, to a question with an optional body of its own; throws a problem in the form of the daemon's
 // problem+json, whatever went wrong.
 export async function request(method, path, content, answer_ms = ANSWER_MS) {
@@ -15,6 +19,7 @@ export async function request(method, path, content, answer_ms = ANSWER_MS) {
     const options = { method, cache: "no-store", signal: AbortSignal.timeout(answer_ms) };
     if (content === undefined) options.keepalive = method === "POST"; // a stop goes out even if the page goes away
     else options.body = JSON.stringify(content);
+    if (TOKEN) options.headers = { authorization: `Bearer ${TOKEN}` };
     answer = await fetch(path, options);
   } catch (error) {
     const late = error.name === "TimeoutError";
@@ -49,7 +54,9 @@ export class Link {
   connect() {
     clearTimeout(this.timer);
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/v1/live`);
+    const socket = new WebSocket(
+      `${scheme}://${location.host}/v1/live${TOKEN ? `?token=${encodeURIComponent(TOKEN)}` : ""}`,
+    );
     this.socket = socket;
     this.heard = performance.now();
     socket.addEventListener("open", () => {

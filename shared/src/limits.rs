@@ -70,10 +70,11 @@ pub const BURST_DEFAULT_MS: u16 = 2_000;
 pub const BURST_MAX_MS: u16 = 10_000;
 /// A channel that drove for as long as it may must rest for this long, in ms.
 pub const REST_MS: u32 = 100;
-/// In the long run a channel drives for this many parts in a hundred of the time: a finger that lies on a surface of 4 g
-/// all day would otherwise get more than 2.5 m/s^2 A(8) (EU 2002/44/EC).
+/// In the long run a channel gets this many parts in a hundred of the exposure that its largest force makes, by the square of the
+/// force and the time ([`crate::safety::Charge`]): a finger that lies on a surface of 4 g all day would otherwise get more than
+/// 2.5 m/s^2 A(8) (EU 2002/44/EC).
 pub const DUTY_PERCENT: u32 = 10;
-/// What a channel may drive in advance of that, in ms: a minute of play.
+/// What a channel may drive in advance of that at its largest force, in ms: a minute of play.
 pub const DUTY_CREDIT_MS: u32 = 60_000;
 
 /// Dead-man time if `Arm` names none: the longest silence of the arming host in ms. 250 ms is short against the time a

@@ -5,7 +5,7 @@ mod support;
 use era_shared::link::{Kind, MAX_ENCODED, encode};
 use era_shared::protocol::*;
 use era_shared::safety::{Event, State};
-use era_shared::waveform::Effect;
+use era_shared::waveform::{Effect, Segment};
 use heapless::Vec as Short;
 use proptest::prelude::*;
 use support::{Bench, Did, drive};
@@ -23,8 +23,8 @@ fn a_session_from_hello_to_disarm() {
     let mut bench = Bench::new();
     assert_eq!(bench.board.log, [Did::Off, Did::Off], "off at boot, before anything else, and when found discharged");
     assert_eq!(bench.state(), State::Safe);
-    let Reply::Welcome(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 2 }) else { panic!() };
-    assert_eq!((hello.protocol_min, hello.protocol_current, hello.channels.len()), (1, 2, 4));
+    let Reply::Welcome(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 3 }) else { panic!() };
+    assert_eq!((hello.protocol_min, hello.protocol_current, hello.channels.len()), (1, 3, 4));
     assert_eq!(bench.ask(&arm()), Reply::Armed { deadman_ms: 250 });
     assert_eq!(bench.state(), State::Arming);
     bench.wait_ms(10);
@@ -270,6 +270,132 @@ fn bursts_end_and_must_rest() {
     }
 }
 
+/// Strokes of 5 s with rests in between for `minutes`: when one was ended and refused for its credit, in s, and the least credit that
+/// was seen in ms.
+fn strokes(drive: ChannelDrive, minutes: u64) -> (Option<u64>, u32) {
+    let mut bench = Bench::new();
+    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+    bench.wait_ms(20);
+    let begun_us = bench.board.now_us;
+    let mut least_ms = u32::MAX;
+    let set = Request::SetDrives { drives: Short::from_slice(&[drive]).unwrap() };
+    while bench.board.now_us - begun_us < minutes * 60_000_000 {
+        assert!(matches!(bench.ask(&set), Reply::DrivesSet { .. }));
+        for _ in 0..20 {
+            bench.wait_ms(250);
+            let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
+            least_ms = least_ms.min(credit.channels[0].left_ms);
+            if bench.state() != State::Running {
+                let refused = bench.ask(&set);
+                assert!(matches!(refused, Reply::Refused(Refusal::Duty { channel: 0, .. })), "{refused:?}");
+                return (Some((bench.board.now_us - begun_us) / 1_000_000), least_ms);
+            }
+        }
+        bench.ask(&Request::SetDrives { drives: Short::new() });
+        bench.wait_ms(150);
+    }
+    assert_eq!(bench.ask(&Request::Faults), Reply::Faults { latched: None });
+    (None, least_ms)
+}
+
+#[test]
+fn weak_strokes_never_run_out_and_strong_ones_do() {
+    let minutes = if cfg!(miri) { 1 } else { 20 };
+    // A quarter of the voltage's square and sin(pi/3): 0.047 of the largest force squared.
+    let (refused_s, least_ms) = strokes(drive(0), minutes);
+    assert!(refused_s.is_none() && least_ms > 59_000, "{refused_s:?}, {least_ms} ms");
+    if cfg!(miri) {
+        return;
+    }
+    // All of the voltage and nearly all of the half period: 60 s and what is earned meanwhile, and the rests.
+    let strong = ChannelDrive { voltage_millivolts: 2_000_000, pulse_width_ppm: 930_000, ..drive(0) };
+    let (refused_s, _) = strokes(strong, minutes);
+    assert!(refused_s.is_some_and(|refused_s| (66..=71).contains(&refused_s)), "{refused_s:?}");
+}
+
+#[test]
+fn the_credit_is_told_with_what_it_is_charged_by() {
+    let mut bench = Bench::new();
+    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+    bench.wait_ms(20);
+    let strong = ChannelDrive { voltage_millivolts: 2_000_000, ..drive(2) };
+    let drives = Short::from_slice(&[drive(0), strong]).unwrap();
+    bench.ask(&Request::SetDrives { drives });
+    // Rails rise for 100 ms, and drives start at a boundary.
+    bench.wait_ms(500);
+    let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
+    assert_eq!((credit.rule, credit.earned_ppm, credit.channels.len()), (ChargeRule::ForceSquared, 100_000, 4));
+    let charged: Vec<f64> = credit.channels.iter().map(|channel| f64::from(channel.charge_ppm) / 1e6).collect();
+    // Channels 0 and 2 have rails of their own, or narrower windows on a common one: (U/U_max)^4 sin^2(pi/3) either way.
+    assert!((charged[0] - 0.75 / 16.0).abs() < 1e-3 && (charged[2] - 0.75).abs() < 1e-3, "{charged:?}");
+    assert_eq!((charged[1], charged[3]), (0.0, 0.0));
+    assert!(credit.channels[2].left_ms < 60_000 && credit.channels[1].left_ms == 60_000);
+    assert_eq!((credit.lasts_ms(0), credit.lasts_ms(1)), (None, None));
+    assert!(credit.lasts_ms(2).is_some_and(|ms| (90_000..93_000).contains(&ms)), "{:?}", credit.lasts_ms(2));
+    // A stronger drive that is replaced costs what it does until its last boundary, and a level of an effect what it is.
+    let prepare = Request::Prepare { drives: Short::from_slice(&[strong]).unwrap() };
+    bench.ask(&prepare);
+    bench.wait_ms(20);
+    let charge = |bench: &mut Bench| {
+        let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
+        f64::from(credit.channels[2].charge_ppm) / 1e6
+    };
+    assert!(charge(&mut bench).abs() < 1e-9, "prepared is silent");
+    let half = [Segment::Hold { level: 500, milliseconds: 400 }];
+    let effect = Effect { segments: Short::from_slice(&half).unwrap(), times: 1 };
+    bench.ask(&Request::Play { channel: 2, start_us: 0, effect });
+    bench.wait_ms(200);
+    let played = charge(&mut bench);
+    assert!((played - 0.75 / 4.0).abs() < 1e-3, "{played}");
+}
+
+/// A drive at 1 Hz is replaced by a weaker one: until its boundary, up to a second later, it costs what it did.
+#[test]
+fn a_replaced_drive_costs_what_it_does_until_its_boundary() {
+    let mut bench = Bench::new();
+    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
+    bench.wait_ms(20);
+    let slow = |pulse_width_ppm| {
+        let drive = ChannelDrive { frequency_millihertz: 1_000, pulse_width_ppm, ..drive(0) };
+        Request::SetDrives { drives: Short::from_slice(&[drive]).unwrap() }
+    };
+    let charge = |bench: &mut Bench| {
+        let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
+        credit.channels[0].charge_ppm
+    };
+    bench.ask(&slow(900_000));
+    bench.wait_ms(300);
+    let strong = charge(&mut bench);
+    bench.ask(&slow(10_000));
+    bench.wait_ms(300);
+    assert_eq!(charge(&mut bench), strong);
+    bench.wait_ms(900);
+    bench.ask(&Request::KeepAlive);
+    bench.wait_ms(200);
+    let weak = charge(&mut bench);
+    assert!(strong > 60_000 && weak > 0 && weak < 20, "{strong}, {weak}");
+}
+
+/// A host of version 2 is answered in version 2; the credit that it is told of is that at the largest force.
+#[test]
+fn a_host_of_version_2_is_answered_in_its_words() {
+    let mut bench = Bench::new();
+    let ask = |bench: &mut Bench, request: &Request| {
+        let mut frame = [0; MAX_ENCODED];
+        let length = encode(2, Kind::Request, 9, request, &mut frame).unwrap();
+        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
+        assert_eq!((version, sequence), (2, 9));
+        reply
+    };
+    let Reply::Welcome(welcome) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 2 }) else { panic!() };
+    assert_eq!((welcome.protocol_min, welcome.protocol_current), (1, 3));
+    assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
+    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Arming });
+    let Reply::Details(details) = ask(&mut bench, &Request::Details) else { panic!() };
+    assert_eq!(details.credit_ms.as_slice(), [60_000; 4]);
+    assert_eq!(ask(&mut bench, &Request::Credit), Reply::Refused(Refusal::Malformed));
+}
+
 #[test]
 fn effects_are_played_from_a_queue() {
     let mut bench = Bench::new();
@@ -432,7 +558,7 @@ fn a_fault_from_before_the_reset_is_told() {
     assert_eq!(bench.state(), State::Fault);
     let Reply::Faults { latched: Some(fault) } = bench.ask(&Request::Faults) else { panic!() };
     assert_eq!((fault.code, fault.detail), (FaultCode::Panic, 77));
-    let Reply::Welcome(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 2 }) else { panic!() };
+    let Reply::Welcome(hello) = bench.ask(&Request::Hello { host_min: 1, host_current: 3 }) else { panic!() };
     assert_eq!(hello.failure, "panicked at src/main.rs:77");
     assert!(matches!(bench.ask(&arm()), Reply::Refused(Refusal::State { state: State::Fault, .. })), "not until told");
 }
@@ -487,7 +613,7 @@ fn a_host_of_version_1_is_answered_in_its_words() {
         reply
     };
     let Reply::Hello(hello) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 1 }) else { panic!() };
-    assert_eq!((hello.protocol_min, hello.protocol_current), (1, 2));
+    assert_eq!((hello.protocol_min, hello.protocol_current), (1, 3));
     assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
     assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Armed }, "arming may be live");
     assert!(matches!(ask(&mut bench, &both()), Reply::DrivesSet { .. }), "at once, as it is used to");
@@ -504,7 +630,9 @@ fn a_host_of_version_1_is_answered_in_its_words() {
     assert_eq!(fault.code, FaultCode::DriveFailed, "a code that it knows");
     let clear = ask(&mut bench, &Request::ClearFaults);
     assert_eq!(clear, Reply::Refused(Refusal::State { state: State::Fault, event: Event::Clear }));
-    for later in [Request::Clock, Request::Details, Request::Log, Request::Bootloader { key: BOOTLOADER_KEY }] {
+    let later =
+        [Request::Clock, Request::Details, Request::Log, Request::Bootloader { key: BOOTLOADER_KEY }, Request::Credit];
+    for later in later {
         assert_eq!(ask(&mut bench, &later), Reply::Refused(Refusal::Malformed));
     }
 }
@@ -547,6 +675,7 @@ fn any_request() -> impl Strategy<Value = Request> {
         Just(Request::Clock),
         Just(Request::Details),
         Just(Request::Log),
+        Just(Request::Credit),
         any::<u32>().prop_map(|key| Request::Bootloader { key }),
     ]
 }

@@ -3,7 +3,9 @@
 
 use era_shared::limits::{BURST_DEFAULT_MS, DISCHARGED_MILLIVOLTS, DUTY_CREDIT_MS, REST_MS, TEST_MILLIVOLTS};
 use era_shared::protocol::FaultCode;
-use era_shared::safety::{Action, Budget, Event, LinkId, Outcome, Safety, SelfTest, State, Verdict, transition};
+use era_shared::safety::{
+    Action, Budget, Charge, Event, LinkId, Outcome, Safety, SelfTest, State, Verdict, transition,
+};
 use era_shared::supply::Senses;
 
 #[test]
@@ -176,7 +178,7 @@ fn the_self_test_passes_in_order_and_each_way_to_fail_has_its_code() {
 
 #[test]
 fn bursts_and_duty_are_bounded() {
-    let only_first = [true, false, false, false];
+    let only_first = [Some(Charge::FULL), None, None, None];
     let mut budget = Budget::new();
     let mut now_us = 0;
     let mut on_ms = 0_u32;
@@ -190,7 +192,7 @@ fn bursts_and_duty_are_bounded() {
     assert_eq!(on_ms + 1, u32::from(BURST_DEFAULT_MS));
     assert_eq!((budget.wait_ms(0), budget.wait_ms(1)), (Some(REST_MS), None));
     for left in (0..REST_MS).rev() {
-        run(&mut budget, [false; 4]);
+        run(&mut budget, [None; 4]);
         assert_eq!(budget.wait_ms(0), (left > 0).then_some(left));
     }
     // Driving whenever it may: the credit is spent, and then it is one part in ten.
@@ -200,7 +202,7 @@ fn bursts_and_duty_are_bounded() {
         for _ in 0..seconds * 1000 {
             driving = driving && budget.wait_ms(0).is_none() || !driving && budget.wait_ms(0).is_none();
             on += u32::from(driving);
-            if run(budget, [driving, false, false, false])[0] {
+            if run(budget, [driving.then_some(Charge::FULL), None, None, None])[0] {
                 driving = false;
             }
         }

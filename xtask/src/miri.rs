@@ -11,7 +11,7 @@ const HINT: &str = "rustup toolchain install nightly --component miri --componen
 
 /// Tests that reach every message and the device logic, in seconds; all of them take the better part of an hour.
 const SHORT: [&[&str]; 2] = [
-    &["--test", "golden_v1", "--test", "golden_v2"],
+    &["--test", "golden_v1", "--test", "golden_v2", "--test", "golden_v3"],
     &["--test", "device", "--", "--exact", "a_session_from_hello_to_disarm"],
 ];
 

@@ -130,6 +130,9 @@ pub struct Serve {
     /// Another name by which the daemon may be called, beside localhost and addresses in numbers; several times for several
     #[arg(long, value_name = "NAME")]
     pub allow_host: Vec<String>,
+    /// Write down what is asked and what becomes of it, to a new file that `era replay` reads
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
     /// Time without a touch in s after which the board is disarmed [default: 5]
     #[arg(long, value_name = "S", value_parser = parse_idle)]
     pub idle_s: Option<f64>,
@@ -162,9 +165,15 @@ pub fn parse_idle(text: &str) -> Result<f64, String> {
 /// Where the daemon is.
 #[derive(Clone, Debug, Args)]
 pub struct Daemon {
-    /// The daemon's address, as http://HOST:PORT or HOST:PORT
+    /// The daemon's address, as http://HOST:PORT, https://HOST:PORT or HOST:PORT
     #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = parse_url)]
     pub url: String,
+    /// File with the token, where the daemon asks for one; the variable ERA_TOKEN does as well
+    #[arg(long, value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+    /// Certificate in PEM that the daemon's is to be trusted by: its own, if it made one
+    #[arg(long, value_name = "FILE")]
+    pub ca: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -288,9 +297,12 @@ pub struct Band {
 pub struct Response {
     #[command(flatten)]
     pub panel: Panel,
-    /// Point on the surface in mm
+    /// Point on the surface
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     pub at: Point,
+    /// Unit of --at
+    #[arg(long, value_enum, default_value_t = Unit::Mm)]
+    pub unit: Unit,
     #[command(flatten)]
     pub band: Band,
     /// Print JSON
@@ -302,9 +314,12 @@ pub struct Response {
 pub struct Transient {
     #[command(flatten)]
     pub panel: Panel,
-    /// Point on the surface in mm
+    /// Point on the surface
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     pub at: Point,
+    /// Unit of --at
+    #[arg(long, value_enum, default_value_t = Unit::Mm)]
+    pub unit: Unit,
     /// An actuator, its frequency, force amplitude and phase of the cosine (-90, a sine, unless given); several times for
     /// several drives
     #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive, required = true)]
@@ -408,11 +423,31 @@ pub struct Verify {
 }
 
 #[derive(Clone, Debug, Args)]
+pub struct Replay {
+    #[command(flatten)]
+    pub daemon: Daemon,
+    /// What `era serve --record` wrote
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// How many times as fast as it was recorded
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_speed)]
+    pub speed: f64,
+}
+
+fn parse_speed(text: &str) -> Result<f64, String> {
+    let speed: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
+    if (0.01..=100.0).contains(&speed) { Ok(speed) } else { Err("must be in 0.01 to 100".into()) }
+}
+
+#[derive(Clone, Debug, Args)]
 pub struct Latency {
     #[command(flatten)]
     pub panel: Panel,
     #[command(flatten)]
     pub keep: Keep,
+    /// Peak acceleration asked for, in g; as a touch that does not say unless given
+    #[arg(long, value_name = "A")]
+    pub intensity_g: Option<f64>,
     /// Number of touches
     #[arg(long, value_name = "N", default_value_t = 1000)]
     pub touches: u32,

@@ -6,6 +6,7 @@ use crate::planner::Weigh;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::time::Duration;
+use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 /// An emulated board may take some seconds to answer.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -177,32 +178,75 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::NAN)
 }
 
-/// Calls the daemon; a problem it reports becomes the command's error.
-fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Value, Failure> {
-    let agent: ureq::Agent =
-        ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(PATIENCE)).build().into();
+/// What talks to the daemon, and trusts its certificate where that is given.
+fn agent(daemon: &Daemon) -> Result<ureq::Agent, Failure> {
+    let mut config = ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(PATIENCE));
+    if let Some(path) = &daemon.ca {
+        let wrong = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", path.display()));
+        let pem = std::fs::read(path).map_err(|error| wrong(&error))?;
+        let certificate = Certificate::from_pem(&pem).map_err(|error| wrong(&error))?;
+        let roots = RootCerts::new_with_certs(&[certificate]);
+        config = config.tls_config(TlsConfig::builder().root_certs(roots).build());
+    }
+    Ok(config.build().into())
+}
+
+/// The token: of a file, or of the environment; not of the command line, which everybody on the machine can read.
+fn token(daemon: &Daemon) -> Result<Option<String>, Failure> {
+    let Some(path) = &daemon.token_file else { return Ok(std::env::var("ERA_TOKEN").ok()) };
+    let text = std::fs::read_to_string(path);
+    let text = text.map_err(|error| Failure::Usage(format!("{}: {error}", path.display())))?;
+    // The last word of the last line: a file of the secret alone, or one of the daemon's.
+    Ok(text.split_whitespace().last().map(str::to_owned))
+}
+
+fn with_token<B>(request: ureq::RequestBuilder<B>, bearer: Option<String>) -> ureq::RequestBuilder<B> {
+    match bearer {
+        Some(bearer) => request.header("Authorization", bearer),
+        None => request,
+    }
+}
+
+/// What the daemon answers.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// HTTP status.
+    pub status: u16,
+    /// Its JSON.
+    pub body: Value,
+}
+
+/// Asks the daemon.
+///
+/// # Errors
+/// That there was no answer, or none of a daemon's.
+pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Answer, Failure> {
+    let agent = agent(daemon)?;
     let url = format!("{}{path}", daemon.url);
+    let bearer = token(daemon)?.map(|token| format!("Bearer {token}"));
     let sent = match (method, body) {
-        ("GET", _) => agent.get(&url).call(),
-        (_, Some(body)) => agent.post(&url).send_json(body),
-        (_, None) => agent.post(&url).send_empty(),
+        ("GET", _) => with_token(agent.get(&url), bearer).call(),
+        (_, Some(body)) => with_token(agent.post(&url), bearer).send_json(body),
+        (_, None) => with_token(agent.post(&url), bearer).send_empty(),
     };
     let mut answer = sent.map_err(|error| {
         Failure::failed(format!("no answer from {url}: {error}. Does the daemon run? `era serve` starts it"))
     })?;
     let status = answer.status();
-    let value: Value = answer.body_mut().read_json().map_err(|error| {
+    let body: Value = answer.body_mut().read_json().map_err(|error| {
         Failure::failed(format!("{url} answered {status}, but not with JSON ({error}): is it an era daemon?"))
     })?;
-    if status.is_success() {
-        return Ok(value);
+    Ok(Answer { status: status.as_u16(), body })
+}
+
+/// Calls the daemon; a problem it reports becomes the command's error.
+fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Value, Failure> {
+    let Answer { status, body } = answer(daemon, method, path, body)?;
+    if (200..300).contains(&status) {
+        return Ok(body);
     }
-    let detail = value["detail"].as_str().unwrap_or("no reason given").to_owned();
-    Err(if status.is_client_error() && status.as_u16() == 400 {
-        Failure::Usage(detail)
-    } else {
-        Failure::Failed(detail)
-    })
+    let detail = body["detail"].as_str().unwrap_or("no reason given").to_owned();
+    Err(if status == 400 { Failure::Usage(detail) } else { Failure::Failed(detail) })
 }
 
 #[cfg(test)]
@@ -217,8 +261,8 @@ mod tests {
         for text in ["127.0.0.1:7878", "http://127.0.0.1:7878", "HTTP://127.0.0.1:7878/"] {
             assert_eq!(parse_url(text).as_deref(), Ok("http://127.0.0.1:7878"));
         }
-        assert!(parse_url("https://panel:7878").unwrap_err().contains("http:// only"));
-        assert!(parse_url("ftp://panel").unwrap_err().contains("http:// only"));
+        assert_eq!(parse_url("https://panel:7878/").as_deref(), Ok("https://panel:7878"));
+        assert!(parse_url("ftp://panel").unwrap_err().contains("https:// only"));
         assert!(parse_url("http://").unwrap_err().contains("HOST:PORT"));
     }
 

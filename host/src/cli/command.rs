@@ -1,6 +1,6 @@
 //! The commands of the command line.
 
-use super::args::{Daemon, Latency, Modes, Press, Response, Serve, Sweep, Touch, Transient, Verify};
+use super::args::{Daemon, Latency, Modes, Press, Replay, Response, Serve, Sweep, Touch, Transient, Verify};
 use super::args_board::{Flash, Monitor};
 use super::args_field::Field;
 use super::completions::{Completions, Man};
@@ -54,6 +54,9 @@ pub enum Command {
     /// Show what a running daemon and its device are doing
     #[command(after_help = "Example:\n  era state --json")]
     State(Daemon),
+    /// Ask a running daemon for all that a recording (`era serve --record`) has, in its times, and compare the answers
+    #[command(after_help = "Example:\n  era serve --record day.jsonl\n  era replay day.jsonl --speed 4")]
+    Replay(Replay),
     /// List a panel's modes: frequencies and damping ratios; write and draw their shapes
     #[command(after_help = "\
 Examples:

@@ -307,6 +307,19 @@ pub const KEYS: &[Key] = &[
             Some(())
         },
     },
+    Key {
+        name: "record",
+        help: "New file to write down what is asked and what becomes of it",
+        allowed: "the path of a file",
+        default: "none",
+        example: "\"recording.jsonl\"",
+        rival: None,
+        is_given: |serve| serve.record.is_some(),
+        take: |serve, given, base| {
+            serve.record = Some(given.path(base)?);
+            Some(())
+        },
+    },
 ];
 
 #[cfg(test)]

@@ -10,6 +10,8 @@ use crate::verify::spread;
 use serde_json::json;
 use std::time::{Duration, Instant};
 
+/// Refused touches that are told and left out; more of them are a failure.
+const MOST_REFUSED: usize = 10;
 /// Touches that are not counted, while caches and connections warm up.
 const WARM_UP: u32 = 20;
 
@@ -21,7 +23,11 @@ pub fn run(options: &Latency) -> Outcome {
     let app = App::new(table, device, text).map_err(Failure::failed)?;
     let daemon = Background::start(app).map_err(Failure::failed)?;
     let base = format!("http://{}", daemon.address());
-    let agent: ureq::Agent = ureq::Agent::config_builder().timeout_global(Some(Duration::from_secs(10))).build().into();
+    let agent: ureq::Agent = ureq::Agent::config_builder()
+        .http_status_as_error(false)
+        .timeout_global(Some(Duration::from_secs(10)))
+        .build()
+        .into();
     wait_for_device(&agent, &base)?;
 
     let screen = scene.screen;
@@ -29,13 +35,34 @@ pub fn run(options: &Latency) -> Outcome {
     points.retain(|(x_px, y_px)| scene.place_px(*x_px, *y_px).is_ok());
     let mut to_device = Vec::new();
     let mut to_answer = Vec::new();
+    let (mut refused, mut delayed, mut longest_ms) = (Vec::new(), 0_u32, 0.0_f64);
     for (i, (x_px, y_px)) in (0_u32..).zip(points) {
         let started = Instant::now();
-        agent
-            .post(format!("{base}/v1/touch"))
-            .send_json(json!({"x_px": x_px, "y_px": y_px, "duration_ms": 1000}))
-            .map_err(Failure::failed)?;
+        let mut body = json!({"x_px": x_px, "y_px": y_px, "duration_ms": 1000});
+        if let Some(intensity_g) = options.intensity_g {
+            body["intensity_g"] = intensity_g.into();
+        }
+        let mut answer = agent.post(format!("{base}/v1/touch")).send_json(body).map_err(Failure::failed)?;
         let answered = started.elapsed();
+        if !answer.status().is_success() {
+            // Nothing was driven that could be timed. A few are told; more are no measurement.
+            let problem: serde_json::Value = answer.body_mut().read_json().unwrap_or_default();
+            refused.push(problem["detail"].as_str().unwrap_or("no reason given").to_owned());
+            if refused.len() > MOST_REFUSED {
+                return Err(Failure::failed(format!(
+                    "{} of {} touches were refused; the last one: {}",
+                    refused.len(),
+                    i + 1,
+                    refused.last().map_or("", String::as_str)
+                )));
+            }
+            continue;
+        }
+        let answer: serde_json::Value = answer.body_mut().read_json().map_err(Failure::failed)?;
+        if let Some(ms) = answer["device"]["delayed_ms"].as_f64() {
+            delayed += 1;
+            longest_ms = longest_ms.max(ms);
+        }
         let arrived = sim.drives_received().ok_or_else(|| Failure::failed("the device received no drive"))?;
         if i >= WARM_UP {
             to_device.push(arrived.saturating_duration_since(started));
@@ -46,14 +73,18 @@ pub fn run(options: &Latency) -> Outcome {
     if options.json {
         return print_json(&json!({
             "touches": options.touches, "to_device_ms": device.json(), "to_answer_ms": answer.json(),
+            "refused": refused, "delayed": delayed, "delayed_ms_longest": longest_ms,
         }));
     }
     print_text(&format!(
         "{} touches on {}, daemon and simulated device in one process, planning included\n\
          from POST /v1/touch            median      p99      max\n\
          to the frame's last byte     {device}\n\
-         to the answer                {answer}",
-        options.touches, scene.name
+         to the answer                {answer}\n\
+         held back for what was left of touches before: {delayed}, {longest_ms:.1} ms at most; refused: {}",
+        options.touches,
+        scene.name,
+        refused.len()
     ))
 }
 

@@ -29,6 +29,7 @@ mod plan_explain;
 mod press;
 mod progress;
 mod reach;
+mod replay;
 mod serve;
 mod sweep;
 mod told;
@@ -143,6 +144,7 @@ fn run(arguments: command::Arguments, started: Instant) -> Outcome {
         Some(Command::Effect(options)) => effect::run(&options),
         Some(Command::Field(options)) => field::run(&options),
         Some(Command::Verify(options)) => verify::run(&options),
+        Some(Command::Replay(options)) => replay::run(&options),
         Some(Command::Latency(options)) => latency::run(&options),
         Some(Command::Flash(options)) => flash::run(&options),
         Some(Command::Monitor(options)) => monitor::run(&options),

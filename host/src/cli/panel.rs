@@ -187,7 +187,7 @@ pub fn response(options: &Response) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
     let frequencies_hz = frequencies(&options.band)?;
-    let (x_m, y_m) = surface_point(&scene, options.at.x, options.at.y, Unit::Mm)?;
+    let (x_m, y_m) = surface_point(&scene, options.at.x, options.at.y, options.unit)?;
     let accuracy = options.panel.climb()?;
     need_actuators(&scene)?;
     warn_if_thick(&scene, options.band.to);

@@ -4,7 +4,7 @@ use super::args::{AfterOutage, Serve};
 use super::panel::prepared_table;
 use super::{Failure, Outcome, config, notify};
 use crate::daemon::listener::{ListenError, TlsFiles, first_certificate};
-use crate::daemon::{Access, App, DEFAULT_LISTEN, Listener, serve};
+use crate::daemon::{Access, App, DEFAULT_LISTEN, Listener, Recorder, serve};
 use crate::device::session::policy::Policy;
 use crate::device::sim::Panel;
 use crate::device::{OpenDevice, Target};
@@ -27,6 +27,13 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::failed)?;
     // A port in use is told before the panel is computed.
     let listeners = runtime.block_on(listeners(options, &access))?;
+    let recorder =
+        match &options.record {
+            None => None,
+            Some(path) => Some(Recorder::start(path, &scene.name).map_err(|error| {
+                Failure::Usage(format!("--record {}: {error}; a new file is wanted", path.display()))
+            })?),
+        };
     let urls: Vec<String> = listeners.iter().map(Listener::url).collect();
     let prepared = prepared_table(&options.panel, options.keep, &scene)?;
     tracing::info!("{}", account(&prepared));
@@ -42,7 +49,9 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         clears_silence: options.clear_silence,
         arms_after_outage: options.after_outage != Some(AfterOutage::Person),
     };
-    let app = Arc::new(App::with(table, device, text, policy, access).map_err(Failure::failed)?);
+    let mut app = App::with(table, device, text, policy, access).map_err(Failure::failed)?;
+    app.record = recorder;
+    let app = Arc::new(app);
     let first = first_plan(&app.table);
     let planned = started.elapsed();
     tracing::info!(

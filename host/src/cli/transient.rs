@@ -1,6 +1,6 @@
 //! `era transient`: a point's motion after drives are switched on.
 
-use super::args::{DriveText, Transient, Unit};
+use super::args::{DriveText, Transient};
 use super::panel::{surface_point, warn_if_thick};
 use super::progress::with_progress;
 use super::told::tell;
@@ -28,7 +28,7 @@ pub fn run(options: &Transient) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
     let accuracy = options.panel.accuracy()?;
-    let at = surface_point(&scene, options.at.x, options.at.y, Unit::Mm)?;
+    let at = surface_point(&scene, options.at.x, options.at.y, options.unit)?;
     let drives = options.drive.iter().map(|text| drive(&scene, text)).collect::<Result<Vec<_>, _>>()?;
     let grid = grid(options)?;
     let highest = drives.iter().map(|drive| drive.frequency_hz).fold(1.0, f64::max);

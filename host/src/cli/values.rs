@@ -74,12 +74,13 @@ pub fn parse_counts(text: &str) -> Result<(usize, usize), String> {
 /// The address of a daemon: `http://` may be left out, and nothing else is spoken.
 pub fn parse_url(text: &str) -> Result<String, String> {
     let (scheme, rest) = text.trim().split_once("://").unwrap_or(("http", text.trim()));
-    if !scheme.eq_ignore_ascii_case("http") {
-        return Err(format!("{text:?} begins with {scheme}://, but the daemon speaks http:// only"));
+    let scheme = scheme.to_ascii_lowercase();
+    if !matches!(scheme.as_str(), "http" | "https") {
+        return Err(format!("{text:?} begins with {scheme}://, but the daemon speaks http:// and https:// only"));
     }
     let rest = rest.trim_end_matches('/');
     if rest.is_empty() || rest.contains(char::is_whitespace) {
         return Err(format!("{text:?} is not of the form http://HOST:PORT"));
     }
-    Ok(format!("http://{rest}"))
+    Ok(format!("{scheme}://{rest}"))
 }

@@ -1,6 +1,6 @@
 //! Who may do what: pages and names from elsewhere, tokens and their roles.
 
-use super::app::App;
+use super::assets;
 use super::problem::Problem;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
@@ -35,13 +35,16 @@ impl Role {
         }
     }
 
-    /// What a request needs.
-    fn needed(method: &Method, path: &str) -> Self {
+    /// What a request needs; `None` for the page's own files, which everybody may read: the page brings the token.
+    fn needed(method: &Method, path: &str) -> Option<Self> {
+        let only_reads = matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS);
         match path {
-            "/v1/arm" | "/v1/faults/clear" => Self::Arm,
-            "/v1/live" => Self::Touch,
-            _ if matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS) => Self::View,
-            _ => Self::Touch,
+            "/v1/arm" | "/v1/faults/clear" => Some(Self::Arm),
+            "/v1/live" => Some(Self::Touch),
+            "/openapi.json" if only_reads => None,
+            path if only_reads && assets::paths().any(|known| known == path) => None,
+            _ if only_reads => Some(Self::View),
+            _ => Some(Self::Touch),
         }
     }
 }
@@ -167,14 +170,14 @@ impl Access {
 
     /// Whether the request's token opens what it wants.
     fn check_token(&self, request: &Request) -> Result<(), Problem> {
-        let needed = Role::needed(request.method(), request.uri().path());
+        let Some(needed) = Role::needed(request.method(), request.uri().path()) else { return Ok(()) };
         if self.tokens.is_empty() || request.extensions().get::<Owner>().is_some() {
             return Ok(());
         }
         let bearer = text(request.headers(), &header::AUTHORIZATION)?
             .and_then(|value| value.strip_prefix("Bearer ").or_else(|| value.strip_prefix("bearer ")));
-        // A page cannot set a socket's headers, nor those of its own first request.
-        let query = request.uri().query().unwrap_or_default();
+        // A page cannot set its socket's headers. Nothing else takes it so: addresses end up in logs.
+        let query = request.uri().query().filter(|_| request.uri().path() == "/v1/live").unwrap_or_default();
         let in_query = query.split('&').find_map(|pair| pair.strip_prefix("token="));
         let given = bearer.or(in_query).map(str::trim);
         let role = given.and_then(|given| self.role(given));
@@ -186,7 +189,7 @@ impl Access {
             }
             None => {
                 let detail = match given {
-                    None => "a token is wanted: Authorization: Bearer TOKEN, or ?token=TOKEN",
+                    None => "a token is wanted: Authorization: Bearer TOKEN, or ?token=TOKEN for /v1/live",
                     Some(_) => "this token is not known",
                 };
                 Err(Problem::new(StatusCode::UNAUTHORIZED, "token", "Who are you?", detail))
@@ -205,8 +208,8 @@ impl Access {
 }
 
 /// Lets a request through, or says why not.
-pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
-    let origin = match app.access.check_source(request.method(), request.headers()) {
+pub async fn check(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
+    let origin = match access.check_source(request.method(), request.headers()) {
         Ok(origin) => origin,
         Err(problem) => return problem.into_response(),
     };
@@ -221,7 +224,7 @@ pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) ->
         let age = [(header::ACCESS_CONTROL_MAX_AGE, PREFLIGHT_S.to_string())];
         (StatusCode::NO_CONTENT, allowed, age).into_response()
     } else {
-        match app.access.check_token(&request) {
+        match access.check_token(&request) {
             Ok(()) => next.run(request).await,
             Err(problem) => problem.into_response(),
         }
@@ -282,7 +285,10 @@ mod tests {
             ["AAAAAAAAAAAAAAAAAAAAAA", "BBBBBBBBBBBBBBBBBBBBBBBB", "CCCCCCCCCCCCCCCCCCCCCCCC"].map(Some);
         for (method, path, allowed) in [
             ("GET", "/v1/state", [401, 200, 200, 200]),
-            ("GET", "/", [401, 200, 200, 200]),
+            ("GET", "/", [200; 4]),
+            ("GET", "/link.js", [200; 4]),
+            ("POST", "/link.js", [401, 403, 200, 200]),
+            ("GET", "/metrics", [401, 200, 200, 200]),
             ("POST", "/v1/touch", [401, 403, 200, 200]),
             ("POST", "/v1/stop", [401, 403, 200, 200]),
             ("GET", "/v1/live", [401, 403, 200, 200]),
@@ -296,6 +302,7 @@ mod tests {
             assert_eq!(status("GET", "/v1/state", Some(wrong)), 401, "{wrong:?}");
         }
         assert_eq!(status("GET", "/v1/live?token=BBBBBBBBBBBBBBBBBBBBBBBB", None), 200);
+        assert_eq!(status("GET", "/v1/state?token=BBBBBBBBBBBBBBBBBBBBBBBB", None), 401);
         assert_eq!(status("GET", "/v1/live?send=state&token=AAAAAAAAAAAAAAAAAAAAAA", None), 403);
     }
 

@@ -4,10 +4,10 @@ use super::access::Access;
 use super::active::{Active, Touched, Update, Weaker};
 use super::admission::Admission;
 use super::asked::Asked;
-use super::live::SOCKETS;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
+use super::record::Recorder;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
 use super::view::{FieldView, PlanView, SceneView, TouchView};
@@ -27,6 +27,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, broadcast, watch};
 
+/// Pages' sockets at once.
+pub const SOCKETS: usize = 64;
 /// Events kept for a slow page before it misses some.
 const EVENTS: usize = 16;
 
@@ -42,7 +44,9 @@ pub struct App {
     /// When the daemon started.
     pub started: Instant,
     /// Who may do what.
-    pub access: Access,
+    pub access: Arc<Access>,
+    /// Writes down what is asked and what becomes of it, where that is wanted.
+    pub record: Option<Recorder>,
     /// Who is next, and what became of whom.
     pub admission: Admission,
     /// Places for pages' sockets.
@@ -114,7 +118,8 @@ impl App {
             scene: SceneView::new(&table.scene),
             metrics: Metrics::default(),
             started: Instant::now(),
-            access,
+            access: Arc::new(access),
+            record: None,
             admission: Admission::default(),
             sockets: Arc::new(Semaphore::new(SOCKETS)),
             session: Session::start(device, Needs { max_voltages_v }, policy)?,
@@ -132,6 +137,13 @@ impl App {
     #[must_use]
     pub fn device(&self) -> watch::Receiver<Snapshot> {
         self.session.snapshots()
+    }
+
+    /// Writes a line down, where that is wanted.
+    pub fn note(&self, kind: &str, content: impl FnOnce() -> serde_json::Value) {
+        if let Some(record) = &self.record {
+            record.line(kind, content);
+        }
     }
 
     /// Whether the thread that looks after the device does its work.
@@ -462,6 +474,7 @@ impl App {
     pub async fn stop(&self) -> Result<(), SessionError> {
         self.turns.stop();
         let result = self.session.stop().await;
+        self.note("stopped", || serde_json::json!({"problem": result.as_ref().err().map(ToString::to_string)}));
         self.turns.drop_waiting();
         *self.active.lock().unwrap_or_else(PoisonError::into_inner) = None;
         let _ = self.updates.send(Update::Stopped);
@@ -487,4 +500,10 @@ impl App {
     pub async fn clear_faults(&self) -> Result<(), SessionError> {
         self.session.clear_faults().await
     }
+}
+
+/// Resolves when the daemon ends.
+pub async fn closed(closing: &mut watch::Receiver<bool>) {
+    // An error means that it is gone already.
+    let _ = closing.wait_for(|closing| *closing).await.map(|_| ());
 }

@@ -130,7 +130,7 @@ impl Listener {
         }
         match std::os::unix::net::UnixStream::connect(path) {
             Ok(_) => return Err(ListenError::Taken { path: named() }),
-            Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => {
+            Err(error) if error.kind() == io::ErrorKind::ConnectionRefused && is_socket(path) => {
                 std::fs::remove_file(path).map_err(failed)?;
             }
             // There is none, or something that is no socket: binding says so.
@@ -191,6 +191,12 @@ pub enum Incoming {
     /// From this machine's file system.
     #[cfg(unix)]
     Unix(tokio::net::UnixStream),
+}
+
+#[cfg(unix)]
+fn is_socket(path: &Path) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    std::fs::symlink_metadata(path).is_ok_and(|known| known.file_type().is_socket())
 }
 
 fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {

@@ -5,6 +5,7 @@ use super::app::App;
 use crate::device::Identity;
 use crate::device::convert::from_wire;
 use crate::planner::STANDARD_GRAVITY;
+use era_shared::protocol::ChargeRule;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -89,6 +90,11 @@ pub fn state(app: &App) -> Value {
             "interlock_closed": details.interlock_closed, "stop_released": details.stop_released,
             "earth_bonded": details.earth_bonded,
             "credit_s": details.credit_ms.iter().map(|ms| f64::from(*ms) / 1e3).collect::<Vec<_>>(),
+            // A board that does not tell charges by time.
+            "credit_rule": device.credit.as_ref().map_or(ChargeRule::Time, |credit| credit.rule).name(),
+            "credit_lasts_s": device.credit.as_ref().map(|credit| {
+                (0..credit.channels.len()).map(|i| credit.lasts_ms(i).map(|ms| ms as f64 / 1e3)).collect::<Vec<_>>()
+            }),
         })
     });
     let clock = device.clock.map(|clock| {

@@ -7,6 +7,7 @@ use crate::response::ResponseError;
 use crate::scene::{PixelError, SceneError};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use era_shared::protocol::Refusal;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -241,6 +242,10 @@ impl From<SessionError> for Problem {
                 "The device is in a fault",
                 format!("{detail} (POST /v1/faults/clear clears it)"),
             ),
+            SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. })) => {
+                Self::new(StatusCode::CONFLICT, "device-refused", "The device refused", detail)
+                    .retry(u64::from(wait_ms), None)
+            }
             SessionError::Link(LinkError::Refused(_) | LinkError::TooOld { .. }) | SessionError::NotArmed { .. } => {
                 Self::new(StatusCode::CONFLICT, "device-refused", "The device refused", detail)
             }

@@ -1,10 +1,10 @@
 //! The HTTP interface.
 
 use super::app::App;
+use super::body::whole_body;
 use super::messages;
 use super::preview::{MAX_SCENE, PreviewRequest};
 use super::problem::Problem;
-use super::server::whole_body;
 use super::touch::TouchRequest;
 use super::view::FieldView;
 use super::{access, assets, live};
@@ -17,6 +17,7 @@ use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
 use std::sync::Arc;
 
 /// Longest request body in bytes; a touch takes under 200.
@@ -55,7 +56,7 @@ pub fn router(app: Arc<App>) -> Router {
         .method_not_allowed_fallback(wrong_method)
         // The bounds above hold; this one would cut previews short.
         .layer(DefaultBodyLimit::disable())
-        .layer(middleware::from_fn_with_state(Arc::clone(&app), access::check))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), access::check))
         .with_state(app)
 }
 
@@ -65,7 +66,7 @@ pub fn stop_only(app: Arc<App>) -> Router {
         .route("/v1/stop", post(stop))
         .fallback(busy)
         .layer(middleware::from_fn_with_state(MAX_BODY, whole_body))
-        .layer(middleware::from_fn_with_state(Arc::clone(&app), access::check))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), access::check))
         .with_state(app)
 }
 
@@ -85,7 +86,10 @@ async fn touch(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> 
     let request: TouchRequest = from_body(&headers, &body, wanted)?;
     let name = super::body::name(&headers)?;
     let id = app.admission.arrived(name.clone());
+    // It has just been read as such.
+    app.note("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
     let answer = app.touch(id, &request).await.map(messages::touched);
+    app.note("outcome", || outcome(id, &answer));
     app.admission.done(id, answer.clone());
     let mut response = answer.map(Json).into_response();
     let name = HeaderValue::try_from(name.unwrap_or_else(|| id.to_string()));
@@ -93,11 +97,22 @@ async fn touch(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> 
     Ok(response)
 }
 
+/// What a recording keeps of an outcome: what was driven, or why not.
+fn outcome(id: u64, answer: &Result<Value, Problem>) -> Value {
+    match answer {
+        Ok(answer) => json!({
+            "id": id, "status": 200, "drives": answer["drives"], "predicted": answer["predicted"], "device": answer["device"],
+        }),
+        Err(problem) => json!({"id": id, "status": problem.status().as_u16(), "problem": problem}),
+    }
+}
+
 async fn request(State(app): State<Arc<App>>, Path(key): Path<String>) -> Result<Response, Problem> {
     Ok(Json(app.admission.told(&key)?).into_response())
 }
 
 async fn arm(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+    app.note("arm", || json!({}));
     app.arm().await?;
     Ok(Json(messages::state(&app)).into_response())
 }
@@ -109,11 +124,13 @@ async fn preview(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -
 }
 
 async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+    app.note("stop", || json!({}));
     app.stop().await?;
     Ok(Json(messages::state(&app)).into_response())
 }
 
 async fn clear_faults(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+    app.note("clear", || json!({}));
     app.clear_faults().await?;
     Ok(Json(messages::state(&app)).into_response())
 }

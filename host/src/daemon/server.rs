@@ -4,15 +4,12 @@
 //! nothing else: a stop is carried out, and a touch is driven, shown and counted, whoever still listens for the answer.
 
 use super::access::Owner;
-use super::app::App;
+use super::app::{App, closed};
 use super::listener::{Incoming, Listener};
 use super::problem::Problem;
 use super::routes;
 use axum::Router;
-use axum::body::Body;
-use axum::extract::{Request, State};
 use axum::http::StatusCode;
-use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -33,8 +30,6 @@ const STOP_CONNECTIONS: usize = 32;
 const HANDSHAKE: Duration = Duration::from_secs(10);
 /// From a connection's start, or the end of its last answer, to the last byte of the next request's headers.
 const HEADER_TIME: Duration = Duration::from_secs(30);
-/// From there to the last byte of its body: the longest body takes 0.3 s at 1 Mbit/s.
-const BODY_TIME: Duration = Duration::from_secs(5);
 /// For answers that are on their way when the daemon ends; the device is off by then.
 const GOODBYE: Duration = Duration::from_secs(2);
 /// After an accept that failed: the system is out of file handles, most often.
@@ -163,38 +158,7 @@ where
     }
 }
 
-/// Resolves when the daemon ends.
-pub async fn closed(closing: &mut watch::Receiver<bool>) {
-    // An error means that it is gone already.
-    let _ = closing.wait_for(|closing| *closing).await.map(|_| ());
-}
-
 fn failed() -> Problem {
     let detail = "the daemon made a mistake with this request; its log says which";
     Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "The daemon made a mistake", detail)
-}
-
-/// Reads a request's body of at most `most` bytes, for a limited time, before anything is done with it.
-pub async fn whole_body(State(most): State<usize>, request: Request, next: Next) -> Response {
-    let (parts, body) = request.into_parts();
-    match tokio::time::timeout(BODY_TIME, axum::body::to_bytes(body, most)).await {
-        Ok(Ok(bytes)) => next.run(Request::from_parts(parts, Body::from(bytes))).await,
-        Ok(Err(error)) => unreadable(&error, most).into_response(),
-        Err(_) => {
-            let detail = format!("the body was not complete after {} s", BODY_TIME.as_secs());
-            Problem::new(StatusCode::REQUEST_TIMEOUT, "slow-body", "The request took too long", detail).into_response()
-        }
-    }
-}
-
-fn unreadable(error: &axum::Error, most: usize) -> Problem {
-    let (mut status, mut cause) = (StatusCode::BAD_REQUEST, Some(error as &dyn std::error::Error));
-    while let Some(error) = cause {
-        if error.is::<http_body_util::LengthLimitError>() {
-            status = StatusCode::PAYLOAD_TOO_LARGE;
-        }
-        cause = error.source();
-    }
-    let detail = format!("{error}; at most {most} bytes are taken");
-    Problem::new(status, "bad-body", "The request's body cannot be used", detail)
 }

@@ -170,6 +170,8 @@ pub fn played(plan: &Plan, design: &Design, played: &Played) -> Value {
     if let Some(map) = answer.as_object_mut() {
         let mut effect = effects::view::json(design);
         effect["start_board_us"] = played.start_us.into();
+        let ahead = played.start.saturating_duration_since(std::time::Instant::now());
+        effect["starts_in_ms"] = (ahead.as_secs_f64() * 1e3).into();
         effect["duration_ms"] = (played.length.as_secs_f64() * 1e3).into();
         map.insert("effect".into(), effect);
     }

@@ -310,5 +310,6 @@ pub const fn name(request: &Request) -> &'static str {
         Request::Details => "details",
         Request::Log => "log",
         Request::Bootloader { .. } => "bootloader",
+        Request::Credit => "credit",
     }
 }

@@ -141,7 +141,7 @@ impl OpenDevice {
             }
             Target::Serial(_) | Target::Auto => {
                 let mut device = Self::absent(target).ok_or(TargetError::NoBoard)?;
-                match device.transport() {
+                match device.locate().and_then(|()| device.transport()) {
                     Ok(_) => Ok(device),
                     Err(_) if device.any => Err(TargetError::NoneFound { ports: port::list() }),
                     Err(source) => Err(TargetError::Port { path: device.path, source, available: port::list() }),
@@ -197,20 +197,31 @@ impl OpenDevice {
         }
     }
 
-    /// Opens the port: that of the board which was opened before, wherever USB shows it now.
+    /// Looks where the board's port is now: USB may show the board that was found before at another path.
     ///
     /// # Errors
-    /// As the port does; that there is no such device if the board is not there.
-    pub fn transport(&mut self) -> Result<Box<dyn Transport>, serialport::Error> {
+    /// That there is no such device if the board is not there.
+    pub fn locate(&mut self) -> Result<(), serialport::Error> {
         if self.any || self.usb.is_some() {
-            let found = port::find(self.usb.as_ref()).ok_or_else(|| {
+            self.path = port::find(self.usb.as_ref()).ok_or_else(|| {
                 let what = self.usb.as_ref().map_or_else(|| "no ERA board".into(), |usb| format!("no board {usb}"));
                 serialport::Error::new(serialport::ErrorKind::NoDevice, format!("{what} is connected"))
             })?;
-            self.path = found;
         }
+        if self.usb.is_none() && self.kind == "serial" {
+            self.usb = port::usb_of(&self.path);
+        }
+        self.any = self.any && self.usb.is_none();
+        Ok(())
+    }
+
+    /// Opens the port.
+    ///
+    /// # Errors
+    /// As the port does.
+    pub fn transport(&self) -> Result<Box<dyn Transport>, serialport::Error> {
         let mut tries = 1;
-        let port = loop {
+        loop {
             match serialport::new(&self.path, UART_BAUD).timeout(READ_TIMEOUT).open() {
                 // Whoever has just closed the port may still hold its lock for a moment: a process that was being forked
                 // meanwhile keeps it until it runs its program.
@@ -218,21 +229,16 @@ impl OpenDevice {
                     tries += 1;
                     std::thread::sleep(OPEN_AGAIN);
                 }
-                port => break port?,
+                port => return Ok(Box::new(Port(port?))),
             }
-        };
-        if self.usb.is_none() {
-            self.usb = port::usb_of(&self.path);
         }
-        self.any = self.any && self.usb.is_none();
-        Ok(Box::new(Port(port)))
     }
 
     /// Opens the port and puts a client on it.
     ///
     /// # Errors
     /// As the port does.
-    pub fn client(&mut self) -> Result<Client, serialport::Error> {
+    pub fn client(&self) -> Result<Client, serialport::Error> {
         Ok(Client::new(self.transport()?, self.timing.reply_timeout))
     }
 }

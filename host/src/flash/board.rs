@@ -53,7 +53,7 @@ impl Board {
     /// # Errors
     /// [`BoardError`].
     pub fn open(target: &Target) -> Result<Self, BoardError> {
-        let mut device = OpenDevice::open_board(target)?;
+        let device = OpenDevice::open_board(target)?;
         let mut client =
             device.client().map_err(|source| BoardError::Port { path: device.path().to_owned(), source })?;
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };

@@ -2,12 +2,12 @@
 
 use crate::raw::{connect, send_and_listen};
 use crate::support::Daemon;
-use era::daemon::Access;
+use era::daemon::{Access, Listener};
 use era::device::session::policy::Policy;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
-use std::io::{Read, Write};
-use std::process::Command;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 fn request(
@@ -141,6 +141,89 @@ fn the_network_is_served_only_with_a_token_and_tls() {
     std::fs::write(&tokens, "arm short\n").unwrap();
     let (code, said) = era(&["serve", "--token-file", tokens.to_str().unwrap()]);
     assert!(code == 2 && said.contains("line 1"), "{code} {said}");
+}
+
+/// From another machine's point of view: a certificate that the daemon made, a token, the command line and any TLS client.
+#[test]
+fn tls_and_a_token_open_the_daemon_from_elsewhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let (tokens, tls) = (folder.path().join("tokens"), folder.path().join("tls"));
+    std::fs::write(&tokens, format!("touch {}\n", "T".repeat(32))).unwrap();
+    let mut serving = Command::new(env!("CARGO_BIN_EXE_era"))
+        .args(["serve", "--listen", "0.0.0.0:0", "--socket", "none", "--accuracy", "fast", "--no-cache"])
+        .arg("--token-file")
+        .arg(&tokens)
+        .arg("--tls-dir")
+        .arg(&tls)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let log = BufReader::new(serving.stderr.take().unwrap());
+    let port = log.lines().map_while(Result::ok).find_map(|line| {
+        let (_, rest) = line.split_once("https://0.0.0.0:")?;
+        rest.split(|c: char| !c.is_ascii_digit()).next().map(str::to_owned)
+    });
+    let url = format!("https://localhost:{}", port.unwrap());
+    let (certificate, key) = (tls.join("era-cert.pem"), tls.join("era-key.pem"));
+    let [ca, token] = [&certificate, &tokens].map(|path| path.to_str().unwrap());
+    let mut all = vec![
+        (era(&["state", "--url", &url, "--ca", ca, "--token-file", token]), 0, ""),
+        (era(&["stop", "--url", &url, "--ca", ca, "--token-file", token]), 0, ""),
+        (era(&["state", "--url", &url, "--ca", ca]), 1, "token"),
+        // Nobody else vouches for it.
+        (era(&["state", "--url", &url, "--token-file", token]), 1, "no answer"),
+        (era(&["state", "--url", &url.replace("https", "http"), "--token-file", token]), 1, "no answer"),
+    ];
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let mode = std::fs::metadata(&key).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode, 0o600, "the key is for its owner alone");
+    }
+    serving.kill().unwrap();
+    serving.wait().unwrap();
+    for ((code, said), wanted, piece) in all.drain(..) {
+        assert!(code == wanted && said.contains(piece), "{code} {said:?}, {wanted} {piece:?} wanted");
+    }
+}
+
+/// Whoever may open the socket needs no token; nobody else may open it, and the next daemon finds its place free.
+#[cfg(unix)]
+#[test]
+fn the_socket_in_the_file_system_is_for_its_owner() {
+    use std::os::unix::fs::PermissionsExt;
+    use std::os::unix::net::UnixStream;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("deep/era.sock");
+    let access = Access { tokens: Access::tokens(&format!("touch {}", "T".repeat(32))).unwrap(), ..Access::default() };
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    for _ in 0..2 {
+        let app = std::sync::Arc::new(Daemon::app(EXAMPLE_PLATE, access.clone()));
+        let listener = runtime.block_on(async { Listener::unix(&path) }).unwrap();
+        let mode = std::fs::metadata(&path).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode, 0o600);
+        let taken = runtime.block_on(async { Listener::unix(&path) }).unwrap_err();
+        assert!(taken.to_string().contains("another daemon"), "{taken}");
+        let (end, ended) = tokio::sync::oneshot::channel::<()>();
+        let serving = runtime.spawn(era::daemon::serve(app, vec![listener], async {
+            let _ = ended.await;
+        }));
+        let mut stream = UnixStream::connect(&path).unwrap();
+        stream.write_all(b"GET /v1/state HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+        end.send(()).unwrap();
+        runtime.block_on(serving).unwrap();
+        assert!(!path.exists(), "the socket goes with its daemon");
+    }
+    // What a killed daemon left behind is in nobody's way; what is no socket is not touched.
+    drop(std::os::unix::net::UnixListener::bind(&path).unwrap());
+    assert!(path.exists());
+    runtime.block_on(async { Listener::unix(&path) }).unwrap();
+    std::fs::write(&path, "a file").unwrap();
+    let kept = runtime.block_on(async { Listener::unix(&path) });
+    assert!(kept.is_err() && std::fs::read_to_string(&path).unwrap() == "a file");
 }
 
 /// One connection after the other is asked for its token before anything is read of it.

@@ -8,5 +8,7 @@ mod boards;
 mod bodies;
 mod fingers;
 mod hang_up;
+mod measured;
 mod order;
 mod raw;
+mod recorded;

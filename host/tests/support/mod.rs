@@ -5,7 +5,7 @@ pub mod browser;
 pub mod old_board;
 pub mod scenes;
 
-use era::daemon::{Access, App, Background};
+use era::daemon::{Access, App, Background, Recorder};
 use era::device::session::policy::Policy;
 use era::device::sim::{Panel, SimControl};
 use era::device::{OpenDevice, Target};
@@ -56,6 +56,23 @@ impl Daemon {
         let daemon = Self::of(table, scene, device, sim, policy, access);
         daemon.wait_for(|state| state["device"]["connected"] == true);
         daemon
+    }
+
+    /// The daemon on a scene, writing down what is asked of it, once its device answers.
+    pub fn recording(scene: &str, recorder: Recorder) -> Self {
+        let mut app = Self::app(scene, Access::default());
+        app.record = Some(recorder);
+        let background = Background::start(app).unwrap();
+        let daemon = Self { url: format!("http://{}", background.address()), sim: SimControl::default(), background };
+        daemon.wait_for(|state| state["device"]["connected"] == true);
+        daemon
+    }
+
+    /// What a daemon serves, for who serves it otherwise.
+    pub fn app(scene: &str, access: Access) -> App {
+        let table = served_table(scene);
+        let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
+        App::with(table, device, scene.to_owned(), Policy::default(), access).unwrap()
     }
 
     /// The same behind tokens; its device may not answer yet.

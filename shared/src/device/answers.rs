@@ -5,10 +5,11 @@ use crate::MAX_CHANNELS;
 use crate::board::Board;
 use crate::limits::{BURST_DEFAULT_MS, BURST_MAX_MS, DEADMAN_DEFAULT_MS, DEADMAN_MAX_MS, DEADMAN_MIN_MS};
 use crate::protocol::{
-    AchievedDrive, BOOTLOADER_KEY, CURRENT_VERSION, ChannelDrive, ChannelStatus, Details, FaultCode, HelloReply,
-    LOG_CHUNK, MIN_VERSION, Refusal, Reply, Request, StatusReply, TelemetryReply, Welcome,
+    AchievedDrive, BOOTLOADER_KEY, CURRENT_VERSION, ChannelCredit, ChannelDrive, ChannelStatus, ChargeRule,
+    CreditReply, Details, FaultCode, HelloReply, LOG_CHUNK, MIN_VERSION, Refusal, Reply, Request, StatusReply,
+    TelemetryReply, Welcome,
 };
-use crate::safety::{Event, LinkId};
+use crate::safety::{Budget, Event, LinkId};
 use crate::supply::charged;
 use crate::waveform::{DriveError, Effect, Goal, program};
 use heapless::Vec;
@@ -75,6 +76,7 @@ impl Device {
                 Ok(Reply::Bootloader)
             }
             Request::Bootloader { .. } => Err(Refusal::Malformed),
+            Request::Credit => Ok(Reply::Credit(self.credit(board.info().channels.len()))),
         }
     }
 
@@ -234,6 +236,18 @@ impl Device {
             state: self.state(),
             acceleration_peak_mm_per_s2: board.acceleration_peak_mm_per_s2(),
             rail_millivolts: self.active.iter().take(board.info().channels.len()).map(millivolts).collect(),
+        }
+    }
+
+    fn credit(&self, channels: usize) -> CreditReply {
+        let credit = |channel| ChannelCredit {
+            left_ms: self.budget.credit_ms(channel),
+            charge_ppm: self.budget.charge(channel).ppm(),
+        };
+        CreditReply {
+            rule: ChargeRule::ForceSquared,
+            earned_ppm: Budget::EARNED_PPM,
+            channels: (0..channels.min(MAX_CHANNELS)).map(credit).collect(),
         }
     }
 

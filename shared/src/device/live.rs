@@ -4,8 +4,8 @@ use super::{Device, Goals};
 use crate::MAX_CHANNELS;
 use crate::board::Board;
 use crate::limits::{BLEEDER_MS, DISCHARGE_LIMIT_MS};
-use crate::protocol::{FaultCode, Refusal};
-use crate::safety::{Action, Event, SelfTest, State, Verdict};
+use crate::protocol::{ChannelLimits, FaultCode, Refusal};
+use crate::safety::{Action, Charge, Event, SelfTest, State, Verdict};
 use crate::supply::{Finding, RAILS, Senses, charged, rail_of};
 use crate::waveform::{FULL_STRENGTH, Sequencer};
 
@@ -44,8 +44,8 @@ impl Device {
             return Err(finding);
         }
         // In every state: who is off earns and rests.
-        let driving = self.driving();
-        let spent = self.budget.step(now_us, driving);
+        let charges = self.charges(&board.info().channels, &senses);
+        let spent = self.budget.step(now_us, charges);
         match self.state() {
             State::Boot => Ok(()),
             State::Safe => match charged(&senses) {
@@ -114,6 +114,22 @@ impl Device {
     fn driving(&self) -> [bool; MAX_CHANNELS] {
         let sequencer = self.sequencer.as_ref();
         core::array::from_fn(|channel| sequencer.is_some_and(|sequencer| sequencer.drives(channel)))
+    }
+
+    /// What the channels in use cost of their credit. By the windows that the timers go through, or will next, if those are
+    /// wider, and by the rail as it is measured or set, whichever is more: so a drive is charged for what it does, not for
+    /// what was asked for. An effect costs what its level does, a rail that is still on its way up or down costs what it
+    /// has, and a drive that was replaced costs what it did until its last boundary.
+    fn charges(&self, limits: &[ChannelLimits], senses: &Senses) -> [Option<Charge>; MAX_CHANNELS] {
+        let sequencer = self.sequencer.as_ref();
+        core::array::from_fn(|channel| {
+            let period = sequencer.and_then(|sequencer| sequencer.strongest(channel))?;
+            let rail = rail_of(channel);
+            let number = |values: &[u32; RAILS]| values.get(rail).copied().unwrap_or(u32::MAX);
+            let millivolts = number(&senses.rail_millivolts).max(number(&self.supply.set_point_millivolts));
+            let largest = limits.get(channel).map_or(0, |limits| limits.max_voltage_millivolts);
+            Some(Charge::of(&period, millivolts, largest))
+        })
     }
 
     /// Ends the drives of channels that have driven for as long as they may.

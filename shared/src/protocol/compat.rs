@@ -6,8 +6,17 @@ use crate::safety::{Event, State};
 /// A reply in the words of `version`.
 #[must_use]
 pub fn for_version(reply: Reply, version: u8) -> Reply {
-    // Not "from 2 on": what a third version adds would have to be put into the words of the second.
-    if version >= CURRENT_VERSION { reply } else { for_1(reply) }
+    // Not "from 3 on": what a fourth version adds would have to be put into the words of the third.
+    match version {
+        CURRENT_VERSION.. => reply,
+        2 => for_2(reply),
+        _ => for_1(reply),
+    }
+}
+
+/// Version 3 adds an answer, to a request that version 2 does not have, and nothing else.
+fn for_2(reply: Reply) -> Reply {
+    if matches!(reply, Reply::Credit(_)) { Reply::Refused(Refusal::Malformed) } else { reply }
 }
 
 fn for_1(reply: Reply) -> Reply {
@@ -38,7 +47,8 @@ fn for_1(reply: Reply) -> Reply {
         | Reply::Clock { .. }
         | Reply::Details(_)
         | Reply::Log { .. }
-        | Reply::Bootloader => Reply::Refused(Refusal::Malformed),
+        | Reply::Bootloader
+        | Reply::Credit(_) => Reply::Refused(Refusal::Malformed),
     }
 }
 

@@ -11,6 +11,7 @@ mod fault;
 mod identity;
 mod reply;
 mod reply2;
+mod reply3;
 mod request;
 
 pub use compat::for_version;
@@ -18,12 +19,13 @@ pub use fault::{Fault, FaultCode};
 pub use identity::{BoardKind, ChannelLimits, FirmwareVersion, ResetCause};
 pub use reply::{AchievedDrive, ChannelStatus, HelloReply, LinkCounters, Refusal, Reply, StatusReply, TelemetryReply};
 pub use reply2::{Details, FAILURE_MESSAGE, IMAGE_NAME, LOG_CHUNK, Welcome};
+pub use reply3::{ChannelCredit, ChargeRule, CreditReply};
 pub use request::{BOOTLOADER_KEY, ChannelDrive, Request};
 
 /// Oldest protocol version that this code still speaks.
 pub const MIN_VERSION: u8 = 1;
 /// Protocol version that this code speaks by preference.
-pub const CURRENT_VERSION: u8 = 2;
+pub const CURRENT_VERSION: u8 = 3;
 
 /// Whether a peer's version can be spoken.
 #[must_use]

@@ -79,6 +79,8 @@ pub enum Reply {
     },
     /// To `Bootloader`: the board restarts now and does not answer again.
     Bootloader,
+    /// To `Credit`.
+    Credit(super::CreditReply),
 }
 
 /// Why a request was not carried out.

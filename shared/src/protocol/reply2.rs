@@ -56,6 +56,6 @@ pub struct Details {
     pub stop_released: bool,
     /// Panel and moving masses are bonded to earth.
     pub earth_bonded: bool,
-    /// What each channel may still drive in the long run, in ms.
+    /// For how long each channel may still drive at its largest force in the long run, in ms.
     pub credit_ms: Vec<u32, MAX_CHANNELS>,
 }

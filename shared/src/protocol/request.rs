@@ -73,6 +73,8 @@ pub enum Request {
         /// [`BOOTLOADER_KEY`], so that no broken or mistaken request does it.
         key: u32,
     },
+    /// What the channels may still drive, and what they are charged. From version 3 on.
+    Credit,
 }
 
 /// What a `Bootloader` request must carry: "BOOT".
@@ -100,6 +102,7 @@ impl Request {
             | Request::Details
             | Request::Log
             | Request::Bootloader { .. } => 2,
+            Request::Credit => 3,
         }
     }
 }

@@ -1,20 +1,28 @@
 //! How long each channel may drive: without a rest, and in the long run.
 
+use super::charge::Charge;
 use crate::MAX_CHANNELS;
 use crate::limits::{BURST_DEFAULT_MS, BURST_MAX_MS, DUTY_CREDIT_MS, DUTY_PERCENT, REST_MS};
 
-/// Credit in us that a channel starts with and can have at most.
-const FULL_CREDIT_US: u64 = DUTY_CREDIT_MS as u64 * 1000;
+/// Credit is counted in millionths of a us at the largest force, so that nothing is rounded while it is earned and spent: us
+/// times [`Charge::ppm`]. A minute is 6e13 of them.
+const CREDIT_PER_US: u64 = Charge::FULL.ppm() as u64;
+/// Credit that a channel starts with and can have at most.
+const FULL_CREDIT: u64 = DUTY_CREDIT_MS as u64 * 1000 * CREDIT_PER_US;
+/// Credit that a us brings, whether the channel drives or not: a drive of no more force squared than this never runs out.
+const EARNED_PER_US: u64 = DUTY_PERCENT as u64 * CREDIT_PER_US / 100;
 const REST_US: u64 = REST_MS as u64 * 1000;
 
 #[derive(Clone, Copy, Debug)]
 struct Account {
-    credit_us: u64,
+    credit: u64,
+    /// What the channel does, as seen at the last step.
+    charge: Charge,
     burst_us: u64,
     rested_us: u64,
 }
 
-/// On-times of all channels.
+/// On-times and exposures of all channels.
 #[derive(Clone, Debug)]
 pub struct Budget {
     burst_limit_us: u64,
@@ -29,10 +37,13 @@ impl Default for Budget {
 }
 
 impl Budget {
+    /// What a channel earns in the long run, in millionths of the time at the largest force.
+    pub const EARNED_PPM: u32 = DUTY_PERCENT * Charge::FULL.ppm() / 100;
+
     /// Full credit, the default burst.
     #[must_use]
     pub const fn new() -> Self {
-        let account = Account { credit_us: FULL_CREDIT_US, burst_us: 0, rested_us: REST_US };
+        let account = Account { credit: FULL_CREDIT, charge: Charge::NONE, burst_us: 0, rested_us: REST_US };
         Self { burst_limit_us: BURST_DEFAULT_MS as u64 * 1000, last_us: 0, accounts: [account; MAX_CHANNELS] }
     }
 
@@ -41,16 +52,21 @@ impl Budget {
         self.burst_limit_us = u64::from(burst_ms.clamp(1, BURST_MAX_MS)) * 1000;
     }
 
-    /// Takes note of who has driven since the last call, and says who must stop.
-    pub fn step(&mut self, now_us: u64, driving: [bool; MAX_CHANNELS]) -> [bool; MAX_CHANNELS] {
+    /// Takes note of what has driven since the last call, and says who must stop. `driving` is what each channel's drive
+    /// costs, `None` where nothing drives.
+    ///
+    /// Bursts count time, whatever the force; credit is charged by force. A drive whose force has changed since the last
+    /// call is charged at the greater of what was seen then and what is seen now.
+    pub fn step(&mut self, now_us: u64, driving: [Option<Charge>; MAX_CHANNELS]) -> [bool; MAX_CHANNELS] {
         let elapsed_us = now_us.saturating_sub(self.last_us);
         self.last_us = now_us;
         let mut spent = [false; MAX_CHANNELS];
         for ((account, driving), spent) in self.accounts.iter_mut().zip(driving).zip(&mut spent) {
-            let earned = elapsed_us * u64::from(DUTY_PERCENT) / 100;
-            account.credit_us = account.credit_us.saturating_add(earned).min(FULL_CREDIT_US);
-            if driving {
-                account.credit_us = account.credit_us.saturating_sub(elapsed_us);
+            let earned = elapsed_us.saturating_mul(EARNED_PER_US);
+            account.credit = account.credit.saturating_add(earned).min(FULL_CREDIT);
+            if let Some(charge) = driving {
+                let cost = u64::from(charge.max(account.charge).ppm());
+                account.credit = account.credit.saturating_sub(elapsed_us.saturating_mul(cost));
                 account.burst_us = account.burst_us.saturating_add(elapsed_us);
                 account.rested_us = 0;
             } else {
@@ -59,7 +75,8 @@ impl Budget {
                     account.burst_us = 0;
                 }
             }
-            *spent = driving && (account.burst_us >= self.burst_limit_us || account.credit_us == 0);
+            account.charge = driving.unwrap_or(Charge::NONE);
+            *spent = driving.is_some() && (account.burst_us >= self.burst_limit_us || account.credit == 0);
         }
         spent
     }
@@ -71,15 +88,21 @@ impl Budget {
         // For a burst the time of a rest, for the credit the time until a rest's worth of it is there.
         let rest_us =
             if account.burst_us >= self.burst_limit_us { REST_US - account.rested_us.min(REST_US) } else { 0 };
-        let missing_us = REST_US.saturating_sub(account.credit_us) * 100 / u64::from(DUTY_PERCENT);
+        let missing_us = (REST_US * CREDIT_PER_US).saturating_sub(account.credit).div_ceil(EARNED_PER_US);
         let wait_us = rest_us.max(missing_us);
         (wait_us > 0).then(|| u32::try_from(wait_us.div_ceil(1000)).unwrap_or(u32::MAX))
     }
 
-    /// What a channel may still drive in the long run, in ms.
+    /// What a channel may still drive in the long run at its largest force, in ms, rounded down.
     #[must_use]
     pub fn credit_ms(&self, channel: usize) -> u32 {
-        let credit_us = self.accounts.get(channel).map_or(0, |account| account.credit_us);
-        u32::try_from(credit_us / 1000).unwrap_or(u32::MAX)
+        let credit = self.accounts.get(channel).map_or(0, |account| account.credit);
+        u32::try_from(credit / (1000 * CREDIT_PER_US)).unwrap_or(u32::MAX)
+    }
+
+    /// What a channel's drive costs, as seen at the last step.
+    #[must_use]
+    pub fn charge(&self, channel: usize) -> Charge {
+        self.accounts.get(channel).map_or(Charge::NONE, |account| account.charge)
     }
 }

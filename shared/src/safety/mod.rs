@@ -6,11 +6,13 @@
 
 mod arming;
 mod budget;
+mod charge;
 mod machine;
 mod table;
 
 pub use crate::limits::{DEADMAN_DEFAULT_MS, DEADMAN_MAX_MS, DEADMAN_MIN_MS};
 pub use arming::{SelfTest, Verdict};
 pub use budget::Budget;
+pub use charge::Charge;
 pub use machine::{LinkId, Safety};
 pub use table::{Action, Event, Outcome, State, transition};

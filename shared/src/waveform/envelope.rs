@@ -1,6 +1,7 @@
 //! How strong a drive is in time: envelopes that the board plays by its own clock, so that a host's jitter does not reach
 //! the skin.
 
+use super::sine::{ONE, quarter_sine};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -184,20 +185,4 @@ pub(super) fn width_for(ticks: u32, width: u32, level: i16, strength: u32) -> u3
         *(if u64::from(force(middle)) <= wanted { &mut narrower } else { &mut wider }) = middle;
     }
     narrower
-}
-
-/// 1 with 30 bits behind the point.
-const ONE: u32 = 1 << 30;
-/// Coefficients of the series of sin(pi x / 2) in x, with 30 bits behind the point: (pi/2)^n / n! for n = 11, 9, ... 1. What
-/// is cut off is below 6e-8.
-const SERIES: [u32; 6] = [3_864, 172_272, 5_026_995, 85_569_306, 693_598_668, 1_686_629_713];
-
-/// sin(pi x / 2) for x from 0 to 1, both with 30 bits behind the point.
-fn quarter_sine(x: u32) -> u32 {
-    // No factor is above 2 and none of the products either.
-    let times = |a: u32, b: u32| u32::try_from((u64::from(a) * u64::from(b)) >> 30).unwrap_or(u32::MAX);
-    let x = x.min(ONE);
-    let square = times(x, x);
-    let sum = SERIES.into_iter().reduce(|sum, next| next - times(square, sum)).unwrap_or(0);
-    times(x, sum)
 }

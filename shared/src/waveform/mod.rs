@@ -29,6 +29,7 @@ mod period;
 mod program;
 mod registers;
 mod sequencer;
+pub(crate) mod sine;
 
 pub use drive_error::DriveError;
 pub use edges::{Electrode, Window, Windows, WindowsError};

@@ -64,6 +64,13 @@ impl Period {
         self.divider as u64 * self.ticks as u64
     }
 
+    /// Ticks for which the electrode that is on for longer is on.
+    #[must_use]
+    pub const fn widest(&self) -> u16 {
+        let (a, b) = (self.a.off.saturating_sub(self.a.on), self.b.off.saturating_sub(self.b.on));
+        if a > b { a } else { b }
+    }
+
     /// Whether nothing is on in it.
     #[must_use]
     pub fn is_blank(&self) -> bool {

@@ -273,6 +273,18 @@ impl Sequencer {
         self.tracks.get(channel).is_some_and(|track| !track.active.is_blank() || !track.preloaded().is_blank())
     }
 
+    /// The stronger of the two periods that a channel's timer goes through now and from its next boundary on: that with the
+    /// wider windows for its length; `None` if both are blank.
+    #[must_use]
+    pub fn strongest(&self, channel: usize) -> Option<Period> {
+        let track = self.tracks.get(channel)?;
+        let (now, next) = (track.active, track.preloaded());
+        // Of 16 bits each, so that the products fit.
+        let share = |of: &Period, other: &Period| u32::from(of.widest()).saturating_mul(other.ticks);
+        let strongest = if share(&now, &next) >= share(&next, &now) { now } else { next };
+        (!strongest.is_blank()).then_some(strongest)
+    }
+
     /// What must be written to a channel's preload registers now, if anything. To be asked of every channel at least every
     /// ms, and again at [`Self::due_us`].
     pub fn next(&mut self, channel: usize, now_us: u64) -> Option<Preload> {

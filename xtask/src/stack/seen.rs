@@ -60,8 +60,15 @@ fn session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
         drives: (0..4).map(|channel| drive(channel, frequency_millihertz)).collect(),
     };
     let play = |channel| Request::Play { channel, start_us: 0, effect: Effect::swell(20, 20, 20) };
-    let questions =
-        [Request::Status, Request::Telemetry, Request::Faults, Request::Clock, Request::Details, Request::Log];
+    let questions = [
+        Request::Status,
+        Request::Telemetry,
+        Request::Faults,
+        Request::Clock,
+        Request::Details,
+        Request::Log,
+        Request::Credit,
+    ];
     let mut ask = |bridge: &mut Bridge, request: &Request| {
         asked.insert(name(request));
         match link.request(bridge, request)? {
@@ -137,7 +144,8 @@ requests!(
     Play,
     Clock,
     Details,
-    Log
+    Log,
+    Credit
 );
 
 /// Half of the half period wide, as 1 kHz with its guards allows.

@@ -4,7 +4,7 @@ use super::error_message;
 use crate::daemon::app::App;
 use crate::daemon::touch::{Feel, MAX_DURATION_MS, Manner};
 use crate::daemon::view::TouchView;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -147,6 +147,12 @@ impl Hand {
                 app.drop_waiting();
             }
         };
+        app.note("outcome", || match &done {
+            Ok(done) => json!({
+                "id": id, "status": 200, "plan": done.active.plan, "device": done.device,
+            }),
+            Err(problem) => json!({"id": id, "status": problem.status().as_u16(), "problem": problem}),
+        });
         match done {
             Ok(done) => {
                 (self.down, self.feel) = (ids, feel);

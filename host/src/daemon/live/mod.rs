@@ -6,7 +6,7 @@
 mod fingers;
 mod writer;
 
-use super::app::App;
+use super::app::{App, SOCKETS};
 use super::problem::Problem;
 use super::touch::Feel;
 use super::view::TouchView;
@@ -21,6 +21,7 @@ use futures_util::StreamExt;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -34,8 +35,6 @@ const REPLIES: usize = 32;
 const PING: Duration = Duration::from_secs(5);
 /// A page of which nothing was heard for so long has lifted its fingers.
 const SILENCE: Duration = Duration::from_secs(15);
-/// Sockets at once.
-pub const SOCKETS: usize = 64;
 
 /// What a page says. Plain structures, not an enum with its tag inside: serde reads such an enum by way of a copy in which
 /// numbers are maps as soon as any crate of the program turns on serde_json's `arbitrary_precision`.
@@ -72,6 +71,9 @@ enum Letter {
 #[serde(deny_unknown_fields)]
 struct LiveQuery {
     send: Option<String>,
+    /// Which `access` has asked for.
+    #[serde(rename = "token")]
+    _token: Option<String>,
 }
 
 /// Takes the upgrade.
@@ -104,6 +106,9 @@ pub async fn upgrade(
 }
 
 async fn serve(app: Arc<App>, socket: WebSocket, wants: Wants) {
+    // Names the page in recordings.
+    static PAGES: AtomicU64 = AtomicU64::new(0);
+    let page = PAGES.fetch_add(1, Ordering::Relaxed) + 1;
     let (sink, mut stream) = socket.split();
     let (letters, inbox) = mpsc::channel::<Letter>(1);
     let (replies, outbox) = mpsc::channel::<Value>(REPLIES);
@@ -119,7 +124,7 @@ async fn serve(app: Arc<App>, socket: WebSocket, wants: Wants) {
                     heard = Instant::now();
                     match message {
                         Message::Text(text) => {
-                            if let Some(problem) = take(&app, text.as_str(), &fingers, &replies) {
+                            if let Some(problem) = take(&app, page, text.as_str(), &fingers, &replies) {
                                 // A page that reads nothing misses what is wrong with what it says.
                                 let _ = replies.try_send(error_message(&problem));
                             }
@@ -141,12 +146,13 @@ async fn serve(app: Arc<App>, socket: WebSocket, wants: Wants) {
             _ = &mut writer => break,
         }
     }
+    app.note("gone", || json!({"socket": page}));
     fingers.go();
     drop(letters);
 }
 
 /// Carries out what a page said; what is wrong with it, if anything is.
-fn take(app: &Arc<App>, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Value>) -> Option<Problem> {
+fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Value>) -> Option<Problem> {
     let wanted = r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"#;
     match super::body::from_json(text.as_bytes(), wanted) {
         Ok(Incoming {
@@ -160,6 +166,10 @@ fn take(app: &Arc<App>, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Va
             period_ms,
         }) => {
             let effect = effect.or_else(|| touches.iter().find_map(|touch| touch.effect));
+            app.note(
+                "fingers",
+                || json!({"socket": page, "message": serde_json::from_str::<Value>(text).unwrap_or_default()}),
+            );
             fingers.are(touches, Feel { intensity_g, intensity_db, duration_ms, effect, count, period_ms });
             None
         }
@@ -167,6 +177,7 @@ fn take(app: &Arc<App>, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Va
             Some(Problem::body(format!("missing field `touches`; expected {wanted}")))
         }
         Ok(Incoming { kind: Kind::Stop, .. }) => {
+            app.note("stop", || json!({"socket": page}));
             fingers.forget();
             // Of its own, so that the next message is read whatever the device does.
             let (app, replies) = (Arc::clone(app), replies.clone());

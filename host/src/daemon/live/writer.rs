@@ -3,9 +3,8 @@
 
 use super::Letter;
 use crate::daemon::active::{Active, Update};
-use crate::daemon::app::App;
+use crate::daemon::app::{App, closed};
 use crate::daemon::messages;
-use crate::daemon::server::closed;
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::SinkExt;
 use futures_util::stream::SplitSink;

@@ -4,6 +4,7 @@
 //! The device's own dead-man timer is what makes this safe: whatever happens to this thread or its process, the board
 //! switches off by itself.
 
+mod guard;
 mod play;
 pub mod policy;
 mod worker;
@@ -13,7 +14,7 @@ use super::clock::ClockQuality;
 use super::identity::Identity;
 use super::priority;
 use super::target::OpenDevice;
-use era_shared::protocol::{AchievedDrive, ChannelDrive, Details, StatusReply, TelemetryReply};
+use era_shared::protocol::{AchievedDrive, ChannelDrive, CreditReply, Details, StatusReply, TelemetryReply};
 use era_shared::safety::State;
 use era_shared::waveform::Effect;
 use policy::{Needs, Policy};
@@ -120,6 +121,8 @@ pub struct Snapshot {
     pub telemetry: Option<TelemetryReply>,
     /// Supply, loops and budgets as last seen; a device of version 1 does not tell.
     pub details: Option<Details>,
+    /// What the channels' drives cost; a device of version 1 or 2 does not tell, and charges by time.
+    pub credit: Option<CreditReply>,
     /// How well its clock is known.
     pub clock: Option<ClockQuality>,
     /// Median round trip.

@@ -7,7 +7,7 @@ use crate::device::clock::ClockSync;
 use crate::device::identity::Identity;
 use crate::device::target::OpenDevice;
 use era_shared::limits::BURST_MAX_MS;
-use era_shared::protocol::{CURRENT_VERSION, Details, Fault, FaultCode, MIN_VERSION, Reply, Request};
+use era_shared::protocol::{CURRENT_VERSION, CreditReply, Details, Fault, MIN_VERSION, Reply, Request};
 use era_shared::safety::State;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -35,25 +35,25 @@ const QUICK_SAMPLES: u32 = 8;
 pub(super) struct Worker {
     pub(super) device: OpenDevice,
     pub(super) client: Option<Client>,
-    publish: watch::Sender<Snapshot>,
-    needs: Needs,
-    policy: Policy,
+    pub(super) publish: watch::Sender<Snapshot>,
+    pub(super) needs: Needs,
+    pub(super) policy: Policy,
     beat: Arc<Beat>,
     reopen: Duration,
     /// The board that the session began with.
-    board_id: Option<[u8; 12]>,
+    pub(super) board_id: Option<[u8; 12]>,
     /// Why a person has to arm it.
-    away: Option<String>,
+    pub(super) away: Option<String>,
     /// Why it cannot drive the scene.
-    unfit: Option<String>,
+    pub(super) unfit: Option<String>,
     pub(super) stops: Arc<AtomicU64>,
     /// The drive that was set last.
     pub(super) drive_id: u64,
-    boot_id: Option<u32>,
-    armed: bool,
+    pub(super) boot_id: Option<u32>,
+    pub(super) armed: bool,
     pub(super) drive_until: Option<Instant>,
     pub(super) idle_since: Instant,
-    last_heard: Instant,
+    pub(super) last_heard: Instant,
     pub(super) clock: ClockSync,
     next_clock: Instant,
     /// Samples of the clock that still come quickly.
@@ -179,10 +179,15 @@ impl Worker {
     }
 
     fn open(&mut self) {
-        let opened = self.device.client().map_err(|error| LinkError::Io(error.into())).and_then(|client| {
-            self.client = Some(client);
-            self.greet()
-        });
+        let opened = self
+            .device
+            .locate()
+            .and_then(|()| self.device.client())
+            .map_err(|error| LinkError::Io(error.into()))
+            .and_then(|client| {
+                self.client = Some(client);
+                self.greet()
+            });
         match opened {
             Ok(()) => {
                 tracing::info!(path = self.device.path(), kind = self.device.kind(), "device connected");
@@ -227,7 +232,7 @@ impl Worker {
         self.publish.send_modify(|snapshot| {
             (snapshot.identity, snapshot.protocol) = (Some(identity), protocol);
             (snapshot.mismatch, snapshot.path) = (mismatch, path);
-            (snapshot.details, snapshot.clock) = (None, None);
+            (snapshot.details, snapshot.credit, snapshot.clock) = (None, None, None);
         });
         self.look()
     }
@@ -244,7 +249,11 @@ impl Worker {
 
     /// Whether the device speaks version 2 or later.
     pub(super) fn is_modern(&self) -> bool {
-        self.client.as_ref().is_some_and(|client| client.version() >= 2)
+        self.speaks(2)
+    }
+
+    fn speaks(&self, version: u8) -> bool {
+        self.client.as_ref().is_some_and(|client| client.version() >= version)
     }
 
     /// Asks for the board's time, quickly at first and then now and then.
@@ -269,6 +278,11 @@ impl Worker {
         Ok(details)
     }
 
+    fn credit(&mut self) -> Result<CreditReply, LinkError> {
+        let Reply::Credit(credit) = self.ask(&Request::Credit)? else { return Err(unexpected("credit")) };
+        Ok(credit)
+    }
+
     pub(super) fn look(&mut self) -> Result<(), LinkError> {
         self.next_status = Instant::now() + self.device.timing().status;
         let Reply::Status(status) = self.ask(&Request::Status)? else { return Err(unexpected("status")) };
@@ -278,6 +292,7 @@ impl Worker {
             // It is about to change.
             self.next_status = Instant::now() + self.device.timing().status.min(TRANSITION);
         }
+        let credit = if self.speaks(Request::Credit.since()) { Some(self.credit()?) } else { None };
         let restarted = self.boot_id.is_some_and(|known| known != status.boot_id);
         let known = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
         let is_new = |fault: &Fault| known.is_none_or(|k| (k.code, k.count) != (fault.code, fault.count));
@@ -297,6 +312,7 @@ impl Worker {
             snapshot.status = Some(status);
             snapshot.telemetry = Some(telemetry);
             snapshot.details = details;
+            snapshot.credit = credit;
             (snapshot.round_trip, snapshot.round_trip_worst) = (round_trip, worst);
             snapshot.link = link;
             snapshot.restarts += u32::from(restarted);
@@ -400,101 +416,6 @@ impl Worker {
                 return Err(SessionError::NotArmed { waited: begun.elapsed(), state: state.name() });
             }
             std::thread::sleep(ARMING_POLL);
-        }
-    }
-
-    /// As [`Self::arm`], whatever the device was away for.
-    fn arm_by_hand(&mut self, stops: u64) -> Result<(), SessionError> {
-        if stops != self.stops.load(Ordering::SeqCst) {
-            return Err(SessionError::Stopped);
-        }
-        self.connected()?;
-        let was_away = self.away.take();
-        self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = false);
-        let armed = self.check_fit().and_then(|()| self.arm()).and_then(|fresh| match fresh {
-            true => self.await_armed(stops),
-            false => Ok(()),
-        });
-        self.idle_since = Instant::now();
-        if let Err(error) = &armed {
-            self.away = was_away;
-            if let SessionError::Link(error) = error {
-                self.note_trouble(error);
-            }
-        }
-        self.look()?;
-        armed
-    }
-
-    /// Refuses to drive a scene that the board is not made for, and a board that a person has to arm.
-    pub(super) fn check_fit(&self) -> Result<(), SessionError> {
-        if let Some(reason) = self.unfit.clone() {
-            return Err(SessionError::Unfit { reason });
-        }
-        match self.away.clone() {
-            Some(reason) => Err(SessionError::Away { reason }),
-            None => Ok(()),
-        }
-    }
-
-    /// From here on a person has to arm it, if that is the policy.
-    fn was_away(&mut self, reason: &str) {
-        if !self.policy.arms_after_outage && self.board_id.is_some() && self.away.is_none() {
-            self.away = Some(reason.to_owned());
-            self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = true);
-        }
-    }
-
-    /// Drives that were set and then answered with an error must not run.
-    fn take_back(&mut self) {
-        self.armed = false;
-        self.drive_until = None;
-        if let Err(error) = self.ask(&Request::Stop).and_then(|_| self.look()) {
-            self.note_trouble(&error);
-        }
-    }
-
-    /// Clears a latched silence of this host, if that is the policy.
-    fn clear_silence(&mut self) -> Result<(), SessionError> {
-        let fault = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
-        if !self.policy.clears_silence || fault.is_none_or(|fault| fault.code != FaultCode::HostSilent) {
-            return Ok(());
-        }
-        tracing::warn!("clearing the latched silence of this host, as is the policy");
-        self.ask(&Request::ClearFaults)?;
-        self.publish.send_modify(|snapshot| snapshot.cleared += 1);
-        Ok(self.look()?)
-    }
-
-    /// Says what is known when a fault has been latched.
-    fn report(&self, fault: &Fault) {
-        let snapshot = self.publish.borrow();
-        let ms = |time: Duration| time.as_secs_f64() * 1e3;
-        let link = self.client.as_ref().map(Client::statistics).unwrap_or_default();
-        tracing::error!(
-            code = fault.code.number(),
-            name = fault.code.name(),
-            detail = fault.detail,
-            count = fault.count,
-            heard_ms_ago = ms(self.last_heard.elapsed()),
-            longest_gap_ms = ms(snapshot.longest_gap),
-            round_trip_ms = snapshot.round_trip.map(ms),
-            repeats = link.repeats,
-            bad_frames = link.bad_frames,
-            outages = snapshot.outages,
-            "the device has latched a fault: {}",
-            fault.code.advice()
-        );
-    }
-
-    pub(super) fn check_fault(&self) -> Result<(), SessionError> {
-        match self.publish.borrow().status.as_ref().and_then(|status| status.fault) {
-            None => Ok(()),
-            Some(fault) => Err(SessionError::Fault {
-                number: fault.code.number(),
-                name: fault.code.name(),
-                advice: fault.code.advice(),
-            }),
         }
     }
 

@@ -1,0 +1,198 @@
+//! Recordings of the daemon (`era serve --record`), read back: what was asked, in its time, and what became of it.
+
+use serde::Deserialize;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// One request of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    /// Since the recording began.
+    pub at: Duration,
+    /// What was asked.
+    pub what: What,
+}
+
+/// What can be asked.
+#[derive(Clone, Debug, PartialEq)]
+pub enum What {
+    /// `POST /v1/touch`, with its number then.
+    Touch(u64, Value),
+    /// A message of a page's fingers, with the page.
+    Fingers(u64, Value),
+    /// A page went away.
+    Gone(u64),
+    /// Everything off.
+    Stop,
+    /// Arm.
+    Arm,
+    /// Clear the latched fault.
+    Clear,
+}
+
+/// A recording.
+#[derive(Clone, Debug, Default)]
+pub struct Recording {
+    /// Name of the scene that was served.
+    pub scene: String,
+    /// In their order.
+    pub asked: Vec<Asked>,
+    /// HTTP status and drives that touches had, by their numbers.
+    pub outcomes: BTreeMap<u64, (u16, Value)>,
+    /// Lines that the recorder left out.
+    pub left_out: u64,
+}
+
+/// What is wrong with a recording.
+#[derive(Debug, thiserror::Error)]
+#[error("line {line}: {reason}")]
+pub struct ReplayError {
+    /// From 1.
+    pub line: usize,
+    /// In words.
+    pub reason: String,
+}
+
+#[derive(Deserialize)]
+struct Line {
+    at_ms: f64,
+    kind: String,
+    #[serde(default)]
+    left_out_before: u64,
+    format: Option<u32>,
+    scene: Option<String>,
+    id: Option<u64>,
+    body: Option<Value>,
+    socket: Option<u64>,
+    message: Option<Value>,
+    status: Option<u16>,
+    drives: Option<Value>,
+}
+
+impl Recording {
+    /// Reads a recording's lines. A last line that was cut off with the machine's power is left out.
+    ///
+    /// # Errors
+    /// [`ReplayError`] with the line.
+    pub fn parse(text: &str) -> Result<Self, ReplayError> {
+        let mut recording = Self::default();
+        let count = text.lines().count();
+        for (number, text) in (1..).zip(text.lines()) {
+            let wrong = |reason: String| ReplayError { line: number, reason };
+            let line: Line = match serde_json::from_str(text) {
+                Ok(line) => line,
+                Err(error) if number == count && number > 1 && error.is_eof() => break,
+                Err(error) => return Err(wrong(format!("not a line of a recording: {error}"))),
+            };
+            let at = Duration::try_from_secs_f64(line.at_ms / 1e3)
+                .map_err(|_| wrong(format!("at_ms is {}, but must be 0 and above", line.at_ms)))?;
+            recording.left_out += line.left_out_before;
+            let missing = |key: &str| wrong(format!("{} without {key}", line.kind));
+            if (number == 1) != (line.kind == "begin") {
+                return Err(wrong("the first line of a recording, and no other, begins it".into()));
+            }
+            let what = match line.kind.as_str() {
+                "begin" if line.format == Some(1) => {
+                    recording.scene = line.scene.ok_or_else(|| missing("scene"))?;
+                    continue;
+                }
+                "begin" => return Err(wrong(format!("format {:?} is not 1, which this program reads", line.format))),
+                "touch" => {
+                    What::Touch(line.id.ok_or_else(|| missing("id"))?, line.body.ok_or_else(|| missing("body"))?)
+                }
+                "fingers" => What::Fingers(
+                    line.socket.ok_or_else(|| missing("socket"))?,
+                    line.message.ok_or_else(|| missing("message"))?,
+                ),
+                "gone" => What::Gone(line.socket.ok_or_else(|| missing("socket"))?),
+                "stop" => What::Stop,
+                "arm" => What::Arm,
+                "clear" => What::Clear,
+                "outcome" => {
+                    let status = line.status.ok_or_else(|| missing("status"))?;
+                    let id = line.id.ok_or_else(|| missing("id"))?;
+                    recording.outcomes.insert(id, (status, line.drives.unwrap_or_default()));
+                    continue;
+                }
+                // What later versions may write.
+                _ => continue,
+            };
+            recording.asked.push(Asked { at, what });
+        }
+        if count == 0 {
+            return Err(ReplayError { line: 1, reason: "there is nothing in it".into() });
+        }
+        Ok(recording)
+    }
+}
+
+/// Largest relative difference of the drives' frequencies and voltages; `None` where they are not of the same actuators.
+#[must_use]
+pub fn difference(then: &Value, now: &Value) -> Option<f64> {
+    let (then, now) = (then.as_array()?, now.as_array()?);
+    if then.len() != now.len() {
+        return None;
+    }
+    let mut largest = 0.0_f64;
+    for (then, now) in then.iter().zip(now) {
+        if then["actuator"] != now["actuator"] {
+            return None;
+        }
+        for key in ["frequency_hz", "voltage_v"] {
+            let (then, now) = (then[key].as_f64()?, now[key].as_f64()?);
+            largest = largest.max((now - then).abs() / then.abs().max(f64::MIN_POSITIVE));
+        }
+    }
+    Some(largest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_recording_is_read_back() {
+        let text = r#"{"at_ms": 0.0, "kind": "begin", "format": 1, "scene": "desk"}
+{"at_ms": 12.5, "kind": "touch", "id": 1, "body": {"x_px": 3, "y_px": 4}}
+{"at_ms": 14.0, "kind": "outcome", "id": 1, "status": 200, "drives": [], "left_out_before": 2}
+{"at_ms": 20.0, "kind": "fingers", "socket": 7, "message": {"type": "touch", "touches": []}}
+{"at_ms": 21.0, "kind": "later-version", "something": [1]}
+{"at_ms": 22.0, "kind": "gone", "socket": 7}
+{"at_ms": 23.0, "kind": "st"#;
+        let recording = Recording::parse(text).unwrap();
+        let (asked, outcomes) = (&recording.asked, &recording.outcomes);
+        assert_eq!((recording.scene.as_str(), asked.len(), recording.left_out), ("desk", 3, 2));
+        assert_eq!(asked[0].at, Duration::from_micros(12_500));
+        assert_eq!(asked[0].what, What::Touch(1, json!({"x_px": 3, "y_px": 4})));
+        assert_eq!((&asked[2].what, &outcomes[&1]), (&What::Gone(7), &(200, json!([]))));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        let begin = r#"{"at_ms": 0, "kind": "begin", "format": 1, "scene": "desk"}"#;
+        for (text, line, wanted) in [
+            (String::new(), 1, "nothing"),
+            ("x".into(), 1, "not a line"),
+            (r#"{"at_ms": 1, "kind": "stop"}"#.into(), 1, "first line"),
+            (begin.replace("format\": 1", "format\": 2"), 1, "not 1"),
+            (format!("{begin}\n{begin}"), 2, "first line"),
+            (format!("{begin}\n{{\"at_ms\": -1, \"kind\": \"stop\"}}"), 2, "0 and above"),
+            (format!("{begin}\n{{\"at_ms\": 1, \"kind\": \"touch\", \"id\": 1}}"), 2, "without body"),
+            (format!("{begin}\n{{\"at_ms\":\n{begin}"), 2, "not a line"),
+        ] {
+            let error = Recording::parse(&text).unwrap_err();
+            assert!(error.line == line && error.to_string().contains(wanted), "{text:?}: {error}");
+        }
+    }
+
+    #[test]
+    fn drives_differ_by_their_frequencies_and_voltages() {
+        let drives = |hz: f64, volts: f64| json!([{"actuator": "left", "frequency_hz": hz, "voltage_v": volts}]);
+        assert_eq!(difference(&drives(100.0, 50.0), &drives(100.0, 50.0)), Some(0.0));
+        assert_eq!(difference(&drives(100.0, 50.0), &drives(110.0, 50.0)), Some(0.1));
+        assert_eq!(difference(&drives(100.0, 50.0), &drives(100.0, 40.0)), Some(0.2));
+        assert_eq!(difference(&drives(100.0, 50.0), &json!([])), None);
+    }
+}

@@ -1,0 +1,63 @@
+//! What a drive costs a channel's credit, by its force.
+
+use crate::waveform::Period;
+use crate::waveform::sine::{ONE, at_least};
+
+/// Parts of [`Charge::FULL`].
+const PPM: u32 = 1_000_000;
+
+/// What a drive costs: credit per time, in millionths of what driving at the channel's largest force costs, rounded up.
+///
+/// Exposure goes with the square of the acceleration and the time: A(8)^2 is the mean of a^2 over 8 h (EU 2002/44/EC, annex, part
+/// A; ISO 5349-1). A panel's acceleration goes with the force, so that a drive costs (F / F_max)^2. The fundamental of an ERA's
+/// force is 4/pi eps0 S U^2 / (2 g^2) sin(pi w/2), with the voltage U and w, the part of a half period for which an electrode
+/// is on; the rest is the same for every drive of a channel, so that
+///
+/// F / F_max = (U / U_max)^2 sin(pi w/2)
+///
+/// where F_max is the force at the channel's highest voltage and w = 1, which guard times keep every drive below.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Charge(u32);
+
+impl Charge {
+    /// No force.
+    pub const NONE: Self = Self(0);
+    /// The largest force: as much credit as time. Nothing costs more, a rail above its limit does not either.
+    pub const FULL: Self = Self(PPM);
+
+    /// What a period costs while its electrodes are on with `millivolts`, on a channel for `max_millivolts`.
+    ///
+    /// In integers, each step rounded up: never less than it is, and more by less than 3e-5 of the largest. A higher voltage or a wider
+    /// window never costs less.
+    #[must_use]
+    pub fn of(period: &Period, millivolts: u32, max_millivolts: u32) -> Self {
+        let voltage = part(millivolts, max_millivolts);
+        let sine = at_least(part(2 * u32::from(period.widest()), period.ticks));
+        let force = times(times(voltage, voltage), sine);
+        // Below 2^51, and no more than PPM.
+        let ppm = (u64::from(times(force, force)) * u64::from(PPM)).div_ceil(u64::from(ONE));
+        Self(u32::try_from(ppm).unwrap_or(PPM).min(PPM))
+    }
+
+    /// In millionths.
+    #[must_use]
+    pub const fn ppm(self) -> u32 {
+        self.0
+    }
+}
+
+/// `a / b` with 30 bits behind the point, rounded up; 1 at most, and 1 if `b` is 0 and `a` is not.
+fn part(a: u32, b: u32) -> u32 {
+    if a == 0 {
+        return 0;
+    }
+    if a >= b {
+        return ONE;
+    }
+    u32::try_from((u64::from(a) << 30).div_ceil(u64::from(b))).unwrap_or(ONE)
+}
+
+/// Product of two numbers up to 1 with 30 bits behind the point, rounded up.
+fn times(a: u32, b: u32) -> u32 {
+    u32::try_from((u64::from(a) * u64::from(b)).div_ceil(u64::from(ONE))).unwrap_or(ONE)
+}
