@@ -180,7 +180,8 @@ mod tests {
 
     #[test]
     fn the_address_is_read_from_the_log() {
-        let line = "INFO era::cli::serve: ready after 0.1 s: open http://127.0.0.1:4711, unix:/tmp/a (scene x, device sim)";
+        let line =
+            "INFO era::cli::serve: ready after 0.1 s: open http://127.0.0.1:4711, unix:/tmp/a (scene x, device sim)";
         assert_eq!(address_in(line), "127.0.0.1:4711".parse().ok());
         assert_eq!(address_in("open http://127.0.0.1:4711"), None);
     }

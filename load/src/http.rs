@@ -81,7 +81,8 @@ impl Http {
         let result = self.connected().and_then(|stream| {
             let name = name.map(|name| format!("X-Request-Id: {name}\r\n")).unwrap_or_default();
             let length = body.len();
-            let head = format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\n{name}Content-Type: application/json\r\n");
+            let head =
+                format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\n{name}Content-Type: application/json\r\n");
             stream.get_mut().write_all(format!("{head}Content-Length: {length}\r\n\r\n{body}").as_bytes())?;
             answer(stream)
         });
@@ -158,7 +159,8 @@ mod tests {
 
     #[test]
     fn an_answer_is_read_to_its_last_byte_and_no_further() {
-        let mut text: &[u8] = b"HTTP/1.1 409 Conflict\r\nContent-Length: 4\r\nx-request-id: a\r\n\r\n{\"a\"HTTP/1.1 200 OK\r\n\r\n";
+        let mut text: &[u8] =
+            b"HTTP/1.1 409 Conflict\r\nContent-Length: 4\r\nx-request-id: a\r\n\r\n{\"a\"HTTP/1.1 200 OK\r\n\r\n";
         let first = answer(&mut text).unwrap();
         assert_eq!((first.status, first.body.as_slice()), (409, b"{\"a\"".as_slice()));
         assert_eq!(answer(&mut text).unwrap().status, 200);

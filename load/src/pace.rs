@@ -139,7 +139,14 @@ pub fn run(options: &Options) -> Result<(), Error> {
     println!("Times are p50 / p99 / longest, on {} processors, the simulated board among them", processors());
     println!(
         "{:<18} {:>6} {:>7} {:>7} {:>7} {:>26} {:>26} {:>26}",
-        "over", "asked", "sent/s", "driven", "refused", "to the answer", "to the frame's last byte", "stop to the board"
+        "over",
+        "asked",
+        "sent/s",
+        "driven",
+        "refused",
+        "to the answer",
+        "to the frame's last byte",
+        "stop to the board"
     );
     for way in Way::ALL {
         for rate in &options.rates {
@@ -210,7 +217,10 @@ impl Measurement {
                 std::thread::sleep(LOOK);
             }
             let Some(at) = received() else {
-                return Err(Error::Answer(format!("a stop did not reach the board, but was answered {}", answer.status)));
+                return Err(Error::Answer(format!(
+                    "a stop did not reach the board, but was answered {}",
+                    answer.status
+                )));
             };
             times.add(at - begun);
         }

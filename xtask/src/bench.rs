@@ -13,7 +13,12 @@ use std::process::Command;
 #[command(disable_help_flag = true)]
 pub struct Options {
     /// What to measure, and how: `model --help`, `start --help` and `daemon --help` say it all
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true, value_name = "model|planner|start|daemon ...")]
+    #[arg(
+        trailing_var_arg = true,
+        allow_hyphen_values = true,
+        required = true,
+        value_name = "model|planner|start|daemon ..."
+    )]
     arguments: Vec<OsString>,
 }
 

@@ -205,5 +205,7 @@ fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered,
             (begun, patience) = (Instant::now(), STILL);
         }
     }
-    refused.ok_or_else(|| format!("neither plan nor error within {} s of {moves} moves, but {others} plans of others", PATIENCE.as_secs()))
+    refused.ok_or_else(|| {
+        format!("neither plan nor error within {} s of {moves} moves, but {others} plans of others", PATIENCE.as_secs())
+    })
 }

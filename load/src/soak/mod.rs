@@ -71,15 +71,8 @@ pub fn run(options: &Options) -> Result<(), Error> {
     world.begins(daemon.address);
     let mut random = Rng::with_seed(options.seed);
     let socket = plan.socket.clone();
-    let mut faults = Faults {
-        world: &world,
-        bench,
-        plan,
-        daemon,
-        ledger: Ledger::default(),
-        random: random.fork(),
-        outages: 0,
-    };
+    let mut faults =
+        Faults { world: &world, bench, plan, daemon, ledger: Ledger::default(), random: random.fork(), outages: 0 };
     eprintln!("{} serves on {}", options.program.display(), faults.daemon.address);
     let begun = Instant::now();
     let mut threads = Vec::new();
@@ -136,7 +129,12 @@ fn load(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Result<()
         if options.faults {
             faults.round()?;
             let total = faults.ledger.total();
-            eprintln!("{:.0} s: {} faults, {} recovered", begun.elapsed().as_secs_f64(), total.injected, total.recovered);
+            eprintln!(
+                "{:.0} s: {} faults, {} recovered",
+                begun.elapsed().as_secs_f64(),
+                total.injected,
+                total.recovered
+            );
             continue;
         }
         std::thread::sleep(Duration::from_millis(200).min(lasts.saturating_sub(begun.elapsed())));
