@@ -1,5 +1,5 @@
-//! `cargo xtask bench`: builds the measuring program in release mode and runs it; `start` measures `era serve` itself, and
-//! `planner --against REV` another commit's planner as well.
+//! `cargo xtask bench`: builds the measuring program in release mode and runs it; `start` and `daemon` measure `era serve`
+//! itself, and `planner --against REV` another commit's planner as well.
 
 use crate::error::Error;
 use crate::process::run;
@@ -12,8 +12,13 @@ use std::process::Command;
 #[derive(Args)]
 #[command(disable_help_flag = true)]
 pub struct Options {
-    /// What to measure, and how: `model --help` and `start --help` say it all
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true, value_name = "model|start ...")]
+    /// What to measure, and how: `model --help`, `start --help` and `daemon --help` say it all
+    #[arg(
+        trailing_var_arg = true,
+        allow_hyphen_values = true,
+        required = true,
+        value_name = "model|planner|start|daemon ..."
+    )]
     arguments: Vec<OsString>,
 }
 
@@ -24,6 +29,9 @@ pub struct Options {
 pub fn command(options: &Options) -> Result<(), Error> {
     if options.arguments.first().is_some_and(|what| what == "start") {
         return crate::start::command(&options.arguments);
+    }
+    if options.arguments.first().is_some_and(|what| what == "daemon") {
+        return crate::load::put_on(&options.arguments);
     }
     if let [what, option, revision] = options.arguments.as_slice()
         && what == "planner"

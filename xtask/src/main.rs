@@ -1,5 +1,5 @@
 //! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `crosscheck`, `bench`,
-//! `house`.
+//! `soak`, `house`.
 
 mod against;
 mod bench;
@@ -13,6 +13,7 @@ mod firmware;
 mod fuzz;
 mod house;
 mod image;
+mod load;
 mod miri;
 mod process;
 mod setup;
@@ -45,6 +46,8 @@ enum Command {
     Firmware(firmware::Options),
     /// Measure on this machine, side by side with peers; builds in release mode.
     Bench(bench::Options),
+    /// Drive a running daemon as many clients would, with faults or without, and print what became of it
+    Soak(load::Options),
     /// Look for inputs that the decoder or the device logic cannot stand, with libFuzzer.
     Fuzz(fuzz::Options),
     /// Check the electrodes' waveforms over the whole space of drives, from registers to edges
@@ -65,6 +68,7 @@ fn main() -> ExitCode {
         Command::Ci => check::ci(),
         Command::Firmware(options) => firmware::command(&options),
         Command::Bench(options) => bench::command(&options),
+        Command::Soak(options) => load::soak(&options),
         Command::Fuzz(options) => fuzz::command(&options),
         Command::Waveforms(options) => waveforms::command(&options),
         Command::Crosscheck(options) => crosscheck::command(&options),

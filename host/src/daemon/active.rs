@@ -41,6 +41,8 @@ pub struct Touched {
     pub stretches: Option<Vec<Stretch>>,
     /// What can be had, where it cannot be had in full and that was asked for.
     pub trade: Option<Trade>,
+    /// Whether pages are shown its plan: not where something newer was shown first.
+    pub is_shown: bool,
 }
 
 /// A touch that has begun with less.

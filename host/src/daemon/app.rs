@@ -302,11 +302,11 @@ impl App {
         }
         drop(turn);
         let active = self.shown(id, plan, touches, device.get("effect").cloned());
-        self.activate(&active, until, stops)?;
+        let is_shown = self.activate(&active, until, stops)?;
         if matches!(manner, Manner::Hold(_)) && part < 1.0 {
             self.grow_later(Weaker { begun, stops, part, active: Arc::clone(&active), whole });
         }
-        Ok(Touched { active, device, stretches: None, trade: None })
+        Ok(Touched { active, device, stretches: None, trade: None, is_shown })
     }
 
     /// A plan as strong as there is room for on top of what is left of the touches before, and the part of its forces that this is.
@@ -427,8 +427,8 @@ impl App {
         })
     }
 
-    /// Shows a plan as the current one, unless everything was stopped or something newer was driven meanwhile.
-    pub(super) fn activate(&self, plan: &Arc<Active>, until: Instant, stops: u64) -> Result<(), SessionError> {
+    /// Shows a plan as the current one, unless everything was stopped or something newer was driven meanwhile; says whether it did.
+    pub(super) fn activate(&self, plan: &Arc<Active>, until: Instant, stops: u64) -> Result<bool, SessionError> {
         {
             let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
             // Under the lock: `stop` counts first and takes the plan away afterwards.
@@ -436,13 +436,13 @@ impl App {
                 return Err(SessionError::Stopped);
             }
             if active.as_ref().is_some_and(|(known, _)| known.id > plan.id) {
-                return Ok(());
+                return Ok(false);
             }
             *active = Some((Arc::clone(plan), until));
         }
         // Nobody listening is no error.
         let _ = self.updates.send(Update::Plan(Arc::clone(plan)));
-        Ok(())
+        Ok(true)
     }
 
     /// When what is shown ends; `None` if it has ended or something else is shown.

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 /// The answer to a touch: the plan, the device's acknowledgement, and what there is of stretches and what can be had.
 #[must_use]
 pub fn touched(touched: Touched) -> Value {
-    let Touched { active, device, stretches, trade } = touched;
+    let Touched { active, device, stretches, trade, .. } = touched;
     let mut answer = json!(active.plan);
     if let Some(map) = answer.as_object_mut() {
         map.insert("plan_id".into(), active.id.into());

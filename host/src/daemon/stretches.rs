@@ -58,7 +58,7 @@ impl App {
             }
         }
         let active = self.shown(id, shown, &asked.touches, None);
-        Ok(Touched { active, device, stretches: Some(all), trade: None })
+        Ok(Touched { active, device, stretches: Some(all), trade: None, is_shown: true })
     }
 }
 

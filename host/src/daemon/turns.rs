@@ -194,7 +194,9 @@ pub fn board(device: &Snapshot) -> Board {
     }
 }
 
-fn superseded() -> Problem {
+/// That a newer touch stands in this one's place.
+#[must_use]
+pub fn superseded() -> Problem {
     let detail = "a newer touch was driven meanwhile";
     Problem::new(StatusCode::CONFLICT, "superseded", "A newer touch came first", detail)
 }

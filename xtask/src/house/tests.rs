@@ -193,6 +193,7 @@ fn this_repository_is_read_whole() {
             "hil-tests",
             "xtask",
             "era-bench",
+            "era-load",
             "era-fuzz",
             "era-firmware"
         ]

@@ -3,6 +3,7 @@
 use super::error_message;
 use crate::daemon::app::App;
 use crate::daemon::touch::{Feel, MAX_DURATION_MS, Manner};
+use crate::daemon::turns::superseded;
 use crate::daemon::view::TouchView;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
@@ -164,7 +165,8 @@ impl Hand {
                     Manner::Effect(_) => None,
                     Manner::Hold(_) => Some((self.held.map_or_else(Instant::now, |(since, _)| since), done.active.id)),
                 };
-                Ok(())
+                // It was driven, but no page has been told so: something newer was shown before it could be.
+                if done.is_shown || fingers.is_replaced() { Ok(()) } else { Err(superseded()) }
             }
             // The page itself has asked for something newer.
             Err(problem) if problem.is("superseded") && fingers.is_replaced() => Ok(()),

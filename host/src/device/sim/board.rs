@@ -143,6 +143,12 @@ impl SimBoard {
         self.leaving
     }
 
+    /// Whether its high voltage is enabled.
+    #[must_use]
+    pub const fn is_energised(&self) -> bool {
+        self.supply.enabled
+    }
+
     /// Lets the panel move up to now.
     pub fn advance(&mut self) {
         let now_s = self.time_s();

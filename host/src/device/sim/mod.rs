@@ -17,4 +17,4 @@ pub use board::{Clock, Defects, SimBoard};
 pub use panel::{Extreme, Panel, STEP_S};
 pub use rails::Rail;
 pub use source::Source;
-pub use terminal::{Knobs, SimControl, SimDevice};
+pub use terminal::{Knobs, SimControl, SimDevice, Watch};

@@ -29,6 +29,9 @@ const STOP_STIFFNESS: f64 = 1.0 / 6.0;
 /// Part of the push that is left once the mass is on its way back: half of its speed.
 const REBOUND: f64 = 0.25;
 
+/// Part of a step from which on an electrode counts as on: above what rounding leaves.
+const SEEN_ON: f64 = 1e-6;
+
 /// Steps between two looks at how far a motion has settled: 2^12, or 0.1 s.
 const LOOK_SQUARINGS: u32 = 12;
 
@@ -60,6 +63,8 @@ pub struct Panel {
     /// The same of this step, without this step's force.
     free_travel: DVector<f64>,
     extremes: [Extreme; MAX_CHANNELS],
+    /// Steps in which both electrodes of an actuator were on: guards are many steps long.
+    overlaps: u64,
     probe: DVector<f64>,
     probe_velocity: f64,
     /// The sensor under the finger.
@@ -100,6 +105,7 @@ impl Panel {
             travel: DVector::zeros(system.force.ncols()),
             free_travel: DVector::zeros(system.force.ncols()),
             extremes: [Extreme::default(); MAX_CHANNELS],
+            overlaps: 0,
             probe: DVector::zeros(n),
             probe_velocity: 0.0,
             accelerometer: Accelerometer::new(step_s),
@@ -227,6 +233,19 @@ impl Panel {
         std::mem::take(&mut self.extremes)
     }
 
+    /// The same as the greatest part of an actuator's gap.
+    pub fn take_travel_part(&mut self) -> f64 {
+        let extremes = self.take_extremes();
+        let parts = extremes.iter().zip(&self.transducers).map(|(extreme, t)| extreme.travel_m / t.gap_m);
+        parts.fold(0.0, f64::max)
+    }
+
+    /// Steps so far in which both electrodes of an actuator had voltage.
+    #[must_use]
+    pub const fn overlaps(&self) -> u64 {
+        self.overlaps
+    }
+
     fn step(&mut self) {
         let from_s = self.time_s();
         self.steps += 1;
@@ -243,7 +262,9 @@ impl Panel {
             {
                 driven = true;
                 let newtons = transducer.newtons_per_volt_squared * volts * volts;
-                *pull = source.mean_on(from_s, self.step_s).map(|on| on * newtons);
+                let on = source.mean_on(from_s, self.step_s);
+                self.overlaps += u64::from(on.iter().all(|part| *part > SEEN_ON));
+                *pull = on.map(|on| on * newtons);
             }
         }
         if driven || self.is_moving() {

@@ -5,6 +5,7 @@ use super::panel::Panel;
 use crate::device::priority;
 use era_shared::board::Board;
 use era_shared::device::{Device, Port};
+use era_shared::limits::DEADMAN_DEFAULT_MS;
 use era_shared::link::{Decoder, Kind};
 use era_shared::protocol::Request;
 use era_shared::safety::LinkId;
@@ -31,12 +32,33 @@ pub struct Knobs {
     pub defects: Defects,
 }
 
+/// Over the dead-man time, before high voltage that is still on counts as late: two ticks of the device's loop.
+const LATE: Duration = Duration::from_millis(2);
+
+/// What the simulated device has seen of itself since it was started, whatever its own checks say.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Watch {
+    /// Greatest travel of a mass, as a part of its gap.
+    pub travel_part: f64,
+    /// Steps of the simulation in which both electrodes of an actuator had voltage.
+    pub overlaps: u64,
+    /// Looks at which high voltage was enabled though nobody had been heard for the dead-man time.
+    pub late: u64,
+    /// Whether high voltage is enabled now.
+    pub energised: bool,
+}
+
+/// The dead-man time of a host that asks for none.
+const DEADMAN_DEFAULT: Duration = Duration::from_millis(DEADMAN_DEFAULT_MS as u64);
+
 #[derive(Debug, Default)]
 struct Wishes {
     knobs: Knobs,
     restart: bool,
     probe: Option<DVector<f64>>,
     drives_received: Option<Instant>,
+    stop_received: Option<Instant>,
+    watch: Watch,
     quit: bool,
 }
 
@@ -64,6 +86,18 @@ impl SimControl {
     #[must_use]
     pub fn drives_received(&self) -> Option<Instant> {
         self.lock().drives_received
+    }
+
+    /// When the last byte of the last frame that stops everything was received.
+    #[must_use]
+    pub fn stop_received(&self) -> Option<Instant> {
+        self.lock().stop_received
+    }
+
+    /// What the device has seen of itself.
+    #[must_use]
+    pub fn watch(&self) -> Watch {
+        self.lock().watch
     }
 
     fn lock(&self) -> MutexGuard<'_, Wishes> {
@@ -139,6 +173,10 @@ struct Loop {
     listener: Decoder,
     control: SimControl,
     answers: u32,
+    /// When the last whole frame came in, and after how much silence the host is given up.
+    heard: Instant,
+    deadman: Duration,
+    watch: Watch,
 }
 
 impl Loop {
@@ -146,7 +184,17 @@ impl Loop {
         let mut board = SimBoard::new(panel, max_voltages_v, Clock::Wall(Instant::now())).named(board_id);
         let mut device = Device::new();
         device.start(&mut board);
-        Self { device, board, port: Port::new(LinkId(0)), listener: Decoder::new(), control, answers: 0 }
+        Self {
+            device,
+            board,
+            port: Port::new(LinkId(0)),
+            listener: Decoder::new(),
+            control,
+            answers: 0,
+            heard: Instant::now(),
+            deadman: DEADMAN_DEFAULT,
+            watch: Watch::default(),
+        }
     }
 
     fn run(mut self, terminal: &mut TTYPort) {
@@ -199,6 +247,7 @@ impl Loop {
             if length == 0 || knobs.silent {
                 due_us = self.device.poll(&mut self.board);
                 self.board.advance();
+                self.look(received_at);
                 continue;
             }
             let mut answers: Vec<Vec<u8>> = Vec::new();
@@ -209,9 +258,8 @@ impl Loop {
             if self.board.is_leaving() {
                 self.restart();
             }
-            if self.asks_for_drives(received) {
-                self.control.lock().drives_received = Some(received_at);
-            }
+            self.listen(received, received_at);
+            self.look(received_at);
             for answer in answers {
                 self.answer(terminal, answer, knobs);
             }
@@ -233,17 +281,41 @@ impl Loop {
         }
     }
 
-    /// Whether a frame that sets drives has just become complete.
-    fn asks_for_drives(&mut self, bytes: &[u8]) -> bool {
-        let mut found = false;
+    /// Notes when frames that set drives, or stop everything, have become complete.
+    fn listen(&mut self, bytes: &[u8], at: Instant) {
+        let (mut drives_set, mut stops) = (false, false);
+        let (heard, deadman) = (&mut self.heard, &mut self.deadman);
         self.listener.feed(bytes, |result| {
-            let frame = result.ok().filter(|frame| frame.kind == Kind::Request as u8);
-            found |= match frame.and_then(|frame| postcard::from_bytes(frame.body).ok()) {
-                Some(Request::SetDrives { drives } | Request::Prepare { drives }) => !drives.is_empty(),
-                _ => false,
-            };
+            let Some(frame) = result.ok().filter(|frame| frame.kind == Kind::Request as u8) else { return };
+            *heard = at;
+            match postcard::from_bytes(frame.body) {
+                Ok(Request::SetDrives { drives } | Request::Prepare { drives }) => drives_set |= !drives.is_empty(),
+                Ok(Request::Stop) => stops = true,
+                Ok(Request::Arm { deadman_ms } | Request::ArmWith { deadman_ms, .. }) => {
+                    *deadman = deadman_ms.map_or(DEADMAN_DEFAULT, |ms| Duration::from_millis(ms.into()));
+                }
+                _ => {}
+            }
         });
-        found
+        if drives_set || stops {
+            let mut wishes = self.control.lock();
+            wishes.drives_received = if drives_set { Some(at) } else { wishes.drives_received };
+            wishes.stop_received = if stops { Some(at) } else { wishes.stop_received };
+        }
+    }
+
+    /// Looks at what the board does, after the device's logic had its turn at `at`.
+    fn look(&mut self, at: Instant) {
+        let energised = self.board.is_energised();
+        let silent = at.saturating_duration_since(self.heard);
+        let panel = self.board.panel_mut();
+        self.watch = Watch {
+            travel_part: self.watch.travel_part.max(panel.take_travel_part()),
+            overlaps: panel.overlaps(),
+            late: self.watch.late + u64::from(energised && silent > self.deadman + LATE),
+            energised,
+        };
+        self.control.lock().watch = self.watch;
     }
 
     /// The same panel under a board that has just started.

@@ -1,0 +1,188 @@
+//! `era serve` as a process of its own: started, stopped for a while, killed, and what it takes of the machine.
+
+use crate::error::Error;
+use crate::http::{Http, Place};
+use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::time::{Duration, Instant};
+
+/// Longest time from its start until it serves: a model of the example plate takes a second or two.
+const START: Duration = Duration::from_secs(60);
+/// Lines of its log that are kept for people.
+const KEPT_LINES: usize = 40;
+
+/// How a daemon is started.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The program.
+    pub program: PathBuf,
+    /// The serial port, or a link to it.
+    pub device: PathBuf,
+    /// Its socket in the file system.
+    pub socket: PathBuf,
+    /// Where it keeps its tables.
+    pub cache: PathBuf,
+}
+
+/// A running daemon; it is killed when this is dropped.
+#[derive(Debug)]
+pub struct Daemon {
+    child: Child,
+    /// Where it listens.
+    pub address: SocketAddr,
+    log: Arc<Mutex<Vec<String>>>,
+}
+
+/// What a process takes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Takes {
+    /// Resident memory in kB.
+    pub memory_kb: u64,
+    /// Threads.
+    pub threads: u64,
+    /// Open file handles.
+    pub handles: u64,
+}
+
+impl Daemon {
+    /// Starts it and waits until it serves.
+    ///
+    /// # Errors
+    /// [`Error::System`], [`Error::NoDaemon`].
+    pub fn start(plan: &Plan) -> Result<Self, Error> {
+        let mut command = Command::new(&plan.program);
+        command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast", "--clear-silence"]);
+        command.arg("--device").arg(&plan.device).arg("--socket").arg(&plan.socket);
+        command.env("ERA_CACHE_DIR", &plan.cache).env("ERA_LOG", "warn,era=info").env("NO_COLOR", "1");
+        let shown = format!("{command:?}");
+        let mut child = command
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(Error::system(format!("cannot run {}", plan.program.display())))?;
+        let log = Arc::new(Mutex::new(Vec::new()));
+        let (found, address) = mpsc::channel();
+        if let Some(stderr) = child.stderr.take() {
+            let log = Arc::clone(&log);
+            std::thread::spawn(move || {
+                for line in BufReader::new(stderr).lines().map_while(Result::ok) {
+                    if let Some(address) = address_in(&line) {
+                        let _ = found.send(address);
+                    }
+                    let mut log = log.lock().unwrap_or_else(PoisonError::into_inner);
+                    if log.len() == KEPT_LINES {
+                        log.remove(0);
+                    }
+                    log.push(line);
+                }
+            });
+        }
+        match address.recv_timeout(START) {
+            Ok(address) => Ok(Self { child, address, log }),
+            Err(_) => {
+                let _ = child.kill();
+                let _ = child.wait();
+                let said = log.lock().unwrap_or_else(PoisonError::into_inner).join("\n");
+                Err(Error::NoDaemon { command: shown, said })
+            }
+        }
+    }
+
+    /// Its process.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Whether it has ended by itself.
+    pub fn has_ended(&mut self) -> bool {
+        !matches!(self.child.try_wait(), Ok(None))
+    }
+
+    /// The end of its log.
+    #[must_use]
+    pub fn log(&self) -> String {
+        self.log.lock().unwrap_or_else(PoisonError::into_inner).join("\n")
+    }
+
+    /// Ends it without warning.
+    pub fn kill(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
+    /// Keeps it from running, or lets it run on.
+    ///
+    /// # Errors
+    /// [`Error::System`].
+    pub fn hold(&self, held: bool) -> Result<(), Error> {
+        let signal = if held { "-STOP" } else { "-CONT" };
+        let status = Command::new("kill").args([signal, &self.id().to_string()]).status();
+        let failed = "cannot send a signal to the daemon";
+        match status.map_err(Error::system(failed))?.success() {
+            true => Ok(()),
+            false => Err(Error::Answer(failed.into())),
+        }
+    }
+
+    /// What it takes now.
+    #[must_use]
+    pub fn takes(&self) -> Takes {
+        takes(self.id())
+    }
+
+    /// Waits until it has its device.
+    ///
+    /// # Errors
+    /// [`Error::Answer`].
+    pub fn await_device(&self) -> Result<(), Error> {
+        let (mut http, begun) = (Http::new(Place::Tcp(self.address)), Instant::now());
+        while begun.elapsed() < START {
+            if http.get("/v1/state").is_ok_and(|answer| answer.json()["device"]["connected"] == true) {
+                return Ok(());
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Err(Error::Answer(format!("the daemon finds no device; it said:\n{}", self.log())))
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// The address in the line of the log that says that it serves.
+fn address_in(line: &str) -> Option<SocketAddr> {
+    let (_, rest) = line.split_once("ready after ")?;
+    let (_, rest) = rest.split_once("http://")?;
+    rest.split([',', ' ']).next()?.parse().ok()
+}
+
+fn takes(id: u32) -> Takes {
+    let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+    let number = |name: &str| {
+        let line = status.lines().find_map(|line| line.strip_prefix(name));
+        line.and_then(|rest| rest.split_whitespace().next()).and_then(|word| word.parse().ok()).unwrap_or(0)
+    };
+    let handles = std::fs::read_dir(Path::new(&format!("/proc/{id}/fd"))).map_or(0, Iterator::count);
+    Takes { memory_kb: number("VmRSS:"), threads: number("Threads:"), handles: handles as u64 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_address_is_read_from_the_log() {
+        let line =
+            "INFO era::cli::serve: ready after 0.1 s: open http://127.0.0.1:4711, unix:/tmp/a (scene x, device sim)";
+        assert_eq!(address_in(line), "127.0.0.1:4711".parse().ok());
+        assert_eq!(address_in("open http://127.0.0.1:4711"), None);
+    }
+}

@@ -1,0 +1,83 @@
+//! The live socket's other end.
+
+use crate::http::tcp;
+use serde_json::Value;
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+use tungstenite::{Message, WebSocket};
+
+/// A live socket.
+#[derive(Debug)]
+pub struct Live(WebSocket<TcpStream>);
+
+impl Live {
+    /// Opens one that is told what `send` names.
+    ///
+    /// # Errors
+    /// What went wrong, for people.
+    pub fn open(address: SocketAddr, send: &str) -> Result<Self, String> {
+        let stream = tcp(address).map_err(|error| error.to_string())?;
+        let (socket, _) = tungstenite::client(format!("ws://{address}/v1/live?send={send}"), stream)
+            .map_err(|error| error.to_string())?;
+        Ok(Self(socket))
+    }
+
+    /// Says something.
+    ///
+    /// # Errors
+    /// What went wrong, for people.
+    pub fn send(&mut self, message: &Value) -> Result<(), String> {
+        self.0.send(Message::text(message.to_string())).map_err(|error| error.to_string())
+    }
+
+    /// Waits for what the daemon says next; `null` is a sign of life.
+    ///
+    /// # Errors
+    /// What went wrong, for people: nothing came for a while, or the socket is closed.
+    pub fn read(&mut self) -> Result<Value, String> {
+        match self.0.read().map_err(|error| error.to_string())? {
+            Message::Text(text) => serde_json::from_str(&text).map_err(|error| error.to_string()),
+            Message::Close(_) => Err("the daemon has closed the socket".into()),
+            _ => Ok(Value::Null),
+        }
+    }
+
+    /// What the daemon says next, if that comes in time.
+    ///
+    /// # Errors
+    /// What went wrong, for people.
+    pub fn read_until(&mut self, when: Instant) -> Result<Option<Value>, String> {
+        use std::io::ErrorKind::{TimedOut, WouldBlock};
+        let left = when.saturating_duration_since(Instant::now());
+        // None at all would mean no end.
+        let left = left.max(Duration::from_micros(1));
+        self.0.get_ref().set_read_timeout(Some(left)).map_err(|error| error.to_string())?;
+        match self.0.read() {
+            Ok(Message::Text(text)) => serde_json::from_str(&text).map(Some).map_err(|error| error.to_string()),
+            Ok(Message::Close(_)) => Err("the daemon has closed the socket".into()),
+            Ok(_) => Ok(None),
+            Err(tungstenite::Error::Io(error)) if matches!(error.kind(), TimedOut | WouldBlock) => Ok(None),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+
+    /// Whether the daemon has ended it, read until nothing comes for `quiet`, but no longer than for `most` messages.
+    pub fn is_ended(&mut self, quiet: Duration, most: usize) -> bool {
+        // A socket that cannot be set up is none.
+        if self.0.get_ref().set_read_timeout(Some(quiet)).is_err() {
+            return true;
+        }
+        for _ in 0..most {
+            match self.0.read() {
+                Ok(Message::Close(_)) => return true,
+                Ok(_) => {}
+                Err(tungstenite::Error::Io(error)) => {
+                    use std::io::ErrorKind::{TimedOut, WouldBlock};
+                    return !matches!(error.kind(), TimedOut | WouldBlock);
+                }
+                Err(_) => return true,
+            }
+        }
+        false
+    }
+}

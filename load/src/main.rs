@@ -1,0 +1,46 @@
+//! Loads for a running daemon: `cargo xtask soak` and `cargo xtask bench daemon`.
+//!
+//! The daemon is the program as it is shipped, in a process of its own. Its board is simulated in this one, behind a line that can be
+//! pulled, cut and disturbed (`board`), so that what the board was told and went through is known without asking the daemon.
+
+mod board;
+mod daemon;
+mod error;
+mod http;
+mod live;
+mod pace;
+mod soak;
+mod times;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Loads for a running daemon.
+#[derive(Parser)]
+#[command(name = "era-load")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Many clients for a long time, with faults or without
+    Soak(soak::Options),
+    /// From a request to its answer, to the board and to a stop, at several rates and over every way in
+    Daemon(pace::Options),
+}
+
+fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Soak(options) => soak::run(&options),
+        Command::Daemon(options) => pace::run(&options),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! How long a daemon takes at one, a hundred and a thousand touches a second, over every way in.
+
+mod over_http;
+mod over_live;
+
+use crate::board::Bench;
+use crate::daemon::{Daemon, Plan};
+use crate::error::Error;
+use crate::http::{Http, Place, metric};
+use crate::times::Times;
+use clap::Args;
+use era::device::sim::SimControl;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+/// Fewest touches that are measured.
+const FEWEST: f64 = 8.0;
+/// Stops under each load, ...
+const STOPS: u32 = 10;
+/// ... and the time between them: the self-test and the rise of the rails after each are over by then.
+const BETWEEN_STOPS: Duration = Duration::from_millis(500);
+/// Longest wait for a stop to reach the board.
+const STOP: Duration = Duration::from_secs(2);
+/// Between two looks whether it has.
+const LOOK: Duration = Duration::from_micros(100);
+/// Between two loads, for the board's channels to rest.
+const REST: Duration = Duration::from_secs(2);
+/// Most connections: each has one request on its way.
+const CONNECTIONS: f64 = 32.0;
+/// Connections for each touch a second: a request may take 20 ms.
+const CONNECTIONS_PER_RATE: f64 = 0.02;
+
+/// How fast, and for how long.
+#[derive(Args, Clone, Debug)]
+pub struct Options {
+    /// Touches a second
+    #[arg(long, value_name = "N", value_delimiter = ',', default_values_t = [1.0, 100.0, 1000.0])]
+    rates: Vec<f64>,
+    /// Time for each, in s
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    seconds: f64,
+    /// The program to start
+    #[arg(long, value_name = "FILE", default_value = "target/release/era")]
+    program: PathBuf,
+}
+
+/// What one load came to.
+#[derive(Debug, Default)]
+struct Measured {
+    /// From a request to its answer, for those that were driven.
+    answer: Times,
+    /// From a request to the last byte of the last frame with drives that the board had when the answer came.
+    frame: Times,
+    sent: u64,
+    /// Answered with something else: superseded by a newer one, busy.
+    refused: u64,
+    took: Duration,
+}
+
+impl Measured {
+    fn join(&mut self, other: Self) {
+        self.answer.join(other.answer);
+        self.frame.join(other.frame);
+        self.sent += other.sent;
+        self.refused += other.refused;
+        self.took = self.took.max(other.took);
+    }
+}
+
+/// How often, and from when until when.
+#[derive(Clone, Copy, Debug)]
+struct Pace {
+    from: Instant,
+    every: Duration,
+    until: Instant,
+}
+
+impl Pace {
+    fn new(rate: f64, seconds: f64) -> Self {
+        let from = Instant::now();
+        Self { from, every: Duration::from_secs_f64(1.0 / rate), until: from + Duration::from_secs_f64(seconds) }
+    }
+
+    /// When the `k`th is due; `None` if that is beyond the end.
+    fn due(&self, k: u32) -> Option<Instant> {
+        Some(self.from + self.every * k).filter(|due| *due < self.until)
+    }
+}
+
+/// A place of its own for every touch, in eighths of a pixel, which every reader of numbers gets right to the last bit.
+fn x_px(k: u32) -> f64 {
+    f64::from(k.wrapping_mul(7919) % (1920 * 8)) / 8.0
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Way {
+    Tcp,
+    Live,
+    Unix,
+}
+
+impl Way {
+    const ALL: [Self; 3] = [Self::Tcp, Self::Live, Self::Unix];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Tcp => "HTTP, kept open",
+            Self::Live => "live socket",
+            Self::Unix => "HTTP, Unix socket",
+        }
+    }
+}
+
+struct Measurement {
+    daemon: Daemon,
+    socket: PathBuf,
+    control: SimControl,
+}
+
+/// Measures and prints.
+///
+/// # Errors
+/// What keeps it from being measured. However long anything takes is no error.
+pub fn run(options: &Options) -> Result<(), Error> {
+    let folder = tempfile::tempdir().map_err(Error::system("no folder for sockets"))?;
+    let link = folder.path().join("board");
+    let bench = Bench::direct(link.clone())?;
+    let socket = folder.path().join("era.sock");
+    let plan = Plan {
+        program: options.program.clone(),
+        device: link,
+        socket: socket.clone(),
+        cache: folder.path().join("cache"),
+    };
+    let daemon = Daemon::start(&plan)?;
+    daemon.await_device()?;
+    let measurement = Measurement { daemon, socket, control: bench.control() };
+    println!("Times are p50 / p99 / longest, on {} processors, the simulated board among them", processors());
+    println!(
+        "{:<18} {:>6} {:>7} {:>7} {:>7} {:>26} {:>26} {:>26}",
+        "over",
+        "asked",
+        "sent/s",
+        "driven",
+        "refused",
+        "to the answer",
+        "to the frame's last byte",
+        "stop to the board"
+    );
+    for way in Way::ALL {
+        for rate in &options.rates {
+            if !(0.01..=1e5).contains(rate) {
+                return Err(Error::Answer(format!("--rates: {rate} is not in 0.01 to 100000")));
+            }
+            measurement.row(way, *rate, options.seconds.max(FEWEST / rate))?;
+        }
+    }
+    let text = measurement.metrics()?;
+    let ms = |name: &str| metric(&text, name).map_or_else(|| "-".into(), |s| format!("{:.1} ms", s * 1e3));
+    println!("longest time between two signs of life to the armed board: {}", ms("era_link_longest_gap_seconds"));
+    let count = |name: &str| metric(&text, name).unwrap_or(f64::NAN);
+    println!("outages {}, faults {}", count("era_device_outages_total"), count("era_device_faults_total"));
+    Ok(())
+}
+
+fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+impl Measurement {
+    fn load(&self, way: Way, rate: f64, seconds: f64) -> Result<Measured, Error> {
+        let pace = Pace::new(rate, seconds);
+        match way {
+            Way::Tcp => Ok(over_http::run(&Place::Tcp(self.daemon.address), pace, rate, &self.control)),
+            Way::Unix => Ok(over_http::run(&Place::Unix(self.socket.clone()), pace, rate, &self.control)),
+            Way::Live => over_live::run(self.daemon.address, pace, &self.control).map_err(Error::Answer),
+        }
+    }
+
+    fn row(&self, way: Way, rate: f64, seconds: f64) -> Result<(), Error> {
+        std::thread::sleep(REST);
+        let Measured { answer, frame, sent, refused, took } = self.load(way, rate, seconds)?;
+        std::thread::sleep(REST);
+        let stops = std::thread::scope(|threads| {
+            let seconds = (BETWEEN_STOPS * (STOPS + 1)).as_secs_f64();
+            let load = threads.spawn(move || self.load(way, rate, seconds).map(|_| ()));
+            let stops = self.stops(way);
+            load.join().unwrap_or(Ok(())).and(stops)
+        })?;
+        #[expect(clippy::cast_precision_loss, reason = "to one decimal place")]
+        let rate_sent = sent as f64 / took.as_secs_f64();
+        println!(
+            "{:<18} {rate:>6} {rate_sent:>7.1} {:>7} {refused:>7} {:>26} {:>26} {:>26}",
+            way.name(),
+            answer.len(),
+            answer.told(),
+            frame.told(),
+            stops.told()
+        );
+        Ok(())
+    }
+
+    /// Stops the device again and again, over a connection of its own.
+    fn stops(&self, way: Way) -> Result<Times, Error> {
+        let place = match way {
+            Way::Unix => Place::Unix(self.socket.clone()),
+            _ => Place::Tcp(self.daemon.address),
+        };
+        let (mut times, mut http) = (Times::default(), Http::new(place));
+        for _ in 0..STOPS {
+            std::thread::sleep(BETWEEN_STOPS);
+            let begun = Instant::now();
+            let received = || self.control.stop_received().filter(|at| *at >= begun);
+            let answer = http.post("/v1/stop", "").map_err(Error::system("a stop was not answered"))?;
+            while received().is_none() && begun.elapsed() < STOP {
+                std::thread::sleep(LOOK);
+            }
+            let Some(at) = received() else {
+                return Err(Error::Answer(format!(
+                    "a stop did not reach the board, but was answered {}",
+                    answer.status
+                )));
+            };
+            times.add(at - begun);
+        }
+        Ok(times)
+    }
+
+    fn metrics(&self) -> Result<String, Error> {
+        let answer = Http::new(Place::Tcp(self.daemon.address)).get("/metrics");
+        let answer = answer.map_err(Error::system("no metrics"))?;
+        Ok(String::from_utf8_lossy(&answer.body).into_owned())
+    }
+}
+
+/// The next touch among those of all connections.
+fn next(counter: &AtomicU32, pace: Pace) -> Option<(u32, Instant)> {
+    let k = counter.fetch_add(1, Ordering::Relaxed);
+    pace.due(k).map(|due| (k, due))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn touches_are_due_evenly_until_the_end() {
+        let pace = Pace::new(100.0, 0.045);
+        let counter = AtomicU32::new(0);
+        let due: Vec<_> = std::iter::from_fn(|| next(&counter, pace)).collect();
+        assert_eq!(due.len(), 5);
+        assert_eq!(due[3].1 - pace.from, Duration::from_millis(30));
+    }
+}

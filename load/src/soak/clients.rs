@@ -1,0 +1,211 @@
+//! Clients of every kind, each in a thread of its own.
+
+use super::tally::{Answered, Tally};
+use super::world::{Serving, World};
+use crate::http::{Answer, Http, PATIENCE, Place};
+use crate::live::Live;
+use fastrand::Rng;
+use serde_json::{Value, json};
+use std::io;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Between two looks whether there is a daemon.
+const LOOK: Duration = Duration::from_millis(20);
+/// Longest pause of a client between two touches in ms.
+const PAUSE_MS: u64 = 150;
+/// How long the outcome of an unanswered touch is asked for.
+const ASK: Duration = Duration::from_secs(5);
+/// One request in so many is a stop, and as many are looks at the state.
+const STOPS: u64 = 40;
+/// Most places that a finger goes by before it is lifted.
+const MOST_MOVES: u64 = 6;
+/// How long a drag of which a place was refused may still be shown.
+const STILL: Duration = Duration::from_secs(1);
+/// The example plate's screen in pixels.
+const SCREEN_PX: [u32; 2] = [1920, 1280];
+
+fn pause(random: &mut Rng) {
+    std::thread::sleep(Duration::from_millis(random.u64(0..PAUSE_MS)));
+}
+
+/// In eighths of a pixel, which every reader of numbers gets right to the last bit.
+fn place(random: &mut Rng) -> (f64, f64) {
+    let [x, y] = SCREEN_PX.map(|side| f64::from(random.u32(0..side * 8)) / 8.0);
+    (x, y)
+}
+
+/// The body of a touch of any kind; one in fifty is wrong.
+fn touch(random: &mut Rng) -> Value {
+    let (x_px, y_px) = place(random);
+    let mut touch = json!({"x_px": x_px, "y_px": y_px, "intensity_g": random.f64()});
+    match random.u32(0..50) {
+        0 => touch["x_px"] = json!(-1),
+        1..10 => touch["effect"] = json!(random.choice(["click", "double_click", "buzz", "swell"])),
+        10..14 => touch["trade"] = json!(true),
+        14..20 => {
+            let (x_px, y_px) = place(random);
+            touch["also"] = json!([{"x_px": x_px, "y_px": y_px}]);
+            touch["duration_ms"] = json!(random.u32(20..500));
+        }
+        _ => touch["duration_ms"] = json!(random.u32(20..1500)),
+    }
+    touch
+}
+
+/// Sends touches, one after the other, over TCP or the socket in the file system.
+pub fn http(world: &World, socket: Option<&Path>, client: usize, mut random: Rng) -> Tally {
+    let (mut tally, mut known): (Tally, Option<(Serving, Http)>) = Default::default();
+    while !world.is_over() {
+        let Some(serving) = world.serving() else {
+            std::thread::sleep(LOOK);
+            continue;
+        };
+        let at = socket.map_or(Place::Tcp(serving.address), |path| Place::Unix(path.to_owned()));
+        let mut http = match known.take() {
+            Some((known, http)) if known == serving => http,
+            _ => Http::new(at),
+        };
+        let opened = http.opened;
+        match random.u64(0..STOPS) {
+            0 => other(&mut tally, http.post("/v1/stop", "")),
+            1 => other(&mut tally, http.get("/v1/state")),
+            _ => {
+                tally.sent += 1;
+                let name = format!("client{client}.{}", tally.sent);
+                let (body, begun) = (touch(&mut random).to_string(), Instant::now());
+                match http.request("POST", "/v1/touch", Some(&name), &body) {
+                    Ok(answer) => {
+                        tally.times.add(begun.elapsed());
+                        tally.answered(Answered::of(answer.status, &answer.json()));
+                    }
+                    Err(error) => unanswered(world, serving, &name, &error, &mut tally),
+                }
+            }
+        }
+        // The first connection to a daemon is not a second one.
+        tally.reconnects += http.opened - opened.max(1).min(http.opened);
+        known = Some((serving, http));
+        pause(&mut random);
+    }
+    tally
+}
+
+fn other(tally: &mut Tally, answer: io::Result<Answer>) {
+    tally.others += u64::from(answer.is_ok());
+}
+
+/// Asks what became of a touch that was not answered.
+fn unanswered(world: &World, serving: Serving, name: &str, error: &io::Error, tally: &mut Tally) {
+    let begun = Instant::now();
+    let mut http = Http::new(Place::Tcp(serving.address));
+    let mut last = String::from("nothing");
+    while begun.elapsed() < ASK {
+        if !world.is(serving) {
+            tally.killed += 1;
+            return;
+        }
+        match http.get(&format!("/v1/requests/{name}")) {
+            Ok(answer) => {
+                let told = answer.json();
+                if answer.status == 200 && told["state"] != "waiting" {
+                    tally.told += 1;
+                    return;
+                }
+                last = String::from_utf8_lossy(&answer.body).chars().take(200).collect();
+            }
+            Err(error) => last = error.to_string(),
+        }
+        std::thread::sleep(LOOK);
+    }
+    tally.lost(format!("{name}: {error} ({:?}); asked afterwards: {last}", error.kind()));
+}
+
+/// Taps and drags on the live socket, one after the other: the last place of each must be driven and shown, or refused.
+pub fn live(world: &World, client: usize, mut random: Rng) -> Tally {
+    let (mut tally, mut known): (Tally, Option<(Serving, Live)>) = Default::default();
+    let mut seen = 0;
+    while !world.is_over() {
+        let Some(serving) = world.serving() else {
+            std::thread::sleep(LOOK);
+            continue;
+        };
+        let mut live = match known.take() {
+            Some((known, live)) if known == serving => live,
+            _ => match Live::open(serving.address, "plan") {
+                Ok(live) => {
+                    tally.reconnects += u64::from(seen == serving.generation);
+                    seen = serving.generation;
+                    live
+                }
+                Err(_) => {
+                    std::thread::sleep(LOOK);
+                    continue;
+                }
+            },
+        };
+        tally.sent += 1;
+        let begun = Instant::now();
+        match gesture(&mut live, client, &mut random) {
+            Ok(answer) => {
+                // A drag of which a place was refused is waited for.
+                if answer.is_driven() {
+                    tally.live_times.add(begun.elapsed());
+                }
+                tally.answered(answer);
+                known = Some((serving, live));
+            }
+            Err(error) => {
+                // What has been said of a kill is said before it.
+                if world.is(serving) {
+                    tally.lost(format!("live{client}.{}: {error}", tally.sent));
+                } else {
+                    tally.killed += 1;
+                }
+            }
+        }
+        pause(&mut random);
+    }
+    tally
+}
+
+/// Puts a finger down, moves it, and lifts it.
+fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered, String> {
+    let (moves, intensity_g) = (random.u64(0..MOST_MOVES), random.f64());
+    let (mut x_px, mut y_px) = place(random);
+    for step in 0..=moves {
+        if step > 0 {
+            std::thread::sleep(Duration::from_millis(random.u64(2..20)));
+            (x_px, y_px) = place(random);
+        }
+        let finger = json!({"id": client, "x_px": x_px, "y_px": y_px, "intensity_g": intensity_g});
+        live.send(&json!({"type": "touch", "touches": [finger]}))?;
+    }
+    live.send(&json!({"type": "touch", "touches": []}))?;
+    let mut refused = None;
+    let mut others = 0_u64;
+    let (mut begun, mut patience) = (Instant::now(), PATIENCE);
+    while begun.elapsed() < patience {
+        let message = match live.read() {
+            Ok(message) => message,
+            // Whether it was the last place or one before that was refused is not said.
+            Err(error) => return refused.ok_or(error),
+        };
+        if message["type"] == "plan" && message["touches"][0]["x_px"] == json!(x_px) {
+            return Ok(Answered::shown());
+        }
+        others += u64::from(message["type"] == "plan");
+        if message["type"] == "error" {
+            let problem = &message["problem"];
+            let status = problem["status"].as_u64().and_then(|status| u16::try_from(status).ok());
+            refused = Some(Answered::of(status.unwrap_or(0), problem));
+            if moves == 0 {
+                break;
+            }
+            (begun, patience) = (Instant::now(), STILL);
+        }
+    }
+    refused.ok_or_else(|| {
+        format!("neither plan nor error within {} s of {moves} moves, but {others} plans of others", PATIENCE.as_secs())
+    })
+}

@@ -1,0 +1,273 @@
+//! Faults, one after the other, each with what has to be seen of it and after it.
+
+use super::ledger::{Kind, Ledger};
+use super::slow::{self, End, Slow};
+use super::world::{Serving, World};
+use crate::board::{Bench, Rubbish, Way};
+use crate::daemon::{Daemon, Plan};
+use crate::error::Error;
+use crate::http::{Http, Place, metric};
+use era::device::sim::SimControl;
+use fastrand::Rng;
+use std::time::{Duration, Instant};
+
+/// Longest time for the board to go off: the dead-man time (250 ms), and some for a busy machine.
+const OFF: Duration = Duration::from_millis(400);
+/// Longest time for the daemon to notice.
+const NOTICED: Duration = Duration::from_secs(5);
+/// Longest time until a touch is driven again.
+const AGAIN: Duration = Duration::from_secs(15);
+/// Longest time for a frame with the byte that rubbish waits for.
+const FRAME: Duration = Duration::from_secs(1);
+/// Between two looks.
+const LOOK: Duration = Duration::from_millis(10);
+/// Bytes of frames before which rubbish is put: the longest common ones have as many.
+const BYTES: usize = 24;
+/// Slow clients of each kind in a round.
+const SLOW_EACH: usize = 3;
+/// How often a touch is tried before there is high voltage to be lost.
+const TRIES: u32 = 20;
+/// A touch that is still driven when the fault comes.
+const LONG_TOUCH: &str = r#"{"x_px": 960, "y_px": 640, "intensity_g": 0.4, "duration_ms": 8000}"#;
+
+/// What faults are injected into.
+pub struct Faults<'a> {
+    /// What clients are told.
+    pub world: &'a World,
+    /// The board and its cable.
+    pub bench: Bench,
+    /// How a daemon is started.
+    pub plan: Plan,
+    /// The present one.
+    pub daemon: Daemon,
+    /// What came of all.
+    pub ledger: Ledger,
+    /// Which comes next.
+    pub random: Rng,
+    /// Outages of the link that daemons before this one have counted.
+    pub outages: u64,
+}
+
+/// After how long something was seen; otherwise what was.
+type Seen = Result<Duration, String>;
+
+impl Faults<'_> {
+    /// A round of all faults, in an order of its own.
+    ///
+    /// # Errors
+    /// What keeps the run from going on.
+    pub fn round(&mut self) -> Result<(), Error> {
+        let serving = self.serving()?;
+        let world = self.world;
+        std::thread::scope(|threads| -> Result<(), Error> {
+            let slow: Vec<_> = (Slow::ALL.iter().cycle().take(SLOW_EACH * Slow::ALL.len()))
+                .map(|slow| (*slow, threads.spawn(move || slow::run(world, serving, *slow))))
+                .collect();
+            let mut order = [Kind::Unplugged, Kind::DeadLine, Kind::RubbishToBoard, Kind::RubbishToHost, Kind::Held];
+            self.random.shuffle(&mut order);
+            for kind in order {
+                eprintln!("fault: {kind}");
+                match kind {
+                    Kind::Unplugged => self.unplug()?,
+                    Kind::DeadLine => self.cut(),
+                    Kind::RubbishToBoard => self.rubbish(Way::ToBoard, kind),
+                    Kind::RubbishToHost => self.rubbish(Way::ToHost, kind),
+                    _ => self.hold()?,
+                }
+            }
+            eprintln!("fault: waiting for the end of {} slow clients", slow.len());
+            for (way, thread) in slow {
+                let end = thread.join().unwrap_or(End::Unknown);
+                self.slow(way, end);
+            }
+            Ok(())
+        })?;
+        eprintln!("fault: {}", Kind::Killed);
+        self.kill()
+    }
+
+    fn serving(&self) -> Result<Serving, Error> {
+        self.world.serving().ok_or_else(|| Error::Answer("no daemon serves".into()))
+    }
+
+    fn control(&self) -> SimControl {
+        self.bench.control()
+    }
+
+    fn http(&self) -> Http {
+        Http::new(Place::Tcp(self.daemon.address))
+    }
+
+    /// Drives something, so that there is high voltage to be lost.
+    fn drive(&self) -> Result<(), String> {
+        let mut http = self.http();
+        let mut last = String::new();
+        for _ in 0..TRIES {
+            match http.post("/v1/touch", LONG_TOUCH) {
+                Ok(answer) if answer.status == 200 && self.control().watch().energised => return Ok(()),
+                Ok(answer) => last = format!("{} {}", answer.status, answer.json()["detail"]),
+                Err(error) => last = error.to_string(),
+            }
+            std::thread::sleep(LOOK);
+        }
+        Err(format!("nothing could be driven before: {last}"))
+    }
+
+    /// Waits until a touch is driven.
+    fn driven_again(&self) -> Seen {
+        let (begun, mut http) = (Instant::now(), self.http());
+        let mut last = String::new();
+        while begun.elapsed() < AGAIN {
+            match http.post("/v1/touch", LONG_TOUCH) {
+                Ok(answer) if answer.status == 200 => return Ok(begun.elapsed()),
+                Ok(answer) => last = format!("{} {}", answer.status, answer.json()["detail"]),
+                Err(error) => last = error.to_string(),
+            }
+            std::thread::sleep(LOOK);
+        }
+        Err(format!("no touch was driven for {} s: {last}", AGAIN.as_secs()))
+    }
+
+    /// Waits until the board has switched high voltage off.
+    fn goes_off(&self) -> Seen {
+        until(OFF, || !self.control().watch().energised)
+            .ok_or_else(|| format!("the board's high voltage was still on after {} ms", OFF.as_millis()))
+    }
+
+    /// Waits until a metric is as wanted.
+    fn noticed(&self, what: &str, is_seen: impl Fn(&str) -> bool) -> Seen {
+        let mut http = self.http();
+        let mut text = || http.get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned());
+        until(NOTICED, || text().is_ok_and(|text| is_seen(&text)))
+            .ok_or_else(|| format!("{what} in {} s", NOTICED.as_secs()))
+    }
+
+    fn metrics(&self) -> String {
+        self.http().get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned()).unwrap_or_default()
+    }
+
+    /// Outages and faults that the daemon has counted so far.
+    fn troubles(text: &str) -> f64 {
+        ["era_device_outages_total", "era_device_faults_total"].iter().filter_map(|name| metric(text, name)).sum()
+    }
+
+    fn unplug(&mut self) -> Result<(), Error> {
+        let driven = self.drive();
+        let before = metric(&self.metrics(), "era_device_outages_total");
+        self.bench.unplug()?;
+        let off = driven.and_then(|()| self.goes_off());
+        let noticed = self.noticed("the outage was not counted", |text| {
+            metric(text, "era_device_outages_total") > before && metric(text, "era_device_connected") == Some(0.0)
+        });
+        std::thread::sleep(Duration::from_millis(self.random.u64(0..2000)));
+        self.bench.plug()?;
+        self.ledger.enter(Kind::Unplugged, both(off, noticed), self.driven_again());
+        Ok(())
+    }
+
+    fn cut(&mut self) {
+        let driven = self.drive();
+        let before = Self::troubles(&self.metrics());
+        self.bench.cut(true);
+        let off = driven.and_then(|()| self.goes_off());
+        // Longer than it takes to give three questions up.
+        std::thread::sleep(Duration::from_millis(self.random.u64(600..2000)));
+        self.bench.cut(false);
+        let noticed = self.noticed("neither outage nor fault was counted", |text| Self::troubles(text) > before);
+        self.ledger.enter(Kind::DeadLine, both(off, noticed), self.driven_again());
+    }
+
+    fn rubbish(&mut self, way: Way, kind: Kind) {
+        let links = |text: &str| {
+            let names = ["era_link_repeats_total", "era_link_bad_frames_total", "era_device_outages_total"];
+            names.map(|name| metric(text, name))
+        };
+        for at in 0..BYTES {
+            let before = links(&self.metrics());
+            let length = self.random.usize(1..16);
+            let bytes = (0..length).map(|_| self.random.u8(1..)).collect();
+            self.bench.disturb(Rubbish { way, at, bytes });
+            let taken = until(FRAME, || self.bench.is_calm()).is_some();
+            if !taken && self.bench.calm() {
+                // No frame was long enough.
+                continue;
+            }
+            let noticed = self.noticed(&format!("neither repeat nor bad frame for byte {at}"), |text| {
+                let now = links(text);
+                now.iter().all(Option::is_some) && now != before
+            });
+            let again = self.driven_again();
+            self.ledger.enter(kind, noticed, again);
+        }
+    }
+
+    fn hold(&mut self) -> Result<(), Error> {
+        let driven = self.drive();
+        let before = Self::troubles(&self.metrics());
+        self.daemon.hold(true)?;
+        let off = driven.and_then(|()| self.goes_off());
+        std::thread::sleep(Duration::from_millis(self.random.u64(0..3000)));
+        self.daemon.hold(false)?;
+        let noticed = self.noticed("neither outage nor fault was counted", |text| Self::troubles(text) > before);
+        self.ledger.enter(Kind::Held, both(off, noticed), self.driven_again());
+        Ok(())
+    }
+
+    fn slow(&mut self, way: Slow, end: End) {
+        let kind = match way {
+            Slow::Nothing => Kind::SlowNothing,
+            Slow::HalfHeader => Kind::SlowHeader,
+            Slow::HalfBody => Kind::SlowBody,
+            Slow::Unread => Kind::SlowReader,
+        };
+        let detected = match end {
+            End::Ended(after) => Ok(after),
+            End::Borne => Err("the daemon still serves it".into()),
+            End::Unknown => return,
+        };
+        let again = self.driven_again();
+        self.ledger.enter(kind, detected, again);
+    }
+
+    fn kill(&mut self) -> Result<(), Error> {
+        let driven = self.drive();
+        self.outages += self.counted_outages();
+        self.world.ends();
+        self.daemon.kill();
+        let off = driven.and_then(|()| self.goes_off());
+        self.daemon = Daemon::start(&self.plan)?;
+        self.world.begins(self.daemon.address);
+        self.ledger.enter(Kind::Killed, off, self.driven_again());
+        Ok(())
+    }
+
+    /// Outages of the link that the present daemon has counted.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
+    pub fn counted_outages(&self) -> u64 {
+        metric(&self.metrics(), "era_device_outages_total").unwrap_or(0.0) as u64
+    }
+}
+
+/// The later of two, both of which have to be seen.
+fn both(one: Seen, other: Seen) -> Seen {
+    match (one, other) {
+        (Ok(one), Ok(other)) => Ok(one.max(other)),
+        (Err(one), Err(other)) => Err(format!("{one}; {other}")),
+        (Err(one), Ok(_)) | (Ok(_), Err(one)) => Err(one),
+    }
+}
+
+/// After how long something is so, if that comes in time.
+fn until(longest: Duration, mut is_so: impl FnMut() -> bool) -> Option<Duration> {
+    let begun = Instant::now();
+    loop {
+        if is_so() {
+            return Some(begun.elapsed());
+        }
+        if begun.elapsed() >= longest {
+            return None;
+        }
+        std::thread::sleep(LOOK);
+    }
+}

@@ -1,0 +1,119 @@
+//! What was injected, and what came of it.
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Display};
+use std::time::Duration;
+
+/// A kind of fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// The board's cable is pulled and plugged in again.
+    Unplugged,
+    /// The line lets nothing through for a while.
+    DeadLine,
+    /// Rubbish in a frame to the board.
+    RubbishToBoard,
+    /// Rubbish in a frame to the daemon.
+    RubbishToHost,
+    /// Clients that connect and say nothing.
+    SlowNothing,
+    /// Clients that send half a header.
+    SlowHeader,
+    /// Clients that send half a body.
+    SlowBody,
+    /// Clients that read nothing from the live socket.
+    SlowReader,
+    /// The daemon does not run for a while.
+    Held,
+    /// The daemon is killed and started again.
+    Killed,
+}
+
+impl Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Unplugged => "cable pulled and plugged in",
+            Self::DeadLine => "line dead for a while",
+            Self::RubbishToBoard => "rubbish in a frame to the board",
+            Self::RubbishToHost => "rubbish in a frame to the host",
+            Self::SlowNothing => "client says nothing",
+            Self::SlowHeader => "client sends half a header",
+            Self::SlowBody => "client sends half a body",
+            Self::SlowReader => "client reads nothing of /v1/live",
+            Self::Held => "daemon held (SIGSTOP)",
+            Self::Killed => "daemon killed (SIGKILL)",
+        })
+    }
+}
+
+/// Faults of one kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Count {
+    /// How many there were.
+    pub injected: u64,
+    /// How many the daemon or the board noticed.
+    pub detected: u64,
+    /// After how many everything went on.
+    pub recovered: u64,
+    /// Longest time from injecting to noticing.
+    pub detection: Duration,
+    /// Longest time from the fault's end to a touch that is driven.
+    pub recovery: Duration,
+}
+
+/// All faults.
+#[derive(Debug, Default)]
+pub struct Ledger {
+    /// By kind.
+    pub counts: BTreeMap<Kind, Count>,
+    /// What did not go as it must.
+    pub misses: Vec<String>,
+}
+
+impl Ledger {
+    /// Enters a fault: after how long it was detected and recovered from, or what was seen instead.
+    pub fn enter(&mut self, kind: Kind, detected: Result<Duration, String>, recovered: Result<Duration, String>) {
+        let count = self.counts.entry(kind).or_default();
+        count.injected += 1;
+        let mut misses = Vec::new();
+        match detected {
+            Ok(after) => (count.detected, count.detection) = (count.detected + 1, count.detection.max(after)),
+            Err(what) => misses.push(format!("{kind}: not detected: {what}")),
+        }
+        match recovered {
+            Ok(after) => (count.recovered, count.recovery) = (count.recovered + 1, count.recovery.max(after)),
+            Err(what) => misses.push(format!("{kind}: not recovered: {what}")),
+        }
+        for miss in misses {
+            eprintln!("{miss}");
+            self.misses.push(miss);
+        }
+    }
+
+    /// All kinds together.
+    #[must_use]
+    pub fn total(&self) -> Count {
+        self.counts.values().fold(Count::default(), |sum, count| Count {
+            injected: sum.injected + count.injected,
+            detected: sum.detected + count.detected,
+            recovered: sum.recovered + count.recovered,
+            detection: sum.detection.max(count.detection),
+            recovery: sum.recovery.max(count.recovery),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_seen_is_a_miss() {
+        let mut ledger = Ledger::default();
+        ledger.enter(Kind::Held, Ok(Duration::from_millis(3)), Ok(Duration::ZERO));
+        ledger.enter(Kind::Held, Ok(Duration::from_millis(2)), Err("no answer".into()));
+        let total = ledger.total();
+        assert_eq!((total.injected, total.detected, total.recovered), (2, 2, 1));
+        assert_eq!((total.detection, ledger.misses.len()), (Duration::from_millis(3), 1));
+    }
+}

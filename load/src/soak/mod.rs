@@ -1,0 +1,148 @@
+//! Many clients for a long time, with faults or without.
+
+mod clients;
+mod faults;
+mod ledger;
+mod report;
+mod slow;
+mod tally;
+mod world;
+
+use crate::board::Bench;
+use crate::daemon::{Daemon, Plan};
+use crate::error::Error;
+use clap::Args;
+use fastrand::Rng;
+use faults::Faults;
+use ledger::Ledger;
+use report::Report;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tally::Tally;
+use world::World;
+
+/// Clients over TCP, ...
+const TCP_CLIENTS: usize = 4;
+/// ... over the socket in the file system, ...
+const SOCKET_CLIENTS: usize = 1;
+/// ... and with a live socket.
+const LIVE_CLIENTS: usize = 3;
+/// Time for a daemon to come to rest before it is looked at what it takes: threads of its pools and memory grow until then.
+const WARM: Duration = Duration::from_secs(5);
+/// Time for connections to be forgotten after the last client.
+const REST: Duration = Duration::from_secs(1);
+/// Between two lines about how far it is.
+const TELL: Duration = Duration::from_secs(10);
+
+/// For how long, and with what.
+#[derive(Args, Clone, Debug)]
+pub struct Options {
+    /// How long, in minutes; with faults, the last round of them is ended
+    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    minutes: f64,
+    /// Inject faults
+    #[arg(long)]
+    faults: bool,
+    /// Seed of all random choices
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// The program to start
+    #[arg(long, value_name = "FILE", default_value = "target/release/era")]
+    program: PathBuf,
+}
+
+/// Runs it and prints the table.
+///
+/// # Errors
+/// [`Error::NotStood`] if something was lost, missed or unsafe, and what keeps the run from going on.
+pub fn run(options: &Options) -> Result<(), Error> {
+    let folder = tempfile::tempdir().map_err(Error::system("no folder for sockets"))?;
+    let bench = Bench::new(folder.path().join("board"))?;
+    let plan = Plan {
+        program: options.program.clone(),
+        device: folder.path().join("board"),
+        socket: folder.path().join("era.sock"),
+        cache: folder.path().join("cache"),
+    };
+    let daemon = Daemon::start(&plan)?;
+    daemon.await_device()?;
+    let world = Arc::new(World::default());
+    world.begins(daemon.address);
+    let mut random = Rng::with_seed(options.seed);
+    let socket = plan.socket.clone();
+    let mut faults =
+        Faults { world: &world, bench, plan, daemon, ledger: Ledger::default(), random: random.fork(), outages: 0 };
+    eprintln!("{} serves on {}", options.program.display(), faults.daemon.address);
+    let begun = Instant::now();
+    let mut threads = Vec::new();
+    for client in 0..TCP_CLIENTS + SOCKET_CLIENTS {
+        let (world, random) = (Arc::clone(&world), random.fork());
+        let socket = (client >= TCP_CLIENTS).then(|| socket.clone());
+        threads.push(std::thread::spawn(move || clients::http(&world, socket.as_deref(), client, random)));
+    }
+    for client in 0..LIVE_CLIENTS {
+        let (world, random) = (Arc::clone(&world), random.fork());
+        threads.push(std::thread::spawn(move || clients::live(&world, client, random)));
+    }
+    std::thread::sleep(WARM);
+    let at_start = faults.daemon.takes();
+    let result = load(options, begun, &mut faults);
+    world.finish();
+    let mut tally = Tally::default();
+    for thread in threads {
+        match thread.join() {
+            Ok(one) => tally.join(one),
+            Err(_) => tally.lost("a client has panicked".into()),
+        }
+    }
+    result?;
+    std::thread::sleep(REST);
+    let outages = faults.outages + faults.counted_outages();
+    let Faults { bench, mut daemon, ledger, .. } = faults;
+    let report = Report {
+        seed: options.seed,
+        lasted: begun.elapsed(),
+        tally,
+        ledger,
+        outages,
+        at_start,
+        at_end: daemon.takes(),
+        watch: bench.control().watch(),
+        ended: daemon.has_ended().then(|| daemon.log()),
+    };
+    println!("{}", report.text());
+    match report.verdict() {
+        None => Ok(()),
+        Some(what) => Err(Error::NotStood(what)),
+    }
+}
+
+/// Lets clients and faults go on until the time is over.
+fn load(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Result<(), Error> {
+    let lasts = Duration::try_from_secs_f64(options.minutes * 60.0).unwrap_or(Duration::MAX);
+    let mut told = Instant::now();
+    while begun.elapsed() < lasts {
+        if faults.daemon.has_ended() {
+            return Err(Error::Answer(format!("the daemon has ended by itself; it said:\n{}", faults.daemon.log())));
+        }
+        if options.faults {
+            faults.round()?;
+            let total = faults.ledger.total();
+            eprintln!(
+                "{:.0} s: {} faults, {} recovered",
+                begun.elapsed().as_secs_f64(),
+                total.injected,
+                total.recovered
+            );
+            continue;
+        }
+        std::thread::sleep(Duration::from_millis(200).min(lasts.saturating_sub(begun.elapsed())));
+        if told.elapsed() >= TELL {
+            told = Instant::now();
+            let takes = faults.daemon.takes();
+            eprintln!("{:.0} s: {} kB, {} handles", begun.elapsed().as_secs_f64(), takes.memory_kb, takes.handles);
+        }
+    }
+    Ok(())
+}

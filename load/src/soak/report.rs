@@ -1,0 +1,153 @@
+//! The table at the end.
+
+use super::ledger::Ledger;
+use super::tally::Tally;
+use crate::daemon::Takes;
+use era::device::sim::Watch;
+use std::fmt::Write;
+use std::time::Duration;
+
+/// Travel from which on one electrode alone can pull a mass in, as a part of its gap.
+const PULL_IN: f64 = 1.0 / 3.0;
+
+/// All that was counted and seen.
+#[derive(Debug)]
+pub struct Report {
+    /// Of the random choices.
+    pub seed: u64,
+    /// From the first client to the last.
+    pub lasted: Duration,
+    /// What clients counted.
+    pub tally: Tally,
+    /// What faults came to.
+    pub ledger: Ledger,
+    /// Outages of the link to the board.
+    pub outages: u64,
+    /// What the first daemon took when it was warm.
+    pub at_start: Takes,
+    /// What the last one took after its last client.
+    pub at_end: Takes,
+    /// What the board has seen.
+    pub watch: Watch,
+    /// The log of a daemon that has ended by itself.
+    pub ended: Option<String>,
+}
+
+impl Report {
+    /// Unsafe states that the board was in, in words.
+    fn unsafe_states(&self) -> Vec<String> {
+        let Watch { travel_part, overlaps, late, .. } = self.watch;
+        let mut found = Vec::new();
+        if travel_part > PULL_IN {
+            found.push(format!("a mass travelled {travel_part:.3} of its gap"));
+        }
+        if overlaps > 0 {
+            found.push(format!("both electrodes of an ERA were on in {overlaps} steps"));
+        }
+        if late > 0 {
+            found.push(format!("high voltage was on at {late} looks after the dead-man time"));
+        }
+        found
+    }
+
+    /// What the daemon did not stand, if anything.
+    #[must_use]
+    pub fn verdict(&self) -> Option<String> {
+        let mut wrong = self.unsafe_states();
+        if self.tally.lost > 0 {
+            wrong.push(format!("{} touches were lost", self.tally.lost));
+        }
+        if self.tally.sent == 0 {
+            wrong.push("no touch was sent".into());
+        }
+        wrong.extend(self.ledger.misses.iter().cloned());
+        wrong.extend(self.ended.as_ref().map(|log| format!("the daemon has ended by itself; it said:\n{log}")));
+        (!wrong.is_empty()).then(|| wrong.join("; "))
+    }
+
+    /// The table, as text.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut out = String::new();
+        let mut row = |name: &str, value: String| {
+            // Writing to a String cannot fail.
+            let _ = writeln!(out, "{name:<34} {value}");
+        };
+        let (tally, total) = (&self.tally, self.ledger.total());
+        let unsafe_states = self.unsafe_states();
+        row("seed, time", format!("{}, {:.1} s", self.seed, self.lasted.as_secs_f64()));
+        row("touches sent", tally.sent.to_string());
+        row("  answered", tally.all_answered().to_string());
+        for (with, count) in &tally.answered {
+            let detail = tally.details.get(with).map(|detail| format!(", at first: {detail}")).unwrap_or_default();
+            row(&format!("    {with}"), format!("{count}{detail}"));
+        }
+        row("  outcome told afterwards", tally.told.to_string());
+        row("  with a daemon that was killed", tally.killed.to_string());
+        row("  lost", tally.lost.to_string());
+        row("HTTP, answer p50 / p99 / max", tally.times.told());
+        row("live, shown p50 / p99 / max", tally.live_times.told());
+        row("stops and looks at the state", tally.others.to_string());
+        row("reconnects of clients", tally.reconnects.to_string());
+        row("outages of the link to the board", self.outages.to_string());
+        let (start, end) = (self.at_start, self.at_end);
+        row("memory, start and end", format!("{} kB, {} kB", start.memory_kb, end.memory_kb));
+        row("threads, start and end", format!("{}, {}", start.threads, end.threads));
+        row("handles, start and end", format!("{}, {}", start.handles, end.handles));
+        row("faults injected", total.injected.to_string());
+        row("  detected", total.detected.to_string());
+        row("  recovered", total.recovered.to_string());
+        for (kind, count) in &self.ledger.counts {
+            let ms = |time: Duration| time.as_secs_f64() * 1e3;
+            let value = format!(
+                "{} / {} / {}, after {:.0} and {:.0} ms at most",
+                count.injected,
+                count.detected,
+                count.recovered,
+                ms(count.detection),
+                ms(count.recovery)
+            );
+            row(&format!("    {kind}"), value);
+        }
+        row("greatest travel, part of the gap", format!("{:.4}", self.watch.travel_part));
+        row("unsafe states seen", unsafe_states.len().to_string());
+        for what in unsafe_states.iter().chain(&tally.losses).chain(&self.ledger.misses) {
+            row(&format!("  {what}"), String::new());
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report() -> Report {
+        Report {
+            seed: 1,
+            lasted: Duration::from_secs(1),
+            tally: Tally { sent: 1, ..Tally::default() },
+            ledger: Ledger::default(),
+            outages: 0,
+            at_start: Takes::default(),
+            at_end: Takes::default(),
+            watch: Watch::default(),
+            ended: None,
+        }
+    }
+
+    #[test]
+    fn anything_lost_missed_or_unsafe_is_a_failure() {
+        assert_eq!(report().verdict(), None);
+        let mut lost = report();
+        lost.tally.lost("one".into());
+        let mut missed = report();
+        missed.ledger.misses.push("one".into());
+        let far = Report { watch: Watch { travel_part: 0.34, ..Watch::default() }, ..report() };
+        let both = Report { watch: Watch { overlaps: 1, ..Watch::default() }, ..report() };
+        let late = Report { watch: Watch { late: 1, ..Watch::default() }, ..report() };
+        for report in [lost, missed, far, both, late] {
+            assert!(report.verdict().is_some() && !report.text().is_empty());
+        }
+    }
+}

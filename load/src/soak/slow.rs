@@ -1,0 +1,97 @@
+//! Clients that keep a connection and do not get on with it; the daemon must end each, and serve everybody else meanwhile.
+
+use super::world::{Serving, World};
+use crate::http::tcp;
+use crate::live::Live;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+
+/// Longest time that the daemon may bear one: 30 s for headers, 15 s for a page that does not answer, and some for a busy machine.
+const LONGEST: Duration = Duration::from_secs(40);
+/// How long a page reads nothing at first.
+const UNREAD: Duration = Duration::from_secs(25);
+/// Then no message for so long means that none comes any more.
+const QUIET: Duration = Duration::from_secs(8);
+/// More messages than wait for a page that was let go: what the system keeps for it.
+const MOST_LEFT: usize = 20_000;
+
+/// A way of not getting on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Slow {
+    /// Connects and says nothing.
+    Nothing,
+    /// Ends in the middle of a header line.
+    HalfHeader,
+    /// Ends in the middle of a body.
+    HalfBody,
+    /// Takes the live socket and reads nothing.
+    Unread,
+}
+
+impl Slow {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Nothing, Self::HalfHeader, Self::HalfBody, Self::Unread];
+
+    const fn words(self) -> &'static str {
+        match self {
+            Self::HalfHeader => "POST /v1/touch HTTP/1.1\r\nHost: loc",
+            Self::HalfBody => {
+                "POST /v1/touch HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 60\r\n\r\n{\"x_px\": 9"
+            }
+            Self::Nothing | Self::Unread => "",
+        }
+    }
+}
+
+/// What became of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The daemon has ended it, after so long.
+    Ended(Duration),
+    /// It is still served.
+    Borne,
+    /// The daemon was gone before that could be told.
+    Unknown,
+}
+
+/// Is slow in this way until the daemon has had enough.
+pub fn run(world: &World, serving: Serving, slow: Slow) -> End {
+    let begun = Instant::now();
+    let ended = match slow {
+        Slow::Unread => unread(serving.address),
+        _ => half(serving.address, slow),
+    };
+    match ended {
+        _ if !world.is(serving) => End::Unknown,
+        true => End::Ended(begun.elapsed()),
+        false => End::Borne,
+    }
+}
+
+fn half(address: SocketAddr, slow: Slow) -> bool {
+    let connected = || -> std::io::Result<TcpStream> {
+        let mut stream = tcp(address)?;
+        stream.set_read_timeout(Some(LONGEST))?;
+        stream.write_all(slow.words().as_bytes())?;
+        Ok(stream)
+    };
+    // Nobody is slow who does not get in.
+    let Ok(mut stream) = connected() else { return false };
+    let mut buffer = [0; 1024];
+    loop {
+        match stream.read(&mut buffer) {
+            Ok(0) => return true,
+            // It is told why, before the end or instead of it.
+            Ok(_) if slow == Slow::HalfBody => return true,
+            Ok(_) => {}
+            Err(error) => return !matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock),
+        }
+    }
+}
+
+fn unread(address: SocketAddr) -> bool {
+    let Ok(mut live) = Live::open(address, "scene,state,plan,field") else { return false };
+    std::thread::sleep(UNREAD);
+    live.is_ended(QUIET, MOST_LEFT)
+}

@@ -1,0 +1,114 @@
+//! What clients count.
+
+use crate::times::Times;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// Lost touches of which is told what is known.
+const TOLD: usize = 20;
+
+/// How a touch was answered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Answered {
+    /// The status and the end of the problem's type; "shown" for a plan on a live socket.
+    pub kind: String,
+    /// What the problem says.
+    pub detail: Option<String>,
+}
+
+impl Answered {
+    /// By a status and perhaps a problem.
+    #[must_use]
+    pub fn of(status: u16, problem: &Value) -> Self {
+        let name = problem["type"].as_str().and_then(|kind| kind.rsplit(':').next()).filter(|_| status != 200);
+        let kind = name.map_or_else(|| status.to_string(), |name| format!("{status} {name}"));
+        Self { kind, detail: name.and_then(|_| problem["detail"].as_str()).map(str::to_owned) }
+    }
+
+    /// By a plan on a live socket.
+    #[must_use]
+    pub fn shown() -> Self {
+        Self { kind: "shown".into(), detail: None }
+    }
+
+    /// Whether it was driven.
+    #[must_use]
+    pub const fn is_driven(&self) -> bool {
+        self.detail.is_none()
+    }
+}
+
+/// What became of touches.
+#[derive(Debug, Default)]
+pub struct Tally {
+    /// Touches that were sent.
+    pub sent: u64,
+    /// Those that were answered, by what they were answered with.
+    pub answered: BTreeMap<String, u64>,
+    /// What the first of each kind of refusal said.
+    pub details: BTreeMap<String, String>,
+    /// Those without an answer whose outcome the daemon told when it was asked afterwards.
+    pub told: u64,
+    /// Those that a daemon had taken when it was killed.
+    pub killed: u64,
+    /// Those of which nobody knows.
+    pub lost: u64,
+    /// What is known of the first of them.
+    pub losses: Vec<String>,
+    /// From sending a request to its answer.
+    pub times: Times,
+    /// From putting a finger down to the plan for its last place.
+    pub live_times: Times,
+    /// Connections that had to be opened again to the same daemon.
+    pub reconnects: u64,
+    /// Other requests: stops and looks at the state.
+    pub others: u64,
+}
+
+impl Tally {
+    /// A touch was answered with this status and, where it was refused, this problem.
+    pub fn answered(&mut self, with: Answered) {
+        let Answered { kind, detail } = with;
+        if let Some(detail) = detail
+            && !self.details.contains_key(&kind)
+        {
+            self.details.insert(kind.clone(), detail);
+        }
+        *self.answered.entry(kind).or_default() += 1;
+    }
+
+    /// A touch was lost.
+    pub fn lost(&mut self, what: String) {
+        eprintln!("lost: {what}");
+        self.lost += 1;
+        if self.losses.len() < TOLD {
+            self.losses.push(what);
+        }
+    }
+
+    /// Adds those of another client.
+    pub fn join(&mut self, other: Self) {
+        self.sent += other.sent;
+        for (with, count) in other.answered {
+            *self.answered.entry(with).or_default() += count;
+        }
+        for (kind, detail) in other.details {
+            self.details.entry(kind).or_insert(detail);
+        }
+        self.told += other.told;
+        self.killed += other.killed;
+        self.lost += other.lost;
+        self.losses.extend(other.losses);
+        self.losses.truncate(TOLD);
+        self.times.join(other.times);
+        self.live_times.join(other.live_times);
+        self.reconnects += other.reconnects;
+        self.others += other.others;
+    }
+
+    /// Touches that were answered.
+    #[must_use]
+    pub fn all_answered(&self) -> u64 {
+        self.answered.values().sum()
+    }
+}

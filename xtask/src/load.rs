@@ -1,0 +1,45 @@
+//! `cargo xtask soak` and `cargo xtask bench daemon`: builds the program and the load in release mode and puts it on.
+
+use crate::error::Error;
+use crate::process::run;
+use crate::root;
+use clap::Args;
+use std::ffi::OsString;
+use std::process::Command;
+
+/// For how long, and with what.
+#[derive(Args)]
+pub struct Options {
+    /// How long, in minutes; with faults, the last round of them is ended
+    #[arg(long, value_name = "N", default_value = "1")]
+    minutes: f64,
+    /// Inject faults: cable, rubbish on the line, slow clients, the daemon held and killed
+    #[arg(long)]
+    faults: bool,
+    /// Seed of all random choices
+    #[arg(long, value_name = "S", default_value = "1")]
+    seed: u64,
+}
+
+/// Drives a running daemon as many clients would and prints what became of it.
+///
+/// # Errors
+/// [`Error::Start`], [`Error::Failed`]: something was lost, not noticed, not recovered from, or unsafe.
+pub fn soak(options: &Options) -> Result<(), Error> {
+    let (minutes, seed) = (options.minutes.to_string(), options.seed.to_string());
+    let mut arguments: Vec<OsString> =
+        ["soak", "--minutes", &minutes, "--seed", &seed].into_iter().map(Into::into).collect();
+    arguments.extend(options.faults.then(|| "--faults".into()));
+    put_on(&arguments)
+}
+
+/// Builds both programs and runs the load.
+///
+/// # Errors
+/// As [`soak`].
+pub fn put_on(arguments: &[OsString]) -> Result<(), Error> {
+    let root = root()?;
+    let build = ["build", "--release", "--quiet", "-p", "era-host", "-p", "era-load"];
+    run(Command::new("cargo").current_dir(&root).args(build))?;
+    run(Command::new(root.join("target/release/era-load")).current_dir(&root).args(arguments))
+}
