@@ -4,7 +4,7 @@ use super::ledger::{Kind, Ledger};
 use super::slow::{self, End, Slow};
 use super::world::{Serving, World};
 use crate::board::{Bench, Rubbish, Way};
-use crate::daemon::{Daemon, Plan};
+use crate::daemon::{Daemon, Plan, Takes};
 use crate::error::Error;
 use crate::http::{Http, Place, metric};
 use era::device::sim::SimControl;
@@ -46,6 +46,8 @@ pub struct Faults<'a> {
     pub random: Rng,
     /// Outages of the link that daemons before this one have counted.
     pub outages: u64,
+    /// What the last of them took before it was killed.
+    pub before_kill: Option<Takes>,
 }
 
 /// After how long something was seen; otherwise what was.
@@ -232,6 +234,7 @@ impl Faults<'_> {
     fn kill(&mut self) -> Result<(), Error> {
         let driven = self.drive();
         self.outages += self.counted_outages();
+        self.before_kill = Some(self.daemon.takes());
         self.world.ends();
         self.daemon.kill();
         let off = driven.and_then(|()| self.goes_off());

@@ -39,7 +39,7 @@ const TELL: Duration = Duration::from_secs(10);
 #[derive(Args, Clone, Debug)]
 pub struct Options {
     /// How long, in minutes; with faults, the last round of them is ended
-    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = crate::positive)]
     minutes: f64,
     /// Inject faults
     #[arg(long)]
@@ -71,8 +71,16 @@ pub fn run(options: &Options) -> Result<(), Error> {
     world.begins(daemon.address);
     let mut random = Rng::with_seed(options.seed);
     let socket = plan.socket.clone();
-    let mut faults =
-        Faults { world: &world, bench, plan, daemon, ledger: Ledger::default(), random: random.fork(), outages: 0 };
+    let mut faults = Faults {
+        world: &world,
+        bench,
+        plan,
+        daemon,
+        ledger: Ledger::default(),
+        random: random.fork(),
+        outages: 0,
+        before_kill: None,
+    };
     eprintln!("{} serves on {}", options.program.display(), faults.daemon.address);
     let begun = Instant::now();
     let mut threads = Vec::new();
@@ -99,7 +107,7 @@ pub fn run(options: &Options) -> Result<(), Error> {
     result?;
     std::thread::sleep(REST);
     let outages = faults.outages + faults.counted_outages();
-    let Faults { bench, mut daemon, ledger, .. } = faults;
+    let Faults { bench, mut daemon, ledger, before_kill, .. } = faults;
     let report = Report {
         seed: options.seed,
         lasted: begun.elapsed(),
@@ -107,6 +115,7 @@ pub fn run(options: &Options) -> Result<(), Error> {
         ledger,
         outages,
         at_start,
+        before_kill,
         at_end: daemon.takes(),
         watch: bench.control().watch(),
         ended: daemon.has_ended().then(|| daemon.log()),
@@ -120,7 +129,7 @@ pub fn run(options: &Options) -> Result<(), Error> {
 
 /// Lets clients and faults go on until the time is over.
 fn load(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Result<(), Error> {
-    let lasts = Duration::try_from_secs_f64(options.minutes * 60.0).unwrap_or(Duration::MAX);
+    let lasts = Duration::from_secs_f64(options.minutes * 60.0);
     let mut told = Instant::now();
     while begun.elapsed() < lasts {
         if faults.daemon.has_ended() {

@@ -25,6 +25,8 @@ pub struct Report {
     pub outages: u64,
     /// What the first daemon took when it was warm.
     pub at_start: Takes,
+    /// What the last one that was killed took before that, after a round of faults.
+    pub before_kill: Option<Takes>,
     /// What the last one took after its last client.
     pub at_end: Takes,
     /// What the board has seen.
@@ -91,9 +93,14 @@ impl Report {
         row("reconnects of clients", tally.reconnects.to_string());
         row("outages of the link to the board", self.outages.to_string());
         let (start, end) = (self.at_start, self.at_end);
-        row("memory, start and end", format!("{} kB, {} kB", start.memory_kb, end.memory_kb));
-        row("threads, start and end", format!("{}, {}", start.threads, end.threads));
-        row("handles, start and end", format!("{}, {}", start.handles, end.handles));
+        let mut takes = |name: &str, unit: &str, of: fn(Takes) -> u64| {
+            let killed =
+                self.before_kill.map(|takes| format!("{}{unit} before a kill, ", of(takes))).unwrap_or_default();
+            row(name, format!("{}{unit} at the start, {killed}{}{unit} at the end", of(start), of(end)));
+        };
+        takes("memory", " kB", |takes| takes.memory_kb);
+        takes("threads", "", |takes| takes.threads);
+        takes("handles", "", |takes| takes.handles);
         row("faults injected", total.injected.to_string());
         row("  detected", total.detected.to_string());
         row("  recovered", total.recovered.to_string());
@@ -130,6 +137,7 @@ mod tests {
             ledger: Ledger::default(),
             outages: 0,
             at_start: Takes::default(),
+            before_kill: None,
             at_end: Takes::default(),
             watch: Watch::default(),
             ended: None,
