@@ -116,7 +116,7 @@ fn a_daemon_is_asked_in_place_of_its_board() {
         }
     });
     let (heard, port) = found.expect("the daemon tells of its device");
-    assert_eq!((port.as_str(), heard.protocol), (device.path(), Some(2)));
+    assert_eq!((port.as_str(), heard.protocol), (device.path(), Some(era_shared::protocol::CURRENT_VERSION)));
     assert!(heard.supply.is_some_and(|supply| supply.interlock_closed && supply.rail_v.len() == 2));
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("era.toml");

@@ -5,7 +5,7 @@ use era::doctor::facts::{
     Access, Answer, Chosen, Clock, Daemon, Fault, File, Heard, Holder, Port, Rule, Supply, Usb, Wanted,
 };
 use era::doctor::{Facts, Finding, Verdict, judge};
-use era_shared::protocol::FaultCode;
+use era_shared::protocol::{CURRENT_VERSION, FaultCode};
 
 const PATH: &str = "/dev/ttyACM0";
 
@@ -17,7 +17,7 @@ fn board_port(path: &str) -> Port {
 fn well_heard() -> Heard {
     Heard {
         firmware: "0.1.0+1a2b3c4d".into(),
-        protocol: Some(2),
+        protocol: Some(CURRENT_VERSION),
         state: Some("safe".into()),
         supply: Some(Supply {
             rail_v: vec![2.0, 1.5],

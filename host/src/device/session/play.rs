@@ -4,7 +4,7 @@ use super::worker::{Worker, unexpected};
 use super::{EffectOrder, Played, SessionError};
 use crate::device::client::{Client, LinkError};
 use crate::effects::envelope::length_s;
-use era_shared::protocol::{AchievedDrive, Details, Reply, Request};
+use era_shared::protocol::{AchievedDrive, Details, Refusal, Reply, Request};
 use era_shared::safety::State;
 use era_shared::supply::rail_of;
 use std::sync::atomic::Ordering;
@@ -23,7 +23,12 @@ const CLOCK_ERROR_S: f64 = 0.01;
 
 impl Worker {
     pub(super) fn play(&mut self, order: EffectOrder) -> Result<Played, SessionError> {
-        let result = self.try_play(order);
+        let mut result = self.try_play(order.clone());
+        // A frame that was lost and repeated comes later than its start: nothing has begun, and the next start is later, too.
+        if let Err(SessionError::Link(LinkError::Refused(Refusal::Start { .. }))) = &result {
+            tracing::info!(plan = order.id, "the effect's start had passed: once more");
+            result = self.try_play(order);
+        }
         if let Err(SessionError::Link(error)) = &result {
             self.note_trouble(error);
         }
