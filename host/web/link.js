@@ -7,7 +7,7 @@ const SILENCE_MS = 4000;
 const ANSWER_MS = 3000;
 const STOP_TRIES = 3;
 
-// A daemon that asks for a token is opened with it behind the address, http://HOST:PORT/#token=SECRET: that part stays in the
+// A daemon that asks for a token is opened with it behind its address, as #token=SECRET: that part of an address stays in the
 // browser.
 const TOKEN = new URLSearchParams(location.hash.slice(1)).get("token");
 
