@@ -1,6 +1,8 @@
 //! A board that remembers what it was told, and a host that talks to a device over it.
 #![allow(dead_code, reason = "each test file is its own program and uses a part of this")]
 
+pub mod golden;
+
 use era_shared::board::{Board, BoardInfo};
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};

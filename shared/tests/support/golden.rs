@@ -1,0 +1,23 @@
+//! Messages and their bytes, for the golden tests of each protocol version.
+
+use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use serde::{Serialize, de::DeserializeOwned};
+use std::fmt::Debug;
+
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The message has exactly these bytes, and they decode to it again.
+pub fn check<M: Serialize + DeserializeOwned + PartialEq + Debug>(version: u8, kind: Kind, message: M, expected: &str) {
+    let mut out = [0; MAX_ENCODED];
+    let length = encode(version, kind, 0x1234, &message, &mut out).unwrap();
+    assert_eq!(hex(&out[..length]), expected, "{message:?}");
+    let mut decoded = None;
+    Decoder::new().feed(&out[..length], |frame| {
+        let frame = frame.unwrap();
+        assert_eq!((frame.version, frame.kind, frame.sequence), (version, kind as u8, 0x1234));
+        decoded = Some(postcard::from_bytes::<M>(frame.body).unwrap());
+    });
+    assert_eq!(decoded, Some(message));
+}
