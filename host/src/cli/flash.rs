@@ -110,7 +110,7 @@ impl Job<'_> {
         probe.check_chip().map_err(Failure::failed)?;
         let before = match &board {
             Some(board) => {
-                if probe.board_id().map_err(Failure::failed)? != board.welcome.board_id {
+                if probe.board_id().map_err(Failure::failed)? != board.identity.board_id {
                     return Err(Failure::failed(format!(
                         "the probe is at another board than the one that answers at {}: nothing was changed",
                         board.path()
@@ -195,15 +195,15 @@ impl Job<'_> {
     fn confirm_start(&self) -> Result<bool, Failure> {
         let target = self.options.port.clone().unwrap_or(Target::Auto);
         match Board::wait_for(&target) {
-            Ok(board) if board.welcome.firmware == self.image.header.firmware => {
-                tell!("done     {} answers at {}", Version(board.welcome.firmware), board.path());
+            Ok(board) if board.identity.firmware == self.image.header.firmware => {
+                tell!("done     {} answers at {}", Version(board.identity.firmware), board.path());
                 Ok(true)
             }
             Ok(board) => Err(Failure::failed(format!(
                 "the image was written and read back, but the board at {} answers with {}: is it another board? Otherwise \
                  power it down and up",
                 board.path(),
-                Version(board.welcome.firmware)
+                Version(board.identity.firmware)
             ))),
             Err(error) => {
                 tell!("done     the image was written and read back; no board answers yet: {error}");

@@ -22,7 +22,7 @@ pub fn run(options: &Monitor) -> Outcome {
     let table = LogTable::from_elf(&elf).map_err(Failure::usage)?;
     let target = options.port.clone().unwrap_or(Target::Auto);
     let mut board = Board::open(&target).map_err(Failure::failed)?;
-    let running = board.welcome.firmware;
+    let running = board.identity.firmware;
     tracing::info!("log of firmware {} at {}", Version(running), board.path());
     if running != image.header.firmware {
         tracing::warn!(

@@ -10,7 +10,7 @@ pub mod convert;
 
 pub mod emulated;
 pub mod identity;
-mod port;
+pub mod port;
 pub mod priority;
 pub mod session;
 pub mod sim;

@@ -1,6 +1,6 @@
 //! Serial ports: which of them are boards, and one that is closed without waiting.
 
-use era_shared::link::{USB_PRODUCT, USB_PRODUCT_NAME, USB_VENDOR};
+use super::usb_ids::is_board;
 use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType, UsbPortInfo};
 use std::fmt;
 use std::io::{Read, Write};
@@ -53,7 +53,8 @@ impl fmt::Display for UsbName {
 }
 
 /// All ports of this computer.
-fn ports() -> Vec<SerialPortInfo> {
+#[must_use]
+pub fn ports() -> Vec<SerialPortInfo> {
     // Without libudev the crate lists this folder, and panics where it is missing (a chroot without /sys).
     if cfg!(target_os = "linux") && !std::path::Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
@@ -68,12 +69,6 @@ pub fn list() -> String {
     if names.is_empty() { "there is none".into() } else { names.join(", ") }
 }
 
-/// Whether USB says that this is an ERA board. Its pair of numbers is anybody's for tests, so the name counts where it is known.
-fn is_board(info: &UsbPortInfo) -> bool {
-    let is_named = info.product.as_deref().is_none_or(|name| name.replace('_', " ").contains(USB_PRODUCT_NAME));
-    (info.vid, info.pid) == (USB_VENDOR, USB_PRODUCT) && is_named
-}
-
 /// The path of that board, or of the first one.
 #[must_use]
 pub fn find(wanted: Option<&UsbName>) -> Option<String> {
@@ -83,7 +78,7 @@ pub fn find(wanted: Option<&UsbName>) -> Option<String> {
 fn among(ports: Vec<SerialPortInfo>, wanted: Option<&UsbName>) -> Option<String> {
     let is_it = |port: &SerialPortInfo| match (&port.port_type, wanted) {
         (SerialPortType::UsbPort(info), Some(wanted)) => UsbName::of(info) == *wanted,
-        (SerialPortType::UsbPort(info), None) => is_board(info),
+        (SerialPortType::UsbPort(info), None) => is_board(info.vid, info.pid, info.product.as_deref()),
         _ => false,
     };
     ports.into_iter().find(is_it).map(|port| port.port_name)
@@ -103,6 +98,7 @@ pub fn usb_of(path: &str) -> Option<UsbName> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use era_shared::link::{USB_PRODUCT, USB_VENDOR};
 
     fn usb(path: &str, vid: u16, pid: u16, product: Option<&str>, number: &str) -> SerialPortInfo {
         let info = UsbPortInfo {
@@ -123,6 +119,7 @@ mod tests {
                 SerialPortInfo { port_name: "/dev/ttyS0".into(), port_type: SerialPortType::Unknown },
                 usb("/dev/ttyACM0", 0x0483, 0x374e, Some("STLINK-V3"), "0"),
                 usb("/dev/ttyACM1", USB_VENDOR, USB_PRODUCT, Some("somebody's keyboard"), "1"),
+                usb("/dev/ttyACM4", USB_VENDOR, USB_PRODUCT, None, "2"),
                 usb("/dev/ttyACM2", USB_VENDOR, USB_PRODUCT, Some("ERA_haptics_board"), "A"),
                 usb("/dev/ttyACM3", USB_VENDOR, USB_PRODUCT, Some("ERA haptics board"), "B"),
             ]
@@ -132,7 +129,7 @@ mod tests {
             |number: &str| UsbName { vendor: USB_VENDOR, product: USB_PRODUCT, serial_number: Some(number.into()) };
         assert_eq!(among(all(), Some(&name("B"))).as_deref(), Some("/dev/ttyACM3"));
         assert_eq!(among(all(), Some(&name("C"))), None);
-        assert_eq!(among(all().into_iter().take(3).collect(), None), None);
+        assert_eq!(among(all().into_iter().take(4).collect(), None), None);
         assert_eq!(name("C").to_string(), "1209:0001 with serial number C");
     }
 }

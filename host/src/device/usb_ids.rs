@@ -11,3 +11,10 @@ pub const BOARD_NAME: &str = USB_PRODUCT_NAME;
 pub const BOOTLOADER: (u16, u16) = (0x0483, 0xDF11);
 /// ST's vendor number: that of the bootloader, and of the debug probe on a Nucleo board, which has a serial port too.
 pub const ST: u16 = 0x0483;
+
+/// Whether USB says that this is an ERA board: its numbers, and its name, as anybody may use the numbers for tests. Some
+/// systems write underscores for spaces.
+#[must_use]
+pub fn is_board(vendor: u16, product: u16, name: Option<&str>) -> bool {
+    (vendor, product) == BOARD && name.is_some_and(|name| name.replace('_', " ").contains(BOARD_NAME))
+}

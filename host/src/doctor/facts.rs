@@ -1,6 +1,6 @@
 //! What the doctor knows before it judges.
 
-use crate::device::usb_ids::{BOARD, BOARD_NAME, ST};
+use crate::device::usb_ids::{ST, is_board};
 use era_shared::protocol::FaultCode;
 
 /// The device that is asked about.
@@ -41,9 +41,7 @@ impl Port {
     /// Whether it is a board's own: numbers and name, as others have the same numbers.
     #[must_use]
     pub fn is_board(&self) -> bool {
-        self.usb
-            .as_ref()
-            .is_some_and(|usb| (usb.vendor, usb.product) == BOARD && usb.name.as_deref() == Some(BOARD_NAME))
+        self.usb.as_ref().is_some_and(|usb| is_board(usb.vendor, usb.product, usb.name.as_deref()))
     }
 
     /// Whether it is that of ST's debug probe, which a Nucleo board's UART is at.

