@@ -5,18 +5,10 @@ mod support;
 use era_shared::link::{Kind, MAX_ENCODED, encode};
 use era_shared::protocol::*;
 use era_shared::safety::{Event, State};
-use era_shared::waveform::{Effect, Segment};
+use era_shared::waveform::Effect;
 use heapless::Vec as Short;
 use proptest::prelude::*;
-use support::{Bench, Did, drive};
-
-fn both() -> Request {
-    Request::SetDrives { drives: Short::from_slice(&[drive(0), drive(1)]).unwrap() }
-}
-
-fn arm() -> Request {
-    Request::Arm { deadman_ms: None }
-}
+use support::{Bench, Did, arm, both, drive};
 
 #[test]
 fn a_session_from_hello_to_disarm() {
@@ -243,160 +235,6 @@ fn the_rails_start_softly_and_serve_two_voltages() {
 }
 
 #[test]
-fn time_that_was_spent_off_is_no_drive() {
-    let mut bench = Bench::new();
-    bench.wait_ms(5_000);
-    bench.ask(&arm());
-    bench.ask(&both());
-    bench.wait_ms(30);
-    assert_eq!(bench.state(), State::Running);
-}
-
-#[test]
-fn bursts_end_and_must_rest() {
-    let mut bench = Bench::new();
-    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(300) });
-    bench.ask(&both());
-    bench.wait_ms(330);
-    assert_eq!(bench.state(), State::Armed, "the burst is over");
-    let Reply::Refused(Refusal::Duty { channel: 0, wait_ms }) = bench.ask(&both()) else { panic!() };
-    assert!(wait_ms <= 100);
-    bench.wait_ms(120);
-    assert!(matches!(bench.ask(&both()), Reply::DrivesSet { .. }));
-    for burst_ms in [0, 10_001] {
-        let refusal = Refusal::Burst { requested_ms: burst_ms, min_ms: 1, max_ms: 10_000 };
-        let request = Request::ArmWith { deadman_ms: None, burst_ms: Some(burst_ms) };
-        assert_eq!(bench.ask(&request), Reply::Refused(refusal));
-    }
-}
-
-/// Strokes of 5 s with rests in between for `minutes`: when one was ended and refused for its credit, in s, and the least credit that
-/// was seen in ms.
-fn strokes(drive: ChannelDrive, minutes: u64) -> (Option<u64>, u32) {
-    let mut bench = Bench::new();
-    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
-    bench.wait_ms(20);
-    let begun_us = bench.board.now_us;
-    let mut least_ms = u32::MAX;
-    let set = Request::SetDrives { drives: Short::from_slice(&[drive]).unwrap() };
-    while bench.board.now_us - begun_us < minutes * 60_000_000 {
-        assert!(matches!(bench.ask(&set), Reply::DrivesSet { .. }));
-        for _ in 0..20 {
-            bench.wait_ms(250);
-            let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
-            least_ms = least_ms.min(credit.channels[0].left_ms);
-            if bench.state() != State::Running {
-                let refused = bench.ask(&set);
-                assert!(matches!(refused, Reply::Refused(Refusal::Duty { channel: 0, .. })), "{refused:?}");
-                return (Some((bench.board.now_us - begun_us) / 1_000_000), least_ms);
-            }
-        }
-        bench.ask(&Request::SetDrives { drives: Short::new() });
-        bench.wait_ms(150);
-    }
-    assert_eq!(bench.ask(&Request::Faults), Reply::Faults { latched: None });
-    (None, least_ms)
-}
-
-#[test]
-fn weak_strokes_never_run_out_and_strong_ones_do() {
-    let minutes = if cfg!(miri) { 1 } else { 20 };
-    // A quarter of the voltage's square and sin(pi/3): 0.047 of the largest force squared.
-    let (refused_s, least_ms) = strokes(drive(0), minutes);
-    assert!(refused_s.is_none() && least_ms > 59_000, "{refused_s:?}, {least_ms} ms");
-    if cfg!(miri) {
-        return;
-    }
-    // All of the voltage and nearly all of the half period: 60 s and what is earned meanwhile, and the rests.
-    let strong = ChannelDrive { voltage_millivolts: 2_000_000, pulse_width_ppm: 930_000, ..drive(0) };
-    let (refused_s, _) = strokes(strong, minutes);
-    assert!(refused_s.is_some_and(|refused_s| (66..=71).contains(&refused_s)), "{refused_s:?}");
-}
-
-#[test]
-fn the_credit_is_told_with_what_it_is_charged_by() {
-    let mut bench = Bench::new();
-    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
-    bench.wait_ms(20);
-    let strong = ChannelDrive { voltage_millivolts: 2_000_000, ..drive(2) };
-    let drives = Short::from_slice(&[drive(0), strong]).unwrap();
-    bench.ask(&Request::SetDrives { drives });
-    // Rails rise for 100 ms, and drives start at a boundary.
-    bench.wait_ms(500);
-    let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
-    assert_eq!((credit.rule, credit.earned_ppm, credit.channels.len()), (ChargeRule::ForceSquared, 100_000, 4));
-    let charged: Vec<f64> = credit.channels.iter().map(|channel| f64::from(channel.charge_ppm) / 1e6).collect();
-    // Channels 0 and 2 have rails of their own, or narrower windows on a common one: (U/U_max)^4 sin^2(pi/3) either way.
-    assert!((charged[0] - 0.75 / 16.0).abs() < 1e-3 && (charged[2] - 0.75).abs() < 1e-3, "{charged:?}");
-    assert_eq!((charged[1], charged[3]), (0.0, 0.0));
-    assert!(credit.channels[2].left_ms < 60_000 && credit.channels[1].left_ms == 60_000);
-    assert_eq!((credit.lasts_ms(0), credit.lasts_ms(1)), (None, None));
-    assert!(credit.lasts_ms(2).is_some_and(|ms| (90_000..93_000).contains(&ms)), "{:?}", credit.lasts_ms(2));
-    // A stronger drive that is replaced costs what it does until its last boundary, and a level of an effect what it is.
-    let prepare = Request::Prepare { drives: Short::from_slice(&[strong]).unwrap() };
-    bench.ask(&prepare);
-    bench.wait_ms(20);
-    let charge = |bench: &mut Bench| {
-        let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
-        f64::from(credit.channels[2].charge_ppm) / 1e6
-    };
-    assert!(charge(&mut bench).abs() < 1e-9, "prepared is silent");
-    let half = [Segment::Hold { level: 500, milliseconds: 400 }];
-    let effect = Effect { segments: Short::from_slice(&half).unwrap(), times: 1 };
-    bench.ask(&Request::Play { channel: 2, start_us: 0, effect });
-    bench.wait_ms(200);
-    let played = charge(&mut bench);
-    assert!((played - 0.75 / 4.0).abs() < 1e-3, "{played}");
-}
-
-/// A drive at 1 Hz is replaced by a weaker one: until its boundary, up to a second later, it costs what it did.
-#[test]
-fn a_replaced_drive_costs_what_it_does_until_its_boundary() {
-    let mut bench = Bench::new();
-    bench.ask(&Request::ArmWith { deadman_ms: Some(1_000), burst_ms: Some(10_000) });
-    bench.wait_ms(20);
-    let slow = |pulse_width_ppm| {
-        let drive = ChannelDrive { frequency_millihertz: 1_000, pulse_width_ppm, ..drive(0) };
-        Request::SetDrives { drives: Short::from_slice(&[drive]).unwrap() }
-    };
-    let charge = |bench: &mut Bench| {
-        let Reply::Credit(credit) = bench.ask(&Request::Credit) else { panic!() };
-        credit.channels[0].charge_ppm
-    };
-    bench.ask(&slow(900_000));
-    bench.wait_ms(300);
-    let strong = charge(&mut bench);
-    bench.ask(&slow(10_000));
-    bench.wait_ms(300);
-    assert_eq!(charge(&mut bench), strong);
-    bench.wait_ms(900);
-    bench.ask(&Request::KeepAlive);
-    bench.wait_ms(200);
-    let weak = charge(&mut bench);
-    assert!(strong > 60_000 && weak > 0 && weak < 20, "{strong}, {weak}");
-}
-
-/// A host of version 2 is answered in version 2; the credit that it is told of is that at the largest force.
-#[test]
-fn a_host_of_version_2_is_answered_in_its_words() {
-    let mut bench = Bench::new();
-    let ask = |bench: &mut Bench, request: &Request| {
-        let mut frame = [0; MAX_ENCODED];
-        let length = encode(2, Kind::Request, 9, request, &mut frame).unwrap();
-        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
-        assert_eq!((version, sequence), (2, 9));
-        reply
-    };
-    let Reply::Welcome(welcome) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 2 }) else { panic!() };
-    assert_eq!((welcome.protocol_min, welcome.protocol_current), (1, 3));
-    assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
-    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Arming });
-    let Reply::Details(details) = ask(&mut bench, &Request::Details) else { panic!() };
-    assert_eq!(details.credit_ms.as_slice(), [60_000; 4]);
-    assert_eq!(ask(&mut bench, &Request::Credit), Reply::Refused(Refusal::Malformed));
-}
-
-#[test]
 fn effects_are_played_from_a_queue() {
     let mut bench = Bench::new();
     bench.arm();
@@ -564,19 +402,6 @@ fn a_fault_from_before_the_reset_is_told() {
 }
 
 #[test]
-fn a_foreign_version_is_told_both_versions() {
-    let mut bench = Bench::new();
-    for (got, answered_in) in [(0_u8, MIN_VERSION), (CURRENT_VERSION + 1, CURRENT_VERSION), (255, CURRENT_VERSION)] {
-        let mut frame = [0; MAX_ENCODED];
-        let length = encode(got, Kind::Request, 5, &Request::Status, &mut frame).unwrap();
-        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
-        assert_eq!((version, sequence), (answered_in, 5));
-        let refusal = Refusal::Version { got, device_min: MIN_VERSION, device_current: CURRENT_VERSION };
-        assert_eq!(reply, Reply::Refused(refusal));
-    }
-}
-
-#[test]
 fn replies_are_not_answered_and_nonsense_is_refused() {
     let mut bench = Bench::new();
     let mut frame = [0; MAX_ENCODED];
@@ -599,42 +424,6 @@ fn deadman_times_have_limits() {
     assert_eq!(bench.ask(&Request::Arm { deadman_ms: Some(50) }), Reply::Armed { deadman_ms: 50 });
     bench.wait_ms(50);
     assert_eq!(bench.state(), State::Fault);
-}
-
-/// A host of version 1 is told nothing that it does not know, whatever happens.
-#[test]
-fn a_host_of_version_1_is_answered_in_its_words() {
-    let mut bench = Bench::new();
-    let ask = |bench: &mut Bench, request: &Request| {
-        let mut frame = [0; MAX_ENCODED];
-        let length = encode(1, Kind::Request, 9, request, &mut frame).unwrap();
-        let (version, sequence, reply) = support::decode_reply(&bench.raw(0, &frame[..length]));
-        assert_eq!((version, sequence), (1, 9));
-        reply
-    };
-    let Reply::Hello(hello) = ask(&mut bench, &Request::Hello { host_min: 1, host_current: 1 }) else { panic!() };
-    assert_eq!((hello.protocol_min, hello.protocol_current), (1, 3));
-    assert_eq!(ask(&mut bench, &arm()), Reply::Armed { deadman_ms: 250 });
-    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Armed }, "arming may be live");
-    assert!(matches!(ask(&mut bench, &both()), Reply::DrivesSet { .. }), "at once, as it is used to");
-    bench.wait_ms(20);
-    assert_eq!(bench.state(), State::Running);
-    assert_eq!(ask(&mut bench, &Request::Stop), Reply::Stopped);
-    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Boot }, "not called safe yet");
-    bench.wait_ms(2);
-    assert_eq!(ask(&mut bench, &Request::KeepAlive), Reply::Alive { state: State::Safe });
-    bench.board.interlock_closed = false;
-    ask(&mut bench, &arm());
-    bench.wait_ms(2);
-    let Reply::Faults { latched: Some(fault) } = ask(&mut bench, &Request::Faults) else { panic!() };
-    assert_eq!(fault.code, FaultCode::DriveFailed, "a code that it knows");
-    let clear = ask(&mut bench, &Request::ClearFaults);
-    assert_eq!(clear, Reply::Refused(Refusal::State { state: State::Fault, event: Event::Clear }));
-    let later =
-        [Request::Clock, Request::Details, Request::Log, Request::Bootloader { key: BOOTLOADER_KEY }, Request::Credit];
-    for later in later {
-        assert_eq!(ask(&mut bench, &later), Reply::Refused(Refusal::Malformed));
-    }
 }
 
 fn any_request() -> impl Strategy<Value = Request> {

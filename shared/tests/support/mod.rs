@@ -38,6 +38,15 @@ pub fn drive(channel: u8) -> ChannelDrive {
     }
 }
 
+/// Sets the first two channels' drives.
+pub fn both() -> Request {
+    Request::SetDrives { drives: heapless::Vec::from_slice(&[drive(0), drive(1)]).unwrap() }
+}
+
+pub fn arm() -> Request {
+    Request::Arm { deadman_ms: None }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Did {
     Off,
