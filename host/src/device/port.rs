@@ -1,12 +1,42 @@
 //! Serial ports: which of them are boards, and one that is closed without waiting.
 
 use super::usb_ids::is_board;
+use era_shared::link::UART_BAUD;
 use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType, UsbPortInfo};
 use std::fmt;
 use std::io::{Read, Write};
+use std::time::Duration;
+
+/// Time a read waits for its first byte.
+const READ_TIMEOUT: Duration = Duration::from_millis(2);
+/// How often a port that is not to be had is tried.
+const OPEN_TRIES: u32 = 10;
+/// How long between two tries.
+const OPEN_AGAIN: Duration = Duration::from_millis(10);
 
 /// An open port. What its device has not taken when it is closed is dropped: the system would wait for that, up to 30 s.
-pub struct Port(pub Box<dyn SerialPort>);
+pub struct Port(Box<dyn SerialPort>);
+
+impl Port {
+    /// Opens the port at a path.
+    ///
+    /// # Errors
+    /// As the port does.
+    pub fn open(path: &str) -> Result<Self, serialport::Error> {
+        let mut tries = 1;
+        loop {
+            match serialport::new(path, UART_BAUD).timeout(READ_TIMEOUT).open() {
+                // Whoever has just closed the port may still hold its lock for a moment: a process that was being forked
+                // meanwhile keeps it until it runs its program.
+                Err(error) if error.kind == serialport::ErrorKind::NoDevice && tries < OPEN_TRIES => {
+                    tries += 1;
+                    std::thread::sleep(OPEN_AGAIN);
+                }
+                port => return Ok(Self(port?)),
+            }
+        }
+    }
+}
 
 impl Read for Port {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {

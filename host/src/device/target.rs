@@ -5,17 +5,8 @@ use super::emulated::{EmulatedBoard, EmulatedError};
 use super::port::{self, Port, UsbName};
 use super::sim::{Panel, SimControl, SimDevice};
 use super::timing::{REAL_TIME, Timing};
-use era_shared::link::UART_BAUD;
 use std::fmt;
 use std::str::FromStr;
-use std::time::Duration;
-
-/// Time a read waits for its first byte.
-const READ_TIMEOUT: Duration = Duration::from_millis(2);
-/// How often a port that is not to be had is tried.
-const OPEN_TRIES: u32 = 10;
-/// How long between two tries.
-const OPEN_AGAIN: Duration = Duration::from_millis(10);
 
 /// A device as the command line names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -224,18 +215,7 @@ impl OpenDevice {
     /// # Errors
     /// As the port does.
     pub fn transport(&self) -> Result<Box<dyn Transport>, serialport::Error> {
-        let mut tries = 1;
-        loop {
-            match serialport::new(&self.path, UART_BAUD).timeout(READ_TIMEOUT).open() {
-                // Whoever has just closed the port may still hold its lock for a moment: a process that was being forked
-                // meanwhile keeps it until it runs its program.
-                Err(error) if error.kind == serialport::ErrorKind::NoDevice && tries < OPEN_TRIES => {
-                    tries += 1;
-                    std::thread::sleep(OPEN_AGAIN);
-                }
-                port => return Ok(Box::new(Port(port?))),
-            }
-        }
+        Ok(Box::new(Port::open(&self.path)?))
     }
 
     /// Opens the port and puts a client on it.

@@ -1,17 +1,15 @@
 //! What a board says when it is asked. Every question is one that changes nothing on it.
 
 use super::facts::{Answer, Clock, Heard, Supply};
+use crate::device::port::Port;
 use crate::device::timing::REAL_TIME;
 use crate::device::{Client, ClockSync, Identity, LinkError};
-use era_shared::link::UART_BAUD;
 use era_shared::protocol::{CURRENT_VERSION, Details, MIN_VERSION, Reply, Request, ResetCause};
 use era_shared::safety::State;
 use serialport::ErrorKind;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Time a read waits for its first byte.
-const READ_TIMEOUT: Duration = Duration::from_millis(2);
 /// How often the board's clock is read, and how long between two readings.
 const CLOCK_READINGS: u32 = 16;
 const CLOCK_EVERY: Duration = Duration::from_millis(40);
@@ -20,7 +18,7 @@ const CLOCK_EVERY: Duration = Duration::from_millis(40);
 /// else may have it open.
 #[must_use]
 pub fn ask(path: &str) -> Answer {
-    let transport = match serialport::new(path, UART_BAUD).timeout(READ_TIMEOUT).open() {
+    let transport = match Port::open(path) {
         Ok(transport) => transport,
         Err(error) => return not_opened(path, &error),
     };
