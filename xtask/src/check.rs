@@ -2,9 +2,9 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{crosscheck, emulate, firmware, fuzz, house, image, miri, root, setup, waveforms};
+use crate::{crosscheck, dependencies, emulate, firmware, fuzz, house, image, miri, root, setup, waveforms};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::Instant;
 
 /// How long each fuzz target runs among the other checks, in s. Ten minutes are for before a release.
@@ -26,6 +26,7 @@ fn tests() -> Result<(), Error> {
     step("waveforms", || waveforms::command(&waveforms::Options::default()))?;
     step("report from the emulated board", emulate::test)?;
     step("tests", || run(cargo(&root).args(["test", "--workspace"])))?;
+    step("advisories", dependencies::some_advisories)?;
     step("independent reference: its own tests", crosscheck::own_tests)?;
     // Optimised code may keep other roundings and no overflow checks: the extremes hold there too.
     let extremes = ["--test", "model_extremes", "--test", "transient", "--test", "sweep"];
@@ -54,28 +55,12 @@ pub fn ci() -> Result<(), Error> {
     step("documentation", || {
         run(cargo(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
     })?;
-    step("dependencies", || deny(&root))?;
+    step("dependencies", dependencies::licences)?;
+    let planted = ["test", "-p", "xtask", "--test", "advisories", "--", "--ignored"];
+    step("advisories: planted ones are found", || run(cargo(&root).args(planted)))?;
     tests()?;
     step("miri", miri::short)?;
     step("fuzzing", || fuzz::command(&fuzz::Options::bounded(FUZZ_S)))
-}
-
-/// Licences, bans and sources. Advisories are left to a machine that can fetch their database: `cargo deny check`.
-fn deny(root: &Path) -> Result<(), Error> {
-    let installed = Command::new("cargo")
-        .args(["deny", "--version"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .status()
-        .is_ok_and(|status| status.success());
-    if !installed {
-        run(cargo(root).args(["install", "cargo-deny", "--locked", "--quiet"]))?;
-    }
-    for folder in [root.to_path_buf(), root.join("firmware")] {
-        let config = root.join("deny.toml");
-        run(cargo(&folder).args(["deny", "--config"]).arg(config).args(["check", "licenses", "bans", "sources"]))?;
-    }
-    Ok(())
 }
 
 fn cargo(folder: &Path) -> Command {

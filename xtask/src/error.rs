@@ -21,6 +21,9 @@ pub enum Error {
     /// A waveform is not as it must be.
     #[error("a waveform is not as it must be; the table says which")]
     Waveforms,
+    /// Advisories were asked for, and there is no database of them.
+    #[error("{0}")]
+    NoAdvisories(String),
     /// This program is not in a checkout.
     #[error("{0} is not inside the repository")]
     NoRepository(PathBuf),

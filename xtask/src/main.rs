@@ -1,11 +1,12 @@
 //! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `crosscheck`, `bench`,
-//! `soak`, `house`.
+//! `soak`, `advisories`, `house`.
 
 mod against;
 mod bench;
 mod budget;
 mod check;
 mod crosscheck;
+mod dependencies;
 mod elf;
 mod emulate;
 mod error;
@@ -56,6 +57,8 @@ enum Command {
     Crosscheck(crosscheck::Options),
     /// Print how each crate is divided, and fail if files import each other in circles
     House(house::Options),
+    /// Look for known vulnerabilities in the crates that this depends on, in a copy of the RustSec advisory database
+    Advisories(dependencies::Options),
     /// Run the tests of the shared crate under Miri, which needs a nightly compiler with that component.
     Miri,
     /// Build the firmware, run it on the emulated board and say hello to it.
@@ -73,6 +76,7 @@ fn main() -> ExitCode {
         Command::Waveforms(options) => waveforms::command(&options),
         Command::Crosscheck(options) => crosscheck::command(&options),
         Command::House(options) => house::command(options),
+        Command::Advisories(options) => dependencies::command(&options),
         Command::Miri => miri::command(),
         Command::Emulate(options) => emulate::command(&options),
     };

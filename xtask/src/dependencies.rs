@@ -1,0 +1,148 @@
+//! What is looked at in the crates that this depends on, with cargo-deny: licences, bans and sources always; advisories from a
+//! copy of their database, where there is one.
+//!
+//! Continuous integration reaches the package registries and nothing else, so it cannot fetch the database: whoever can
+//! clones it and names the clone.
+
+use crate::error::Error;
+use crate::process::{output, run};
+use crate::root;
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Names a clone of the advisory database.
+const VARIABLE: &str = "ERA_ADVISORY_DB";
+/// Where it is looked for otherwise, from the repository's root.
+const DATABASE: &str = "target/advisory-db";
+/// Where it comes from.
+const ORIGIN: &str = "https://github.com/rustsec/advisory-db";
+/// What cargo-deny calls its clone of that: the last part of the address, and a hash of the address.
+const CLONE: &str = "advisory-db-3157b0e258782691";
+
+/// Which database.
+#[derive(Args)]
+pub struct Options {
+    /// A clone of the RustSec advisory database [default: what ERA_ADVISORY_DB names, or else target/advisory-db]
+    #[arg(long, value_name = "DIR")]
+    db: Option<PathBuf>,
+}
+
+/// Checks both workspaces against a database.
+///
+/// # Errors
+/// [`Error::NoAdvisories`] if there is none, [`Error::Failed`] if a crate is in it.
+pub fn command(options: &Options) -> Result<(), Error> {
+    let root = root()?;
+    match options.db.clone().or_else(|| at_hand(&root)) {
+        Some(database) => advisories(&root, &database),
+        None => Err(Error::NoAdvisories(how())),
+    }
+}
+
+/// The same where a database is at hand; otherwise says what is not checked.
+///
+/// # Errors
+/// As [`command`], but for a database that is not there.
+pub fn some_advisories() -> Result<(), Error> {
+    let root = root()?;
+    if let Some(database) = at_hand(&root) {
+        return advisories(&root, &database);
+    }
+    println!("{}", how());
+    Ok(())
+}
+
+/// Licences, bans and sources of both workspaces.
+///
+/// # Errors
+/// [`Error::Failed`] with the first that is not as `deny.toml` wants it.
+pub fn licences() -> Result<(), Error> {
+    let root = root()?;
+    install(&root)?;
+    for folder in workspaces(&root) {
+        let mut deny = deny(&folder, &root.join("deny.toml"));
+        run(deny.args(["check", "licenses", "bans", "sources"]))?;
+    }
+    Ok(())
+}
+
+fn how() -> String {
+    format!(
+        "no database of advisories is at hand, so known vulnerabilities are not looked for; `git clone {ORIGIN} {DATABASE} \
+         && cargo xtask advisories` does (--db and {VARIABLE} name a clone elsewhere)"
+    )
+}
+
+fn at_hand(root: &Path) -> Option<PathBuf> {
+    let named = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
+    named.or_else(|| Some(root.join(DATABASE)).filter(|path| path.exists()))
+}
+
+fn advisories(root: &Path, database: &Path) -> Result<(), Error> {
+    let database = database.canonicalize().map_err(failed("cannot find", database))?;
+    let crates = database.join("crates");
+    std::fs::read_dir(&crates).map_err(failed("no database of advisories: cannot read", &crates))?;
+    // Its own date, not that of cloning it: what was found since then is not in it.
+    let date = output(Command::new("git").arg("-C").arg(&database).args(["show", "-s", "--format=%cs", "HEAD"]))?;
+    println!("advisories as of {date}, from {}", database.display());
+    install(root)?;
+    let config = configure(root, &database)?;
+    for folder in workspaces(root) {
+        // cargo-deny asks cargo for crates of all platforms, which no build has got.
+        run(Command::new("cargo").current_dir(&folder).args(["fetch", "--locked", "--quiet"]))?;
+        run(deny(&folder, &config).args(["--offline", "check", "advisories"]))?;
+    }
+    Ok(())
+}
+
+/// Makes cargo-deny take a database for the clone that it would have fetched, and gives the configuration that says so.
+fn configure(root: &Path, database: &Path) -> Result<PathBuf, Error> {
+    let folder = root.join("target/advisories");
+    std::fs::create_dir_all(&folder).map_err(failed("cannot make", &folder))?;
+    let link = folder.join(CLONE);
+    if link.is_symlink() {
+        std::fs::remove_file(&link).map_err(failed("cannot remove", &link))?;
+    }
+    symlink(database, &link).map_err(failed("cannot make", &link))?;
+    let (own, config) = (root.join("deny.toml"), folder.join("deny.toml"));
+    let text = std::fs::read_to_string(&own).map_err(failed("cannot read", &own))?;
+    let text = text.replace("[advisories]\n", &format!("[advisories]\ndb-path = {:?}\n", folder.display().to_string()));
+    std::fs::write(&config, text).map_err(failed("cannot write", &config))?;
+    Ok(config)
+}
+
+#[cfg(unix)]
+fn symlink(target: &Path, link: &Path) -> std::io::Result<()> {
+    std::os::unix::fs::symlink(target, link)
+}
+
+#[cfg(not(unix))]
+fn symlink(_: &Path, _: &Path) -> std::io::Result<()> {
+    Err(std::io::Error::new(std::io::ErrorKind::Unsupported, "advisories are checked on Unix"))
+}
+
+fn failed(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Error {
+    let path = path.to_owned();
+    move |source| Error::File { what, path, source }
+}
+
+fn workspaces(root: &Path) -> [PathBuf; 2] {
+    [root.to_path_buf(), root.join("firmware")]
+}
+
+fn deny(folder: &Path, config: &Path) -> Command {
+    let mut command = Command::new("cargo");
+    command.current_dir(folder).args(["deny", "--config"]).arg(config);
+    command
+}
+
+/// Gets cargo-deny if it is not there.
+fn install(root: &Path) -> Result<(), Error> {
+    let mut version = Command::new("cargo");
+    version.args(["deny", "--version"]).stdout(Stdio::null()).stderr(Stdio::null());
+    if version.status().is_ok_and(|status| status.success()) {
+        return Ok(());
+    }
+    run(Command::new("cargo").current_dir(root).args(["install", "cargo-deny", "--locked", "--quiet"]))
+}
