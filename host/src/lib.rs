@@ -6,7 +6,7 @@
 //! `era-planner`; both are known here by the names of their modules. [`daemon`] puts HTTP and a WebSocket in front of it,
 //! [`verify`] compares what the planner predicts with what the simulated device measures, [`flash`] writes a board's
 //! firmware, [`monitor`] shows its log, [`install`] knows the files that Linux wants for it, [`doctor`] finds what stands in its way,
-//! [`replay`] reads what the daemon has recorded,
+//! [`replay`] reads what the daemon has recorded, `private_file` what is secret,
 //! and [`cli`] is the command line.
 
 pub mod cli;
@@ -16,6 +16,7 @@ pub mod doctor;
 pub mod flash;
 pub mod install;
 pub mod monitor;
+mod private_file;
 pub mod replay;
 pub mod verify;
 

@@ -5,6 +5,7 @@ mod support;
 
 use era::daemon::Access;
 use era::scene::EXAMPLE_PLATE;
+use serde_json::json;
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -305,6 +306,20 @@ fn a_page_brings_its_token() {
     assert_ne!(without.value("document.body.dataset.state ?? ''"), "safe");
 }
 
+/// Serves one page, whatever is asked for, and tells where.
+fn serve_page(listener: TcpListener, html: String) -> String {
+    let url = format!("http://{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            let _ = stream.read(&mut [0; 4096]);
+            let head = "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nConnection: close\r\n";
+            let _ = write!(stream, "{head}Content-Length: {}\r\n\r\n{html}", html.len());
+        }
+    });
+    url
+}
+
 /// Another page, of an origin that is allowed, posts a touch and opens the socket; of one that is not, neither.
 #[test]
 fn a_page_of_an_allowed_origin_talks_to_the_daemon() {
@@ -329,15 +344,7 @@ fn a_page_of_an_allowed_origin_talks_to_the_daemon() {
         ws = daemon.url.replace("http", "ws")
     );
     for page in [mine, other] {
-        let html = html.clone();
-        std::thread::spawn(move || {
-            for stream in page.incoming() {
-                let mut stream = stream.unwrap();
-                let _ = stream.read(&mut [0; 4096]);
-                let head = "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nConnection: close\r\n";
-                let _ = write!(stream, "{head}Content-Length: {}\r\n\r\n{html}", html.len());
-            }
-        });
+        serve_page(page, html.clone());
     }
     for (url, touch, is_let_in) in [(mine_url, "2", true), (other_url, "refused", false)] {
         let mut browser = Browser::start(program, 800, 600);
@@ -347,4 +354,33 @@ fn a_page_of_an_allowed_origin_talks_to_the_daemon() {
         let socket = browser.value("document.body.dataset.socket");
         assert_eq!(socket != "refused", is_let_in, "{url}: {socket}");
     }
+}
+
+/// A page from elsewhere that puts the daemon's into a frame, to have it clicked there, shows nothing of it; another page in the
+/// same place is shown.
+#[test]
+fn another_page_cannot_show_the_daemons_in_a_frame() {
+    let Some(program) = browser_or_skip() else { return };
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let harmless = serve_page(TcpListener::bind("127.0.0.1:0").unwrap(), "<!doctype html><body>harmless</body>".into());
+    for (framed, is_shown) in [(&harmless, true), (&daemon.url, false)] {
+        let html = format!(
+            r#"<!doctype html><body>
+            <iframe src="{framed}/" width="780" height="500" onload="document.body.dataset.loaded = '1'"></iframe></body>"#
+        );
+        let framing = serve_page(TcpListener::bind("127.0.0.1:0").unwrap(), html);
+        let mut browser = Browser::start(program, 800, 600);
+        browser.open(&framing);
+        // An error page in the frame is loaded, too.
+        browser.wait_for("document.body?.dataset.loaded === '1'");
+        let frame = browser.call("Page.getFrameTree", json!({}))["frameTree"]["childFrames"][0]["frame"].clone();
+        let named = |key: &str| frame[key].as_str().unwrap_or_default().starts_with(framed.as_str());
+        assert_eq!([named("url"), named("unreachableUrl")], [is_shown, !is_shown], "{framed}: {frame}");
+        let middle = browser.point("iframe", 0.5, 0.5);
+        browser.click(middle);
+        save(&mut browser, if is_shown { "framed-harmless" } else { "framed" });
+    }
+    let state = daemon.state();
+    assert!(state["plan"].is_null() && state["touches"].as_array().is_none_or(Vec::is_empty), "{state}");
 }

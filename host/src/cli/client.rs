@@ -3,6 +3,7 @@
 use super::args::{Daemon, Touch};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::planner::Weigh;
+use crate::private_file;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::time::Duration;
@@ -181,20 +182,30 @@ fn number(value: &Value) -> f64 {
 /// What talks to the daemon, and trusts its certificate where that is given.
 fn agent(daemon: &Daemon) -> Result<ureq::Agent, Failure> {
     let mut config = ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(PATIENCE));
-    if let Some(path) = &daemon.ca {
-        let wrong = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", path.display()));
-        let pem = std::fs::read(path).map_err(|error| wrong(&error))?;
-        let certificate = Certificate::from_pem(&pem).map_err(|error| wrong(&error))?;
+    if let Some(certificate) = trusted(daemon)? {
         let roots = RootCerts::new_with_certs(&[certificate]);
         config = config.tls_config(TlsConfig::builder().root_certs(roots).build());
     }
     Ok(config.build().into())
 }
 
+/// The certificate that the daemon's is to be trusted by, if one is given.
+pub fn trusted(daemon: &Daemon) -> Result<Option<Certificate<'static>>, Failure> {
+    let Some(path) = &daemon.ca else { return Ok(None) };
+    let wrong = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", path.display()));
+    let pem = std::fs::read(path).map_err(|error| wrong(&error))?;
+    Certificate::from_pem(&pem).map(Some).map_err(|error| wrong(&error))
+}
+
+/// What the header `Authorization` says, if there is a token.
+pub fn bearer(daemon: &Daemon) -> Result<Option<String>, Failure> {
+    Ok(token(daemon)?.map(|token| format!("Bearer {token}")))
+}
+
 /// The token: of a file, or of the environment; not of the command line, which everybody on the machine can read.
 fn token(daemon: &Daemon) -> Result<Option<String>, Failure> {
     let Some(path) = &daemon.token_file else { return Ok(std::env::var("ERA_TOKEN").ok()) };
-    let text = std::fs::read_to_string(path);
+    let text = private_file::read(path);
     let text = text.map_err(|error| Failure::Usage(format!("{}: {error}", path.display())))?;
     // The last word of the last line: a file of the secret alone, or one of the daemon's.
     Ok(text.split_whitespace().last().map(str::to_owned))
@@ -223,7 +234,7 @@ pub struct Answer {
 pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Answer, Failure> {
     let agent = agent(daemon)?;
     let url = format!("{}{path}", daemon.url);
-    let bearer = token(daemon)?.map(|token| format!("Bearer {token}"));
+    let bearer = bearer(daemon)?;
     let sent = match (method, body) {
         ("GET", _) => with_token(agent.get(&url), bearer).call(),
         (_, Some(body)) => with_token(agent.post(&url), bearer).send_json(body),
@@ -240,7 +251,10 @@ pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) ->
 }
 
 /// Calls the daemon; a problem it reports becomes the command's error.
-fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Value, Failure> {
+///
+/// # Errors
+/// As [`answer`], and the problem.
+pub fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Value, Failure> {
     let Answer { status, body } = answer(daemon, method, path, body)?;
     if (200..300).contains(&status) {
         return Ok(body);

@@ -3,13 +3,14 @@
 use super::args::{AfterOutage, Serve};
 use super::panel::prepared_table;
 use super::{Failure, Outcome, config, notify};
-use crate::daemon::listener::{ListenError, TlsFiles, first_certificate};
+use crate::daemon::listener::{ListenError, TlsFiles, first_certificate, lacking};
 use crate::daemon::{Access, App, DEFAULT_LISTEN, Listener, Recorder, serve};
 use crate::device::session::policy::Policy;
 use crate::device::sim::Panel;
 use crate::device::{OpenDevice, Target};
 use crate::planner::cache::{Origin, Prepared};
 use crate::planner::{Plan, PlanTable, Target as TouchTarget};
+use crate::private_file;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -77,11 +78,12 @@ fn access(options: &Serve) -> Result<Access, Failure> {
         None => Vec::new(),
         Some(path) => {
             let wrong = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", path.display()));
-            let text = std::fs::read_to_string(path).map_err(|error| wrong(&error))?;
+            let text = private_file::read(path).map_err(|error| wrong(&error))?;
             Access::tokens(&text).map_err(|error| wrong(&error))?
         }
     };
-    Ok(Access { origins: options.allow_origin.clone(), hosts: options.allow_host.clone(), tokens })
+    let (origins, hosts) = (options.allow_origin.clone(), options.allow_host.clone());
+    Ok(Access { origins, hosts, tokens, ..Access::default() })
 }
 
 /// Where to listen.
@@ -93,11 +95,22 @@ async fn listeners(options: &Serve, access: &Access) -> Result<Vec<Listener>, Fa
     let address = options.listen.map_or_else(|| DEFAULT_LISTEN.parse().map_err(Failure::failed), Ok)?;
     let has_tokens = !access.tokens.is_empty();
     let tls = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
-        (Some(certificate), Some(key), _) => Some(TlsFiles { certificate: certificate.clone(), key: key.clone() }),
+        (Some(certificate), Some(key), _) => {
+            let files = TlsFiles { certificate: certificate.clone(), key: key.clone() };
+            tell_lacking(&files, &options.allow_host, "clients that call the daemon so need one that names it");
+            Some(files)
+        }
         (.., Some(folder)) => {
             let mut names = options.allow_host.clone();
             names.extend((!address.ip().is_unspecified()).then(|| address.ip().to_string()));
-            Some(first_certificate(folder, &names).map_err(refused)?)
+            let files = first_certificate(folder, &names).map_err(refused)?;
+            let advice = format!(
+                "it stays, as clients trust it; to have another one made, move era-cert.pem and era-key.pem out of {}, \
+                 restart, and give every client the new era-cert.pem",
+                folder.display()
+            );
+            tell_lacking(&files, &names, &advice);
+            Some(files)
         }
         _ => None,
     };
@@ -117,6 +130,14 @@ async fn listeners(options: &Serve, access: &Access) -> Result<Vec<Listener>, Fa
         }
     }
     Ok(all)
+}
+
+/// Warns of names that are allowed and that clients will not find in the certificate.
+fn tell_lacking(files: &TlsFiles, names: &[String], advice: &str) {
+    let lacking = lacking(files, names);
+    if !lacking.is_empty() {
+        tracing::warn!("{} is not made out to {}: {advice}", files.certificate.display(), lacking.join(", "));
+    }
 }
 
 /// What it took to have a table, and what it takes.

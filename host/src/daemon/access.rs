@@ -1,12 +1,17 @@
 //! Who may do what: pages and names from elsewhere, tokens and their roles.
 
 use super::assets;
+use super::guesses::{Digest, Guesses, MOST};
 use super::problem::Problem;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use sha2::{Digest as _, Sha256};
+use std::net::IpAddr;
 use std::sync::Arc;
+use std::time::Instant;
+use subtle::ConstantTimeEq;
 
 /// For how long a browser may remember that another page's requests are allowed, in s.
 const PREFLIGHT_S: u32 = 600;
@@ -53,11 +58,22 @@ impl Role {
 #[derive(Clone, Copy, Debug)]
 pub struct Owner;
 
+/// Marks requests that came over the network, loopback included, with where from.
+#[derive(Clone, Copy, Debug)]
+pub struct Peer(pub IpAddr);
+
 /// A secret and what it opens.
 #[derive(Clone)]
 pub struct Token {
-    secret: String,
+    /// SHA-256 of the secret, which itself is not kept. Secrets are long enough that nobody finds one by trying.
+    digest: Digest,
     role: Role,
+}
+
+impl Token {
+    fn new(secret: &str, role: Role) -> Self {
+        Self { digest: Sha256::digest(secret).into(), role }
+    }
 }
 
 impl std::fmt::Debug for Token {
@@ -78,6 +94,8 @@ pub struct Access {
     pub hosts: Vec<String>,
     /// None: no token is asked for.
     pub tokens: Vec<Token>,
+    /// Wrong ones of late.
+    pub guesses: Arc<Guesses>,
 }
 
 impl Access {
@@ -101,7 +119,7 @@ impl Access {
             };
             match (words.next(), words.next()) {
                 (Some(secret), None) if secret.len() >= MIN_SECRET && secret.chars().all(is_unreserved) => {
-                    tokens.push(Token { secret: secret.to_owned(), role });
+                    tokens.push(Token::new(secret, role));
                 }
                 (Some(_), None) => {
                     return Err(format!(
@@ -194,7 +212,9 @@ impl Access {
         let query = request.uri().query().filter(|_| request.uri().path() == "/v1/live").unwrap_or_default();
         let in_query = query.split('&').find_map(|pair| pair.strip_prefix("token="));
         let given = bearer.or(in_query).map(str::trim);
-        let role = given.and_then(|given| self.role(given));
+        let digest: Option<Digest> = given.map(|given| Sha256::digest(given).into());
+        let role = digest.and_then(|digest| self.role(&digest));
+        self.check_guesses(request, digest.filter(|_| role.is_none()), digest.is_some())?;
         match role {
             Some(role) if role >= needed => Ok(()),
             Some(role) => {
@@ -211,13 +231,33 @@ impl Access {
         }
     }
 
-    /// The most that a secret opens; takes as long for a wrong one as for a right one of the same length.
-    fn role(&self, given: &str) -> Option<Role> {
-        let is_same = |secret: &str| {
-            let differ = secret.bytes().zip(given.bytes()).fold(0, |differ, (a, b)| differ | (a ^ b));
-            secret.len() == given.len() && differ == 0
-        };
-        self.tokens.iter().filter(|token| is_same(&token.secret)).map(|token| token.role).max()
+    /// Whether tokens from where the request comes are looked at; `wrong` is its token if that is not known.
+    fn check_guesses(&self, request: &Request, wrong: Option<Digest>, has_token: bool) -> Result<(), Problem> {
+        let Some(Peer(address)) = request.extensions().get().copied().filter(|_| has_token) else { return Ok(()) };
+        let wait = self.guesses.wait(address, wrong, Instant::now());
+        // Who is at the same address as a guesser may stop all the same. So tokens can be tried on stops without limit, which
+        // their length stands against.
+        let is_stop = *request.method() == Method::POST && request.uri().path() == "/v1/stop";
+        match wait.filter(|_| !is_stop) {
+            None => Ok(()),
+            Some(wait) => {
+                let ms = u64::try_from(wait.as_millis()).unwrap_or(u64::MAX).max(1);
+                let detail = format!(
+                    "{MOST} different wrong tokens came from your address within a minute; until {} s from now only \
+                     POST /v1/stop is taken from there",
+                    ms.div_ceil(1000)
+                );
+                let (status, title) = (StatusCode::TOO_MANY_REQUESTS, "Too many wrong tokens");
+                Err(Problem::new(status, "guesses", title, detail).retry(ms, None))
+            }
+        }
+    }
+
+    /// The most that a secret with this digest opens. Digests are compared whole, all of them, in a time that tells nothing of
+    /// where they differ.
+    fn role(&self, given: &Digest) -> Option<Role> {
+        let is_same = |token: &&Token| bool::from(token.digest.ct_eq(given));
+        self.tokens.iter().filter(is_same).map(|token| token.role).max()
     }
 }
 
@@ -323,6 +363,27 @@ mod tests {
         assert_eq!(status("GET", "/v1/live?token=BBBBBBBBBBBBBBBBBBBBBBBB", None), 200);
         assert_eq!(status("GET", "/v1/state?token=BBBBBBBBBBBBBBBBBBBBBBBB", None), 401);
         assert_eq!(status("GET", "/v1/live?send=state&token=AAAAAAAAAAAAAAAAAAAAAA", None), 403);
+    }
+
+    /// What is compared is digests, and those in constant time (`ct_eq`): a part of a secret opens as little as none of it.
+    #[test]
+    fn nothing_but_the_whole_secret_opens() {
+        let access = Access { tokens: Access::tokens(TOKENS).unwrap(), ..Access::default() };
+        let role = |given: &str| access.role(&Sha256::digest(given).into());
+        for (secret, opens) in
+            [("A".repeat(22), Role::View), ("B".repeat(24), Role::Touch), ("C".repeat(24), Role::Arm)]
+        {
+            assert_eq!(role(&secret), Some(opens));
+            for length in 0..secret.len() {
+                assert_eq!(role(&secret[..length]), None, "{length} of {}", secret.len());
+                let mut other = secret.clone().into_bytes();
+                other[length] ^= 1;
+                assert_eq!(role(std::str::from_utf8(&other).unwrap()), None, "wrong at {length}");
+            }
+            for more in [secret.repeat(2), format!("{secret}="), format!("{secret}\0"), secret.to_lowercase()] {
+                assert_eq!(role(&more), None, "{more:?}");
+            }
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Where the daemon listens: loopback, a socket in the file system, or with TLS anywhere.
 
+use crate::private_file;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
@@ -7,9 +8,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio::net::{TcpListener, TcpStream};
 use tokio_rustls::TlsAcceptor;
-use tokio_rustls::rustls::ServerConfig;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
-use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
+use tokio_rustls::rustls::server::ParsedCertificate;
+use tokio_rustls::rustls::{self, ServerConfig};
 
 /// A place where connections come in.
 pub enum Listener {
@@ -210,7 +212,8 @@ fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
     if certificates.is_empty() {
         return Err(wrong(&files.certificate, &"there is no certificate in it (PEM is wanted)"));
     }
-    let key = PrivateKeyDer::from_pem_file(&files.key).map_err(|error| wrong(&files.key, &error))?;
+    let pem = private_file::read(&files.key).map_err(|error| wrong(&files.key, &error))?;
+    let key = PrivateKeyDer::from_pem_slice(pem.as_bytes()).map_err(|error| wrong(&files.key, &error))?;
     let config = ServerConfig::builder()
         .with_no_client_auth()
         .with_single_cert(certificates, key)
@@ -218,8 +221,21 @@ fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
     Ok(TlsAcceptor::from(Arc::new(config)))
 }
 
+/// Those of `names` by which a certificate does not let the daemon be called: clients look for theirs in it. None where it cannot
+/// be read, which listening says.
+#[must_use]
+pub fn lacking<'n>(files: &TlsFiles, names: &'n [String]) -> Vec<&'n str> {
+    let Ok(certificate) = CertificateDer::from_pem_file(&files.certificate) else { return Vec::new() };
+    let Ok(parsed) = ParsedCertificate::try_from(&certificate) else { return Vec::new() };
+    let is_lacking = |name: &&str| {
+        ServerName::try_from(*name).is_ok_and(|name| rustls::client::verify_server_name(&parsed, &name).is_err())
+    };
+    names.iter().map(String::as_str).filter(is_lacking).collect()
+}
+
 /// A certificate and its key in a folder: those that are there, or new ones for these names and this machine's loopback. Clients
-/// trust the certificate itself; nobody else vouches for it.
+/// trust the certificate itself; nobody else vouches for it. So one that is there stays, though it may lack a name (see
+/// [`lacking`]): another one would shut out every client that has been given it.
 ///
 /// # Errors
 /// [`ListenError`].

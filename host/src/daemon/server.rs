@@ -3,7 +3,7 @@
 //! Every request runs in a task of its own from its last header byte on. A sender that hangs up ends its connection and
 //! nothing else: a stop is carried out, and a touch is driven, shown and counted, whoever still listens for the answer.
 
-use super::access::Owner;
+use super::access::{Owner, Peer};
 use super::app::{App, closed};
 use super::listener::{Incoming, Listener};
 use super::problem::Problem;
@@ -18,6 +18,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::TcpStream;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
 use tower_service::Service;
@@ -103,16 +104,20 @@ impl Doors {
         };
         let closing = self.closing.clone();
         match incoming {
-            Incoming::Tcp(stream) => tasks.spawn(connection(stream, router, place, closing)),
+            Incoming::Tcp(stream) => {
+                let peer = peer(&stream);
+                tasks.spawn(connection(stream, peer, router, place, closing))
+            }
             #[cfg(unix)]
             Incoming::Unix(stream) => {
                 // The file's permissions have asked already.
                 let router = router.layer(axum::Extension(Owner));
-                tasks.spawn(connection(stream, router, place, closing))
+                tasks.spawn(connection(stream, None, router, place, closing))
             }
             Incoming::Tls(stream, acceptor) => tasks.spawn(async move {
+                let peer = peer(&stream);
                 match tokio::time::timeout(HANDSHAKE, acceptor.accept(stream)).await {
-                    Ok(Ok(stream)) => connection(stream, router, place, closing).await,
+                    Ok(Ok(stream)) => connection(stream, peer, router, place, closing).await,
                     Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
                     Err(_) => tracing::debug!("a handshake took too long"),
                 }
@@ -121,13 +126,26 @@ impl Doors {
     }
 }
 
+/// Where a connection comes from; `None` once it is broken.
+fn peer(stream: &TcpStream) -> Option<Peer> {
+    stream.peer_addr().ok().map(|address| Peer(address.ip()))
+}
+
 /// One connection to its end.
-async fn connection<S>(stream: S, router: Router, _place: OwnedSemaphorePermit, mut closing: watch::Receiver<bool>)
-where
+async fn connection<S>(
+    stream: S,
+    peer: Option<Peer>,
+    router: Router,
+    _place: OwnedSemaphorePermit,
+    mut closing: watch::Receiver<bool>,
+) where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
-    let service = service_fn(move |request: hyper::Request<hyper::body::Incoming>| {
+    let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
         let mut router = router.clone();
+        if let Some(peer) = peer {
+            request.extensions_mut().insert(peer);
+        }
         // Begun here and not when the answer is first waited for: by then the sender may have hung up, and hyper drops what
         // it waits for.
         let task = tokio::spawn(async move { router.call(request).await });

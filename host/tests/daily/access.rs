@@ -1,6 +1,7 @@
 //! Who is let in: the threats of docs/src/safety.md, one by one.
 
 use crate::raw::{connect, send_and_listen};
+use crate::secrets::write_secret;
 use crate::support::Daemon;
 use era::daemon::{Access, Listener};
 use era::device::session::policy::Policy;
@@ -122,7 +123,7 @@ fn tokens_open_what_their_role_allows() {
     assert!(!text.contains(&view) && problem["detail"].as_str().unwrap().contains("Bearer"));
 }
 
-fn era(arguments: &[&str]) -> (i32, String) {
+pub fn era(arguments: &[&str]) -> (i32, String) {
     let out = Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).output().unwrap();
     (out.status.code().unwrap(), String::from_utf8_lossy(&out.stderr).into_owned())
 }
@@ -135,10 +136,10 @@ fn the_network_is_served_only_with_a_token_and_tls() {
     }
     let folder = tempfile::tempdir().unwrap();
     let tokens = folder.path().join("tokens");
-    std::fs::write(&tokens, format!("arm {}\n", "A".repeat(32))).unwrap();
+    write_secret(&tokens, &format!("arm {}\n", "A".repeat(32)));
     let (code, said) = era(&["serve", "--listen", "0.0.0.0:0", "--token-file", tokens.to_str().unwrap()]);
     assert!(code == 2 && said.contains("--tls-cert"), "{code} {said}");
-    std::fs::write(&tokens, "arm short\n").unwrap();
+    write_secret(&tokens, "arm short\n");
     let (code, said) = era(&["serve", "--token-file", tokens.to_str().unwrap()]);
     assert!(code == 2 && said.contains("line 1"), "{code} {said}");
 }
@@ -148,7 +149,7 @@ fn the_network_is_served_only_with_a_token_and_tls() {
 fn tls_and_a_token_open_the_daemon_from_elsewhere() {
     let folder = tempfile::tempdir().unwrap();
     let (tokens, tls) = (folder.path().join("tokens"), folder.path().join("tls"));
-    std::fs::write(&tokens, format!("touch {}\n", "T".repeat(32))).unwrap();
+    write_secret(&tokens, &format!("touch {}\n", "T".repeat(32)));
     let mut serving = Command::new(env!("CARGO_BIN_EXE_era"))
         .args(["serve", "--listen", "0.0.0.0:0", "--socket", "none", "--accuracy", "fast", "--no-cache"])
         .arg("--token-file")
@@ -268,4 +269,18 @@ fn a_token_is_asked_for_before_the_body_is_read() {
     let mut first = [0; 12];
     stream.read_exact(&mut first).unwrap();
     assert_eq!(&first, b"HTTP/1.1 401");
+}
+
+/// Every file of the page forbids other pages to show it in a frame; what a browser makes of that is in `page.rs`.
+#[test]
+fn no_file_of_the_page_may_be_framed() {
+    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access::default());
+    for path in
+        ["/", "/app.js", "/design.js", "/heat.js", "/link.js", "/panel.js", "/readout.js", "/style.css", "/icon.svg"]
+    {
+        let (status, headers, _) = request(&daemon, "GET", path, &[]);
+        let policy = headers.get("content-security-policy").map_or("", |value| value.to_str().unwrap());
+        let has = policy.split(';').any(|directive| directive.trim() == "frame-ancestors 'none'");
+        assert!(status == 200 && has, "{path}: {status}, {policy:?}");
+    }
 }

@@ -12,3 +12,4 @@ mod measured;
 mod order;
 mod raw;
 mod recorded;
+mod secrets;

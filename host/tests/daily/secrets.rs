@@ -1,0 +1,223 @@
+//! Tokens and keys: who may read them, how often somebody may guess, and where they are not written.
+
+use crate::access::era;
+use crate::support::Daemon;
+use era::daemon::{Access, Background, Recorder};
+use era::scene::EXAMPLE_PLATE;
+use serde_json::json;
+use std::path::Path;
+use tungstenite::Message;
+use tungstenite::client::IntoClientRequest;
+
+/// A file that only its owner may read.
+pub fn write_secret(path: &Path, text: &str) {
+    std::fs::write(path, text).unwrap();
+    #[cfg(unix)]
+    set_mode(path, 0o600);
+}
+
+#[cfg(unix)]
+fn set_mode(path: &Path, mode: u32) {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+}
+
+/// The daemon does not start with a secret that others may read or write, and commands do not send one.
+#[cfg(unix)]
+#[test]
+fn a_secret_that_others_may_read_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (tokens, tls) = (folder.path().join("tokens"), folder.path().join("tls"));
+    write_secret(&tokens, &format!("touch {}\n", "T".repeat(32)));
+    let files = era::daemon::listener::first_certificate(&tls, &[]).unwrap();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let [token, certificate, key] = [&tokens, &files.certificate, &files.key].map(|path| path.to_str().unwrap());
+    let with_tokens = ["serve", "--listen", &address, "--token-file", token];
+    let with_tls = ["serve", "--listen", &address, "--tls-cert", certificate, "--tls-key", key];
+    let url = format!("http://{address}");
+    let command = ["stop", "--url", &url, "--token-file", token];
+    // With files in order the daemon gets as far as its port, which is taken.
+    for (file, arguments) in [(token, &with_tokens[..]), (key, &with_tls[..])] {
+        for mode in [0o400, 0o600] {
+            set_mode(Path::new(file), mode);
+            let (code, said) = era(arguments);
+            assert!(code == 1 && said.contains("cannot listen on"), "{mode:o}: {code} {said}");
+        }
+    }
+    for mode in [0o640, 0o604, 0o644, 0o620, 0o602, 0o666] {
+        for (file, arguments) in [(token, &with_tokens[..]), (key, &with_tls[..]), (token, &command[..])] {
+            set_mode(Path::new(file), mode);
+            let (code, said) = era(arguments);
+            assert_eq!(code, 2, "{mode:o} {arguments:?}: {said}");
+            for piece in [format!("its mode is {mode:04o}"), format!("chmod 600 {file}")] {
+                assert!(said.contains(&piece), "{piece:?} not in {said}");
+            }
+            assert!(!said.contains("TTTT"), "{said}");
+            set_mode(Path::new(file), 0o600);
+        }
+    }
+    // The certificate is for everybody.
+    set_mode(&files.certificate, 0o644);
+    assert_eq!(era(&with_tls).0, 1);
+}
+
+/// systemd's access control list for a service's credentials shows as 0440; others are refused there, too.
+#[cfg(unix)]
+#[test]
+fn a_credential_of_the_service_manager_may_have_its_lists_mask() {
+    let folder = tempfile::tempdir().unwrap();
+    let tokens = folder.path().join("tokens");
+    write_secret(&tokens, "arm short\n");
+    for (mode, credentials, piece) in [
+        (0o440, folder.path(), "line 1"),
+        (0o444, folder.path(), "its mode is 0444"),
+        (0o440, Path::new("/nowhere"), "its mode is 0440"),
+        (0o440, Path::new(""), "its mode is 0440"),
+    ] {
+        set_mode(&tokens, mode);
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
+        command.args(["serve", "--token-file"]).arg(&tokens).env("CREDENTIALS_DIRECTORY", credentials);
+        let said = String::from_utf8(command.output().unwrap().stderr).unwrap();
+        assert!(said.contains(piece), "{mode:o} {}: {said}", credentials.display());
+    }
+}
+
+/// Clients have been given the certificate that is there: it stays, and what it is not good for is said.
+#[test]
+fn a_certificate_that_lacks_a_name_is_kept_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let tls = folder.path().join("tls");
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    // The port is taken, so that the daemon ends once it has its certificate.
+    let serve = |more: &[&str]| {
+        let (code, said) = era(&[&["serve", "--listen", &address], more].concat());
+        assert!(code == 1 && said.contains("cannot listen on"), "{more:?}: {code} {said}");
+        said
+    };
+    let of_dir = |names: &[&str]| {
+        let names = names.iter().flat_map(|name| ["--allow-host", name]);
+        serve(&["--tls-dir", tls.to_str().unwrap()].into_iter().chain(names).collect::<Vec<_>>())
+    };
+    let [certificate, key] = ["era-cert.pem", "era-key.pem"].map(|name| tls.join(name));
+    let read = || [&certificate, &key].map(|path| std::fs::read(path).unwrap());
+    assert!(!of_dir(&["old.local"]).contains("made out"));
+    let first = read();
+    assert!(!of_dir(&["old.local"]).contains("made out"));
+    let said = of_dir(&["old.local", "new.local", "10.1.2.3"]);
+    assert!(
+        said.contains("is not made out to new.local, 10.1.2.3: it stays") && said.contains("move era-cert"),
+        "{said}"
+    );
+    assert_eq!(read(), first, "clients trust it");
+    let own = ["--tls-cert", certificate.to_str().unwrap(), "--tls-key", key.to_str().unwrap()];
+    let said = serve(&[&own[..], &["--allow-host", "new.local", "--allow-host", "old.local"]].concat());
+    assert!(said.contains("is not made out to new.local: clients that call"), "{said}");
+    // As it advises.
+    std::fs::remove_file(&certificate).unwrap();
+    std::fs::remove_file(&key).unwrap();
+    assert!(!of_dir(&["old.local", "new.local", "10.1.2.3"]).contains("made out"));
+    assert_ne!(read(), first);
+}
+
+/// Who has sent ten different wrong tokens is not listened to for a while, except for a stop; others are.
+#[cfg(target_os = "linux")]
+#[test]
+fn guessing_is_cut_short_for_one_address_and_never_for_a_stop() {
+    use std::io::{Read, Write};
+    let secret = "T".repeat(32);
+    let access = Access { tokens: Access::tokens(&format!("touch {secret}")).unwrap(), ..Access::default() };
+    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, access);
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    // All of 127.0.0.0/8 is this machine, so that requests can come from several addresses.
+    let ask = |from: &str, request: &str, token: &str| {
+        let stream = runtime.block_on(async {
+            let socket = tokio::net::TcpSocket::new_v4().unwrap();
+            socket.bind(format!("{from}:0").parse().unwrap()).unwrap();
+            socket.connect(crate::raw::address(&daemon).parse().unwrap()).await.unwrap()
+        });
+        let mut stream = stream.into_std().unwrap();
+        stream.set_nonblocking(false).unwrap();
+        let bearer = if token.is_empty() { String::new() } else { format!("Authorization: Bearer {token}\r\n") };
+        let headers = format!("Host: localhost\r\nConnection: close\r\nContent-Length: 0\r\n{bearer}\r\n");
+        stream.write_all(format!("{request} HTTP/1.1\r\n{headers}").as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    };
+    let status = |answer: String| answer.split(' ').nth(1).unwrap_or_default().to_owned();
+    let get = |from: &str, token: &str| status(ask(from, "GET /v1/scene", token));
+    let wrong = |number: usize| format!("{number:0>32}");
+    let guesser = "127.0.0.2";
+    for number in 0..10 {
+        // A page that was left open with an old token guesses nothing, nor does one that has none.
+        for token in ["", &wrong(0), &wrong(number), &wrong(number)] {
+            let wanted = if number == 9 && token == wrong(9) { ["401", "429"] } else { ["401", "401"] };
+            assert!(wanted.contains(&get(guesser, token).as_str()), "{number} {token:?}");
+        }
+        let right = if number < 9 { "200" } else { "429" };
+        assert_eq!(get(guesser, &secret), right, "after {}", number + 1);
+    }
+    let refused = ask(guesser, "GET /v1/scene", &wrong(10));
+    let (head, body) = refused.split_once("\r\n\r\n").unwrap();
+    assert!(head.starts_with("HTTP/1.1 429"), "{refused}");
+    let header = |line: &str| line.to_ascii_lowercase().strip_prefix("retry-after: ").map(str::to_owned);
+    let after: u64 = head.lines().find_map(header).unwrap().parse().unwrap();
+    assert!((1..=60).contains(&after), "{head}");
+    let problem: serde_json::Value = serde_json::from_str(body).unwrap();
+    assert_eq!(problem["type"], "urn:era:problem:guesses");
+    assert_eq!(problem["retry_after_ms"].as_u64().unwrap().div_ceil(1000), after, "{problem}");
+    assert!(!refused.contains(&wrong(10)), "{refused}");
+    // A stop counts wherever it comes from, with the right token; what asks for none is for everybody.
+    assert!(!["401", "429"].contains(&status(ask(guesser, "POST /v1/stop", &secret)).as_str()));
+    assert_eq!(status(ask(guesser, "POST /v1/stop", &wrong(11))), "401");
+    assert_eq!(status(ask(guesser, "POST /v1/touch", &secret)), "429");
+    assert_eq!(status(ask(guesser, "GET /", "")), "200");
+    assert_eq!(get(guesser, ""), "401");
+    // And from elsewhere everything is as before.
+    assert_eq!([get("127.0.0.3", &secret), get("127.0.0.3", &wrong(1))], ["200", "401"]);
+}
+
+/// However a token came, right or wrong: none is in the recording.
+#[test]
+fn a_recording_has_no_token_in_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("day.jsonl");
+    let [right, wrong] = ["RIGHT", "WRONG"].map(|word| word.repeat(6));
+    let access = Access { tokens: Access::tokens(&format!("arm {right}")).unwrap(), ..Access::default() };
+    let mut app = Daemon::app(EXAMPLE_PLATE, access);
+    app.record = Some(Recorder::start(&file, "example plate").unwrap());
+    let background = Background::start(app).unwrap();
+    let at = background.address();
+    let post = |path: &str, token: &str, body: &str| {
+        let bearer = format!("Bearer {token}");
+        let answer = Daemon::agent().post(format!("http://{at}{path}")).header("Authorization", bearer).send(body);
+        answer.unwrap().status().as_u16()
+    };
+    let body = json!({"x_px": 300, "y_px": 600, "intensity_g": 0.1, "duration_ms": 20}).to_string();
+    for path in ["/v1/touch", "/v1/arm", "/v1/faults/clear", "/v1/stop"] {
+        assert_ne!(post(path, &right, &body), 401, "{path}");
+        assert_eq!(post(path, &wrong, &body), 401, "{path}");
+        // In an address, too, where none is looked for.
+        assert_ne!(post(&format!("{path}?token={right}"), &right, &body), 401, "{path}");
+    }
+    let tap = json!({"type": "touch", "touches": [{"id": 1, "x_px": 400.0, "y_px": 500.0}], "intensity_g": 0.1});
+    let by_address = format!("ws://{at}/v1/live?send=plan&token={right}").into_client_request().unwrap();
+    let mut by_header = format!("ws://{at}/v1/live?send=plan").into_client_request().unwrap();
+    by_header.headers_mut().insert("authorization", format!("Bearer {right}").parse().unwrap());
+    for request in [by_address, by_header] {
+        let (mut socket, _) = tungstenite::connect(request).unwrap();
+        socket.send(Message::text(tap.to_string())).unwrap();
+        while !matches!(socket.read().unwrap(), Message::Text(_)) {}
+    }
+    assert!(tungstenite::connect(format!("ws://{at}/v1/live?token={wrong}")).is_err());
+    drop(background);
+    let recorded = std::fs::read_to_string(&file).unwrap();
+    for kind in ["touch", "arm", "clear", "stop", "fingers"] {
+        assert!(recorded.contains(&format!("\"kind\":\"{kind}\"")), "no {kind} in {recorded}");
+    }
+    for secret in [&right, &wrong] {
+        assert!(!recorded.contains(secret.as_str()), "{recorded}");
+    }
+}
