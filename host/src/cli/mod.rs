@@ -19,6 +19,7 @@ mod field;
 mod flash;
 mod install;
 mod latency;
+mod live;
 mod log;
 mod modes;
 mod monitor;

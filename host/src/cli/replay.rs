@@ -2,17 +2,15 @@
 
 use super::args::{Daemon, Replay};
 use super::client::{self, Answer};
+use super::live::{self, Socket};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::replay::{Recording, What, difference};
 use serde_json::{Value, json};
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
-use std::net::TcpStream;
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
-use tungstenite::stream::MaybeTlsStream;
-use tungstenite::{Message, WebSocket};
-
-type Socket = WebSocket<MaybeTlsStream<TcpStream>>;
+use tungstenite::Message;
 
 /// For what a page has been sent meanwhile, before it speaks again.
 const LISTEN: Duration = Duration::from_millis(1);
@@ -29,8 +27,8 @@ pub fn run(options: &Replay) -> Outcome {
     let text = std::fs::read_to_string(&options.file).map_err(|error| named(&error))?;
     let recording = Recording::parse(&text).map_err(|error| named(&error))?;
     let daemon = &options.daemon;
-    let scene = client::answer(daemon, "GET", "/v1/scene", None)?;
-    let now = scene.body["name"].as_str().unwrap_or_default();
+    let scene = client::call(daemon, "GET", "/v1/scene", None)?;
+    let now = scene["name"].as_str().unwrap_or_default();
     if now != recording.scene {
         tracing::warn!("recorded on the scene {:?}, replayed on {now:?}", recording.scene);
     }
@@ -46,7 +44,7 @@ pub fn run(options: &Replay) -> Outcome {
             What::Arm => ask(daemon, "/v1/arm", None, None, &done),
             What::Clear => ask(daemon, "/v1/faults/clear", None, None, &done),
             What::Fingers(page, message) => {
-                say(&mut sockets, daemon, *page, message).map_err(Failure::failed)?;
+                say(&mut sockets, daemon, *page, message)?;
                 messages += 1;
             }
             What::Gone(page) => {
@@ -71,23 +69,18 @@ fn ask(daemon: &Daemon, path: &'static str, id: Option<u64>, body: Option<Value>
 }
 
 /// Says a page's message over a socket of its own.
-fn say(sockets: &mut HashMap<u64, Socket>, daemon: &Daemon, page: u64, message: &Value) -> Result<(), String> {
+fn say(sockets: &mut HashMap<u64, Socket>, daemon: &Daemon, page: u64, message: &Value) -> Outcome {
     let socket = match sockets.entry(page) {
-        std::collections::hash_map::Entry::Occupied(known) => known.into_mut(),
-        std::collections::hash_map::Entry::Vacant(place) => {
-            let Some(rest) = daemon.url.strip_prefix("http://") else {
-                return Err("pages' fingers are replayed over http:// only".into());
-            };
-            let (socket, _) = tungstenite::connect(format!("ws://{rest}/v1/live?send=")).map_err(|e| e.to_string())?;
-            if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
-                stream.set_read_timeout(Some(LISTEN)).map_err(|error| error.to_string())?;
-            }
+        Entry::Occupied(known) => known.into_mut(),
+        Entry::Vacant(place) => {
+            let socket = live::open(daemon, "send=")?;
+            socket.get_ref().set_read_timeout(LISTEN).map_err(Failure::failed)?;
             place.insert(socket)
         }
     };
     // Its questions for a sign of life are answered by reading them.
     while socket.read().is_ok() {}
-    socket.send(Message::text(message.to_string())).map_err(|error| error.to_string())
+    socket.send(Message::text(message.to_string())).map_err(Failure::failed)
 }
 
 fn summary(options: &Replay, recording: &Recording, done: Vec<Done>, messages: u64) -> Outcome {

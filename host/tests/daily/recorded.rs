@@ -1,10 +1,12 @@
 //! What is recorded is replayed as it was.
 
+use crate::secrets::write_secret;
 use crate::support::Daemon;
-use era::daemon::Recorder;
+use era::daemon::{Access, Listener, Recorder, listener};
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::process::Command;
+use std::sync::Arc;
 use tungstenite::Message;
 
 #[test]
@@ -48,4 +50,68 @@ fn a_recording_is_replayed_with_the_same_answers() {
         .unwrap();
     let said = String::from_utf8_lossy(&out.stderr).into_owned();
     assert!(out.status.code() == Some(2) && said.contains("line 1"), "{said}");
+}
+
+/// What pages' fingers did is replayed with the same certificate and token as everything else, and comes through as it was.
+#[test]
+fn fingers_are_replayed_over_tls_with_a_token() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let file = path("day.jsonl");
+    {
+        let daemon = Daemon::recording(EXAMPLE_PLATE, Recorder::start(&file, "example plate").unwrap());
+        let (mut socket, _) =
+            tungstenite::connect(format!("{}/v1/live?send=plan", daemon.url.replace("http", "ws"))).unwrap();
+        for x_px in [400.0, 450.0] {
+            let tap = json!({"type": "touch", "touches": [{"id": 1, "x_px": x_px, "y_px": 500.0}], "intensity_g": 0.1});
+            socket.send(Message::text(tap.to_string())).unwrap();
+            while !matches!(socket.read().unwrap(), Message::Text(_)) {}
+        }
+        socket.send(Message::text(r#"{"type": "touch", "touches": []}"#)).unwrap();
+        socket.close(None).unwrap();
+        while socket.read().is_ok() {}
+    }
+    let secret = "T".repeat(32);
+    let access = Access { tokens: Access::tokens(&format!("touch {secret}")).unwrap(), ..Access::default() };
+    let mut app = Daemon::app(EXAMPLE_PLATE, access);
+    app.record = Some(Recorder::start(&path("again.jsonl"), "example plate").unwrap());
+    let tls = listener::first_certificate(&path("tls"), &[]).unwrap();
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let listener = runtime.block_on(Listener::tcp("127.0.0.1:0".parse().unwrap(), Some(&tls), true)).unwrap();
+    let url = listener.url();
+    let (end, ended) = tokio::sync::oneshot::channel::<()>();
+    let serving = runtime.spawn(era::daemon::serve(Arc::new(app), vec![listener], async {
+        let _ = ended.await;
+    }));
+    write_secret(&path("token"), &secret);
+    let replay = |more: &[&str], variable: Option<&str>| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        command.args(["replay", file.to_str().unwrap(), "--url", &url, "--json"]).args(more).env_remove("ERA_TOKEN");
+        let out = command.envs(variable.map(|token| ("ERA_TOKEN", token))).output().unwrap();
+        let told: Value = serde_json::from_slice(&out.stdout).unwrap_or_default();
+        (out.status.code().unwrap(), told["messages"].clone(), String::from_utf8_lossy(&out.stderr).into_owned())
+    };
+    let (certificate, token) = (tls.certificate.to_str().unwrap(), path("token"));
+    let (ca, of_file) = (["--ca", certificate], ["--ca", certificate, "--token-file", token.to_str().unwrap()]);
+    for (more, variable) in [(&of_file[..], None), (&ca, Some(secret.as_str()))] {
+        let (code, messages, said) = replay(more, variable);
+        assert!(code == 0 && messages == 3, "{code} {messages} {said}");
+    }
+    for (more, variable, piece) in [
+        (&of_file[2..], None, "no answer"),
+        (&ca, None, "a token is wanted"),
+        (&ca, Some("X"), "this token is not known"),
+    ] {
+        let (code, _, said) = replay(more, variable);
+        assert!(code == 1 && said.contains(piece), "{code} {said}");
+    }
+    end.send(()).unwrap();
+    runtime.block_on(serving).unwrap();
+    let said = |file: &str| -> Vec<Value> {
+        let text = std::fs::read_to_string(path(file)).unwrap();
+        let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        lines.filter(|line| line["kind"] == "fingers").map(|line| line["message"].clone()).collect()
+    };
+    let (then, now) = (said("day.jsonl"), said("again.jsonl"));
+    assert_eq!(now, [then.clone(), then].concat());
 }
