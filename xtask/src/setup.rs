@@ -20,6 +20,8 @@ pub enum Need {
     Browser,
     /// A compiler for libFuzzer.
     Cxx,
+    /// What looks through systemd's units.
+    Systemd,
     /// rustfmt and clippy.
     Lints,
     /// What the firmware is compiled with.
@@ -29,7 +31,7 @@ pub enum Need {
 /// What `cargo xtask test` needs.
 pub const TEST: &[Need] = &[Need::Python, Need::Browser, Need::Target];
 /// What `cargo xtask ci` needs.
-pub const CI: &[Need] = &[Need::Python, Need::Browser, Need::Cxx, Need::Lints, Need::Target];
+pub const CI: &[Need] = &[Need::Python, Need::Browser, Need::Cxx, Need::Systemd, Need::Lints, Need::Target];
 
 /// What `cargo xtask crosscheck` needs.
 pub const CROSSCHECK: &[Need] = &[Need::Python];
@@ -49,6 +51,7 @@ impl Need {
             }
             Need::Browser => format!("a browser ({}), for the tests of the page", BROWSERS.join(", ")),
             Need::Cxx => "a C++ compiler (c++), for the fuzzing engine".into(),
+            Need::Systemd => "systemd-analyze, for the units of `era install`".into(),
             Need::Lints => "rustfmt and clippy, for formatting and lints".into(),
             Need::Target => format!("the compilation target {TARGET}, for the firmware"),
         }
@@ -60,6 +63,7 @@ impl Need {
             Need::Python => &["python3", "python3-venv"],
             Need::Browser => &["chromium"],
             Need::Cxx => &["g++"],
+            Need::Systemd => &["systemd"],
             Need::Lints | Need::Target => &[],
         }
     }
@@ -69,7 +73,7 @@ impl Need {
         match self {
             Need::Lints => Some(&["component", "add", "rustfmt", "clippy"]),
             Need::Target => Some(&["target", "add", TARGET]),
-            Need::Python | Need::Browser | Need::Cxx => None,
+            Need::Python | Need::Browser | Need::Cxx | Need::Systemd => None,
         }
     }
 }
@@ -178,6 +182,7 @@ impl Machine for This {
                 std::env::var_os(NO_BROWSER).is_some() || BROWSERS.iter().any(|name| Self::runs(name, &["--version"]))
             }
             Need::Cxx => Self::runs("c++", &["--version"]),
+            Need::Systemd => Self::runs("systemd-analyze", &["--version"]),
             Need::Lints => Self::runs("cargo", &["fmt", "--version"]) && Self::runs("cargo", &["clippy", "--version"]),
             Need::Target => target::is_here(),
         }
@@ -268,7 +273,7 @@ mod tests {
             if !self.online {
                 return Err("no mirror".into());
             }
-            let all = [Need::Python, Need::Browser, Need::Cxx];
+            let all = [Need::Python, Need::Browser, Need::Cxx, Need::Systemd];
             let got = all.into_iter().filter(|need| need.packages().iter().all(|name| packages.contains(name)));
             self.has.borrow_mut().extend(got);
             Ok(())
@@ -295,7 +300,7 @@ mod tests {
         for rights in [Rights::Root, Rights::Sudo] {
             let machine = Fake::new(&[Need::Cxx, Need::Lints], rights);
             machine.ensure(CI).unwrap();
-            assert_eq!(*machine.done.borrow(), ["python3 python3-venv chromium", "Target"]);
+            assert_eq!(*machine.done.borrow(), ["python3 python3-venv chromium systemd", "Target"]);
         }
     }
 
@@ -310,11 +315,12 @@ mod tests {
             "python3 with",
             "a browser",
             "C++ compiler",
+            "systemd-analyze",
             "rustfmt",
             TARGET,
             "tried: no server for Target",
-            "sudo apt-get install python3 python3-venv chromium g++ && rustup component add rustfmt clippy && rustup \
-             target add thumbv7em-none-eabihf",
+            "sudo apt-get install python3 python3-venv chromium g++ systemd && rustup component add rustfmt clippy && \
+             rustup target add thumbv7em-none-eabihf",
         ] {
             assert!(told.contains(piece), "{piece:?} is not in {told}");
         }

@@ -1,10 +1,12 @@
 //! `era install`: the udev rule and the systemd unit.
 
-use super::config::ConfigFile;
+use super::args::Serve;
+use super::config::{self, ConfigFile};
 use super::told::tell;
 use super::{Failure, Outcome, print_text};
 use crate::install::files::{self, Done};
 use crate::install::{rule, unit};
+use crate::private_file;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
@@ -123,11 +125,34 @@ fn wanted(options: &Install, config: &Path) -> Result<Vec<Wanted>, Failure> {
                 Failure::failed(format!("this program's own path is not known: {error}; --program names one"))
             })?,
         };
-        let unit = unit::Unit { program: &program, config, group: &options.group, is_user: options.user };
+        let secrets = &secrets(options, config);
+        let unit = unit::Unit { program: &program, config, group: &options.group, secrets, is_user: options.user };
         let text = unit.text().map_err(Failure::usage)?;
         wanted.push(Wanted { part: Part::Service, path: unit_path(options)?, text });
     }
     Ok(wanted)
+}
+
+/// What `era serve` would use of the configuration, as far as it can be read; paths as the service sees them.
+fn configured(options: &Install, config: &Path) -> Option<Serve> {
+    let root = root(options);
+    let there = root.join(config.strip_prefix("/").unwrap_or(config));
+    let mut serve = config::joined(&Serve { config: Some(there), ..Serve::default() }).ok()?;
+    for path in [&mut serve.token_file, &mut serve.tls_cert, &mut serve.tls_key, &mut serve.tls_dir, &mut serve.record]
+    {
+        if let Some(path) = path.as_mut()
+            && let Ok(inner) = path.strip_prefix(root)
+        {
+            *path = Path::new("/").join(inner);
+        }
+    }
+    Some(serve)
+}
+
+/// What of it the service, whose user is its own, can only have from root.
+fn secrets(options: &Install, config: &Path) -> unit::Secrets {
+    let Some(serve) = configured(options, config).filter(|_| !options.user) else { return unit::Secrets::default() };
+    unit::Secrets { tokens: serve.token_file, tls: serve.tls_cert.zip(serve.tls_key) }
 }
 
 /// Takes away the link by which `systemctl enable` starts the unit: once the unit is gone, `disable` does not know it.
@@ -180,6 +205,18 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
         }
     } else {
         tell!("{} is not there yet: without it the service does not start", config.display());
+    }
+    if let Some(serve) = configured(options, config).filter(|_| !options.user) {
+        for path in serve.token_file.iter().chain(&serve.tls_key) {
+            if let Err(error) = private_file::read(path) {
+                tell!("{}: {error}", path.display());
+            }
+        }
+        for (key, path) in [("tls_dir", serve.tls_dir), ("record", serve.record)] {
+            if let Some(path) = path.filter(|path| !path.starts_with(unit::STATE)) {
+                tell!("{key} is {}, where the service may not write: {} is its own", path.display(), unit::STATE);
+            }
+        }
     }
     let run = service.text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap_or_default();
     if !options.user && ["/root/", "/home/", "/tmp/"].iter().any(|private| run.contains(private)) {

@@ -1,7 +1,8 @@
 //! The systemd unit: how the daemon is started, watched and fenced in.
 
 use super::files::MARK;
-use std::path::Path;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
 /// The unit's name.
 pub const NAME: &str = "era.service";
@@ -14,6 +15,18 @@ const WATCHDOG_S: u32 = 10;
 /// Highest real-time priority that the daemon's threads may have.
 const PRIORITY: u32 = 20;
 
+/// Where the machine's service may write, and keeps what it has written: certificates that it makes, recordings.
+pub const STATE: &str = "/var/lib/era";
+
+/// What the configuration names that only root may read: the machine's service manager hands it to the service.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Secrets {
+    /// The file of tokens.
+    pub tokens: Option<PathBuf>,
+    /// Certificate, which is no secret, and its key.
+    pub tls: Option<(PathBuf, PathBuf)>,
+}
+
 /// What the unit runs.
 #[derive(Clone, Copy, Debug)]
 pub struct Unit<'a> {
@@ -23,6 +36,8 @@ pub struct Unit<'a> {
     pub config: &'a Path,
     /// The group that may use the board.
     pub group: &'a str,
+    /// Handed over by the machine's service manager; a user's service reads its own files.
+    pub secrets: &'a Secrets,
     /// Run by a user's own service manager rather than the machine's.
     pub is_user: bool,
 }
@@ -35,7 +50,12 @@ impl Unit<'_> {
     pub fn text(&self) -> Result<String, String> {
         // Variables are replaced in arguments, but not in the program's path.
         let (program, config) = (word(self.program)?, word(self.config)?.replace('$', "$$"));
-        let own = if self.is_user { String::new() } else { system_part(self.group) };
+        let (own, options) = if self.is_user {
+            Default::default()
+        } else {
+            let (credentials, options) = credentials(self.secrets)?;
+            (system_part(self.group) + &credentials, options)
+        };
         let wanted = if self.is_user { "default.target" } else { "multi-user.target" };
         let after = if self.is_user { "" } else { "After=network.target\n" };
         Ok(format!(
@@ -47,7 +67,7 @@ impl Unit<'_> {
              StartLimitIntervalSec=0\n\n\
              [Service]\n\
              Type=notify\n\
-             ExecStart={program} serve --config {config}\n\
+             ExecStart={program} serve --config {config}{options}\n\
              # The first start with a scene computes its plan table.\n\
              TimeoutStartSec=300\n\
              TimeoutStopSec=10\n\
@@ -60,6 +80,7 @@ impl Unit<'_> {
              Environment=ERA_CACHE_DIR=%C/era\n\
              {own}\
              NoNewPrivileges=yes\n\
+             KeyringMode=private\n\
              LockPersonality=yes\n\
              MemoryDenyWriteExecute=yes\n\
              RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6\n\
@@ -76,7 +97,13 @@ impl Unit<'_> {
 /// What only the machine's own service manager can do. `RestrictRealtime` is left out on purpose.
 fn system_part(group: &str) -> String {
     format!(
-        "CacheDirectory=era\n\
+        "# Where it may write: plan tables in /var/cache/era, certificates and recordings in {STATE}, its socket in /run/era.\n\
+         CacheDirectory=era\n\
+         StateDirectory=era\n\
+         StateDirectoryMode=0700\n\
+         RuntimeDirectory=era\n\
+         RuntimeDirectoryMode=0700\n\
+         Environment=XDG_RUNTIME_DIR=%t/era\n\
          # A user of its own, without a home, that may use the board and the pseudo-terminal of the simulated device.\n\
          DynamicUser=yes\n\
          SupplementaryGroups={group}\n\
@@ -101,14 +128,48 @@ fn system_part(group: &str) -> String {
     )
 }
 
-/// A path as one word of `ExecStart` (systemd.service(5), "Command lines"; systemd.unit(5), "Specifiers").
-fn word(path: &Path) -> Result<String, String> {
+/// The lines that hand over what only root may read, and the options by which the program finds it.
+fn credentials(secrets: &Secrets) -> Result<(String, String), String> {
+    let (mut lines, mut options) = (String::new(), String::new());
+    let mut load = |id: &str, path: &Path, option: &str| -> Result<(), String> {
+        let _ = writeln!(lines, "LoadCredential={id}:{}", rest(path)?);
+        let _ = write!(options, " {option} ${{CREDENTIALS_DIRECTORY}}/{id}");
+        Ok(())
+    };
+    if let Some(tokens) = &secrets.tokens {
+        load("tokens", tokens, "--token-file")?;
+    }
+    if let Some((certificate, key)) = &secrets.tls {
+        load("key", key, "--tls-key")?;
+        let _ = write!(options, " --tls-cert {}", word(certificate)?.replace('$', "$$"));
+    }
+    if !lines.is_empty() {
+        lines.insert_str(
+            0,
+            "# Of the configuration file when this was written; read by root. `era install` writes them anew.\n",
+        );
+    }
+    Ok((lines, options))
+}
+
+/// A path as the rest of a line.
+fn rest(path: &Path) -> Result<String, String> {
+    Ok(fit(path)?.replace('%', "%%"))
+}
+
+/// A path's text.
+fn fit(path: &Path) -> Result<&str, String> {
     let text =
         path.to_str().ok_or_else(|| format!("{} is not UTF-8, and cannot be written in a unit", path.display()))?;
     if text.chars().any(char::is_control) {
         return Err(format!("{text:?} has a control character, and cannot be written in a unit"));
     }
-    let escaped = text.replace('%', "%%");
+    Ok(text)
+}
+
+/// A path as one word of `ExecStart` (systemd.service(5), "Command lines"; systemd.unit(5), "Specifiers").
+fn word(path: &Path) -> Result<String, String> {
+    let escaped = rest(path)?;
     if escaped.chars().any(|c| c.is_whitespace() || matches!(c, '"' | '\'' | '\\' | ';')) {
         return Ok(format!("\"{}\"", escaped.replace('\\', "\\\\").replace('"', "\\\"")));
     }
@@ -121,7 +182,11 @@ mod tests {
 
     fn text(is_user: bool) -> String {
         let (program, config) = (Path::new("/usr/bin/era"), Path::new("/etc/era/era.toml"));
-        Unit { program, config, group: "plugdev", is_user }.text().unwrap()
+        let secrets = &Secrets {
+            tokens: Some("/etc/era/tokens".into()),
+            tls: Some(("/etc/era/my panel.pem".into(), "/etc/era/100% key.pem".into())),
+        };
+        Unit { program, config, group: "plugdev", secrets, is_user }.text().unwrap()
     }
 
     #[test]
@@ -129,7 +194,14 @@ mod tests {
         let text = text(false);
         for line in [
             "Type=notify",
-            "ExecStart=/usr/bin/era serve --config /etc/era/era.toml",
+            "ExecStart=/usr/bin/era serve --config /etc/era/era.toml --token-file ${CREDENTIALS_DIRECTORY}/tokens --tls-key \
+             ${CREDENTIALS_DIRECTORY}/key --tls-cert \"/etc/era/my panel.pem\"",
+            "LoadCredential=tokens:/etc/era/tokens",
+            "LoadCredential=key:/etc/era/100%% key.pem",
+            "CacheDirectory=era",
+            "StateDirectory=era",
+            "RuntimeDirectory=era",
+            "Environment=XDG_RUNTIME_DIR=%t/era",
             "WatchdogSec=10",
             "Restart=on-failure",
             "LimitRTPRIO=20",
@@ -143,13 +215,33 @@ mod tests {
         assert!(!text.contains("RestrictRealtime"));
     }
 
+    #[test]
+    fn nothing_is_handed_over_that_the_configuration_does_not_name() {
+        let (program, config, secrets) =
+            (Path::new("/usr/bin/era"), Path::new("/etc/era/era.toml"), &Secrets::default());
+        let text = Unit { program, config, group: "plugdev", secrets, is_user: false }.text().unwrap();
+        assert!(text.contains("serve --config /etc/era/era.toml\n") && !text.contains("LoadCredential"), "{text}");
+        let secrets = &Secrets { tokens: Some("/a\nb".into()), tls: None };
+        let unit = Unit { program, config, group: "plugdev", secrets, is_user: false };
+        assert!(unit.text().unwrap_err().contains("control character"));
+    }
+
     /// A user's service manager may not change users, nor fence devices in.
     #[test]
     fn a_users_unit_asks_for_nothing_that_needs_root() {
         let text = text(true);
-        for key in
-            ["DynamicUser", "SupplementaryGroups", "Protect", "DevicePolicy", "CapabilityBoundingSet", "PrivateTmp"]
-        {
+        for key in [
+            "DynamicUser",
+            "SupplementaryGroups",
+            "Protect",
+            "DevicePolicy",
+            "CapabilityBoundingSet",
+            "PrivateTmp",
+            "LoadCredential",
+            "CREDENTIALS_DIRECTORY",
+            "Directory=",
+            "XDG_RUNTIME_DIR",
+        ] {
             assert!(!text.contains(key), "{key} in {text}");
         }
         assert!(text.contains("WantedBy=default.target") && text.contains("Type=notify"));

@@ -106,3 +106,85 @@ fn a_user_is_told_what_to_run() {
     assert!(!told.contains("udevadm") && warned.contains("is not there yet"), "{told} {warned}");
     assert!(home.path().join("systemd/user/era.service").is_file());
 }
+
+/// Tokens and key, which only root may read, are handed over; what the service writes has its places.
+#[test]
+fn what_only_root_may_read_is_handed_to_the_service() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::create_dir_all(root.join("etc/era")).unwrap();
+    let configuration =
+        "version = 1\ntoken_file = \"tokens\"\ntls_cert = \"cert.pem\"\ntls_key = \"/etc/ssl/era.pem\"\n";
+    std::fs::write(root.join("etc/era/era.toml"), configuration).unwrap();
+    assert!(install(root, &[]).status.success());
+    let unit = std::fs::read_to_string(root.join(UNIT)).unwrap();
+    for line in [
+        "LoadCredential=tokens:/etc/era/tokens",
+        "LoadCredential=key:/etc/ssl/era.pem",
+        "ExecStart=/usr/bin/era serve --config /etc/era/era.toml --token-file ${CREDENTIALS_DIRECTORY}/tokens \
+         --tls-key ${CREDENTIALS_DIRECTORY}/key --tls-cert /etc/era/cert.pem",
+        "StateDirectory=era",
+        "RuntimeDirectory=era",
+        "CacheDirectory=era",
+    ] {
+        assert!(unit.lines().any(|own| own == line), "{line} in {unit}");
+    }
+    // The command line that the unit has is one that the program takes, and comes before the file.
+    let credentials = tempfile::tempdir().unwrap();
+    let run = unit.lines().find_map(|line| line.strip_prefix("ExecStart=/usr/bin/era ")).unwrap();
+    let run = run.replace("${CREDENTIALS_DIRECTORY}", credentials.path().to_str().unwrap());
+    let run = run.replace("/etc/era", root.join("etc/era").to_str().unwrap());
+    let told = text(&super::run(&run.split(' ').collect::<Vec<_>>()).stderr);
+    assert!(told.contains(&format!("{}/tokens: ", credentials.path().display())), "{told}");
+    // A user's service reads its user's files.
+    assert!(install(root, &["--user"]).status.success());
+    let unit = std::fs::read_to_string(root.join("etc/systemd/user/era.service")).unwrap();
+    assert!(!unit.contains("LoadCredential") && !unit.contains("CREDENTIALS_DIRECTORY"), "{unit}");
+}
+
+/// systemd's own opinion of both units, with secrets and without.
+#[test]
+fn systemd_takes_the_units_and_finds_them_fenced_in() {
+    let folder = tempfile::tempdir().unwrap();
+    // A user's manager has a folder at run time.
+    let analyze = |arguments: &[&str], unit: &Path| {
+        std::process::Command::new("systemd-analyze")
+            .args(arguments)
+            .arg(unit)
+            .env("SYSTEMD_LOG_LEVEL", "info")
+            .env("XDG_RUNTIME_DIR", folder.path())
+            .output()
+    };
+    if analyze(&["--version"], Path::new("")).is_err() {
+        assert!(std::env::var_os("CI").is_none(), "no systemd-analyze here: Debian's package systemd has it");
+        eprintln!("skipped: no systemd-analyze here");
+        return;
+    }
+    let root = folder.path();
+    std::fs::create_dir_all(root.join("etc/era")).unwrap();
+    let configuration =
+        "version = 1\ntoken_file = \"my tokens\"\ntls_cert = \"100% $cert.pem\"\ntls_key = \"100% key.pem\"\n";
+    for text_of_file in ["version = 1\n", configuration] {
+        std::fs::write(root.join("etc/era/era.toml"), text_of_file).unwrap();
+        for (more, path) in [(&[][..], UNIT), (&["--user"], "etc/systemd/user/era.service")] {
+            // The program must be there.
+            let own = [&["install", "--root", root.to_str().unwrap(), "--program", env!("CARGO_BIN_EXE_era")], more];
+            assert!(run(&own.concat()).status.success());
+            let unit = root.join(path);
+            let manager = if more.is_empty() { "--system" } else { "--user" };
+            let verified = analyze(&["verify", "--man=no", manager], &unit).unwrap();
+            let said = text(&verified.stderr);
+            assert!(verified.status.success() && !said.contains("era.service"), "{said}");
+            if more.is_empty() {
+                // Of 100; an unfenced service has 96.
+                let fenced = analyze(&["security", "--offline=yes", "--threshold=25", "--no-pager"], &unit).unwrap();
+                assert!(fenced.status.success(), "{}{}", text(&fenced.stdout), text(&fenced.stderr));
+            }
+        }
+    }
+    // A mistake is told.
+    let unit = root.join(UNIT);
+    let wrong = std::fs::read_to_string(&unit).unwrap().replace("StateDirectory=era", "StateDirectory=../era");
+    std::fs::write(&unit, wrong).unwrap();
+    assert!(text(&analyze(&["verify", "--man=no"], &unit).unwrap().stderr).contains("era.service"));
+}
