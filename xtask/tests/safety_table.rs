@@ -3,6 +3,8 @@
 //! In its column of places, what stands in backticks and has a `/` is a path from the repository's root. In its column
 //! of tests, what stands in backticks is a test: `name` of a function with the attribute `test`, `emulated::name` (or
 //! `sim::`, `board::`) of a case of the suite in hil-tests, `report::name` of a step of `cargo xtask emulate --report`.
+//!
+//! So for the threat table of the same file, which has no column of places.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -67,9 +69,10 @@ fn is_test(text: &str, name: &str) -> bool {
     })
 }
 
-/// The cells of each row of the table that begins with the column "hazard".
-fn rows(text: &str) -> Vec<Vec<&str>> {
-    let lines = text.lines().skip_while(|line| !line.starts_with("| hazard |")).skip(2);
+/// The cells of each row of the table that begins with the column `first`.
+fn rows<'t>(text: &'t str, first: &str) -> Vec<Vec<&'t str>> {
+    let head = format!("| {first} |");
+    let lines = text.lines().skip_while(|line| !line.starts_with(&head)).skip(2);
     lines
         .take_while(|line| line.starts_with('|'))
         .map(|line| line.trim().trim_matches('|').split('|').map(str::trim).collect())
@@ -84,7 +87,7 @@ fn quoted(cell: &str) -> impl Iterator<Item = &str> {
 /// Everything that is wrong with the table in `text`.
 fn mistakes(text: &str, repository: &Repository) -> Vec<String> {
     let mut mistakes = Vec::new();
-    let rows = rows(text);
+    let rows = rows(text, "hazard");
     if rows.is_empty() {
         mistakes.push("no table that begins with `| hazard |`".to_owned());
     }
@@ -110,6 +113,75 @@ fn mistakes(text: &str, repository: &Repository) -> Vec<String> {
         }
     }
     mistakes
+}
+
+/// Threats of which a part is still without a test, and may say so.
+const OPEN: [&str; 2] = ["somebody sends slowly, or half", "somebody does not read answers"];
+
+/// Everything that is wrong with the threat table in `text`.
+fn mistakes_of_threats(text: &str, repository: &Repository, open: &[&str]) -> Vec<String> {
+    let mut mistakes = Vec::new();
+    let rows = rows(text, "threat");
+    if rows.is_empty() {
+        mistakes.push("no table that begins with `| threat |`".to_owned());
+    }
+    for row in rows {
+        let [threat, mechanism, tests] = row[..] else {
+            mistakes.push(format!("not three cells: {}", row.join(" | ")));
+            continue;
+        };
+        if threat.is_empty() || mechanism.is_empty() {
+            mistakes.push(format!("a threat without a mechanism, or the reverse: {threat}{mechanism}"));
+        }
+        let says_none = ["no test", "no mechanism"].iter().any(|words| row.iter().any(|cell| cell.contains(words)));
+        if says_none && !open.contains(&threat) {
+            mistakes.push(format!("{threat}: says that there is no test"));
+        }
+        if quoted(tests).next().is_none() {
+            mistakes.push(format!("{threat}: names no test"));
+        }
+        for test in quoted(tests).filter(|test| !repository.has_test(test)) {
+            mistakes.push(format!("{threat}: there is no test {test}"));
+        }
+    }
+    mistakes
+}
+
+#[test]
+fn every_threat_has_a_mechanism_and_tests_that_exist() {
+    let repository = Repository::read();
+    let text = fs::read_to_string(repository.root.join("docs/src/safety.md")).expect("docs/src/safety.md");
+    let mistakes = mistakes_of_threats(&text, &repository, &OPEN);
+    assert!(mistakes.is_empty(), "docs/src/safety.md:\n  {}", mistakes.join("\n  "));
+}
+
+#[test]
+fn what_is_missing_for_a_threat_is_named() {
+    let repository = Repository::read();
+    let wrong = "\
+| threat | mechanism | test |
+|---|---|---|
+| good | m | `what_is_missing_is_named`, `a_stop_gets_through_a_crowd` |
+| open | m | `what_is_missing_is_named`; the times: no test |
+| half | m | `what_is_missing_is_named`; the rest: no test |
+| none | m | to come |
+| renamed | m | `a_test_that_was_renamed` |
+| bare | | `what_is_missing_is_named` |
+| short | m |
+";
+    let found = mistakes_of_threats(wrong, &repository, &["open"]);
+    let expected = [
+        "half: says that there is no test",
+        "none: names no test",
+        "renamed: there is no test a_test_that_was_renamed",
+        "a threat without a mechanism",
+        "not three cells: short",
+    ];
+    assert_eq!(found.len(), expected.len(), "{found:#?}");
+    for (mistake, start) in found.iter().zip(expected) {
+        assert!(mistake.starts_with(start), "{mistake} is not {start}");
+    }
+    assert_eq!(mistakes_of_threats("| hazard |", &repository, &[]).len(), 1);
 }
 
 #[test]
