@@ -1,6 +1,7 @@
 //! Who may do what: pages and names from elsewhere, tokens and their roles.
 
 use super::assets;
+use super::client::TokenNumber;
 use super::problem::Problem;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
@@ -182,11 +183,11 @@ impl Access {
         }
     }
 
-    /// Whether the request's token opens what it wants.
-    fn check_token(&self, request: &Request) -> Result<(), Problem> {
-        let Some(needed) = Role::needed(request.method(), request.uri().path()) else { return Ok(()) };
+    /// Whether the request's token opens what it wants, and which that is, if one is asked for.
+    fn check_token(&self, request: &Request) -> Result<Option<TokenNumber>, Problem> {
+        let Some(needed) = Role::needed(request.method(), request.uri().path()) else { return Ok(None) };
         if self.tokens.is_empty() || request.extensions().get::<Owner>().is_some() {
-            return Ok(());
+            return Ok(None);
         }
         let bearer = text(request.headers(), &header::AUTHORIZATION)?
             .and_then(|value| value.strip_prefix("Bearer ").or_else(|| value.strip_prefix("bearer ")));
@@ -196,8 +197,8 @@ impl Access {
         let given = bearer.or(in_query).map(str::trim);
         let role = given.and_then(|given| self.role(given));
         match role {
-            Some(role) if role >= needed => Ok(()),
-            Some(role) => {
+            Some((role, number)) if role >= needed => Ok(Some(TokenNumber(number))),
+            Some((role, _)) => {
                 let detail = format!("this token's role is {}, and this needs {}", role.name(), needed.name());
                 Err(Problem::new(StatusCode::FORBIDDEN, "role", "Not with this token", detail))
             }
@@ -211,18 +212,20 @@ impl Access {
         }
     }
 
-    /// The most that a secret opens; takes as long for a wrong one as for a right one of the same length.
-    fn role(&self, given: &str) -> Option<Role> {
+    /// The most that a secret opens, and its place among the tokens; takes as long for a wrong one as for a right one of the
+    /// same length.
+    fn role(&self, given: &str) -> Option<(Role, usize)> {
         let is_same = |secret: &str| {
             let differ = secret.bytes().zip(given.bytes()).fold(0, |differ, (a, b)| differ | (a ^ b));
             secret.len() == given.len() && differ == 0
         };
-        self.tokens.iter().filter(|token| is_same(&token.secret)).map(|token| token.role).max()
+        let same = self.tokens.iter().enumerate().filter(|(_, token)| is_same(&token.secret));
+        same.map(|(number, token)| (token.role, number)).max()
     }
 }
 
 /// Lets a request through, or says why not.
-pub async fn check(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
+pub async fn check(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
     let origin = match access.check_source(request.method(), request.headers()) {
         Ok(origin) => origin,
         Err(problem) => return problem.into_response(),
@@ -239,7 +242,12 @@ pub async fn check(State(access): State<Arc<Access>>, request: Request, next: Ne
         (StatusCode::NO_CONTENT, allowed, age).into_response()
     } else {
         match access.check_token(&request) {
-            Ok(()) => next.run(request).await,
+            Ok(token) => {
+                if let Some(token) = token {
+                    request.extensions_mut().insert(token);
+                }
+                next.run(request).await
+            }
             Err(problem) => problem.into_response(),
         }
     };

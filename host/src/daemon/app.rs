@@ -4,6 +4,7 @@ use super::access::Access;
 use super::active::{Active, Touched, Update, Weaker};
 use super::admission::Admission;
 use super::asked::Asked;
+use super::client::Client;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
@@ -206,15 +207,21 @@ impl App {
         self.session.stops()
     }
 
-    /// Plans for a touch, the request `id`, with all that belongs to it, and drives it unless everything was stopped since
-    /// [`App::stops`] said `stops`.
+    /// Plans for a touch, the request `id` of `client`, with all that belongs to it, and drives it unless everything was
+    /// stopped since [`App::stops`] said `stops`.
     ///
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
-    pub async fn touch(self: &Arc<Self>, id: u64, stops: u64, request: &TouchRequest) -> Result<Touched, Problem> {
+    pub async fn touch(
+        self: &Arc<Self>,
+        client: Client,
+        id: u64,
+        stops: u64,
+        request: &TouchRequest,
+    ) -> Result<Touched, Problem> {
         let asked = request.asked(&self.table.scene);
         let result = match asked {
-            Ok(asked) => self.try_touch(id, stops, &asked).await,
+            Ok(asked) => self.try_touch(client, id, stops, &asked).await,
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
@@ -227,6 +234,7 @@ impl App {
     /// As [`App::touch`].
     pub async fn touch_all(
         self: &Arc<Self>,
+        client: Client,
         id: u64,
         stops: u64,
         touches: Vec<TouchView>,
@@ -234,18 +242,24 @@ impl App {
         manner: Manner,
     ) -> Result<Touched, Problem> {
         let result = match Asked::fingers(touches, intensity, manner, &self.table.scene) {
-            Ok(asked) => self.try_touch(id, stops, &asked).await,
+            Ok(asked) => self.try_touch(client, id, stops, &asked).await,
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
         result
     }
 
-    async fn try_touch(self: &Arc<Self>, id: u64, stops: u64, asked: &Asked) -> Result<Touched, Problem> {
+    async fn try_touch(
+        self: &Arc<Self>,
+        client: Client,
+        id: u64,
+        stops: u64,
+        asked: &Asked,
+    ) -> Result<Touched, Problem> {
         if *self.closing.borrow() {
             return Err(SessionError::Closed.into());
         }
-        let place = self.admission.place().await?;
+        let place = self.admission.place(client).await?;
         // Whoever has waited may not be wanted any more.
         self.turns.check(id)?;
         if self.session.stops() != stops {

@@ -1,7 +1,7 @@
 //! The daemon: HTTP and WebSocket in front of one device session.
 //!
 //! `server` accepts connections and gives every request a task of its own; `access` says who may do what; `routes` and `live`
-//! are the two ways in. `admission` numbers requests and queues them for the planner. `app` holds what a touch needs and does
+//! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and does
 //! it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
 //! do, without driving it. `view` is what goes out as JSON; `problem` is how errors are told (RFC 9457).
 
@@ -13,6 +13,7 @@ mod asked;
 mod assets;
 mod attachments;
 mod body;
+mod client;
 mod grow;
 pub mod listener;
 mod live;

@@ -5,6 +5,7 @@
 
 use super::access::Owner;
 use super::app::{App, closed};
+use super::client::Peer;
 use super::listener::{Incoming, Listener};
 use super::problem::Problem;
 use super::routes;
@@ -103,16 +104,21 @@ impl Doors {
         };
         let closing = self.closing.clone();
         match incoming {
-            Incoming::Tcp(stream) => tasks.spawn(connection(stream, router, place, closing)),
+            Incoming::Tcp(stream) => {
+                let peer = Peer::of(stream.peer_addr());
+                tasks.spawn(connection(stream, peer, router, place, closing))
+            }
             #[cfg(unix)]
             Incoming::Unix(stream) => {
                 // The file's permissions have asked already.
                 let router = router.layer(axum::Extension(Owner));
-                tasks.spawn(connection(stream, router, place, closing))
+                let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
+                tasks.spawn(connection(stream, peer, router, place, closing))
             }
             Incoming::Tls(stream, acceptor) => tasks.spawn(async move {
+                let peer = Peer::of(stream.peer_addr());
                 match tokio::time::timeout(HANDSHAKE, acceptor.accept(stream)).await {
-                    Ok(Ok(stream)) => connection(stream, router, place, closing).await,
+                    Ok(Ok(stream)) => connection(stream, peer, router, place, closing).await,
                     Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
                     Err(_) => tracing::debug!("a handshake took too long"),
                 }
@@ -122,11 +128,17 @@ impl Doors {
 }
 
 /// One connection to its end.
-async fn connection<S>(stream: S, router: Router, _place: OwnedSemaphorePermit, mut closing: watch::Receiver<bool>)
-where
+async fn connection<S>(
+    stream: S,
+    peer: Peer,
+    router: Router,
+    _place: OwnedSemaphorePermit,
+    mut closing: watch::Receiver<bool>,
+) where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
-    let service = service_fn(move |request: hyper::Request<hyper::body::Incoming>| {
+    let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
+        request.extensions_mut().insert(peer);
         let mut router = router.clone();
         // Begun here and not when the answer is first waited for: by then the sender may have hung up, and hyper drops what
         // it waits for.

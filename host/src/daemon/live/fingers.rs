@@ -2,6 +2,7 @@
 
 use super::error_message;
 use crate::daemon::app::App;
+use crate::daemon::client::Client;
 use crate::daemon::touch::{Feel, MAX_DURATION_MS, Manner};
 use crate::daemon::turns::superseded;
 use crate::daemon::view::TouchView;
@@ -97,8 +98,8 @@ impl Fingers {
 }
 
 /// Drives what the fingers ask for until the page is gone.
-pub async fn drive(app: Arc<App>, fingers: Arc<Fingers>, replies: mpsc::Sender<Value>) {
-    let mut hand = Hand::default();
+pub async fn drive(app: Arc<App>, client: Client, fingers: Arc<Fingers>, replies: mpsc::Sender<Value>) {
+    let mut hand = Hand { client, ..Hand::default() };
     while let Some(step) = fingers.next().await {
         let lifted = step.lifted;
         hand.keep(&step.touches);
@@ -118,6 +119,7 @@ pub async fn drive(app: Arc<App>, fingers: Arc<Fingers>, replies: mpsc::Sender<V
 /// The fingers that are down, and what is driven for them.
 #[derive(Debug, Default)]
 struct Hand {
+    client: Client,
     down: Vec<i64>,
     feel: Feel,
     /// The even drive, and since when its fingers are down.
@@ -140,7 +142,7 @@ impl Hand {
         let (intensity, manner) = feel.check(MAX_DURATION_MS)?;
         let ids = touches.iter().map(|touch| touch.id).collect();
         let id = app.admission.number();
-        let mut touch = std::pin::pin!(app.touch_all(id, stops, touches, intensity, manner));
+        let mut touch = std::pin::pin!(app.touch_all(self.client, id, stops, touches, intensity, manner));
         // To its end in any case, but without waiting for its turn once newer fingers stand in its place.
         let done = loop {
             tokio::select! {
