@@ -8,6 +8,7 @@ mod boards;
 mod bodies;
 mod fingers;
 mod hang_up;
+mod late;
 mod measured;
 mod order;
 mod raw;
