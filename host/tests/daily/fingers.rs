@@ -99,7 +99,26 @@ fn the_finger_that_is_wrong_is_named() {
     let message: Value = serde_json::from_str(&text).unwrap();
     let problem = &message["problem"];
     assert_eq!((&problem["field"], &problem["value"]), (&json!("touches[1].x_px"), &json!(5000.0)), "{message}");
-    assert!(problem["detail"].as_str().unwrap().starts_with("touches[1].x_px is 5000"), "{message}");
+    assert_eq!(problem["finger"], 2, "{message}");
+    let detail = problem["detail"].as_str().unwrap();
+    assert!(detail.starts_with("finger 2: touches[1].x_px is 5000"), "{message}");
+}
+
+#[test]
+fn a_finger_in_a_cutout_is_named() {
+    let daemon = Daemon::start(include_str!("../../../examples/scenes/camera.toml"));
+    let mut socket = live(&daemon, "?send=");
+    say(&mut socket, &touch(&json!([{"id": 7, "x_px": 10, "y_px": 10}, {"id": 9, "x_px": 960, "y_px": 122}])));
+    let text = loop {
+        if let Message::Text(text) = socket.read().unwrap() {
+            break text;
+        }
+    };
+    let message: Value = serde_json::from_str(&text).unwrap();
+    let problem = &message["problem"];
+    assert_eq!(problem["type"], "urn:era:problem:in-cutout", "{message}");
+    assert_eq!((&problem["finger"], &problem["field"]), (&json!(9), &json!("touches[1]")), "{message}");
+    assert!(problem["detail"].as_str().unwrap().starts_with("finger 9: touches[1]: "), "{message}");
 }
 
 #[test]
