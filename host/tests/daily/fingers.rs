@@ -121,6 +121,29 @@ fn a_finger_in_a_cutout_is_named() {
     assert!(problem["detail"].as_str().unwrap().starts_with("finger 9: touches[1]: "), "{message}");
 }
 
+/// Lifted and back while another finger's click is on its way: it clicks anew.
+#[test]
+fn a_finger_that_comes_again_at_once_plays_its_effect_again() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut socket = live(&daemon, "?send=plan");
+    let at = |id: u32, x_px: f64| json!({"id": id, "x_px": x_px, "y_px": 500.0, "effect": "click"});
+    say(&mut socket, &touch(&json!([at(1, 400.0), at(2, 1500.0)])));
+    next(&mut socket, "plan");
+    for i in 0..5 {
+        // The third finger's click takes some ms; the second one goes and comes meanwhile.
+        let (x_px, third) = (1400.0 + f64::from(i), at(10 + i, 900.0));
+        say(&mut socket, &touch(&json!([at(1, 400.0), at(2, 1500.0), third])));
+        say(&mut socket, &touch(&json!([at(1, 400.0), third])));
+        say(&mut socket, &touch(&json!([at(1, 400.0), at(2, x_px), third])));
+        loop {
+            let plan = next(&mut socket, "plan");
+            if plan["touches"][1]["x_px"] == x_px {
+                break;
+            }
+        }
+    }
+}
+
 #[test]
 fn a_socket_tells_only_what_it_is_asked_for() {
     let daemon = Daemon::start(EXAMPLE_PLATE);

@@ -26,6 +26,10 @@ struct Step {
     touches: Vec<TouchView>,
     feel: Feel,
     lifted: bool,
+    /// Fingers that have come since the step before, even if they had been there until shortly before.
+    came: Vec<i64>,
+    /// Whether it is driven though fingers have moved since: one that came in it has been lifted, others are still down.
+    is_tap: bool,
     /// [`App::stops`] when it was said: a stop from then on means that it is not driven.
     stops: u64,
 }
@@ -35,6 +39,8 @@ struct Step {
 #[derive(Debug, Default)]
 pub struct Fingers {
     steps: Mutex<VecDeque<Step>>,
+    /// Those that are down by the last message.
+    down: Mutex<Vec<i64>>,
     changed: Notify,
     gone: Mutex<bool>,
 }
@@ -42,19 +48,27 @@ pub struct Fingers {
 impl Fingers {
     /// All fingers that are down now, none if they are lifted.
     pub fn are(&self, touches: Vec<TouchView>, feel: Feel, stops: u64) {
+        let ids: Vec<i64> = touches.iter().map(|touch| touch.id).collect();
         let mut steps = self.steps();
+        let before = std::mem::replace(&mut *self.down.lock().unwrap_or_else(PoisonError::into_inner), ids.clone());
+        let mut came: Vec<i64> = ids.iter().filter(|id| !before.contains(id)).copied().collect();
         if touches.is_empty() {
             match steps.back_mut() {
                 Some(last) if !last.lifted => last.lifted = true,
                 Some(_) => {}
-                None => steps.push_back(Step { touches, feel, lifted: true, stops }),
+                None => steps.push_back(Step { touches, feel, lifted: true, came, is_tap: false, stops }),
             }
         } else {
-            // A device slower than the page skips what came in between.
-            if steps.len() >= MOST_STEPS || steps.back().is_some_and(|last| !last.lifted) {
-                steps.pop_back();
+            if let Some(last) = steps.back_mut().filter(|last| !last.lifted) {
+                last.is_tap |= last.came.iter().any(|id| !ids.contains(id));
             }
-            steps.push_back(Step { touches, feel, lifted: false, stops });
+            // A device slower than the page skips what came in between.
+            if (steps.len() >= MOST_STEPS || steps.back().is_some_and(|last| !last.lifted && !last.is_tap))
+                && let Some(skipped) = steps.pop_back()
+            {
+                came.extend(skipped.came.into_iter().filter(|id| ids.contains(id)));
+            }
+            steps.push_back(Step { touches, feel, lifted: false, came, is_tap: false, stops });
         }
         drop(steps);
         self.changed.notify_one();
@@ -104,7 +118,7 @@ pub async fn drive(app: Arc<App>, client: Client, fingers: Arc<Fingers>, replies
         let lifted = step.lifted;
         hand.keep(&step.touches);
         if !step.touches.is_empty()
-            && !hand.has_played(&step.touches, &step.feel)
+            && !hand.has_played(&step)
             && let Err(problem) = hand.drive(&app, &fingers, step).await
         {
             // The page reads nothing: it has missed older news than this.
@@ -128,8 +142,10 @@ struct Hand {
 
 impl Hand {
     /// Whether an effect has been played for all of these fingers: it is not begun again by one that moves.
-    fn has_played(&self, touches: &[TouchView], feel: &Feel) -> bool {
-        feel.effect.is_some() && self.feel == *feel && touches.iter().all(|touch| self.down.contains(&touch.id))
+    fn has_played(&self, step: &Step) -> bool {
+        let Step { touches, feel, came, .. } = step;
+        let is_known = |touch: &TouchView| self.down.contains(&touch.id) && !came.contains(&touch.id);
+        feel.effect.is_some() && self.feel == *feel && touches.iter().all(is_known)
     }
 
     /// Forgets fingers that are not down any more: when they come again, their effect does.
@@ -138,7 +154,8 @@ impl Hand {
     }
 
     async fn drive(&mut self, app: &Arc<App>, fingers: &Fingers, step: Step) -> Result<(), crate::daemon::Problem> {
-        let Step { touches, feel, lifted: is_tap, stops } = step;
+        let Step { touches, feel, lifted, is_tap, stops, .. } = step;
+        let is_tap = lifted || is_tap;
         let (intensity, manner) = feel.check(MAX_DURATION_MS)?;
         let ids = touches.iter().map(|touch| touch.id).collect();
         let id = app.admission.number();
@@ -181,5 +198,57 @@ impl Hand {
         if let Some((since, plan)) = self.held.take() {
             app.release(plan, since + TAP);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::NamedEffect;
+
+    fn at(ids: &[i64], x_px: f64) -> Vec<TouchView> {
+        ids.iter().map(|id| TouchView { id: *id, x_px, y_px: 0.0, intensity_g: None, effect: None }).collect()
+    }
+
+    /// Fingers that came, of each step that waits; whether it is a tap; and where its first finger is.
+    fn steps(fingers: &Fingers) -> Vec<(Vec<i64>, bool, f64)> {
+        let of =
+            |step: Step| (step.came, step.lifted || step.is_tap, step.touches.first().map_or(f64::NAN, |t| t.x_px));
+        std::iter::from_fn(|| fingers.steps().pop_front()).map(of).collect()
+    }
+
+    #[test]
+    fn a_finger_that_comes_again_is_another_one() {
+        let fingers = Fingers::default();
+        let say = |ids: &[i64], x_px| fingers.are(at(ids, x_px), Feel::default(), 0);
+        say(&[1], 0.0);
+        say(&[1, 2], 1.0);
+        assert_eq!(steps(&fingers), [(vec![2, 1], false, 1.0)]);
+        // Lifted and back before anything is driven.
+        say(&[1], 2.0);
+        say(&[1, 2], 3.0);
+        say(&[1, 2], 4.0);
+        assert_eq!(steps(&fingers), [(vec![2], false, 4.0)]);
+        // A tap beside a finger that stays; the newest place of what follows.
+        say(&[1, 2, 3], 5.0);
+        say(&[1, 2], 6.0);
+        say(&[1, 2], 7.0);
+        assert_eq!(steps(&fingers), [(vec![3], true, 5.0), (vec![], false, 7.0)]);
+    }
+
+    #[test]
+    fn an_effect_is_played_again_for_a_finger_that_comes_again() {
+        let feel = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
+        let hand = Hand { down: vec![1, 2], feel, ..Hand::default() };
+        let step = |came: &[i64]| Step {
+            touches: at(&[1, 2], 0.0),
+            feel,
+            lifted: false,
+            came: came.to_vec(),
+            is_tap: false,
+            stops: 0,
+        };
+        assert!(hand.has_played(&step(&[])));
+        assert!(!hand.has_played(&step(&[2])));
     }
 }
