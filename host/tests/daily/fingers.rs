@@ -4,13 +4,13 @@ use crate::support::Daemon;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::net::TcpStream;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
-type Socket = WebSocket<MaybeTlsStream<TcpStream>>;
+pub type Socket = WebSocket<MaybeTlsStream<TcpStream>>;
 
-fn live(daemon: &Daemon, query: &str) -> Socket {
+pub fn live(daemon: &Daemon, query: &str) -> Socket {
     let (socket, _) = tungstenite::connect(format!("{}/v1/live{query}", daemon.url.replace("http", "ws"))).unwrap();
     if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
         stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
@@ -18,7 +18,7 @@ fn live(daemon: &Daemon, query: &str) -> Socket {
     socket
 }
 
-fn say(socket: &mut Socket, message: &Value) {
+pub fn say(socket: &mut Socket, message: &Value) {
     socket.send(Message::text(message.to_string())).unwrap();
 }
 
@@ -27,8 +27,11 @@ fn touch(touches: &Value) -> Value {
 }
 
 /// The next message of a kind; an error is none.
-fn next(socket: &mut Socket, kind: &str) -> Value {
+pub fn next(socket: &mut Socket, kind: &str) -> Value {
+    let begun = Instant::now();
     loop {
+        // Questions for a sign of life end a wait for nothing.
+        assert!(begun.elapsed() < Duration::from_secs(30), "no {kind} has come");
         if let Message::Text(text) = socket.read().unwrap() {
             let message: Value = serde_json::from_str(&text).unwrap();
             assert_ne!(message["type"], "error", "{message}");

@@ -16,6 +16,8 @@ use tokio::sync::{Notify, mpsc};
 const TAP: Duration = Duration::from_millis(400);
 /// Between two looks whether a touch that nobody wants any more has begun to wait for its turn.
 const AGAIN: Duration = Duration::from_millis(10);
+/// Between two looks at a finger that rests: well before its drive ends ([`MAX_DURATION_MS`]).
+const RENEW: Duration = Duration::from_secs(1);
 /// Most taps that wait to be driven: more than ten fingers make while one is planned.
 const MOST_STEPS: usize = 32;
 
@@ -114,7 +116,15 @@ impl Fingers {
 /// Drives what the fingers ask for until the page is gone.
 pub async fn drive(app: Arc<App>, client: Client, fingers: Arc<Fingers>, replies: mpsc::Sender<Value>) {
     let mut hand = Hand { client, ..Hand::default() };
-    while let Some(step) = fingers.next().await {
+    loop {
+        let step = tokio::select! {
+            step = fingers.next() => step,
+            () = tokio::time::sleep(RENEW), if hand.still.is_some() => {
+                hand.renew(&app, &fingers, &replies).await;
+                continue;
+            }
+        };
+        let Some(step) = step else { return };
         let lifted = step.lifted;
         hand.keep(&step.touches);
         if !step.touches.is_empty()
@@ -138,6 +148,8 @@ struct Hand {
     feel: Feel,
     /// The even drive, and since when its fingers are down.
     held: Option<(Instant, u64)>,
+    /// What it was driven for, if that goes on for as long as they are.
+    still: Option<Step>,
 }
 
 impl Hand {
@@ -148,12 +160,31 @@ impl Hand {
         feel.effect.is_some() && self.feel == *feel && touches.iter().all(is_known)
     }
 
+    /// Fingers that rest are felt for as long as they are down: their drive is given more time, and begun again where it was
+    /// ended by a touch of somebody else's that is over, or by the board. Not after a stop, nor once the board has gone off.
+    async fn renew(&mut self, app: &Arc<App>, fingers: &Fingers, replies: &mpsc::Sender<Value>) {
+        let Some((step, (_, plan))) = self.still.clone().zip(self.held) else { return };
+        let until = Instant::now() + Duration::from_millis(u64::from(MAX_DURATION_MS));
+        if app.stops() != step.stops || app.is_off() {
+            self.still = None;
+        } else if !app.prolong(plan, until)
+            && app.active().is_none()
+            && let Err(problem) = self.drive(app, fingers, step).await
+            && !["busy", "superseded", "device-refused"].iter().any(|kind| problem.is(kind))
+        {
+            self.still = None;
+            let _ = replies.try_send(error_message(&problem));
+        }
+    }
+
     /// Forgets fingers that are not down any more: when they come again, their effect does.
     fn keep(&mut self, touches: &[TouchView]) {
         self.down.retain(|id| touches.iter().any(|touch| touch.id == *id));
     }
 
     async fn drive(&mut self, app: &Arc<App>, fingers: &Fingers, step: Step) -> Result<(), crate::daemon::Problem> {
+        let is_even = step.feel.effect.is_none() && step.feel.duration_ms.is_none();
+        let again = (is_even && !step.lifted).then(|| Step { came: Vec::new(), is_tap: false, ..step.clone() });
         let Step { touches, feel, lifted, is_tap, stops, .. } = step;
         let is_tap = lifted || is_tap;
         let (intensity, manner) = feel.check(MAX_DURATION_MS)?;
@@ -178,7 +209,7 @@ impl Hand {
         });
         match done {
             Ok(done) => {
-                (self.down, self.feel) = (ids, feel);
+                (self.down, self.feel, self.still) = (ids, feel, again);
                 self.held = match manner {
                     // An effect ends by itself, whatever the fingers do meanwhile.
                     Manner::Effect(_) => None,
@@ -195,6 +226,7 @@ impl Hand {
 
     fn lift(&mut self, app: &App) {
         self.down.clear();
+        self.still = None;
         if let Some((since, plan)) = self.held.take() {
             app.release(plan, since + TAP);
         }
