@@ -1,6 +1,7 @@
 //! Who may do what: pages and names from elsewhere, tokens and their roles.
 
 use super::assets;
+use super::client::{Peer, TokenNumber};
 use super::guesses::{Digest, Guesses, MOST};
 use super::problem::Problem;
 use axum::extract::{Request, State};
@@ -8,7 +9,6 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header}
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest as _, Sha256};
-use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Instant;
 use subtle::ConstantTimeEq;
@@ -57,10 +57,6 @@ impl Role {
 /// Marks requests of whoever may open the daemon's socket in the file system: they need no token.
 #[derive(Clone, Copy, Debug)]
 pub struct Owner;
-
-/// Marks requests that came over the network, loopback included, with where from.
-#[derive(Clone, Copy, Debug)]
-pub struct Peer(pub IpAddr);
 
 /// A secret and what it opens.
 #[derive(Clone)]
@@ -200,11 +196,11 @@ impl Access {
         }
     }
 
-    /// Whether the request's token opens what it wants.
-    fn check_token(&self, request: &Request) -> Result<(), Problem> {
-        let Some(needed) = Role::needed(request.method(), request.uri().path()) else { return Ok(()) };
+    /// Whether the request's token opens what it wants, and which that is, if one is asked for.
+    fn check_token(&self, request: &Request) -> Result<Option<TokenNumber>, Problem> {
+        let Some(needed) = Role::needed(request.method(), request.uri().path()) else { return Ok(None) };
         if self.tokens.is_empty() || request.extensions().get::<Owner>().is_some() {
-            return Ok(());
+            return Ok(None);
         }
         let bearer = text(request.headers(), &header::AUTHORIZATION)?
             .and_then(|value| value.strip_prefix("Bearer ").or_else(|| value.strip_prefix("bearer ")));
@@ -216,8 +212,8 @@ impl Access {
         let role = digest.and_then(|digest| self.role(&digest));
         self.check_guesses(request, digest.filter(|_| role.is_none()), digest.is_some())?;
         match role {
-            Some(role) if role >= needed => Ok(()),
-            Some(role) => {
+            Some((role, number)) if role >= needed => Ok(Some(TokenNumber(number))),
+            Some((role, _)) => {
                 let detail = format!("this token's role is {}, and this needs {}", role.name(), needed.name());
                 Err(Problem::new(StatusCode::FORBIDDEN, "role", "Not with this token", detail))
             }
@@ -233,7 +229,9 @@ impl Access {
 
     /// Whether tokens from where the request comes are looked at; `wrong` is its token if that is not known.
     fn check_guesses(&self, request: &Request, wrong: Option<Digest>, has_token: bool) -> Result<(), Problem> {
-        let Some(Peer(address)) = request.extensions().get().copied().filter(|_| has_token) else { return Ok(()) };
+        let Some(Peer::Address(address)) = request.extensions().get().copied().filter(|_| has_token) else {
+            return Ok(());
+        };
         let wait = self.guesses.wait(address, wrong, Instant::now());
         // Who is at the same address as a guesser may stop all the same. So tokens can be tried on stops without limit, which
         // their length stands against.
@@ -253,16 +251,17 @@ impl Access {
         }
     }
 
-    /// The most that a secret with this digest opens. Digests are compared whole, all of them, in a time that tells nothing of
-    /// where they differ.
-    fn role(&self, given: &Digest) -> Option<Role> {
-        let is_same = |token: &&Token| bool::from(token.digest.ct_eq(given));
-        self.tokens.iter().filter(is_same).map(|token| token.role).max()
+    /// The most that a secret with this digest opens, and its place among the tokens. Digests are compared whole, all of them, in
+    /// a time that tells nothing of where they differ.
+    fn role(&self, given: &Digest) -> Option<(Role, usize)> {
+        let is_same = |token: &Token| bool::from(token.digest.ct_eq(given));
+        let same = self.tokens.iter().enumerate().filter(|(_, token)| is_same(token));
+        same.map(|(number, token)| (token.role, number)).max()
     }
 }
 
 /// Lets a request through, or says why not.
-pub async fn check(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
+pub async fn check(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
     let origin = match access.check_source(request.method(), request.headers()) {
         Ok(origin) => origin,
         Err(problem) => return problem.into_response(),
@@ -279,7 +278,12 @@ pub async fn check(State(access): State<Arc<Access>>, request: Request, next: Ne
         (StatusCode::NO_CONTENT, allowed, age).into_response()
     } else {
         match access.check_token(&request) {
-            Ok(()) => next.run(request).await,
+            Ok(token) => {
+                if let Some(token) = token {
+                    request.extensions_mut().insert(token);
+                }
+                next.run(request).await
+            }
             Err(problem) => problem.into_response(),
         }
     };
@@ -369,7 +373,7 @@ mod tests {
     #[test]
     fn nothing_but_the_whole_secret_opens() {
         let access = Access { tokens: Access::tokens(TOKENS).unwrap(), ..Access::default() };
-        let role = |given: &str| access.role(&Sha256::digest(given).into());
+        let role = |given: &str| access.role(&Sha256::digest(given).into()).map(|(role, _)| role);
         for (secret, opens) in
             [("A".repeat(22), Role::View), ("B".repeat(24), Role::Touch), ("C".repeat(24), Role::Arm)]
         {

@@ -45,16 +45,19 @@ pub struct Touched {
     pub is_shown: bool,
 }
 
-/// A touch that has begun with less.
-pub struct Weaker {
+/// An even drive that is looked after for as long as it is held.
+#[derive(Clone, Debug)]
+pub struct Held {
     /// Its drives are the last that have begun for as long as this is what `Turn::drives` said.
     pub begun: u64,
     /// `Session::stops` when it was asked for.
     pub stops: u64,
-    /// The part of the whole plan's forces that is driven.
+    /// The plan first made.
+    pub whole: Plan,
+    /// The part of its forces that the channels' credit allows ([`super::thin`]).
+    pub thin: f64,
+    /// The part of these for which there is room beside what is left of the touches before.
     pub part: f64,
     /// What is shown of it.
     pub active: Arc<Active>,
-    /// The plan first made.
-    pub whole: Plan,
 }

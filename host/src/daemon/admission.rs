@@ -1,13 +1,17 @@
 //! Who is next: numbers at arrival, a bounded queue for the planner, and what became of each request.
 
+mod fair;
+mod places;
+
+use super::client::Client;
 use super::problem::Problem;
 use axum::http::StatusCode;
+use places::{Full, Place, Places};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use tokio::sync::{Semaphore, SemaphorePermit};
 
 /// Plans at once: one that takes long (what can be had instead, say) leaves the other place to touches.
 const AT_ONCE: usize = 2;
@@ -24,8 +28,7 @@ pub const MAX_NAME: usize = 64;
 #[derive(Debug)]
 pub struct Admission {
     last_id: AtomicU64,
-    planner: Semaphore,
-    waiting: AtomicUsize,
+    planner: Arc<Places>,
     refused: AtomicU64,
     known: Mutex<VecDeque<Known>>,
 }
@@ -49,8 +52,7 @@ impl Default for Admission {
     fn default() -> Self {
         Self {
             last_id: AtomicU64::new(0),
-            planner: Semaphore::new(AT_ONCE),
-            waiting: AtomicUsize::new(0),
+            planner: Places::new(AT_ONCE, MOST_WAITING),
             refused: AtomicU64::new(0),
             known: Mutex::new(VecDeque::with_capacity(KEPT)),
         }
@@ -76,26 +78,19 @@ impl Admission {
         self.last_id.fetch_add(1, Ordering::Relaxed) + 1
     }
 
-    /// A place at the planner, in the order of asking.
+    /// A place at the planner: turns go round between clients, each one's own in the order of asking.
     ///
     /// # Errors
-    /// [`Problem`] with status 429: too many wait.
-    pub async fn place(&self) -> Result<SemaphorePermit<'_>, Problem> {
-        if let Ok(place) = self.planner.try_acquire() {
-            return Ok(place);
-        }
-        let waiting = Waiting::new(&self.waiting);
-        if waiting.before >= MOST_WAITING {
+    /// [`Problem`] with status 429: too many wait, and this client has as many of them as any.
+    pub async fn place(&self, client: Client) -> Result<Place, Problem> {
+        self.planner.take(client).await.map_err(|Full { waiting }| {
             self.refused.fetch_add(1, Ordering::Relaxed);
             let detail = format!(
-                "{} requests wait for the planner, which is as many as it takes; try again in {RETRY_MS} ms",
-                waiting.before
+                "{waiting} requests wait for the planner, which is as many as it takes, and no client has more of them than \
+                 this one; try again in {RETRY_MS} ms"
             );
             let problem = Problem::new(StatusCode::TOO_MANY_REQUESTS, "busy", "Too many requests", detail);
-            return Err(problem.retry(RETRY_MS, Some(waiting.before)));
-        }
-        self.planner.acquire().await.map_err(|_| {
-            Problem::new(StatusCode::SERVICE_UNAVAILABLE, "closing", "The daemon is shutting down", "no planner")
+            problem.retry(RETRY_MS, Some(waiting))
         })
     }
 
@@ -144,7 +139,7 @@ impl Admission {
 
     /// How many wait for the planner.
     pub fn waiting(&self) -> usize {
-        self.waiting.load(Ordering::Relaxed)
+        self.planner.waiting()
     }
 
     /// How many were refused as too many waited.
@@ -154,24 +149,6 @@ impl Admission {
 
     fn known(&self) -> MutexGuard<'_, VecDeque<Known>> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// Counts one that waits, until it does not wait any more.
-struct Waiting<'a> {
-    count: &'a AtomicUsize,
-    before: usize,
-}
-
-impl<'a> Waiting<'a> {
-    fn new(count: &'a AtomicUsize) -> Self {
-        Self { before: count.fetch_add(1, Ordering::Relaxed), count }
-    }
-}
-
-impl Drop for Waiting<'_> {
-    fn drop(&mut self) {
-        self.count.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
@@ -188,12 +165,13 @@ mod tests {
     #[tokio::test]
     async fn more_than_the_planner_can_do_soon_are_sent_away() {
         let admission = Admission::default();
-        let first = [admission.place().await.unwrap(), admission.place().await.unwrap()];
-        let mut waiting: Vec<_> = (0..MOST_WAITING).map(|_| Box::pin(admission.place())).collect();
+        let place = || admission.place(Client::default());
+        let first = [place().await.unwrap(), place().await.unwrap()];
+        let mut waiting: Vec<_> = (0..MOST_WAITING).map(|_| Box::pin(place())).collect();
         for place in &mut waiting {
             assert!(!is_ready(place.as_mut()));
         }
-        let refused = admission.place().await.unwrap_err();
+        let refused = place().await.unwrap_err();
         let told = json!(refused);
         assert_eq!((refused.status().as_u16(), &told["depth"]), (429, &json!(MOST_WAITING)), "{told}");
         assert!(told["retry_after_ms"].as_u64() > Some(0) && admission.refused() == 1, "{told}");
@@ -202,7 +180,8 @@ mod tests {
         drop(first);
         assert!(is_ready(waiting[0].as_mut()));
         assert!(!is_ready(waiting[5].as_mut()));
-        assert_eq!(admission.waiting(), MOST_WAITING - 2);
+        // One has gone, two had their turn, and the first of these has given its place to the next already.
+        assert_eq!(admission.waiting(), MOST_WAITING - 4);
     }
 
     #[test]

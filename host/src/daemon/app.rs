@@ -1,13 +1,15 @@
 //! What a touch needs, and what it does.
 
 use super::access::Access;
-use super::active::{Active, Touched, Update, Weaker};
+use super::active::{Active, Held, Touched, Update};
 use super::admission::Admission;
 use super::asked::Asked;
+use super::client::Client;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
 use super::record::Recorder;
+use super::thin::Thinned;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
 use super::view::{FieldView, PlanView, SceneView, TouchView};
@@ -15,14 +17,14 @@ use crate::device::convert::to_wire;
 use crate::device::session::policy::{Needs, Policy};
 use crate::device::sim::SimControl;
 use crate::device::{DriveOrder, EffectOrder, LinkError, OpenDevice, Session, SessionError, Snapshot};
-use crate::effects::{Design, DesignError, Intensity, design, plan_with};
+use crate::effects::{Design, Intensity, plan_with};
 use crate::planner::drive::on_channels;
-use crate::planner::limitation::Limitation;
 use crate::planner::plan_motion::PlanMotion;
-use crate::planner::residual::{fitted, grown};
 use crate::planner::trade::Trade;
 use crate::planner::{Drive, Plan, PlanTable, Request};
-use axum::http::StatusCode;
+use era_shared::limits::REST_MS;
+use era_shared::protocol::Refusal;
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, broadcast, watch};
@@ -51,12 +53,15 @@ pub struct App {
     pub admission: Admission,
     /// Places for pages' sockets.
     pub sockets: Arc<Semaphore>,
-    session: Session,
+    pub(super) session: Session,
     previews: Previews,
     sim: Option<SimControl>,
     /// The last plan and when its drive ends.
-    active: Mutex<Option<(Arc<Active>, Instant)>>,
-    turns: Turns,
+    pub(super) active: Mutex<Option<(Arc<Active>, Instant)>>,
+    pub(super) turns: Turns,
+    /// What is looked after ([`super::tend`]).
+    pub(super) held: watch::Sender<Option<Held>>,
+    pub(super) tends: AtomicBool,
     updates: broadcast::Sender<Update>,
     closing: watch::Sender<bool>,
 }
@@ -66,9 +71,6 @@ pub(super) struct Prepared {
     pub(super) motion: PlanMotion,
     pub(super) kind: Kind,
 }
-
-/// A part of a plan's forces, the plan with these, and what it takes to drive it.
-type PartOfPlan = (f64, (Plan, Prepared));
 
 /// What has begun.
 pub(super) struct Begun {
@@ -87,7 +89,7 @@ pub(super) enum Kind {
 
 impl Prepared {
     /// Even drives.
-    fn drives<'a>(&self, plan: &'a Plan) -> Option<&'a [Drive]> {
+    pub(super) fn drives<'a>(&self, plan: &'a Plan) -> Option<&'a [Drive]> {
         matches!(self.kind, Kind::Hold(_)).then_some(plan.drives.as_slice())
     }
 }
@@ -127,6 +129,8 @@ impl App {
             sim,
             active: Mutex::new(None),
             turns: Turns::new(table.decaying_modes()),
+            held: watch::channel(None).0,
+            tends: AtomicBool::new(false),
             updates: broadcast::channel(EVENTS).0,
             closing: watch::channel(false).0,
             table,
@@ -206,15 +210,21 @@ impl App {
         self.session.stops()
     }
 
-    /// Plans for a touch, the request `id`, with all that belongs to it, and drives it unless everything was stopped since
-    /// [`App::stops`] said `stops`.
+    /// Plans for a touch, the request `id` of `client`, with all that belongs to it, and drives it unless everything was
+    /// stopped since [`App::stops`] said `stops`.
     ///
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
-    pub async fn touch(self: &Arc<Self>, id: u64, stops: u64, request: &TouchRequest) -> Result<Touched, Problem> {
+    pub async fn touch(
+        self: &Arc<Self>,
+        client: Client,
+        id: u64,
+        stops: u64,
+        request: &TouchRequest,
+    ) -> Result<Touched, Problem> {
         let asked = request.asked(&self.table.scene);
         let result = match asked {
-            Ok(asked) => self.try_touch(id, stops, &asked).await,
+            Ok(asked) => self.try_touch(client, id, stops, &asked).await,
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
@@ -227,6 +237,7 @@ impl App {
     /// As [`App::touch`].
     pub async fn touch_all(
         self: &Arc<Self>,
+        client: Client,
         id: u64,
         stops: u64,
         touches: Vec<TouchView>,
@@ -234,18 +245,24 @@ impl App {
         manner: Manner,
     ) -> Result<Touched, Problem> {
         let result = match Asked::fingers(touches, intensity, manner, &self.table.scene) {
-            Ok(asked) => self.try_touch(id, stops, &asked).await,
+            Ok(asked) => self.try_touch(client, id, stops, &asked).await,
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
         result
     }
 
-    async fn try_touch(self: &Arc<Self>, id: u64, stops: u64, asked: &Asked) -> Result<Touched, Problem> {
+    async fn try_touch(
+        self: &Arc<Self>,
+        client: Client,
+        id: u64,
+        stops: u64,
+        asked: &Asked,
+    ) -> Result<Touched, Problem> {
         if *self.closing.borrow() {
             return Err(SessionError::Closed.into());
         }
-        let place = self.admission.place().await?;
+        let place = self.admission.place(client).await?;
         // Whoever has waited may not be wanted any more.
         self.turns.check(id)?;
         if self.session.stops() != stops {
@@ -290,9 +307,11 @@ impl App {
         let board = || board(&self.session.snapshots().borrow());
         let release = |older: u64| self.release(older, Instant::now());
         let is_stopped = || self.session.stops() != stops;
-        let turn = self.turns.take(id, &prepared.motion, prepared.drives(&plan), board, release, is_stopped).await?;
         let whole = plan.clone();
-        let (part, (plan, prepared)) = tokio::task::block_in_place(|| self.fitted(&turn, plan, prepared, manner))?;
+        let (thin, (plan, prepared)) = tokio::task::block_in_place(|| self.thinned(plan, prepared, manner))?;
+        let turn = self.turns.take(id, &prepared.motion, prepared.drives(&plan), board, release, is_stopped).await?;
+        let first = (plan, prepared);
+        let (part, (plan, prepared)) = tokio::task::block_in_place(|| self.fitted(&turn, first, &whole, thin, manner))?;
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
             sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
         }
@@ -301,64 +320,12 @@ impl App {
             map.insert("delayed_ms".into(), (delayed.as_secs_f64() * 1e3).into());
         }
         drop(turn);
-        let active = self.shown(id, plan, touches, device.get("effect").cloned());
+        let active = self.shown(id, plan, touches, device.get("effect").cloned(), Thinned::by_credit(thin));
         let is_shown = self.activate(&active, until, stops)?;
-        if matches!(manner, Manner::Hold(_)) && part < 1.0 {
-            self.grow_later(Weaker { begun, stops, part, active: Arc::clone(&active), whole });
+        if matches!(manner, Manner::Hold(_)) && is_shown {
+            self.tend(Held { begun, stops, whole, thin, part, active: Arc::clone(&active) });
         }
         Ok(Touched { active, device, stretches: None, trade: None, is_shown })
-    }
-
-    /// A plan as strong as there is room for on top of what is left of the touches before, and the part of its forces that this is.
-    fn fitted(&self, turn: &Turn<'_>, plan: Plan, prepared: Prepared, manner: Manner) -> Result<PartOfPlan, Problem> {
-        let whole = plan.clone();
-        let weaker = |part: f64| {
-            tracing::info!(plan = turn.id(), part, "weaker, for what is left of the touches before");
-            self.of_part(&whole, part, manner)
-        };
-        fitted((plan, prepared), weaker, |(plan, prepared)| turn.part(&prepared.motion, prepared.drives(plan)))
-    }
-
-    /// More of a plan than the `part` of its forces that is driven, if there is room for that ([`grown`]).
-    pub(super) fn grown(
-        &self,
-        turn: &Turn<'_>,
-        part: f64,
-        whole: &Plan,
-        manner: Manner,
-    ) -> Result<Option<PartOfPlan>, Problem> {
-        let of_part = |part: f64| self.of_part(whole, part, manner);
-        grown(part, of_part, |(plan, prepared)| turn.part(&prepared.motion, prepared.drives(plan)))
-    }
-
-    /// A plan with a part of its forces.
-    fn of_part(&self, whole: &Plan, part: f64, manner: Manner) -> Result<(Plan, Prepared), Problem> {
-        let plan = if part < 1.0 { self.table.weaker(whole, part)? } else { whole.clone() };
-        let prepared = self.prepared(&plan, part, manner)?;
-        Ok((plan, prepared))
-    }
-
-    /// What it takes to drive a plan that has `part` of the forces first planned.
-    fn prepared(&self, plan: &Plan, part: f64, manner: Manner) -> Result<Prepared, Problem> {
-        let (motion, kind) = match manner {
-            Manner::Hold(hold) => (self.table.motion(plan), Kind::Hold(hold)),
-            Manner::Effect(request) => {
-                let rise = self.table.rise().ok_or(DesignError::Unbounded)?;
-                let mut wished = plan.clone();
-                wished.targets.iter_mut().for_each(|target| target.wanted_g *= part);
-                let mut design = design(&self.table, rise, &wished, request)?;
-                if part < 1.0 {
-                    design.add_limit(Limitation::StillMoving);
-                }
-                (design.motion(&self.table), Kind::Effect(Box::new(design)))
-            }
-        };
-        let untold = || {
-            let detail =
-                "what the plan leaves when it ends cannot be told: a drive meets the resonance of an undamped mode";
-            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", detail)
-        };
-        Ok(Prepared { motion: motion.ok_or_else(untold)?, kind })
     }
 
     /// Has the device drive what it is the turn of.
@@ -376,7 +343,14 @@ impl App {
             Kind::Hold(hold) => {
                 let drives = on_channels(&plan.drives).iter().map(to_wire).collect();
                 let order = DriveOrder { id, stops, drives, hold: *hold, from_zero: turn.is_soft() };
-                let driven = self.session.drive(order).await;
+                let mut driven = self.session.drive(order.clone()).await;
+                // A burst of before this daemon's time, or of drives that it does not look after.
+                if let Err(SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. }))) = &driven
+                    && *wait_ms <= REST_MS
+                {
+                    tokio::time::sleep(Duration::from_millis(u64::from(*wait_ms) + 1)).await;
+                    driven = self.session.drive(order).await;
+                }
                 driven.map(|driven| (super::view::achieved(plan, &driven.achieved), Instant::now() + *hold))
             }
             Kind::Effect(design) => {
@@ -420,10 +394,12 @@ impl App {
         plan: Plan,
         touches: &[TouchView],
         effect: Option<serde_json::Value>,
+        thinned: Option<Thinned>,
     ) -> Arc<Active> {
         tokio::task::block_in_place(|| {
             let field = FieldView::new(&self.table, Some(&plan), id);
-            Arc::new(Active { id, plan: PlanView::new(&self.table, plan), field, touches: touches.to_vec(), effect })
+            let plan = PlanView::new(&self.table, plan).thinned(thinned);
+            Arc::new(Active { id, plan, field, touches: touches.to_vec(), effect })
         })
     }
 

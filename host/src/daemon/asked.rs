@@ -40,7 +40,9 @@ impl Asked {
         manner: Manner,
         scene: &Scene,
     ) -> Result<Self, Problem> {
-        let of = |(t, touch)| target(touch, scene).map_err(|problem| problem.of(Some(format!("touches[{t}]"))));
+        let of = |(t, touch): (usize, &TouchView)| {
+            target(touch, scene).map_err(|problem| problem.of(Some(format!("touches[{t}]"))).finger(touch.id))
+        };
         let targets = touches.iter().enumerate().map(of).collect::<Result<Vec<_>, _>>()?;
         let request = Request::touch(&targets);
         Ok(Self { touches, request, intensity, manner, spans: None, with_trade: false })

@@ -2,7 +2,7 @@
 //!
 //! `server` accepts connections and gives every request a task of its own; `access` says who may do what, `guesses` how often;
 //! `routes` and `live`
-//! are the two ways in. `admission` numbers requests and queues them for the planner. `app` holds what a touch needs and does
+//! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and does
 //! it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
 //! do, without driving it. `view` is what goes out as JSON; `problem` is how errors are told (RFC 9457).
 
@@ -14,18 +14,22 @@ mod asked;
 mod assets;
 mod attachments;
 mod body;
-mod grow;
+mod burst;
+mod client;
 mod guesses;
 pub mod listener;
 mod live;
 mod messages;
 mod metrics;
+mod parts;
 mod preview;
 mod problem;
 mod record;
 mod routes;
 mod server;
 mod stretches;
+mod tend;
+mod thin;
 mod touch;
 mod turns;
 mod view;

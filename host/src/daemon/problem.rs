@@ -30,6 +30,9 @@ struct Content {
     /// The request's field, if one is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
     field: Option<String>,
+    /// The finger's number, where one of a live socket's is wrong.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    finger: Option<i64>,
     /// Its value.
     #[serde(skip_serializing_if = "Option::is_none")]
     value: Option<Value>,
@@ -66,6 +69,7 @@ impl Problem {
             status: status.as_u16(),
             detail: detail.into(),
             field: None,
+            finger: None,
             value: None,
             allowed: None,
             line: None,
@@ -119,13 +123,24 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, "bad-body", "The request's body cannot be used", detail)
     }
 
-    /// The same in a part of the request, `also[0]` say; as it is without one.
+    /// The same in a part of the request, `also[0]` say; as it is without one. What is wrong with no field of it is wrong with the
+    /// whole part.
     #[must_use]
     pub fn of(mut self, part: Option<String>) -> Self {
-        if let (Some(part), Some(field)) = (part, &mut self.0.field) {
-            *field = format!("{part}.{field}");
-            self.0.detail = format!("{part}.{}", self.0.detail);
-        }
+        let Some(part) = part else { return self };
+        let (field, detail) = match &self.0.field {
+            Some(field) => (format!("{part}.{field}"), format!("{part}.{}", self.0.detail)),
+            None => (part.clone(), format!("{part}: {}", self.0.detail)),
+        };
+        (self.0.field, self.0.detail) = (Some(field), detail);
+        self
+    }
+
+    /// With the number of the finger that it is about.
+    #[must_use]
+    pub fn finger(mut self, id: i64) -> Self {
+        self.0.finger = Some(id);
+        self.0.detail = format!("finger {id}: {}", self.0.detail);
         self
     }
 

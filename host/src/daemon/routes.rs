@@ -2,6 +2,7 @@
 
 use super::app::App;
 use super::body::whole_body;
+use super::client::Client;
 use super::messages;
 use super::preview::{MAX_SCENE, PreviewRequest};
 use super::problem::Problem;
@@ -82,7 +83,12 @@ fn from_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, wanted: &st
     super::body::from_json(body, wanted)
 }
 
-async fn touch(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Result<Response, Problem> {
+async fn touch(
+    State(app): State<Arc<App>>,
+    client: Client,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
     let stops = app.stops();
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number or "intensity_db"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "buzz" | "swell" | "pulse_train" | "texture", "count"?: number, "period_ms"?: number, "from_ms"?: number, "to_ms"?: number, "also"?: [{"x_px": number, "y_px": number, "intensity_g"?: number, "from_ms"?: number, "to_ms"?: number}, ...], "quiet"?: [{"x_px": number, "y_px": number, "radius_mm": number, "at_most_g": number}, ...], "objective"?: "contrast" | "reach" | "power", "grouping"?: "distinct" | "shared", "weigh"?: "equal" | "felt", "trade"?: boolean}"#;
     let request: TouchRequest = from_body(&headers, &body, wanted)?;
@@ -90,7 +96,7 @@ async fn touch(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> 
     let id = app.admission.arrived(name.clone());
     // It has just been read as such.
     app.note("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
-    let answer = app.touch(id, stops, &request).await.map(messages::touched);
+    let answer = app.touch(client, id, stops, &request).await.map(messages::touched);
     app.note("outcome", || outcome(id, &answer));
     app.admission.done(id, answer.clone());
     let mut response = answer.map(Json).into_response();
@@ -157,7 +163,7 @@ struct FieldQuery {
     intensity_g: Option<f64>,
 }
 
-async fn field(State(app): State<Arc<App>>, uri: Uri) -> Result<Response, Problem> {
+async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<Response, Problem> {
     let Query(query) = Query::<FieldQuery>::try_from_uri(&uri).map_err(|error| {
         Problem::new(StatusCode::BAD_REQUEST, "bad-query", "The query cannot be used", error.body_text())
     })?;
@@ -166,7 +172,7 @@ async fn field(State(app): State<Arc<App>>, uri: Uri) -> Result<Response, Proble
             let (x_m, y_m) = app.table.scene.place_px(x_px, y_px)?.xy_m();
             super::touch::check_intensity(query.intensity_g)?;
             let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
-            let _place = app.admission.place().await?;
+            let _place = app.admission.place(client).await?;
             tokio::task::block_in_place(|| -> Result<_, Problem> {
                 let plan = app.table.plan(&[target])?;
                 Ok(FieldView::new(&app.table, Some(&plan), 0))

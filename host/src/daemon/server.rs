@@ -3,8 +3,9 @@
 //! Every request runs in a task of its own from its last header byte on. A sender that hangs up ends its connection and
 //! nothing else: a stop is carried out, and a touch is driven, shown and counted, whoever still listens for the answer.
 
-use super::access::{Owner, Peer};
+use super::access::Owner;
 use super::app::{App, closed};
+use super::client::Peer;
 use super::listener::{Incoming, Listener};
 use super::problem::Problem;
 use super::routes;
@@ -18,7 +19,6 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::net::TcpStream;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
 use tower_service::Service;
@@ -105,17 +105,18 @@ impl Doors {
         let closing = self.closing.clone();
         match incoming {
             Incoming::Tcp(stream) => {
-                let peer = peer(&stream);
+                let peer = Peer::of(stream.peer_addr());
                 tasks.spawn(connection(stream, peer, router, place, closing))
             }
             #[cfg(unix)]
             Incoming::Unix(stream) => {
                 // The file's permissions have asked already.
                 let router = router.layer(axum::Extension(Owner));
-                tasks.spawn(connection(stream, None, router, place, closing))
+                let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
+                tasks.spawn(connection(stream, peer, router, place, closing))
             }
             Incoming::Tls(stream, acceptor) => tasks.spawn(async move {
-                let peer = peer(&stream);
+                let peer = Peer::of(stream.peer_addr());
                 match tokio::time::timeout(HANDSHAKE, acceptor.accept(stream)).await {
                     Ok(Ok(stream)) => connection(stream, peer, router, place, closing).await,
                     Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
@@ -126,15 +127,10 @@ impl Doors {
     }
 }
 
-/// Where a connection comes from; `None` once it is broken.
-fn peer(stream: &TcpStream) -> Option<Peer> {
-    stream.peer_addr().ok().map(|address| Peer(address.ip()))
-}
-
 /// One connection to its end.
 async fn connection<S>(
     stream: S,
-    peer: Option<Peer>,
+    peer: Peer,
     router: Router,
     _place: OwnedSemaphorePermit,
     mut closing: watch::Receiver<bool>,
@@ -142,10 +138,8 @@ async fn connection<S>(
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
     let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
+        request.extensions_mut().insert(peer);
         let mut router = router.clone();
-        if let Some(peer) = peer {
-            request.extensions_mut().insert(peer);
-        }
         // Begun here and not when the answer is first waited for: by then the sender may have hung up, and hyper drops what
         // it waits for.
         let task = tokio::spawn(async move { router.call(request).await });

@@ -57,7 +57,7 @@ impl App {
                 stretch.trade = self.trade(asked, &asked.request.only(&stretch.span.targets), plan)?;
             }
         }
-        let active = self.shown(id, shown, &asked.touches, None);
+        let active = self.shown(id, shown, &asked.touches, None, None);
         Ok(Touched { active, device, stretches: Some(all), trade: None, is_shown: true })
     }
 }

@@ -1,5 +1,6 @@
 //! One touch after the other: none overtakes a newer one, and none begins while too much is left of those before.
 
+use super::burst::Burst;
 use super::problem::Problem;
 use crate::device::{SessionError, Snapshot};
 use crate::planner::Drive;
@@ -20,6 +21,7 @@ pub struct Turns {
     /// The same, for those that do not wait for it.
     latest: AtomicU64,
     residual: Mutex<ResidualVibration>,
+    burst: Mutex<Option<Burst>>,
     /// Wakes those that wait for their turn: nobody wants it any more.
     unwanted: tokio::sync::Notify,
     /// Zero of [`ResidualVibration`]'s time.
@@ -46,6 +48,7 @@ impl Turns {
             newest,
             latest: AtomicU64::new(0),
             residual,
+            burst: Mutex::new(None),
             unwanted: tokio::sync::Notify::new(),
             started: Instant::now(),
         }
@@ -133,12 +136,42 @@ impl Turns {
 
     /// The drives of plan `id` end at `when`.
     pub fn end_of(&self, id: u64, when: Instant) {
-        self.residual().end_of(id, self.s(when));
+        let mut residual = self.residual();
+        residual.end_of(id, self.s(when));
+        if residual.driven() == Some(id)
+            && let Some(burst) = self.burst().as_mut()
+        {
+            burst.end_by(when);
+        }
+    }
+
+    /// The drives of plan `id`, if they are on, go on until `until`.
+    pub fn prolong(&self, id: u64, until: Instant) {
+        let mut residual = self.residual();
+        residual.prolong(id, self.s(Instant::now()), self.s(until));
+        if residual.driven() == Some(id)
+            && let Some(burst) = self.burst().as_mut()
+        {
+            burst.go_on(until);
+        }
     }
 
     /// Whatever is driven ends with a stop.
     pub fn stop(&self) {
-        self.residual().end(self.s(Instant::now()), Ending::AtOnce);
+        let now = Instant::now();
+        self.residual().end(self.s(now), Ending::AtOnce);
+        if let Some(burst) = self.burst().as_mut() {
+            burst.end_by(now);
+        }
+    }
+
+    /// When the board has to rest, if what is driven goes on until `until`.
+    pub fn rest_due(&self, until: Instant) -> Option<Instant> {
+        self.burst().as_ref().and_then(|burst| burst.due(until))
+    }
+
+    fn burst(&self) -> MutexGuard<'_, Option<Burst>> {
+        self.burst.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn residual(&self) -> MutexGuard<'_, ResidualVibration> {
@@ -180,7 +213,26 @@ impl Turn<'_> {
         let turns = self.turns;
         let mut residual = turns.residual();
         residual.begin(self.id, motion, drives, self.board, turns.s(self.since), turns.s(until));
+        let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
+        let mut burst = turns.burst();
+        *burst = Some(Burst::begun(*burst, Instant::now(), until, lowest_hz));
         residual.begun()
+    }
+
+    /// Nothing is driven from here on, though the turn lasts; when the board has rested.
+    pub fn rest(&self) -> Option<Instant> {
+        let now = Instant::now();
+        self.turns.residual().end(self.turns.s(now), Ending::AtItsBoundary);
+        let mut burst = self.turns.burst();
+        let burst = burst.as_mut()?;
+        burst.end_by(now);
+        Some(burst.rested())
+    }
+
+    /// The same turn after a while, for a board that does this now.
+    #[must_use]
+    pub fn later(self, board: Board) -> Self {
+        Self { board, since: Instant::now(), ..self }
     }
 }
 

@@ -1,5 +1,6 @@
 //! What goes out as JSON.
 
+use super::thin::Thinned;
 use crate::device::convert::from_wire;
 use crate::device::session::Played;
 use crate::effects::{self, Design, NamedEffect};
@@ -91,13 +92,28 @@ pub struct PlanView {
     plan: Plan,
     /// When the first target vibrates under it, and when it has stopped.
     times: Times,
+    /// What part of its forces is driven, and why, where that is not all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    thinned: Option<Thinned>,
 }
 
 impl PlanView {
     /// The view of `plan`, one of this table's.
     #[must_use]
     pub fn new(table: &PlanTable, plan: Plan) -> Self {
-        Self { times: table.times(&plan), plan }
+        Self { times: table.times(&plan), plan, thinned: None }
+    }
+
+    /// The same, driven with less.
+    #[must_use]
+    pub fn thinned(self, thinned: Option<Thinned>) -> Self {
+        Self { thinned, ..self }
+    }
+
+    /// Whether the board rests in it.
+    #[must_use]
+    pub fn rests(&self) -> bool {
+        self.thinned == Some(Thinned::RESTS)
     }
 
     /// The plan itself.

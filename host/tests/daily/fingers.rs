@@ -4,13 +4,13 @@ use crate::support::Daemon;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::net::TcpStream;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
-type Socket = WebSocket<MaybeTlsStream<TcpStream>>;
+pub type Socket = WebSocket<MaybeTlsStream<TcpStream>>;
 
-fn live(daemon: &Daemon, query: &str) -> Socket {
+pub fn live(daemon: &Daemon, query: &str) -> Socket {
     let (socket, _) = tungstenite::connect(format!("{}/v1/live{query}", daemon.url.replace("http", "ws"))).unwrap();
     if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
         stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
@@ -18,7 +18,7 @@ fn live(daemon: &Daemon, query: &str) -> Socket {
     socket
 }
 
-fn say(socket: &mut Socket, message: &Value) {
+pub fn say(socket: &mut Socket, message: &Value) {
     socket.send(Message::text(message.to_string())).unwrap();
 }
 
@@ -27,8 +27,11 @@ fn touch(touches: &Value) -> Value {
 }
 
 /// The next message of a kind; an error is none.
-fn next(socket: &mut Socket, kind: &str) -> Value {
+pub fn next(socket: &mut Socket, kind: &str) -> Value {
+    let begun = Instant::now();
     loop {
+        // Questions for a sign of life end a wait for nothing.
+        assert!(begun.elapsed() < Duration::from_secs(30), "no {kind} has come");
         if let Message::Text(text) = socket.read().unwrap() {
             let message: Value = serde_json::from_str(&text).unwrap();
             assert_ne!(message["type"], "error", "{message}");
@@ -99,7 +102,49 @@ fn the_finger_that_is_wrong_is_named() {
     let message: Value = serde_json::from_str(&text).unwrap();
     let problem = &message["problem"];
     assert_eq!((&problem["field"], &problem["value"]), (&json!("touches[1].x_px"), &json!(5000.0)), "{message}");
-    assert!(problem["detail"].as_str().unwrap().starts_with("touches[1].x_px is 5000"), "{message}");
+    assert_eq!(problem["finger"], 2, "{message}");
+    let detail = problem["detail"].as_str().unwrap();
+    assert!(detail.starts_with("finger 2: touches[1].x_px is 5000"), "{message}");
+}
+
+#[test]
+fn a_finger_in_a_cutout_is_named() {
+    let daemon = Daemon::start(include_str!("../../../examples/scenes/camera.toml"));
+    let mut socket = live(&daemon, "?send=");
+    say(&mut socket, &touch(&json!([{"id": 7, "x_px": 10, "y_px": 10}, {"id": 9, "x_px": 960, "y_px": 122}])));
+    let text = loop {
+        if let Message::Text(text) = socket.read().unwrap() {
+            break text;
+        }
+    };
+    let message: Value = serde_json::from_str(&text).unwrap();
+    let problem = &message["problem"];
+    assert_eq!(problem["type"], "urn:era:problem:in-cutout", "{message}");
+    assert_eq!((&problem["finger"], &problem["field"]), (&json!(9), &json!("touches[1]")), "{message}");
+    assert!(problem["detail"].as_str().unwrap().starts_with("finger 9: touches[1]: "), "{message}");
+}
+
+/// Lifted and back while another finger's click is on its way: it clicks anew.
+#[test]
+fn a_finger_that_comes_again_at_once_plays_its_effect_again() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut socket = live(&daemon, "?send=plan");
+    let at = |id: u32, x_px: f64| json!({"id": id, "x_px": x_px, "y_px": 500.0, "effect": "click"});
+    say(&mut socket, &touch(&json!([at(1, 400.0), at(2, 1500.0)])));
+    next(&mut socket, "plan");
+    for i in 0..5 {
+        // The third finger's click takes some ms; the second one goes and comes meanwhile.
+        let (x_px, third) = (1400.0 + f64::from(i), at(10 + i, 900.0));
+        say(&mut socket, &touch(&json!([at(1, 400.0), at(2, 1500.0), third])));
+        say(&mut socket, &touch(&json!([at(1, 400.0), third])));
+        say(&mut socket, &touch(&json!([at(1, 400.0), at(2, x_px), third])));
+        loop {
+            let plan = next(&mut socket, "plan");
+            if plan["touches"][1]["x_px"] == x_px {
+                break;
+            }
+        }
+    }
 }
 
 #[test]

@@ -2,10 +2,13 @@
 
 use crate::raw::{connect, post_with, send_and_go};
 use crate::support::Daemon;
+use era::daemon::{Access, Listener};
 use era::scene::EXAMPLE_PLATE;
 use serde_json::json;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::time::Duration;
+use std::net::TcpStream;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 /// A touch that came later is never replaced by one that came before it, however long each of them was planned.
 #[test]
@@ -103,4 +106,64 @@ fn arming_ahead_is_harmless_and_lasts_for_the_idle_time() {
     daemon.wait_for(|state| state["device"]["state"] == "armed");
     // Five seconds later.
     daemon.wait_for(|state| state["device"]["state"] == "safe");
+}
+
+/// A field for one place, on a connection of its own, by a program of that name.
+fn field_for(address: &str, program: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    let path = "/v1/field?x_px=300&y_px=900";
+    let head = format!("GET {path} HTTP/1.1\r\nHost: localhost\r\nUser-Agent: {program}\r\nConnection: close\r\n\r\n");
+    stream.write_all(head.as_bytes()).unwrap();
+    stream
+}
+
+/// One program's crowd at the planner is not in another's way.
+#[test]
+fn turns_go_round_between_clients() {
+    const CROWD: usize = 40;
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
+    let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+    let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0")).unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let (end, ended) = tokio::sync::oneshot::channel::<()>();
+    let until = async move { drop(ended.await) };
+    let served = runtime.spawn(era::daemon::serve(Arc::clone(&app), vec![Listener::Tcp(listener)], until));
+    let wait_for = |waiting: usize| {
+        let deadline = Instant::now() + Duration::from_secs(30);
+        while app.admission.waiting() != waiting {
+            assert!(Instant::now() < deadline, "{} wait, not {waiting}", app.admission.waiting());
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    };
+    // Nobody is planned for while the test has both places; then one after the other is.
+    let both = runtime.block_on(async {
+        [app.admission.place(Default::default()).await.unwrap(), app.admission.place(Default::default()).await.unwrap()]
+    });
+    let answered = Mutex::new(Vec::new());
+    let listen = |name: &'static str, mut stream: TcpStream| {
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+        answered.lock().unwrap().push(name);
+    };
+    std::thread::scope(|threads| {
+        for _ in 0..CROWD {
+            let stream = field_for(&address, "crowd");
+            threads.spawn(|| listen("crowd", stream));
+        }
+        wait_for(CROWD);
+        let other = field_for(&address, "other");
+        threads.spawn(|| listen("other", other));
+        wait_for(CROWD + 1);
+        let [place, kept] = both;
+        drop(place);
+        wait_for(0);
+        drop(kept);
+    });
+    // The second turn is the other's. Answers are read by as many threads: some of them may come before.
+    let at = answered.lock().unwrap().iter().position(|name| *name == "other").unwrap();
+    assert!(at < CROWD / 2, "{at} of a crowd of {CROWD} were served before");
+    drop(end);
+    runtime.block_on(served).unwrap();
 }

@@ -4,6 +4,7 @@
 pub mod browser;
 pub mod old_board;
 pub mod scenes;
+pub mod timed_board;
 
 use era::daemon::{Access, App, Background, Recorder};
 use era::device::session::policy::Policy;

@@ -74,7 +74,7 @@ impl Read for Board {
 }
 
 /// Runs the board behind a pseudo-terminal for as long as the test's program does; the path of the port.
-pub fn behind_a_terminal(mut board: Board) -> String {
+pub fn behind_a_terminal(mut board: impl Read + Write + Send + 'static) -> String {
     let (mut terminal, line) = TTYPort::pair().unwrap();
     terminal.set_timeout(Duration::from_millis(1)).unwrap();
     let path = line.name().unwrap();

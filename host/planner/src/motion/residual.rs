@@ -366,6 +366,13 @@ impl ResidualVibration {
         }
     }
 
+    /// The drives named `id`, if they are on at `now_s`, go on until `until_s`.
+    pub fn prolong(&mut self, id: u64, now_s: f64, until_s: f64) {
+        if let Some(current) = self.current.as_mut().filter(|current| current.id == id && now_s < current.until_s) {
+            current.until_s = current.until_s.max(until_s);
+        }
+    }
+
     /// How often drives have begun: who has seen it knows later whether something else has begun since.
     #[must_use]
     pub const fn begun(&self) -> u64 {

@@ -2,6 +2,7 @@
 
 use super::error_message;
 use crate::daemon::app::App;
+use crate::daemon::client::Client;
 use crate::daemon::touch::{Feel, MAX_DURATION_MS, Manner};
 use crate::daemon::turns::superseded;
 use crate::daemon::view::TouchView;
@@ -15,6 +16,8 @@ use tokio::sync::{Notify, mpsc};
 const TAP: Duration = Duration::from_millis(400);
 /// Between two looks whether a touch that nobody wants any more has begun to wait for its turn.
 const AGAIN: Duration = Duration::from_millis(10);
+/// Between two looks at a finger that rests: well before its drive ends ([`MAX_DURATION_MS`]).
+const RENEW: Duration = Duration::from_secs(1);
 /// Most taps that wait to be driven: more than ten fingers make while one is planned.
 const MOST_STEPS: usize = 32;
 
@@ -25,6 +28,10 @@ struct Step {
     touches: Vec<TouchView>,
     feel: Feel,
     lifted: bool,
+    /// Fingers that have come since the step before, even if they had been there until shortly before.
+    came: Vec<i64>,
+    /// Whether it is driven though fingers have moved since: one that came in it has been lifted, others are still down.
+    is_tap: bool,
     /// [`App::stops`] when it was said: a stop from then on means that it is not driven.
     stops: u64,
 }
@@ -34,6 +41,8 @@ struct Step {
 #[derive(Debug, Default)]
 pub struct Fingers {
     steps: Mutex<VecDeque<Step>>,
+    /// Those that are down by the last message.
+    down: Mutex<Vec<i64>>,
     changed: Notify,
     gone: Mutex<bool>,
 }
@@ -41,19 +50,27 @@ pub struct Fingers {
 impl Fingers {
     /// All fingers that are down now, none if they are lifted.
     pub fn are(&self, touches: Vec<TouchView>, feel: Feel, stops: u64) {
+        let ids: Vec<i64> = touches.iter().map(|touch| touch.id).collect();
         let mut steps = self.steps();
+        let before = std::mem::replace(&mut *self.down.lock().unwrap_or_else(PoisonError::into_inner), ids.clone());
+        let mut came: Vec<i64> = ids.iter().filter(|id| !before.contains(id)).copied().collect();
         if touches.is_empty() {
             match steps.back_mut() {
                 Some(last) if !last.lifted => last.lifted = true,
                 Some(_) => {}
-                None => steps.push_back(Step { touches, feel, lifted: true, stops }),
+                None => steps.push_back(Step { touches, feel, lifted: true, came, is_tap: false, stops }),
             }
         } else {
-            // A device slower than the page skips what came in between.
-            if steps.len() >= MOST_STEPS || steps.back().is_some_and(|last| !last.lifted) {
-                steps.pop_back();
+            if let Some(last) = steps.back_mut().filter(|last| !last.lifted) {
+                last.is_tap |= last.came.iter().any(|id| !ids.contains(id));
             }
-            steps.push_back(Step { touches, feel, lifted: false, stops });
+            // A device slower than the page skips what came in between.
+            if (steps.len() >= MOST_STEPS || steps.back().is_some_and(|last| !last.lifted && !last.is_tap))
+                && let Some(skipped) = steps.pop_back()
+            {
+                came.extend(skipped.came.into_iter().filter(|id| ids.contains(id)));
+            }
+            steps.push_back(Step { touches, feel, lifted: false, came, is_tap: false, stops });
         }
         drop(steps);
         self.changed.notify_one();
@@ -97,13 +114,21 @@ impl Fingers {
 }
 
 /// Drives what the fingers ask for until the page is gone.
-pub async fn drive(app: Arc<App>, fingers: Arc<Fingers>, replies: mpsc::Sender<Value>) {
-    let mut hand = Hand::default();
-    while let Some(step) = fingers.next().await {
+pub async fn drive(app: Arc<App>, client: Client, fingers: Arc<Fingers>, replies: mpsc::Sender<Value>) {
+    let mut hand = Hand { client, ..Hand::default() };
+    loop {
+        let step = tokio::select! {
+            step = fingers.next() => step,
+            () = tokio::time::sleep(RENEW), if hand.still.is_some() => {
+                hand.renew(&app, &fingers, &replies).await;
+                continue;
+            }
+        };
+        let Some(step) = step else { return };
         let lifted = step.lifted;
         hand.keep(&step.touches);
         if !step.touches.is_empty()
-            && !hand.has_played(&step.touches, &step.feel)
+            && !hand.has_played(&step)
             && let Err(problem) = hand.drive(&app, &fingers, step).await
         {
             // The page reads nothing: it has missed older news than this.
@@ -118,16 +143,38 @@ pub async fn drive(app: Arc<App>, fingers: Arc<Fingers>, replies: mpsc::Sender<V
 /// The fingers that are down, and what is driven for them.
 #[derive(Debug, Default)]
 struct Hand {
+    client: Client,
     down: Vec<i64>,
     feel: Feel,
     /// The even drive, and since when its fingers are down.
     held: Option<(Instant, u64)>,
+    /// What it was driven for, if that goes on for as long as they are.
+    still: Option<Step>,
 }
 
 impl Hand {
     /// Whether an effect has been played for all of these fingers: it is not begun again by one that moves.
-    fn has_played(&self, touches: &[TouchView], feel: &Feel) -> bool {
-        feel.effect.is_some() && self.feel == *feel && touches.iter().all(|touch| self.down.contains(&touch.id))
+    fn has_played(&self, step: &Step) -> bool {
+        let Step { touches, feel, came, .. } = step;
+        let is_known = |touch: &TouchView| self.down.contains(&touch.id) && !came.contains(&touch.id);
+        feel.effect.is_some() && self.feel == *feel && touches.iter().all(is_known)
+    }
+
+    /// Fingers that rest are felt for as long as they are down: their drive is given more time, and begun again where it was
+    /// ended by a touch of somebody else's that is over, or by the board. Not after a stop, nor once the board has gone off.
+    async fn renew(&mut self, app: &Arc<App>, fingers: &Fingers, replies: &mpsc::Sender<Value>) {
+        let Some((step, (_, plan))) = self.still.clone().zip(self.held) else { return };
+        let until = Instant::now() + Duration::from_millis(u64::from(MAX_DURATION_MS));
+        if app.stops() != step.stops || app.is_off() {
+            self.still = None;
+        } else if !app.prolong(plan, until)
+            && app.active().is_none()
+            && let Err(problem) = self.drive(app, fingers, step).await
+            && !["busy", "superseded", "device-refused"].iter().any(|kind| problem.is(kind))
+        {
+            self.still = None;
+            let _ = replies.try_send(error_message(&problem));
+        }
     }
 
     /// Forgets fingers that are not down any more: when they come again, their effect does.
@@ -136,11 +183,14 @@ impl Hand {
     }
 
     async fn drive(&mut self, app: &Arc<App>, fingers: &Fingers, step: Step) -> Result<(), crate::daemon::Problem> {
-        let Step { touches, feel, lifted: is_tap, stops } = step;
+        let is_even = step.feel.effect.is_none() && step.feel.duration_ms.is_none();
+        let again = (is_even && !step.lifted).then(|| Step { came: Vec::new(), is_tap: false, ..step.clone() });
+        let Step { touches, feel, lifted, is_tap, stops, .. } = step;
+        let is_tap = lifted || is_tap;
         let (intensity, manner) = feel.check(MAX_DURATION_MS)?;
         let ids = touches.iter().map(|touch| touch.id).collect();
         let id = app.admission.number();
-        let mut touch = std::pin::pin!(app.touch_all(id, stops, touches, intensity, manner));
+        let mut touch = std::pin::pin!(app.touch_all(self.client, id, stops, touches, intensity, manner));
         // To its end in any case, but without waiting for its turn once newer fingers stand in its place.
         let done = loop {
             tokio::select! {
@@ -159,7 +209,7 @@ impl Hand {
         });
         match done {
             Ok(done) => {
-                (self.down, self.feel) = (ids, feel);
+                (self.down, self.feel, self.still) = (ids, feel, again);
                 self.held = match manner {
                     // An effect ends by itself, whatever the fingers do meanwhile.
                     Manner::Effect(_) => None,
@@ -176,8 +226,61 @@ impl Hand {
 
     fn lift(&mut self, app: &App) {
         self.down.clear();
+        self.still = None;
         if let Some((since, plan)) = self.held.take() {
             app.release(plan, since + TAP);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::NamedEffect;
+
+    fn at(ids: &[i64], x_px: f64) -> Vec<TouchView> {
+        ids.iter().map(|id| TouchView { id: *id, x_px, y_px: 0.0, intensity_g: None, effect: None }).collect()
+    }
+
+    /// Fingers that came, of each step that waits; whether it is a tap; and where its first finger is.
+    fn steps(fingers: &Fingers) -> Vec<(Vec<i64>, bool, f64)> {
+        let of =
+            |step: Step| (step.came, step.lifted || step.is_tap, step.touches.first().map_or(f64::NAN, |t| t.x_px));
+        std::iter::from_fn(|| fingers.steps().pop_front()).map(of).collect()
+    }
+
+    #[test]
+    fn a_finger_that_comes_again_is_another_one() {
+        let fingers = Fingers::default();
+        let say = |ids: &[i64], x_px| fingers.are(at(ids, x_px), Feel::default(), 0);
+        say(&[1], 0.0);
+        say(&[1, 2], 1.0);
+        assert_eq!(steps(&fingers), [(vec![2, 1], false, 1.0)]);
+        // Lifted and back before anything is driven.
+        say(&[1], 2.0);
+        say(&[1, 2], 3.0);
+        say(&[1, 2], 4.0);
+        assert_eq!(steps(&fingers), [(vec![2], false, 4.0)]);
+        // A tap beside a finger that stays; the newest place of what follows.
+        say(&[1, 2, 3], 5.0);
+        say(&[1, 2], 6.0);
+        say(&[1, 2], 7.0);
+        assert_eq!(steps(&fingers), [(vec![3], true, 5.0), (vec![], false, 7.0)]);
+    }
+
+    #[test]
+    fn an_effect_is_played_again_for_a_finger_that_comes_again() {
+        let feel = Feel { effect: Some(NamedEffect::Click), ..Feel::default() };
+        let hand = Hand { down: vec![1, 2], feel, ..Hand::default() };
+        let step = |came: &[i64]| Step {
+            touches: at(&[1, 2], 0.0),
+            feel,
+            lifted: false,
+            came: came.to_vec(),
+            is_tap: false,
+            stops: 0,
+        };
+        assert!(hand.has_played(&step(&[])));
+        assert!(!hand.has_played(&step(&[2])));
     }
 }

@@ -7,6 +7,7 @@ mod fingers;
 mod writer;
 
 use super::app::{App, SOCKETS};
+use super::client::Client;
 use super::problem::Problem;
 use super::touch::Feel;
 use super::view::TouchView;
@@ -79,6 +80,7 @@ struct LiveQuery {
 /// Takes the upgrade.
 pub async fn upgrade(
     State(app): State<Arc<App>>,
+    client: Client,
     uri: Uri,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
@@ -99,13 +101,13 @@ pub async fn upgrade(
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, "busy", "Too many sockets", detail).retry(1000, Some(SOCKETS))
     })?;
     let serve = async move |socket| {
-        serve(app, socket, wants).await;
+        serve(app, client, socket, wants).await;
         drop(place);
     };
     Ok(upgrade.max_message_size(MAX_MESSAGE).on_upgrade(serve).into_response())
 }
 
-async fn serve(app: Arc<App>, socket: WebSocket, wants: Wants) {
+async fn serve(app: Arc<App>, client: Client, socket: WebSocket, wants: Wants) {
     // Names the page in recordings.
     static PAGES: AtomicU64 = AtomicU64::new(0);
     let page = PAGES.fetch_add(1, Ordering::Relaxed) + 1;
@@ -114,7 +116,7 @@ async fn serve(app: Arc<App>, socket: WebSocket, wants: Wants) {
     let (replies, outbox) = mpsc::channel::<Value>(REPLIES);
     let fingers = Arc::new(Fingers::default());
     let mut writer = tokio::spawn(writer::write(Arc::clone(&app), sink, inbox, outbox, wants));
-    tokio::spawn(fingers::drive(Arc::clone(&app), Arc::clone(&fingers), replies.clone()));
+    tokio::spawn(fingers::drive(Arc::clone(&app), client, Arc::clone(&fingers), replies.clone()));
     let mut ping = tokio::time::interval(PING);
     let mut heard = Instant::now();
     loop {

@@ -190,6 +190,7 @@ enum Command {
     Drive { order: DriveOrder, answer: oneshot::Sender<Result<Driven, SessionError>> },
     Stop { answer: oneshot::Sender<Result<(), SessionError>> },
     EndAt { id: u64, when: Instant },
+    HoldUntil { id: u64, until: Instant },
     Clear { answer: oneshot::Sender<Result<(), SessionError>> },
     Arm { stops: u64, answer: oneshot::Sender<Result<(), SessionError>> },
     Close,
@@ -311,6 +312,11 @@ impl Session {
     pub fn end_at(&self, id: u64, when: Instant) {
         // A session that has ended has ended its drives.
         let _ = self.send(Command::EndAt { id, when });
+    }
+
+    /// The even drive named `id` goes on until `until`, whatever its end was; one that has ended, or another, does not.
+    pub fn hold_until(&self, id: u64, until: Instant) {
+        let _ = self.send(Command::HoldUntil { id, until });
     }
 
     /// Arms, unless that has been done, and waits for the self-test to end.

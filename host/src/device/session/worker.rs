@@ -117,6 +117,11 @@ impl Worker {
                         self.drive_until = self.drive_until.map(|until| until.min(when));
                     }
                 }
+                Ok(Command::HoldUntil { id, until }) => {
+                    if id == self.drive_id && self.drive_until.is_some() {
+                        (self.drive_until, self.idle_since) = (Some(until), until);
+                    }
+                }
                 Ok(Command::Clear { answer }) => {
                     let _ = answer.send(self.clear());
                 }
