@@ -8,6 +8,8 @@ mod boards;
 mod bodies;
 mod fingers;
 mod hang_up;
+mod limits;
+mod loss;
 mod measured;
 mod order;
 mod raw;
