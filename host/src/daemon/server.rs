@@ -56,8 +56,7 @@ pub async fn serve_while_alive(
         }
     };
     serve(app, listeners, until).await;
-    let why = *ended.borrow();
-    why
+    *ended.borrow()
 }
 
 /// Serves `app` on all `listeners` until `shutdown` resolves. The device is stopped first then, whatever connections do.

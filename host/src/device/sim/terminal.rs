@@ -291,9 +291,11 @@ impl Loop {
     fn listen(&mut self, bytes: &[u8], at: Instant) {
         let (mut drives_set, mut stops) = (false, false);
         let (heard, deadman) = (&mut self.heard, &mut self.deadman);
+        // The device's logic has just heard it: where this thread came late to that, the silence began later than `at`.
+        let now = Instant::now();
         self.listener.feed(bytes, |result| {
             let Some(frame) = result.ok().filter(|frame| frame.kind == Kind::Request as u8) else { return };
-            *heard = at;
+            *heard = now;
             match postcard::from_bytes(frame.body) {
                 Ok(Request::SetDrives { drives } | Request::Prepare { drives }) => drives_set |= !drives.is_empty(),
                 Ok(Request::Stop) => stops = true,
