@@ -132,6 +132,16 @@ impl Bench {
 }
 
 fn device() -> Result<SimDevice, Error> {
+    let table = table()?;
+    let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
+    Ok(SimDevice::start_named(Panel::of(&table), volts, SimBoard::ID)?)
+}
+
+/// What is planned with for the example plate.
+///
+/// # Errors
+/// [`Error::Scene`].
+pub fn table() -> Result<PlanTable, Error> {
     let wrong = |error: &dyn std::fmt::Display| Error::Scene(error.to_string());
     let scene = Scene::parse("example plate", EXAMPLE_PLATE).map_err(|error| wrong(&error))?;
     let options = TableOptions::default();
@@ -139,9 +149,7 @@ fn device() -> Result<SimDevice, Error> {
         .map_err(|error| wrong(&error))?
         .reduce(options.to_hz, &[])
         .map_err(|error| wrong(&error))?;
-    let table = PlanTable::build(&scene, model, options).map_err(|error| wrong(&error))?;
-    let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-    Ok(SimDevice::start_named(Panel::of(&table), volts, SimBoard::ID)?)
+    PlanTable::build(&scene, model, options).map_err(|error| wrong(&error))
 }
 
 #[derive(Debug)]

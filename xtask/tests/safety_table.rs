@@ -115,11 +115,8 @@ fn mistakes(text: &str, repository: &Repository) -> Vec<String> {
     mistakes
 }
 
-/// Threats of which a part is still without a test, and may say so.
-const OPEN: [&str; 2] = ["somebody sends slowly, or half", "somebody does not read answers"];
-
 /// Everything that is wrong with the threat table in `text`.
-fn mistakes_of_threats(text: &str, repository: &Repository, open: &[&str]) -> Vec<String> {
+fn mistakes_of_threats(text: &str, repository: &Repository) -> Vec<String> {
     let mut mistakes = Vec::new();
     let rows = rows(text, "threat");
     if rows.is_empty() {
@@ -134,7 +131,7 @@ fn mistakes_of_threats(text: &str, repository: &Repository, open: &[&str]) -> Ve
             mistakes.push(format!("a threat without a mechanism, or the reverse: {threat}{mechanism}"));
         }
         let says_none = ["no test", "no mechanism"].iter().any(|words| row.iter().any(|cell| cell.contains(words)));
-        if says_none && !open.contains(&threat) {
+        if says_none {
             mistakes.push(format!("{threat}: says that there is no test"));
         }
         if quoted(tests).next().is_none() {
@@ -151,7 +148,7 @@ fn mistakes_of_threats(text: &str, repository: &Repository, open: &[&str]) -> Ve
 fn every_threat_has_a_mechanism_and_tests_that_exist() {
     let repository = Repository::read();
     let text = fs::read_to_string(repository.root.join("docs/src/safety.md")).expect("docs/src/safety.md");
-    let mistakes = mistakes_of_threats(&text, &repository, &OPEN);
+    let mistakes = mistakes_of_threats(&text, &repository);
     assert!(mistakes.is_empty(), "docs/src/safety.md:\n  {}", mistakes.join("\n  "));
 }
 
@@ -162,14 +159,13 @@ fn what_is_missing_for_a_threat_is_named() {
 | threat | mechanism | test |
 |---|---|---|
 | good | m | `what_is_missing_is_named`, `a_stop_gets_through_a_crowd` |
-| open | m | `what_is_missing_is_named`; the times: no test |
 | half | m | `what_is_missing_is_named`; the rest: no test |
 | none | m | to come |
 | renamed | m | `a_test_that_was_renamed` |
 | bare | | `what_is_missing_is_named` |
 | short | m |
 ";
-    let found = mistakes_of_threats(wrong, &repository, &["open"]);
+    let found = mistakes_of_threats(wrong, &repository);
     let expected = [
         "half: says that there is no test",
         "none: names no test",

@@ -4,10 +4,10 @@ use super::args::{AfterOutage, Serve};
 use super::panel::prepared_table;
 use super::{Failure, Outcome, config, notify};
 use crate::daemon::listener::{ListenError, TlsFiles, first_certificate, lacking};
-use crate::daemon::{Access, App, DEFAULT_LISTEN, Listener, Recorder, serve};
+use crate::daemon::{Access, App, DEFAULT_LISTEN, Ended, Listener, Recorder, serve_while_alive};
 use crate::device::session::policy::Policy;
 use crate::device::sim::Panel;
-use crate::device::{OpenDevice, Target};
+use crate::device::{OpenDevice, SessionError, Target};
 use crate::planner::cache::{Origin, Prepared};
 use crate::planner::{Plan, PlanTable, Target as TouchTarget};
 use crate::private_file;
@@ -68,8 +68,11 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     warm_up(&app);
     let watched = Arc::clone(&app);
     notify::ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || watched.is_alive());
-    runtime.block_on(serve(app, listeners, notify::stopping_after(shutdown())));
-    Ok(())
+    match runtime.block_on(serve_while_alive(app, listeners, notify::stopping_after(shutdown()))) {
+        Ended::Asked => Ok(()),
+        // A failure, so that the service manager starts it anew.
+        Ended::Session => Err(Failure::failed(SessionError::Ended)),
+    }
 }
 
 /// Who may do what.

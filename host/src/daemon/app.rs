@@ -5,6 +5,7 @@ use super::active::{Active, Held, Touched, Update};
 use super::admission::Admission;
 use super::asked::Asked;
 use super::client::Client;
+use super::limits::Limits;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
@@ -49,6 +50,8 @@ pub struct App {
     pub access: Arc<Access>,
     /// Writes down what is asked and what becomes of it, where that is wanted.
     pub record: Option<Recorder>,
+    /// What connections may take.
+    pub limits: Limits,
     /// Who is next, and what became of whom.
     pub admission: Admission,
     /// Places for pages' sockets.
@@ -122,6 +125,7 @@ impl App {
             started: Instant::now(),
             access: Arc::new(access),
             record: None,
+            limits: Limits::default(),
             admission: Admission::default(),
             sockets: Arc::new(Semaphore::new(SOCKETS)),
             session: Session::start(device, Needs { max_voltages_v }, policy)?,
@@ -148,6 +152,12 @@ impl App {
         if let Some(record) = &self.record {
             record.line(kind, content);
         }
+    }
+
+    /// Resolves when the thread that looks after the device has ended.
+    pub async fn session_ended(&self) {
+        let mut device = self.session.snapshots();
+        while device.changed().await.is_ok() {}
     }
 
     /// Whether the thread that looks after the device does its work.

@@ -12,8 +12,6 @@ use serde_json::Value;
 use serde_path_to_error::{Path, Segment};
 use std::time::Duration;
 
-/// From a request's headers to the last byte of its body: the longest body takes 0.3 s at 1 Mbit/s.
-const BODY_TIME: Duration = Duration::from_secs(5);
 /// Content types that say nothing against JSON: what `curl -d`, plain sockets and HTTP libraries say of any text.
 const TAKEN: [&str; 4] =
     ["application/json", "application/x-www-form-urlencoded", "text/plain", "application/octet-stream"];
@@ -152,14 +150,23 @@ fn found(text: &[u8], path: &Path) -> Option<Value> {
     path.iter().try_fold(body, step)
 }
 
-/// Reads a request's body of at most `most` bytes, for a limited time, before anything is done with it.
-pub async fn whole_body(State(most): State<usize>, request: Request, next: Next) -> Response {
+/// How long a body may be in bytes, and in time.
+#[derive(Clone, Copy, Debug)]
+pub struct Most {
+    /// Bytes.
+    pub bytes: usize,
+    /// From the headers to the last byte.
+    pub time: Duration,
+}
+
+/// Reads a request's body before anything is done with it.
+pub async fn whole_body(State(Most { bytes: most, time }): State<Most>, request: Request, next: Next) -> Response {
     let (parts, body) = request.into_parts();
-    match tokio::time::timeout(BODY_TIME, axum::body::to_bytes(body, most)).await {
+    match tokio::time::timeout(time, axum::body::to_bytes(body, most)).await {
         Ok(Ok(bytes)) => next.run(Request::from_parts(parts, Body::from(bytes))).await,
         Ok(Err(error)) => unreadable(&error, most).into_response(),
         Err(_) => {
-            let detail = format!("the body was not complete after {} s", BODY_TIME.as_secs());
+            let detail = format!("the body was not complete after {time:?}");
             Problem::new(StatusCode::REQUEST_TIMEOUT, "slow-body", "The request took too long", detail).into_response()
         }
     }

@@ -106,14 +106,15 @@ pub fn state(app: &App) -> Value {
     });
     json!({
         "device": {
-            "kind": device.kind, "port": device.path, "connected": device.connected, "problem": device.problem,
+            "kind": device.kind, "port": device.path,
+            "connected": device.connected, "in_doubt": device.in_doubt, "problem": device.problem,
             "state": status.map(|status| status.state.name()), "fault": fault,
             "firmware": identity.map(Identity::firmware_text), "image": identity.map(|known| known.image.as_str()),
             "protocol": device.protocol,
             "board_id": identity.map(|known| Identity::hex(known.board_id)), "boot_id": identity.map(|known| known.boot_id),
             "reset_cause": identity.map(|known| format!("{:?}", known.reset_cause)),
             "failure": identity.map(|known| known.failure.as_str()).filter(|failure| !failure.is_empty()),
-            "restarts": device.restarts, "outages": device.outages, "faults": device.faults, "silences_cleared": device.cleared,
+            "restarts": device.restarts, "outages": device.outages, "doubts": device.doubts, "faults": device.faults, "silences_cleared": device.cleared,
             "mismatch": device.mismatch, "waits_to_be_armed": device.waits_to_be_armed, "supply": supply, "clock": clock,
         },
         "plan": active.as_ref().map(|active| &active.plan),

@@ -62,6 +62,8 @@ impl Metrics {
         let help = "Requests refused as too many waited.";
         metric("era_requests_refused_total", "counter", help, &admission.refused());
         metric("era_device_outages_total", "counter", "Times that the link was lost.", &device.outages);
+        let help = "Times that the device was late or lost: nothing was heard of it for 50 ms after it was asked.";
+        metric("era_device_doubts_total", "counter", help, &device.doubts);
         metric("era_device_faults_total", "counter", "Faults latched by the device.", &device.faults);
         let help = "Latched silences of this host cleared by policy.";
         metric("era_device_silences_cleared_total", "counter", help, &device.cleared);

@@ -11,6 +11,9 @@ use era_shared::protocol::Refusal;
 use serde::Serialize;
 use serde_json::Value;
 
+/// After how long a device that is late may be tried again: it is asked so often itself (`device::timing::REAL_TIME`).
+const LATE_AGAIN_MS: u64 = 100;
+
 /// One problem, boxed: it travels through many results.
 #[derive(Clone, Debug, Serialize)]
 #[serde(transparent)]
@@ -267,6 +270,10 @@ impl From<SessionError> for Problem {
             SessionError::Link(_) | SessionError::Disconnected { .. } => {
                 Self::new(StatusCode::BAD_GATEWAY, "device-lost", "The device does not answer", detail)
             }
+            SessionError::Late { .. } => {
+                let title = "The device does not answer just now";
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "device-late", title, detail).retry(LATE_AGAIN_MS, None)
+            }
             SessionError::Away { .. } => Self::new(
                 StatusCode::CONFLICT,
                 "not-armed",
@@ -279,6 +286,10 @@ impl From<SessionError> for Problem {
             SessionError::Stopped => Self::new(StatusCode::CONFLICT, "stopped", "Stopped meanwhile", detail),
             SessionError::Closed => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "closing", "The daemon is shutting down", detail)
+            }
+            SessionError::Ended => {
+                let title = "The session with the device has ended";
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "session-ended", title, detail)
             }
         }
     }

@@ -1,7 +1,7 @@
 //! The HTTP interface.
 
 use super::app::App;
-use super::body::whole_body;
+use super::body::{Most, whole_body};
 use super::client::Client;
 use super::messages;
 use super::preview::{MAX_SCENE, PreviewRequest};
@@ -33,6 +33,7 @@ const OPENAPI: &str = include_str!("openapi.json");
 
 /// All routes.
 pub fn router(app: Arc<App>) -> Router {
+    let most = |bytes: usize| Most { bytes, time: app.limits.body };
     let mut router = Router::new()
         .route("/v1/touch", post(touch))
         .route("/v1/requests/{id}", get(request))
@@ -50,9 +51,9 @@ pub fn router(app: Arc<App>) -> Router {
     }
     let large = Router::new()
         .route("/v1/preview", post(preview))
-        .layer(middleware::from_fn_with_state(MAX_PREVIEW_BODY, whole_body));
+        .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), whole_body));
     router
-        .layer(middleware::from_fn_with_state(MAX_BODY, whole_body))
+        .layer(middleware::from_fn_with_state(most(MAX_BODY), whole_body))
         .merge(large)
         .fallback(not_found)
         .method_not_allowed_fallback(wrong_method)
@@ -67,7 +68,7 @@ pub fn stop_only(app: Arc<App>) -> Router {
     Router::new()
         .route("/v1/stop", post(stop))
         .fallback(busy)
-        .layer(middleware::from_fn_with_state(MAX_BODY, whole_body))
+        .layer(middleware::from_fn_with_state(Most { bytes: MAX_BODY, time: app.limits.body }, whole_body))
         .layer(middleware::from_fn_with_state(Arc::clone(&app.access), access::check))
         .with_state(app)
 }

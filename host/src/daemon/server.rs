@@ -6,9 +6,11 @@
 use super::access::Owner;
 use super::app::{App, closed};
 use super::client::Peer;
+use super::limits::Limits;
 use super::listener::{Incoming, Listener};
 use super::problem::Problem;
 use super::routes;
+use crate::device::SessionError;
 use axum::Router;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
@@ -21,20 +23,42 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
+use tokio_io_timeout::TimeoutStream;
 use tower_service::Service;
 
-/// Connections at once. A page takes one or two, each task some 20 kB.
-const CONNECTIONS: usize = 256;
-/// Connections beside them on which only `POST /v1/stop` is taken, so that nobody can keep a stop out by opening many.
-const STOP_CONNECTIONS: usize = 32;
-/// For a TLS handshake.
-const HANDSHAKE: Duration = Duration::from_secs(10);
-/// From a connection's start, or the end of its last answer, to the last byte of the next request's headers.
-const HEADER_TIME: Duration = Duration::from_secs(30);
-/// For answers that are on their way when the daemon ends; the device is off by then.
-const GOODBYE: Duration = Duration::from_secs(2);
 /// After an accept that failed: the system is out of file handles, most often.
 const ACCEPT_AGAIN: Duration = Duration::from_millis(50);
+
+/// Why a daemon has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// It was asked to.
+    Asked,
+    /// The thread that looks after the device is no more, by a mistake in this program.
+    Session,
+}
+
+/// As [`serve`], and no longer than the session with the device lasts. Its thread is not started anew: it ended by a panic, so what it knew of
+/// the board is worth nothing. The board has gone off by its dead-man time and can only be driven by a daemon that begins with its hello;
+/// one that went on without would look alive and answer every touch with 503.
+pub async fn serve_while_alive(
+    app: Arc<App>,
+    listeners: Vec<Listener>,
+    shutdown: impl Future<Output = ()> + Send + 'static,
+) -> Ended {
+    let (watched, (told, ended)) = (Arc::clone(&app), watch::channel(Ended::Asked));
+    let until = async move {
+        tokio::select! {
+            () = shutdown => {}
+            () = watched.session_ended() => {
+                tracing::error!("{}; the daemon ends, to be started anew", SessionError::Ended);
+                told.send_replace(Ended::Session);
+            }
+        }
+    };
+    serve(app, listeners, until).await;
+    *ended.borrow()
+}
 
 /// Serves `app` on all `listeners` until `shutdown` resolves. The device is stopped first then, whatever connections do.
 pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Future<Output = ()> + Send + 'static) {
@@ -66,8 +90,9 @@ async fn listen(listener: Listener, doors: Doors, mut closing: watch::Receiver<b
         }
     }
     drop(listener);
+    let goodbye = doors.limits.goodbye;
     let all = async { while tasks.join_next().await.is_some() {} };
-    if tokio::time::timeout(GOODBYE, all).await.is_err() {
+    if tokio::time::timeout(goodbye, all).await.is_err() {
         tracing::info!(open = tasks.len(), "connections that do not end are closed");
     }
 }
@@ -78,6 +103,7 @@ struct Doors {
     stop_only: Router,
     places: Arc<Semaphore>,
     stop_places: Arc<Semaphore>,
+    limits: Limits,
     closing: watch::Receiver<bool>,
 }
 
@@ -86,8 +112,9 @@ impl Doors {
         Self {
             all: routes::router(Arc::clone(app)),
             stop_only: routes::stop_only(Arc::clone(app)),
-            places: Arc::new(Semaphore::new(CONNECTIONS)),
-            stop_places: Arc::new(Semaphore::new(STOP_CONNECTIONS)),
+            places: Arc::new(Semaphore::new(app.limits.connections)),
+            stop_places: Arc::new(Semaphore::new(app.limits.stop_connections)),
+            limits: app.limits,
             closing: app.closing(),
         }
     }
@@ -102,23 +129,23 @@ impl Doors {
                 None => return tracing::warn!("too many connections; one is refused"),
             },
         };
-        let closing = self.closing.clone();
+        let (closing, limits) = (self.closing.clone(), self.limits);
         match incoming {
             Incoming::Tcp(stream) => {
                 let peer = Peer::of(stream.peer_addr());
-                tasks.spawn(connection(stream, peer, router, place, closing))
+                tasks.spawn(connection(stream, peer, router, place, limits, closing))
             }
             #[cfg(unix)]
             Incoming::Unix(stream) => {
                 // The file's permissions have asked already.
                 let router = router.layer(axum::Extension(Owner));
                 let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
-                tasks.spawn(connection(stream, peer, router, place, closing))
+                tasks.spawn(connection(stream, peer, router, place, limits, closing))
             }
             Incoming::Tls(stream, acceptor) => tasks.spawn(async move {
                 let peer = Peer::of(stream.peer_addr());
-                match tokio::time::timeout(HANDSHAKE, acceptor.accept(stream)).await {
-                    Ok(Ok(stream)) => connection(stream, peer, router, place, closing).await,
+                match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
+                    Ok(Ok(stream)) => connection(stream, peer, router, place, limits, closing).await,
                     Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
                     Err(_) => tracing::debug!("a handshake took too long"),
                 }
@@ -133,10 +160,15 @@ async fn connection<S>(
     peer: Peer,
     router: Router,
     _place: OwnedSemaphorePermit,
+    limits: Limits,
     mut closing: watch::Receiver<bool>,
 ) where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
+    // Of answers that nobody takes; hyper has limits for what comes in only.
+    let mut stream = TimeoutStream::new(stream);
+    stream.set_write_timeout(Some(limits.answer));
+    let stream = Box::pin(stream);
     let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
         request.extensions_mut().insert(peer);
         let mut router = router.clone();
@@ -156,7 +188,7 @@ async fn connection<S>(
     });
     let mut builder = http1::Builder::new();
     // A sender that closes its half of the connection still wants its answer (`nc -N`).
-    builder.half_close(true).timer(TokioTimer::new()).header_read_timeout(HEADER_TIME);
+    builder.half_close(true).timer(TokioTimer::new()).header_read_timeout(limits.headers);
     let mut connection = std::pin::pin!(builder.serve_connection(TokioIo::new(stream), service).with_upgrades());
     let result = tokio::select! {
         result = &mut connection => result,

@@ -1,14 +1,12 @@
 //! One request, one reply, over any byte stream: framing, time-outs, repeats.
 
+use super::timing::{LONGEST_FRAME, Patience, wire_time};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Refusal, Reply, Request};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
-/// How often a request is sent before its answer is given up. Every request can be repeated without harm
-/// (`era_shared::protocol::Request`), so a frame lost to noise costs one time-out and nothing else.
-const ATTEMPTS: u32 = 3;
 /// Round trips that the median is taken over.
 const ROUND_TRIPS_KEPT: usize = 64;
 
@@ -20,13 +18,13 @@ pub enum LinkError {
     Io(#[from] std::io::Error),
     /// Nothing, or nothing readable, came back.
     #[error(
-        "the device gave no readable answer to {request} within {timeout:?}, {attempts} times. Is it an ERA board, and is another program using its port?"
+        "the device gave no readable answer to {request}, which was sent {attempts} times in {waited:.0?}. Is it an ERA board, and is another program using its port?"
     )]
     Silent {
         /// The request's name.
         request: &'static str,
-        /// How long was waited each time.
-        timeout: Duration,
+        /// How long was waited in all.
+        waited: Duration,
         /// How often it was sent.
         attempts: u32,
     },
@@ -106,7 +104,10 @@ pub struct Client {
     sequence: u16,
     /// The version in use: the newest, until the device says that it is older.
     version: u8,
-    timeout: Duration,
+    patience: Patience,
+    /// The tries of the present request, of which any may be answered: how they are numbered, and when the last byte of each was handed
+    /// to the port.
+    tries: Vec<(u16, Instant)>,
     statistics: LinkStatistics,
     round_trips: VecDeque<Duration>,
     last_frame_written: Option<Instant>,
@@ -114,15 +115,22 @@ pub struct Client {
 }
 
 impl Client {
-    /// A client over `transport` that waits `timeout` for each answer.
+    /// A client over `transport` that waits `timeout` for each answer, three times.
     #[must_use]
     pub fn new(transport: Box<dyn Transport>, timeout: Duration) -> Self {
+        Self::patient(transport, Patience::even(timeout))
+    }
+
+    /// A client over `transport` that waits so long.
+    #[must_use]
+    pub fn patient(transport: Box<dyn Transport>, patience: Patience) -> Self {
         Self {
             transport,
             decoder: Decoder::new(),
             sequence: 0,
             version: CURRENT_VERSION,
-            timeout,
+            patience,
+            tries: Vec::new(),
             statistics: LinkStatistics::default(),
             round_trips: VecDeque::new(),
             last_frame_written: None,
@@ -175,13 +183,26 @@ impl Client {
     /// [`LinkError`]; after [`LinkError::Silent`] and [`LinkError::Io`] it is not known whether the request was carried
     /// out.
     pub fn request(&mut self, request: &Request) -> Result<Reply, LinkError> {
-        match self.try_request(request)? {
+        self.request_told(request, &mut |_, _| {})
+    }
+
+    /// The same; `in_doubt` is told once, with the request's name and how long was waited, when the answer is so late that the
+    /// device may be gone. It may still come.
+    ///
+    /// # Errors
+    /// As [`Self::request`].
+    pub fn request_told(
+        &mut self,
+        request: &Request,
+        in_doubt: &mut dyn FnMut(&'static str, Duration),
+    ) -> Result<Reply, LinkError> {
+        match self.try_request(request, in_doubt)? {
             Reply::Refused(Refusal::Version { device_min, device_current, .. }) => {
                 let common = device_current.min(CURRENT_VERSION);
                 if common >= device_min.max(MIN_VERSION) && common != self.version {
                     tracing::info!(version = common, "the device speaks an older protocol version");
                     self.version = common;
-                    return self.request(request);
+                    return self.request_told(request, in_doubt);
                 }
                 Err(LinkError::Version {
                     host_min: MIN_VERSION,
@@ -195,41 +216,60 @@ impl Client {
         }
     }
 
-    fn try_request(&mut self, request: &Request) -> Result<Reply, LinkError> {
+    fn try_request(
+        &mut self,
+        request: &Request,
+        in_doubt: &mut dyn FnMut(&'static str, Duration),
+    ) -> Result<Reply, LinkError> {
         if request.since() > self.version {
             return Err(LinkError::TooOld { request: name(request), needed: request.since(), spoken: self.version });
         }
-        for attempt in 0..ATTEMPTS {
-            self.sequence = self.sequence.wrapping_add(1);
+        self.tries.clear();
+        let last = self.round_trips.back().copied().unwrap_or_default();
+        let mut doubt: Option<Instant> = None;
+        let begun = Instant::now();
+        for attempt in 0..self.patience.tries {
             if attempt > 0 {
                 self.statistics.repeats += 1;
                 tracing::debug!(request = name(request), attempt, "no answer, sending again");
                 // A zero ends whatever half frame the line may hold, so that the repeat is not spoiled by it.
                 self.write(&[0])?;
             }
-            let sent = Instant::now();
-            self.send(request)?;
-            if let Some(reply) = self.wait(sent + self.timeout)? {
+            let on_wire = self.send(request)?;
+            let deadline = Instant::now() + self.patience.of_try(attempt, last) + on_wire;
+            if attempt == 0 {
+                doubt = Instant::now().checked_add(self.patience.doubt.saturating_add(on_wire));
+            }
+            let mut none_yet = |now: Instant| {
+                if doubt.take_if(|doubt| now >= *doubt).is_some() {
+                    in_doubt(name(request), now - begun);
+                }
+            };
+            if let Some((reply, sent)) = self.wait(deadline, &mut none_yet)? {
                 let read = Instant::now();
                 self.last_reply_read = Some(read);
+                self.last_frame_written = Some(sent);
                 self.note_round_trip(read - sent);
                 return Ok(reply);
             }
         }
-        Err(LinkError::Silent { request: name(request), timeout: self.timeout, attempts: ATTEMPTS })
+        let attempts = self.patience.tries;
+        Err(LinkError::Silent { request: name(request), waited: begun.elapsed(), attempts })
     }
 
-    fn send(&mut self, request: &Request) -> Result<(), LinkError> {
+    /// Sends a try; says how long it takes on the wire.
+    fn send(&mut self, request: &Request) -> Result<Duration, LinkError> {
+        self.sequence = self.sequence.wrapping_add(1);
         let mut frame = [0; MAX_ENCODED];
         let length = encode(self.version, Kind::Request, self.sequence, request, &mut frame)
             .map_err(|error| std::io::Error::new(ErrorKind::InvalidInput, format!("{error:?}")))?;
         self.write(frame.get(..length).unwrap_or_default())?;
-        self.last_frame_written = Some(Instant::now());
+        self.tries.push((self.sequence, Instant::now()));
         self.statistics.frames_sent += 1;
-        Ok(())
+        Ok(wire_time(length))
     }
 
-    /// Hands bytes to the port, for as long as an answer is waited for at most. Not flushed: that is `tcdrain`, which waits
+    /// Hands bytes to the port, for as long as a try waits at most. Not flushed: that is `tcdrain`, which waits
     /// without a limit for a device that takes nothing, and the system sends what it has anyway.
     fn write(&mut self, mut bytes: &[u8]) -> Result<(), LinkError> {
         let begun = Instant::now();
@@ -237,7 +277,7 @@ impl Client {
             match self.transport.write(bytes) {
                 Ok(0) => return Err(std::io::Error::from(ErrorKind::WriteZero).into()),
                 Ok(count) => bytes = bytes.get(count..).unwrap_or_default(),
-                Err(error) if is_wait(&error) && begun.elapsed() < self.timeout => {}
+                Err(error) if is_wait(&error) && begun.elapsed() < self.patience.most.min(self.patience.doubt) => {}
                 Err(error) if is_wait(&error) => return Err(LinkError::Blocked { waited: begun.elapsed() }),
                 Err(error) => return Err(error.into()),
             }
@@ -245,26 +285,42 @@ impl Client {
         Ok(())
     }
 
-    /// The reply with the current sequence number, or `None` when the deadline has passed.
-    fn wait(&mut self, deadline: Instant) -> Result<Option<Reply>, LinkError> {
+    /// The reply to one of the tries, and when that was sent; `None` if none has begun to come by the deadline. One that has begun
+    /// may take as long as the longest frame takes on the wire. `none_yet` is told the times at which nothing had come.
+    fn wait(
+        &mut self,
+        mut deadline: Instant,
+        none_yet: &mut dyn FnMut(Instant),
+    ) -> Result<Option<(Reply, Instant)>, LinkError> {
         let mut buffer = [0_u8; 512];
-        while Instant::now() < deadline {
+        let last = deadline + LONGEST_FRAME;
+        loop {
+            // Before the read: what has come by the time of it counts, however late this thread is.
+            let now = Instant::now();
             let length = match self.transport.read(&mut buffer) {
                 Ok(0) => return Err(std::io::Error::from(ErrorKind::UnexpectedEof).into()),
                 Ok(length) => length,
-                Err(error) if is_wait(&error) => continue,
+                Err(error) if is_wait(&error) => {
+                    none_yet(now);
+                    if now >= deadline {
+                        return Ok(None);
+                    }
+                    continue;
+                }
                 Err(error) => return Err(error.into()),
             };
             let mut found = None;
-            let (sequence, mut bad) = (self.sequence, 0);
+            let (tries, mut bad) = (&self.tries, 0);
             self.decoder.feed(buffer.get(..length).unwrap_or_default(), |result| match result {
-                Ok(frame) if frame.kind == Kind::Reply as u8 && frame.sequence == sequence => {
-                    match postcard::from_bytes(frame.body) {
-                        Ok(reply) => found = Some(reply),
-                        Err(_) => bad += 1,
+                Ok(frame) if frame.kind == Kind::Reply as u8 => {
+                    // Others are late answers to requests that have had theirs.
+                    let sent = tries.iter().find(|(sequence, _)| *sequence == frame.sequence).map(|(_, sent)| *sent);
+                    match (sent, postcard::from_bytes(frame.body)) {
+                        (Some(sent), Ok(reply)) => found = Some((reply, sent)),
+                        (Some(_), Err(_)) => bad += 1,
+                        (None, _) => {}
                     }
                 }
-                // The answer to an earlier attempt.
                 Ok(_) => {}
                 Err(_) => bad += 1,
             });
@@ -272,8 +328,11 @@ impl Client {
             if found.is_some() {
                 return Ok(found);
             }
+            if now >= last {
+                return Ok(None);
+            }
+            deadline = deadline.max(Instant::now() + LONGEST_FRAME).min(last);
         }
-        Ok(None)
     }
 
     fn note_round_trip(&mut self, time: Duration) {

@@ -79,12 +79,26 @@ pub enum TargetError {
     NoBoard,
 }
 
+/// Opens a line to a device.
+pub type Opener = Box<dyn Fn() -> Result<Box<dyn Transport>, serialport::Error> + Send>;
+
 /// What keeps a device alive while it is used.
-#[derive(Debug)]
 enum Keeper {
     Sim(SimDevice),
     Emulated(EmulatedBoard),
+    Line(Opener),
     Nothing,
+}
+
+impl fmt::Debug for Keeper {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Keeper::Sim(_) => "Sim",
+            Keeper::Emulated(_) => "Emulated",
+            Keeper::Line(_) => "Line",
+            Keeper::Nothing => "Nothing",
+        })
+    }
 }
 
 /// A device that can be talked to.
@@ -152,6 +166,12 @@ impl OpenDevice {
         Some(Self { kind: "serial", path, timing: REAL_TIME, keeper: Keeper::Nothing, usb: None, any })
     }
 
+    /// A device at the end of whatever `open` opens, which is called `path`: for lines that are no serial ports.
+    #[must_use]
+    pub fn over(path: &str, timing: Timing, open: Opener) -> Self {
+        Self { kind: "serial", path: path.into(), timing, keeper: Keeper::Line(open), usb: None, any: false }
+    }
+
     /// `sim`, `emulated` or `serial`.
     #[must_use]
     pub const fn kind(&self) -> &'static str {
@@ -215,7 +235,10 @@ impl OpenDevice {
     /// # Errors
     /// As the port does.
     pub fn transport(&self) -> Result<Box<dyn Transport>, serialport::Error> {
-        Ok(Box::new(Port::open(&self.path)?))
+        match &self.keeper {
+            Keeper::Line(open) => open(),
+            _ => Ok(Box::new(Port::open(&self.path)?)),
+        }
     }
 
     /// Opens the port and puts a client on it.
@@ -223,6 +246,6 @@ impl OpenDevice {
     /// # Errors
     /// As the port does.
     pub fn client(&self) -> Result<Client, serialport::Error> {
-        Ok(Client::new(self.transport()?, self.timing.reply_timeout))
+        Ok(Client::patient(self.transport()?, self.timing.patience))
     }
 }

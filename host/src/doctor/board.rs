@@ -22,7 +22,7 @@ pub fn ask(path: &str) -> Answer {
         Ok(transport) => transport,
         Err(error) => return not_opened(path, &error),
     };
-    match heard(&mut Client::new(Box::new(transport), REAL_TIME.reply_timeout)) {
+    match heard(&mut Client::patient(Box::new(transport), REAL_TIME.patience)) {
         Ok(heard) => Answer::Heard(heard),
         Err(error @ LinkError::Version { .. }) => Answer::Version(error.to_string()),
         Err(error) => Answer::Silent(error.to_string()),

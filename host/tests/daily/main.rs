@@ -10,6 +10,8 @@ mod drags;
 mod fingers;
 mod hang_up;
 mod late;
+mod limits;
+mod loss;
 mod measured;
 mod order;
 mod raw;

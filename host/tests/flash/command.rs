@@ -2,8 +2,12 @@
 
 use crate::elf::{HEADER_AT, elf_file, flash_contents, version};
 use crate::probe::{ONE_PROBE, script};
+use crate::support::old_board;
+use era::device::Target;
+use era::device::sim::SimBoard;
+use era::flash::board::{Board, BoardError};
 use era_shared::image::FLASH_START;
-use era_shared::protocol::CURRENT_VERSION;
+use era_shared::protocol::{BoardKind, CURRENT_VERSION};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -79,4 +83,30 @@ fn what_cannot_be_flashed_is_bad_use() {
         assert!(said(&output).contains(expected), "{arguments:?}: {}", said(&output));
     }
     assert!(Path::new(&bench.folder.path().join("image.elf")).exists() && bench.calls().is_empty());
+}
+
+/// A board whose firmware speaks version 1 of the protocol answers with what version 1 has: it is known by that, and gets a new
+/// image by the probe.
+#[test]
+fn a_board_with_firmware_of_version_1_gets_a_new_image() {
+    let bench = Bench::new(&SimBoard::ID);
+    let port = old_board::behind_a_terminal(old_board::Board::posing_as(BoardKind::Stm32G474, 1, 1));
+    let output = bench.flash(&["image.elf", "--probe", "--yes", "--port", &port]);
+    let said = said(&output);
+    // What is behind the port does not restart: it still tells its own version, which is none of the image's.
+    let from = concat!(env!("CARGO_PKG_VERSION"), " (commit 00000000), at ");
+    assert!(said.contains(from) && said.contains("-> 2.1.2 (commit 0123abcd)"), "{said}");
+    assert!(said.contains("the image was written and read back, but the board at"), "{said}");
+    assert!(bench.calls().contains("download --chip STM32G474RETx --verify image.elf"), "{said}: {}", bench.calls());
+}
+
+/// Over USB it would have to be sent to its bootloader, of which version 1 knows nothing: what helps is told.
+#[test]
+fn a_board_with_firmware_of_version_1_is_not_sent_to_its_bootloader() {
+    let port = old_board::behind_a_terminal(old_board::Board::posing_as(BoardKind::Stm32G474, 1, 1));
+    let mut board = Board::open(&Target::Serial(port)).unwrap();
+    board.check_idle().unwrap();
+    assert_eq!(board.on_board().protocol_current, 1);
+    let error = board.enter_bootloader().unwrap_err();
+    assert!(matches!(error, BoardError::TooOld(1)) && error.to_string().contains("BOOT0"), "{error}");
 }

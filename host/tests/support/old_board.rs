@@ -5,7 +5,7 @@ use era::planner::softening::Transducer;
 use era::transient::reduced::ModalSystem;
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
-use era_shared::protocol::{Refusal, Reply};
+use era_shared::protocol::{BoardKind, Refusal, Reply};
 use era_shared::safety::LinkId;
 use nalgebra::{DMatrix, DVector};
 use serialport::{SerialPort, TTYPort};
@@ -26,10 +26,15 @@ pub struct Board {
 
 impl Board {
     pub fn speaking(min: u8, current: u8) -> Self {
+        Self::posing_as(BoardKind::Simulated, min, current)
+    }
+
+    /// The same, which says that it is such a board.
+    pub fn posing_as(kind: BoardKind, min: u8, current: u8) -> Self {
         let none =
             ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
         let panel = Panel::new(&none, vec![Transducer::fixed(0.0); 2]);
-        let mut board = SimBoard::new(panel, &[2000.0; 2], Clock::Wall(Instant::now()));
+        let mut board = SimBoard::new(panel, &[2000.0; 2], Clock::Wall(Instant::now())).posing_as(kind);
         let mut device = Device::new();
         device.start(&mut board);
         let (port, decoder) = (Port::new(LinkId(0)), Decoder::new());
@@ -53,13 +58,33 @@ impl Write for Board {
             }
         });
         if !refused {
-            self.device.receive(&mut self.board, &mut self.port, bytes, |answer| self.answers.extend(answer));
+            self.device.receive(&mut self.board, &mut self.port, bytes, |answer| {
+                self.answers.extend(of_version(min, current, answer));
+            });
         }
         Ok(bytes.len())
     }
     fn flush(&mut self) -> std::io::Result<()> {
         Ok(())
     }
+}
+
+/// The same answer, with the versions of this board where it names any: the logic behind it is of the newest.
+fn of_version(min: u8, current: u8, answer: &[u8]) -> Vec<u8> {
+    let mut changed = None;
+    Decoder::new().feed(answer, |frame| {
+        let Ok(frame) = frame else { return };
+        let mut reply = postcard::from_bytes(frame.body);
+        match &mut reply {
+            Ok(Reply::Hello(hello)) => (hello.protocol_min, hello.protocol_current) = (min, current),
+            Ok(Reply::Welcome(welcome)) => (welcome.protocol_min, welcome.protocol_current) = (min, current),
+            _ => return,
+        }
+        let mut out = [0; MAX_ENCODED];
+        let length = encode(frame.version, Kind::Reply, frame.sequence, &reply.expect("just seen"), &mut out);
+        changed = Some(out[..length.expect("it fits")].to_vec());
+    });
+    changed.unwrap_or_else(|| answer.to_vec())
 }
 
 impl Read for Board {

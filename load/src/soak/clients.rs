@@ -20,6 +20,8 @@ const ASK: Duration = Duration::from_secs(5);
 const STOPS: u64 = 40;
 /// Most places that a finger goes by before it is lifted.
 const MOST_MOVES: u64 = 6;
+/// More than there is: the most that a touch may ask for.
+const STRONGEST_G: f64 = 1000.0;
 /// How long a drag of which a place was refused may still be shown.
 const STILL: Duration = Duration::from_secs(1);
 /// The example plate's screen in pixels.
@@ -47,6 +49,18 @@ fn touch(random: &mut Rng) -> Value {
             let (x_px, y_px) = place(random);
             touch["also"] = json!([{"x_px": x_px, "y_px": y_px}]);
             touch["duration_ms"] = json!(random.u32(20..500));
+        }
+        20 => {
+            // As strong as it can be: at one to four places, or where the masses travel farthest. Short, as a channel may drive 10 % of
+            // the time so.
+            touch["intensity_g"] = json!(STRONGEST_G);
+            touch["duration_ms"] = json!(random.u32(50..200));
+            if random.bool() {
+                touch["objective"] = json!("reach");
+            } else {
+                let others = (0..random.usize(0..4)).map(|_| place(random));
+                touch["also"] = others.map(|(x_px, y_px)| json!({"x_px": x_px, "y_px": y_px})).collect();
+            }
         }
         _ => touch["duration_ms"] = json!(random.u32(20..1500)),
     }

@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::http::{Http, Place, metric};
 use era::device::sim::SimControl;
 use fastrand::Rng;
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 /// Longest time for the board to go off: the dead-man time (250 ms), and some for a busy machine.
@@ -21,6 +22,10 @@ const AGAIN: Duration = Duration::from_secs(15);
 const FRAME: Duration = Duration::from_secs(1);
 /// Between two looks.
 const LOOK: Duration = Duration::from_millis(10);
+/// Between two looks for the loss of the board.
+const LOOK_FOR_LOSS: Duration = Duration::from_millis(1);
+/// Dead lines in a round: so that there are some times of their being told.
+const CUTS: usize = 4;
 /// Bytes of frames before which rubbish is put: the longest common ones have as many.
 const BYTES: usize = 24;
 /// Slow clients of each kind in a round.
@@ -71,7 +76,11 @@ impl Faults<'_> {
                 eprintln!("fault: {kind}");
                 match kind {
                     Kind::Unplugged => self.unplug()?,
-                    Kind::DeadLine => self.cut(),
+                    Kind::DeadLine => {
+                        for _ in 0..CUTS {
+                            self.cut()?;
+                        }
+                    }
                     Kind::RubbishToBoard => self.rubbish(Way::ToBoard, kind),
                     Kind::RubbishToHost => self.rubbish(Way::ToHost, kind),
                     _ => self.hold()?,
@@ -92,16 +101,16 @@ impl Faults<'_> {
         self.world.serving().ok_or_else(|| Error::Answer("no daemon serves".into()))
     }
 
-    fn control(&self) -> SimControl {
+    pub(super) fn control(&self) -> SimControl {
         self.bench.control()
     }
 
-    fn http(&self) -> Http {
+    pub(super) fn http(&self) -> Http {
         Http::new(Place::Tcp(self.daemon.address))
     }
 
     /// Drives something, so that there is high voltage to be lost.
-    fn drive(&self) -> Result<(), String> {
+    pub(super) fn drive(&self) -> Result<(), String> {
         let mut http = self.http();
         let mut last = String::new();
         for _ in 0..TRIES {
@@ -148,16 +157,44 @@ impl Faults<'_> {
         self.http().get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned()).unwrap_or_default()
     }
 
-    /// Outages and faults that the daemon has counted so far.
+    /// Doubts, outages and faults that the daemon has counted so far.
     fn troubles(text: &str) -> f64 {
-        ["era_device_outages_total", "era_device_faults_total"].iter().filter_map(|name| metric(text, name)).sum()
+        let names = ["era_device_doubts_total", "era_device_outages_total", "era_device_faults_total"];
+        names.iter().filter_map(|name| metric(text, name)).sum()
+    }
+
+    /// Takes the board away by `lose`; says after how long that was told.
+    fn lose(&mut self, lose: impl FnOnce(&mut Bench) -> Result<(), Error>) -> Result<Seen, Error> {
+        let (address, watched) = (self.daemon.address, mpsc::channel());
+        let watcher = std::thread::spawn(move || {
+            let mut http = Http::new(Place::Tcp(address));
+            let mut is_told = || {
+                let text = http.get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned());
+                text.is_ok_and(|text| metric(&text, "era_device_connected") == Some(0.0))
+            };
+            // The board is there before it is lost, and this connection open.
+            until(NOTICED, || !is_told())?;
+            let _ = watched.0.send(());
+            until_every(LOOK_FOR_LOSS, NOTICED, is_told).map(|_| Instant::now())
+        });
+        let _ = watched.1.recv_timeout(NOTICED);
+        let begun = Instant::now();
+        let lost = lose(&mut self.bench);
+        let off = self.goes_off();
+        let told = watcher.join().ok().flatten().map(|told| told.saturating_duration_since(begun));
+        lost?;
+        if let Some(after) = told {
+            self.ledger.losses.add(after);
+        }
+        let told = told.ok_or_else(|| format!("the loss was not told in {} s", NOTICED.as_secs()));
+        Ok(both(off, told))
     }
 
     fn unplug(&mut self) -> Result<(), Error> {
         let driven = self.drive();
         let before = metric(&self.metrics(), "era_device_outages_total");
-        self.bench.unplug()?;
-        let off = driven.and_then(|()| self.goes_off());
+        let seen = self.lose(Bench::unplug)?;
+        let off = driven.and(seen);
         let noticed = self.noticed("the outage was not counted", |text| {
             metric(text, "era_device_outages_total") > before && metric(text, "era_device_connected") == Some(0.0)
         });
@@ -167,40 +204,52 @@ impl Faults<'_> {
         Ok(())
     }
 
-    fn cut(&mut self) {
+    pub(super) fn cut(&mut self) -> Result<(), Error> {
         let driven = self.drive();
         let before = Self::troubles(&self.metrics());
-        self.bench.cut(true);
-        let off = driven.and_then(|()| self.goes_off());
-        // Longer than it takes to give three questions up.
-        std::thread::sleep(Duration::from_millis(self.random.u64(600..2000)));
+        let seen = self.lose(|bench| {
+            bench.cut(true);
+            Ok(())
+        })?;
+        let off = driven.and(seen);
+        // Some are over before the board is given up, after 1.1 s, and some are not.
+        std::thread::sleep(Duration::from_millis(self.random.u64(0..2000)));
         self.bench.cut(false);
-        let noticed = self.noticed("neither outage nor fault was counted", |text| Self::troubles(text) > before);
+        let noticed = self.noticed("neither doubt, outage nor fault was counted", |text| Self::troubles(text) > before);
         self.ledger.enter(Kind::DeadLine, both(off, noticed), self.driven_again());
+        Ok(())
     }
 
     fn rubbish(&mut self, way: Way, kind: Kind) {
+        for at in 0..BYTES {
+            let Some(mut noticed) = self.spoil(way, at) else { continue };
+            if noticed.is_err() {
+                // On a busy machine it may have been a frame that was sent again while its answer was on the way: nobody misses that.
+                noticed = self.spoil(way, at).unwrap_or(noticed);
+            }
+            let again = self.driven_again();
+            self.ledger.enter(kind, noticed, again);
+        }
+    }
+
+    /// Puts rubbish into a frame, before this byte; `None` if no frame was long enough.
+    fn spoil(&mut self, way: Way, at: usize) -> Option<Seen> {
         let links = |text: &str| {
             let names = ["era_link_repeats_total", "era_link_bad_frames_total", "era_device_outages_total"];
             names.map(|name| metric(text, name))
         };
-        for at in 0..BYTES {
-            let before = links(&self.metrics());
-            let length = self.random.usize(1..16);
-            let bytes = (0..length).map(|_| self.random.u8(1..)).collect();
-            self.bench.disturb(Rubbish { way, at, bytes });
-            let taken = until(FRAME, || self.bench.is_calm()).is_some();
-            if !taken && self.bench.calm() {
-                // No frame was long enough.
-                continue;
-            }
-            let noticed = self.noticed(&format!("neither repeat nor bad frame for byte {at}"), |text| {
-                let now = links(text);
-                now.iter().all(Option::is_some) && now != before
-            });
-            let again = self.driven_again();
-            self.ledger.enter(kind, noticed, again);
+        let before = links(&self.metrics());
+        let length = self.random.usize(1..16);
+        let bytes = (0..length).map(|_| self.random.u8(1..)).collect();
+        self.bench.disturb(Rubbish { way, at, bytes });
+        let taken = until(FRAME, || self.bench.is_calm()).is_some();
+        if !taken && self.bench.calm() {
+            return None;
         }
+        Some(self.noticed(&format!("neither repeat nor bad frame for byte {at}"), |text| {
+            let now = links(text);
+            now.iter().all(Option::is_some) && now != before
+        }))
     }
 
     fn hold(&mut self) -> Result<(), Error> {
@@ -262,7 +311,12 @@ fn both(one: Seen, other: Seen) -> Seen {
 }
 
 /// After how long something is so, if that comes in time.
-fn until(longest: Duration, mut is_so: impl FnMut() -> bool) -> Option<Duration> {
+pub(super) fn until(longest: Duration, is_so: impl FnMut() -> bool) -> Option<Duration> {
+    until_every(LOOK, longest, is_so)
+}
+
+/// The same with another time between two looks.
+fn until_every(look: Duration, longest: Duration, mut is_so: impl FnMut() -> bool) -> Option<Duration> {
     let begun = Instant::now();
     loop {
         if is_so() {
@@ -271,6 +325,6 @@ fn until(longest: Duration, mut is_so: impl FnMut() -> bool) -> Option<Duration>
         if begun.elapsed() >= longest {
             return None;
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(look);
     }
 }

@@ -1,5 +1,6 @@
 //! What was injected, and what came of it.
 
+use crate::times::Times;
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 use std::time::Duration;
@@ -68,6 +69,8 @@ pub struct Ledger {
     pub counts: BTreeMap<Kind, Count>,
     /// What did not go as it must.
     pub misses: Vec<String>,
+    /// From the loss of the board, pulled or silent, until the daemon tells it.
+    pub losses: Times,
 }
 
 impl Ledger {

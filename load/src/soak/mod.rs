@@ -2,6 +2,8 @@
 
 mod clients;
 mod faults;
+#[cfg(test)]
+mod judged;
 mod ledger;
 mod report;
 mod slow;
@@ -9,7 +11,7 @@ mod tally;
 mod world;
 
 use crate::board::Bench;
-use crate::daemon::{Daemon, Plan};
+use crate::daemon::{Daemon, Plan, Takes};
 use crate::error::Error;
 use clap::Args;
 use fastrand::Rng;
@@ -106,10 +108,20 @@ pub fn run(options: &Options) -> Result<(), Error> {
     }
     result?;
     std::thread::sleep(REST);
+    let report = report(options.seed, begun, at_start, tally, faults);
+    println!("{}", report.text());
+    match report.verdict() {
+        None => Ok(()),
+        Some(what) => Err(Error::NotStood(what)),
+    }
+}
+
+/// What has become of all.
+fn report(seed: u64, begun: Instant, at_start: Takes, tally: Tally, faults: Faults<'_>) -> Report {
     let outages = faults.outages + faults.counted_outages();
     let Faults { bench, mut daemon, ledger, before_kill, .. } = faults;
-    let report = Report {
-        seed: options.seed,
+    Report {
+        seed,
         lasted: begun.elapsed(),
         tally,
         ledger,
@@ -119,11 +131,6 @@ pub fn run(options: &Options) -> Result<(), Error> {
         at_end: daemon.takes(),
         watch: bench.control().watch(),
         ended: daemon.has_ended().then(|| daemon.log()),
-    };
-    println!("{}", report.text());
-    match report.verdict() {
-        None => Ok(()),
-        Some(what) => Err(Error::NotStood(what)),
     }
 }
 

@@ -116,7 +116,9 @@ impl Report {
             );
             row(&format!("    {kind}"), value);
         }
-        row("greatest travel, part of the gap", format!("{:.4}", self.watch.travel_part));
+        row("loss told, p50 / p99 / max", self.ledger.losses.told());
+        let travel = self.watch.travel_part;
+        row("greatest travel, part of the gap", format!("{travel:.4}, {:.0} % of a third", 100.0 * travel / PULL_IN));
         row("unsafe states seen", unsafe_states.len().to_string());
         for what in unsafe_states.iter().chain(&tally.losses).chain(&self.ledger.misses) {
             row(&format!("  {what}"), String::new());
@@ -126,8 +128,13 @@ impl Report {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
+
+    /// Of what clients counted, with nothing else to tell.
+    pub fn of(tally: Tally) -> Report {
+        Report { tally, ..report() }
+    }
 
     fn report() -> Report {
         Report {

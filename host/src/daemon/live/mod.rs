@@ -23,7 +23,6 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use writer::Wants;
@@ -32,10 +31,6 @@ use writer::Wants;
 const MAX_MESSAGE: usize = 16 * 1024;
 /// Answers that may wait for a slow page.
 const REPLIES: usize = 32;
-/// Between two signs of life that a page is asked for.
-const PING: Duration = Duration::from_secs(5);
-/// A page of which nothing was heard for so long has lifted its fingers.
-const SILENCE: Duration = Duration::from_secs(15);
 
 /// What a page says. Plain structures, not an enum with its tag inside: serde reads such an enum by way of a copy in which
 /// numbers are maps as soon as any crate of the program turns on serde_json's `arbitrary_precision`.
@@ -117,7 +112,7 @@ async fn serve(app: Arc<App>, client: Client, socket: WebSocket, wants: Wants) {
     let fingers = Arc::new(Fingers::default());
     let mut writer = tokio::spawn(writer::write(Arc::clone(&app), sink, inbox, outbox, wants));
     tokio::spawn(fingers::drive(Arc::clone(&app), client, Arc::clone(&fingers), replies.clone()));
-    let mut ping = tokio::time::interval(PING);
+    let mut ping = tokio::time::interval(app.limits.ping);
     let mut heard = Instant::now();
     loop {
         tokio::select! {
@@ -138,7 +133,7 @@ async fn serve(app: Arc<App>, client: Client, socket: WebSocket, wants: Wants) {
                 Some(Err(_)) | None => break,
             },
             _ = ping.tick() => {
-                if heard.elapsed() >= SILENCE {
+                if heard.elapsed() >= app.limits.silence {
                     tracing::info!("a page that has fallen silent is let go");
                     break;
                 }

@@ -14,9 +14,6 @@ use std::time::Duration;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
 
-/// Longest time for which a page may take nothing.
-const WRITE_TIME: Duration = Duration::from_secs(5);
-
 /// What a page wants to be told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wants {
@@ -73,12 +70,13 @@ pub async fn write(
     wants: Wants,
 ) {
     let (mut device, mut updates, mut closing) = (app.device(), app.updates(), app.closing());
+    let limit = app.limits.page;
     let mut first = Vec::new();
     first.extend(wants.scene.then(|| messages::typed("scene", &app.scene)));
     first.extend(wants.state.then(|| messages::typed("state", &messages::state(&app))));
     first.extend(app.active().filter(|_| wants.plan).map(|active| wants.plan_message(&active)));
     for message in first {
-        if !send(&mut sink, text(&message)).await {
+        if !send(&mut sink, text(&message), limit).await {
             return;
         }
     }
@@ -106,12 +104,12 @@ pub async fn write(
             () = closed(&mut closing) => break,
         };
         if let Some(message) = message
-            && !send(&mut sink, message).await
+            && !send(&mut sink, message, limit).await
         {
             return;
         }
     }
-    let _ = tokio::time::timeout(WRITE_TIME, sink.close()).await;
+    let _ = tokio::time::timeout(limit, sink.close()).await;
 }
 
 fn text(message: &Value) -> Message {
@@ -119,8 +117,8 @@ fn text(message: &Value) -> Message {
 }
 
 /// Whether it was taken in time.
-async fn send(sink: &mut SplitSink<WebSocket, Message>, message: Message) -> bool {
-    match tokio::time::timeout(WRITE_TIME, sink.send(message)).await {
+async fn send(sink: &mut SplitSink<WebSocket, Message>, message: Message, limit: Duration) -> bool {
+    match tokio::time::timeout(limit, sink.send(message)).await {
         Ok(sent) => sent.is_ok(),
         Err(_) => {
             tracing::info!("a page that reads nothing is let go");

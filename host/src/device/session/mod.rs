@@ -50,6 +50,14 @@ pub enum SessionError {
         /// Since what.
         reason: String,
     },
+    /// The device does not answer just now.
+    #[error("the device at {path} is late: {reason}")]
+    Late {
+        /// The port.
+        path: String,
+        /// For how long.
+        reason: String,
+    },
     /// The device has neither got through its self-test nor told a fault.
     #[error("the device did not become ready within {waited:?}; it is {state}")]
     NotArmed {
@@ -76,7 +84,15 @@ pub enum SessionError {
     /// The session has ended.
     #[error("the daemon is shutting down")]
     Closed,
+    /// Its thread has ended without being told to: by a mistake in this program.
+    #[error(
+        "{ENDED}: nothing is driven any more, and the board has gone off by itself; the daemon has to be started again"
+    )]
+    Ended,
 }
+
+/// What is said of a device whose session is no more.
+const ENDED: &str = "the session with the device has ended";
 
 /// What a drive command did.
 #[derive(Clone, Debug)]
@@ -109,6 +125,8 @@ pub struct Snapshot {
     pub path: String,
     /// Whether it answers.
     pub connected: bool,
+    /// Whether it does not just now, and may be only late: it is asked on.
+    pub in_doubt: bool,
     /// Why it does not.
     pub problem: Option<String>,
     /// Who it is.
@@ -135,6 +153,8 @@ pub struct Snapshot {
     pub restarts: u32,
     /// How often the link was lost since then.
     pub outages: u32,
+    /// How often it was in doubt; those that were losses count among the outages, too.
+    pub doubts: u32,
     /// Faults latched since then.
     pub faults: u32,
     /// Latched silences of the host that were cleared by policy.
@@ -278,9 +298,10 @@ impl Session {
     /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since the order's count was read; nothing is
     /// driven then.
     pub async fn drive(&self, order: DriveOrder) -> Result<Driven, SessionError> {
+        self.not_in_doubt()?;
         let (answer, reply) = oneshot::channel();
         self.send(Command::Drive { order, answer })?;
-        reply.await.map_err(|_| SessionError::Closed)?
+        reply.await.map_err(|_| SessionError::Ended)?
     }
 
     /// Arms if need be, brings the rails up, and has the board play an effect by its own clock, so that how late this
@@ -290,9 +311,10 @@ impl Session {
     /// # Errors
     /// As [`Session::drive`], and [`LinkError::TooOld`] with a device that cannot play effects.
     pub async fn play(&self, order: EffectOrder) -> Result<Played, SessionError> {
+        self.not_in_doubt()?;
         let (answer, reply) = oneshot::channel();
         self.send(Command::Play { order, answer })?;
-        reply.await.map_err(|_| SessionError::Closed)?
+        reply.await.map_err(|_| SessionError::Ended)?
     }
 
     /// Everything off, session disarmed.
@@ -305,7 +327,7 @@ impl Session {
         self.stops.fetch_add(1, Ordering::SeqCst);
         let (answer, reply) = oneshot::channel();
         self.send(Command::Stop { answer })?;
-        reply.await.map_err(|_| SessionError::Closed)?
+        reply.await.map_err(|_| SessionError::Ended)?
     }
 
     /// Ends the drive named `id` at `when`, if it does not end before; another one goes on.
@@ -324,9 +346,10 @@ impl Session {
     /// # Errors
     /// [`SessionError`].
     pub async fn arm(&self) -> Result<(), SessionError> {
+        self.not_in_doubt()?;
         let (answer, reply) = oneshot::channel();
         self.send(Command::Arm { stops: self.stops(), answer })?;
-        reply.await.map_err(|_| SessionError::Closed)?
+        reply.await.map_err(|_| SessionError::Ended)?
     }
 
     /// Clears the latched fault.
@@ -336,11 +359,21 @@ impl Session {
     pub async fn clear_faults(&self) -> Result<(), SessionError> {
         let (answer, reply) = oneshot::channel();
         self.send(Command::Clear { answer })?;
-        reply.await.map_err(|_| SessionError::Closed)?
+        reply.await.map_err(|_| SessionError::Ended)?
+    }
+
+    /// What would wait for a device that may be gone is refused at once, as it may be driven when nobody expects it any more. Stops are not.
+    fn not_in_doubt(&self) -> Result<(), SessionError> {
+        let snapshot = self.snapshot.borrow();
+        if snapshot.in_doubt {
+            let reason = snapshot.problem.clone().unwrap_or_default();
+            return Err(SessionError::Late { path: snapshot.path.clone(), reason });
+        }
+        Ok(())
     }
 
     fn send(&self, command: Command) -> Result<(), SessionError> {
-        self.commands.send(command).map_err(|_| SessionError::Closed)
+        self.commands.send(command).map_err(|_| SessionError::Ended)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The session's thread.
 
+use super::guard::doubt;
 use super::policy::{Fit, Needs, Policy};
 use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
 use crate::device::client::{Client, LinkError};
@@ -142,15 +143,12 @@ impl Worker {
     }
 
     fn until_next_duty(&self) -> Duration {
-        let mut next = if self.client.is_some() { self.next_status } else { self.next_open };
-        if self.armed {
-            next = next.min(self.last_heard + self.device.timing().keep_alive);
+        let mut next = self.next_open;
+        if self.client.is_some() {
+            next = self.next_status.min(self.next_clock).min(self.last_heard + self.device.timing().keep_alive);
         }
         if let Some(until) = self.drive_until {
             next = next.min(until);
-        }
-        if self.client.is_some() {
-            next = next.min(self.next_clock);
         }
         next.saturating_duration_since(Instant::now())
     }
@@ -169,7 +167,8 @@ impl Worker {
             self.rest()
         } else if self.armed && self.drive_until.is_none() && now >= self.idle_since + self.policy.idle {
             self.ask(&Request::Disarm).map(|_| self.armed = false)
-        } else if self.armed && now >= self.last_heard + self.device.timing().keep_alive {
+        } else if now >= self.last_heard + self.device.timing().keep_alive {
+            // Armed or not: so a board that is gone is seen to be.
             self.keep_alive()
         } else if now >= self.next_status {
             self.look()
@@ -245,7 +244,7 @@ impl Worker {
 
     fn keep_alive(&mut self) -> Result<(), LinkError> {
         let Reply::Alive { state } = self.ask(&Request::KeepAlive)? else { return Err(unexpected("keep-alive")) };
-        if !state.is_live() {
+        if self.armed && !state.is_live() {
             self.armed = false;
             self.drive_until = None;
             return self.look();
@@ -313,7 +312,7 @@ impl Worker {
         let of_link = |client: &Client| (client.round_trip_median(), client.round_trip_worst(), client.statistics());
         let (round_trip, worst, link) = self.client.as_ref().map(of_link).unwrap_or_default();
         self.publish.send_modify(|snapshot| {
-            snapshot.connected = true;
+            (snapshot.connected, snapshot.in_doubt) = (true, false);
             snapshot.problem = None;
             snapshot.status = Some(status);
             snapshot.telemetry = Some(telemetry);
@@ -457,12 +456,22 @@ impl Worker {
         Err(SessionError::Disconnected { path: self.device.path().to_owned(), reason })
     }
 
+    /// Asks the device. While its answer is late that is told; the answer is waited for, so that a computer that is busy for a
+    /// moment does not lose its board for it.
     pub(super) fn ask(&mut self, request: &Request) -> Result<Reply, LinkError> {
         let client = self.client.as_mut().ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotConnected))?;
-        let reply = client.request(request)?;
+        let publish = &self.publish;
+        let reply = client.request_told(request, &mut |request, waited| doubt(publish, request, waited))?;
         let now = Instant::now();
         let gap = now - self.last_heard;
         self.last_heard = now;
+        if self.publish.borrow().in_doubt {
+            tracing::warn!(silent_ms = gap.as_secs_f64() * 1e3, "the device answers again");
+            self.publish.send_modify(|snapshot| {
+                (snapshot.connected, snapshot.in_doubt) = (true, false);
+                snapshot.problem = None;
+            });
+        }
         if self.armed && gap > self.publish.borrow().longest_gap {
             self.publish.send_modify(|snapshot| snapshot.longest_gap = gap);
         }
@@ -486,8 +495,8 @@ impl Worker {
         self.next_open = Instant::now() + REOPEN;
         self.was_away(&text);
         self.publish.send_modify(|snapshot| {
-            snapshot.outages += u32::from(snapshot.connected);
-            snapshot.connected = false;
+            snapshot.outages += u32::from(snapshot.connected || snapshot.in_doubt);
+            (snapshot.connected, snapshot.in_doubt) = (false, false);
             snapshot.problem = Some(text);
         });
     }
@@ -497,8 +506,8 @@ impl Drop for Worker {
     /// However the thread ends, nobody takes its device for connected.
     fn drop(&mut self) {
         self.publish.send_modify(|snapshot| {
-            snapshot.connected = false;
-            snapshot.problem = Some("the session with the device has ended".into());
+            (snapshot.connected, snapshot.in_doubt) = (false, false);
+            snapshot.problem = Some(super::ENDED.into());
         });
     }
 }

@@ -37,6 +37,18 @@ pub struct Defects {
     pub stopped_timer: Option<u32>,
 }
 
+/// Mistakes of a board that nothing in it notices, which no board may make: with them it is seen that whoever judges a board from outside
+/// ([`super::Watch`]) would notice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mistakes {
+    /// The timers of drives that are set from now on have B's windows where A's are.
+    pub both_electrodes: bool,
+    /// The dead-man time does not count: the board takes every tick for a sign of life.
+    pub deaf_to_silence: bool,
+    /// What stands at the electrodes, in percent of what the board measures; as it should be without.
+    pub rails_percent: Option<u32>,
+}
+
 /// A board without hardware.
 #[derive(Debug)]
 pub struct SimBoard {
@@ -45,6 +57,7 @@ pub struct SimBoard {
     panel: Panel,
     supply: Supply,
     defects: Defects,
+    mistakes: Mistakes,
     /// The timers run since this time in us.
     started_us: Option<u64>,
     leaving: bool,
@@ -89,6 +102,7 @@ impl SimBoard {
             panel,
             supply: Supply { discharge: [true; RAILS], ..Supply::default() },
             defects: Defects::default(),
+            mistakes: Mistakes::default(),
             started_us: None,
             leaving: false,
         }
@@ -98,6 +112,13 @@ impl SimBoard {
     #[must_use]
     pub fn named(mut self, board_id: [u8; 12]) -> Self {
         self.info.board_id = board_id;
+        self
+    }
+
+    /// The same as something else than a simulation, for whoever asks it.
+    #[must_use]
+    pub const fn posing_as(mut self, board: BoardKind) -> Self {
+        self.info.board = board;
         self
     }
 
@@ -134,6 +155,15 @@ impl SimBoard {
         if defects != self.defects {
             self.defects = defects;
             self.follow_supply();
+        }
+    }
+
+    /// Makes the board do something wrong that it does not notice.
+    pub fn set_mistakes(&mut self, mistakes: Mistakes) {
+        if mistakes != self.mistakes {
+            self.advance();
+            self.mistakes = mistakes;
+            self.panel.set_at_electrodes(mistakes.rails_percent.map_or(1.0, |percent| f64::from(percent) / 100.0));
         }
     }
 
@@ -249,7 +279,11 @@ impl Board for SimBoard {
         let from_s = started_us as f64 / 1e6 + preload.at as f64 / clocks_per_s;
         let done_s = self.panel.time_s();
         let source = self.panel.source_mut(preload.channel).ok_or(FaultCode::DriveFailed)?;
-        source.preload(&preload.period, from_s, done_s).map_err(|_| FaultCode::ReadBack)
+        source.preload(&preload.period, from_s, done_s).map_err(|_| FaultCode::ReadBack)?;
+        if self.mistakes.both_electrodes {
+            source.put_b_over_a();
+        }
+        Ok(())
     }
 
     fn check_timers(&mut self) -> Result<(), Finding> {

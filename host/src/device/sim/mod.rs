@@ -13,7 +13,7 @@ mod source;
 mod terminal;
 
 pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, attenuation, low_pass};
-pub use board::{Clock, Defects, SimBoard};
+pub use board::{Clock, Defects, Mistakes, SimBoard};
 pub use panel::{Extreme, Panel, STEP_S};
 pub use rails::Rail;
 pub use source::Source;

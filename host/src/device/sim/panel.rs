@@ -56,6 +56,8 @@ pub struct Panel {
     sources: [Option<Source>; MAX_CHANNELS],
     rails: [Rail; RAILS],
     connected: bool,
+    /// What stands at the electrodes, as a part of what the rails have.
+    at_electrodes: f64,
     step_s: f64,
     transducers: Vec<Transducer>,
     /// Mean travel of each actuator's mass over the last step in m.
@@ -100,6 +102,7 @@ impl Panel {
             sources: [const { None }; MAX_CHANNELS],
             rails: [Rail::discharging(0.0, 0.0); RAILS],
             connected: false,
+            at_electrodes: 1.0,
             step_s,
             transducers,
             travel: DVector::zeros(system.force.ncols()),
@@ -196,6 +199,11 @@ impl Panel {
         self.connected = connected;
     }
 
+    /// Has more or less stand at the electrodes than the rails have: 1 is as it should be.
+    pub const fn set_at_electrodes(&mut self, part: f64) {
+        self.at_electrodes = part;
+    }
+
     /// A rail, counted from 0; one that there is not is at zero.
     #[must_use]
     pub fn rail(&self, rail: usize) -> Rail {
@@ -251,8 +259,11 @@ impl Panel {
         self.steps += 1;
         // Over a step of 25 us the square of a rail's voltage is its value in the middle to 1e-5.
         let middle_s = from_s + 0.5 * self.step_s;
-        let volts: [f64; RAILS] =
-            if self.connected { self.rails.map(|rail| rail.volts_at(middle_s)) } else { [0.0; RAILS] };
+        let volts: [f64; RAILS] = if self.connected {
+            self.rails.map(|rail| self.at_electrodes * rail.volts_at(middle_s))
+        } else {
+            [0.0; RAILS]
+        };
         let mut pulls = [[0.0; 2]; MAX_CHANNELS];
         let mut driven = false;
         for ((channel, pull), transducer) in pulls.iter_mut().enumerate().zip(&self.transducers) {

@@ -67,6 +67,13 @@ impl Source {
         Ok(())
     }
 
+    /// A mistake: in what was preloaded last B is on when A is.
+    pub fn put_b_over_a(&mut self) {
+        if let Some(last) = self.stretches.back_mut() {
+            last.windows.b = last.windows.a;
+        }
+    }
+
     /// Whether no electrode is on, now or after what is preloaded.
     #[must_use]
     pub fn is_blank(&self) -> bool {

@@ -1,13 +1,13 @@
 //! The simulated device behind a pseudo-terminal, with the knobs that tests turn.
 
-use super::board::{Clock, Defects, SimBoard};
+use super::board::{Clock, Defects, Mistakes, SimBoard};
 use super::panel::Panel;
 use crate::device::priority;
 use era_shared::board::Board;
 use era_shared::device::{Device, Port};
 use era_shared::limits::DEADMAN_DEFAULT_MS;
-use era_shared::link::{Decoder, Kind};
-use era_shared::protocol::Request;
+use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::protocol::{CURRENT_VERSION, Request};
 use era_shared::safety::LinkId;
 use nalgebra::DVector;
 use serialport::{SerialPort, TTYPort};
@@ -30,6 +30,8 @@ pub struct Knobs {
     pub corrupt_every: Option<u32>,
     /// What is wrong with its hardware.
     pub defects: Defects,
+    /// What it does wrong.
+    pub mistakes: Mistakes,
 }
 
 /// Over the dead-man time, before high voltage that is still on counts as late: two ticks of the device's loop.
@@ -243,6 +245,10 @@ impl Loop {
             };
             let received_at = Instant::now();
             self.board.set_defects(knobs.defects);
+            self.board.set_mistakes(knobs.mistakes);
+            if knobs.mistakes.deaf_to_silence {
+                self.pretend_life();
+            }
             // What has been sent is heard before the silence is judged: a computer that is busy may come late to both.
             if length == 0 || knobs.silent {
                 due_us = self.device.poll(&mut self.board);
@@ -285,9 +291,11 @@ impl Loop {
     fn listen(&mut self, bytes: &[u8], at: Instant) {
         let (mut drives_set, mut stops) = (false, false);
         let (heard, deadman) = (&mut self.heard, &mut self.deadman);
+        // The device's logic has just heard it: where this thread came late to that, the silence began later than `at`.
+        let now = Instant::now();
         self.listener.feed(bytes, |result| {
             let Some(frame) = result.ok().filter(|frame| frame.kind == Kind::Request as u8) else { return };
-            *heard = at;
+            *heard = now;
             match postcard::from_bytes(frame.body) {
                 Ok(Request::SetDrives { drives } | Request::Prepare { drives }) => drives_set |= !drives.is_empty(),
                 Ok(Request::Stop) => stops = true,
@@ -301,6 +309,15 @@ impl Loop {
             let mut wishes = self.control.lock();
             wishes.drives_received = if drives_set { Some(at) } else { wishes.drives_received };
             wishes.stop_received = if stops { Some(at) } else { wishes.stop_received };
+        }
+    }
+
+    /// Tells the device's logic that its host lives, which [`Self::listen`] does not hear.
+    fn pretend_life(&mut self) {
+        let mut frame = [0; MAX_ENCODED];
+        if let Ok(length) = encode(CURRENT_VERSION, Kind::Request, 0, &Request::KeepAlive, &mut frame) {
+            let frame = frame.get(..length).unwrap_or_default();
+            self.device.receive(&mut self.board, &mut self.port, frame, |_| {});
         }
     }
 

@@ -1,0 +1,246 @@
+//! A board that falls silent is told of before it is given up, and one that was only late is not given up.
+
+use crate::support::{Daemon, panel_of, table};
+use era::daemon::{Access, App, Background};
+use era::device::client::Transport;
+use era::device::port::Port;
+use era::device::session::policy::Policy;
+use era::device::sim::{Knobs, SimBoard, SimControl, SimDevice};
+use era::device::timing::{Patience, REAL_TIME, Timing};
+use era::device::{Client, OpenDevice};
+use era::scene::EXAMPLE_PLATE;
+use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
+use era_shared::safety::State;
+use serde_json::json;
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+const TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 200}"#;
+const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
+/// One that is not given up while a test lasts.
+const FOREVER: Timing = Timing { patience: Patience { tries: 3000, ..REAL_TIME.patience }, ..REAL_TIME };
+
+/// A simulated board at the end of a line that counts how often it is opened, and breaks the thread that reads it when it is told to.
+struct Line {
+    board: SimDevice,
+    opened: Arc<AtomicU32>,
+    planted: Arc<AtomicBool>,
+}
+
+impl Line {
+    fn to(board: SimDevice) -> Self {
+        Self { board, opened: Arc::default(), planted: Arc::default() }
+    }
+
+    fn sim(&self) -> SimControl {
+        self.board.control()
+    }
+
+    fn device(&self, timing: Timing) -> OpenDevice {
+        let (path, opened, planted) =
+            (self.board.path().to_owned(), Arc::clone(&self.opened), Arc::clone(&self.planted));
+        let open = move || -> Result<Box<dyn Transport>, serialport::Error> {
+            opened.fetch_add(1, Ordering::SeqCst);
+            Ok(Box::new(Counted { port: Port::open(&path)?, planted: Arc::clone(&planted) }))
+        };
+        OpenDevice::over("a line", timing, Box::new(open))
+    }
+}
+
+struct Counted {
+    port: Port,
+    planted: Arc<AtomicBool>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        assert!(!self.planted.load(Ordering::SeqCst), "a mistake that was planted");
+        self.port.read(buffer)
+    }
+}
+
+impl Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.port.write(bytes)
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+fn app(line: &Line, timing: Timing) -> App {
+    let table = table(EXAMPLE_PLATE);
+    App::with(table, line.device(timing), EXAMPLE_PLATE.to_owned(), Policy::default(), Access::default()).unwrap()
+}
+
+fn board() -> SimDevice {
+    let (panel, volts) = panel_of(&table(EXAMPLE_PLATE));
+    SimDevice::start_named(panel, volts, SimBoard::ID).unwrap()
+}
+
+fn daemon(line: &Line, timing: Timing) -> Daemon {
+    let background = Background::start(app(line, timing)).unwrap();
+    let daemon = Daemon { url: format!("http://{}", background.address()), sim: line.sim(), background };
+    daemon.wait_for(|state| state["device"]["connected"] == true);
+    daemon
+}
+
+fn silent(silent: bool) -> Knobs {
+    Knobs { silent, ..Knobs::default() }
+}
+
+fn goes_off(line: &Line) {
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while line.sim().watch().energised {
+        assert!(Instant::now() < deadline, "the board is still live");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Idle and while it drives: the silence is told, touches are refused with the reason, and when the board answers again all
+/// goes on over the same line.
+#[test]
+fn a_board_that_is_late_is_told_of_and_not_given_up() {
+    let line = Line::to(board());
+    let daemon = daemon(&line, FOREVER);
+    for (before, doubts) in [(None, 1), (Some(LONG_TOUCH), 2)] {
+        if let Some(touch) = before {
+            assert_eq!(daemon.post("/v1/touch", touch).0, 200);
+            daemon.wait_for(|state| state["device"]["state"] == "running");
+        }
+        line.sim().set_knobs(silent(true));
+        let state = daemon.wait_for(|state| state["device"]["in_doubt"] == true);
+        let device = &state["device"];
+        let told = (&device["connected"], &device["outages"], device["doubts"].as_u64().unwrap() >= doubts);
+        assert_eq!(told, (&json!(false), &json!(0), true), "{device}");
+        assert!(device["problem"].as_str().unwrap().contains("nothing was heard of it for"), "{device}");
+        let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
+        assert_eq!((status, &problem["type"]), (503, &json!("urn:era:problem:device-late")), "{problem}");
+        assert!(
+            problem["retry_after_ms"].is_u64() && problem["detail"].as_str().unwrap().contains("nothing was heard")
+        );
+        assert_eq!(daemon.post("/v1/arm", "").0, 503);
+        assert!(daemon.get_text("/metrics").contains("era_device_connected 0"));
+        // Where it drove it goes off by itself.
+        goes_off(&line);
+        line.sim().set_knobs(silent(false));
+        let state = daemon.wait_for(|state| state["device"]["connected"] == true);
+        let device = &state["device"];
+        assert_eq!(
+            (&device["in_doubt"], &device["problem"], &device["outages"]),
+            (&json!(false), &json!(null), &json!(0))
+        );
+    }
+    assert_eq!(line.opened.load(Ordering::SeqCst), 1, "the line was opened anew");
+    daemon.wait_for(|state| state["device"]["fault"]["name"] == "host-silent");
+}
+
+/// One that stays silent is an outage, once, and is looked for.
+#[test]
+fn a_board_that_stays_silent_is_given_up() {
+    let line = Line::to(board());
+    let daemon = daemon(&line, REAL_TIME);
+    line.sim().set_knobs(silent(true));
+    let state = daemon.wait_for(|state| state["device"]["outages"] == 1);
+    assert_eq!(state["device"]["in_doubt"], false, "{state}");
+    let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
+    assert_eq!((status, &problem["type"]), (502, &json!("urn:era:problem:device-lost")), "{problem}");
+    line.sim().set_knobs(silent(false));
+    let state = daemon.wait_for(|state| state["device"]["connected"] == true);
+    assert_eq!(state["device"]["outages"], 1, "{state}");
+    assert!(line.opened.load(Ordering::SeqCst) > 1);
+}
+
+/// A board that answers the first try when the third has been sent.
+#[derive(Default)]
+struct Late {
+    asked: Vec<u16>,
+    decoder: Option<Decoder>,
+    answers: VecDeque<u8>,
+}
+
+impl Write for Late {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let asked = &mut self.asked;
+        self.decoder.get_or_insert_with(Decoder::new).feed(bytes, |frame| asked.extend(frame.map(|it| it.sequence)));
+        if let [first, _, _] = self.asked[..] {
+            self.asked.clear();
+            let mut frame = [0; MAX_ENCODED];
+            let reply = Reply::Alive { state: State::Safe };
+            let length = encode(CURRENT_VERSION, Kind::Reply, first, &reply, &mut frame).unwrap();
+            self.answers.extend(&frame[..length]);
+        }
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Read for Late {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        std::thread::sleep(Duration::from_millis(1));
+        if self.answers.is_empty() { Err(ErrorKind::TimedOut.into()) } else { self.answers.read(buffer) }
+    }
+}
+
+#[test]
+fn a_late_answer_to_an_earlier_try_counts() {
+    let mut client = Client::new(Box::new(Late::default()), Duration::from_millis(20));
+    let reply = client.request(&Request::KeepAlive);
+    assert!(matches!(reply, Ok(Reply::Alive { state: State::Safe })), "{reply:?}");
+    assert_eq!(client.statistics().repeats, 2);
+    // Its time is that of the try which it answers: two waits ago, of which the board's clock must know.
+    let sent = client.last_frame_written().unwrap();
+    let took = client.last_reply_read().unwrap() - sent;
+    assert!(took >= Duration::from_millis(40), "{took:?}");
+}
+
+/// A mistake in the session's thread: everybody is told, nothing is driven any more, and the daemon ends as one that failed.
+#[test]
+fn a_session_that_breaks_is_told_and_ends_the_daemon() {
+    let line = Line::to(board());
+    let daemon = daemon(&line, REAL_TIME);
+    assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+    line.planted.store(true, Ordering::SeqCst);
+    let state = daemon.wait_for(|state| state["device"]["connected"] == false);
+    assert!(state["device"]["problem"].as_str().unwrap().contains("session with the device has ended"), "{state}");
+    assert!(daemon.get_text("/metrics").contains("era_device_connected 0"));
+    for (path, body) in [
+        ("/v1/touch", TOUCH),
+        ("/v1/touch", r#"{"x_px": 9, "y_px": 9, "effect": "click"}"#),
+        ("/v1/arm", ""),
+        ("/v1/stop", ""),
+    ] {
+        let (status, _, problem) = daemon.post(path, body);
+        assert_eq!((status, &problem["type"]), (503, &json!("urn:era:problem:session-ended")), "{path}: {problem}");
+        assert!(problem["detail"].as_str().unwrap().contains("gone off by itself"), "{problem}");
+    }
+    goes_off(&line);
+}
+
+#[test]
+fn a_daemon_without_its_session_ends_and_is_not_told_to_be_well() {
+    let line = Line::to(board());
+    let app = Arc::new(app(&line, REAL_TIME));
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let device = app.device();
+    runtime.block_on(async {
+        let listener = era::daemon::Listener::tcp("127.0.0.1:0".parse().unwrap(), None, false).await.unwrap();
+        let serving = tokio::spawn(era::daemon::serve_while_alive(
+            Arc::clone(&app),
+            vec![listener],
+            std::future::pending::<()>(),
+        ));
+        device.clone().wait_for(|snapshot| snapshot.connected).await.unwrap();
+        assert!(app.is_alive(), "of which the service manager is told");
+        line.planted.store(true, Ordering::SeqCst);
+        let ended = tokio::time::timeout(Duration::from_secs(30), serving).await;
+        assert_eq!(ended.expect("it still serves").unwrap(), era::daemon::Ended::Session);
+    });
+    assert!(!app.is_alive());
+}

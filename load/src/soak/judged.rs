@@ -1,0 +1,179 @@
+//! The judge judged: boards and daemons that do what they must not, each by a mistake that is planted, and a verdict that names it.
+
+use super::faults::{Faults, until};
+use super::ledger::Ledger;
+use super::tally::Tally;
+use super::world::World;
+use super::{Options, clients, load, report};
+use crate::board::{Bench, table};
+use crate::daemon::{Daemon, Plan, Takes};
+use era::daemon::{Access, App, Background};
+use era::device::session::policy::Policy;
+use era::device::sim::{Knobs, Mistakes};
+use era::device::{OpenDevice, Target};
+use era::scene::EXAMPLE_PLATE;
+use fastrand::Rng;
+use std::io::{BufRead, BufReader, Write};
+use std::net::{SocketAddr, TcpListener};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How long a board may take to do what it must not.
+const WAIT: Duration = Duration::from_secs(20);
+/// As strong as it can be, where the masses travel farthest.
+const STRONG: &str = r#"{"x_px": 300, "y_px": 300, "duration_ms": 3000, "intensity_g": 1000, "objective": "reach"}"#;
+
+/// A program that says it serves at `address`, and then does `then`.
+fn program(folder: &Path, address: SocketAddr, then: &str) -> PathBuf {
+    let path = folder.join("era");
+    let script = format!("#!/bin/sh\necho 'ready after 0 s: open http://{address}, nothing else' >&2\n{then}\n");
+    std::fs::write(&path, script).unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    path
+}
+
+fn plan(folder: &Path, program: PathBuf) -> Plan {
+    let [device, socket, cache] = ["board", "era.sock", "cache"].map(|name| folder.join(name));
+    Plan { program, device, socket, cache }
+}
+
+/// The verdict on a board with `mistakes` after `act`, behind a daemon in this process. What is started as the daemon only sleeps.
+fn verdict(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("board");
+    let bench = Bench::new(path.clone()).unwrap();
+    let device = OpenDevice::absent(&Target::Serial(path.to_str().unwrap().into())).unwrap();
+    let policy = Policy { clears_silence: true, ..Policy::default() };
+    let app = App::with(table().unwrap(), device, EXAMPLE_PLATE.into(), policy, Access::default()).unwrap();
+    let background = Background::start(app).unwrap();
+    let plan = plan(folder.path(), program(folder.path(), background.address(), "exec sleep 600"));
+    let daemon = Daemon::start(&plan).unwrap();
+    daemon.await_device().unwrap();
+    let world = World::default();
+    world.begins(daemon.address);
+    bench.control().set_knobs(Knobs { mistakes, ..Knobs::default() });
+    let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
+    let mut faults = Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, before_kill: None };
+    act(&mut faults);
+    let tally = Tally { sent: 1, ..Tally::default() };
+    let report = report(1, Instant::now(), Takes::default(), tally, faults);
+    println!("{}", report.text());
+    report.verdict()
+}
+
+fn strong(faults: &mut Faults<'_>) {
+    let answer = faults.http().post("/v1/touch", STRONG).unwrap();
+    assert_eq!(answer.status, 200, "{}", answer.json());
+}
+
+#[test]
+fn a_sound_board_at_full_strength_is_no_reason_for_a_verdict() {
+    let sound = verdict(Mistakes::default(), |faults| {
+        strong(faults);
+        std::thread::sleep(Duration::from_secs(1));
+        let travel = faults.control().watch().travel_part;
+        assert!(travel > 0.02, "it was not driven: {travel}");
+    });
+    assert_eq!(sound, None);
+}
+
+#[test]
+fn both_electrodes_on_together_are_named() {
+    let mistakes = Mistakes { both_electrodes: true, ..Mistakes::default() };
+    let found = verdict(mistakes, |faults| {
+        faults.drive().unwrap();
+        until(WAIT, || faults.control().watch().overlaps > 0).expect("they are on together");
+    });
+    assert!(found.as_ref().is_some_and(|found| found.contains("both electrodes of an ERA were on")), "{found:?}");
+}
+
+#[test]
+fn travel_beyond_the_limit_is_named() {
+    let mistakes = Mistakes { rails_percent: Some(300), ..Mistakes::default() };
+    let found = verdict(mistakes, |faults| {
+        strong(faults);
+        until(WAIT, || faults.control().watch().travel_part > 0.5).expect("it is pulled in");
+    });
+    assert!(found.as_ref().is_some_and(|found| found.contains("a mass travelled")), "{found:?}");
+}
+
+/// A board that stays on when nobody is heard is seen by two looks: by the board's own watch, and by that of the fault.
+#[test]
+fn high_voltage_that_stays_on_is_named() {
+    let mistakes = Mistakes { deaf_to_silence: true, ..Mistakes::default() };
+    let found = verdict(mistakes, |faults| faults.cut().unwrap()).expect("a verdict");
+    assert!(found.contains("looks after the dead-man time"), "{found}");
+    assert!(
+        found.contains("line dead for a while: not detected: the board's high voltage was still on after"),
+        "{found}"
+    );
+}
+
+/// Closes connections on which a touch came, and knows nothing of any; ends the world at the first.
+fn forgetful(world: Arc<World>) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        for stream in listener.incoming().map_while(Result::ok) {
+            let mut first = String::new();
+            let _ = BufReader::new(&stream).read_line(&mut first);
+            match first.starts_with("GET /v1/requests/") {
+                true => {
+                    world.finish();
+                    let _ = (&stream).write_all(b"HTTP/1.1 404 Not Found\r\nContent-Length: 2\r\n\r\n{}");
+                }
+                false => drop(stream),
+            }
+        }
+    });
+    address
+}
+
+#[test]
+fn a_touch_without_an_answer_is_named() {
+    let world = Arc::new(World::default());
+    world.begins(forgetful(Arc::clone(&world)));
+    let tally = clients::http(&world, None, 0, Rng::with_seed(1));
+    assert!(tally.lost > 0 && tally.losses.iter().all(|loss| loss.contains("client0.")), "{:?}", tally.losses);
+    assert!(super::report::tests::of(tally).verdict().unwrap().contains("touches were lost"));
+}
+
+#[test]
+fn a_gesture_without_an_answer_is_named() {
+    let world = Arc::new(World::default());
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    world.begins(listener.local_addr().unwrap());
+    let over = Arc::clone(&world);
+    let server = std::thread::spawn(move || {
+        let (stream, _) = listener.accept().unwrap();
+        let mut socket = tungstenite::accept(stream).unwrap();
+        // One word of it, and the page is left alone.
+        let _ = socket.read();
+        over.finish();
+    });
+    let tally = clients::live(&world, 0, Rng::with_seed(1));
+    server.join().unwrap();
+    assert_eq!((tally.sent, tally.lost), (1, 1), "{:?}", tally.losses);
+    assert!(super::report::tests::of(tally).verdict().unwrap().contains("touches were lost"));
+}
+
+#[test]
+fn a_daemon_that_ends_by_itself_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let address = "127.0.0.1:9".parse().unwrap();
+    let plan = plan(folder.path(), program(folder.path(), address, "echo 'out of everything' >&2; exit 1"));
+    let bench = Bench::new(folder.path().join("board")).unwrap();
+    let daemon = Daemon::start(&plan).unwrap();
+    let world = World::default();
+    let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
+    let mut faults = Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, before_kill: None };
+    until(WAIT, || faults.daemon.has_ended() && faults.daemon.log().contains("out of")).expect("its last words");
+    let options = Options { minutes: 1.0, faults: false, seed: 1, program: PathBuf::new() };
+    let error = load(&options, Instant::now(), &mut faults).unwrap_err().to_string();
+    assert!(error.contains("the daemon has ended by itself") && error.contains("out of everything"), "{error}");
+    let tally = Tally { sent: 1, ..Tally::default() };
+    let found = report(1, Instant::now(), Takes::default(), tally, faults).verdict().unwrap();
+    assert!(found.contains("the daemon has ended by itself") && found.contains("out of everything"), "{found}");
+}
