@@ -3,6 +3,8 @@
 use super::access::Access;
 use super::active::{Active, Touched, Update, Weaker};
 use super::admission::Admission;
+use super::answers::scene::SceneView;
+use super::answers::touched::{Achieved, PlayedEffect};
 use super::asked::Asked;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
@@ -10,7 +12,7 @@ use super::problem::Problem;
 use super::record::Recorder;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
-use super::view::{FieldView, PlanView, SceneView, TouchView};
+use super::view::{FieldView, PlanView, TouchView};
 use crate::device::convert::to_wire;
 use crate::device::session::policy::{Needs, Policy};
 use crate::device::sim::SimControl;
@@ -22,7 +24,6 @@ use crate::planner::plan_motion::PlanMotion;
 use crate::planner::residual::{fitted, grown};
 use crate::planner::trade::Trade;
 use crate::planner::{Drive, Plan, PlanTable, Request};
-use axum::http::StatusCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, broadcast, watch};
@@ -73,7 +74,7 @@ type PartOfPlan = (f64, (Plan, Prepared));
 /// What has begun.
 pub(super) struct Begun {
     /// What the device achieves.
-    pub(super) device: serde_json::Value,
+    pub(super) device: Achieved,
     /// When it ends.
     pub(super) until: Instant,
     /// [`Turn::drives`].
@@ -296,12 +297,10 @@ impl App {
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
             sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
         }
-        let Begun { mut device, until, begun } = self.begun(&turn, stops, &plan, &prepared).await?;
-        if let (Some(delayed), Some(map)) = (turn.delayed(), device.as_object_mut()) {
-            map.insert("delayed_ms".into(), (delayed.as_secs_f64() * 1e3).into());
-        }
+        let Begun { device, until, begun } = self.begun(&turn, stops, &plan, &prepared).await?;
+        let device = device.delayed(turn.delayed());
         drop(turn);
-        let active = self.shown(id, plan, touches, device.get("effect").cloned());
+        let active = self.shown(id, plan, touches, device.effect().cloned());
         let is_shown = self.activate(&active, until, stops)?;
         if matches!(manner, Manner::Hold(_)) && part < 1.0 {
             self.grow_later(Weaker { begun, stops, part, active: Arc::clone(&active), whole });
@@ -356,7 +355,7 @@ impl App {
         let untold = || {
             let detail =
                 "what the plan leaves when it ends cannot be told: a drive meets the resonance of an undamped mode";
-            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", detail)
+            Problem::new(super::kinds::Kind::NoPlan, detail)
         };
         Ok(Prepared { motion: motion.ok_or_else(untold)?, kind })
     }
@@ -377,13 +376,13 @@ impl App {
                 let drives = on_channels(&plan.drives).iter().map(to_wire).collect();
                 let order = DriveOrder { id, stops, drives, hold: *hold, from_zero: turn.is_soft() };
                 let driven = self.session.drive(order).await;
-                driven.map(|driven| (super::view::achieved(plan, &driven.achieved), Instant::now() + *hold))
+                driven.map(|driven| (Achieved::new(plan, &driven.achieved), Instant::now() + *hold))
             }
             Kind::Effect(design) => {
                 let drives = design.wire_drives().iter().map(to_wire).collect();
                 let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
                 let played = self.session.play(EffectOrder { id, stops, drives, effects, start: None }).await;
-                played.map(|played| (super::view::played(plan, design, &played), played.start + played.length))
+                played.map(|played| (Achieved::played(plan, design, &played), played.start + played.length))
             }
         };
         match begun {
@@ -419,7 +418,7 @@ impl App {
         id: u64,
         plan: Plan,
         touches: &[TouchView],
-        effect: Option<serde_json::Value>,
+        effect: Option<PlayedEffect>,
     ) -> Arc<Active> {
         tokio::task::block_in_place(|| {
             let field = FieldView::new(&self.table, Some(&plan), id);

@@ -6,10 +6,9 @@
 use super::access::Owner;
 use super::app::{App, closed};
 use super::listener::{Incoming, Listener};
-use super::problem::Problem;
+use super::problem::{Kind, Problem};
 use super::routes;
 use axum::Router;
-use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -160,5 +159,5 @@ where
 
 fn failed() -> Problem {
     let detail = "the daemon made a mistake with this request; its log says which";
-    Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "The daemon made a mistake", detail)
+    Problem::new(Kind::Internal, detail)
 }
