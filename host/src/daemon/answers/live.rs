@@ -15,7 +15,7 @@ use utoipa::ToSchema;
 #[serde(tag = "type", rename_all = "lowercase")]
 pub enum Message {
     /// The scene, once.
-    Scene(SceneView),
+    Scene(Box<SceneView>),
     /// The state, whenever it changes.
     State(Box<StateView>),
     /// A plan that is driven.

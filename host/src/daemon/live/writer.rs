@@ -71,7 +71,7 @@ pub async fn write(
 ) {
     let (mut device, mut updates, mut closing) = (app.device(), app.updates(), app.closing());
     let mut first = Vec::new();
-    first.extend(wants.scene.then(|| json!(Told::Scene(app.scene.clone()))));
+    first.extend(wants.scene.then(|| json!(Told::Scene(Box::new(app.scene.clone())))));
     first.extend(wants.state.then(|| state_message(&app)));
     first.extend(app.active().filter(|_| wants.plan).map(|active| wants.plan_message(&active)));
     for message in first {
