@@ -19,6 +19,7 @@ pub struct SiDrive {
 
 /// An actuator's drive: planned, of a setting for the whole surface, or of an effect at full level.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Drive {
     /// The actuator's `id`.
     pub actuator: String,

@@ -59,7 +59,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
     tell_plan(&[&plan], accuracy, options.panel.explain);
     let (timing, level_db) = (rise.times(&shape, &drives), intensity::level_db(&rise, &shape, &drives));
     if options.json {
-        let mut answer = effects::view::json(&design);
+        let mut answer = json!(effects::view::EffectView::new(&design));
         answer["elapsed_ms"] = json!(elapsed_ms);
         answer["plan"] = json!(plan);
         answer["tolerance"] = json!(accuracy.value());

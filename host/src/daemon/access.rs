@@ -3,7 +3,7 @@
 use super::assets;
 use super::client::{Peer, TokenNumber};
 use super::guesses::{Digest, Guesses, MOST};
-use super::problem::Problem;
+use super::problem::{Kind, Problem};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
@@ -41,7 +41,7 @@ impl Role {
     }
 
     /// What a request needs; `None` for the page's own files, which everybody may read: the page brings the token.
-    fn needed(method: &Method, path: &str) -> Option<Self> {
+    pub fn needed(method: &Method, path: &str) -> Option<Self> {
         let only_reads = matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS);
         match path {
             "/v1/arm" | "/v1/faults/clear" => Some(Self::Arm),
@@ -170,13 +170,13 @@ impl Access {
                 "requests for {host} are not taken; use localhost or the daemon's address in numbers, or start it with \
                  --allow-host"
             );
-            return Err(Problem::new(StatusCode::FORBIDDEN, "foreign-host", "Foreign host", detail));
+            return Err(Problem::new(Kind::ForeignHost, detail));
         }
         let foreign = |who: &str| {
             let detail = format!(
                 "requests from {who} are not taken; open the page of this daemon itself, or start it with --allow-origin"
             );
-            Problem::new(StatusCode::FORBIDDEN, "foreign-origin", "Foreign page", detail)
+            Problem::new(Kind::ForeignOrigin, detail)
         };
         if let Some(origin) = text(headers, &header::ORIGIN)? {
             if self.origins.iter().any(|known| known.eq_ignore_ascii_case(origin)) {
@@ -215,14 +215,14 @@ impl Access {
             Some((role, number)) if role >= needed => Ok(Some(TokenNumber(number))),
             Some((role, _)) => {
                 let detail = format!("this token's role is {}, and this needs {}", role.name(), needed.name());
-                Err(Problem::new(StatusCode::FORBIDDEN, "role", "Not with this token", detail))
+                Err(Problem::new(Kind::Role, detail))
             }
             None => {
                 let detail = match given {
                     None => "a token is wanted: Authorization: Bearer TOKEN, or ?token=TOKEN for /v1/live",
                     Some(_) => "this token is not known",
                 };
-                Err(Problem::new(StatusCode::UNAUTHORIZED, "token", "Who are you?", detail))
+                Err(Problem::new(Kind::Token, detail))
             }
         }
     }
@@ -245,8 +245,7 @@ impl Access {
                      POST /v1/stop is taken from there",
                     ms.div_ceil(1000)
                 );
-                let (status, title) = (StatusCode::TOO_MANY_REQUESTS, "Too many wrong tokens");
-                Err(Problem::new(status, "guesses", title, detail).retry(ms, None))
+                Err(Problem::new(Kind::Guesses, detail).retry(ms, None))
             }
         }
     }
@@ -308,7 +307,7 @@ fn text<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>
         .map(|value| {
             value.to_str().map_err(|_| {
                 let detail = format!("the header {name} must be plain ASCII");
-                Problem::new(StatusCode::BAD_REQUEST, "bad-header", "A header cannot be used", detail)
+                Problem::new(Kind::BadHeader, detail)
             })
         })
         .transpose()

@@ -1,5 +1,6 @@
 //! What is driven, and what a touch has led to.
 
+use super::answers::touched::{Achieved, PlayedEffect, TouchedView};
 use super::view::{FieldView, PlanView, TouchView};
 use crate::planner::Plan;
 use crate::planner::schedule::Stretch;
@@ -18,7 +19,7 @@ pub struct Active {
     /// The fingers it is for.
     pub touches: Vec<TouchView>,
     /// The effect that is played, if one is.
-    pub effect: Option<serde_json::Value>,
+    pub effect: Option<PlayedEffect>,
 }
 
 /// What open pages are told at once.
@@ -36,13 +37,22 @@ pub struct Touched {
     /// The plan, of several stretches that in which the first target begins.
     pub active: Arc<Active>,
     /// What the device achieves with what begins at once.
-    pub device: serde_json::Value,
+    pub device: Achieved,
     /// All stretches, where there are time windows.
     pub stretches: Option<Vec<Stretch>>,
     /// What can be had, where it cannot be had in full and that was asked for.
     pub trade: Option<Trade>,
     /// Whether pages are shown its plan: not where something newer was shown first.
     pub is_shown: bool,
+}
+
+impl Touched {
+    /// As its sender is answered.
+    #[must_use]
+    pub fn view(self) -> TouchedView {
+        let Self { active, device, stretches, trade, .. } = self;
+        TouchedView { plan: active.plan.clone(), plan_id: active.id, device, stretches, trade }
+    }
 }
 
 /// An even drive that is looked after for as long as it is held.

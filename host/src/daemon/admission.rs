@@ -3,11 +3,11 @@
 mod fair;
 mod places;
 
+use super::answers::told::Told;
 use super::client::Client;
-use super::problem::Problem;
-use axum::http::StatusCode;
+use super::problem::{Kind, Problem};
 use places::{Full, Place, Places};
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -89,8 +89,7 @@ impl Admission {
                 "{waiting} requests wait for the planner, which is as many as it takes, and no client has more of them than \
                  this one; try again in {RETRY_MS} ms"
             );
-            let problem = Problem::new(StatusCode::TOO_MANY_REQUESTS, "busy", "Too many requests", detail);
-            problem.retry(RETRY_MS, Some(waiting))
+            Problem::new(Kind::QueueFull, detail).retry(RETRY_MS, Some(waiting))
         })
     }
 
@@ -106,33 +105,33 @@ impl Admission {
     ///
     /// # Errors
     /// [`Problem`] if nothing is.
-    pub fn told(&self, key: &str) -> Result<Value, Problem> {
+    pub fn told(&self, key: &str) -> Result<Told, Problem> {
         let known = self.known();
         let id: Option<u64> = key.parse().ok();
         let is_it = |known: &&Known| known.name.as_deref() == Some(key) || Some(known.id) == id;
         let Some(known) = known.iter().rev().find(is_it) else {
             let detail = format!("no request {key:?} is known; the last {KEPT} are kept");
-            return Err(Problem::new(StatusCode::NOT_FOUND, "not-found", "Not found", detail));
+            return Err(Problem::new(Kind::NotFound, detail));
         };
         let ms = |until: Instant| until.saturating_duration_since(known.arrived).as_secs_f64() * 1e3;
-        let mut told = json!({
-            "id": known.id, "name": known.name, "age_ms": ms(Instant::now()), "state": "waiting", "took_ms": null,
-            "status": null, "answer": null, "problem": null,
-        });
+        let mut told = Told {
+            id: known.id,
+            name: known.name.clone(),
+            state: "waiting",
+            age_ms: ms(Instant::now()),
+            took_ms: None,
+            status: None,
+            answer: None,
+            problem: None,
+        };
         if let Some(Outcome { at, result }) = &known.outcome {
-            told["took_ms"] = ms(*at).into();
-            match result {
-                Ok(answer) => {
-                    told["state"] = "done".into();
-                    told["status"] = 200.into();
-                    told["answer"] = answer.clone();
-                }
-                Err(problem) => {
-                    told["state"] = "failed".into();
-                    told["status"] = problem.status().as_u16().into();
-                    told["problem"] = json!(problem);
-                }
-            }
+            told.took_ms = Some(ms(*at));
+            (told.state, told.status) = match result {
+                Ok(_) => ("done", Some(200)),
+                Err(problem) => ("failed", Some(problem.status().as_u16())),
+            };
+            told.answer = result.as_ref().ok().cloned();
+            told.problem = result.as_ref().err().cloned();
         }
         Ok(told)
     }
@@ -155,6 +154,7 @@ impl Admission {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
     use std::pin::Pin;
     use std::task::{Context, Waker};
 
@@ -189,17 +189,17 @@ mod tests {
         let admission = Admission::default();
         let (a, b) = (admission.arrived(Some("tap".into())), admission.arrived(None));
         assert!(b > a);
-        assert_eq!(admission.told("tap").unwrap()["state"], "waiting");
+        assert_eq!(admission.told("tap").unwrap().state, "waiting");
         admission.done(a, Ok(json!({"plan_id": a})));
         admission.done(b, Err(Problem::body("no".into())));
         for key in ["tap", &a.to_string()] {
-            let told = admission.told(key).unwrap();
+            let told = json!(admission.told(key).unwrap());
             assert_eq!(
                 (&told["id"], &told["answer"], &told["status"]),
                 (&json!(a), &json!({"plan_id": a}), &json!(200))
             );
         }
-        assert_eq!(admission.told(&b.to_string()).unwrap()["problem"]["status"], 400);
+        assert_eq!(json!(admission.told(&b.to_string()).unwrap())["problem"]["status"], 400);
         for _ in 0..KEPT {
             admission.arrived(None);
         }

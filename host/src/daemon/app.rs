@@ -3,6 +3,8 @@
 use super::access::Access;
 use super::active::{Active, Held, Touched, Update};
 use super::admission::Admission;
+use super::answers::scene::SceneView;
+use super::answers::touched::{Achieved, PlayedEffect};
 use super::asked::Asked;
 use super::client::Client;
 use super::limits::Limits;
@@ -13,7 +15,7 @@ use super::record::Recorder;
 use super::thin::Thinned;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
-use super::view::{FieldView, PlanView, SceneView, TouchView};
+use super::view::{FieldView, PlanView, TouchView};
 use crate::device::convert::to_wire;
 use crate::device::session::policy::{Needs, Policy};
 use crate::device::sim::SimControl;
@@ -78,7 +80,7 @@ pub(super) struct Prepared {
 /// What has begun.
 pub(super) struct Begun {
     /// What the device achieves.
-    pub(super) device: serde_json::Value,
+    pub(super) device: Achieved,
     /// When it ends.
     pub(super) until: Instant,
     /// [`Turn::drives`].
@@ -325,12 +327,10 @@ impl App {
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
             sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
         }
-        let Begun { mut device, until, begun } = self.begun(&turn, stops, &plan, &prepared).await?;
-        if let (Some(delayed), Some(map)) = (turn.delayed(), device.as_object_mut()) {
-            map.insert("delayed_ms".into(), (delayed.as_secs_f64() * 1e3).into());
-        }
+        let Begun { device, until, begun } = self.begun(&turn, stops, &plan, &prepared).await?;
+        let device = device.delayed(turn.delayed());
         drop(turn);
-        let active = self.shown(id, plan, touches, device.get("effect").cloned(), Thinned::by_credit(thin));
+        let active = self.shown(id, plan, touches, device.effect().cloned(), Thinned::by_credit(thin));
         let is_shown = self.activate(&active, until, stops)?;
         if matches!(manner, Manner::Hold(_)) && is_shown {
             self.tend(Held { begun, stops, whole, thin, part, active: Arc::clone(&active) });
@@ -361,13 +361,13 @@ impl App {
                     tokio::time::sleep(Duration::from_millis(u64::from(*wait_ms) + 1)).await;
                     driven = self.session.drive(order).await;
                 }
-                driven.map(|driven| (super::view::achieved(plan, &driven.achieved), Instant::now() + *hold))
+                driven.map(|driven| (Achieved::new(plan, &driven.achieved), Instant::now() + *hold))
             }
             Kind::Effect(design) => {
                 let drives = design.wire_drives().iter().map(to_wire).collect();
                 let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
                 let played = self.session.play(EffectOrder { id, stops, drives, effects, start: None }).await;
-                played.map(|played| (super::view::played(plan, design, &played), played.start + played.length))
+                played.map(|played| (Achieved::played(plan, design, &played), played.start + played.length))
             }
         };
         match begun {
@@ -403,7 +403,7 @@ impl App {
         id: u64,
         plan: Plan,
         touches: &[TouchView],
-        effect: Option<serde_json::Value>,
+        effect: Option<PlayedEffect>,
         thinned: Option<Thinned>,
     ) -> Arc<Active> {
         tokio::task::block_in_place(|| {

@@ -30,6 +30,11 @@ pub fn paths() -> impl Iterator<Item = &'static str> {
     ASSETS.iter().map(|(path, ..)| *path)
 }
 
+/// The same with what they are.
+pub fn files() -> impl Iterator<Item = (&'static str, &'static str)> {
+    ASSETS.iter().map(|(path, kind, _)| (*path, *kind))
+}
+
 /// One file of the page.
 pub fn asset(path: &str) -> Response {
     match ASSETS.iter().find(|(known, ..)| *known == path) {

@@ -2,23 +2,23 @@
 //!
 //! The text is changed, not written anew: comments, order and whatever else is in the file stay as they are.
 
-use super::problem::Problem;
-use axum::http::StatusCode;
+use super::problem::{Kind, Problem};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
+use utoipa::ToSchema;
 
 /// Tables of a scene whose entries are fixed to a place of the surface.
 pub const TABLES: [&str; 3] = ["support", "mass", "actuator"];
 
 /// Where an attachment is moved to.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Place {
     /// From the surface's left edge in mm.
     pub x_mm: f64,
-    /// From its top edge in mm; as it is if not given.
+    /// From its top edge in mm; as it is if not given, and of no account on a bar.
     pub y_mm: Option<f64>,
 }
 
@@ -106,12 +106,7 @@ impl<'t> Attachments<'t> {
             .collect();
         let allowed = if names.is_empty() { "nothing: this scene has no attachments".into() } else { names.join(", ") };
         let detail = format!("moves names {path:?}, but what can be moved is {allowed}");
-        Problem::new(StatusCode::BAD_REQUEST, "out-of-range", "A value is out of range", detail).at(
-            "moves",
-            path.into(),
-            allowed,
-            None,
-        )
+        Problem::new(Kind::OutOfRange, detail).at("moves", path.into(), allowed, None)
     }
 }
 

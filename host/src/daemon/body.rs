@@ -1,10 +1,10 @@
 //! Bodies: read whole and in time, and read from JSON with the field that is wrong.
 
 use super::admission::MAX_NAME;
-use super::problem::Problem;
+use super::problem::{Kind, Problem};
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde::de::DeserializeOwned;
@@ -28,7 +28,7 @@ pub fn check_type(headers: &HeaderMap) -> Result<(), Problem> {
         return Ok(());
     }
     let detail = format!("the content type is {said:?}, but must be application/json");
-    let problem = Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "content-type", "JSON is wanted", detail);
+    let problem = Problem::new(Kind::ContentType, detail);
     Err(problem.at("content-type", said.into(), "application/json".into(), None))
 }
 
@@ -50,7 +50,7 @@ pub fn name(headers: &HeaderMap) -> Result<Option<String>, Problem> {
             let said = String::from_utf8_lossy(value.as_bytes()).into_owned();
             let allowed = format!("1 to {MAX_NAME} letters, digits, '-', '_' and '.', not digits alone");
             let detail = format!("the header x-request-id is {said:?}, but must be {allowed}");
-            let problem = Problem::new(StatusCode::BAD_REQUEST, "bad-header", "A header cannot be used", detail);
+            let problem = Problem::new(Kind::BadHeader, detail);
             Err(problem.at("x-request-id", said.into(), allowed, None))
         }
     }
@@ -167,21 +167,21 @@ pub async fn whole_body(State(Most { bytes: most, time }): State<Most>, request:
         Ok(Err(error)) => unreadable(&error, most).into_response(),
         Err(_) => {
             let detail = format!("the body was not complete after {time:?}");
-            Problem::new(StatusCode::REQUEST_TIMEOUT, "slow-body", "The request took too long", detail).into_response()
+            Problem::new(Kind::SlowBody, detail).into_response()
         }
     }
 }
 
 fn unreadable(error: &axum::Error, most: usize) -> Problem {
-    let (mut status, mut cause) = (StatusCode::BAD_REQUEST, Some(error as &dyn std::error::Error));
+    let (mut kind, mut cause) = (Kind::BadBody, Some(error as &dyn std::error::Error));
     while let Some(error) = cause {
         if error.is::<http_body_util::LengthLimitError>() {
-            status = StatusCode::PAYLOAD_TOO_LARGE;
+            kind = Kind::LongBody;
         }
         cause = error.source();
     }
     let detail = format!("{error}; at most {most} bytes are taken");
-    Problem::new(status, "bad-body", "The request's body cannot be used", detail)
+    Problem::new(kind, detail)
 }
 
 #[cfg(test)]

@@ -4,11 +4,13 @@
 //! `routes` and `live`
 //! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and does
 //! it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
-//! do, without driving it. `view` is what goes out as JSON; `problem` is how errors are told (RFC 9457).
+//! do, without driving it. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
+//! are. `description` makes the interface's description (OpenAPI) from all of these.
 
 mod access;
 mod active;
 mod admission;
+mod answers;
 mod app;
 mod asked;
 mod assets;
@@ -16,11 +18,12 @@ mod attachments;
 mod body;
 mod burst;
 mod client;
+mod description;
 mod guesses;
+mod kinds;
 mod limits;
 pub mod listener;
 mod live;
-mod messages;
 mod metrics;
 mod parts;
 mod preview;
@@ -36,6 +39,7 @@ mod turns;
 mod view;
 
 pub use access::{Access, Token};
+pub use answers::scene::SceneView;
 pub use app::App;
 pub use attachments::Place;
 pub use limits::Limits;
@@ -43,6 +47,7 @@ pub use listener::Listener;
 pub use preview::{Preview, PreviewRequest};
 pub use problem::Problem;
 pub use record::Recorder;
+pub use routes::described as description;
 pub use server::{Ended, serve, serve_while_alive};
 pub use touch::TouchRequest;
 pub use view::{FieldView, PlanView};

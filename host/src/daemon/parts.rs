@@ -11,7 +11,6 @@ use crate::planner::Plan;
 use crate::planner::drive::on_channels;
 use crate::planner::limitation::Limitation;
 use crate::planner::residual::{fitted, grown};
-use axum::http::StatusCode;
 
 /// A part of a plan's forces, the plan with these, and what it takes to drive it.
 pub type PartOfPlan = (f64, (Plan, Prepared));
@@ -93,7 +92,7 @@ impl App {
         let untold = || {
             let detail =
                 "what the plan leaves when it ends cannot be told: a drive meets the resonance of an undamped mode";
-            Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", detail)
+            Problem::new(super::kinds::Kind::NoPlan, detail)
         };
         Ok(Prepared { motion: motion.ok_or_else(untold)?, kind })
     }

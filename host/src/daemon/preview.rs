@@ -4,18 +4,18 @@
 //! by limits on the scene that are checked before anything is built.
 
 use super::attachments::{Attachments, Place};
-use super::problem::Problem;
+use super::problem::{Kind, Problem};
 use super::view::{FieldView, PlanView};
 use crate::model::Accuracy;
 use crate::model::levels::Levels;
 use crate::planner::{PlanTable, TableOptions, Target};
 use crate::scene::{MAX_ACTUATORS, Scene};
-use axum::http::StatusCode;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 use tokio::sync::{Mutex, watch};
+use utoipa::ToSchema;
 
 /// Longest scene in bytes: twenty times the examples.
 pub const MAX_SCENE: usize = 64 * 1024;
@@ -31,32 +31,34 @@ const ACCURACY: Accuracy = Accuracy::FAST;
 const SOURCE: &str = "scene";
 
 /// A scene to be tried, and the touch to try it with.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[schema(examples(json!({"x_px": 960, "y_px": 640, "moves": {"support[1]": {"x_mm": 40, "y_mm": 30}}})))]
 #[serde(deny_unknown_fields)]
 pub struct PreviewRequest {
-    /// In pixels of the scene's screen, from its left edge.
+    /// In pixels of the scene's screen, from its left edge: 0 to its `width_px`.
     pub x_px: f64,
-    /// From its top edge.
+    /// From its top edge: 0 to its `height_px`.
     pub y_px: f64,
-    /// Peak wanted in g.
+    /// Peak wanted in g; 0.5 if not given.
     pub intensity_g: Option<f64>,
-    /// A whole scene file as text; the daemon's own if not given.
+    /// A whole scene file (TOML) as text; the daemon's own if not given.
     pub scene: Option<String>,
-    /// Attachments to be moved, by their names in messages: `support[2]` is the second support of the file.
+    /// Attachments to be moved, by their names in messages: `support[2]` is the second support of the file. What is moved stays
+    /// within the surface.
     #[serde(default)]
     pub moves: BTreeMap<String, Place>,
 }
 
 /// What the scene would do.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Preview {
     /// The plan for the touch, with its error bound.
     pub plan: PlanView,
     /// Its field.
     pub field: FieldView,
-    /// The scene with the moves, as a file; comments stay.
+    /// The scene file with the moves; everything else in it stays as it is.
     pub scene_toml: String,
-    /// Tolerance that the model was made for.
+    /// Relative tolerance that the model was made for; `plan.error_bound` says what it is right to.
     pub tolerance: f64,
     /// Time from scene to field in ms, waiting left out.
     pub elapsed_ms: f64,
@@ -105,7 +107,7 @@ impl Previews {
         });
         computed.await.map_err(|error| {
             let detail = format!("the preview ended early: {error}");
-            Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "Internal error", detail)
+            Problem::new(Kind::PreviewFailed, detail)
         })?
     }
 }
@@ -120,7 +122,7 @@ async fn newer(newest: &mut watch::Receiver<u64>, mine: u64) {
 
 fn superseded() -> Problem {
     let detail = "a newer preview was asked for while this one waited";
-    Problem::new(StatusCode::CONFLICT, "superseded", "Superseded", detail)
+    Problem::new(Kind::PreviewSuperseded, detail)
 }
 
 fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
@@ -185,12 +187,7 @@ fn too_large<T: std::fmt::Display + Into<serde_json::Value>>(
     let place = line.map_or_else(String::new, |line| format!("{SOURCE}:{line}: "));
     let detail = format!("{place}{field} has {value} {unit}, but a preview takes at most {most}");
     let allowed = format!("at most {most} {unit}");
-    Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "too-large", "Too large for a preview", detail).at(
-        field,
-        value.into(),
-        allowed,
-        line,
-    )
+    Problem::new(Kind::TooLarge, detail).at(field, value.into(), allowed, line)
 }
 
 #[cfg(test)]

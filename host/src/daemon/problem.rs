@@ -1,5 +1,7 @@
 //! Errors as RFC 9457 "problem+json", with the field, its value and the allowed range where there are any.
 
+pub use super::kinds::Kind;
+use super::kinds::URN;
 use crate::device::{LinkError, SessionError};
 use crate::model::ModelError;
 use crate::planner::PlanError;
@@ -10,6 +12,9 @@ use axum::response::{IntoResponse, Response};
 use era_shared::protocol::Refusal;
 use serde::Serialize;
 use serde_json::Value;
+use std::borrow::Cow;
+use utoipa::openapi::{RefOr, Schema};
+use utoipa::{PartialSchema, ToSchema};
 
 /// After how long a device that is late may be tried again: it is asked so often itself (`device::timing::REAL_TIME`).
 const LATE_AGAIN_MS: u64 = 100;
@@ -19,9 +24,11 @@ const LATE_AGAIN_MS: u64 = 100;
 #[serde(transparent)]
 pub struct Problem(Box<Content>);
 
-#[derive(Clone, Debug, Serialize)]
+/// An error, as RFC 9457 has it.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Problem)]
 struct Content {
-    /// Kind of problem, stable for programs.
+    /// Kind of problem, stable for programs: `urn:era:problem:` and a word or two.
     #[serde(rename = "type")]
     kind: String,
     /// The kind in words.
@@ -32,44 +39,55 @@ struct Content {
     detail: String,
     /// The request's field, if one is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
     field: Option<String>,
     /// The finger's number, where one of a live socket's is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
     finger: Option<i64>,
     /// Its value.
     #[serde(skip_serializing_if = "Option::is_none")]
     value: Option<Value>,
     /// What is allowed.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
     allowed: Option<String>,
     /// Line of a scene, from 1.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false, minimum = 1)]
     line: Option<usize>,
     /// When to ask again, in ms.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
     retry_after_ms: Option<u64>,
     /// How many wait before this.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
     depth: Option<usize>,
     /// All mistakes of a scene; the first is the one above.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     mistakes: Vec<MistakeView>,
 }
 
-#[derive(Clone, Debug, Serialize)]
+/// One mistake of a scene.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Mistake)]
 struct MistakeView {
+    /// Its line, from 1; null if it has none.
+    #[schema(minimum = 1)]
     line: Option<usize>,
+    /// It in words.
     detail: String,
 }
 
 impl Problem {
-    /// A problem of the kind `kind` (a word or two, made into a URN).
+    /// A problem of a kind.
     #[must_use]
-    pub fn new(status: StatusCode, kind: &str, title: &'static str, detail: impl Into<String>) -> Self {
+    pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
         Self(Box::new(Content {
-            kind: format!("urn:era:problem:{kind}"),
-            title,
-            status: status.as_u16(),
+            kind: format!("{URN}{}", kind.name()),
+            title: kind.title(),
+            status: kind.status().as_u16(),
             detail: detail.into(),
             field: None,
             finger: None,
@@ -112,18 +130,13 @@ impl Problem {
         let max = max.to_string();
         let allowed = if max == "inf" { format!("{min} and above") } else { format!("{min} to {max}") };
         let detail = format!("{field} is {value}, but must be in {allowed}");
-        Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A value is out of range", detail).at(
-            field,
-            value.into(),
-            allowed,
-            None,
-        )
+        Self::new(Kind::OutOfRange, detail).at(field, value.into(), allowed, None)
     }
 
     /// A body that could not be read.
     #[must_use]
     pub fn body(detail: String) -> Self {
-        Self::new(StatusCode::BAD_REQUEST, "bad-body", "The request's body cannot be used", detail)
+        Self::new(Kind::BadBody, detail)
     }
 
     /// The same in a part of the request, `also[0]` say; as it is without one. What is wrong with no field of it is wrong with the
@@ -160,6 +173,22 @@ impl Problem {
     }
 }
 
+impl PartialSchema for Problem {
+    fn schema() -> RefOr<Schema> {
+        Content::schema()
+    }
+}
+
+impl ToSchema for Problem {
+    fn name() -> Cow<'static, str> {
+        Content::name()
+    }
+
+    fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+        Content::schemas(schemas);
+    }
+}
+
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let body = serde_json::to_vec(&self).unwrap_or_default();
@@ -189,8 +218,7 @@ impl From<PixelError> for Problem {
 
 impl From<SceneError> for Problem {
     fn from(error: SceneError) -> Self {
-        let mut problem =
-            Self::new(StatusCode::BAD_REQUEST, "bad-scene", "The scene cannot be used", error.to_string());
+        let mut problem = Self::new(Kind::BadScene, error.to_string());
         let line = |line: usize| (line > 0).then_some(line);
         if let Some(first) = error.mistakes.first() {
             problem.0.line = line(first.line);
@@ -208,13 +236,13 @@ impl From<SceneError> for Problem {
 
 impl From<ModelError> for Problem {
     fn from(error: ModelError) -> Self {
-        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-model", "This scene has no model", error.to_string())
+        Self::new(Kind::NoModel, error.to_string())
     }
 }
 
 impl From<ResponseError> for Problem {
     fn from(error: ResponseError) -> Self {
-        Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", error.to_string())
+        Self::new(Kind::NoPlan, error.to_string())
     }
 }
 
@@ -222,29 +250,16 @@ impl From<PlanError> for Problem {
     fn from(error: PlanError) -> Self {
         match error {
             PlanError::Range { field, value, min, max } => Self::range(field, value, min, max),
-            PlanError::Count { .. } => {
-                Self::new(StatusCode::BAD_REQUEST, "touch-count", "Too many or too few touches", error.to_string())
-            }
-            PlanError::Quiet { .. } => {
-                Self::new(StatusCode::BAD_REQUEST, "quiet-count", "Too many quiet zones", error.to_string())
-            }
+            PlanError::Count { .. } => Self::new(Kind::TouchCount, error.to_string()),
+            PlanError::Quiet { .. } => Self::new(Kind::QuietCount, error.to_string()),
             PlanError::Together { option, value, allowed } => {
                 let detail = error.to_string();
-                Self::new(StatusCode::BAD_REQUEST, "options", "Options that do not go together", detail).at(
-                    option,
-                    value.into(),
-                    format!("only with {allowed}"),
-                    None,
-                )
+                Self::new(Kind::Options, detail).at(option, value.into(), format!("only with {allowed}"), None)
             }
-            PlanError::EmptyZone => {
-                Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A zone without a point", error.to_string())
-            }
-            PlanError::Cutout { .. } => {
-                Self::new(StatusCode::BAD_REQUEST, "in-cutout", "There is no surface at this point", error.to_string())
-            }
+            PlanError::EmptyZone => Self::new(Kind::EmptyZone, error.to_string()),
+            PlanError::Cutout { .. } => Self::new(Kind::InCutout, error.to_string()),
             PlanError::NoActuators | PlanError::Actuators { .. } | PlanError::NoFrequencies => {
-                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", error.to_string())
+                Self::new(Kind::NoPlan, error.to_string())
             }
         }
     }
@@ -254,43 +269,22 @@ impl From<SessionError> for Problem {
     fn from(error: SessionError) -> Self {
         let detail = error.to_string();
         match error {
-            SessionError::Fault { .. } => Self::new(
-                StatusCode::CONFLICT,
-                "device-fault",
-                "The device is in a fault",
-                format!("{detail} (POST /v1/faults/clear clears it)"),
-            ),
+            SessionError::Fault { .. } => {
+                Self::new(Kind::DeviceFault, format!("{detail} (POST /v1/faults/clear clears it)"))
+            }
             SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. })) => {
-                Self::new(StatusCode::CONFLICT, "device-refused", "The device refused", detail)
-                    .retry(u64::from(wait_ms), None)
+                Self::new(Kind::DeviceRefused, detail).retry(u64::from(wait_ms), None)
             }
             SessionError::Link(LinkError::Refused(_) | LinkError::TooOld { .. }) | SessionError::NotArmed { .. } => {
-                Self::new(StatusCode::CONFLICT, "device-refused", "The device refused", detail)
+                Self::new(Kind::DeviceRefused, detail)
             }
-            SessionError::Link(_) | SessionError::Disconnected { .. } => {
-                Self::new(StatusCode::BAD_GATEWAY, "device-lost", "The device does not answer", detail)
-            }
-            SessionError::Late { .. } => {
-                let title = "The device does not answer just now";
-                Self::new(StatusCode::SERVICE_UNAVAILABLE, "device-late", title, detail).retry(LATE_AGAIN_MS, None)
-            }
-            SessionError::Away { .. } => Self::new(
-                StatusCode::CONFLICT,
-                "not-armed",
-                "The device waits to be armed",
-                format!("{detail} (POST /v1/arm arms it)"),
-            ),
-            SessionError::Unfit { .. } => {
-                Self::new(StatusCode::CONFLICT, "device-unfit", "The device does not fit the scene", detail)
-            }
-            SessionError::Stopped => Self::new(StatusCode::CONFLICT, "stopped", "Stopped meanwhile", detail),
-            SessionError::Closed => {
-                Self::new(StatusCode::SERVICE_UNAVAILABLE, "closing", "The daemon is shutting down", detail)
-            }
-            SessionError::Ended => {
-                let title = "The session with the device has ended";
-                Self::new(StatusCode::SERVICE_UNAVAILABLE, "session-ended", title, detail)
-            }
+            SessionError::Link(_) | SessionError::Disconnected { .. } => Self::new(Kind::DeviceLost, detail),
+            SessionError::Late { .. } => Self::new(Kind::DeviceLate, detail).retry(LATE_AGAIN_MS, None),
+            SessionError::Away { .. } => Self::new(Kind::NotArmed, format!("{detail} (POST /v1/arm arms it)")),
+            SessionError::Unfit { .. } => Self::new(Kind::DeviceUnfit, detail),
+            SessionError::Stopped => Self::new(Kind::Stopped, detail),
+            SessionError::Closed => Self::new(Kind::Closing, detail),
+            SessionError::Ended => Self::new(Kind::SessionEnded, detail),
         }
     }
 }

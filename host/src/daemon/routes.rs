@@ -1,18 +1,23 @@
 //! The HTTP interface.
 
+use super::answers::live::Message;
+use super::answers::scene::SceneView;
+use super::answers::state::StateView;
+use super::answers::told::Told;
+use super::answers::touched::TouchedView;
 use super::app::App;
 use super::body::{Most, whole_body};
 use super::client::Client;
-use super::messages;
-use super::preview::{MAX_SCENE, PreviewRequest};
-use super::problem::Problem;
+use super::limits::Limits;
+use super::preview::{MAX_SCENE, Preview, PreviewRequest};
+use super::problem::{Kind, Problem};
 use super::touch::TouchRequest;
 use super::view::FieldView;
-use super::{access, assets, live};
+use super::{access, assets, description, live};
 use axum::body::Bytes;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{DefaultBodyLimit, Path, Query, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -20,7 +25,14 @@ use axum::{Json, Router};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
+use std::time::Duration;
+use utoipa::openapi::path::{HttpMethod, OperationBuilder, Paths};
+use utoipa::openapi::schema::{ObjectBuilder, Type};
+use utoipa::openapi::{ContentBuilder, ResponseBuilder};
+use utoipa::{IntoParams, OpenApi};
+use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
+use utoipa_axum::routes;
 
 /// Longest request body in bytes; a touch takes under 200.
 const MAX_BODY: usize = 16 * 1024;
@@ -29,32 +41,65 @@ const MAX_PREVIEW_BODY: usize = 2 * MAX_SCENE + MAX_BODY;
 /// What a client calls its request, and how the answer calls it.
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The description of this interface.
-const OPENAPI: &str = include_str!("openapi.json");
+static DESCRIPTION: LazyLock<String> =
+    LazyLock::new(|| description::text(&declared(Limits::default().body).into_openapi()));
+
+/// The description of this interface (OpenAPI 3.1), as JSON text.
+#[must_use]
+pub fn described() -> &'static str {
+    &DESCRIPTION
+}
+
+/// What is said on the live socket, and problems, which no path names as a whole.
+#[derive(OpenApi)]
+#[openapi(components(schemas(live::Incoming, Message, Problem)))]
+struct Common;
+
+/// All routes with what they declare: there is no other way to add one. A body has `time` to come.
+fn declared(time: Duration) -> OpenApiRouter<Arc<App>> {
+    let mut router = OpenApiRouter::with_openapi(Common::openapi())
+        .routes(routes!(touch))
+        .routes(routes!(request))
+        .routes(routes!(stop))
+        .routes(routes!(arm))
+        .routes(routes!(clear_faults))
+        .routes(routes!(state))
+        .routes(routes!(scene))
+        .routes(routes!(field))
+        .routes(routes!(live::upgrade))
+        .routes(routes!(metrics))
+        .routes(routes!(openapi));
+    for (path, kind) in assets::files() {
+        router = router.routes(page(path, kind));
+    }
+    let most = |bytes: usize| Most { bytes, time };
+    let large = OpenApiRouter::new()
+        .routes(routes!(preview))
+        .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), whole_body));
+    router.layer(middleware::from_fn_with_state(most(MAX_BODY), whole_body)).merge(large)
+}
+
+/// A file of the page.
+fn page(path: &'static str, kind: &'static str) -> UtoipaMethodRouter<Arc<App>> {
+    let text = ObjectBuilder::new().schema_type(Type::String).build();
+    let file = ResponseBuilder::new()
+        .description("The file")
+        .content(kind, ContentBuilder::new().schema(Some(text)).build())
+        .build();
+    let name = if path == "/" { "page".to_owned() } else { path.trim_start_matches('/').replace('.', "_") };
+    let operation = OperationBuilder::new()
+        .operation_id(Some(name))
+        .summary(Some(if path == "/" { "The web page" } else { "A file of the web page" }))
+        .response("200", file)
+        .build();
+    let mut paths = Paths::new();
+    paths.add_path_operation(path, vec![HttpMethod::Get], operation);
+    (Vec::new(), paths, get(move || async move { assets::asset(path) }))
+}
 
 /// All routes.
 pub fn router(app: Arc<App>) -> Router {
-    let most = |bytes: usize| Most { bytes, time: app.limits.body };
-    let mut router = Router::new()
-        .route("/v1/touch", post(touch))
-        .route("/v1/requests/{id}", get(request))
-        .route("/v1/stop", post(stop))
-        .route("/v1/arm", post(arm))
-        .route("/v1/faults/clear", post(clear_faults))
-        .route("/v1/state", get(state))
-        .route("/v1/scene", get(scene))
-        .route("/v1/field", get(field))
-        .route("/v1/live", get(live::upgrade))
-        .route("/metrics", get(metrics))
-        .route("/openapi.json", get(openapi));
-    for path in assets::paths() {
-        router = router.route(path, get(move || async move { assets::asset(path) }));
-    }
-    let large = Router::new()
-        .route("/v1/preview", post(preview))
-        .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), whole_body));
-    router
-        .layer(middleware::from_fn_with_state(most(MAX_BODY), whole_body))
-        .merge(large)
+    Router::from(declared(app.limits.body))
         .fallback(not_found)
         .method_not_allowed_fallback(wrong_method)
         // The bounds above hold; this one would cut previews short.
@@ -75,7 +120,7 @@ pub fn stop_only(app: Arc<App>) -> Router {
 
 async fn busy() -> Problem {
     let detail = "as many connections are open as there may be; only POST /v1/stop is taken on this one";
-    Problem::new(StatusCode::SERVICE_UNAVAILABLE, "busy", "Too many connections", detail).retry(1000, None)
+    Problem::new(Kind::ConnectionsFull, detail).retry(1000, None)
 }
 
 /// The request in a JSON body; `wanted` says in a message what it should look like.
@@ -84,6 +129,20 @@ fn from_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, wanted: &st
     super::body::from_json(body, wanted)
 }
 
+/// Plan for a touch and drive it
+#[utoipa::path(
+    post,
+    path = "/v1/touch",
+    params(("x-request-id" = Option<String>, Header, description = "The client's own name for the request: 1 to 64 letters, \
+        digits, '-', '_' and '.', not digits alone")),
+    request_body = TouchRequest,
+    responses((
+        status = 200,
+        description = "The plan, and what the device achieves",
+        body = TouchedView,
+        headers(("x-request-id" = String, description = "The client's name for the request, or its number")),
+    )),
+)]
 async fn touch(
     State(app): State<Arc<App>>,
     client: Client,
@@ -97,7 +156,7 @@ async fn touch(
     let id = app.admission.arrived(name.clone());
     // It has just been read as such.
     app.note("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
-    let answer = app.touch(client, id, stops, &request).await.map(messages::touched);
+    let answer = app.touch(client, id, stops, &request).await.map(|touched| json!(touched.view()));
     app.note("outcome", || outcome(id, &answer));
     app.admission.done(id, answer.clone());
     let mut response = answer.map(Json).into_response();
@@ -116,58 +175,100 @@ fn outcome(id: u64, answer: &Result<Value, Problem>) -> Value {
     }
 }
 
+/// What became of a touch; the last 256 are kept
+#[utoipa::path(
+    get,
+    path = "/v1/requests/{id}",
+    params(("id" = String, Path, description = "Its number (plan_id of its answer) or its client's name for it")),
+    responses((status = 200, description = "Its outcome", body = Told)),
+)]
 async fn request(State(app): State<Arc<App>>, key: Result<Path<String>, PathRejection>) -> Result<Response, Problem> {
-    let Path(key) = key.map_err(|error| {
-        Problem::new(StatusCode::BAD_REQUEST, "bad-query", "The path cannot be used", error.body_text())
-    })?;
+    let Path(key) = key.map_err(|error| Problem::new(Kind::BadPath, error.body_text()))?;
     Ok(Json(app.admission.told(&key)?).into_response())
 }
 
+/// Arm, if need be, so that the next touch need not wait for the self-test
+#[utoipa::path(post, path = "/v1/arm", responses((status = 200, description = "The state afterwards", body = StateView)))]
 async fn arm(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.note("arm", || json!({}));
     app.arm().await?;
-    Ok(Json(messages::state(&app)).into_response())
+    Ok(Json(StateView::new(&app)).into_response())
 }
 
+/// Plan for a touch on a changed scene, and its field, without driving anything
+///
+/// One preview is computed at a time and one waits; a newer request takes the place of the one that waits, which is answered with
+/// 409. The model is made for a tolerance of 1e-2.
+#[utoipa::path(
+    post,
+    path = "/v1/preview",
+    request_body = PreviewRequest,
+    responses((status = 200, description = "What the scene would do", body = Preview)),
+)]
 async fn preview(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}}"#;
     let request: PreviewRequest = from_body(&headers, &body, wanted)?;
     Ok(Json(app.preview(request).await?).into_response())
 }
 
+/// Everything off, session disarmed
+///
+/// Where the device does not answer (502), its dead-man timer switches it off within 250 ms.
+#[utoipa::path(post, path = "/v1/stop", responses((status = 200, description = "The state afterwards", body = StateView)))]
 async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.note("stop", || json!({}));
     app.stop().await?;
-    Ok(Json(messages::state(&app)).into_response())
+    Ok(Json(StateView::new(&app)).into_response())
 }
 
+/// Clear the device's latched fault
+#[utoipa::path(
+    post,
+    path = "/v1/faults/clear",
+    responses((status = 200, description = "The state afterwards", body = StateView)),
+)]
 async fn clear_faults(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.note("clear", || json!({}));
     app.clear_faults().await?;
-    Ok(Json(messages::state(&app)).into_response())
+    Ok(Json(StateView::new(&app)).into_response())
 }
 
+/// Device, plan, telemetry and link as last seen
+#[utoipa::path(get, path = "/v1/state", responses((status = 200, description = "The state", body = StateView)))]
 async fn state(State(app): State<Arc<App>>) -> Response {
-    Json(messages::state(&app)).into_response()
+    Json(StateView::new(&app)).into_response()
 }
 
+/// The scene, as a page draws it
+#[utoipa::path(get, path = "/v1/scene", responses((status = 200, description = "The scene", body = SceneView)))]
 async fn scene(State(app): State<Arc<App>>) -> Response {
     Json(&app.scene).into_response()
 }
 
 /// The field of the current plan, or of the plan for `x_px`, `y_px` without driving anything.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 struct FieldQuery {
+    /// Of a touch here, in pixels from the screen's left edge, which is not driven; of the current plan if neither it nor `y_px` is
+    /// given.
     x_px: Option<f64>,
+    /// From the screen's top edge; with `x_px`.
     y_px: Option<f64>,
+    /// Peak wanted there in g; 0.5 if not given.
     intensity_g: Option<f64>,
 }
 
+/// Predicted peak acceleration over the surface
+#[utoipa::path(
+    get,
+    path = "/v1/field",
+    params(FieldQuery),
+    responses((status = 200, description = "The field", body = FieldView)),
+)]
 async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<Response, Problem> {
-    let Query(query) = Query::<FieldQuery>::try_from_uri(&uri).map_err(|error| {
-        Problem::new(StatusCode::BAD_REQUEST, "bad-query", "The query cannot be used", error.body_text())
-    })?;
+    let Query(query) =
+        Query::<FieldQuery>::try_from_uri(&uri).map_err(|error| Problem::new(Kind::BadQuery, error.body_text()))?;
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
             let (x_m, y_m) = app.table.scene.place_px(x_px, y_px)?.xy_m();
@@ -182,27 +283,39 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
         (None, None) => app.active().map_or_else(|| FieldView::new(&app.table, None, 0), |active| active.field.clone()),
         _ => {
             let detail = "give both x_px and y_px, or neither for the field of the current plan";
-            return Err(Problem::new(StatusCode::BAD_REQUEST, "bad-query", "The query cannot be used", detail));
+            return Err(Problem::new(Kind::BadQuery, detail));
         }
     };
     Ok(Json(view).into_response())
 }
 
+/// Counters in the Prometheus text format
+#[utoipa::path(
+    get,
+    path = "/metrics",
+    responses((status = 200, description = "The counters", body = String, content_type = "text/plain")),
+)]
 async fn metrics(State(app): State<Arc<App>>) -> Response {
     let text = app.metrics.text(&app.device().borrow(), &app.admission);
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 
+/// This description
+#[utoipa::path(
+    get,
+    path = "/openapi.json",
+    responses((status = 200, description = "OpenAPI 3.1", body = Object, content_type = "application/json")),
+)]
 async fn openapi() -> Response {
-    ([(header::CONTENT_TYPE, "application/json")], OPENAPI).into_response()
+    ([(header::CONTENT_TYPE, "application/json")], described()).into_response()
 }
 
 async fn not_found(uri: Uri) -> Problem {
     let detail = format!("there is nothing at {}; see /openapi.json for what there is", uri.path());
-    Problem::new(StatusCode::NOT_FOUND, "not-found", "Not found", detail)
+    Problem::new(Kind::NotFound, detail)
 }
 
 async fn wrong_method(method: Method, uri: Uri) -> Problem {
     let detail = format!("{} does not take {method}; see /openapi.json", uri.path());
-    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method-not-allowed", "Wrong method", detail)
+    Problem::new(Kind::WrongMethod, detail)
 }

@@ -8,11 +8,10 @@ use super::app::{App, closed};
 use super::client::Peer;
 use super::limits::Limits;
 use super::listener::{Incoming, Listener};
-use super::problem::Problem;
+use super::problem::{Kind, Problem};
 use super::routes;
 use crate::device::SessionError;
 use axum::Router;
-use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -204,5 +203,5 @@ async fn connection<S>(
 
 fn failed() -> Problem {
     let detail = "the daemon made a mistake with this request; its log says which";
-    Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal", "The daemon made a mistake", detail)
+    Problem::new(Kind::Internal, detail)
 }

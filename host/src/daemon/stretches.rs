@@ -1,6 +1,7 @@
 //! Touches with time windows: planned all at once, driven one stretch after the other at their times.
 
 use super::active::Touched;
+use super::answers::touched::Achieved;
 use super::app::App;
 use super::asked::Asked;
 use super::problem::Problem;
@@ -8,7 +9,6 @@ use super::touch::Manner;
 use super::view::TouchView;
 use crate::planner::schedule::{Span, Stretch, stretches};
 use crate::planner::{Plan, PlanError};
-use serde_json::json;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::time::Instant;
@@ -47,7 +47,7 @@ impl App {
             }
             None => {
                 self.make_way(id).await;
-                json!({ "acknowledged": false, "achieved": [] })
+                Achieved::nothing()
             }
         };
         tokio::spawn(drive_later(Arc::downgrade(self), id, stops, begun, later));

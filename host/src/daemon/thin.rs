@@ -3,6 +3,7 @@
 use crate::planner::drive::SiDrive;
 use era_shared::protocol::{ChargeRule, CreditReply};
 use serde::Serialize;
+use utoipa::ToSchema;
 
 /// Part of the rest of its credit that a channel uses up in a second, at most: 1 / 20 s. What is left falls as exp(-t / 20 s),
 /// so that it is never gone, and the force falls so slowly that nobody feels a step: from the largest, which begins to be thinned
@@ -18,16 +19,18 @@ const TOO_STRONG: f64 = 0.02;
 const TOO_WEAK: f64 = 0.1;
 
 /// That a plan is driven with less than it has, or not at all for a moment.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
 pub struct Thinned {
     /// The part of the plan's forces that is driven.
+    #[schema(minimum = 0, maximum = 1)]
     pub part: f64,
     /// Why.
     pub reason: Reason,
 }
 
 /// What a drive is thinned out for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[schema(as = ThinnedFor)]
 #[serde(rename_all = "lowercase")]
 pub enum Reason {
     /// A channel's credit.

@@ -1,11 +1,11 @@
 //! What a touch asks for, over HTTP and over the live socket.
 
-use super::problem::Problem;
+use super::problem::{Kind, Problem};
 use crate::effects::{DesignError, EffectError, EffectRequest, Intensity, NamedEffect};
 use crate::planner::{Grouping, Objective, Weigh};
-use axum::http::StatusCode;
 use serde::Deserialize;
 use std::time::Duration;
+use utoipa::ToSchema;
 
 /// Shortest touch in ms.
 pub const MIN_DURATION_MS: u32 = 1;
@@ -17,61 +17,78 @@ pub const MAX_DURATION_MS: u32 = 10_000;
 pub const MAX_INTENSITY_G: f64 = 1000.0;
 
 /// A touch as the HTTP interface takes it.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[schema(as = Touch)]
+#[schema(examples(
+    json!({"x_px": 960, "y_px": 640}),
+    json!({"x_px": 960, "y_px": 640, "intensity_db": 20, "effect": "pulse_train", "count": 3, "period_ms": 50}),
+    json!({"x_px": 480, "y_px": 640, "intensity_g": 0.3, "to_ms": 400,
+        "also": [{"x_px": 1500, "y_px": 700, "from_ms": 300, "to_ms": 900}],
+        "quiet": [{"x_px": 960, "y_px": 100, "radius_mm": 5, "at_most_g": 0.05}]}),
+))]
 #[serde(deny_unknown_fields)]
 pub struct TouchRequest {
-    /// In pixels of the scene's screen, from its left edge.
+    /// In pixels of the scene's screen, from its left edge: 0 to its `width_px`.
     pub x_px: f64,
-    /// From its top edge.
+    /// From its top edge: 0 to its `height_px`.
     pub y_px: f64,
-    /// Peak wanted in g.
+    /// Peak wanted in g; 0.5 if neither it nor `intensity_db` is given. What cannot be reached is delivered as far as it goes.
     pub intensity_g: Option<f64>,
-    /// The same in dB above the threshold of feeling.
+    /// The same in dB above the threshold of feeling at the drives' frequencies; absent with `intensity_g`.
     pub intensity_db: Option<f64>,
-    /// How long, in ms; any number in the range.
+    /// How long, in ms; any number in the range, 1000 if not given. With an effect its length (buzz 200, swell 500, texture 1000),
+    /// absent with those that have none.
     pub duration_ms: Option<f64>,
-    /// Plays this instead of an even drive.
+    /// Plays this on the board's own clock instead of driving evenly.
     pub effect: Option<NamedEffect>,
-    /// How many pulses.
+    /// How many pulses a `pulse_train` has; 5 if not given.
     pub count: Option<u32>,
-    /// From one click, pulse or crest to the next, in ms.
+    /// From one click, pulse or crest to the next, in ms: `double_click` 50 to 500 (120 if not given), `pulse_train` 10 to 1000 (60),
+    /// `texture` 25 to 125 (50).
     pub period_ms: Option<f64>,
-    /// When the target begins to be wanted, in ms from now.
+    /// When the target begins to be wanted, in ms from now; 0 if only `to_ms` is given. Not with an effect.
     pub from_ms: Option<f64>,
-    /// When it ends.
+    /// When that ends, in ms from now, at least 1 later; `duration_ms`, or the latest of all, if only `from_ms` is given. Not with an
+    /// effect.
     pub to_ms: Option<f64>,
     /// Other targets.
     pub also: Option<Vec<AlsoRequest>>,
     /// Places to be spared.
     pub quiet: Option<Vec<QuietRequest>>,
-    /// What is made least, or most.
+    /// What is made least, or most: least mean square elsewhere (`contrast`, if not given), the strongest minimum over the surface
+    /// (`reach`), or least electrical power (`power`).
     pub objective: Option<Objective>,
-    /// Which actuators share a frequency.
+    /// Which actuators share a frequency: own frequencies (`distinct`, if not given), or one shared with phases (`shared`), for one
+    /// target, without quiet zones, for contrast.
     pub grouping: Option<Grouping>,
-    /// How accelerations of different frequencies count.
+    /// How accelerations of different frequencies count: all the same (`equal`, if not given), or as they are felt (`felt`); quiet
+    /// zones keep their limits in g.
     pub weigh: Option<Weigh>,
-    /// Whether to say what can be had where it cannot be had in full.
+    /// Whether the answer says what can be had where it cannot be had in full; takes up to some seconds, after the drive has begun.
     pub trade: Option<bool>,
 }
 
 /// Another target.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+#[schema(as = Also)]
 #[serde(deny_unknown_fields)]
 pub struct AlsoRequest {
     /// In pixels of the scene's screen, from its left edge.
     pub x_px: f64,
     /// From its top edge.
     pub y_px: f64,
-    /// Peak wanted in g; the touch's own intensity if absent.
+    /// Peak wanted in g; the touch's own intensity if not given.
     pub intensity_g: Option<f64>,
-    /// When it begins to be wanted, in ms from now.
+    /// When it begins to be wanted, in ms from now; 0 if only `to_ms` is given. Not with an effect.
     pub from_ms: Option<f64>,
-    /// When it ends.
+    /// When that ends, in ms from now, at least 1 later; `duration_ms`, or the latest of all, if only `from_ms` is given. Not with an
+    /// effect.
     pub to_ms: Option<f64>,
 }
 
 /// A place to be spared.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+#[schema(as = QuietZone)]
 #[serde(deny_unknown_fields)]
 pub struct QuietRequest {
     /// Its middle in pixels of the scene's screen, from its left edge.
@@ -80,7 +97,7 @@ pub struct QuietRequest {
     pub y_px: f64,
     /// Its radius in mm.
     pub radius_mm: f64,
-    /// Most peak acceleration there in g.
+    /// Most peak acceleration at its middle and on its rim, in g.
     pub at_most_g: f64,
 }
 
@@ -170,12 +187,7 @@ pub fn check_intensity(intensity_g: Option<f64>) -> Result<(), Problem> {
 impl From<EffectError> for Problem {
     fn from(error: EffectError) -> Self {
         let (field, value, allowed) = error.parts();
-        Self::new(StatusCode::BAD_REQUEST, "out-of-range", "A value is out of range", error.to_string()).at(
-            field,
-            value.into(),
-            allowed,
-            None,
-        )
+        Self::new(Kind::OutOfRange, error.to_string()).at(field, value.into(), allowed, None)
     }
 }
 
@@ -183,9 +195,7 @@ impl From<DesignError> for Problem {
     fn from(error: DesignError) -> Self {
         match error {
             DesignError::Request(error) => error.into(),
-            DesignError::Unbounded => {
-                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "no-plan", "This scene has no plan", error.to_string())
-            }
+            DesignError::Unbounded => Self::new(Kind::NoPlan, error.to_string()),
         }
     }
 }

@@ -1,13 +1,12 @@
 //! One touch after the other: none overtakes a newer one, and none begins while too much is left of those before.
 
 use super::burst::Burst;
-use super::problem::Problem;
+use super::problem::{Kind, Problem};
 use crate::device::{SessionError, Snapshot};
 use crate::planner::Drive;
 use crate::planner::plan_motion::PlanMotion;
 use crate::planner::residual::{Board, Ending, ResidualVibration, Room};
 use crate::planner::rise::DecayingMode;
-use axum::http::StatusCode;
 use era_shared::safety::State;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -250,7 +249,7 @@ pub fn board(device: &Snapshot) -> Board {
 #[must_use]
 pub fn superseded() -> Problem {
     let detail = "a newer touch was driven meanwhile";
-    Problem::new(StatusCode::CONFLICT, "superseded", "A newer touch came first", detail)
+    Problem::new(Kind::Superseded, detail)
 }
 
 #[cfg(test)]

@@ -1,17 +1,14 @@
-//! What goes out as JSON.
+//! Fingers, plans and fields as JSON.
 
 use super::thin::Thinned;
-use crate::device::convert::from_wire;
-use crate::device::session::Played;
-use crate::effects::{self, Design, NamedEffect};
+use crate::effects::NamedEffect;
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY, Times};
-use crate::scene::Scene;
-use era_shared::protocol::AchievedDrive;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use utoipa::ToSchema;
 
 /// One finger.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, ToSchema)]
+#[schema(as = Finger)]
 #[serde(deny_unknown_fields)]
 pub struct TouchView {
     /// The page's number for it.
@@ -29,64 +26,9 @@ pub struct TouchView {
     pub effect: Option<NamedEffect>,
 }
 
-/// The scene as a page draws it.
-#[derive(Clone, Debug, Serialize)]
-pub struct SceneView(Value);
-
-impl SceneView {
-    /// The view of `scene`.
-    #[must_use]
-    pub fn new(scene: &Scene) -> Self {
-        let (surface, screen) = (&scene.surface, &scene.screen);
-        let mm = |metres: f64| metres * 1e3;
-        let supports: Vec<_> = scene
-            .supports
-            .iter()
-            .map(|s| json!({"x_mm": mm(s.x_m), "y_mm": mm(s.y_m), "stiffness_n_per_m": s.stiffness_n_per_m}))
-            .collect();
-        let edges: Vec<_> = scene.edges.iter().map(|e| json!({"side": e.side, "kind": e.kind.name()})).collect();
-        let masses: Vec<_> = scene
-            .masses
-            .iter()
-            .map(|m| json!({"x_mm": mm(m.x_m), "y_mm": mm(m.y_m), "mass_g": m.mass_kg * 1e3}))
-            .collect();
-        let rectangle = |x: f64, y: f64, length: f64, width: f64| json!({"x_mm": mm(x), "y_mm": mm(y), "length_mm": mm(length), "width_mm": mm(width)});
-        let patches: Vec<_> = scene
-            .patches
-            .iter()
-            .map(|p| {
-                let mut patch = rectangle(p.x_m, p.y_m, p.length_m, p.width_m);
-                patch["thickness_mm"] = json!(mm(p.thickness_m));
-                patch
-            })
-            .collect();
-        let cutouts: Vec<_> = scene.cutouts.iter().map(|c| rectangle(c.x_m, c.y_m, c.length_m, c.width_m)).collect();
-        let actuators: Vec<_> = scene
-            .actuators
-            .iter()
-            .map(|a| {
-                json!({
-                    "id": a.id, "x_mm": mm(a.x_m), "y_mm": mm(a.y_m), "mount": a.mount,
-                    "max_voltage_v": a.max_voltage_v,
-                    "electrode_diameter_mm": mm(2.0 * (a.electrode_area_m2 / std::f64::consts::PI).sqrt()),
-                })
-            })
-            .collect();
-        Self(json!({
-            "name": scene.name, "kind": surface.kind,
-            "length_mm": mm(surface.length_m), "width_mm": mm(surface.width_m), "thickness_mm": mm(surface.thickness_m),
-            "screen": {
-                "width_px": screen.width_px, "height_px": screen.height_px,
-                "x_mm": mm(screen.x_m), "y_mm": mm(screen.y_m),
-                "width_mm": mm(screen.width_m), "height_mm": mm(screen.height_m),
-            },
-            "patches": patches, "cutouts": cutouts, "supports": supports, "edges": edges, "masses": masses, "actuators": actuators,
-        }))
-    }
-}
-
 /// A plan as sent to clients.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = TimedPlan)]
 pub struct PlanView {
     #[serde(flatten)]
     plan: Plan,
@@ -94,6 +36,7 @@ pub struct PlanView {
     times: Times,
     /// What part of its forces is driven, and why, where that is not all.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
     thinned: Option<Thinned>,
 }
 
@@ -124,14 +67,22 @@ impl PlanView {
 }
 
 /// Predicted peak acceleration over the surface.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Field)]
 pub struct FieldView {
+    /// Points from left to right.
     nx: usize,
+    /// Points from top to bottom.
     ny: usize,
+    /// Their places from the left edge in mm.
     x_mm: Vec<f64>,
+    /// Their places from the top edge in mm.
     y_mm: Vec<f64>,
+    /// Peaks in g: ny rows of nx, y down; null in cut-outs.
     peak_g: Vec<Option<f64>>,
+    /// The largest of them in g.
     max_g: f64,
+    /// The plan's number; 0 where nothing is driven.
     plan_id: u64,
 }
 
@@ -159,37 +110,4 @@ impl FieldView {
 /// Six decimals: a map of 1600 numbers goes over the wire at every touch.
 fn round(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
-}
-
-/// What the device achieves, with the actuators' names.
-#[must_use]
-pub fn achieved(plan: &Plan, achieved: &[AchievedDrive]) -> Value {
-    let list: Vec<_> = achieved
-        .iter()
-        .map(|drive| {
-            let si = from_wire(drive);
-            let actuator = plan.drives.get(usize::from(drive.channel)).map(|drive| drive.actuator.as_str());
-            json!({
-                "actuator": actuator, "channel": drive.channel, "frequency_hz": si.frequency_hz,
-                "voltage_v": si.voltage_v, "pulse_width": si.pulse_width, "phase_rad": si.phase_rad,
-                "guard_us": f64::from(drive.guard_ns) / 1e3,
-            })
-        })
-        .collect();
-    json!({ "acknowledged": true, "achieved": list })
-}
-
-/// The same for an effect, with its design, when it begins and how long it lasts.
-#[must_use]
-pub fn played(plan: &Plan, design: &Design, played: &Played) -> Value {
-    let mut answer = achieved(plan, &played.achieved);
-    if let Some(map) = answer.as_object_mut() {
-        let mut effect = effects::view::json(design);
-        effect["start_board_us"] = played.start_us.into();
-        let ahead = played.start.saturating_duration_since(std::time::Instant::now());
-        effect["starts_in_ms"] = (ahead.as_secs_f64() * 1e3).into();
-        effect["duration_ms"] = (played.length.as_secs_f64() * 1e3).into();
-        map.insert("effect".into(), effect);
-    }
-    answer
 }

@@ -23,4 +23,4 @@ pub use clock::{ClockQuality, ClockSync};
 
 pub use identity::Identity;
 pub use session::{DriveOrder, EffectOrder, Session, SessionError, Snapshot};
-pub use target::{OpenDevice, Target, TargetError};
+pub use target::{KINDS as TARGET_KINDS, OpenDevice, Target, TargetError};

@@ -21,6 +21,9 @@ pub enum Target {
     Serial(String),
 }
 
+/// Kinds of devices, as [`OpenDevice::kind`] names them.
+pub const KINDS: [&str; 3] = ["sim", "emulated", "serial"];
+
 impl FromStr for Target {
     type Err = String;
 

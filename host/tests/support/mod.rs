@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test file is its own program and uses a part of this")]
 
 pub mod browser;
+pub mod described;
 pub mod old_board;
 pub mod scenes;
 pub mod timed_board;
@@ -104,16 +105,23 @@ impl Daemon {
             .into()
     }
 
-    /// Status, content type and JSON of a request with any body.
+    /// Status, content type and JSON of a request with any body; the answer is as the interface's description says.
+    #[track_caller]
     pub fn post(&self, path: &str, body: &str) -> (u16, String, Value) {
         let mut answer = Self::agent().post(format!("{}{path}", self.url)).send(body).unwrap();
         let kind = answer.headers().get("content-type").map_or("", |value| value.to_str().unwrap()).to_owned();
-        (answer.status().as_u16(), kind, answer.body_mut().read_json().unwrap())
+        let (status, told) = (answer.status().as_u16(), answer.body_mut().read_json().unwrap());
+        described::described().check("post", path, status, &kind, &told);
+        (status, kind, told)
     }
 
+    #[track_caller]
     pub fn get(&self, path: &str) -> (u16, Value) {
         let mut answer = Self::agent().get(format!("{}{path}", self.url)).call().unwrap();
-        (answer.status().as_u16(), answer.body_mut().read_json().unwrap())
+        let kind = answer.headers().get("content-type").map_or("", |value| value.to_str().unwrap()).to_owned();
+        let (status, told) = (answer.status().as_u16(), answer.body_mut().read_json().unwrap());
+        described::described().check("get", path, status, &kind, &told);
+        (status, told)
     }
 
     pub fn get_text(&self, path: &str) -> String {

@@ -7,6 +7,7 @@ pub const EPS0: f64 = 8.854_187_812_8e-12;
 
 /// How an ERA is mounted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Mount {
     /// Housing on the surface, moving mass inside: equal and opposite force on surface and mass.

@@ -64,6 +64,7 @@ pub struct Scene {
 
 /// What kind of structure the surface is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum SurfaceKind {
     /// A thin plate (Kirchhoff).
@@ -136,6 +137,7 @@ pub struct Support {
 
 /// A side of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
     /// x = 0.

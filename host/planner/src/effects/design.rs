@@ -50,6 +50,7 @@ pub struct DesignedDrive {
 
 /// What an effect should do at the first target.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct EffectPrediction {
     /// Peak acceleration in g, harmonics of the force up to 1 kHz included: mean over how the drives' cycles may fall.
     pub peak_g: f64,

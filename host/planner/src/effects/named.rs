@@ -11,8 +11,15 @@ const TEXTURE_FLOOR: i16 = 200;
 /// Pauses of a double click and a pulse train, and rises of a texture, are at least this long, in ms.
 const SHORTEST_MS: f64 = 1.0;
 
+/// Least and most count that any effect takes.
+pub const COUNTS: (f64, f64) = (1.0, 100.0);
+/// Least and most period in ms that any effect takes.
+pub const PERIODS_MS: (f64, f64) = (10.0, 1000.0);
+
 /// An effect by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = Effect))]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "clap", value(rename_all = "snake_case"))]
@@ -123,7 +130,7 @@ impl NamedEffect {
             Self::DoubleClick => (None, None, Some((50.0, 500.0, 120.0))),
             Self::Buzz => (Some((1.0, LONGEST_MS, 200.0)), None, None),
             Self::Swell => (Some((10.0, LONGEST_MS, 500.0)), None, None),
-            Self::PulseTrain => (None, Some((1.0, 100.0, 5.0)), Some((10.0, 1000.0, 60.0))),
+            Self::PulseTrain => (None, Some((COUNTS.0, COUNTS.1, 5.0)), Some((PERIODS_MS.0, PERIODS_MS.1, 60.0))),
             // 8 to 40 Hz: slower is felt as single bumps, faster as a tone of its own.
             Self::Texture => (Some((50.0, LONGEST_MS, 1000.0)), None, Some((25.0, 125.0, 50.0))),
         }

@@ -1,38 +1,110 @@
 //! A design as JSON.
 
-use super::design::{Design, DesignedDrive};
+use super::design::{Design, DesignedDrive, EffectPrediction};
+use super::named::NamedEffect;
+use crate::drive::Drive;
+use crate::plan::limitation::Limitation;
 use era_shared::waveform::{FULL_LEVEL, Segment};
-use serde_json::{Value, json};
+use serde::Serialize;
 
-/// Effect, drives with their segments, and prediction.
-#[must_use]
-pub fn json(design: &Design) -> Value {
-    json!({
-        "name": design.effect,
-        "drives": design.drives.iter().map(drive).collect::<Vec<_>>(),
-        "predicted": design.predicted,
-        "limited": design.limited_by.is_some(),
-        "limited_by": design.limited_by,
-        "limits": design.limits,
-    })
+/// An effect as designed for a plan.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct EffectView {
+    /// Which.
+    pub name: NamedEffect,
+    /// What is played on each drive of the plan, in its order.
+    pub drives: Vec<EffectDriveView>,
+    /// What it should do at the first target.
+    pub predicted: EffectPrediction,
+    /// Whether anything keeps it below what was asked for.
+    pub limited: bool,
+    /// What does, as `voltage of left`; null if nothing does.
+    pub limited_by: Option<String>,
+    /// The same for programs; empty if nothing does.
+    pub limits: Vec<Limitation>,
 }
 
-fn drive(designed: &DesignedDrive) -> Value {
-    let mut value = json!(designed.drive);
-    value["segments"] = designed.effect.segments.iter().map(segment).collect();
-    value["times"] = designed.effect.times.into();
-    value
+/// One drive's part of an effect.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = EffectDrive))]
+pub struct EffectDriveView {
+    /// At full level.
+    #[serde(flatten)]
+    pub drive: Drive,
+    /// What the board plays, one after the other.
+    pub segments: Vec<SegmentView>,
+    /// How often it plays all of them.
+    pub times: u16,
 }
 
-/// Levels as parts of the full force, -1 to 1.
-fn segment(segment: &Segment) -> Value {
-    let part = |level: i16| f64::from(level) / f64::from(FULL_LEVEL);
-    match *segment {
-        Segment::Hold { level, milliseconds } => json!({ "level": part(level), "duration_ms": milliseconds }),
-        Segment::Ramp { from, to, milliseconds } => {
-            json!({ "from_level": part(from), "to_level": part(to), "duration_ms": milliseconds })
+/// A part of an effect; levels as parts of the full force, -1 to 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = EffectSegment))]
+#[serde(untagged)]
+pub enum SegmentView {
+    /// One level for a time.
+    Hold {
+        /// -1 to 1.
+        level: f64,
+        /// How long, in ms.
+        duration_ms: u16,
+    },
+    /// From one level to another, evenly.
+    Ramp {
+        /// -1 to 1, at its beginning.
+        from_level: f64,
+        /// -1 to 1, at its end.
+        to_level: f64,
+        /// How long, in ms.
+        duration_ms: u16,
+    },
+    /// One level for whole cycles of the drive.
+    Cycles {
+        /// -1 to 1.
+        level: f64,
+        /// How many.
+        cycles: u16,
+    },
+}
+
+impl EffectView {
+    /// Effect, drives with their segments, and prediction.
+    #[must_use]
+    pub fn new(design: &Design) -> Self {
+        Self {
+            name: design.effect,
+            drives: design.drives.iter().map(EffectDriveView::new).collect(),
+            predicted: design.predicted,
+            limited: design.limited_by.is_some(),
+            limited_by: design.limited_by.clone(),
+            limits: design.limits.clone(),
         }
-        Segment::Cycles { level, count } => json!({ "level": part(level), "cycles": count }),
+    }
+}
+
+impl EffectDriveView {
+    fn new(designed: &DesignedDrive) -> Self {
+        Self {
+            drive: designed.drive.clone(),
+            segments: designed.effect.segments.iter().map(SegmentView::new).collect(),
+            times: designed.effect.times,
+        }
+    }
+}
+
+impl SegmentView {
+    fn new(segment: &Segment) -> Self {
+        let part = |level: i16| f64::from(level) / f64::from(FULL_LEVEL);
+        match *segment {
+            Segment::Hold { level, milliseconds } => Self::Hold { level: part(level), duration_ms: milliseconds },
+            Segment::Ramp { from, to, milliseconds } => {
+                Self::Ramp { from_level: part(from), to_level: part(to), duration_ms: milliseconds }
+            }
+            Segment::Cycles { level, count } => Self::Cycles { level: part(level), cycles: count },
+        }
     }
 }
 

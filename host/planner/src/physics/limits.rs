@@ -63,6 +63,9 @@ pub enum Limit {
 }
 
 impl Limit {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Voltage, Self::Travel, Self::Breakdown, Self::Supply, Self::PullIn];
+
     /// As printed in `limited_by`.
     #[must_use]
     pub const fn name(self) -> &'static str {

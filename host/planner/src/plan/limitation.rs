@@ -50,6 +50,14 @@ impl Limitation {
         }
     }
 
+    /// All codes.
+    #[must_use]
+    pub fn codes() -> Vec<&'static str> {
+        let others = [Self::QuietZone, Self::Node, Self::TooShort, Self::StillMoving];
+        let others = others.iter().map(Self::code);
+        Limit::ALL.into_iter().map(Limit::name).chain(others).collect()
+    }
+
     /// The actuator whose limit it is, by its `id`.
     #[must_use]
     pub fn actuator(&self) -> Option<&str> {
@@ -69,6 +77,34 @@ impl fmt::Display for Limitation {
             Self::TooShort => f.write_str("the panel, which does not reach its steady motion within the effect"),
             Self::StillMoving => f.write_str("motion left of the touches before"),
         }
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::PartialSchema for Limitation {
+    fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::Schema> {
+        use utoipa::openapi::schema::{ObjectBuilder, SchemaType, Type};
+        let code = ObjectBuilder::new()
+            .schema_type(Type::String)
+            .description(Some("What limits, for programs; the same from version to version."))
+            .enum_values(Some(Self::codes()));
+        let actuator = ObjectBuilder::new()
+            .schema_type(SchemaType::Array(vec![Type::String, Type::Null]))
+            .description(Some("Whose limit it is, if an actuator's."));
+        ObjectBuilder::new()
+            .description(Some("What keeps a plan or an effect below its wish."))
+            .property("code", code)
+            .property("actuator", actuator)
+            .required("code")
+            .required("actuator")
+            .into()
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::ToSchema for Limitation {
+    fn name() -> std::borrow::Cow<'static, str> {
+        "Limit".into()
     }
 }
 

@@ -36,6 +36,7 @@ pub(crate) const MET: f64 = 1.0 - 1e-6;
 
 /// What the plan should do.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Predicted {
     /// Peak acceleration at the (first) target in g: equation 23, forces those of masses at rest.
     pub target_peak_g: f64,
@@ -52,11 +53,12 @@ pub struct Predicted {
 
 /// One target's share.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct TargetResult {
-    /// In m from the left edge.
+    /// From the left edge, in the unit of its name.
     #[serde(rename = "x_mm", serialize_with = "millimetres::one")]
     pub x_m: f64,
-    /// In m from the top edge.
+    /// From the top edge, in the unit of its name.
     #[serde(rename = "y_mm", serialize_with = "millimetres::one")]
     pub y_m: f64,
     /// Wanted in g.
@@ -67,15 +69,17 @@ pub struct TargetResult {
 
 /// The plan for a touch.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Plan {
-    /// The (first) target in m.
+    /// The (first) target from the left and top edges, in the unit of its name.
     #[serde(rename = "target_mm", serialize_with = "millimetres::two")]
+    #[cfg_attr(feature = "schema", schema(min_items = 2, max_items = 2))]
     pub target_m: [f64; 2],
     /// All targets.
     pub targets: Vec<TargetResult>,
-    /// The quiet zones.
+    /// The quiet zones, with the largest peak in each.
     pub quiet: Vec<QuietResult>,
-    /// Time it took.
+    /// Time it took, in us.
     pub elapsed_us: f64,
     /// One per actuator.
     pub drives: Vec<Drive>,

@@ -25,6 +25,7 @@ pub struct Report {
 
 /// When a plan's first target vibrates, and when it has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Times {
     /// When it has 90 % of its steady peak and keeps it, in ms from switching on with rails that are up; `null` if never.
     pub reaches_90_ms: Option<f64>,

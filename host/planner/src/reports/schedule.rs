@@ -36,6 +36,7 @@ impl Window {
 
 /// A time in which the same targets are wanted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Span {
     /// In ms from the beginning.
     pub from_ms: f64,
@@ -73,6 +74,7 @@ pub fn spans(windows: &[Window]) -> Result<Vec<Span>, PlanError> {
 
 /// A span with its plan.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Stretch {
     /// When, and for which targets.
     #[serde(flatten)]
@@ -81,9 +83,11 @@ pub struct Stretch {
     pub plan: Option<Plan>,
     /// When its first target vibrates, and when it has stopped.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
     pub times: Option<Times>,
     /// What can be had of it, where it could not be had in full.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
     pub trade: Option<Trade>,
 }
 

@@ -25,6 +25,7 @@ const NO_GAIN: f64 = 1e-3;
 
 /// What can be had.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Trade {
     /// What each target gets if it is the only one, at most its wish, in g.
     pub alone_g: Vec<f64>,
@@ -36,6 +37,8 @@ pub struct Trade {
 
 /// One target against the others.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = TradeCurve))]
 pub struct Curve {
     /// The target's number, from 0.
     pub target: usize,
@@ -45,6 +48,8 @@ pub struct Curve {
 
 /// What can be had together. Each point is a plan.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = TradePoint))]
 pub struct Point {
     /// What the curve's target gets at least, of what it gets alone.
     pub part: f64,
@@ -56,6 +61,8 @@ pub struct Point {
 
 /// What the targets get with other limits of the quiet zones.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = TradeQuietPoint))]
 pub struct QuietPoint {
     /// Limit of each zone in g; `None` without any.
     pub at_most_g: Option<Vec<f64>>,

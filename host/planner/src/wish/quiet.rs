@@ -29,14 +29,15 @@ pub(crate) const NO_PEAK: f64 = 1e-6;
 
 /// What a plan does in a quiet zone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct QuietResult {
-    /// In m from the left edge.
+    /// From the left edge, in the unit of its name.
     #[serde(rename = "x_mm", serialize_with = "millimetres::one")]
     pub x_m: f64,
-    /// In m from the top edge.
+    /// From the top edge, in the unit of its name.
     #[serde(rename = "y_mm", serialize_with = "millimetres::one")]
     pub y_m: f64,
-    /// In m.
+    /// In the unit of its name.
     #[serde(rename = "radius_mm", serialize_with = "millimetres::one")]
     pub radius_m: f64,
     /// Allowed, in g.

@@ -6,16 +6,17 @@
 mod fingers;
 mod writer;
 
+use super::answers::live::Message as Told;
 use super::app::{App, SOCKETS};
 use super::client::Client;
-use super::problem::Problem;
+use super::problem::{Kind, Problem};
 use super::touch::Feel;
 use super::view::TouchView;
 use crate::effects::NamedEffect;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
-use axum::http::{StatusCode, Uri};
+use axum::http::Uri;
 use axum::response::{IntoResponse, Response};
 use fingers::Fingers;
 use futures_util::StreamExt;
@@ -25,6 +26,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
+use utoipa::{IntoParams, ToSchema};
 use writer::Wants;
 
 /// Longest message in bytes: ten fingers take under 1 kB.
@@ -34,24 +36,40 @@ const REPLIES: usize = 32;
 
 /// What a page says. Plain structures, not an enum with its tag inside: serde reads such an enum by way of a copy in which
 /// numbers are maps as soon as any crate of the program turns on serde_json's `arbitrary_precision`.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, ToSchema)]
+#[schema(as = LiveIn, description = "What a page says: the fingers that are down, or that everything is to be off.")]
+#[schema(examples(
+    json!({"type": "touch", "touches": [{"id": 1, "x_px": 960, "y_px": 640}], "intensity_g": 0.3}),
+    json!({"type": "touch", "touches": []}),
+    json!({"type": "stop"}),
+))]
 #[serde(deny_unknown_fields)]
-struct Incoming {
+pub struct Incoming {
+    /// What it is about.
     #[serde(rename = "type")]
-    kind: Kind,
-    /// The fingers that are down now; none when all are lifted.
+    kind: Said,
+    /// The fingers that are down now; none when all are lifted. With `touch` only.
     touches: Option<Vec<TouchView>>,
+    /// Peak wanted in g, for fingers that have none of their own.
     intensity_g: Option<f64>,
+    /// The same in dB above the threshold of feeling at the drives' frequencies; absent with `intensity_g`.
     intensity_db: Option<f64>,
+    /// How long, in ms; with an effect its length.
     duration_ms: Option<f64>,
+    /// Plays this when a finger comes down instead of driving evenly.
     effect: Option<NamedEffect>,
+    /// How many pulses a `pulse_train` has.
     count: Option<u32>,
+    /// From one click, pulse or crest to the next, in ms.
     period_ms: Option<f64>,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+/// What a page's message is about.
+#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+#[schema(as = LiveKind)]
 #[serde(rename_all = "lowercase")]
-enum Kind {
+enum Said {
+    /// Its fingers.
     Touch,
     /// Everything off.
     Stop,
@@ -63,16 +81,31 @@ enum Letter {
     Ping,
 }
 
-#[derive(Debug, Deserialize)]
+/// What a page wants of its live socket.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 struct LiveQuery {
+    /// What to be told, with commas between: scene, state, plan, field; all if not given.
     send: Option<String>,
-    /// Which `access` has asked for.
+    // `access` has asked for it.
+    /// The token, which a page cannot send as a header.
     #[serde(rename = "token")]
     _token: Option<String>,
 }
 
-/// Takes the upgrade.
+/// WebSocket: touches in, state, plans and telemetry out
+///
+/// Text messages of JSON with a type, of at most 16 KiB: LiveIn from the page, with all fingers that are down (none when all are lifted), LiveOut
+/// to it. Every tap vibrates; an effect begins when a finger comes down, and not again as it moves. A page of which nothing was heard
+/// for 15 s, pings included, has lifted its fingers.
+#[utoipa::path(
+    get,
+    path = "/v1/live",
+    operation_id = "live",
+    params(LiveQuery),
+    responses((status = 101, description = "Switching protocols")),
+)]
 pub async fn upgrade(
     State(app): State<Arc<App>>,
     client: Client,
@@ -80,9 +113,14 @@ pub async fn upgrade(
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
     let upgrade = upgrade.map_err(|rejection| {
-        Problem::new(rejection.status(), "no-websocket", "A WebSocket is served here", rejection.body_text())
+        let kind = match rejection.status().as_u16() {
+            405 => Kind::NoWebsocketMethod,
+            426 => Kind::NoWebsocketUpgrade,
+            _ => Kind::NoWebsocket,
+        };
+        Problem::new(kind, rejection.body_text())
     })?;
-    let bad = |detail: String| Problem::new(StatusCode::BAD_REQUEST, "bad-query", "The query cannot be used", detail);
+    let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
     let Query(query) = Query::<LiveQuery>::try_from_uri(&uri).map_err(|error| bad(error.body_text()))?;
     let wants = match &query.send {
         None => Wants::ALL,
@@ -93,7 +131,7 @@ pub async fn upgrade(
     };
     let place = Arc::clone(&app.sockets).try_acquire_owned().map_err(|_| {
         let detail = format!("{SOCKETS} sockets are open, which is as many as there may be");
-        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "busy", "Too many sockets", detail).retry(1000, Some(SOCKETS))
+        Problem::new(Kind::SocketsFull, detail).retry(1000, Some(SOCKETS))
     })?;
     let serve = async move |socket| {
         serve(app, client, socket, wants).await;
@@ -153,7 +191,7 @@ fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc
     let wanted = r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"#;
     match super::body::from_json(text.as_bytes(), wanted) {
         Ok(Incoming {
-            kind: Kind::Touch,
+            kind: Said::Touch,
             touches: Some(touches),
             intensity_g,
             intensity_db,
@@ -171,10 +209,10 @@ fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc
             fingers.are(touches, feel, app.stops());
             None
         }
-        Ok(Incoming { kind: Kind::Touch, touches: None, .. }) => {
+        Ok(Incoming { kind: Said::Touch, touches: None, .. }) => {
             Some(Problem::body(format!("missing field `touches`; expected {wanted}")))
         }
-        Ok(Incoming { kind: Kind::Stop, .. }) => {
+        Ok(Incoming { kind: Said::Stop, .. }) => {
             app.note("stop", || json!({"socket": page}));
             fingers.forget();
             // Of its own, so that the next message is read whatever the device does.
@@ -191,5 +229,5 @@ fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc
 }
 
 fn error_message(problem: &Problem) -> Value {
-    json!({ "type": "error", "problem": problem })
+    json!(Told::error(problem))
 }

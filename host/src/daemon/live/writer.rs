@@ -3,12 +3,13 @@
 
 use super::Letter;
 use crate::daemon::active::{Active, Update};
+use crate::daemon::answers::live::Message as Told;
+use crate::daemon::answers::state::StateView;
 use crate::daemon::app::{App, closed};
-use crate::daemon::messages;
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::SinkExt;
 use futures_util::stream::SplitSink;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::broadcast::error::RecvError;
@@ -53,11 +54,7 @@ impl Wants {
     }
 
     fn plan_message(self, active: &Active) -> Value {
-        let mut message = messages::plan_message(active);
-        if let Some(map) = message.as_object_mut().filter(|_| !self.field) {
-            map.remove("field");
-        }
-        message
+        json!(Told::plan(active, self.field))
     }
 }
 
@@ -72,8 +69,8 @@ pub async fn write(
     let (mut device, mut updates, mut closing) = (app.device(), app.updates(), app.closing());
     let limit = app.limits.page;
     let mut first = Vec::new();
-    first.extend(wants.scene.then(|| messages::typed("scene", &app.scene)));
-    first.extend(wants.state.then(|| messages::typed("state", &messages::state(&app))));
+    first.extend(wants.scene.then(|| json!(Told::Scene(Box::new(app.scene.clone())))));
+    first.extend(wants.state.then(|| state_message(&app)));
     first.extend(app.active().filter(|_| wants.plan).map(|active| wants.plan_message(&active)));
     for message in first {
         if !send(&mut sink, text(&message), limit).await {
@@ -88,12 +85,12 @@ pub async fn write(
             },
             Some(reply) = replies.recv() => Some(text(&reply)),
             changed = device.changed(), if wants.state => match changed {
-                Ok(()) => Some(text(&messages::typed("state", &messages::state(&app)))),
+                Ok(()) => Some(text(&state_message(&app))),
                 Err(_) => break,
             },
             update = updates.recv() => match update {
                 Ok(Update::Plan(active)) => wants.plan.then(|| text(&wants.plan_message(&active))),
-                Ok(Update::Stopped) => wants.state.then(|| text(&messages::typed("state", &messages::state(&app)))),
+                Ok(Update::Stopped) => wants.state.then(|| text(&state_message(&app))),
                 // Some were missed; the newest is what counts.
                 Err(RecvError::Lagged(_)) => {
                     updates = updates.resubscribe();
@@ -110,6 +107,10 @@ pub async fn write(
         }
     }
     let _ = tokio::time::timeout(limit, sink.close()).await;
+}
+
+fn state_message(app: &App) -> Value {
+    json!(Told::State(Box::new(StateView::new(app))))
 }
 
 fn text(message: &Value) -> Message {

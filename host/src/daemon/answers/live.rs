@@ -1,0 +1,66 @@
+//! What a page is told on its live socket.
+
+use super::scene::SceneView;
+use super::state::StateView;
+use super::touched::PlayedEffect;
+use crate::daemon::active::Active;
+use crate::daemon::problem::Problem;
+use crate::daemon::view::{FieldView, PlanView, TouchView};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+/// A message to a page.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = LiveOut)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum Message {
+    /// The scene, once.
+    Scene(Box<SceneView>),
+    /// The state, whenever it changes.
+    State(Box<StateView>),
+    /// A plan that is driven.
+    Plan(Box<PlanMessage>),
+    /// What is wrong with something that the page has said or done.
+    Error(ErrorMessage),
+}
+
+/// A plan that is driven.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct PlanMessage {
+    /// The plan.
+    plan: PlanView,
+    /// Its field, unless the page has asked for plans without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    field: Option<FieldView>,
+    /// The fingers that it is for.
+    touches: Vec<TouchView>,
+    /// The effect that is played; null if none is.
+    effect: Option<PlayedEffect>,
+}
+
+/// What is wrong.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct ErrorMessage {
+    /// What is wrong; `field` names the finger, as `touches[0].x_px`.
+    problem: Problem,
+}
+
+impl Message {
+    /// The plan, with its field or without.
+    #[must_use]
+    pub fn plan(active: &Active, with_field: bool) -> Self {
+        Self::Plan(Box::new(PlanMessage {
+            plan: active.plan.clone(),
+            field: with_field.then(|| active.field.clone()),
+            touches: active.touches.clone(),
+            effect: active.effect.clone(),
+        }))
+    }
+
+    /// What is wrong.
+    #[must_use]
+    pub fn error(problem: &Problem) -> Self {
+        Self::Error(ErrorMessage { problem: problem.clone() })
+    }
+}

@@ -1,0 +1,190 @@
+//! The scene as a page draws it.
+
+use crate::scene::{Mount, Scene, Side, SurfaceKind};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+/// The scene, as a page draws it.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Scene)]
+pub struct SceneView {
+    /// Its name.
+    name: String,
+    /// Plate or bar.
+    kind: SurfaceKind,
+    /// Along x in mm.
+    length_mm: f64,
+    /// Along y in mm.
+    width_mm: f64,
+    /// In mm.
+    thickness_mm: f64,
+    /// Where its pixels are.
+    screen: ScreenView,
+    /// Places of other thickness.
+    patches: Vec<PatchView>,
+    /// Holes.
+    cutouts: Vec<RectangleView>,
+    /// Springs to ground.
+    supports: Vec<SupportView>,
+    /// Sides that are held.
+    edges: Vec<EdgeView>,
+    /// Masses on the surface.
+    masses: Vec<MassView>,
+    /// Actuators, in the order of the board's channels.
+    actuators: Vec<ActuatorView>,
+}
+
+/// A screen's pixels on the surface.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = Screen)]
+struct ScreenView {
+    /// Pixels from left to right.
+    width_px: u32,
+    /// Pixels from top to bottom.
+    height_px: u32,
+    /// Its left edge, from the surface's, in mm.
+    x_mm: f64,
+    /// Its top edge, from the surface's, in mm.
+    y_mm: f64,
+    /// In mm.
+    width_mm: f64,
+    /// In mm.
+    height_mm: f64,
+}
+
+/// A rectangle on the surface.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = Rectangle)]
+struct RectangleView {
+    /// Its left edge in mm.
+    x_mm: f64,
+    /// Its top edge in mm.
+    y_mm: f64,
+    /// Along x in mm.
+    length_mm: f64,
+    /// Along y in mm.
+    width_mm: f64,
+}
+
+/// A place of another thickness.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = Patch)]
+struct PatchView {
+    /// Where.
+    #[serde(flatten)]
+    place: RectangleView,
+    /// In mm.
+    thickness_mm: f64,
+}
+
+/// A spring to ground.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = Support)]
+struct SupportView {
+    /// From the left edge in mm.
+    x_mm: f64,
+    /// From the top edge in mm.
+    y_mm: f64,
+    /// In N/m.
+    stiffness_n_per_m: f64,
+}
+
+/// A side that is held.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = Edge)]
+struct EdgeView {
+    /// Which.
+    side: Side,
+    /// How, as scene files say it.
+    kind: &'static str,
+}
+
+/// A mass on the surface.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = Mass)]
+struct MassView {
+    /// From the left edge in mm.
+    x_mm: f64,
+    /// From the top edge in mm.
+    y_mm: f64,
+    /// In grams.
+    mass_g: f64,
+}
+
+/// An actuator.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Actuator)]
+struct ActuatorView {
+    /// Its name.
+    id: String,
+    /// From the left edge in mm.
+    x_mm: f64,
+    /// From the top edge in mm.
+    y_mm: f64,
+    /// How it is mounted.
+    mount: Mount,
+    /// Most voltage in V.
+    max_voltage_v: f64,
+    /// Of a round electrode of its area, in mm.
+    electrode_diameter_mm: f64,
+}
+
+fn mm(metres: f64) -> f64 {
+    metres * 1e3
+}
+
+impl RectangleView {
+    fn new(x_m: f64, y_m: f64, length_m: f64, width_m: f64) -> Self {
+        Self { x_mm: mm(x_m), y_mm: mm(y_m), length_mm: mm(length_m), width_mm: mm(width_m) }
+    }
+}
+
+impl SceneView {
+    /// The view of `scene`.
+    #[must_use]
+    pub fn new(scene: &Scene) -> Self {
+        let (surface, screen) = (&scene.surface, &scene.screen);
+        let patch = |p: &crate::scene::Patch| PatchView {
+            place: RectangleView::new(p.x_m, p.y_m, p.length_m, p.width_m),
+            thickness_mm: mm(p.thickness_m),
+        };
+        let support = |s: &crate::scene::Support| SupportView {
+            x_mm: mm(s.x_m),
+            y_mm: mm(s.y_m),
+            stiffness_n_per_m: s.stiffness_n_per_m,
+        };
+        let actuator = |a: &crate::scene::Actuator| ActuatorView {
+            id: a.id.clone(),
+            x_mm: mm(a.x_m),
+            y_mm: mm(a.y_m),
+            mount: a.mount,
+            max_voltage_v: a.max_voltage_v,
+            electrode_diameter_mm: mm(2.0 * (a.electrode_area_m2 / std::f64::consts::PI).sqrt()),
+        };
+        Self {
+            name: scene.name.clone(),
+            kind: surface.kind,
+            length_mm: mm(surface.length_m),
+            width_mm: mm(surface.width_m),
+            thickness_mm: mm(surface.thickness_m),
+            screen: ScreenView {
+                width_px: screen.width_px,
+                height_px: screen.height_px,
+                x_mm: mm(screen.x_m),
+                y_mm: mm(screen.y_m),
+                width_mm: mm(screen.width_m),
+                height_mm: mm(screen.height_m),
+            },
+            patches: scene.patches.iter().map(patch).collect(),
+            cutouts: scene.cutouts.iter().map(|c| RectangleView::new(c.x_m, c.y_m, c.length_m, c.width_m)).collect(),
+            supports: scene.supports.iter().map(support).collect(),
+            edges: scene.edges.iter().map(|e| EdgeView { side: e.side, kind: e.kind.name() }).collect(),
+            masses: scene
+                .masses
+                .iter()
+                .map(|m| MassView { x_mm: mm(m.x_m), y_mm: mm(m.y_m), mass_g: m.mass_kg * 1e3 })
+                .collect(),
+            actuators: scene.actuators.iter().map(actuator).collect(),
+        }
+    }
+}

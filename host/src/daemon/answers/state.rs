@@ -1,0 +1,144 @@
+//! Everything there is to know now: device, plan, measurements, link, daemon.
+
+use super::device::DeviceView;
+use crate::daemon::app::App;
+use crate::daemon::view::{PlanView, TouchView};
+use crate::device::Snapshot;
+use crate::device::convert::from_wire;
+use crate::planner::STANDARD_GRAVITY;
+use era_shared::protocol::{ChannelStatus, StatusReply};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+/// Device, plan, measurements and link as last seen.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = State)]
+pub struct StateView {
+    /// The device.
+    device: DeviceView,
+    /// What is driven; null if nothing is.
+    plan: Option<PlanView>,
+    /// The number of that plan, which is its request's.
+    plan_id: Option<u64>,
+    /// The fingers or targets that it is for.
+    touches: Vec<TouchView>,
+    /// What the device measures; null until it has told.
+    telemetry: Option<TelemetryView>,
+    /// The link to the device.
+    link: LinkView,
+    /// The daemon itself.
+    daemon: DaemonView,
+}
+
+/// What the device measures.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Telemetry)]
+struct TelemetryView {
+    /// Since the board started, in ms.
+    uptime_ms: u64,
+    /// Peak acceleration at the board's sensor in g; null without one.
+    acceleration_peak_g: Option<f64>,
+    /// One per channel.
+    channels: Vec<ChannelView>,
+}
+
+/// What a channel does.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Channel)]
+struct ChannelView {
+    /// The scene's actuator that is on it; null if none is.
+    actuator: Option<String>,
+    /// Whether it drives.
+    active: bool,
+    /// Fundamental of its force in Hz, while it drives.
+    frequency_hz: Option<f64>,
+    /// Electrode voltage in V, while it drives.
+    voltage_v: Option<f64>,
+    /// Part of its half period for which an electrode is on, while it drives.
+    pulse_width: Option<f64>,
+}
+
+/// The link to the device.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Link)]
+struct LinkView {
+    /// Median of the last round trips in ms.
+    round_trip_ms_median: Option<f64>,
+    /// Longest of the last round trips in ms.
+    round_trip_ms_worst: Option<f64>,
+    /// Frames sent, repeats included.
+    frames_sent: u64,
+    /// Frames sent again as no answer came.
+    repeats: u64,
+    /// Stretches of received bytes that were no frame.
+    crc_errors: u64,
+    /// Longest time between two signs of life to the armed device, in ms.
+    longest_gap_ms: f64,
+}
+
+/// The daemon itself.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Daemon)]
+struct DaemonView {
+    /// Its version.
+    version: &'static str,
+    /// For how long it has run, in s.
+    uptime_s: f64,
+}
+
+impl StateView {
+    /// Everything there is to know now.
+    #[must_use]
+    pub fn new(app: &App) -> Self {
+        let receiver = app.device();
+        let device = receiver.borrow();
+        let active = app.active();
+        Self {
+            device: DeviceView::new(&device),
+            plan: active.as_ref().map(|active| active.plan.clone()),
+            plan_id: active.as_ref().map(|active| active.id),
+            touches: active.as_ref().map(|active| active.touches.clone()).unwrap_or_default(),
+            telemetry: TelemetryView::new(app, &device),
+            link: LinkView::new(&device),
+            daemon: DaemonView { version: env!("CARGO_PKG_VERSION"), uptime_s: app.started.elapsed().as_secs_f64() },
+        }
+    }
+}
+
+impl TelemetryView {
+    fn new(app: &App, device: &Snapshot) -> Option<Self> {
+        let telemetry = device.telemetry.as_ref()?;
+        let names = &app.table.scene.actuators;
+        let channel = |(i, channel): (usize, &ChannelStatus)| {
+            let si = channel.drive.as_ref().map(from_wire);
+            ChannelView {
+                actuator: names.get(i).map(|actuator| actuator.id.clone()),
+                active: si.is_some(),
+                frequency_hz: si.map(|drive| drive.frequency_hz),
+                voltage_v: si.map(|drive| drive.voltage_v),
+                pulse_width: si.map(|drive| drive.pulse_width),
+            }
+        };
+        let channels = |status: &StatusReply| status.channels.iter().enumerate().map(channel).collect();
+        Some(Self {
+            uptime_ms: telemetry.uptime_us / 1000,
+            acceleration_peak_g: telemetry
+                .acceleration_peak_mm_per_s2
+                .map(|peak| f64::from(peak) / 1e3 / STANDARD_GRAVITY),
+            channels: device.status.as_ref().map(channels).unwrap_or_default(),
+        })
+    }
+}
+
+impl LinkView {
+    fn new(device: &Snapshot) -> Self {
+        Self {
+            round_trip_ms_median: device.round_trip.map(|time| time.as_secs_f64() * 1e3),
+            round_trip_ms_worst: device.round_trip_worst.map(|time| time.as_secs_f64() * 1e3),
+            frames_sent: device.link.frames_sent,
+            repeats: device.link.repeats,
+            crc_errors: device.link.bad_frames,
+            longest_gap_ms: device.longest_gap.as_secs_f64() * 1e3,
+        }
+    }
+}
