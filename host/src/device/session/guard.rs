@@ -104,21 +104,21 @@ impl Worker {
             }),
         }
     }
-}
 
-/// The device may be gone. One that has not been there yet is no loss.
-pub(super) fn doubt(publish: &watch::Sender<Snapshot>, request: &'static str, waited: Duration) {
-    if !publish.borrow().connected {
-        return;
+    /// The device may be gone. One that has not been there yet is no loss.
+    pub(super) fn doubt(publish: &watch::Sender<Snapshot>, request: &'static str, waited: Duration) {
+        if !publish.borrow().connected {
+            return;
+        }
+        tracing::warn!(request, waited_ms = waited.as_secs_f64() * 1e3, "the device does not answer; it is asked on");
+        publish.send_modify(|snapshot| {
+            (snapshot.connected, snapshot.in_doubt) = (false, true);
+            snapshot.doubts += 1;
+            snapshot.problem = Some(format!(
+                "nothing was heard of it for {:.0} ms, and it is asked on; if it is armed it goes off by itself, 250 ms after it was last asked \
+                 something",
+                waited.as_secs_f64() * 1e3
+            ));
+        });
     }
-    tracing::warn!(request, waited_ms = waited.as_secs_f64() * 1e3, "the device does not answer; it is asked on");
-    publish.send_modify(|snapshot| {
-        (snapshot.connected, snapshot.in_doubt) = (false, true);
-        snapshot.doubts += 1;
-        snapshot.problem = Some(format!(
-            "nothing was heard of it for {:.0} ms, and it is asked on; if it is armed it goes off by itself, 250 ms after it was last asked \
-             something",
-            waited.as_secs_f64() * 1e3
-        ));
-    });
 }

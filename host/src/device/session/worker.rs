@@ -1,6 +1,5 @@
 //! The session's thread.
 
-use super::guard::doubt;
 use super::policy::{Fit, Needs, Policy};
 use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
 use crate::device::client::{Client, LinkError};
@@ -461,7 +460,7 @@ impl Worker {
     pub(super) fn ask(&mut self, request: &Request) -> Result<Reply, LinkError> {
         let client = self.client.as_mut().ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotConnected))?;
         let publish = &self.publish;
-        let reply = client.request_told(request, &mut |request, waited| doubt(publish, request, waited))?;
+        let reply = client.request_told(request, &mut |request, waited| Self::doubt(publish, request, waited))?;
         let now = Instant::now();
         let gap = now - self.last_heard;
         self.last_heard = now;
