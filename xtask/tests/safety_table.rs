@@ -177,7 +177,7 @@ fn what_is_missing_for_a_threat_is_named() {
     for (mistake, start) in found.iter().zip(expected) {
         assert!(mistake.starts_with(start), "{mistake} is not {start}");
     }
-    assert_eq!(mistakes_of_threats("| hazard |", &repository, &[]).len(), 1);
+    assert_eq!(mistakes_of_threats("| hazard |", &repository).len(), 1);
 }
 
 #[test]
