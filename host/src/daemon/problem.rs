@@ -240,7 +240,7 @@ impl From<SessionError> for Problem {
                 StatusCode::CONFLICT,
                 "device-fault",
                 "The device is in a fault",
-                format!("{detail} (POST /v1/faults/clear clears it)"),
+                format!("{detail} (`era clear`, or POST /v1/faults/clear, clears it)"),
             ),
             SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. })) => {
                 Self::new(StatusCode::CONFLICT, "device-refused", "The device refused", detail)
@@ -256,7 +256,7 @@ impl From<SessionError> for Problem {
                 StatusCode::CONFLICT,
                 "not-armed",
                 "The device waits to be armed",
-                format!("{detail} (POST /v1/arm arms it)"),
+                format!("{detail} (`era arm`, or POST /v1/arm, arms it)"),
             ),
             SessionError::Unfit { .. } => {
                 Self::new(StatusCode::CONFLICT, "device-unfit", "The device does not fit the scene", detail)
