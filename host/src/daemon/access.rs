@@ -2,6 +2,7 @@
 
 use super::assets;
 use super::problem::Problem;
+use super::strangers::Strangers;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
@@ -78,6 +79,8 @@ pub struct Access {
     pub hosts: Vec<String>,
     /// None: no token is asked for.
     pub tokens: Vec<Token>,
+    /// Pages that were refused.
+    pub strangers: Arc<Strangers>,
 }
 
 impl Access {
@@ -169,6 +172,7 @@ impl Access {
                 return Ok(headers.get(header::ORIGIN).cloned());
             }
             if origin.split_once("://").is_none_or(|(_, authority)| Some(authority) != host) {
+                self.strangers.tell(origin);
                 return Err(foreign(&format!("pages of {origin}")));
             }
             return Ok(None);

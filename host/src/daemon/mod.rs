@@ -23,6 +23,7 @@ mod problem;
 mod record;
 mod routes;
 mod server;
+mod strangers;
 mod stretches;
 mod touch;
 mod turns;
