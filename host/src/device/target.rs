@@ -188,6 +188,21 @@ impl OpenDevice {
         }
     }
 
+    /// Starts the emulated board again where its process has ended; any other device is left as it is.
+    ///
+    /// # Errors
+    /// [`EmulatedError`] where that fails.
+    pub fn revive(&mut self) -> Result<(), EmulatedError> {
+        if let Keeper::Emulated(board) = &mut self.keeper
+            && let Some(status) = board.ended()
+        {
+            tracing::warn!(%status, "the emulator has ended; it is started again");
+            *board = board.again()?;
+            self.path = board.path().to_owned();
+        }
+        Ok(())
+    }
+
     /// Looks where the board's port is now: USB may show the board that was found before at another path.
     ///
     /// # Errors

@@ -181,9 +181,10 @@ impl Worker {
     fn open(&mut self) {
         let opened = self
             .device
-            .locate()
-            .and_then(|()| self.device.client())
-            .map_err(|error| LinkError::Io(error.into()))
+            .revive()
+            .map_err(|error| LinkError::Emulator(error.to_string()))
+            .and_then(|()| self.device.locate().map_err(|error| LinkError::Io(error.into())))
+            .and_then(|()| self.device.client().map_err(|error| LinkError::Io(error.into())))
             .and_then(|client| {
                 self.client = Some(client);
                 self.greet()
