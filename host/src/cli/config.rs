@@ -348,7 +348,7 @@ fn check(options: &ConfigCheck) -> Outcome {
 fn example() -> String {
     let mut text = format!(
         "# Configuration of `era serve`: era serve --config FILE. Options on the command line come before these.\n\
-         # Relative paths count from this file's folder. To drive your panel set scene, and device = \"auto\": without device\n\
+         # Relative paths count from this file's folder. To drive your panel set scene, and device to \"auto\": without device\n\
          # the simulated device is driven, and no board. `era config check FILE` says what would be used.\n\nversion = {VERSION}"
     );
     for Key { name, help, default, example, .. } in KEYS {

@@ -1,6 +1,6 @@
 //! Which device to use, and how to open it.
 
-use super::client::{Client, Transport};
+use super::client::{Client, LinkError, Transport};
 use super::emulated::{EmulatedBoard, EmulatedError};
 use super::port::{self, Port, UsbName};
 use super::sim::{Panel, SimControl, SimDevice};
@@ -185,6 +185,17 @@ impl OpenDevice {
         match &self.keeper {
             Keeper::Emulated(board) => Some(board),
             _ => None,
+        }
+    }
+
+    /// A failed link in words: an emulated board has no cable.
+    #[must_use]
+    pub fn trouble(&self, error: &LinkError) -> String {
+        match (&self.keeper, error) {
+            (Keeper::Emulated(_), LinkError::Io(source)) => {
+                format!("the emulator's port failed: {source}. Where its process has ended, it is started again")
+            }
+            _ => error.to_string(),
         }
     }
 

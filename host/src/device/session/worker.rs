@@ -472,9 +472,9 @@ impl Worker {
             tracing::warn!(%error, "refused");
             return;
         }
-        let text = error.to_string();
+        let text = self.device.trouble(error);
         if self.publish.borrow().problem.as_deref() != Some(&text) {
-            tracing::error!(path = self.device.path(), %error, "device lost");
+            tracing::error!(path = self.device.path(), error = text, "device lost");
         }
         self.client = None;
         self.armed = false;
