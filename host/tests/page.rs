@@ -4,6 +4,7 @@
 mod support;
 
 use era::daemon::Access;
+use era::device::sim::Knobs;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::json;
 use std::io::{Read, Write};
@@ -302,8 +303,27 @@ fn a_page_brings_its_token() {
     browser.wait_for("document.body?.dataset.state === 'safe'");
     let mut without = Browser::start(program, 1280, 800);
     without.open(&daemon.url);
-    without.wait_for("document.body !== null");
+    // What is wrong is said, and not that the connection was lost.
+    without.wait_for("document.querySelector('#connection')?.textContent === 'this daemon asks for a token'");
+    without.wait_for("document.querySelector('#error-text').textContent.includes('#token=TOKEN')");
     assert_ne!(without.value("document.body.dataset.state ?? ''"), "safe");
+    // A token put behind the address of the open page counts.
+    without.value(&format!("location.hash = 'token={secret}'"));
+    without.wait_for("document.body?.dataset.state === 'safe'");
+    // A fault wants a token of another role than this one.
+    without.value(&format!(
+        "fetch('/v1/touch', {{method: 'POST', headers: {{authorization: 'Bearer {secret}'}},
+         body: '{{\"x_px\": 300, \"y_px\": 900, \"duration_ms\": 5000}}'}}) && 0"
+    ));
+    without.wait_for("document.body.dataset.state === 'running'");
+    daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    std::thread::sleep(std::time::Duration::from_millis(600));
+    daemon.sim.set_knobs(Knobs::default());
+    without.wait_for("document.querySelector('#fault button') !== null");
+    without.value("document.querySelector('#fault button').click()");
+    without.wait_for("document.querySelector('#error-text').textContent.includes('this needs arm')");
+    let told = without.value("document.querySelector('#error-text').textContent");
+    assert!(told.as_str().unwrap().starts_with("The fault is not cleared: "), "{told}");
 }
 
 /// Serves one page, whatever is asked for, and tells where.

@@ -2,13 +2,13 @@
 // elsewhere. Units as in the daemon's JSON: mm on the surface, px of the scene's screen, g.
 import { Design } from "./design.js";
 import { Heat } from "./heat.js";
-import { Link, request } from "./link.js";
+import { Link, TOKEN, request } from "./link.js";
 import { PanelView } from "./panel.js";
 import { $, Readout, announce, fixed, show } from "./readout.js";
 
 const heat = new Heat($("heat"), $("scale"), $("ticks"));
 const view = new PanelView($("panel"), heat, $("overlay"));
-const readout = new Readout(() => post("/v1/faults/clear"));
+const readout = new Readout(clearFault);
 const fingers = new Map(); // pointer id -> {x_px, y_px}
 let driven = null; // the last plan that was driven, with its touches and field
 let hover = null; // the pointer's place in mm
@@ -20,11 +20,16 @@ const link = new Link({
     if (fingers.size) sendTouches();
     if (design.on) design.ask();
   },
-  closed(seconds) {
-    show("connection", `connection lost, trying again in ${Math.ceil(seconds)} s`);
+  closed(seconds, refusal) {
+    show("connection", refusal ? refusedInWords(refusal) : `connection lost, trying again in ${Math.ceil(seconds)} s`);
     $("connection").className = "chip bad";
     readout.forgetState();
     readout.showMode();
+  },
+  refused(problem) {
+    if (!problem) return;
+    show("connection", refusedInWords(problem));
+    showProblem(withAdvice(problem));
   },
   scene(scene) {
     show("scene-name", scene.name);
@@ -81,12 +86,32 @@ function showProblem(problem) {
   $("error").hidden = false;
 }
 
-async function post(path) {
+async function clearFault() {
   try {
-    showState(await request("POST", path));
+    showState(await request("POST", "/v1/faults/clear"));
   } catch (problem) {
-    showProblem(problem);
+    showProblem({ ...withAdvice(problem), title: "The fault is not cleared" });
   }
+}
+
+const isOf = (problem, kind) => problem.type?.endsWith(`:${kind}`);
+
+function refusedInWords(problem) {
+  if (isOf(problem, "token")) return TOKEN ? "this daemon does not know the page's token" : "this daemon asks for a token";
+  return isOf(problem, "role") ? "the page's token is not enough" : "this daemon refuses the page";
+}
+
+// A problem with what to do in the page's terms, where it is about the page's token.
+function withAdvice(problem) {
+  if (!isOf(problem, "token") && !isOf(problem, "role")) return problem;
+  const which = isOf(problem, "role") ? "one of that role" : "one";
+  const address = `${location.origin}/#token=TOKEN`;
+  const said = isOf(problem, "token") && !TOKEN ? "" : `${problem.detail}. `;
+  return {
+    ...problem,
+    title: refusedInWords(problem),
+    detail: `${said}Open the page with ${which} behind its address, ${address}; tokens are in the daemon's --token-file.`,
+  };
 }
 
 let stopping = 0;

@@ -9,7 +9,7 @@ const STOP_TRIES = 3;
 
 // A daemon that asks for a token is opened with it behind its address, as #token=SECRET: that part of an address stays in the
 // browser.
-const TOKEN = new URLSearchParams(location.hash.slice(1)).get("token");
+export const TOKEN = new URLSearchParams(location.hash.slice(1)).get("token");
 
 // The answer's body, to a question with an optional body of its own; throws a problem in the form of the daemon's
 // problem+json, whatever went wrong.
@@ -32,7 +32,7 @@ export async function request(method, path, content, answer_ms = ANSWER_MS) {
 }
 
 export class Link {
-  // handlers: open(), closed(seconds until the next attempt), and one per message type: scene, state, plan, error.
+  // handlers: open(), closed(seconds until the next attempt, the problem if the daemon refuses this page), and one per message type: scene, state, plan, error.
   constructor(handlers) {
     this.handlers = handlers;
     this.wait = FIRST_WAIT_S;
@@ -40,9 +40,12 @@ export class Link {
     this.timer = 0;
     this.heard = 0;
     this.asking = false;
+    this.refusal = null;
   }
 
   start() {
+    // A token that is put behind the address of an open page takes no effect by itself.
+    addEventListener("hashchange", () => location.reload());
     this.connect();
     setInterval(() => this.watch(), 1000);
     addEventListener("online", () => this.retry());
@@ -60,7 +63,9 @@ export class Link {
     this.socket = socket;
     this.heard = performance.now();
     socket.addEventListener("open", () => {
-      if (this.socket === socket) this.handlers.open();
+      if (this.socket !== socket) return;
+      this.refusal = null;
+      this.handlers.open();
     });
     socket.addEventListener("message", (event) => {
       if (this.socket !== socket) return;
@@ -84,9 +89,21 @@ export class Link {
     socket.close();
     // Jitter: many pages must not come back in the same instant.
     const wait = this.wait * (0.75 + 0.5 * Math.random());
-    this.handlers.closed(wait);
+    this.handlers.closed(wait, this.refusal);
+    if (this.wait === FIRST_WAIT_S || this.refusal) this.askWhy();
     this.timer = setTimeout(() => this.connect(), wait * 1000);
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT_S);
+  }
+
+  // A browser does not tell why a socket was refused; the same path without a socket is refused with the reason.
+  async askWhy() {
+    try {
+      await request("GET", "/v1/live");
+    } catch (problem) {
+      const refused = problem.status === 401 || problem.status === 403;
+      if (!this.open && refused !== Boolean(this.refusal)) this.handlers.refused(refused ? problem : null);
+      this.refusal = refused ? problem : null;
+    }
   }
 
   // Does not wait any longer if there is no link.

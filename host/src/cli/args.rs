@@ -130,8 +130,9 @@ pub struct Serve {
     /// Another name by which the daemon may be called, beside localhost and addresses in numbers; several times for several
     #[arg(long, value_name = "NAME", value_parser = crate::daemon::Access::host)]
     pub allow_host: Vec<String>,
-    /// Write down what is asked and what becomes of it, to a new file that `era replay` reads
-    #[arg(long, value_name = "FILE")]
+    /// Write down what is asked and what becomes of it, for `era replay`: to a new file, or to a file of each start in a folder
+    /// (one that is there, or ends in a slash)
+    #[arg(long, value_name = "PATH")]
     pub record: Option<PathBuf>,
     /// Time without a touch in s after which the board is disarmed [default: 5]
     #[arg(long, value_name = "S", value_parser = parse_idle)]
@@ -139,7 +140,7 @@ pub struct Serve {
     /// Let the next touch clear a latched silence of this host (fault host-silent); others wait for a person
     #[arg(long)]
     pub clear_silence: bool,
-    /// After the board was away: let the next touch arm it, or wait for `POST /v1/arm` [default: touch]
+    /// After the board was away: let the next touch arm it, or wait for `era arm` [default: touch]
     #[arg(long, value_name = "WHO", value_enum)]
     pub after_outage: Option<AfterOutage>,
 }
@@ -150,7 +151,7 @@ pub struct Serve {
 pub enum AfterOutage {
     /// The next touch
     Touch,
-    /// A person, with `POST /v1/arm`
+    /// A person, with `era arm` or `POST /v1/arm`
     Person,
 }
 

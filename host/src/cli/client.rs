@@ -2,15 +2,20 @@
 
 use super::args::{Daemon, Touch};
 use super::{Failure, Outcome, print_json, print_text};
+use crate::doctor::reach::Trouble;
 use crate::planner::Weigh;
 use crate::private_file;
 use serde_json::{Value, json};
 use std::fmt::Write;
+use std::path::Path;
 use std::time::Duration;
 use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 /// An emulated board may take some seconds to answer.
 const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Longest wait for a connection: behind a firewall there is no answer at all.
+const CONNECT: Duration = Duration::from_secs(3);
 
 pub fn touch(options: &Touch) -> Outcome {
     let answer = call(&options.daemon, "POST", "/v1/touch", Some(touch_body(options)))?;
@@ -130,6 +135,16 @@ pub fn stop(options: &Daemon) -> Outcome {
     show_state(options, &answer)
 }
 
+pub fn clear(options: &Daemon) -> Outcome {
+    let answer = call(options, "POST", "/v1/faults/clear", None)?;
+    show_state(options, &answer)
+}
+
+pub fn arm(options: &Daemon) -> Outcome {
+    let answer = call(options, "POST", "/v1/arm", None)?;
+    show_state(options, &answer)
+}
+
 pub fn state(options: &Daemon) -> Outcome {
     let answer = call(options, "GET", "/v1/state", None)?;
     show_state(options, &answer)
@@ -139,6 +154,11 @@ fn show_state(options: &Daemon, answer: &Value) -> Outcome {
     if options.json {
         return print_json(answer);
     }
+    print_text(&state_text(answer))
+}
+
+/// The device, its fault, its clock and its channels.
+fn state_text(answer: &Value) -> String {
     let device = &answer["device"];
     let text_of = |value: &Value| value.as_str().unwrap_or("unknown").to_owned();
     let mut text =
@@ -147,7 +167,14 @@ fn show_state(options: &Daemon, answer: &Value) -> Outcome {
         let _ = write!(text, " (not connected: {})", text_of(&device["problem"]));
     }
     if !device["fault"].is_null() {
-        let _ = write!(text, "\nfault {}: {}", device["fault"]["code"], text_of(&device["fault"]["message"]));
+        let fault = &device["fault"];
+        let _ = write!(
+            text,
+            "\nfault {} ({}): {} `era clear` clears it",
+            fault["code"],
+            text_of(&fault["name"]),
+            text_of(&fault["message"])
+        );
     }
     let clock = &device["clock"];
     if !clock.is_null() {
@@ -159,8 +186,9 @@ fn show_state(options: &Daemon, answer: &Value) -> Outcome {
             number(&clock["residual_worst_us"]),
         );
     }
-    for channel in answer["telemetry"]["channels"].as_array().into_iter().flatten() {
-        let name = text_of(&channel["actuator"]);
+    for (i, channel) in (1..).zip(answer["telemetry"]["channels"].as_array().into_iter().flatten()) {
+        // A board may have more channels than the scene has actuators.
+        let name = channel["actuator"].as_str().map_or_else(|| format!("(channel {i})"), str::to_owned);
         if channel["active"] == true {
             let _ = write!(
                 text,
@@ -170,9 +198,12 @@ fn show_state(options: &Daemon, answer: &Value) -> Outcome {
             );
         } else {
             let _ = write!(text, "\n  {name:12} off");
+            if channel["actuator"].is_null() {
+                text.push_str("; the scene has no actuator for it");
+            }
         }
     }
-    print_text(&text)
+    text
 }
 
 fn number(value: &Value) -> f64 {
@@ -181,8 +212,14 @@ fn number(value: &Value) -> f64 {
 
 /// What talks to the daemon, and trusts its certificate where that is given.
 fn agent(daemon: &Daemon) -> Result<ureq::Agent, Failure> {
-    let mut config = ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(PATIENCE));
-    if let Some(certificate) = trusted(daemon)? {
+    patient_agent(daemon.ca.as_deref(), PATIENCE)
+}
+
+/// The same for who waits otherwise.
+pub fn patient_agent(ca: Option<&Path>, patience: Duration) -> Result<ureq::Agent, Failure> {
+    let config = ureq::Agent::config_builder().http_status_as_error(false);
+    let mut config = config.timeout_global(Some(patience)).timeout_connect(Some(CONNECT));
+    if let Some(certificate) = trusted(ca)? {
         let roots = RootCerts::new_with_certs(&[certificate]);
         config = config.tls_config(TlsConfig::builder().root_certs(roots).build());
     }
@@ -190,8 +227,8 @@ fn agent(daemon: &Daemon) -> Result<ureq::Agent, Failure> {
 }
 
 /// The certificate that the daemon's is to be trusted by, if one is given.
-pub fn trusted(daemon: &Daemon) -> Result<Option<Certificate<'static>>, Failure> {
-    let Some(path) = &daemon.ca else { return Ok(None) };
+pub fn trusted(ca: Option<&Path>) -> Result<Option<Certificate<'static>>, Failure> {
+    let Some(path) = ca else { return Ok(None) };
     let wrong = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", path.display()));
     let pem = std::fs::read(path).map_err(|error| wrong(&error))?;
     Certificate::from_pem(&pem).map(Some).map_err(|error| wrong(&error))
@@ -204,11 +241,17 @@ pub fn bearer(daemon: &Daemon) -> Result<Option<String>, Failure> {
 
 /// The token: of a file, or of the environment; not of the command line, which everybody on the machine can read.
 fn token(daemon: &Daemon) -> Result<Option<String>, Failure> {
-    let Some(path) = &daemon.token_file else { return Ok(std::env::var("ERA_TOKEN").ok()) };
+    token_in(daemon.token_file.as_deref())
+}
+
+/// The same of a file that may be named.
+pub fn token_in(file: Option<&Path>) -> Result<Option<String>, Failure> {
+    let Some(path) = file else { return Ok(std::env::var("ERA_TOKEN").ok()) };
     let text = private_file::read(path);
     let text = text.map_err(|error| Failure::Usage(format!("{}: {error}", path.display())))?;
-    // The last word of the last line: a file of the secret alone, or one of the daemon's.
-    Ok(text.split_whitespace().last().map(str::to_owned))
+    // The last word of the last line: a file of the secret alone, or one of the daemon's, which may have comments.
+    let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
+    Ok(lines.flat_map(str::split_whitespace).last().map(str::to_owned))
 }
 
 fn with_token<B>(request: ureq::RequestBuilder<B>, bearer: Option<String>) -> ureq::RequestBuilder<B> {
@@ -240,9 +283,13 @@ pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) ->
         (_, Some(body)) => with_token(agent.post(&url), bearer).send_json(body),
         (_, None) => with_token(agent.post(&url), bearer).send_empty(),
     };
-    let mut answer = sent.map_err(|error| {
-        Failure::failed(format!("no answer from {url}: {error}. Does the daemon run? `era serve` starts it"))
-    })?;
+    let mut answer =
+        sent.map_err(|error| match Trouble::of(&error, &daemon.url).told(&daemon.url, daemon.ca.is_some()) {
+            Some((found, advice)) => Failure::failed(format!("{found}: {advice}")),
+            None => {
+                Failure::failed(format!("no answer from {url}: {error}. Does the daemon run? `era serve` starts it"))
+            }
+        })?;
     let status = answer.status();
     let body: Value = answer.body_mut().read_json().map_err(|error| {
         Failure::failed(format!("{url} answered {status}, but not with JSON ({error}): is it an era daemon?"))
@@ -259,7 +306,10 @@ pub fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> R
     if (200..300).contains(&status) {
         return Ok(body);
     }
-    let detail = body["detail"].as_str().unwrap_or("no reason given").to_owned();
+    let mut detail = body["detail"].as_str().unwrap_or("no reason given").to_owned();
+    if status == 401 {
+        detail.push_str(" (here: --token-file FILE, or the variable ERA_TOKEN)");
+    }
     Err(if status == 400 { Failure::Usage(detail) } else { Failure::Failed(detail) })
 }
 
@@ -300,6 +350,19 @@ mod tests {
         let quiet = json!([{"x_px": 100.0, "y_px": 200.0, "radius_mm": 15.0, "at_most_g": 0.02}]);
         assert_eq!(body("--weigh felt")["weigh"], "felt");
         assert_eq!((&many["quiet"], &many["grouping"], &many["trade"]), (&quiet, &json!("shared"), &json!(true)));
+    }
+
+    #[test]
+    fn channels_without_an_actuator_and_faults_are_told() {
+        let channel = |name: Option<&str>| json!({"actuator": name, "active": false});
+        let fault = json!({"code": 0, "name": "host-silent", "message": "Check the cable."});
+        let state = json!({
+            "device": {"kind": "emulated", "port": "/dev/pts/1", "state": "fault", "fault": fault},
+            "telemetry": {"channels": [channel(Some("left")), channel(None)]},
+        });
+        let text = state_text(&state);
+        assert!(text.contains("\n  left         off\n  (channel 2)  off; the scene has no actuator"), "{text}");
+        assert!(text.contains("fault 0 (host-silent): Check the cable. `era clear` clears it"), "{text}");
     }
 
     #[test]

@@ -51,6 +51,14 @@ pub enum Command {
     /// Ask a running daemon to switch everything off
     #[command(after_help = "Example:\n  era stop")]
     Stop(Daemon),
+    /// Ask a running daemon to clear its device's latched fault, once the cause is gone; nothing is armed
+    #[command(
+        after_help = "Example:\n  era clear\n  era clear --url https://panel.local:7878 --ca era-cert.pem --token-file token"
+    )]
+    Clear(Daemon),
+    /// Ask a running daemon to arm its device ahead of a touch, or after it was away; it begins with its self-test
+    #[command(after_help = "Example:\n  era arm")]
+    Arm(Daemon),
     /// Show what a running daemon and its device are doing
     #[command(after_help = "Example:\n  era state --json")]
     State(Daemon),
@@ -126,6 +134,7 @@ Examples:
 Examples:
   era doctor
   era doctor --config /etc/era/era.toml
+  era doctor --url https://panel.local:7878 --ca era-cert.pem --token-file token
   era doctor --device /dev/ttyACM0 --json")]
     Doctor(Doctor),
     /// Install the udev rule for the board and the systemd unit for the daemon (Linux)

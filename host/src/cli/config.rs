@@ -3,12 +3,16 @@
 use super::args::Serve;
 use super::config_keys::{Given, KEYS, Key};
 use super::{Failure, Outcome, print_json, print_text};
+use crate::device::Target;
 use clap::{Args, Subcommand};
 use serde_json::json;
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// Told where nothing says which device: a service without its board would look as if all were well.
+pub const SIMULATED: &str = "drives the simulated device: set device = \"auto\" to drive a board";
 
 /// The version of configuration files that is read.
 const VERSION: f64 = 1.0;
@@ -93,26 +97,51 @@ pub struct ConfigFile {
     settings: Vec<Setting>,
 }
 
+/// What could be read of a file, and what could not.
+struct Examined {
+    file: ConfigFile,
+    mistakes: Vec<Mistake>,
+}
+
+impl Examined {
+    /// The file, if there is no mistake in it.
+    fn sound(mut self) -> Result<ConfigFile, ConfigError> {
+        if self.mistakes.is_empty() {
+            return Ok(self.file);
+        }
+        self.mistakes.sort_by_key(|mistake| mistake.line);
+        Err(ConfigError { source: self.file.source, mistakes: self.mistakes })
+    }
+}
+
 impl ConfigFile {
     /// Reads a file.
     ///
     /// # Errors
     /// [`ConfigError`] with every mistake in it.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        Self::examine(path)?.sound()
+    }
+
+    /// Reads what can be read of a file.
+    ///
+    /// # Errors
+    /// [`ConfigError`] where the file cannot be read at all, or is no TOML.
+    fn examine(path: &Path) -> Result<Examined, ConfigError> {
         let source = path.display().to_string();
         let failed = |text: String| ConfigError { source: source.clone(), mistakes: vec![Mistake { line: 0, text }] };
         let text = std::fs::read_to_string(path)
             .map_err(|error| failed(format!("cannot read the configuration file: {error}")))?;
         let whole = std::path::absolute(path).map_err(|error| failed(error.to_string()))?;
         let base = whole.parent().map(Path::to_path_buf).unwrap_or_default();
-        Self::parse(&source, &text, &base)
+        Self::examine_text(&source, &text, &base)
     }
 
-    /// Reads a file's text; `source` is its name in messages, relative paths count from `base`.
+    /// Reads what can be read of a file's text; `source` is its name in messages, relative paths count from `base`.
     ///
     /// # Errors
-    /// [`ConfigError`] with every mistake in it.
-    pub fn parse(source: &str, text: &str, base: &Path) -> Result<Self, ConfigError> {
+    /// [`ConfigError`] where it is no TOML.
+    fn examine_text(source: &str, text: &str, base: &Path) -> Result<Examined, ConfigError> {
         let line_at = |offset: usize| text.bytes().take(offset).filter(|byte| *byte == b'\n').count() + 1;
         let error = |mistakes| ConfigError { source: source.into(), mistakes };
         let document = DeTable::parse(text).map_err(|wrong| {
@@ -143,11 +172,7 @@ impl ConfigFile {
                 mistakes.push(Mistake { line: setting.line, text });
             }
         }
-        if !mistakes.is_empty() {
-            mistakes.sort_by_key(|mistake| mistake.line);
-            return Err(error(mistakes));
-        }
-        Ok(Self { source: source.into(), base: base.to_path_buf(), settings })
+        Ok(Examined { file: Self { source: source.into(), base: base.to_path_buf(), settings }, mistakes })
     }
 
     /// What `era serve` is to do: the command line's options before the file's.
@@ -161,6 +186,12 @@ impl ConfigFile {
             }
         }
         joined
+    }
+
+    /// That the file leads to the simulated device, if it does.
+    #[must_use]
+    pub fn simulated(&self) -> Option<&'static str> {
+        matches!(self.under(&Serve::default()).device, None | Some(Target::Sim)).then_some(SIMULATED)
     }
 
     /// Every key with its value and where that comes from, for `options` on the command line.
@@ -270,17 +301,15 @@ pub fn run(options: &Config) -> Outcome {
 }
 
 fn check(options: &ConfigCheck) -> Outcome {
-    let found = ConfigFile::read(&options.file).and_then(|file| {
+    let found = ConfigFile::examine(&options.file).and_then(|mut found| {
         // The scene is tried as well; what is wrong in it has its own lines.
-        let scene = file.under(&Serve::default()).panel.load();
-        match scene {
-            Err(Failure::Usage(text) | Failure::Failed(text)) => {
-                let line = file.settings.iter().find(|setting| setting.key.name == "scene");
-                let line = line.map_or(0, |setting| setting.line);
-                Err(ConfigError { source: file.source, mistakes: vec![Mistake { line, text }] })
-            }
-            _ => Ok(file),
+        let file = &found.file;
+        if let Err(Failure::Usage(text) | Failure::Failed(text)) = file.under(&Serve::default()).panel.load() {
+            let line =
+                file.settings.iter().find(|setting| setting.key.name == "scene").map_or(0, |setting| setting.line);
+            found.mistakes.push(Mistake { line, text });
         }
+        found.sound()
     });
     let file = match found {
         Ok(file) => file,
@@ -294,15 +323,23 @@ fn check(options: &ConfigCheck) -> Outcome {
         }
     };
     let used = file.account(&Serve::default());
+    let simulated = file.simulated();
     if options.json {
         let settings: Vec<_> =
             used.iter().map(|used| json!({"key": used.key.name, "value": used.value, "line": used.line})).collect();
-        return print_json(&json!({"file": file.source, "mistakes": [], "settings": settings}));
+        return print_json(&json!({
+            "file": file.source, "mistakes": [], "settings": settings, "drives_simulation": simulated.is_some(),
+        }));
     }
+    let width = |text: fn(&Used) -> &str| used.iter().map(|used| text(used).chars().count()).max().unwrap_or(0);
+    let (keys, values) = (width(|used| used.key.name), width(|used| used.value.as_deref().unwrap_or_default()));
     let mut text = format!("{} can be used", file.source);
-    for Used { key, value, line } in used {
+    for Used { key, value, line } in &used {
         let place = line.map_or_else(|| "default".into(), |line| format!("line {line}"));
-        let _ = write!(text, "\n{:10} {:28} {place}", key.name, value.unwrap_or_default());
+        let _ = write!(text, "\n{:keys$}  {:values$}  {place}", key.name, value.as_deref().unwrap_or_default());
+    }
+    if let Some(note) = simulated {
+        let _ = write!(text, "\n{note}");
     }
     print_text(&text)
 }
@@ -311,7 +348,8 @@ fn check(options: &ConfigCheck) -> Outcome {
 fn example() -> String {
     let mut text = format!(
         "# Configuration of `era serve`: era serve --config FILE. Options on the command line come before these.\n\
-         # Relative paths count from this file's folder.\n\nversion = {VERSION}"
+         # Relative paths count from this file's folder. To drive your panel set scene, and device to \"auto\": without device\n\
+         # the simulated device is driven, and no board. `era config check FILE` says what would be used.\n\nversion = {VERSION}"
     );
     for Key { name, help, default, example, .. } in KEYS {
         let _ = write!(text, "\n\n# {help}. Default: {default}.\n# {name} = {example}");
@@ -322,10 +360,9 @@ fn example() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::Target;
 
     fn parse(text: &str) -> Result<ConfigFile, ConfigError> {
-        ConfigFile::parse("era.toml", text, Path::new("/etc/era"))
+        ConfigFile::examine_text("era.toml", text, Path::new("/etc/era"))?.sound()
     }
 
     #[test]

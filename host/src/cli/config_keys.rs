@@ -151,7 +151,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "device",
-        help: "The device: sim, emulated, auto, or the path of a serial port",
+        help: "The device: auto for a board, the path of its serial port, emulated, or sim, which drives no board",
         allowed: "\"sim\", \"emulated\", \"auto\" or the path of a serial port",
         default: "sim",
         example: "\"auto\"",
@@ -296,7 +296,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "after_outage",
-        help: "Who arms a board that was away: the next touch, or a person with POST /v1/arm",
+        help: "Who arms a board that was away: the next touch, or a person with `era arm`",
         allowed: "\"touch\" or \"person\"",
         default: "touch",
         example: "\"touch\"",
@@ -309,10 +309,10 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record",
-        help: "New file to write down what is asked and what becomes of it",
-        allowed: "the path of a file",
+        help: "Where to write down what is asked and what becomes of it: a folder, for a file of each start, or a new file",
+        allowed: "the path of a folder that is there or ends in a slash, or of a new file",
         default: "none",
-        example: "\"recording.jsonl\"",
+        example: "\"records/\"",
         rival: None,
         is_given: |serve| serve.record.is_some(),
         take: |serve, given, base| {

@@ -1,7 +1,9 @@
 //! `era doctor`: finds out, judges, and prints.
 
 use super::args::Serve;
+use super::client::{patient_agent, token_in};
 use super::config::ConfigFile;
+use super::values::parse_url;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::daemon::DEFAULT_LISTEN;
 use crate::device::Target;
@@ -12,6 +14,9 @@ use serde_json::json;
 use std::fmt::Write;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+
+/// The certificate that `--tls-dir` makes.
+const CERTIFICATE: &str = "era-cert.pem";
 
 #[derive(Clone, Debug, Args)]
 pub struct Doctor {
@@ -25,6 +30,17 @@ pub struct Doctor {
     /// A scene file to check
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
+    /// The daemon's address, as http://HOST:PORT, https://HOST:PORT or HOST:PORT [default: that of the configuration, or
+    /// http://127.0.0.1:7878]
+    #[arg(long, value_name = "URL", value_parser = parse_url)]
+    pub url: Option<String>,
+    /// File with the token, where the daemon asks for one; the variable ERA_TOKEN does as well [default: that of the
+    /// configuration]
+    #[arg(long, value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+    /// Certificate in PEM that the daemon's is to be trusted by [default: that of the configuration]
+    #[arg(long, value_name = "FILE")]
+    pub ca: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -79,8 +95,7 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
         Wanted::Any | Wanted::Board => ports.iter().find(|port| port.is_board()).map(|port| port.path.clone()),
         Wanted::Simulated(_) => None,
     };
-    let address: SocketAddr = serve.listen.map_or_else(|| DEFAULT_LISTEN.parse(), Ok).map_err(Failure::failed)?;
-    let daemon = daemon::ask(address);
+    let (url, daemon) = ask(options, &serve)?;
     let chosen = path.map(|path| {
         // The same port may have several names, as in /dev/serial/by-id.
         let path = match &daemon {
@@ -109,11 +124,35 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
         modem_manager: machine::modem_manager(root),
         realtime: machine::realtime(root),
         chosen,
-        address: daemon::reached(address).to_string(),
+        address: url.split_once("://").map_or(url.as_str(), |(_, place)| place).to_owned(),
         daemon,
         config,
         scene,
     })
+}
+
+/// Where a daemon is looked for, and what is there. The command line comes before the configuration.
+fn ask(options: &Doctor, serve: &Serve) -> Result<(String, Daemon), Failure> {
+    let listen: SocketAddr = serve.listen.map_or_else(|| DEFAULT_LISTEN.parse(), Ok).map_err(Failure::failed)?;
+    let speaks_tls = serve.tls_dir.is_some() || serve.tls_cert.is_some();
+    let url = options
+        .url
+        .clone()
+        .unwrap_or_else(|| format!("{}://{}", if speaks_tls { "https" } else { "http" }, daemon::reached(listen)));
+    let made = serve.tls_dir.as_ref().map(|folder| folder.join(CERTIFICATE));
+    let configured = made.or_else(|| serve.tls_cert.clone());
+    // A certificate of the configuration that is not there, or not for this user, need not be: it is said what is missing.
+    let ca = options.ca.clone().or_else(|| configured.filter(|file| std::fs::File::open(file).is_ok()));
+    let agent = patient_agent(ca.as_deref(), daemon::ANSWER)?;
+    let token = match (&options.token_file, &serve.token_file) {
+        (Some(named), _) => token_in(Some(named))?,
+        (None, Some(configured)) if std::env::var_os("ERA_TOKEN").is_none() => {
+            token_in(Some(configured)).ok().flatten()
+        }
+        (None, _) => token_in(None)?,
+    };
+    let found = daemon::ask(&url, &agent, token.as_deref(), ca.is_some());
+    Ok((url, found))
 }
 
 fn is_same(a: &str, b: &str) -> bool {

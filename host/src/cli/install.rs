@@ -119,12 +119,7 @@ fn wanted(options: &Install, config: &Path) -> Result<Vec<Wanted>, Failure> {
         wanted.push(Wanted { part: Part::Rule, path, text: rule::text(&options.group) });
     }
     if is_wanted(Part::Service) {
-        let program = match &options.program {
-            Some(program) => std::path::absolute(program).map_err(Failure::failed)?,
-            None => std::env::current_exe().map_err(|error| {
-                Failure::failed(format!("this program's own path is not known: {error}; --program names one"))
-            })?,
-        };
+        let program = program(options)?;
         let secrets = &secrets(options, config);
         let unit = unit::Unit { program: &program, config, group: &options.group, secrets, is_user: options.user };
         let text = unit.text().map_err(Failure::usage)?;
@@ -153,6 +148,16 @@ fn configured(options: &Install, config: &Path) -> Option<Serve> {
 fn secrets(options: &Install, config: &Path) -> unit::Secrets {
     let Some(serve) = configured(options, config).filter(|_| !options.user) else { return unit::Secrets::default() };
     unit::Secrets { tokens: serve.token_file, tls: serve.tls_cert.zip(serve.tls_key) }
+}
+
+/// The program that the service runs.
+fn program(options: &Install) -> Result<PathBuf, Failure> {
+    match &options.program {
+        Some(program) => std::path::absolute(program).map_err(Failure::failed),
+        None => std::env::current_exe().map_err(|error| {
+            Failure::failed(format!("this program's own path is not known: {error}; --program names one"))
+        }),
+    }
 }
 
 /// Takes away the link by which `systemctl enable` starts the unit: once the unit is gone, `disable` does not know it.
@@ -200,8 +205,13 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
         return;
     }
     if config.exists() {
-        if let Err(error) = ConfigFile::read(config) {
-            tell!("the service will not start with this configuration:\n{error}");
+        match ConfigFile::read(config) {
+            Err(error) => tell!("the service will not start with this configuration:\n{error}"),
+            Ok(file) => {
+                if let Some(note) = file.simulated() {
+                    tell!("with {} the service {note}", config.display());
+                }
+            }
         }
     } else {
         tell!("{} is not there yet: without it the service does not start", config.display());
@@ -219,12 +229,31 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
         }
     }
     let run = service.text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap_or_default();
+    if let Ok(program) = program(options)
+        && is_build(&program)
+    {
+        tell!(
+            "{} is in a build's folder, whose next build replaces it and `cargo clean` removes it. Better:\n  \
+             sudo install -m 755 {} /usr/local/bin/\n  sudo /usr/local/bin/era install",
+            program.display(),
+            program.display()
+        );
+    }
     if !options.user && ["/root/", "/home/", "/tmp/"].iter().any(|private| run.contains(private)) {
         tell!(
             "the service's own user may not reach {run}: put program and configuration where all can read them \
              (/usr/local/bin, /etc/era), or use --user"
         );
     }
+}
+
+/// Whether a program lies where cargo builds.
+fn is_build(program: &Path) -> bool {
+    let folder = |path: Option<&Path>| path.and_then(Path::file_name).and_then(|name| name.to_str()).map(str::to_owned);
+    let (own, above) = (program.parent(), program.parent().and_then(Path::parent));
+    let is_profile = matches!(folder(own).as_deref(), Some("release" | "debug"));
+    is_profile
+        && (folder(above).as_deref() == Some("target") || above.is_some_and(|it| it.join("CACHEDIR.TAG").exists()))
 }
 
 /// The commands that make the change known.
@@ -249,6 +278,10 @@ fn steps(options: &Install, changed: &[Part], config: &Path) -> Vec<String> {
             steps.push(format!("{sudo}mkdir -p {folder}"));
             let writer = if options.user { ">" } else { "| sudo tee" };
             steps.push(format!("era config example {writer} {}", config.display()));
+        }
+        if ConfigFile::read(config).map_or(true, |file| file.simulated().is_some()) {
+            let editor = if options.user { "${EDITOR:-vi}" } else { "sudoedit" };
+            steps.push(format!("{editor} {}    # scene = \"panel.toml\", device = \"auto\"", config.display()));
         }
         steps.push(format!("era config check {}", config.display()));
         steps.push(format!("{manager} daemon-reload"));

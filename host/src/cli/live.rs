@@ -99,7 +99,7 @@ fn line(daemon: &Daemon, uri: &Uri, failed: &dyn Fn(&dyn std::fmt::Display) -> F
         return Ok(Line::Plain(stream));
     }
     let mut roots = RootCertStore::empty();
-    match client::trusted(daemon)? {
+    match client::trusted(daemon.ca.as_deref())? {
         Some(own) => roots.add(CertificateDer::from_slice(own.der())).map_err(|error| failed(&error))?,
         None => roots.extend(webpki_roots::TLS_SERVER_ROOTS.iter().cloned()),
     }

@@ -135,6 +135,8 @@ fn run(arguments: command::Arguments, started: Instant) -> Outcome {
         Some(Command::Serve(options)) => serve::run(&options, started),
         Some(Command::Touch(options)) => client::touch(&options),
         Some(Command::Stop(options)) => client::stop(&options),
+        Some(Command::Clear(options)) => client::clear(&options),
+        Some(Command::Arm(options)) => client::arm(&options),
         Some(Command::State(options)) => client::state(&options),
         Some(Command::Modes(options)) => modes::run(&options),
         Some(Command::Press(options)) => press::run(&options),

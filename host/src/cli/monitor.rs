@@ -3,24 +3,31 @@
 use super::args_board::Monitor;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::device::Target;
+use crate::doctor::machine;
 use crate::flash::board::Board;
 use crate::flash::check::Version;
 use crate::flash::image::{Image, default_path};
 use crate::flash::probe::ProbeRs;
 use crate::monitor::LogTable;
+use std::path::Path;
 use std::time::Duration;
 
 /// Between two looks at an empty log: short for a person, long for a link that also carries drives.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 pub fn run(options: &Monitor) -> Outcome {
+    let target = options.port.clone().unwrap_or(Target::Auto);
+    if !options.probe
+        && let Some(taken) = taken(&target)
+    {
+        return Err(Failure::Failed(taken));
+    }
     let path = options.elf.clone().unwrap_or_else(default_path);
     let (image, elf) = Image::read(&path).map_err(Failure::usage)?;
     if options.probe {
         return ProbeRs::default().attach(&path).map_err(Failure::failed);
     }
     let table = LogTable::from_elf(&elf).map_err(Failure::usage)?;
-    let target = options.port.clone().unwrap_or(Target::Auto);
     let mut board = Board::open(&target).map_err(Failure::failed)?;
     let running = board.identity.firmware;
     tracing::info!("log of firmware {} at {}", Version(running), board.path());
@@ -46,4 +53,21 @@ pub fn run(options: &Monitor) -> Outcome {
             if options.json { print_json(&line)? } else { print_text(&line.to_string())? }
         }
     }
+}
+
+/// Who has the port, if somebody has: two programs at one port take each other's bytes.
+fn taken(target: &Target) -> Option<String> {
+    let port = match target {
+        Target::Serial(path) => path.clone(),
+        Target::Auto => machine::ports().into_iter().find(crate::doctor::facts::Port::is_board)?.path,
+        Target::Sim | Target::Emulated => return None,
+    };
+    let holders = machine::holders(Path::new("/"), &port);
+    let names: Vec<String> = holders.iter().map(|it| format!("{} (process {})", it.name, it.pid)).collect();
+    let advice = if holders.iter().any(|holder| holder.name == "era") {
+        "a daemon has its board's port for itself: end it first (`systemctl stop era`, if it is the service)"
+    } else {
+        "end that program first"
+    };
+    (!names.is_empty()).then(|| format!("{port} is open in {}: {advice}", names.join(", ")))
 }

@@ -4,7 +4,8 @@ use super::args::{Daemon, Replay};
 use super::client::{self, Answer};
 use super::live::{self, Socket};
 use super::{Failure, Outcome, print_json, print_text};
-use crate::replay::{Recording, What, difference};
+use crate::replay::Outcome as Answered;
+use crate::replay::{Asked, Recording, What, difference};
 use serde_json::{Value, json};
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
@@ -15,10 +16,13 @@ use tungstenite::Message;
 /// For what a page has been sent meanwhile, before it speaks again.
 const LISTEN: Duration = Duration::from_millis(1);
 
+/// How many answers that are others than recorded are told one by one; `--json` has all.
+const TOLD: usize = 20;
+
 /// What became of a request now.
 struct Done {
-    /// Of a touch.
-    id: Option<u64>,
+    /// Its place in the recording.
+    place: usize,
     result: Result<Answer, Failure>,
 }
 
@@ -35,14 +39,14 @@ pub fn run(options: &Replay) -> Outcome {
     let (done, results) = channel();
     let (mut sockets, mut messages) = (HashMap::new(), 0_u64);
     let started = Instant::now();
-    for asked in &recording.asked {
+    for (place, asked) in recording.asked.iter().enumerate() {
         let due = started + asked.at.div_f64(options.speed);
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
         match &asked.what {
-            What::Touch(id, body) => ask(daemon, "/v1/touch", Some(*id), Some(body.clone()), &done),
-            What::Stop => ask(daemon, "/v1/stop", None, None, &done),
-            What::Arm => ask(daemon, "/v1/arm", None, None, &done),
-            What::Clear => ask(daemon, "/v1/faults/clear", None, None, &done),
+            What::Touch(_, body) => ask(daemon, "/v1/touch", place, Some(body.clone()), &done),
+            What::Stop => ask(daemon, "/v1/stop", place, None, &done),
+            What::Arm => ask(daemon, "/v1/arm", place, None, &done),
+            What::Clear => ask(daemon, "/v1/faults/clear", place, None, &done),
             What::Fingers(page, message) => {
                 say(&mut sockets, daemon, *page, message)?;
                 messages += 1;
@@ -59,12 +63,12 @@ pub fn run(options: &Replay) -> Outcome {
 }
 
 /// Asks in a thread of its own, as requests overlapped when they were recorded.
-fn ask(daemon: &Daemon, path: &'static str, id: Option<u64>, body: Option<Value>, done: &Sender<Done>) {
+fn ask(daemon: &Daemon, path: &'static str, place: usize, body: Option<Value>, done: &Sender<Done>) {
     let (daemon, done) = (daemon.clone(), done.clone());
     std::thread::spawn(move || {
         let result = client::answer(&daemon, "POST", path, body);
         // Nobody waits for it any more if the command has failed.
-        let _ = done.send(Done { id, result });
+        let _ = done.send(Done { place, result });
     });
 }
 
@@ -83,38 +87,85 @@ fn say(sockets: &mut HashMap<u64, Socket>, daemon: &Daemon, page: u64, message: 
     socket.send(Message::text(message.to_string())).map_err(Failure::failed)
 }
 
-fn summary(options: &Replay, recording: &Recording, done: Vec<Done>, messages: u64) -> Outcome {
-    let (mut statuses, mut unanswered, mut otherwise) = (BTreeMap::<u16, u64>::new(), 0_u64, 0_u64);
+/// A touch that was answered otherwise than recorded.
+struct Otherwise<'r> {
+    asked: &'r Asked,
+    id: u64,
+    body: &'r Value,
+    then: &'r Answered,
+    /// Nothing: no answer.
+    now: Option<Answered>,
+    /// What is said of it now.
+    detail: String,
+}
+
+impl Otherwise<'_> {
+    fn json(&self) -> Value {
+        let told = |it: &Answered| json!({"status": it.status, "type": it.problem});
+        json!({
+            "at_ms": self.asked.at.as_secs_f64() * 1e3, "id": self.id, "body": self.body, "then": told(self.then),
+            "now": self.now.as_ref().map(told), "detail": self.detail,
+        })
+    }
+
+    fn text(&self) -> String {
+        let now = self.now.as_ref().map_or_else(|| "no answer".into(), Answered::to_string);
+        let detail = if self.detail.is_empty() { String::new() } else { format!(": {}", self.detail) };
+        let at = self.asked.at.as_secs_f64();
+        format!("  {at:9.3} s  touch {} {}  {} then, {now} now{detail}", self.id, self.body, self.then)
+    }
+}
+
+fn summary(options: &Replay, recording: &Recording, mut done: Vec<Done>, messages: u64) -> Outcome {
+    // Threads end in any order.
+    done.sort_by_key(|done| done.place);
+    let (mut statuses, mut unanswered, mut otherwise) = (BTreeMap::<u16, u64>::new(), 0_u64, Vec::new());
     let (mut compared, mut largest) = (0_u64, 0.0_f64);
-    for Done { id, result } in &done {
-        let Ok(Answer { status, body }) = result else {
-            unanswered += 1;
-            continue;
-        };
-        *statuses.entry(*status).or_default() += 1;
-        if let Some((then, drives)) = id.and_then(|id| recording.outcomes.get(&id)) {
-            otherwise += u64::from(then != status);
-            if let Some(difference) = difference(drives, &body["drives"]).filter(|_| then == status) {
-                compared += 1;
-                largest = largest.max(difference);
+    for Done { place, result } in &done {
+        let (now, detail) = match result {
+            Ok(Answer { status, body }) => {
+                *statuses.entry(*status).or_default() += 1;
+                (Some(Answered::of(*status, body)), body["detail"].as_str().unwrap_or_default().to_owned())
             }
+            Err(Failure::Usage(reason) | Failure::Failed(reason)) => (None, reason.clone()),
+            Err(Failure::Defect) => (None, String::new()),
+        };
+        unanswered += u64::from(now.is_none());
+        let Some(asked) = recording.asked.get(*place) else { continue };
+        let What::Touch(id, body) = &asked.what else { continue };
+        let Some(then) = recording.outcomes.get(id) else { continue };
+        match now {
+            Some(now) if (now.status, &now.problem) == (then.status, &then.problem) => {
+                if let Some(difference) = difference(&then.drives, &now.drives) {
+                    compared += 1;
+                    largest = largest.max(difference);
+                }
+            }
+            now => otherwise.push(Otherwise { asked, id: *id, body, then, now, detail }),
         }
     }
     if options.daemon.json {
+        let list: Vec<Value> = otherwise.iter().map(Otherwise::json).collect();
         return print_json(&json!({
             "requests": done.len(), "messages": messages, "statuses": statuses, "unanswered": unanswered,
-            "answered_otherwise": otherwise, "drives_compared": compared, "drives_differ_by": largest,
-            "left_out": recording.left_out,
+            "answered_otherwise": otherwise.len(), "otherwise": list, "drives_compared": compared,
+            "drives_differ_by": largest, "left_out": recording.left_out,
         }));
     }
     let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with {status}")).collect();
+    let mut told: Vec<String> = otherwise.iter().take(TOLD).map(Otherwise::text).collect();
+    if otherwise.len() > TOLD {
+        told.push(format!("  and {} more: see `otherwise` in --json", otherwise.len() - TOLD));
+    }
+    let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);
     print_text(&format!(
         "{} requests ({}), {unanswered} without an answer, and {messages} messages of pages\n\
-         answered otherwise than recorded: {otherwise}\n\
+         touches answered otherwise than recorded: {}{told}\n\
          drives compared: {compared}, which differ by {largest:.1e} at most in frequency and voltage\n\
          lines that the recorder left out: {}",
         done.len(),
         if list.is_empty() { "no answer".into() } else { list.join(", ") },
+        otherwise.len(),
         recording.left_out
     ))
 }

@@ -28,14 +28,14 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::failed)?;
     // A port in use is told before the panel is computed.
     let listeners = runtime.block_on(listeners(options, &access))?;
-    let recorder =
-        match &options.record {
-            None => None,
-            Some(path) => Some(Recorder::start(path, &scene.name).map_err(|error| {
-                Failure::Usage(format!("--record {}: {error}; a new file is wanted", path.display()))
-            })?),
-        };
-    let urls: Vec<String> = listeners.iter().map(Listener::url).collect();
+    let recorder = match &options.record {
+        None => None,
+        Some(path) => Some(Recorder::start(path, &scene.name).map_err(|error| {
+            let advice = "a new file is wanted, or a folder (with a slash at its end) for a file of each start";
+            Failure::Usage(format!("--record {}: {error}; {advice}", path.display()))
+        })?),
+    };
+    let urls: Vec<String> = listeners.iter().map(|listener| usable(&listener.url(), &options.allow_host)).collect();
     let prepared = prepared_table(&options.panel, options.keep, &scene)?;
     tracing::info!("{}", account(&prepared));
     let table = prepared.table;
@@ -61,6 +61,12 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         urls.join(", "),
         scene.name
     );
+    if target == Target::Sim && options.device.is_none() {
+        match &options.config {
+            Some(path) => tracing::warn!("{} {}", path.display(), config::SIMULATED),
+            None => tracing::info!("this daemon drives the simulated device: --device auto drives a board"),
+        }
+    }
     if let Some(plan) = first {
         let own_us = plan.elapsed_us;
         tracing::info!("first plan {:.0} ms after the start, {own_us:.0} us of which it took itself", ms(planned));
@@ -73,6 +79,20 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         // A failure, so that the service manager starts it anew.
         Ended::Session => Err(Failure::failed(SessionError::Ended)),
     }
+}
+
+/// An address as it can be opened: 0.0.0.0 and [::] are all of this machine's, and no name of it. TLS has a certificate for
+/// localhost and the names that were allowed.
+fn usable(url: &str, names: &[String]) -> String {
+    let Some((scheme, place)) = url.split_once("://") else { return url.to_owned() };
+    let Some(port) = place.strip_prefix("0.0.0.0:").or_else(|| place.strip_prefix("[::]:")) else {
+        return url.to_owned();
+    };
+    let all: Vec<String> = std::iter::once("localhost")
+        .chain(names.iter().map(String::as_str))
+        .map(|name| format!("{scheme}://{name}:{port}"))
+        .collect();
+    format!("{} (on all addresses of this machine)", all.join(" or "))
 }
 
 /// Who may do what.

@@ -4,6 +4,7 @@ use super::assets;
 use super::client::{Peer, TokenNumber};
 use super::guesses::{Digest, Guesses, MOST};
 use super::problem::{Kind, Problem};
+use super::strangers::Strangers;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
@@ -92,6 +93,8 @@ pub struct Access {
     pub tokens: Vec<Token>,
     /// Wrong ones of late.
     pub guesses: Arc<Guesses>,
+    /// Pages that were refused.
+    pub strangers: Arc<Strangers>,
 }
 
 impl Access {
@@ -183,6 +186,7 @@ impl Access {
                 return Ok(headers.get(header::ORIGIN).cloned());
             }
             if origin.split_once("://").is_none_or(|(_, authority)| Some(authority) != host) {
+                self.strangers.tell(origin);
                 return Err(foreign(&format!("pages of {origin}")));
             }
             return Ok(None);

@@ -31,6 +31,7 @@ mod problem;
 mod record;
 mod routes;
 mod server;
+mod strangers;
 mod stretches;
 mod tend;
 mod thin;

@@ -270,7 +270,7 @@ impl From<SessionError> for Problem {
         let detail = error.to_string();
         match error {
             SessionError::Fault { .. } => {
-                Self::new(Kind::DeviceFault, format!("{detail} (POST /v1/faults/clear clears it)"))
+                Self::new(Kind::DeviceFault, format!("{detail} (`era clear`, or POST /v1/faults/clear, clears it)"))
             }
             SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. })) => {
                 Self::new(Kind::DeviceRefused, detail).retry(u64::from(wait_ms), None)
@@ -280,7 +280,9 @@ impl From<SessionError> for Problem {
             }
             SessionError::Link(_) | SessionError::Disconnected { .. } => Self::new(Kind::DeviceLost, detail),
             SessionError::Late { .. } => Self::new(Kind::DeviceLate, detail).retry(LATE_AGAIN_MS, None),
-            SessionError::Away { .. } => Self::new(Kind::NotArmed, format!("{detail} (POST /v1/arm arms it)")),
+            SessionError::Away { .. } => {
+                Self::new(Kind::NotArmed, format!("{detail} (`era arm`, or POST /v1/arm, arms it)"))
+            }
             SessionError::Unfit { .. } => Self::new(Kind::DeviceUnfit, detail),
             SessionError::Stopped => Self::new(Kind::Stopped, detail),
             SessionError::Closed => Self::new(Kind::Closing, detail),

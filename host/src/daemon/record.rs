@@ -4,13 +4,18 @@
 //! drives waits for a file.
 
 use serde_json::{Value, json};
+use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Instant;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 
+/// Starts in one second that have a file each.
+const SAME_SECOND: u32 = 100;
 /// Lines that may wait for the disk.
 const WAITING: usize = 4096;
 
@@ -25,12 +30,16 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Begins a new file; one that is there is not written over. `scene` is the scene's name.
+    /// Begins a new file; one that is there is not written over. In a folder (one that is there, or a path that ends in a slash)
+    /// it is named after the time, so that each start has its own. `scene` is the scene's name.
     ///
     /// # Errors
     /// As the file system has it.
     pub fn start(path: &Path, scene: &str) -> std::io::Result<Self> {
-        let file = std::fs::OpenOptions::new().write(true).create_new(true).open(path)?;
+        let ends_in_slash = path.as_os_str().to_string_lossy().ends_with(std::path::is_separator);
+        let (path, file) =
+            if ends_in_slash || path.is_dir() { in_folder(path)? } else { (path.to_owned(), new(path)?) };
+        tracing::info!("recording to {}", path.display());
         let (lines, inbox) = sync_channel(WAITING);
         let named = path.display().to_string();
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
@@ -70,6 +79,29 @@ impl Drop for Recorder {
         drop(self.lines.take());
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
+        }
+    }
+}
+
+/// A file that was not there.
+fn new(path: &Path) -> std::io::Result<File> {
+    std::fs::OpenOptions::new().write(true).create_new(true).open(path)
+}
+
+/// A new file named after the time (UTC, to a second), and where another start in that second has it, with a number behind.
+fn in_folder(folder: &Path) -> std::io::Result<(PathBuf, File)> {
+    std::fs::create_dir_all(folder)?;
+    let mut time = String::new();
+    let _ = SystemTime.format_time(&mut Writer::new(&mut time));
+    // 2026-01-31T09:30:00.000000Z; some file systems have no colons.
+    let time: String = time.chars().take_while(|c| *c != '.').filter(|c| *c != ':').collect();
+    let mut number = 1;
+    loop {
+        let behind = if number == 1 { String::new() } else { format!("-{number}") };
+        let path = folder.join(format!("{time}Z{behind}.jsonl"));
+        match new(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && number < SAME_SECOND => number += 1,
+            file => return file.map(|file| (path, file)),
         }
     }
 }

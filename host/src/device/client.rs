@@ -16,6 +16,9 @@ pub enum LinkError {
     /// The port failed: most often the cable was pulled.
     #[error("the device's port failed: {0}. Check the cable and the power of the board")]
     Io(#[from] std::io::Error),
+    /// The emulator has ended, and does not start again.
+    #[error("{0}; it is tried again")]
+    Emulator(String),
     /// Nothing, or nothing readable, came back.
     #[error(
         "the device gave no readable answer to {request}, which was sent {attempts} times in {waited:.0?}. Is it an ERA board, and is another program using its port?"

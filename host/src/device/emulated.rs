@@ -56,6 +56,7 @@ pub enum EmulatedError {
 #[derive(Debug)]
 pub struct EmulatedBoard {
     path: String,
+    elf: PathBuf,
     child: Child,
     control: Mutex<Control>,
 }
@@ -72,8 +73,25 @@ impl EmulatedBoard {
     /// # Errors
     /// [`EmulatedError`].
     pub fn start() -> Result<Self, EmulatedError> {
+        let elf = firmware(&source()?)?;
+        Self::run(elf)
+    }
+
+    /// Why it has to be started again: its process has ended.
+    pub fn ended(&mut self) -> Option<String> {
+        self.child.try_wait().ok().flatten().map(|status| status.to_string())
+    }
+
+    /// Starts the same image again.
+    ///
+    /// # Errors
+    /// [`EmulatedError`].
+    pub fn again(&self) -> Result<Self, EmulatedError> {
+        Self::run(self.elf.clone())
+    }
+
+    fn run(elf: PathBuf) -> Result<Self, EmulatedError> {
         let source = source()?;
-        let elf = firmware(&source)?;
         tracing::info!("starting {} in the emulator", elf.display());
         let mut child = Command::new("python3")
             .arg(source.join("emulator/launch.py"))
@@ -91,7 +109,7 @@ impl EmulatedBoard {
             None => Err(format!("unexpected first line {first}")),
         });
         match path {
-            Ok(path) => Ok(Self { path, child, control: Mutex::new(control) }),
+            Ok(path) => Ok(Self { path, elf, child, control: Mutex::new(control) }),
             Err(reason) => {
                 let _ = child.kill();
                 let _ = child.wait();
@@ -193,13 +211,20 @@ fn firmware(source: &Path) -> Result<PathBuf, EmulatedError> {
     if let Some(path) = std::env::var_os("ERA_FIRMWARE") {
         return Ok(path.into());
     }
-    tracing::info!("building the firmware");
-    let output = Command::new("cargo")
-        .args(["run", "--quiet", "--package", "xtask", "--", "firmware", "--print-path"])
+    tracing::info!("building the firmware and what builds it: minutes the first time, seconds later");
+    // Its input ends with this process, however that ends, and cargo with all that it started then does, too.
+    let mut child = Command::new("python3")
+        .arg(source.join("emulator/leash.py"))
+        .args(["cargo", "run", "--quiet", "--package", "xtask", "--", "firmware", "--print-path"])
         .current_dir(source)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
         .stderr(Stdio::inherit())
-        .output()
+        .spawn()
         .map_err(|error| start_error("cargo xtask firmware", error))?;
+    let leash = child.stdin.take();
+    let output = child.wait_with_output().map_err(|error| start_error("cargo xtask firmware", error))?;
+    drop(leash);
     let printed = String::from_utf8_lossy(&output.stdout);
     let path = printed.lines().last().map(str::trim).filter(|line| !line.is_empty());
     match path {

@@ -1,6 +1,6 @@
 //! Which device to use, and how to open it.
 
-use super::client::{Client, Transport};
+use super::client::{Client, LinkError, Transport};
 use super::emulated::{EmulatedBoard, EmulatedError};
 use super::port::{self, Port, UsbName};
 use super::sim::{Panel, SimControl, SimDevice};
@@ -209,6 +209,32 @@ impl OpenDevice {
             Keeper::Emulated(board) => Some(board),
             _ => None,
         }
+    }
+
+    /// A failed link in words: an emulated board has no cable.
+    #[must_use]
+    pub fn trouble(&self, error: &LinkError) -> String {
+        match (&self.keeper, error) {
+            (Keeper::Emulated(_), LinkError::Io(source)) => {
+                format!("the emulator's port failed: {source}. Where its process has ended, it is started again")
+            }
+            _ => error.to_string(),
+        }
+    }
+
+    /// Starts the emulated board again where its process has ended; any other device is left as it is.
+    ///
+    /// # Errors
+    /// [`EmulatedError`] where that fails.
+    pub fn revive(&mut self) -> Result<(), EmulatedError> {
+        if let Keeper::Emulated(board) = &mut self.keeper
+            && let Some(status) = board.ended()
+        {
+            tracing::warn!(%status, "the emulator has ended; it is started again");
+            *board = board.again()?;
+            self.path = board.path().to_owned();
+        }
+        Ok(())
     }
 
     /// Looks where the board's port is now: USB may show the board that was found before at another path.

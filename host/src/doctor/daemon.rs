@@ -1,14 +1,13 @@
 //! What a running daemon says of itself and its device.
 
 use super::facts::{Clock, Daemon, Fault, Heard, Supply};
+use super::reach::Trouble;
 use serde_json::Value;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpStream};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
-/// Longest wait for a connection on this machine.
-const CONNECT: Duration = Duration::from_millis(500);
 /// Longest wait for an answer.
-const ANSWER: Duration = Duration::from_secs(5);
+pub const ANSWER: Duration = Duration::from_secs(5);
 
 /// Where a daemon that listens at `address` is reached from this machine.
 #[must_use]
@@ -21,18 +20,30 @@ pub fn reached(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, address.port())
 }
 
-/// Asks whoever listens there.
+/// Asks whoever listens at `url`, over `agent`, which takes no status for an error; `has_ca` says whether it trusts a
+/// certificate of the user's.
 #[must_use]
-pub fn ask(address: SocketAddr) -> Daemon {
-    let address = reached(address);
-    if TcpStream::connect_timeout(&address, CONNECT).is_err() {
-        return Daemon::Absent;
+pub fn ask(url: &str, agent: &ureq::Agent, token: Option<&str>, has_ca: bool) -> Daemon {
+    let mut request = agent.get(format!("{url}/v1/state"));
+    if let Some(token) = token {
+        request = request.header("Authorization", format!("Bearer {token}"));
     }
-    let agent: ureq::Agent =
-        ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(ANSWER)).build().into();
-    let mut answer = match agent.get(format!("http://{address}/v1/state")).call() {
+    let mut answer = match request.call() {
         Ok(answer) => answer,
-        Err(error) => return Daemon::Stranger(error.to_string()),
+        Err(error) => {
+            let trouble = Trouble::of(&error, url);
+            return match (trouble.told(url, has_ca), &error) {
+                (Some((found, advice)), _) => Daemon::Hidden { found, advice },
+                (
+                    None,
+                    ureq::Error::ConnectionFailed
+                    | ureq::Error::HostNotFound
+                    | ureq::Error::Timeout(ureq::Timeout::Connect),
+                ) => Daemon::Absent,
+                (None, ureq::Error::Io(error)) if is_absent(error) => Daemon::Absent,
+                (None, error) => Daemon::Stranger(error.to_string()),
+            };
+        }
     };
     let status = answer.status();
     let Ok(state) = answer.body_mut().read_json::<Value>() else {
@@ -45,6 +56,12 @@ pub fn ask(address: SocketAddr) -> Daemon {
         return Daemon::Stranger(format!("it answers {status}"));
     }
     read(&state)
+}
+
+/// Whether nobody took the connection.
+fn is_absent(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind;
+    matches!(error.kind(), ErrorKind::ConnectionRefused | ErrorKind::HostUnreachable | ErrorKind::NetworkUnreachable)
 }
 
 /// Reads the answer to `GET /v1/state`.

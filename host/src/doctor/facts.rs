@@ -186,6 +186,13 @@ pub enum Daemon {
     Stranger(String),
     /// A daemon answers, but tells its state only to whoever has the right.
     Guarded(String),
+    /// It speaks TLS, or none, or has a certificate that does not fit: it can be asked otherwise.
+    Hidden {
+        /// What is there.
+        found: String,
+        /// How to ask it.
+        advice: String,
+    },
     /// It answers.
     Runs {
         /// Its version.

@@ -1,6 +1,6 @@
 //! What the facts mean.
 
-use super::facts::{Answer, Chosen, Daemon, Facts, File, Wanted};
+use super::facts::{Answer, Chosen, Daemon, Facts, File, Heard, Wanted};
 use super::finding::Finding;
 use super::judge_board;
 
@@ -19,18 +19,29 @@ pub fn judge(facts: &Facts) -> Vec<Finding> {
         let has_rule = facts.rules.as_ref().is_some_and(|rules| !rules.is_empty());
         all.extend(judge_port(chosen, &facts.daemon, has_rule));
     }
-    all.extend(heard(facts).into_iter().flat_map(judge_board::judge));
+    match heard(facts) {
+        (Some(direct), through) => {
+            all.extend(judge_board::judge(direct));
+            all.extend(through.and_then(judge_board::judge_other));
+        }
+        (None, Some(through)) => all.extend(judge_board::judge(through)),
+        (None, None) => {}
+    }
     all.extend(facts.realtime.map(judge_realtime));
     all
 }
 
-/// What the board says: over its port, or else through the daemon.
-fn heard(facts: &Facts) -> Option<&super::facts::Heard> {
-    match (&facts.chosen, &facts.daemon) {
-        (Some(Chosen { answer: Answer::Heard(heard), .. }), _) => Some(heard),
-        (Some(chosen), Daemon::Runs { port, heard, .. }) if *port == chosen.path => heard.as_deref(),
+/// What the board says over its port, and what a daemon says of its device, whichever that is.
+fn heard(facts: &Facts) -> (Option<&Heard>, Option<&Heard>) {
+    let direct = match &facts.chosen {
+        Some(Chosen { answer: Answer::Heard(heard), .. }) => Some(heard),
         _ => None,
-    }
+    };
+    let through = match &facts.daemon {
+        Daemon::Runs { heard, .. } => heard.as_deref(),
+        _ => None,
+    };
+    (direct, through)
 }
 
 fn judge_file(check: &'static str, file: &File) -> Finding {
@@ -124,9 +135,12 @@ fn judge_daemon(facts: &Facts) -> Finding {
             format!("{address} is taken by something that is no era daemon ({answer})"),
             "let the daemon listen elsewhere: era serve --listen 127.0.0.1:PORT, or `listen` in its configuration",
         ),
-        Daemon::Guarded(reason) => {
-            Finding::ok("daemon", format!("one runs at {address}; it does not tell its state: {reason}"))
-        }
+        Daemon::Guarded(reason) => Finding::warning(
+            "daemon",
+            format!("one runs at {address} and asks for a token, so nothing is known of its device: {reason}"),
+            "era doctor --token-file FILE, or the variable ERA_TOKEN; a token of the role view is enough",
+        ),
+        Daemon::Hidden { found, advice } => Finding::warning("daemon", found.clone(), advice.clone()),
         Daemon::Runs { version, port, problem: Some(problem), .. } => Finding::problem(
             "daemon",
             format!("version {version} runs at {address}, but its device at {port} is not connected: {problem}"),

@@ -45,11 +45,19 @@ fn judge_firmware(heard: &Heard) -> Finding {
     }
 }
 
+/// The fault of the daemon's device, where another one than the daemon's has been asked itself.
+pub fn judge_other(heard: &Heard) -> Option<Finding> {
+    let fault = heard.fault.as_ref()?;
+    let found = format!("{} ({}) is latched on the daemon's device", fault.code, fault.name);
+    Some(Finding::problem("daemon-fault", found, format!("{} `era clear` has the daemon clear it", fault.advice)))
+}
+
 fn judge_fault(heard: &Heard) -> Finding {
     let state = heard.state.as_deref().unwrap_or("not known");
     match (&heard.fault, &heard.failure) {
         (Some(fault), _) => {
-            Finding::problem("fault", format!("{} ({}) is latched", fault.code, fault.name), fault.advice.clone())
+            let found = format!("{} ({}) is latched", fault.code, fault.name);
+            Finding::problem("fault", found, format!("{} `era clear` has the daemon clear it", fault.advice))
         }
         (None, Some(failure)) => Finding::warning(
             "fault",

@@ -31,6 +31,37 @@ pub enum What {
     Clear,
 }
 
+/// What a touch had.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// HTTP status.
+    pub status: u16,
+    /// The problem's type, where it is one.
+    pub problem: Option<String>,
+    /// Its drives, where it has some.
+    pub drives: Value,
+}
+
+impl Outcome {
+    /// Of an answer's status and body, which is a problem's or has drives.
+    #[must_use]
+    pub fn of(status: u16, body: &Value) -> Self {
+        Self { status, problem: body["type"].as_str().map(short), drives: body["drives"].clone() }
+    }
+}
+
+impl std::fmt::Display for Outcome {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.status)?;
+        self.problem.as_ref().map_or(Ok(()), |problem| write!(f, " {problem}"))
+    }
+}
+
+/// A problem's type without what all of them begin with.
+fn short(kind: &str) -> String {
+    kind.rsplit(':').next().unwrap_or(kind).to_owned()
+}
+
 /// A recording.
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
@@ -38,8 +69,8 @@ pub struct Recording {
     pub scene: String,
     /// In their order.
     pub asked: Vec<Asked>,
-    /// HTTP status and drives that touches had, by their numbers.
-    pub outcomes: BTreeMap<u64, (u16, Value)>,
+    /// What touches had, by their numbers.
+    pub outcomes: BTreeMap<u64, Outcome>,
     /// Lines that the recorder left out.
     pub left_out: u64,
 }
@@ -68,6 +99,7 @@ struct Line {
     message: Option<Value>,
     status: Option<u16>,
     drives: Option<Value>,
+    problem: Option<Value>,
 }
 
 impl Recording {
@@ -112,7 +144,9 @@ impl Recording {
                 "outcome" => {
                     let status = line.status.ok_or_else(|| missing("status"))?;
                     let id = line.id.ok_or_else(|| missing("id"))?;
-                    recording.outcomes.insert(id, (status, line.drives.unwrap_or_default()));
+                    let problem = line.problem.as_ref().and_then(|problem| problem["type"].as_str()).map(short);
+                    let drives = line.drives.unwrap_or_default();
+                    recording.outcomes.insert(id, Outcome { status, problem, drives });
                     continue;
                 }
                 // What later versions may write.
@@ -160,13 +194,16 @@ mod tests {
 {"at_ms": 20.0, "kind": "fingers", "socket": 7, "message": {"type": "touch", "touches": []}}
 {"at_ms": 21.0, "kind": "later-version", "something": [1]}
 {"at_ms": 22.0, "kind": "gone", "socket": 7}
+{"at_ms": 22.5, "kind": "outcome", "id": 2, "status": 409, "problem": {"type": "urn:era:problem:superseded"}}
 {"at_ms": 23.0, "kind": "st"#;
         let recording = Recording::parse(text).unwrap();
         let (asked, outcomes) = (&recording.asked, &recording.outcomes);
         assert_eq!((recording.scene.as_str(), asked.len(), recording.left_out), ("desk", 3, 2));
         assert_eq!(asked[0].at, Duration::from_micros(12_500));
         assert_eq!(asked[0].what, What::Touch(1, json!({"x_px": 3, "y_px": 4})));
-        assert_eq!((&asked[2].what, &outcomes[&1]), (&What::Gone(7), &(200, json!([]))));
+        let answered = Outcome { status: 200, problem: None, drives: json!([]) };
+        assert_eq!((&asked[2].what, &outcomes[&1]), (&What::Gone(7), &answered));
+        assert_eq!(outcomes[&2].to_string(), "409 superseded");
     }
 
     #[test]

@@ -161,7 +161,7 @@ fn tls_and_a_token_open_the_daemon_from_elsewhere() {
         .unwrap();
     let log = BufReader::new(serving.stderr.take().unwrap());
     let port = log.lines().map_while(Result::ok).find_map(|line| {
-        let (_, rest) = line.split_once("https://0.0.0.0:")?;
+        let (_, rest) = line.split_once("https://localhost:")?;
         rest.split(|c: char| !c.is_ascii_digit()).next().map(str::to_owned)
     });
     let url = format!("https://localhost:{}", port.unwrap());
@@ -172,8 +172,10 @@ fn tls_and_a_token_open_the_daemon_from_elsewhere() {
         (era(&["stop", "--url", &url, "--ca", ca, "--token-file", token]), 0, ""),
         (era(&["state", "--url", &url, "--ca", ca]), 1, "token"),
         // Nobody else vouches for it.
-        (era(&["state", "--url", &url, "--token-file", token]), 1, "no answer"),
-        (era(&["state", "--url", &url.replace("https", "http"), "--token-file", token]), 1, "no answer"),
+        (era(&["state", "--url", &url, "--token-file", token]), 1, "is not trusted"),
+        (era(&["state", "--url", &url.replace("https", "http"), "--token-file", token]), 1, "speaks TLS"),
+        (era(&["state", "--url", &url.replace("localhost", "127.0.0.2"), "--ca", ca]), 1, "is for other names"),
+        (era(&["doctor", "--url", &url.replace("https", "http")]), 0, ""),
     ];
     #[cfg(unix)]
     {

@@ -43,6 +43,31 @@ fn a_recording_is_replayed_with_the_same_answers() {
     // The same wishes on the same panel are the same drives.
     assert_eq!((&told["drives_compared"], &told["drives_differ_by"]), (&json!(3), &json!(0.0)), "{told}");
     assert!(told["messages"].as_u64() >= Some(1), "{told}");
+    // What is answered otherwise is named: the first touch had, it says here, been superseded.
+    let text = std::fs::read_to_string(&file).unwrap();
+    let lines = text.lines().map(|line| {
+        let mut line: Value = serde_json::from_str(line).unwrap();
+        if line["kind"] == "outcome" && line["id"] == 1 {
+            let problem = json!({"type": "urn:era:problem:superseded"});
+            line = json!({"at_ms": line["at_ms"], "kind": "outcome", "id": 1, "status": 409, "problem": problem});
+        }
+        line.to_string() + "\n"
+    });
+    std::fs::write(&file, lines.collect::<String>()).unwrap();
+    let replay = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        let out = command.args(["replay", file.to_str().unwrap(), "--url", &daemon.url]).args(more).output().unwrap();
+        String::from_utf8(out.stdout).unwrap()
+    };
+    let said = replay(&[]);
+    let line =
+        said.lines().find(|line| line.contains("409 superseded then, 200 now")).unwrap_or_else(|| panic!("{said}"));
+    assert!(said.contains("answered otherwise than recorded: 1") && line.contains("\"x_px\":300"), "{said}");
+    let told: Value = serde_json::from_str(&replay(&["--json"])).unwrap();
+    let otherwise = &told["otherwise"][0];
+    assert_eq!((&otherwise["id"], &otherwise["body"]["x_px"]), (&json!(1), &json!(300)), "{told}");
+    assert_eq!(otherwise["then"], json!({"status": 409, "type": "superseded"}), "{told}");
+    assert_eq!(otherwise["now"], json!({"status": 200, "type": null}), "{told}");
     std::fs::write(&file, "nonsense").unwrap();
     let out = Command::new(env!("CARGO_BIN_EXE_era"))
         .args(["replay", file.to_str().unwrap(), "--url", &daemon.url])
@@ -114,4 +139,25 @@ fn fingers_are_replayed_over_tls_with_a_token() {
     };
     let (then, now) = (said("day.jsonl"), said("again.jsonl"));
     assert_eq!(now, [then.clone(), then].concat());
+}
+
+/// A service is started again and again with the same configuration.
+#[test]
+fn each_start_has_a_file_of_its_own_in_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let records = format!("{}/records/", folder.path().display());
+    for started in 1..=3 {
+        drop(Recorder::start(records.as_ref(), "desk").unwrap());
+        assert_eq!(std::fs::read_dir(&records).unwrap().count(), started);
+    }
+    for file in std::fs::read_dir(&records).unwrap() {
+        let path = file.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        assert!(name.starts_with("20") && name.contains('T') && !name.contains(':'), "{name}");
+        assert!(path.extension().is_some_and(|it| it == "jsonl"), "{name}");
+        assert!(std::fs::read_to_string(path).unwrap().contains("\"begin\""), "{name}");
+    }
+    // A folder that is there needs no slash.
+    drop(Recorder::start(folder.path(), "desk").unwrap());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
 }

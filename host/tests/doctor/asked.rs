@@ -108,9 +108,10 @@ fn a_daemon_is_asked_in_place_of_its_board() {
     let address = line.split("http://").nth(1).unwrap().split_whitespace().next().unwrap().to_owned();
     // Nobody is held up by what it goes on to tell.
     std::thread::spawn(move || lines.for_each(drop));
+    let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
     let found = (0..100).find_map(|_| {
         std::thread::sleep(Duration::from_millis(50));
-        match era::doctor::daemon::ask(address.parse().unwrap()) {
+        match era::doctor::daemon::ask(&format!("http://{address}"), &agent, None, false) {
             Daemon::Runs { heard: Some(heard), port, .. } if heard.supply.is_some() => Some((*heard, port)),
             _ => None,
         }
@@ -128,4 +129,30 @@ fn a_daemon_is_asked_in_place_of_its_board() {
     assert_eq!(output.status.code(), Some(0), "{findings:?}");
     assert!(of(findings, "port")["found"].as_str().unwrap().contains("running daemon's"), "{findings:?}");
     assert_eq!(of(findings, "interlock")["verdict"], "ok");
+    // Whoever else wants the port is told who has it.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    let output = command.args(["monitor", "--port", &port]).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(told.contains(&format!("is open in era (process {})", daemon.0.id())), "{told}");
+    // A latched fault is told without a word about the device, and `era clear` clears it.
+    let asked = |arguments: &[&str]| {
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).args(["--url", &address]).output().unwrap();
+        (String::from_utf8_lossy(&output.stdout).into_owned(), output.status.code())
+    };
+    let (told, code) = asked(&["arm"]);
+    assert!(code == Some(0) && told.contains(": armed"), "{told}");
+    device.control().set_knobs(Knobs { silent: true, ..Knobs::default() });
+    // The board's dead-man time, four times over.
+    std::thread::sleep(Duration::from_secs(1));
+    device.control().set_knobs(Knobs::default());
+    let found = (0..100).any(|_| {
+        std::thread::sleep(Duration::from_millis(50));
+        let (told, code) = asked(&["doctor", "--device", "sim"]);
+        code == Some(1) && told.contains("0 (host-silent) is latched") && told.contains("`era clear`")
+    });
+    assert!(found, "{:?}", asked(&["doctor", "--device", "sim"]));
+    assert!(asked(&["state"]).0.contains("fault 0 (host-silent)"));
+    assert_eq!(asked(&["clear"]).1, Some(0));
+    assert!(!asked(&["state"]).0.contains("fault 0"));
 }

@@ -256,6 +256,33 @@ fn a_running_daemon_answers_for_its_board() {
     is(&after("daemon", take(runs(Some("the cable was pulled"), None, own))), Problem, &["cable was pulled"]);
     is(&after("fault", take(runs(None, Some(FaultCode::EarthOpen.into()), own))), Problem, &["10 (earth-open)"]);
     is(&after("daemon", take(runs(None, None, "0.0.1"))), Warning, &["restart the daemon"]);
-    facts.daemon = Daemon::Guarded("a token is wanted".into());
-    assert!(judge(&facts).iter().any(|finding| finding.found.contains("a token is wanted")));
+    let guarded = Daemon::Guarded("a token is wanted".into());
+    is(&after("daemon", take(guarded)), Warning, &["a token is wanted", "--token-file"]);
+    let hidden = Daemon::Hidden { found: "127.0.0.1:7878 speaks TLS".into(), advice: "give --ca".into() };
+    is(&after("daemon", take(hidden)), Warning, &["speaks TLS", "give --ca"]);
+}
+
+/// The daemon's device is asked for its fault whatever it is: nobody else knows it.
+#[test]
+fn a_fault_of_the_daemons_device_is_told_whichever_that_is() {
+    let runs = |fault: Option<FaultCode>| Daemon::Runs {
+        version: env!("CARGO_PKG_VERSION").into(),
+        port: "/dev/pts/7".into(),
+        kind: "sim".into(),
+        problem: None,
+        heard: Some(Box::new(Heard { fault: fault.map(Fault::from), ..well_heard() })),
+    };
+    let latched = || runs(Some(FaultCode::HostSilent));
+    let alone = |facts: &mut Facts| {
+        facts.chosen = None;
+        facts.wanted = Wanted::Simulated("sim");
+        facts.daemon = latched();
+    };
+    is(&after("fault", alone), Problem, &["0 (host-silent)", "era clear"]);
+    // Beside a board that was asked itself.
+    let found = judge(&Facts { daemon: latched(), ..well() });
+    let daemons = found.iter().find(|finding| finding.check == "daemon-fault").unwrap();
+    is(daemons, Problem, &["0 (host-silent)", "era clear"]);
+    let well = judge(&Facts { daemon: runs(None), ..well() });
+    assert!(well.iter().all(|finding| finding.verdict == Verdict::Ok && finding.check != "daemon-fault"));
 }

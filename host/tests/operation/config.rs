@@ -19,6 +19,13 @@ fn what_would_be_used_is_told_with_where_it_comes_from() {
     let json: Value = serde_json::from_slice(&run(&["config", "check", name, "--json"]).stdout).unwrap();
     let scene = json["settings"].as_array().unwrap().iter().find(|it| it["key"] == "scene").unwrap();
     assert_eq!((&scene["line"], json["mistakes"].as_array().unwrap().len()), (&Value::from(3), 0));
+    // Values begin and end in the same column; that no board is driven is said.
+    let rows = || told.lines().filter(|line| line.ends_with("default") || line.contains("  line "));
+    let column = |line: &str| line.rfind("  ").unwrap();
+    assert!(rows().count() > 15 && rows().all(|line| column(line) == column(rows().next().unwrap())), "{told}");
+    assert!(told.contains("drives the simulated device: set device = \"auto\"") && json["drives_simulation"] == true);
+    std::fs::write(&file, "version = 1\ndevice = \"auto\"\n").unwrap();
+    assert!(!text(&run(&["config", "check", name]).stdout).contains("simulated device:"));
     // What `config example` prints can be read.
     std::fs::write(&file, run(&["config", "example"]).stdout).unwrap();
     assert!(run(&["config", "check", name]).status.success());
@@ -39,6 +46,10 @@ fn mistakes_are_told_with_their_lines_by_check_and_by_serve() {
     }
     let json: Value = serde_json::from_slice(&run(&["config", "check", name, "--json"]).stdout).unwrap();
     assert_eq!(json["mistakes"][1]["line"], 3);
+    // A missing scene is told together with the others.
+    std::fs::write(&file, "version = 1\nscene = \"none.toml\"\nlisten = \"nowhere\"\n").unwrap();
+    let told = text(&run(&["config", "check", name]).stderr);
+    assert!(told.contains(&format!("{name}:2: ")) && told.contains(&format!("{name}:3: listen")), "{told}");
     // A scene that cannot be read belongs to the line that names it.
     std::fs::write(&file, "version = 1\nscene = \"none.toml\"\n").unwrap();
     let output = run(&["config", "check", name]);

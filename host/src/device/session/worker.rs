@@ -184,9 +184,10 @@ impl Worker {
     fn open(&mut self) {
         let opened = self
             .device
-            .locate()
-            .and_then(|()| self.device.client())
-            .map_err(|error| LinkError::Io(error.into()))
+            .revive()
+            .map_err(|error| LinkError::Emulator(error.to_string()))
+            .and_then(|()| self.device.locate().map_err(|error| LinkError::Io(error.into())))
+            .and_then(|()| self.device.client().map_err(|error| LinkError::Io(error.into())))
             .and_then(|client| {
                 self.client = Some(client);
                 self.greet()
@@ -484,9 +485,9 @@ impl Worker {
             tracing::warn!(%error, "refused");
             return;
         }
-        let text = error.to_string();
+        let text = self.device.trouble(error);
         if self.publish.borrow().problem.as_deref() != Some(&text) {
-            tracing::error!(path = self.device.path(), %error, "device lost");
+            tracing::error!(path = self.device.path(), error = text, "device lost");
         }
         self.client = None;
         self.armed = false;

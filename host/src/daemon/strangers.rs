@@ -1,0 +1,46 @@
+//! Pages that were refused: each is told once in the log, as the browser keeps the reason from the page itself.
+//!
+//! The refusal is not made readable for the page (no `Access-Control-Allow-Origin`): a request that a browser asks about
+//! beforehand, as every one with JSON, would have to be let through that question to be refused behind it, and any page in the
+//! world could tell which machines have a daemon.
+
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+
+/// Origins that are told; pages make up as many as they like.
+const TOLD: usize = 32;
+/// Characters of an origin that are told: the longest name of a host has 253.
+const LONGEST: usize = 300;
+
+/// Origins that have been told.
+#[derive(Debug, Default)]
+pub struct Strangers(Mutex<BTreeSet<String>>);
+
+impl Strangers {
+    /// Whether this origin is told now: the first time, and as long as there are not too many.
+    fn is_new(&self, origin: &str) -> bool {
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        known.len() < TOLD && origin.len() <= LONGEST && known.insert(origin.to_owned())
+    }
+
+    /// Tells of a page that was refused.
+    pub fn tell(&self, origin: &str) {
+        if self.is_new(origin) {
+            tracing::warn!(origin, "a page of another origin was refused; --allow-origin {origin} lets it in");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_origin_is_told_once_and_there_is_an_end_to_it() {
+        let strangers = Strangers::default();
+        assert!(strangers.is_new("http://localhost:3000") && !strangers.is_new("http://localhost:3000"));
+        assert!(strangers.is_new("http://127.0.0.1:3000") && !strangers.is_new(&"x".repeat(LONGEST + 1)));
+        let more = (0..100).filter(|port| strangers.is_new(&format!("http://page:{port}"))).count();
+        assert_eq!(more, TOLD - 2);
+    }
+}

@@ -1,0 +1,107 @@
+//! Why nobody answers at a daemon's address: what each end speaks, and whose certificate it is.
+
+use std::io::{Read, Write};
+use std::net::{TcpStream, ToSocketAddrs};
+use std::time::Duration;
+use tokio_rustls::rustls::{self, CertificateError, InvalidMessage};
+
+/// Longest wait for a connection, and for its first bytes.
+const WAIT: Duration = Duration::from_millis(500);
+
+/// Why there was no answer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Trouble {
+    /// Asked without TLS, and TLS is spoken there.
+    SpeaksTls,
+    /// Asked with TLS, and none is spoken there.
+    SpeaksPlain,
+    /// A certificate that nobody known here vouches for.
+    Untrusted(String),
+    /// A certificate for other names than the one that it was called by.
+    OtherName(String),
+    /// Anything else.
+    Other(String),
+}
+
+impl Trouble {
+    /// Why asking `url` failed. Where something unreadable came back, it is looked at once more for TLS.
+    #[must_use]
+    pub fn of(error: &ureq::Error, url: &str) -> Self {
+        match tls_error(error) {
+            Some(rustls::Error::InvalidCertificate(
+                CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. },
+            )) => return Self::OtherName(error.to_string()),
+            Some(rustls::Error::InvalidCertificate(_)) => return Self::Untrusted(error.to_string()),
+            Some(rustls::Error::InvalidMessage(InvalidMessage::InvalidContentType)) => return Self::SpeaksPlain,
+            _ => {}
+        }
+        match url.strip_prefix("http://") {
+            Some(place) if matches!(error, ureq::Error::Protocol(_) | ureq::Error::Io(_)) && speaks_tls(place) => {
+                Self::SpeaksTls
+            }
+            _ => Self::Other(error.to_string()),
+        }
+    }
+
+    /// What is there, and what to give, for the commands that take `--url` and `--ca`; nothing where that is no help.
+    #[must_use]
+    pub fn told(&self, url: &str, has_ca: bool) -> Option<(String, String)> {
+        let place = url.split_once("://").map_or(url, |(_, place)| place);
+        let host = place.rsplit_once(':').map_or(place, |(host, _)| host);
+        Some(match self {
+            Self::Other(_) => return None,
+            Self::SpeaksTls => (
+                format!("{place} speaks TLS, and was asked without"),
+                format!("give --url https://{place} and --ca with its certificate (era-cert.pem in its --tls-dir)"),
+            ),
+            Self::SpeaksPlain => {
+                (format!("{place} speaks no TLS, and was asked with it"), format!("give --url http://{place}"))
+            }
+            Self::Untrusted(reason) if has_ca => (
+                format!("the certificate of {url} is not the one that --ca trusts ({reason})"),
+                "copy the daemon's certificate anew (era-cert.pem in its --tls-dir): it makes another where it was removed"
+                    .into(),
+            ),
+            Self::Untrusted(reason) => (
+                format!("the certificate of {url} is not trusted ({reason})"),
+                "give --ca with the daemon's certificate (era-cert.pem in its --tls-dir)".into(),
+            ),
+            Self::OtherName(reason) => (
+                format!("the certificate of {url} is for other names ({reason})"),
+                format!(
+                    "call the daemon by one of those, or have it make a certificate with --allow-host {host} in its folder \
+                     (remove the one that is there, and give clients the new one)"
+                ),
+            ),
+        })
+    }
+}
+
+/// What TLS has against the other end.
+fn tls_error(error: &ureq::Error) -> Option<&rustls::Error> {
+    match error {
+        ureq::Error::Rustls(error) => Some(error),
+        ureq::Error::Io(error) => error.get_ref()?.downcast_ref::<rustls::Error>(),
+        _ => None,
+    }
+}
+
+/// Whether plain HTTP is answered with a record of TLS: an alert (RFC 8446, 5.1), its type 21 and the version's first byte 3.
+fn speaks_tls(place: &str) -> bool {
+    let place = if place.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok()) {
+        place.to_owned()
+    } else {
+        format!("{place}:80")
+    };
+    let first_bytes = || -> std::io::Result<[u8; 2]> {
+        let address = place.to_socket_addrs()?.next().ok_or(std::io::ErrorKind::NotFound)?;
+        let mut stream = TcpStream::connect_timeout(&address, WAIT)?;
+        stream.set_read_timeout(Some(WAIT))?;
+        stream.set_write_timeout(Some(WAIT))?;
+        stream.write_all(b"GET / HTTP/1.0\r\n\r\n")?;
+        let mut first = [0; 2];
+        stream.read_exact(&mut first)?;
+        Ok(first)
+    };
+    first_bytes().is_ok_and(|first| first == [21, 3])
+}
