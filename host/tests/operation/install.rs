@@ -105,6 +105,26 @@ fn a_user_is_told_what_to_run() {
     }
     assert!(!told.contains("udevadm") && warned.contains("is not there yet"), "{told} {warned}");
     assert!(home.path().join("systemd/user/era.service").is_file());
+    assert!(told.contains("scene = \"panel.toml\", device = \"auto\""), "{told}");
+}
+
+/// What would look like a working service and is none.
+#[test]
+fn a_service_that_drives_no_board_or_a_program_of_a_build_is_told() {
+    let home = tempfile::tempdir().unwrap();
+    let config = home.path().join("era/era.toml");
+    std::fs::create_dir_all(config.parent().unwrap()).unwrap();
+    let said = |content: &str, program: &str| {
+        std::fs::write(&config, content).unwrap();
+        let mut command = super::era();
+        command.args(["install", "--user", "--program", program]).env("XDG_CONFIG_HOME", home.path());
+        text(&command.output().unwrap().stderr)
+    };
+    let told = said("version = 1\n", "/opt/era/target/release/era");
+    assert!(told.contains("drives the simulated device: set device = \"auto\""), "{told}");
+    assert!(told.contains("sudo install -m 755 /opt/era/target/release/era /usr/local/bin/"), "{told}");
+    let told = said("version = 1\ndevice = \"auto\"\n", "/usr/local/bin/era");
+    assert!(!told.contains("simulated") && !told.contains("install -m"), "{told}");
 }
 
 /// Tokens and key, which only root may read, are handed over; what the service writes has its places.
