@@ -99,7 +99,9 @@ fn refusals_are_as_described() {
     let scene = json!({"x_px": 1, "y_px": 1, "scene": "no TOML"}).to_string();
     assert_eq!(daemon.post("/v1/preview", &scene).0, 400);
     daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
-    daemon.wait_for(|state| state["device"]["connected"] == false);
+    // Late at first, and then lost.
+    daemon.wait_for(|state| state["device"]["in_doubt"] == true);
+    daemon.wait_for(|state| state["device"]["connected"] == false && state["device"]["in_doubt"] == false);
     for (path, body) in [("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#), ("/v1/stop", ""), ("/v1/arm", "")] {
         assert_eq!(daemon.post(path, body).0, 502, "{path}");
     }

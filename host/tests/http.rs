@@ -308,7 +308,9 @@ fn description_metrics_and_page_are_there() {
 fn a_silent_device_is_told_and_found_again() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
     daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+    // It may be only late at first, which is a reason of its own.
     daemon.wait_for(|state| state["device"]["connected"] == false);
+    daemon.wait_for(|state| state["device"]["in_doubt"] == false);
     let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#);
     assert!(status == 502 && problem["detail"].as_str().unwrap().contains("not connected"), "{status} {problem}");
     daemon.sim.set_knobs(Knobs::default());

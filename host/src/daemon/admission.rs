@@ -6,7 +6,8 @@ mod places;
 use super::answers::told::Told;
 use super::client::Client;
 use super::problem::{Kind, Problem};
-use places::{Full, Place, Places};
+pub use places::Place;
+use places::{Full, Places};
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -91,6 +92,11 @@ impl Admission {
             );
             Problem::new(Kind::QueueFull, detail).retry(RETRY_MS, Some(waiting))
         })
+    }
+
+    /// Whether nobody plans.
+    pub fn is_idle(&self) -> bool {
+        self.planner.free() == AT_ONCE
     }
 
     /// Keeps what became of a request.

@@ -20,15 +20,15 @@ use crate::device::convert::to_wire;
 use crate::device::session::policy::{Needs, Policy};
 use crate::device::sim::SimControl;
 use crate::device::{DriveOrder, EffectOrder, LinkError, OpenDevice, Session, SessionError, Snapshot};
-use crate::effects::{Design, Intensity, plan_with};
+use crate::effects::{Design, Intensity};
 use crate::planner::drive::on_channels;
 use crate::planner::plan_motion::PlanMotion;
-use crate::planner::trade::Trade;
-use crate::planner::{Drive, Plan, PlanTable, Request};
+use crate::planner::{Drive, Plan, PlanTable};
 use era_shared::limits::REST_MS;
 use era_shared::protocol::Refusal;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::task::Poll;
 use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, broadcast, watch};
 
@@ -58,6 +58,8 @@ pub struct App {
     pub admission: Admission,
     /// Places for pages' sockets.
     pub sockets: Arc<Semaphore>,
+    /// Held by whoever looks for what can be had instead.
+    pub(super) trades: tokio::sync::Mutex<()>,
     pub(super) session: Session,
     previews: Previews,
     sim: Option<SimControl>,
@@ -130,6 +132,7 @@ impl App {
             limits: Limits::default(),
             admission: Admission::default(),
             sockets: Arc::new(Semaphore::new(SOCKETS)),
+            trades: tokio::sync::Mutex::default(),
             session: Session::start(device, Needs { max_voltages_v }, policy)?,
             previews: Previews::new(scene_toml),
             sim,
@@ -281,28 +284,13 @@ impl App {
             return Err(SessionError::Stopped.into());
         }
         if let Some(spans) = &asked.spans {
-            return self.in_stretches(id, asked, spans.clone(), stops).await;
+            return self.in_stretches(place, id, asked, spans.clone(), stops).await;
         }
         let plan = tokio::task::block_in_place(|| self.plan(asked, &asked.request))?;
         drop(place);
         let driven = self.driven(id, stops, plan.clone(), &asked.touches, asked.manner).await?;
-        let trade = self.trade(asked, &asked.request, &plan)?;
+        let trade = self.trade(asked, &asked.request, &plan).await;
         Ok(Touched { trade, ..driven })
-    }
-
-    /// The plan for some or all of what is asked for.
-    pub(super) fn plan(&self, asked: &Asked, request: &Request) -> Result<Plan, Problem> {
-        let plan = plan_with(&self.table, || self.table.rise(), request, asked.intensity)?;
-        self.metrics.plan_time(plan.elapsed_us);
-        Ok(plan)
-    }
-
-    /// What can be had instead, if that is asked for and the plan falls short.
-    pub(super) fn trade(&self, asked: &Asked, request: &Request, plan: &Plan) -> Result<Option<Trade>, Problem> {
-        if !asked.with_trade {
-            return Ok(None);
-        }
-        Ok(tokio::task::block_in_place(|| self.table.trade(request, plan))?)
     }
 
     /// Drives a plan and shows it.
@@ -390,9 +378,9 @@ impl App {
 
     /// Ends what is driven for older plans than `id`, which drives nothing yet.
     pub(super) async fn make_way(&self, id: u64) {
-        if self.turns.overtake(id).await.is_ok()
-            && let Some(active) = self.active().filter(|active| active.id < id)
-        {
+        let Ok(newest) = self.turns.overtake(id).await else { return };
+        newest.stays();
+        if let Some(active) = self.active().filter(|active| active.id < id) {
             self.release(active.id, Instant::now());
         }
     }
@@ -464,8 +452,14 @@ impl App {
     /// # Errors
     /// [`SessionError`]; the board's dead-man timer then does it.
     pub async fn stop(&self) -> Result<(), SessionError> {
+        // On its way before anything is waited for, a lock as well.
+        let mut stopping = std::pin::pin!(self.session.stop());
+        let at_once = std::future::poll_fn(|context| Poll::Ready(stopping.as_mut().poll(context))).await;
         self.turns.stop();
-        let result = self.session.stop().await;
+        let result = match at_once {
+            Poll::Ready(result) => result,
+            Poll::Pending => stopping.await,
+        };
         self.note("stopped", || serde_json::json!({"problem": result.as_ref().err().map(ToString::to_string)}));
         self.turns.drop_waiting();
         *self.active.lock().unwrap_or_else(PoisonError::into_inner) = None;

@@ -26,6 +26,7 @@ pub mod listener;
 mod live;
 mod metrics;
 mod parts;
+mod planned;
 mod preview;
 mod problem;
 mod record;

@@ -60,7 +60,6 @@ fn declared(time: Duration) -> OpenApiRouter<Arc<App>> {
     let mut router = OpenApiRouter::with_openapi(Common::openapi())
         .routes(routes!(touch))
         .routes(routes!(request))
-        .routes(routes!(stop))
         .routes(routes!(arm))
         .routes(routes!(clear_faults))
         .routes(routes!(state))
@@ -76,7 +75,11 @@ fn declared(time: Duration) -> OpenApiRouter<Arc<App>> {
     let large = OpenApiRouter::new()
         .routes(routes!(preview))
         .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), whole_body));
-    router.layer(middleware::from_fn_with_state(most(MAX_BODY), whole_body)).merge(large)
+    router
+        .layer(middleware::from_fn_with_state(most(MAX_BODY), whole_body))
+        .merge(large)
+        // Of a stop nothing is read: it counts though its body never comes.
+        .routes(routes!(stop))
 }
 
 /// A file of the page.
@@ -113,7 +116,6 @@ pub fn stop_only(app: Arc<App>) -> Router {
     Router::new()
         .route("/v1/stop", post(stop))
         .fallback(busy)
-        .layer(middleware::from_fn_with_state(Most { bytes: MAX_BODY, time: app.limits.body }, whole_body))
         .layer(middleware::from_fn_with_state(Arc::clone(&app.access), access::check))
         .with_state(app)
 }

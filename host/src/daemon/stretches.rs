@@ -1,6 +1,7 @@
 //! Touches with time windows: planned all at once, driven one stretch after the other at their times.
 
 use super::active::Touched;
+use super::admission::Place;
 use super::answers::touched::Achieved;
 use super::app::App;
 use super::asked::Asked;
@@ -29,6 +30,7 @@ impl App {
     /// Plans all spans, begins with what is to be felt at once, and leaves the rest to a task. A stop or a newer touch ends it.
     pub(super) async fn in_stretches(
         self: &Arc<Self>,
+        place: Place,
         id: u64,
         asked: &Asked,
         spans: Vec<Span>,
@@ -36,6 +38,7 @@ impl App {
     ) -> Result<Touched, Problem> {
         let mut all =
             tokio::task::block_in_place(|| stretches(spans, |targets| self.plan(asked, &asked.request.only(targets))))?;
+        drop(place);
         let acts = acts(&all, &asked.touches);
         let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
         let shown = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
@@ -54,7 +57,7 @@ impl App {
         for stretch in &mut all {
             if let Some(plan) = &stretch.plan {
                 stretch.times = Some(self.table.times(plan));
-                stretch.trade = self.trade(asked, &asked.request.only(&stretch.span.targets), plan)?;
+                stretch.trade = self.trade(asked, &asked.request.only(&stretch.span.targets), plan).await;
             }
         }
         let active = self.shown(id, shown, &asked.touches, None, None);

@@ -39,11 +39,12 @@ impl App {
     /// The drive of plan `id` goes on until `until`: its fingers are still down. Whether it is still what is shown; one that the
     /// board does not drive is not told to.
     pub fn prolong(&self, id: u64, until: Instant) -> bool {
+        // Looked at before the plan is locked: one that is held while the device's thread waits to publish would wait for it too.
+        let is_driven = board(&self.session.snapshots().borrow()) == Board::Driving;
         let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
         let Some((plan, end)) = active.as_mut().filter(|(plan, end)| plan.id == id && Instant::now() < *end) else {
             return false;
         };
-        let is_driven = board(&self.session.snapshots().borrow()) == Board::Driving;
         if is_driven || plan.plan.rests() {
             *end = until.max(*end);
             self.session.hold_until(id, *end);

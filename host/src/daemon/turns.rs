@@ -8,7 +8,7 @@ use crate::planner::plan_motion::PlanMotion;
 use crate::planner::residual::{Board, Ending, ResidualVibration, Room};
 use crate::planner::rise::DecayingMode;
 use era_shared::safety::State;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -35,7 +35,33 @@ pub struct Turn<'a> {
     board: Board,
     since: Instant,
     waits: Option<Instant>,
-    _newest: tokio::sync::MutexGuard<'a, u64>,
+    newest: Newest<'a>,
+}
+
+/// The newest plan, locked. One that drives nothing in its turn has not taken the place of the one before.
+#[derive(Debug)]
+pub struct Newest<'a> {
+    locked: tokio::sync::MutexGuard<'a, u64>,
+    latest: &'a AtomicU64,
+    before: u64,
+    has_driven: AtomicBool,
+}
+
+impl Drop for Newest<'_> {
+    fn drop(&mut self) {
+        if !*self.has_driven.get_mut() {
+            let id = std::mem::replace(&mut *self.locked, self.before);
+            // Unless a newer one has come meanwhile.
+            let _ = self.latest.compare_exchange(id, self.before, Ordering::SeqCst, Ordering::SeqCst);
+        }
+    }
+}
+
+impl Newest<'_> {
+    /// It stays the newest.
+    pub fn stays(&self) {
+        self.has_driven.store(true, Ordering::SeqCst);
+    }
 }
 
 impl Turns {
@@ -69,7 +95,7 @@ impl Turns {
     ) -> Result<Turn<'_>, Problem> {
         let newest = self.overtake(id).await?;
         let (board_now, now) = (board(), Instant::now());
-        let turn = |board, since, waits, newest| Turn { turns: self, id, board, since, waits, _newest: newest };
+        let turn = |board, since, waits, newest| Turn { turns: self, id, board, since, waits, newest };
         let Room { after_s, part, goes_on } = self.residual().room(motion, drives, self.s(now), board_now);
         if after_s <= 0.0 {
             return Ok(turn(board_now, now, None, newest));
@@ -82,6 +108,8 @@ impl Turns {
             self.residual().end(self.s(now), Ending::AtItsBoundary);
         }
         tracing::info!(plan = id, wait_ms = after_s * 1e3, part, "waits for what is left of the touches before");
+        // Whatever becomes of it, those before have made way.
+        newest.stays();
         drop(newest);
         let is_wanted = tokio::select! {
             () = tokio::time::sleep(Duration::from_secs_f64(after_s)) => true,
@@ -100,24 +128,33 @@ impl Turns {
     /// A turn for plan `id`, to change its drives, which were the `begun`th to begin ([`Turn::drives`]); `None` if others have begun
     /// since or are to, or if the board has gone off.
     pub async fn again(&self, id: u64, begun: u64, board: impl Fn() -> Board) -> Option<Turn<'_>> {
-        let newest = self.overtake(id).await.ok()?;
+        let newest = self.newest(id).await.ok()?;
         let board = board();
         let is_driven = self.residual().begun() == begun && board != Board::Down;
-        is_driven.then(|| Turn { turns: self, id, board, since: Instant::now(), waits: None, _newest: newest })
+        is_driven.then(|| Turn { turns: self, id, board, since: Instant::now(), waits: None, newest })
     }
 
     /// Ends the turns of older plans than `id`.
     ///
     /// # Errors
     /// [`Problem`]: there was a newer one.
-    pub async fn overtake(&self, id: u64) -> Result<tokio::sync::MutexGuard<'_, u64>, Problem> {
-        let mut newest = self.newest.lock().await;
-        if id < *newest {
+    pub async fn overtake(&self, id: u64) -> Result<Newest<'_>, Problem> {
+        // Those that wait for the same hear of it at once: while the board arms or rests they would all be driven in turn.
+        self.latest.fetch_max(id, Ordering::SeqCst);
+        let newest = self.newest(id).await?;
+        self.check(id)?;
+        Ok(newest)
+    }
+
+    /// The same, of what is driven already.
+    async fn newest(&self, id: u64) -> Result<Newest<'_>, Problem> {
+        let mut locked = self.newest.lock().await;
+        if id < *locked {
             return Err(superseded());
         }
-        *newest = id;
-        self.latest.store(id, Ordering::SeqCst);
-        Ok(newest)
+        let before = std::mem::replace(&mut *locked, id);
+        self.latest.fetch_max(id, Ordering::SeqCst);
+        Ok(Newest { locked, latest: &self.latest, before, has_driven: AtomicBool::new(false) })
     }
 
     /// Whether this is still the newest plan.
@@ -210,6 +247,7 @@ impl Turn<'_> {
     /// The drives have begun, since it is this one's turn, and will end at `until`. How many have begun until now.
     pub fn drives(&self, motion: &PlanMotion, drives: Option<&[Drive]>, until: Instant) -> u64 {
         let turns = self.turns;
+        self.newest.stays();
         let mut residual = turns.residual();
         residual.begin(self.id, motion, drives, self.board, turns.s(self.since), turns.s(until));
         let lowest_hz = motion.lines.iter().map(|line| line.drive_hz).fold(f64::INFINITY, f64::min);
@@ -282,5 +320,40 @@ mod tests {
         drive(2).await.unwrap();
         assert!(turns.again(1, second, || Board::Driving).await.is_none());
         assert!(drive(1).await.unwrap_err().is("superseded"));
+    }
+
+    /// A newer one that is refused leaves the older one what it was: there to be looked after.
+    #[tokio::test]
+    async fn one_that_drives_nothing_takes_nobodys_place() {
+        let turns = Turns::new(Vec::new());
+        let (motion, until) = (nothing(), Instant::now() + Duration::from_secs(9));
+        let take = |id: u64| turns.take(id, &motion, Some(&[]), || Board::Driving, |_| {}, || false);
+        let begun = take(5).await.unwrap().drives(&motion, Some(&[]), until);
+        drop(take(7).await.unwrap());
+        assert!(turns.again(5, begun, || Board::Driving).await.is_some());
+        assert!(turns.check(6).is_ok());
+        take(7).await.unwrap().drives(&motion, Some(&[]), until);
+        assert!(turns.again(5, begun, || Board::Driving).await.is_none() && turns.check(6).is_err());
+    }
+
+    /// Of several that wait while the board arms or rests only the newest is driven, whichever asked first.
+    #[tokio::test]
+    async fn those_that_wait_for_the_same_make_way_for_the_newest() {
+        let turns = Turns::new(Vec::new());
+        let motion = nothing();
+        let take = |id: u64| turns.take(id, &motion, Some(&[]), || Board::Driving, |_| {}, || false);
+        let first = take(1).await.unwrap();
+        let mut waiting: Vec<_> = [2, 4, 3].into_iter().map(|id| Box::pin(take(id))).collect();
+        for turn in &mut waiting {
+            assert!(
+                std::future::poll_fn(|context| std::task::Poll::Ready(turn.as_mut().poll(context).is_pending())).await
+            );
+        }
+        drop(first);
+        let mut driven = Vec::new();
+        for turn in waiting {
+            driven.extend(turn.await.ok().map(|turn| turn.id()));
+        }
+        assert_eq!(driven, [4]);
     }
 }

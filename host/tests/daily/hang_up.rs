@@ -4,7 +4,7 @@ use crate::raw::{connect, post, send_and_go, send_and_listen};
 use crate::support::Daemon;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::json;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::time::Duration;
 use tungstenite::Message;
 
@@ -22,6 +22,23 @@ fn a_stop_counts_though_its_sender_hangs_up() {
     // Whoever closes only the sending half still wants the answer.
     let answer = send_and_listen(&daemon, &post("/v1/stop", ""));
     assert!(answer.starts_with("HTTP/1.1 200 OK"), "{answer}");
+}
+
+/// Nothing of a stop is read but its head: it is carried out though its body never comes, or is longer than any may be.
+#[test]
+fn a_stop_counts_whatever_becomes_of_its_body() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    for length in [9, 20_000_000] {
+        assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+        daemon.wait_for(|state| state["device"]["state"] == "running");
+        let mut stream = connect(&daemon);
+        let head = format!("POST /v1/stop HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n");
+        stream.write_all(head.as_bytes()).unwrap();
+        let mut answer = [0; 15];
+        stream.read_exact(&mut answer).unwrap();
+        assert_eq!(&answer, b"HTTP/1.1 200 OK", "{length}");
+        assert!(daemon.state()["plan"].is_null());
+    }
 }
 
 /// What is driven is shown, and what it leaves in the panel is counted, whoever listens.

@@ -123,7 +123,7 @@ fn fingers_are_replayed_over_tls_with_a_token() {
         assert!(code == 0 && messages == 3, "{code} {messages} {said}");
     }
     for (more, variable, piece) in [
-        (&of_file[2..], None, "no answer"),
+        (&of_file[2..], None, "is not trusted"),
         (&ca, None, "a token is wanted"),
         (&ca, Some("X"), "this token is not known"),
     ] {

@@ -29,6 +29,8 @@ pub struct Inner {
     decoder: Decoder,
     answers: VecDeque<u8>,
     now_us: u64,
+    /// When the board wants to look again.
+    due_us: u64,
     looked: Instant,
     /// The host's us to one of the board's.
     pub slower: u64,
@@ -56,6 +58,7 @@ impl TimedBoard {
             decoder: Decoder::new(),
             answers: VecDeque::new(),
             now_us: 0,
+            due_us: 0,
             looked: Instant::now(),
             slower: 1,
             jump_us: 0,
@@ -85,9 +88,11 @@ impl Inner {
     pub fn pass(&mut self, us: u64) {
         let until_us = self.now_us + us;
         while self.now_us < until_us {
-            self.now_us = until_us.min(self.now_us + TICK_US);
+            // Also when it asks to be: its timers' boundaries may be at the same place in every tick, too near to be written to.
+            let next_us = self.due_us.clamp(self.now_us + 1, self.now_us + TICK_US);
+            self.now_us = until_us.min(next_us);
             self.board.set_time_us(self.now_us);
-            self.device.poll(&mut self.board);
+            self.due_us = self.device.poll(&mut self.board);
         }
         self.has_run |= self.device.state() == State::Running;
     }

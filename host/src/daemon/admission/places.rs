@@ -55,6 +55,11 @@ impl Places {
         place.await.map_err(|_| Full { waiting: self.waiting() })
     }
 
+    /// How many places nobody has.
+    pub fn free(&self) -> usize {
+        self.state().free
+    }
+
     /// How many wait.
     pub fn waiting(&self) -> usize {
         self.state().waiting.waiting()

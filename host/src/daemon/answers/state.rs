@@ -90,9 +90,11 @@ impl StateView {
     /// Everything there is to know now.
     #[must_use]
     pub fn new(app: &App) -> Self {
+        // Before the device's snapshot is held: whoever has the plan may be about to look at the device, and the device's
+        // thread waits to publish.
+        let active = app.active();
         let receiver = app.device();
         let device = receiver.borrow();
-        let active = app.active();
         Self {
             device: DeviceView::new(&device),
             plan: active.as_ref().map(|active| active.plan.clone()),

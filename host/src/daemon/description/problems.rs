@@ -78,6 +78,8 @@ fn own(path: &str) -> &'static [Kind] {
 /// The responses of a path that tell of problems, by their status.
 pub fn of(path: &str, role: Option<Role>) -> Map<String, Value> {
     let mut kinds = ALWAYS.to_vec();
+    // Its body is not read.
+    kinds.retain(|kind| path != "/v1/stop" || !matches!(kind, Kind::BadBody | Kind::LongBody | Kind::SlowBody));
     kinds.extend(own(path));
     kinds.extend(role.map(|_| Kind::Token));
     kinds.extend(role.filter(|_| path != "/v1/stop").map(|_| Kind::Guesses));

@@ -169,6 +169,8 @@ impl Hand {
             self.still = None;
         } else if !app.prolong(plan, until)
             && app.active().is_none()
+            // What is being planned is somebody's touch, and would be older than this.
+            && app.admission.is_idle()
             && let Err(problem) = self.drive(app, fingers, step).await
             && !["busy", "superseded", "device-refused"].iter().any(|kind| problem.is(kind))
         {
