@@ -352,7 +352,10 @@ mod tests {
         drop(first);
         let mut driven = Vec::new();
         for turn in waiting {
-            driven.extend(turn.await.ok().map(|turn| turn.id()));
+            if let Ok(turn) = turn.await {
+                turn.drives(&motion, Some(&[]), Instant::now() + Duration::from_secs(9));
+                driven.push(turn.id());
+            }
         }
         assert_eq!(driven, [4]);
     }
