@@ -243,7 +243,7 @@ impl PanelModel {
             .actuators
             .iter()
             .map(|actuator| actuator.force.clone())
-            .chain(super::damping::unbalanced(&self.scene, &self.assembled, &found, max_hz))
+            .chain(self.unbalanced(&found, max_hz))
             .chain(self.loads_of_damping())
             .chain(points.iter().map(|(x, y)| self.assembled.grid.row_at(*x, *y, Derivative::Value)))
             .collect();
@@ -276,6 +276,11 @@ impl PanelModel {
         let is_modal = matches!(self.scene.surface.damping, SurfaceDamping::ModalRatio(_));
         let of_actuators = self.assembled.attached.of_actuators().iter();
         of_actuators.filter(move |_| is_modal).map(|attachment| attachment.vector.clone())
+    }
+
+    /// Loads that dashpots and the surface's losses leave unbalanced.
+    pub(super) fn unbalanced(&self, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
+        super::damping::unbalanced(&self.scene, &self.assembled, modes, max_hz)
     }
 
     /// Its mesh.
