@@ -18,6 +18,7 @@ use super::sections::Section;
 use super::shape::CellMatrices;
 use super::sparse::{Entries, SparseVector, Symmetric};
 use crate::scene::{EdgeKind, Scene, Side};
+use std::sync::Arc;
 
 /// A spring, dashpot and mass on one motion d = vector . u: forces stiffness d, damping d' and mass d'' along the vector.
 #[derive(Clone, Debug, Default)]
@@ -30,6 +31,8 @@ pub struct Attachment {
     pub damping: f64,
     /// In kg.
     pub mass: f64,
+    /// Whether the motion is a slope.
+    pub is_slope: bool,
 }
 
 /// What an ERA does to the unknowns.
@@ -45,7 +48,7 @@ pub struct ActuatorVectors {
 #[derive(Clone, Debug)]
 pub struct Assembled {
     /// The mesh.
-    pub grid: Grid,
+    pub grid: Arc<Grid>,
     /// Everything's stiffness.
     pub stiffness: Symmetric,
     /// Everything's mass.
@@ -53,6 +56,13 @@ pub struct Assembled {
     /// The stiffness of springs along edges, where there are any.
     pub edges: Option<Symmetric>,
     /// What is attached at points.
+    pub attached: AttachedVectors,
+}
+
+/// What is attached at points, over a mesh's unknowns.
+#[derive(Clone, Debug)]
+pub struct AttachedVectors {
+    /// All of it.
     pub attachments: Vec<Attachment>,
     /// How many of them, the first ones, are supports and masses; the others are of ERAs.
     pub without_actuators: usize,
@@ -60,6 +70,33 @@ pub struct Assembled {
     pub actuators: Vec<ActuatorVectors>,
     /// Unknowns of inertial ERAs' moving masses: (unknown, index of the actuator).
     pub moving_masses: Vec<(usize, usize)>,
+    /// All unknowns: the mesh's, and those of the moving masses after them.
+    pub unknowns: usize,
+}
+
+impl AttachedVectors {
+    /// What `scene` attaches to the surface of a mesh, which need not have been made for it.
+    pub(super) fn of(grid: &Grid, scene: &Scene) -> Self {
+        let mut parts = Parts { grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
+        for attached in passive(scene) {
+            parts.add(&attached);
+        }
+        let without_actuators = parts.attachments.len();
+        let actuators = actuators(scene).enumerate().map(|(i, attached)| parts.actuator(i, &attached)).collect();
+        let Parts { unknowns, attachments, moving_masses, .. } = parts;
+        Self { attachments, without_actuators, actuators, moving_masses, unknowns }
+    }
+
+    /// All vectors, of attachments and of actuators.
+    pub(super) fn vectors_mut(&mut self) -> impl Iterator<Item = &mut SparseVector> {
+        let own = self.attachments.iter_mut().map(|attachment| &mut attachment.vector);
+        own.chain(self.actuators.iter_mut().flat_map(|actuator| [&mut actuator.force, &mut actuator.travel]))
+    }
+
+    /// Those of them that are of ERAs.
+    pub(super) fn of_actuators(&self) -> &[Attachment] {
+        self.attachments.get(self.without_actuators..).unwrap_or(&[])
+    }
 }
 
 impl Assembled {
@@ -78,7 +115,6 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
     let grid = Grid::new(scene, fineness);
     let (stiffness, mass) = surface_matrices(&grid);
     let (mut stiffness, mut mass) = (grid.over_unknowns(stiffness), grid.over_unknowns(mass));
-    let mut parts = Parts { grid: &grid, unknowns: grid.free, attachments: Vec::new(), moving_masses: Vec::new() };
     let mut edges = Entries::default();
     for edge in &scene.edges {
         if let EdgeKind::Elastic { stiffness, rotational_stiffness } = edge.kind {
@@ -87,27 +123,14 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
     }
     let edges = grid.over_unknowns(edges);
     stiffness.add_all(&edges, 1.0);
-    for attached in passive(scene) {
-        parts.add(&attached);
-    }
-    let without_actuators = parts.attachments.len();
-    let actuators = actuators(scene).enumerate().map(|(i, attached)| parts.actuator(i, &attached)).collect();
-    let n = parts.unknowns;
-    for attachment in &parts.attachments {
+    let attached = AttachedVectors::of(&grid, scene);
+    let n = attached.unknowns;
+    for attachment in &attached.attachments {
         stiffness.add_outer(&attachment.vector, attachment.stiffness);
         mass.add_outer(&attachment.vector, attachment.mass);
     }
     let edges = if edges.iter().next().is_some() { Some(edges.build(n)?) } else { None };
-    Ok(Assembled {
-        edges,
-        stiffness: stiffness.build(n)?,
-        mass: mass.build(n)?,
-        attachments: parts.attachments,
-        without_actuators,
-        moving_masses: parts.moving_masses,
-        actuators,
-        grid,
-    })
+    Ok(Assembled { edges, stiffness: stiffness.build(n)?, mass: mass.build(n)?, attached, grid: Arc::new(grid) })
 }
 
 fn cells(grid: &Grid, lines: &Lines) -> Vec<CellMatrices> {
@@ -237,7 +260,7 @@ struct Parts<'a> {
 impl Parts<'_> {
     /// Keeps what does anything: on a clamped point nothing moves.
     fn attach(&mut self, attachment: Attachment) {
-        let Attachment { vector, stiffness, damping, mass } = &attachment;
+        let Attachment { vector, stiffness, damping, mass, .. } = &attachment;
         if !vector.is_empty() && (*stiffness > 0.0 || *damping > 0.0 || *mass > 0.0) {
             self.attachments.push(attachment);
         }
@@ -252,13 +275,14 @@ impl Parts<'_> {
             stiffness: attached.stiffness_n_per_m,
             damping: attached.damping_n_s_per_m,
             mass: attached.mass_kg,
+            is_slope: false,
         });
         let stiffness = attached.turning_n_m_per_rad;
         if stiffness > 0.0 {
             let (x_m, y_m) = self.grid.attached_at(x_m, y_m);
             for slope in [Derivative::SlopeX, Derivative::SlopeY] {
                 let vector = self.grid.row_at(x_m, y_m, slope);
-                self.attach(Attachment { vector, stiffness, ..Attachment::default() });
+                self.attach(Attachment { vector, stiffness, is_slope: true, ..Attachment::default() });
             }
         }
         let Some(carried) = attached.carried else { return surface };
@@ -271,7 +295,7 @@ impl Parts<'_> {
             vector: between.clone(),
             stiffness: carried.stiffness_n_per_m,
             damping: carried.damping_n_s_per_m,
-            mass: 0.0,
+            ..Attachment::default()
         });
         between
     }

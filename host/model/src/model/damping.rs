@@ -1,6 +1,6 @@
 //! Damping over a basis, and the one kind that needs modes of its own: the same ratio on every mode.
 
-use super::assembly::{Assembled, Attachment};
+use super::assembly::{Assembled, AttachedVectors, Attachment};
 use super::eigen::Modes;
 use super::sparse::{SparseVector, Symmetric, row_times};
 use crate::scene::{Scene, SurfaceDamping};
@@ -33,7 +33,7 @@ pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, ma
         let damps = part.damping > 0.0 || by_stiffness && part.stiffness > 0.0 || by_mass && part.mass > 0.0;
         damps && part.stiffness < rigid
     };
-    let attached = assembled.attachments.iter();
+    let attached = assembled.attached.attachments.iter();
     let mut loads: Vec<_> = attached.filter(couples).map(|part| part.vector.clone()).collect();
     if by_stiffness && let Some(edges) = &assembled.edges {
         // The modes with the amplitudes that one force gives them, and of their forces what is not a sum of others'.
@@ -61,6 +61,32 @@ pub struct Damping {
     pub structural: DMatrix<f64>,
     /// Both as a diagonal and a few couplings, where they are that over a basis of modes.
     pub structured: Option<Structured>,
+}
+
+impl Damping {
+    /// The damping of a scene's surface, of what is attached to it and along its `edges`, over mass-normalised `vectors` of the squared
+    /// frequencies `lambda`.
+    pub(super) fn over(
+        surface: SurfaceDamping,
+        attached: &AttachedVectors,
+        edges: Option<&Symmetric>,
+        lambda: &[f64],
+        vectors: &DMatrix<f64>,
+    ) -> Self {
+        if let Some(structured) = Structured::new(surface, &attached.attachments, edges, lambda, vectors) {
+            return structured.full();
+        }
+        let n = vectors.ncols();
+        let mut damping = Self { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n), structured: None };
+        for attachment in &attached.attachments {
+            let along = row_times(&attachment.vector, vectors);
+            damping.viscous += attachment.damping * along.transpose() * along;
+        }
+        if let SurfaceDamping::ModalRatio(ratio) = surface {
+            damping.viscous += same_ratio(ratio, lambda, vectors, attached.of_actuators());
+        }
+        damping
+    }
 }
 
 /// Shapes b_k [vector], in 1/s over mass-normalised vectors, with V' K_e V = sum of b_k b_k', for the stiffness K_e of springs along
@@ -128,7 +154,7 @@ impl Structured {
             SurfaceDamping::Rayleigh { alpha, beta } => (0.0, alpha, beta),
             SurfaceDamping::ModalRatio(_) => return None,
         };
-        let couplings = attachments.iter().map(|Attachment { vector, stiffness, damping, mass }| Coupling {
+        let couplings = attachments.iter().map(|Attachment { vector, stiffness, damping, mass, .. }| Coupling {
             shape: row_times(vector, vectors).transpose(),
             viscous: damping - beta * stiffness - alpha * mass,
             structural: -eta * stiffness,
@@ -200,7 +226,7 @@ impl Structured {
 /// On each such mode it is 2 zeta omega, so that it is 2 zeta M # K, the geometric mean of mass and stiffness: of what they are
 /// over the vectors, M = I - sum of m_i b_i b_i' and K = Lambda - sum of k_i b_i b_i'. The modes without the ERAs are in the
 /// span of the modes with them and of the shapes of forces at the ERAs, as exactly as the answers are.
-pub(super) fn same_ratio(ratio: f64, lambda: &[f64], vectors: &DMatrix<f64>, actuators: &[Attachment]) -> DMatrix<f64> {
+fn same_ratio(ratio: f64, lambda: &[f64], vectors: &DMatrix<f64>, actuators: &[Attachment]) -> DMatrix<f64> {
     let mut mass = DMatrix::identity(lambda.len(), lambda.len());
     let mut stiffness = DMatrix::from_diagonal(&DVector::from_column_slice(lambda));
     for Attachment { vector, stiffness: spring, mass: own, .. } in actuators {

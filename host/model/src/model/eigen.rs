@@ -118,14 +118,14 @@ fn is_converged(eigen: &Eigen, coupling: &DMatrix<f64>, theta_min: f64) -> bool 
 }
 
 /// Eigenvalues and vectors of a dense symmetric matrix, in any order.
-struct Eigen {
-    values: DVector<f64>,
-    vectors: DMatrix<f64>,
+pub(super) struct Eigen {
+    pub values: DVector<f64>,
+    pub vectors: DMatrix<f64>,
 }
 
 impl Eigen {
     /// `None` if the iteration does not end.
-    fn of(matrix: &DMatrix<f64>) -> Option<Self> {
+    pub fn of(matrix: &DMatrix<f64>) -> Option<Self> {
         let n = matrix.nrows();
         if n < LARGE {
             let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(matrix.clone());

@@ -274,6 +274,10 @@ impl Grid {
     /// Where an attachment is on the mesh: those that are nearly at one place at the same, on a bar at a line.
     #[must_use]
     pub fn attached_at(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        if self.attached.is_empty() {
+            // A mesh that was made without knowing of it.
+            return (x_m, y_m);
+        }
         if self.y.is_none() {
             return (self.x.at[self.x.nearest(x_m)], 0.0);
         }

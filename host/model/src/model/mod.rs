@@ -18,6 +18,7 @@
 //! * [`eigen`]: the modes, by shift-invert block Lanczos,
 //! * [`damping`]: dampers, loss factor, Rayleigh's and modal damping over a basis,
 //! * [`reduced`]: modes and residual shapes as a small model for response, planning and simulation,
+//! * [`coupled`]: one panel with many designs of what is attached to it,
 //! * [`bounded`]: the same question at rising orders until the bound meets a tolerance, or as long as there is time,
 //! * [`estimator`]: a bound from the differences of the orders,
 //! * [`levels`]: models of three orders to plan with,
@@ -32,6 +33,7 @@ mod bound;
 pub mod bounded;
 mod columns;
 mod corners;
+pub mod coupled;
 pub mod damping;
 mod edges;
 pub mod eigen;
@@ -59,6 +61,7 @@ mod surroundings;
 pub use accuracy::Accuracy;
 pub use bound::Bound;
 pub use bounded::Bounded;
+pub use coupled::BarePanel;
 pub use error::ModelError;
 pub use fineness::Fineness;
 pub use panel::{Mode, PanelModel, Parts};

@@ -1,17 +1,19 @@
 //! The panel model that the rest of the program uses.
 
 use super::assembly::{Assembled, assemble};
-use super::damping::{Damping, Structured, same_ratio};
+use super::damping::Damping;
 use super::eigen::{Modes, Operator, modes};
 use super::fineness::Fineness;
-use super::grid::Derivative;
+use super::grid::{Derivative, Grid};
+
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, rigid_modes};
 use super::sections::{Waves, shift};
-use super::sparse::{Entries, Factor, SparseVector, row_times};
+use super::sparse::{Entries, Factor, SparseVector, Symmetric};
 use super::{Accuracy, ModelError};
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 use nalgebra::DMatrix;
+use std::sync::Arc;
 
 /// Times the thickness below which a wave is too short for a thin surface's theory.
 const SHORTEST_WAVE: f64 = 6.0;
@@ -204,7 +206,7 @@ impl PanelModel {
         let damping = self.damping_of(&found, max_hz)?;
         let attached = found.vectors.column_iter().map(|shape| -> f64 {
             let along = |vector: &[(usize, f64)]| vector.iter().map(|(i, value)| shape[*i] * value).sum::<f64>();
-            self.assembled.attachments.iter().map(|part| part.mass * along(&part.vector).powi(2)).sum()
+            self.assembled.attached.attachments.iter().map(|part| part.mass * along(&part.vector).powi(2)).sum()
         });
         let attached: Vec<f64> = attached.collect();
         // Slow modes are kept whatever was asked for.
@@ -233,23 +235,29 @@ impl PanelModel {
     /// # Errors
     /// [`ModelError`] if the iteration does not settle.
     pub fn reduce(&self, max_hz: f64, points: &[(f64, f64)]) -> Result<ReducedModel, ModelError> {
-        // A short bar may have no mode in the band at all: a few are kept all the same, more at higher orders, so that the
-        // difference between orders shows what the modes left out do.
-        let least = self.fineness.order + LEAST_MODES;
-        let Reduction { modes_beyond, shapes_each } = self.reduction(max_hz);
-        let found = self.raw_modes((modes_beyond * max_hz).max(hz_of_mode(&self.scene, least)))?;
+        let shapes_each = self.reduction(max_hz).shapes_each;
+        let found = self.modes_to_reduce(max_hz)?;
         let loads: Vec<_> = self
             .assembled
+            .attached
             .actuators
             .iter()
             .map(|actuator| actuator.force.clone())
-            .chain(super::damping::unbalanced(&self.scene, &self.assembled, &found, max_hz))
+            .chain(self.unbalanced(&found, max_hz))
             .chain(self.loads_of_damping())
             .chain(points.iter().map(|(x, y)| self.assembled.grid.row_at(*x, *y, Derivative::Value)))
             .collect();
         let (lambda, vectors) = super::reduced::basis(self.operator(), &found, &loads, shapes_each);
         let damping = self.damping(&lambda, &vectors);
-        Ok(ReducedModel::new(lambda, vectors, damping, &self.assembled))
+        Ok(ReducedModel::new(lambda, vectors, damping, &self.assembled.attached, Arc::clone(&self.assembled.grid)))
+    }
+
+    /// The modes that a model for frequencies up to `max_hz` keeps.
+    pub(super) fn modes_to_reduce(&self, max_hz: f64) -> Result<Modes, ModelError> {
+        // A short bar may have no mode in the band at all: a few are kept all the same, more at higher orders, so that the
+        // difference between orders shows what the modes left out do.
+        let least = self.fineness.order + LEAST_MODES;
+        self.raw_modes((self.reduction(max_hz).modes_beyond * max_hz).max(hz_of_mode(&self.scene, least)))
     }
 
     /// The damping of modes up to `max_hz`: over them, first, and what it needs besides.
@@ -266,11 +274,31 @@ impl PanelModel {
     /// The loads whose shapes the damping is computed over: those of the ERAs, where it is a ratio of the modes without them.
     fn loads_of_damping(&self) -> impl Iterator<Item = SparseVector> {
         let is_modal = matches!(self.scene.surface.damping, SurfaceDamping::ModalRatio(_));
-        let of_actuators = self.assembled.attachments.iter().skip(self.assembled.without_actuators);
+        let of_actuators = self.assembled.attached.of_actuators().iter();
         of_actuators.filter(move |_| is_modal).map(|attachment| attachment.vector.clone())
     }
 
-    fn operator(&self) -> Operator<'_> {
+    /// Loads that dashpots and the surface's losses leave unbalanced.
+    pub(super) fn unbalanced(&self, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
+        super::damping::unbalanced(&self.scene, &self.assembled, modes, max_hz)
+    }
+
+    /// Its mesh.
+    pub(super) fn grid(&self) -> &Arc<Grid> {
+        &self.assembled.grid
+    }
+
+    /// The stiffness of springs along its edges, where there are any.
+    pub(super) fn edges(&self) -> Option<&Symmetric> {
+        self.assembled.edges.as_ref()
+    }
+
+    /// What its mass is multiplied with and added to its stiffness, in rad^2/s^2.
+    pub(super) fn shift(&self) -> f64 {
+        self.shift
+    }
+
+    pub(super) fn operator(&self) -> Operator<'_> {
         Operator { factor: &self.factor, mass: &self.assembled.mass, shift: self.shift }
     }
 
@@ -285,23 +313,8 @@ impl PanelModel {
 
     /// The damping of the scene over mass-normalised `vectors` of the squared frequencies `lambda`.
     fn damping(&self, lambda: &[f64], vectors: &DMatrix<f64>) -> Damping {
-        let surface = self.scene.surface.damping;
-        let attachments = &self.assembled.attachments;
-        let edges = self.assembled.edges.as_ref();
-        if let Some(structured) = Structured::new(surface, attachments, edges, lambda, vectors) {
-            return structured.full();
-        }
-        let n = vectors.ncols();
-        let mut damping = Damping { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n), structured: None };
-        for attachment in attachments {
-            let along = row_times(&attachment.vector, vectors);
-            damping.viscous += attachment.damping * along.transpose() * along;
-        }
-        if let SurfaceDamping::ModalRatio(ratio) = surface {
-            let actuators = attachments.get(self.assembled.without_actuators..).unwrap_or(&[]);
-            damping.viscous += same_ratio(ratio, lambda, vectors, actuators);
-        }
-        damping
+        let Assembled { attached, edges, .. } = &self.assembled;
+        Damping::over(self.scene.surface.damping, attached, edges.as_ref(), lambda, vectors)
     }
 }
 
@@ -371,7 +384,7 @@ fn uncrowded(scene: &Scene) -> f64 {
     clippy::cast_sign_loss,
     reason = "`as` saturates"
 )]
-pub(super) fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<Fineness, ModelError> {
+pub fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<Fineness, ModelError> {
     if !(max_hz > 0.0 && max_hz <= MAX_HZ) {
         return Err(ModelError::Frequency { what: "highest frequency", value: max_hz, min: 0.0, max: MAX_HZ });
     }

@@ -6,7 +6,7 @@
 //! projected K + s M is computed from the loads, never from a product with K, so that springs of 1e18 N/m cancel nothing;
 //! and the modes are taken out before a solution, not after it, as of the second shape they are (lambda_next / s)^2.
 
-use super::assembly::Assembled;
+use super::assembly::AttachedVectors;
 use super::damping::{Damping, Structured};
 use super::eigen::{Modes, Operator};
 use super::grid::{Derivative, Grid};
@@ -42,16 +42,22 @@ pub struct ReducedModel {
 }
 
 impl ReducedModel {
-    pub(super) fn new(lambda: Vec<f64>, vectors: DMatrix<f64>, damping: Damping, assembled: &Assembled) -> Self {
+    pub(super) fn new(
+        lambda: Vec<f64>,
+        vectors: DMatrix<f64>,
+        damping: Damping,
+        attached: &AttachedVectors,
+        grid: Arc<Grid>,
+    ) -> Self {
         let rows = |of: &dyn Fn(usize) -> SparseVector| {
-            let mut out = DMatrix::zeros(assembled.actuators.len(), vectors.ncols());
+            let mut out = DMatrix::zeros(attached.actuators.len(), vectors.ncols());
             for (i, mut row) in out.row_iter_mut().enumerate() {
                 row.copy_from(&row_times(&of(i), &vectors));
             }
             out
         };
-        let force = rows(&|i| assembled.actuators[i].force.clone()).transpose();
-        let travel = rows(&|i| assembled.actuators[i].travel.clone());
+        let force = rows(&|i| attached.actuators[i].force.clone()).transpose();
+        let travel = rows(&|i| attached.actuators[i].travel.clone());
         Self {
             lambda: DVector::from_vec(lambda),
             structural: damping.structural,
@@ -59,7 +65,7 @@ impl ReducedModel {
             structured: damping.structured,
             force,
             travel,
-            grid: Arc::new(assembled.grid.clone()),
+            grid,
             shapes: Arc::new(vectors.transpose()),
         }
     }

@@ -56,7 +56,7 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
     };
     let holds = holds(scene, &assembled.grid);
     let allowed = null_space(&holds, dimensions);
-    let moving = &assembled.moving_masses;
+    let moving = &assembled.attached.moving_masses;
     let columns = allowed.ncols() + moving.len();
     let nothing = || Modes { lambda: Vec::new(), vectors: DMatrix::zeros(assembled.unknowns(), 0) };
     if columns == 0 {
@@ -231,8 +231,8 @@ fn surface_vectors(assembled: &Assembled, allowed: &DMatrix<f64>) -> DMatrix<f64
         for (entry, value) in column.iter_mut().zip(grid.linear(c, cx, cy)) {
             *entry = value;
         }
-        for (unknown, actuator) in &assembled.moving_masses {
-            if let Some(actuator) = assembled.actuators.get(*actuator) {
+        for (unknown, actuator) in &assembled.attached.moving_masses {
+            if let Some(actuator) = assembled.attached.actuators.get(*actuator) {
                 // Its travel is the surface's deflection there minus its own.
                 let others = actuator.travel.iter().filter(|(index, _)| index != unknown);
                 column[*unknown] = others.map(|(index, value)| column[*index] * value).sum();

@@ -1,0 +1,362 @@
+//! A panel whose attachments change from design to design: solved once without any, then coupled to each design's.
+//!
+//! Modes phi of the bare panel and, for a point x with the load b, the residual shapes z1 = (K + s M)^-1 b without the modes and
+//! z2 = (K + s M)^-1 M z1 span the motions of every design: what a spring, a dashpot, a mass or an ERA does is a force at its
+//! point. Over this basis a design is the bare panel's matrices plus one outer product for each attachment (Craig and
+//! Chang 1977; "residual flexibility" in de Klerk, Rixen and Voormeeren 2008): a small dense eigenproblem gives the same kind of
+//! [`ReducedModel`] as the scene's own finite elements do.
+//!
+//! A point's shapes depend on nothing but the point, and are kept: supports that stay where they are cost nothing.
+
+use super::assembly::{AttachedVectors, Attachment};
+use super::damping::Damping;
+use super::eigen::{Eigen, Modes};
+use super::panel::{PanelModel, fineness};
+use super::reduced::ReducedModel;
+use super::sparse::SparseVector;
+use super::{Accuracy, Fineness, ModelError};
+use crate::scene::{Scene, SurfaceKind};
+use nalgebra::{DMatrix, DVector};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Residual shapes of each load.
+const SHAPES: usize = 2;
+/// Part of its length by which a residual shape has to differ from those before it, squared: lengths are known from products alone,
+/// to the rounding of those.
+const DEPENDENT: f64 = 1e-10;
+/// Springs are no stiffer than this over the panel's own flexibility at their points: what still moves there is as small a part of
+/// what would move without, and the rounding of sums with larger numbers would be all that is left of the slow modes.
+const RIGID: f64 = 1e7;
+/// Points whose shapes are kept. At 1000 unknowns each takes 32 kB.
+const KEPT: usize = 4096;
+
+/// How much lower the order of the other mesh is.
+const LOWER: usize = 4;
+/// Of a point force's deflection the elements' order p misses a part that falls as (p - SHORT)^-2.
+const SHORT: f64 = 1.3;
+/// Frequency of what is missing there, as a multiple of the highest asked for.
+const LOCAL: f64 = 20.0;
+
+/// A panel without anything attached at points.
+#[derive(Debug)]
+pub struct BarePanel {
+    model: PanelModel,
+    /// The same at a lower order.
+    lower: PanelModel,
+    max_hz: f64,
+    modes: Modes,
+    mass_modes: DMatrix<f64>,
+    /// What the surface's losses leave unbalanced along its edges, whatever the design.
+    along_edges: Vec<SparseVector>,
+    points: Mutex<HashMap<Key, Arc<Shapes>>>,
+}
+
+/// Where a load is and what it pushes: its entries, bit by bit.
+type Key = Vec<(usize, u64)>;
+
+/// What a load does to the bare panel.
+#[derive(Debug)]
+struct Shapes {
+    load: SparseVector,
+    /// Over the modes.
+    modes: DVector<f64>,
+    /// z1, z2: unknowns x shapes.
+    shapes: DMatrix<f64>,
+    /// M z1, M z2.
+    mass_shapes: DMatrix<f64>,
+}
+
+/// A basis for one design, and the bare panel's matrices over it: of the modes and of the residual shapes, which are
+/// M-orthogonal to those.
+struct Basis {
+    loads: Vec<Arc<Shapes>>,
+    /// Residual shapes that are orthonormal by M, as sums of the loads': (loads x shapes) x kept.
+    sums: DMatrix<f64>,
+    /// Bare stiffness over them, kept x kept.
+    stiffness: DMatrix<f64>,
+}
+
+impl BarePanel {
+    /// The panel of `scene`, whatever is attached to it, for frequencies up to `max_hz`, with the elements that usually meet the
+    /// tolerance.
+    ///
+    /// # Errors
+    /// As [`PanelModel::build`].
+    pub fn build(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Self, ModelError> {
+        let bare = without_attachments(scene);
+        let (order, part) = match (scene.surface.kind, accuracy.value()) {
+            // A point force's third derivative jumps inside a cell: small ones, which cost a bar next to nothing.
+            (SurfaceKind::Bar, _) => (11, 0.34),
+            (SurfaceKind::Plate, 1e-2..) => (9, 1.0),
+            (SurfaceKind::Plate, 1e-3..) => (11, 1.0),
+            (SurfaceKind::Plate, _) => (13, 0.5),
+        };
+        Self::new(&bare, fineness(&bare, order, part, max_hz)?, max_hz)
+    }
+
+    /// The same with elements of one's own choice.
+    ///
+    /// # Errors
+    /// As [`PanelModel::with_fineness`].
+    pub fn new(scene: &Scene, fineness: Fineness, max_hz: f64) -> Result<Self, ModelError> {
+        let bare = without_attachments(scene);
+        let model = PanelModel::with_fineness(&bare, fineness)?;
+        let order = fineness.order.saturating_sub(LOWER).max(3);
+        let lower = PanelModel::with_fineness(&bare, Fineness { order, ..fineness })?;
+        let modes = model.modes_to_reduce(max_hz)?;
+        let mass_modes = model.operator().mass.times(&modes.vectors);
+        let along_edges = model.unbalanced(&modes, max_hz);
+        Ok(Self { model, lower, max_hz, modes, mass_modes, along_edges, points: Mutex::default() })
+    }
+
+    /// Unknowns of its mesh.
+    #[must_use]
+    pub fn dofs(&self) -> usize {
+        self.model.dofs()
+    }
+
+    /// Modes that are kept.
+    #[must_use]
+    pub fn modes(&self) -> usize {
+        self.modes.lambda.len()
+    }
+
+    /// The reduced model of `scene`, whose surface and edges have to be those of this panel.
+    ///
+    /// # Errors
+    /// [`ModelError::Factorisation`] if numbers are beyond what can be computed with.
+    pub fn coupled(&self, scene: &Scene) -> Result<ReducedModel, ModelError> {
+        let grid = self.model.grid();
+        let mut attached = AttachedVectors::of(grid, scene);
+        let free = self.dofs();
+        let basis = Basis::new(self.loads(&attached.attachments, free), self.model.shift());
+        let local = self.local(&attached, scene, &basis);
+        let (modes, residual, carried) = (self.modes(), basis.sums.ncols(), attached.unknowns - free);
+        let size = modes + residual + carried + local.ncols();
+        // What elements miss where a force acts: an unknown of its own at each place.
+        for vector in attached.vectors_mut() {
+            let own = basis.position(vector, free);
+            vector.extend(own.map(|k| (free + carried + k, 1.0)));
+        }
+        attached.unknowns += basis.loads.len();
+        let along = |vector: &SparseVector| {
+            let mut out = DVector::zeros(size);
+            if let Some(load) = basis.position(vector, free).map(|k| &basis.loads[k]) {
+                out.rows_mut(0, modes).copy_from(&load.modes);
+                out.rows_mut(modes, residual).copy_from(&basis.along(load));
+            }
+            for (unknown, value) in vector.iter().filter(|(unknown, _)| *unknown >= free) {
+                let row = unknown - free;
+                if row < carried {
+                    out[modes + residual + row] = *value;
+                } else {
+                    out.rows_mut(modes + residual + carried, local.ncols())
+                        .copy_from(&local.row(row - carried).transpose());
+                }
+            }
+            out
+        };
+        let mut stiffness = DMatrix::zeros(size, size);
+        let mut mass = DMatrix::identity(size, size);
+        (0..carried).for_each(|k| mass[(modes + residual + k, modes + residual + k)] = 0.0);
+        for (k, lambda) in self.modes.lambda.iter().enumerate() {
+            stiffness[(k, k)] = *lambda;
+        }
+        stiffness.view_mut((modes, modes), (residual, residual)).copy_from(&basis.stiffness);
+        for k in modes + residual + carried..size {
+            stiffness[(k, k)] = self.local_lambda();
+        }
+        for attachment in &attached.attachments {
+            let shape = along(&attachment.vector);
+            let most = RIGID / self.flexibility(&attachment.vector, free, &basis).max(f64::MIN_POSITIVE);
+            stiffness.ger(attachment.stiffness.min(most), &shape, &shape, 1.0);
+            mass.ger(attachment.mass, &shape, &shape, 1.0);
+        }
+        let (lambda, vectors) = eigen(stiffness, mass)?;
+        let mut all = DMatrix::zeros(attached.unknowns, lambda.len());
+        let mut surface = all.rows_mut(0, free);
+        surface.gemm(1.0, &self.modes.vectors, &vectors.rows(0, modes), 0.0);
+        let parts = &basis.sums * vectors.rows(modes, residual);
+        for (k, load) in basis.loads.iter().enumerate() {
+            surface.gemm(1.0, &load.shapes, &parts.rows(SHAPES * k, SHAPES), 1.0);
+        }
+        all.rows_mut(free, carried).copy_from(&vectors.rows(modes + residual, carried));
+        all.rows_mut(free + carried, basis.loads.len())
+            .copy_from(&(&local * vectors.rows(modes + residual + carried, local.ncols())));
+        let edges = self.model.edges();
+        let damping = Damping::over(scene.surface.damping, &attached, edges, &lambda, &all);
+        Ok(ReducedModel::new(lambda, all, damping, &attached, Arc::clone(grid)))
+    }
+
+    fn local_lambda(&self) -> f64 {
+        (LOCAL * std::f64::consts::TAU * self.max_hz).powi(2)
+    }
+
+    /// What the mesh misses of the deflection that forces at the loads' places make there, as mass-normalised motions of
+    /// [`Self::local_lambda`]: loads x motions. Extrapolated from two orders of the elements.
+    #[expect(clippy::cast_precision_loss, reason = "orders of elements")]
+    fn local(&self, attached: &AttachedVectors, scene: &Scene, basis: &Basis) -> DMatrix<f64> {
+        let (n, free, lower_free) = (basis.loads.len(), self.dofs(), self.lower.dofs());
+        let nothing = DMatrix::zeros(n, 0);
+        if scene.surface.kind == SurfaceKind::Bar {
+            return nothing;
+        }
+        let lower = AttachedVectors::of(self.lower.grid(), scene);
+        if lower.attachments.len() != attached.attachments.len() {
+            return nothing;
+        }
+        let mut loads = DMatrix::zeros(lower_free, n);
+        for (own, below) in attached.attachments.iter().zip(&lower.attachments).filter(|(own, _)| !own.is_slope) {
+            if let Some(k) = basis.position(&own.vector, free) {
+                loads.column_mut(k).fill(0.0);
+                let on_surface = below.vector.iter().filter(|(unknown, _)| *unknown < lower_free);
+                on_surface.for_each(|(unknown, value)| loads[(*unknown, k)] = *value);
+            }
+        }
+        let below = loads.tr_mul(&self.lower.operator().factor.solve(&loads));
+        let steps = [self.lower.order(), self.model.order()].map(|order| (order as f64 - SHORT).powi(-2));
+        let part = steps[1] / (steps[0] - steps[1]);
+        let missing = DMatrix::from_fn(n, n, |i, j| {
+            let is_known = loads.column(i).amax() > 0.0 && loads.column(j).amax() > 0.0;
+            if is_known { part * (self.static_at(&basis.loads[i], &basis.loads[j]) - below[(i, j)]) } else { 0.0 }
+        });
+        let Some(eigen) = Eigen::of(&(0.5 * (&missing + missing.transpose()))) else { return nothing };
+        let most = eigen.values.amax();
+        let kept: Vec<usize> = (0..n).filter(|k| eigen.values[*k] > DEPENDENT * most).collect();
+        let mut motions = eigen.vectors.select_columns(&kept);
+        for (mut column, k) in motions.column_iter_mut().zip(&kept) {
+            column.scale_mut((eigen.values[*k] * self.local_lambda()).sqrt());
+        }
+        motions
+    }
+
+    /// Deflection at one load's place for the other, of the bare panel with its shift, static.
+    fn static_at(&self, one: &Shapes, other: &Shapes) -> f64 {
+        let shift = self.model.shift();
+        let modes = one.modes.iter().zip(other.modes.iter()).zip(&self.modes.lambda);
+        modes.map(|((a, b), lambda)| a * b / (lambda + shift)).sum::<f64>() + dot(&one.load, &other.shapes, 0)
+    }
+
+    /// Static flexibility of the bare panel, shifted, at what moves an attachment; of one that is not on the surface, 0.
+    fn flexibility(&self, vector: &SparseVector, free: usize, basis: &Basis) -> f64 {
+        basis.position(vector, free).map_or(0.0, |k| self.static_at(&basis.loads[k], &basis.loads[k]))
+    }
+
+    /// The shapes of everything that pushes the surface, each load once: those of attachments first.
+    fn loads(&self, attachments: &[Attachment], free: usize) -> Vec<Arc<Shapes>> {
+        let mut out: Vec<Arc<Shapes>> = Vec::new();
+        let on_surface = |attachment: &Attachment| -> SparseVector {
+            attachment.vector.iter().copied().filter(|(unknown, _)| *unknown < free).collect()
+        };
+        for load in attachments.iter().map(on_surface).chain(self.along_edges.iter().cloned()) {
+            if !load.is_empty() && out.iter().all(|other| other.load != load) {
+                out.push(self.shapes(load));
+            }
+        }
+        out
+    }
+
+    fn shapes(&self, load: SparseVector) -> Arc<Shapes> {
+        let key: Key = load.iter().map(|(unknown, value)| (*unknown, value.to_bits())).collect();
+        if let Some(known) = self.points.lock().unwrap_or_else(PoisonError::into_inner).get(&key) {
+            return Arc::clone(known);
+        }
+        let operator = self.model.operator();
+        let mut right = DMatrix::zeros(self.dofs(), 1);
+        load.iter().for_each(|(unknown, value)| right[(*unknown, 0)] += value);
+        let modes = self.modes.vectors.tr_mul(&right).column(0).into_owned();
+        let mut shapes = DMatrix::zeros(self.dofs(), SHAPES);
+        let mut mass_shapes = shapes.clone();
+        for k in 0..SHAPES {
+            // The modes are taken out before a solution as well as after it: of the second shape they are (lambda_next / s)^2.
+            right -= &self.mass_modes * self.modes.vectors.tr_mul(&right);
+            let mut shape = operator.factor.solve(&right);
+            shape -= &self.modes.vectors * self.mass_modes.tr_mul(&shape);
+            right = operator.mass.times(&shape);
+            shapes.set_column(k, &shape.column(0));
+            mass_shapes.set_column(k, &right.column(0));
+        }
+        let found = Arc::new(Shapes { load, modes, shapes, mass_shapes });
+        let mut points = self.points.lock().unwrap_or_else(PoisonError::into_inner);
+        if points.len() >= KEPT {
+            points.clear();
+        }
+        points.insert(key, Arc::clone(&found));
+        found
+    }
+}
+
+impl Basis {
+    fn new(loads: Vec<Arc<Shapes>>, shift: f64) -> Self {
+        let n = SHAPES * loads.len();
+        // (K + s M) z1 = b and (K + s M) z2 = M z1, so that every product with K is a deflection or a product with M.
+        let (mut shifted, mut mass) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
+        for (i, one) in loads.iter().enumerate() {
+            for (j, other) in loads.iter().enumerate().take(i + 1) {
+                for a in 0..SHAPES {
+                    for b in 0..SHAPES {
+                        let (row, column) = (SHAPES * i + a, SHAPES * j + b);
+                        let inertia = one.mass_shapes.column(a).dot(&other.shapes.column(b));
+                        let held = match a {
+                            0 => dot(&one.load, &other.shapes, b),
+                            _ => one.mass_shapes.column(a - 1).dot(&other.shapes.column(b)),
+                        };
+                        (mass[(row, column)], mass[(column, row)]) = (inertia, inertia);
+                        (shifted[(row, column)], shifted[(column, row)]) = (held, held);
+                    }
+                }
+            }
+        }
+        let scale = DVector::from_fn(n, |i, _| 1.0 / mass[(i, i)].max(f64::MIN_POSITIVE).sqrt());
+        let scaled = |matrix: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| matrix[(i, j)] * scale[i] * scale[j]);
+        let Some(eigen) = Eigen::of(&scaled(&mass)).filter(|_| n > 0) else {
+            return Self { loads, sums: DMatrix::zeros(n, 0), stiffness: DMatrix::zeros(0, 0) };
+        };
+        let kept: Vec<usize> = (0..n).filter(|k| eigen.values[*k] > DEPENDENT).collect();
+        let mut sums = eigen.vectors.select_columns(&kept);
+        for (mut column, k) in sums.column_iter_mut().zip(&kept) {
+            column.component_mul_assign(&scale);
+            column.scale_mut(1.0 / eigen.values[*k].sqrt());
+        }
+        let stiffness = sums.tr_mul(&(&shifted * &sums)) - shift * DMatrix::identity(kept.len(), kept.len());
+        Self { loads, sums, stiffness }
+    }
+
+    /// Which load pushes the surface as a vector does; none for one that is not on the surface.
+    fn position(&self, vector: &SparseVector, free: usize) -> Option<usize> {
+        let on_surface = || vector.iter().filter(|(unknown, _)| *unknown < free);
+        self.loads.iter().position(|load| load.load.iter().eq(on_surface()))
+    }
+
+    /// The residual shapes' deflections where a load is.
+    fn along(&self, load: &Shapes) -> DVector<f64> {
+        let each = self.loads.iter().flat_map(|other| (0..SHAPES).map(|k| dot(&load.load, &other.shapes, k)));
+        self.sums.tr_mul(&DVector::from_iterator(SHAPES * self.loads.len(), each))
+    }
+}
+
+/// K x = lambda M x for symmetric matrices, M positive definite: ascending, vectors M-orthonormal.
+fn eigen(stiffness: DMatrix<f64>, mass: DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>), ModelError> {
+    let failed = |what: &str| ModelError::Factorisation { reason: format!("coupled design: {what}") };
+    let lower = mass.cholesky().ok_or_else(|| failed("its mass"))?.unpack();
+    let half = lower.solve_lower_triangular(&stiffness).ok_or_else(|| failed("its mass"))?;
+    let matrix = lower.solve_lower_triangular(&half.transpose()).ok_or_else(|| failed("its mass"))?;
+    let matrix = 0.5 * (&matrix + matrix.transpose());
+    let Eigen { values, vectors } = Eigen::of(&matrix).ok_or_else(|| failed("its modes"))?;
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
+    let vectors = lower.tr_solve_lower_triangular(&vectors.select_columns(&order)).ok_or_else(|| failed("its mass"))?;
+    Ok((order.iter().map(|k| values[*k].max(0.0)).collect(), vectors))
+}
+
+fn dot(row: &SparseVector, columns: &DMatrix<f64>, column: usize) -> f64 {
+    row.iter().map(|(unknown, value)| value * columns[(*unknown, column)]).sum()
+}
+
+fn without_attachments(scene: &Scene) -> Scene {
+    Scene { supports: Vec::new(), masses: Vec::new(), actuators: Vec::new(), ..scene.clone() }
+}
+
+#[cfg(test)]
+mod tests;

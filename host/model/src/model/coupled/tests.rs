@@ -1,0 +1,139 @@
+use super::*;
+use crate::response::acceleration_curves;
+use crate::scene::random::scene_text;
+use num_complex::Complex64;
+
+const MAX_HZ: f64 = 400.0;
+/// Part of the strongest ERA's response below which two answers are both none: an ERA on a clamped edge.
+const NOTHING: f64 = 1e-6;
+
+fn scene(text: &str) -> Scene {
+    Scene::parse("scene", text).unwrap()
+}
+
+/// Of a plate of no round numbers, with an elastic edge, a mass, ERAs of both kinds, one of them near a support.
+fn odd_plate(damping: &str, era_x: f64) -> Scene {
+    let era = |id: &str, x: f64, y: f64, mount: &str| {
+        format!(
+            "[[actuator]]\nid = \"{id}\"\nx_mm = {x}\ny_mm = {y}\nmount = \"{mount}\"\nmoving_mass_g = 11.3\n\
+             housing_mass_g = 3.1\nstiffness_n_per_m = 5300.0\ndamping_n_s_per_m = 1.1\nelectrode_area_mm2 = 900.0\n\
+             air_gap_um = 250.0\nmax_voltage_v = 1500.0\n"
+        )
+    };
+    scene(&format!(
+        "version = 1\nname = \"odd\"\n[surface]\nkind = \"plate\"\nlength_mm = 412.7\nwidth_mm = 233.9\nthickness_mm = 1.83\n\
+         [surface.material]\nyoungs_modulus_pa = 71e9\ndensity_kg_m3 = 2510.0\npoisson_ratio = 0.23\n\
+         [surface.damping]\n{damping}\n\
+         [[edge]]\nside = \"top\"\nkind = \"elastic\"\nstiffness_n_per_m2 = 2.1e4\n\
+         [[support]]\nx_mm = 0.0\ny_mm = 233.9\nstiffness_n_per_m = 8100.0\ndamping_n_s_per_m = 6.3\n\
+         [[support]]\nx_mm = 405.1\ny_mm = 229.0\nstiffness_n_per_m = 1.7e5\ndamping_n_s_per_m = 0.4\n\
+         [[mass]]\nx_mm = 211.0\ny_mm = 93.1\nmass_g = 41.0\n{}{}{}",
+        era("a", era_x, 60.3, "grounded"),
+        era("b", 355.2, 97.7, "inertial"),
+        era("c", 395.0, 221.0, "grounded"),
+    ))
+}
+
+type Curves = Vec<Vec<Vec<Complex64>>>;
+
+fn curves(model: &ReducedModel, scene: &Scene) -> Option<Curves> {
+    let hz: Vec<f64> = (0..121).map(|k| 40.0 + 3.0 * f64::from(k)).collect();
+    let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+    let places = [(0.13, 0.2), (0.5, 0.5), (0.77, 0.31), (0.31, 0.94)];
+    let curve = |(u, v): &(f64, f64)| acceleration_curves(model, &model.shape_at(u * length, v * width), &hz).ok();
+    places.iter().map(curve).collect()
+}
+
+/// Largest difference of a design's curves from those of its own finite elements, each relative to the latter's peak.
+fn difference(scene: &Scene, accuracy: Accuracy) -> Option<f64> {
+    let own = PanelModel::build(scene, Accuracy::REFERENCE, MAX_HZ).ok()?;
+    let wanted = curves(&own.reduce(MAX_HZ, &[]).unwrap(), scene)?;
+    let found = curves(&BarePanel::build(scene, accuracy, MAX_HZ).unwrap().coupled(scene).unwrap(), scene)?;
+    let most = wanted.iter().flatten().flatten().map(|z| z.norm()).fold(0.0, f64::max);
+    let pairs = found.iter().zip(&wanted).flat_map(|(found, wanted)| found.iter().zip(wanted));
+    let each = pairs.map(|(found, wanted)| {
+        let peak = wanted.iter().map(|z| z.norm()).fold(NOTHING * most, f64::max);
+        found.iter().zip(wanted).map(|(a, b)| (a - b).norm() / peak).fold(0.0, f64::max)
+    });
+    Some(each.fold(0.0, f64::max))
+}
+
+/// The elements of the reference have lines, functions and unknowns for every attachment; those of the bare panel know of none.
+#[test]
+fn a_design_is_what_its_own_elements_make_of_it() {
+    for damping in ["loss_factor = 0.017", "modal_ratio = 0.013", "rayleigh_alpha = 9.1\nrayleigh_beta = 3e-6"] {
+        let scene = odd_plate(damping, 111.1);
+        let levels = [(Accuracy::FAST, 0.1), (Accuracy::BALANCED, 0.05), (Accuracy::REFERENCE, 4e-3)];
+        let off = levels.map(|(accuracy, _)| difference(&scene, accuracy).unwrap());
+        let is_met = off.iter().zip(levels).all(|(off, (_, most))| *off < most);
+        assert!(is_met, "{damping}: {off:?}");
+    }
+}
+
+/// Panels at random, bars among them; resonances with little damping show every error of a frequency many times as large.
+#[test]
+fn designs_at_random_are_too() {
+    let mut off: Vec<f64> = Vec::new();
+    for number in 0..16 {
+        let scene = scene(&scene_text(1931, number));
+        let is_damped = scene.surface.damping != crate::scene::SurfaceDamping::None;
+        off.extend(is_damped.then(|| difference(&scene, Accuracy::BALANCED)).flatten());
+    }
+    off.sort_by(f64::total_cmp);
+    let (median, most) = (off[off.len() / 2], off[off.len() - 1]);
+    assert!(off.len() > 10 && median < 1e-3 && most < 3e-2, "median {median:.1e}, most {most:.1e} of {off:?}");
+}
+
+/// What is kept from one design to the next changes no bit of it.
+#[test]
+fn the_order_of_designs_does_not_matter() {
+    let (one, other) = (odd_plate("loss_factor = 0.01", 111.1), odd_plate("loss_factor = 0.01", 97.0));
+    let panel = BarePanel::build(&one, Accuracy::FAST, MAX_HZ).unwrap();
+    let of = |model: ReducedModel| (model.lambda.clone(), model.force.clone(), model.structural.clone());
+    let first = of(panel.coupled(&one).unwrap());
+    panel.coupled(&other).unwrap();
+    assert!(first == of(panel.coupled(&one).unwrap()));
+    let alone = BarePanel::build(&other, Accuracy::FAST, MAX_HZ).unwrap();
+    assert!(of(alone.coupled(&other).unwrap()) == of(panel.coupled(&other).unwrap()));
+}
+
+/// A little more spring at a point raises every squared frequency by that times the square of the shape there, a little more mass
+/// lowers it by that times itself (Rayleigh): against differences of frequencies, which know nothing of shapes.
+#[test]
+fn frequencies_follow_springs_and_masses_as_their_shapes_say() {
+    let scene = odd_plate("loss_factor = 0.01", 111.1);
+    let panel = BarePanel::build(&scene, Accuracy::BALANCED, MAX_HZ).unwrap();
+    let model = panel.coupled(&scene).unwrap();
+    let (spring, weight) = (2.0, 2e-6);
+    let mut stiffer = scene.clone();
+    stiffer.supports[0].stiffness_n_per_m += spring;
+    let mut heavier = scene.clone();
+    heavier.masses[0].mass_kg += weight;
+    let places = [(scene.supports[0].x_m, scene.supports[0].y_m), (scene.masses[0].x_m, scene.masses[0].y_m)];
+    let [at_spring, at_mass] = places.map(|(x, y)| model.shape_at(x, y));
+    let [stiffer, heavier] = [stiffer, heavier].map(|scene| panel.coupled(&scene).unwrap());
+    for k in 0..8 {
+        let lambda = model.lambda[k];
+        let (up, down) = (stiffer.lambda[k] - lambda, heavier.lambda[k] - lambda);
+        let wanted = (spring * at_spring[k].powi(2), -weight * lambda * at_mass[k].powi(2));
+        let scale =
+            (spring * 0.02 * at_spring.iter().take(8).map(|z| z * z).sum::<f64>(), 0.02 * weight * lambda * 10.0);
+        assert!((up - wanted.0).abs() < 0.02 * wanted.0 + scale.0 * 1e-2, "{k}: {up} for {}", wanted.0);
+        assert!((down - wanted.1).abs() < -0.02 * wanted.1 + scale.1 * 1e-2, "{k}: {down} for {}", wanted.1);
+    }
+}
+
+/// The limit of a spring is a point that does not move.
+#[test]
+fn springs_of_any_stiffness_hold_their_points() {
+    let with = |stiffness: f64| {
+        let mut scene = odd_plate("loss_factor = 0.01", 111.1);
+        scene.supports[1].stiffness_n_per_m = stiffness;
+        let model = BarePanel::build(&scene, Accuracy::BALANCED, MAX_HZ).unwrap().coupled(&scene).unwrap();
+        model.lambda.iter().take(6).map(|lambda| lambda.sqrt()).collect::<Vec<_>>()
+    };
+    let [stiff, rigid, beyond] = [1e9, 1e14, 1e18].map(with);
+    for ((stiff, rigid), beyond) in stiff.iter().zip(&rigid).zip(&beyond) {
+        assert!((stiff / rigid - 1.0).abs() < 1e-4 && (rigid / beyond - 1.0).abs() < 1e-6, "{stiff} {rigid} {beyond}");
+    }
+}
