@@ -462,7 +462,7 @@ impl App {
     /// Everything off.
     ///
     /// # Errors
-    /// [`SessionError`]; the board's dead-man timer then does it.
+    /// [`SessionError`]; the board was told to all the same where there was a port, and goes off 250 ms after the last frame that it heard.
     pub async fn stop(&self) -> Result<(), SessionError> {
         self.turns.stop();
         let result = self.session.stop().await;
