@@ -450,7 +450,7 @@ impl App {
     /// Everything off.
     ///
     /// # Errors
-    /// [`SessionError`]; the board's dead-man timer then does it.
+    /// [`SessionError`]; the board was told to all the same where there was a port, and goes off 250 ms after the last frame that it heard.
     pub async fn stop(&self) -> Result<(), SessionError> {
         // On its way before anything is waited for, a lock as well.
         let mut stopping = std::pin::pin!(self.session.stop());

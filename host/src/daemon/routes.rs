@@ -215,7 +215,7 @@ async fn preview(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -
 
 /// Everything off, session disarmed
 ///
-/// Where the device does not answer (502), its dead-man timer switches it off within 250 ms.
+/// Where the device does not answer (502), it is told to stop all the same, and its dead-man timer switches it off 250 ms after the last frame that it heard.
 #[utoipa::path(post, path = "/v1/stop", responses((status = 200, description = "The state afterwards", body = StateView)))]
 async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     app.note("stop", || json!({}));

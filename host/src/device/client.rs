@@ -75,6 +75,18 @@ pub enum LinkError {
     /// The device refused.
     #[error("the device refused: {}", super::convert::refusal_text(.0))]
     Refused(Refusal),
+    /// A stop was sent in its place, and the device has obeyed that.
+    #[error(
+        "{request} was not carried out or has been ended: the device was told to stop after {waited:.0?} without an answer"
+    )]
+    Halted {
+        /// The request's name.
+        request: &'static str,
+        /// How long its answer had been waited for.
+        waited: Duration,
+        /// Whether somebody asked for the stop; else it is for the answer's being late.
+        by_order: bool,
+    },
     /// The device answered another question than was asked.
     #[error("the device answered {request} with {reply}: it runs other software than this program knows")]
     Unexpected {
@@ -98,6 +110,25 @@ pub struct LinkStatistics {
     pub repeats: u64,
     /// Stretches of bytes that were no frame.
     pub bad_frames: u64,
+}
+
+/// What a session wants while it waits for an answer.
+pub struct Attention<'a> {
+    /// Told once, with the request's name and how long was waited, when the answer is so late that the device may be gone. It may
+    /// still come.
+    pub in_doubt: &'a mut dyn FnMut(&'static str, Duration),
+    /// Whether everything is to be stopped now, whatever is waited for.
+    pub is_stopped: &'a dyn Fn() -> bool,
+}
+
+/// How the wait for an answer has ended.
+enum Waited {
+    Answer(Reply, Instant),
+    Nothing,
+    /// A stop has to be sent: by order, or as the answer is late.
+    Halt {
+        by_order: bool,
+    },
 }
 
 /// The host's end of the link.
@@ -186,26 +217,38 @@ impl Client {
     /// [`LinkError`]; after [`LinkError::Silent`] and [`LinkError::Io`] it is not known whether the request was carried
     /// out.
     pub fn request(&mut self, request: &Request) -> Result<Reply, LinkError> {
-        self.request_told(request, &mut |_, _| {})
+        self.request_with(request, &mut None)
     }
 
-    /// The same; `in_doubt` is told once, with the request's name and how long was waited, when the answer is so late that the
-    /// device may be gone. It may still come.
+    /// The same for a session: when everything is to be stopped, or the answer is as late as [`Patience::stop`], a stop is sent at once
+    /// and in place of every further try.
     ///
     /// # Errors
-    /// As [`Self::request`].
-    pub fn request_told(
-        &mut self,
-        request: &Request,
-        in_doubt: &mut dyn FnMut(&'static str, Duration),
-    ) -> Result<Reply, LinkError> {
-        match self.try_request(request, in_doubt)? {
+    /// As [`Self::request`]; [`LinkError::Halted`] when the stop has been answered.
+    pub fn request_told(&mut self, request: &Request, attention: Attention<'_>) -> Result<Reply, LinkError> {
+        self.request_with(request, &mut Some(attention))
+    }
+
+    /// A last stop before this link is given up: the device may hear though it is not heard. Nothing is waited for.
+    pub fn stop_blindly(&mut self) {
+        let mut frame = [0; MAX_ENCODED];
+        self.sequence = self.sequence.wrapping_add(1);
+        // The zero ends whatever half frame the line may hold.
+        if let Ok(length) = encode(self.version, Kind::Request, self.sequence, &Request::Stop, &mut frame) {
+            let mut bytes = vec![0];
+            bytes.extend_from_slice(frame.get(..length).unwrap_or_default());
+            let _ = self.transport.write(&bytes);
+        }
+    }
+
+    fn request_with(&mut self, request: &Request, attention: &mut Option<Attention<'_>>) -> Result<Reply, LinkError> {
+        match self.try_request(request, attention)? {
             Reply::Refused(Refusal::Version { device_min, device_current, .. }) => {
                 let common = device_current.min(CURRENT_VERSION);
                 if common >= device_min.max(MIN_VERSION) && common != self.version {
                     tracing::info!(version = common, "the device speaks an older protocol version");
                     self.version = common;
-                    return self.request_told(request, in_doubt);
+                    return self.request_with(request, attention);
                 }
                 Err(LinkError::Version {
                     host_min: MIN_VERSION,
@@ -219,42 +262,61 @@ impl Client {
         }
     }
 
-    fn try_request(
-        &mut self,
-        request: &Request,
-        in_doubt: &mut dyn FnMut(&'static str, Duration),
-    ) -> Result<Reply, LinkError> {
+    fn try_request(&mut self, request: &Request, attention: &mut Option<Attention<'_>>) -> Result<Reply, LinkError> {
         if request.since() > self.version {
             return Err(LinkError::TooOld { request: name(request), needed: request.since(), spoken: self.version });
         }
         self.tries.clear();
         let last = self.round_trips.back().copied().unwrap_or_default();
-        let mut doubt: Option<Instant> = None;
+        let (mut doubt, mut stop): (Option<Instant>, Option<Instant>) = (None, None);
+        let mut halted: Option<LinkError> = None;
         let begun = Instant::now();
         for attempt in 0..self.patience.tries {
             if attempt > 0 {
                 self.statistics.repeats += 1;
-                tracing::debug!(request = name(request), attempt, "no answer, sending again");
+                tracing::debug!(
+                    request = name(request),
+                    attempt,
+                    halted = halted.is_some(),
+                    "no answer, sending again"
+                );
                 // A zero ends whatever half frame the line may hold, so that the repeat is not spoiled by it.
                 self.write(&[0])?;
             }
-            let on_wire = self.send(request)?;
+            let on_wire = self.send(if halted.is_some() { &Request::Stop } else { request })?;
             let deadline = Instant::now() + self.patience.of_try(attempt, last) + on_wire;
             if attempt == 0 {
                 doubt = Instant::now().checked_add(self.patience.doubt.saturating_add(on_wire));
+                stop = Instant::now().checked_add(self.patience.stop.saturating_add(on_wire));
             }
+            let may_halt = halted.is_none() && !matches!(request, Request::Stop);
             let mut none_yet = |now: Instant| {
+                let attention = attention.as_mut()?;
                 if doubt.take_if(|doubt| now >= *doubt).is_some() {
-                    in_doubt(name(request), now - begun);
+                    (attention.in_doubt)(name(request), now - begun);
                 }
+                let by_order = may_halt && (attention.is_stopped)();
+                (by_order || may_halt && stop.is_some_and(|stop| now >= stop)).then_some(by_order)
             };
-            if let Some((reply, sent)) = self.wait(deadline, &mut none_yet)? {
-                let read = Instant::now();
-                self.last_reply_read = Some(read);
-                self.last_frame_written = Some(sent);
-                self.note_round_trip(read - sent);
-                return Ok(reply);
+            match self.wait(deadline, &mut none_yet)? {
+                Waited::Answer(reply, sent) => {
+                    let read = Instant::now();
+                    self.last_reply_read = Some(read);
+                    self.last_frame_written = Some(sent);
+                    self.note_round_trip(read - sent);
+                    return halted.map_or(Ok(reply), Err);
+                }
+                Waited::Nothing => {}
+                Waited::Halt { by_order } => {
+                    halted = Some(LinkError::Halted { request: name(request), waited: begun.elapsed(), by_order });
+                    // From here on only the stop's answer counts.
+                    self.tries.clear();
+                }
             }
+        }
+        if halted.is_some() && self.tries.is_empty() {
+            // It came due in the last try.
+            self.stop_blindly();
         }
         let attempts = self.patience.tries;
         Err(LinkError::Silent { request: name(request), waited: begun.elapsed(), attempts })
@@ -288,13 +350,14 @@ impl Client {
         Ok(())
     }
 
-    /// The reply to one of the tries, and when that was sent; `None` if none has begun to come by the deadline. One that has begun
-    /// may take as long as the longest frame takes on the wire. `none_yet` is told the times at which nothing had come.
+    /// The reply to one of the tries, and when that was sent; nothing if none has begun to come by the deadline. One that has begun
+    /// may take as long as the longest frame takes on the wire. `none_yet` is told the times at which nothing had come, and says whether
+    /// a stop has to be sent, and whether by order.
     fn wait(
         &mut self,
         mut deadline: Instant,
-        none_yet: &mut dyn FnMut(Instant),
-    ) -> Result<Option<(Reply, Instant)>, LinkError> {
+        none_yet: &mut dyn FnMut(Instant) -> Option<bool>,
+    ) -> Result<Waited, LinkError> {
         let mut buffer = [0_u8; 512];
         let last = deadline + LONGEST_FRAME;
         loop {
@@ -304,9 +367,11 @@ impl Client {
                 Ok(0) => return Err(std::io::Error::from(ErrorKind::UnexpectedEof).into()),
                 Ok(length) => length,
                 Err(error) if is_wait(&error) => {
-                    none_yet(now);
+                    if let Some(by_order) = none_yet(now) {
+                        return Ok(Waited::Halt { by_order });
+                    }
                     if now >= deadline {
-                        return Ok(None);
+                        return Ok(Waited::Nothing);
                     }
                     continue;
                 }
@@ -328,11 +393,11 @@ impl Client {
                 Err(_) => bad += 1,
             });
             self.statistics.bad_frames += bad;
-            if found.is_some() {
-                return Ok(found);
+            if let Some((reply, sent)) = found {
+                return Ok(Waited::Answer(reply, sent));
             }
             if now >= last {
-                return Ok(None);
+                return Ok(Waited::Nothing);
             }
             deadline = deadline.max(Instant::now() + LONGEST_FRAME).min(last);
         }

@@ -19,7 +19,7 @@ const MAIN_OUTPUT: u32 = 1 << 15;
 /// Emulated time may run ten times slower than real time on a busy machine, so its host waits longer; the board's
 /// dead-man timer runs in its own time, and a sign of life every 50 ms keeps it content either way.
 const TIMING: Timing = Timing {
-    patience: Patience::even(Duration::from_secs(5)),
+    patience: Patience { stop: Duration::from_secs(5), ..Patience::even(Duration::from_secs(5)) },
     keep_alive: Duration::from_millis(50),
     status: Duration::from_millis(250),
     arming: Duration::from_secs(15),

@@ -18,13 +18,16 @@ pub struct Patience {
     pub tries: u32,
     /// From the first try's last byte until the link is in doubt.
     pub doubt: Duration,
+    /// From then until a stop is sent in place of further tries, where a session asks: the board may hear every one of them, and take it
+    /// for a sign of life, though its answers are lost.
+    pub stop: Duration,
 }
 
 impl Patience {
     /// Three tries that wait as long as each other; nobody is told of a doubt before the end.
     #[must_use]
     pub const fn even(each: Duration) -> Self {
-        Self { again: each, most: each, tries: 3, doubt: Duration::MAX }
+        Self { again: each, most: each, tries: 3, doubt: Duration::MAX, stop: Duration::MAX }
     }
 
     /// How long the try of this number, counted from 0, waits, where the last answer took `last`.
@@ -32,6 +35,12 @@ impl Patience {
     pub fn of_try(&self, number: u32, last: Duration) -> Duration {
         let longer = 1_u32.checked_shl(number).unwrap_or(u32::MAX);
         self.again.saturating_mul(longer).max(last.saturating_mul(2)).min(self.most)
+    }
+
+    /// Longest time that all tries take, without what they take on the wire.
+    #[must_use]
+    pub const fn longest(&self) -> Duration {
+        self.most.saturating_mul(self.tries)
     }
 }
 
@@ -62,13 +71,16 @@ pub const LOSS_SEEN: Duration = Duration::from_millis(100);
 /// for before there is a doubt. A sign of life every 30 ms takes 5 % of such a line.
 ///
 /// A board in doubt is asked ten times a second, as it is looked at otherwise, 1.1 s in all: a silence longer than that is no computer
-/// that was busy for a moment, and the port is opened anew. The board has been off since 250 ms by itself.
+/// that was busy for a moment, and the port is opened anew. 150 ms after the first try the question becomes a stop: a board that hears and whose
+/// answers are lost takes every frame for a sign of life, and would go on. With the 30 ms since its last answer that is 180 ms, so that it is off
+/// no later than one that hears nothing, which goes off by itself 250 ms after the last frame that it heard.
 pub const REAL_TIME: Timing = Timing {
     patience: Patience {
         again: Duration::from_millis(25),
         most: Duration::from_millis(100),
         tries: 12,
         doubt: Duration::from_millis(50),
+        stop: Duration::from_millis(150),
     },
     keep_alive: Duration::from_millis(30),
     status: Duration::from_millis(100),
@@ -100,6 +112,9 @@ mod tests {
         // One that is lost is asked for again, and answered, before that; and long before the board goes off.
         let again = patience.of_try(0, Duration::ZERO) + 2 * wire_time(15);
         assert!(again + Duration::from_millis(15) < patience.doubt, "{again:?}");
+        // Answers that are lost do not keep a board on for longer than silence would.
+        assert!(patience.doubt < patience.stop);
+        assert!(keep_alive + patience.stop + wire_time(15) < Duration::from_millis(u64::from(DEADMAN_DEFAULT_MS)));
         assert!(keep_alive + patience.doubt < Duration::from_millis(u64::from(DEADMAN_DEFAULT_MS) / 2));
     }
 

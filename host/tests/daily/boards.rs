@@ -6,11 +6,12 @@ use era::device::sim::{Knobs, SimBoard, SimDevice};
 use era::device::{Client, LinkError};
 use era::planner::PlanTable;
 use era::scene::EXAMPLE_PLATE;
-use era_shared::protocol::Request;
+use era_shared::protocol::{Reply, Request};
+use era_shared::safety::State;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 200}"#;
 const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
@@ -201,4 +202,31 @@ fn a_path_without_a_port_is_told_with_its_name() {
     let daemon = Daemon::at(EXAMPLE_PLATE, missing.to_str().unwrap(), Policy::default());
     let state = daemon.wait_for(|state| state["device"]["problem"].is_string());
     assert!(!is_connected(&state) && state["device"]["port"] == "/nonexistent/era-board", "{state}");
+}
+
+/// A board that another program has left live, and that does not go off by itself: signs of life would keep a sound one so, too.
+#[test]
+fn a_board_that_is_live_on_connecting_is_stopped() {
+    let socket = Socket::new();
+    let board = socket.plug(SimBoard::ID);
+    let mut knobs = Knobs::default();
+    knobs.mistakes.deaf_to_silence = true;
+    board.control().set_knobs(knobs);
+    let line = era::device::port::Port::open(board.path()).unwrap();
+    let mut other = Client::new(Box::new(line), Duration::from_secs(1));
+    let mut until = |wanted: State| {
+        let deadline = Instant::now() + Duration::from_secs(30);
+        while !matches!(other.request(&Request::KeepAlive).unwrap(), Reply::Alive { state } if state == wanted) {
+            assert!(Instant::now() < deadline, "it is not {}", wanted.name());
+        }
+        let _ = other.request(&Request::Arm { deadman_ms: None });
+    };
+    until(State::Safe);
+    until(State::Armed);
+    drop(other);
+    assert_eq!(board.control().stop_received(), None);
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
+    let state = daemon.wait_for(|state| is_connected(state) && state["device"]["state"] == "safe");
+    assert_eq!((&state["device"]["fault"], &state["device"]["outages"]), (&json!(null), &json!(0)), "{state}");
+    assert!(board.control().stop_received().is_some());
 }

@@ -244,3 +244,41 @@ fn a_daemon_without_its_session_ends_and_is_not_told_to_be_well() {
     });
     assert!(!app.is_alive());
 }
+
+/// The line is dead one way: what the host asks arrives, and would keep the board alive. It is told to stop instead, while the host still
+/// waits and before it gives the board up.
+#[test]
+fn a_board_that_hears_and_is_not_heard_is_stopped() {
+    let line = Line::to(board());
+    let daemon = daemon(&line, FOREVER);
+    assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    assert_eq!(line.sim().stop_received(), None);
+    line.sim().set_knobs(Knobs { mute: true, ..Knobs::default() });
+    goes_off(&line);
+    assert!(line.sim().stop_received().is_some(), "nobody told it to stop");
+    line.sim().set_knobs(Knobs::default());
+    let state = daemon.wait_for(|state| state["device"]["connected"] == true);
+    // Told in time, so that there is no silence to latch.
+    assert_eq!((&state["device"]["fault"], &state["device"]["outages"]), (&json!(null), &json!(0)), "{state}");
+    assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200);
+}
+
+/// A stop is not kept waiting by an answer that does not come, even where nobody would give it up.
+#[test]
+fn a_stop_is_sent_while_another_answer_is_waited_for() {
+    let patience = Patience { stop: Duration::MAX, ..FOREVER.patience };
+    let line = Line::to(board());
+    let daemon = daemon(&line, Timing { patience, ..FOREVER });
+    assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    line.sim().set_knobs(Knobs { mute: true, ..Knobs::default() });
+    daemon.wait_for(|state| state["device"]["in_doubt"] == true);
+    std::thread::scope(|scope| {
+        let stop = scope.spawn(|| daemon.post("/v1/stop", "").0);
+        goes_off(&line);
+        assert!(line.sim().stop_received().is_some(), "nobody told it to stop");
+        line.sim().set_knobs(Knobs::default());
+        assert_eq!(stop.join().unwrap(), 200);
+    });
+}

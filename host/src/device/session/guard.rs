@@ -2,8 +2,9 @@
 
 use super::worker::Worker;
 use super::{SessionError, Snapshot};
-use crate::device::client::Client;
+use crate::device::client::{Client, LinkError};
 use era_shared::protocol::{Fault, FaultCode, Request};
+use era_shared::safety::State;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
@@ -52,11 +53,48 @@ impl Worker {
         }
     }
 
+    /// Whether the device is live though nobody here has armed it: before this program began, or by a mistake.
+    pub(super) fn is_live_unasked(&self, state: State) -> bool {
+        !self.armed && state.is_live()
+    }
+
+    /// Everything off.
+    pub(super) fn halt(&mut self) -> Result<(), LinkError> {
+        (self.armed, self.drive_until, self.next_status) = (false, None, Instant::now());
+        // Those that are counted while it is asked may have come too late for it.
+        let stops = self.stops.load(Ordering::SeqCst);
+        self.ask(&Request::Stop)?;
+        self.obeyed = stops;
+        Ok(())
+    }
+
+    /// Carries out the stops that have been asked for since the last one, all by one request, whatever else waits.
+    pub(super) fn obey(&mut self) {
+        if self.client.is_some()
+            && self.obeyed != self.stops.load(Ordering::SeqCst)
+            && let Err(error) = self.halt()
+        {
+            self.note_trouble(&error);
+        }
+    }
+
+    /// Answers a stop: mostly it has been obeyed by now.
+    pub(super) fn stop(&mut self, number: u64) -> Result<(), SessionError> {
+        self.connected()?;
+        let is_shown = self.publish.borrow().state().is_some_and(|state| !state.is_live());
+        if self.obeyed >= number && is_shown {
+            return Ok(());
+        }
+        let result = if self.obeyed >= number { Ok(()) } else { self.halt() }.and_then(|()| self.look());
+        if let Err(error) = &result {
+            self.note_trouble(error);
+        }
+        Ok(result?)
+    }
+
     /// Drives that were set and then answered with an error must not run.
     pub(super) fn take_back(&mut self) {
-        self.armed = false;
-        self.drive_until = None;
-        if let Err(error) = self.ask(&Request::Stop).and_then(|_| self.look()) {
+        if let Err(error) = self.halt().and_then(|()| self.look()) {
             self.note_trouble(&error);
         }
     }
@@ -115,8 +153,8 @@ impl Worker {
             (snapshot.connected, snapshot.in_doubt) = (false, true);
             snapshot.doubts += 1;
             snapshot.problem = Some(format!(
-                "nothing was heard of it for {:.0} ms, and it is asked on; if it is armed it goes off by itself, 250 ms after it was last asked \
-                 something",
+                "nothing was heard of it for {:.0} ms, and it is asked on; if it is armed it is told to stop before it was silent for 250 ms, and goes off by \
+                 itself 250 ms after the last frame that it heard",
                 waited.as_secs_f64() * 1e3
             ));
         });

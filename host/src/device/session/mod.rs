@@ -5,6 +5,7 @@
 //! switches off by itself.
 
 mod guard;
+mod look;
 mod play;
 pub mod policy;
 mod worker;
@@ -31,7 +32,7 @@ use worker::Worker;
 pub enum SessionError {
     /// The link failed, or the device refused.
     #[error(transparent)]
-    Link(#[from] LinkError),
+    Link(LinkError),
     /// The device is in a fault that must be cleared first.
     #[error("the device is in fault {number} ({name}): {advice}")]
     Fault {
@@ -89,6 +90,15 @@ pub enum SessionError {
         "{ENDED}: nothing is driven any more, and the board has gone off by itself; the daemon has to be started again"
     )]
     Ended,
+}
+
+impl From<LinkError> for SessionError {
+    fn from(error: LinkError) -> Self {
+        match error {
+            LinkError::Halted { by_order: true, .. } => Self::Stopped,
+            error => Self::Link(error),
+        }
+    }
 }
 
 /// What is said of a device whose session is no more.
@@ -206,13 +216,13 @@ pub struct EffectOrder {
 }
 
 enum Command {
-    Play { order: EffectOrder, answer: oneshot::Sender<Result<Played, SessionError>> },
-    Drive { order: DriveOrder, answer: oneshot::Sender<Result<Driven, SessionError>> },
-    Stop { answer: oneshot::Sender<Result<(), SessionError>> },
+    Play { order: EffectOrder, asked: Instant, answer: oneshot::Sender<Result<Played, SessionError>> },
+    Drive { order: DriveOrder, asked: Instant, answer: oneshot::Sender<Result<Driven, SessionError>> },
+    Stop { number: u64, answer: oneshot::Sender<Result<(), SessionError>> },
     EndAt { id: u64, when: Instant },
     HoldUntil { id: u64, until: Instant },
     Clear { answer: oneshot::Sender<Result<(), SessionError>> },
-    Arm { stops: u64, answer: oneshot::Sender<Result<(), SessionError>> },
+    Arm { stops: u64, asked: Instant, answer: oneshot::Sender<Result<(), SessionError>> },
     Close,
 }
 
@@ -223,6 +233,8 @@ pub struct Session {
     snapshot: watch::Receiver<Snapshot>,
     stops: Arc<AtomicU64>,
     beat: Arc<Beat>,
+    /// Longest time without a sign of life of the thread.
+    longest: Duration,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -263,12 +275,13 @@ impl Session {
         let (publish, snapshot) = watch::channel(first);
         let stops = Arc::new(AtomicU64::new(0));
         let beat = Arc::new(Beat::new());
+        let longest = Duration::from_secs(5) + device.timing().patience.longest() * 2;
         let worker = Worker::new(device, needs, policy, publish, Arc::clone(&stops), Arc::clone(&beat));
         let thread = std::thread::Builder::new().name("device-session".into()).spawn(move || {
             priority::raise();
             worker.run(&inbox);
         })?;
-        Ok(Self { commands, snapshot, stops, beat, thread: Some(thread) })
+        Ok(Self { commands, snapshot, stops, beat, longest, thread: Some(thread) })
     }
 
     /// What is known of the device, kept up to date.
@@ -277,12 +290,11 @@ impl Session {
         self.snapshot.clone()
     }
 
-    /// Whether the session's thread does its work: it looks after the device ten times a second, and no request to the
-    /// device takes as long as this.
+    /// Whether the session's thread does its work: it shows life before every request to the device, and
+    /// no request takes as long as this: all its tries, twice where another version is spoken, and 5 s for the port and the computer.
     #[must_use]
     pub fn is_alive(&self) -> bool {
-        const LONGEST: Duration = Duration::from_secs(5);
-        self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) && self.beat.age() < LONGEST
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) && self.beat.age() < self.longest
     }
 
     /// How often everything was stopped so far.
@@ -300,7 +312,7 @@ impl Session {
     pub async fn drive(&self, order: DriveOrder) -> Result<Driven, SessionError> {
         self.not_in_doubt()?;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Drive { order, answer })?;
+        self.send(Command::Drive { order, asked: Instant::now(), answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
@@ -313,20 +325,21 @@ impl Session {
     pub async fn play(&self, order: EffectOrder) -> Result<Played, SessionError> {
         self.not_in_doubt()?;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Play { order, answer })?;
+        self.send(Command::Play { order, asked: Instant::now(), answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
-    /// Everything off, session disarmed.
+    /// Everything off, session disarmed. It goes before whatever else waits, also while an answer is waited for.
     ///
     /// # Errors
-    /// [`SessionError`]; the device's dead-man timer then does it within 250 ms.
+    /// [`SessionError`]; a stop was sent all the same where there was a port, and the device's dead-man timer switches it off 250 ms after the
+    /// last frame that it heard.
     pub async fn stop(&self) -> Result<(), SessionError> {
-        // Before anything else: what is planned meanwhile must not be driven. A drive that the worker has already begun is
-        // ended by the command behind it.
-        self.stops.fetch_add(1, Ordering::SeqCst);
+        // Before anything else: what is planned meanwhile must not be driven, and the worker looks at the count between any two
+        // requests and while it waits for an answer. The command only wakes it and brings the answer.
+        let number = self.stops.fetch_add(1, Ordering::SeqCst) + 1;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Stop { answer })?;
+        self.send(Command::Stop { number, answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
@@ -348,7 +361,7 @@ impl Session {
     pub async fn arm(&self) -> Result<(), SessionError> {
         self.not_in_doubt()?;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Arm { stops: self.stops(), answer })?;
+        self.send(Command::Arm { stops: self.stops(), asked: Instant::now(), answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 

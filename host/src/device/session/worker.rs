@@ -1,14 +1,15 @@
 //! The session's thread.
 
-use super::policy::{Fit, Needs, Policy};
+use super::look::QUICK_SAMPLES;
+use super::policy::{Needs, Policy};
 use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
-use crate::device::client::{Client, LinkError};
+use crate::device::client::{Attention, Client, LinkError, name};
 use crate::device::clock::ClockSync;
-use crate::device::identity::Identity;
 use crate::device::target::OpenDevice;
 use era_shared::limits::BURST_MAX_MS;
-use era_shared::protocol::{CURRENT_VERSION, CreditReply, Details, Fault, MIN_VERSION, Reply, Request};
+use era_shared::protocol::{Reply, Request};
 use era_shared::safety::State;
+use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -19,19 +20,10 @@ use tokio::sync::watch;
 const REOPEN: Duration = Duration::from_millis(100);
 /// ... and one that stays away is looked for less and less often, down to this.
 const REOPEN_MOST: Duration = Duration::from_secs(2);
-/// Between two looks at a device that arms or discharges: both take some 20 ms.
-const TRANSITION: Duration = Duration::from_millis(20);
 /// Between two questions whether the self-test has ended.
 const ARMING_POLL: Duration = Duration::from_millis(2);
 /// Longest burst that is asked for in ms: the longest touch that the daemon takes.
 const BURST_MS: u16 = BURST_MAX_MS;
-/// Between two samples of the board's clock, as Klipper has it: a second, ...
-const CLOCK: Duration = Duration::from_secs(1);
-/// ... and 50 ms for the first few.
-const QUICK_CLOCK: Duration = Duration::from_millis(50);
-/// How many come so quickly.
-const QUICK_SAMPLES: u32 = 8;
-
 pub(super) struct Worker {
     pub(super) device: OpenDevice,
     pub(super) client: Option<Client>,
@@ -47,6 +39,10 @@ pub(super) struct Worker {
     /// Why it cannot drive the scene.
     pub(super) unfit: Option<String>,
     pub(super) stops: Arc<AtomicU64>,
+    /// Those of them that the device has obeyed.
+    pub(super) obeyed: u64,
+    /// Since when it answers again after it was in doubt: what was asked for before that comes too late.
+    again_since: Option<Instant>,
     /// The drive that was set last.
     pub(super) drive_id: u64,
     pub(super) boot_id: Option<u32>,
@@ -55,10 +51,10 @@ pub(super) struct Worker {
     pub(super) idle_since: Instant,
     pub(super) last_heard: Instant,
     pub(super) clock: ClockSync,
-    next_clock: Instant,
+    pub(super) next_clock: Instant,
     /// Samples of the clock that still come quickly.
-    quick_samples: u32,
-    next_status: Instant,
+    pub(super) quick_samples: u32,
+    pub(super) next_status: Instant,
     next_open: Instant,
 }
 
@@ -84,6 +80,8 @@ impl Worker {
             away: None,
             unfit: None,
             stops,
+            obeyed: 0,
+            again_since: None,
             drive_id: 0,
             boot_id: None,
             armed: false,
@@ -101,16 +99,22 @@ impl Worker {
     pub(super) fn run(mut self, inbox: &Receiver<Command>) {
         loop {
             self.beat.beat();
+            self.obey();
             self.attend();
-            match inbox.recv_timeout(self.until_next_duty()) {
-                Ok(Command::Drive { order, answer }) => {
-                    let _ = answer.send(self.drive(order));
+            let command = inbox.recv_timeout(self.until_next_duty());
+            // A stop goes before whatever came before it.
+            self.obey();
+            match command {
+                Ok(Command::Drive { order, asked, answer }) => {
+                    let _ = answer
+                        .send(self.in_time(asked).and_then(|()| self.drive(order)).map_err(|error| self.late(error)));
                 }
-                Ok(Command::Play { order, answer }) => {
-                    let _ = answer.send(self.play(order));
+                Ok(Command::Play { order, asked, answer }) => {
+                    let _ = answer
+                        .send(self.in_time(asked).and_then(|()| self.play(order)).map_err(|error| self.late(error)));
                 }
-                Ok(Command::Stop { answer }) => {
-                    let _ = answer.send(self.stop());
+                Ok(Command::Stop { number, answer }) => {
+                    let _ = answer.send(self.stop(number));
                 }
                 Ok(Command::EndAt { id, when }) => {
                     if id == self.drive_id {
@@ -125,12 +129,14 @@ impl Worker {
                 Ok(Command::Clear { answer }) => {
                     let _ = answer.send(self.clear());
                 }
-                Ok(Command::Arm { stops, answer }) => {
-                    let _ = answer.send(self.arm_by_hand(stops));
+                Ok(Command::Arm { stops, asked, answer }) => {
+                    let _ = answer.send(
+                        self.in_time(asked).and_then(|()| self.arm_by_hand(stops)).map_err(|error| self.late(error)),
+                    );
                 }
                 Ok(Command::Close) | Err(RecvTimeoutError::Disconnected) => {
                     if self.client.is_some()
-                        && let Err(error) = self.stop()
+                        && let Err(error) = self.stop(u64::MAX)
                     {
                         tracing::warn!(%error, "could not stop the device on leaving; its dead-man timer does it");
                     }
@@ -182,6 +188,8 @@ impl Worker {
     }
 
     fn open(&mut self) {
+        // On coming in, whatever is live is stopped anyway.
+        self.obeyed = self.stops.load(Ordering::SeqCst);
         let opened = self
             .device
             .revive()
@@ -199,136 +207,11 @@ impl Worker {
             }
             Err(error) => {
                 self.note_trouble(&error);
+                // A hello that a stop came between is begun anew.
+                self.client = None;
                 self.reopen = (self.reopen * 2).min(REOPEN_MOST);
             }
         }
-    }
-
-    fn greet(&mut self) -> Result<(), LinkError> {
-        let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        let identity = Identity::from_reply(self.ask(&hello)?).ok_or_else(|| unexpected("hello"))?;
-        if self.boot_id != Some(identity.boot_id) {
-            self.clock.reset();
-        }
-        let board = self.board_id.unwrap_or(identity.board_id);
-        if board != identity.board_id {
-            let [wanted, found] = [board, identity.board_id].map(Identity::hex);
-            return Err(LinkError::OtherBoard { wanted, found });
-        }
-        self.board_id = Some(board);
-        self.device.remember();
-        let fit = self.needs.fit(&identity);
-        let mismatch = match &fit {
-            Fit::Good => None,
-            Fit::Weaker(text) | Fit::Unfit(text) => Some(text.clone()),
-        };
-        if let Some(text) = &mismatch
-            && self.publish.borrow().mismatch.as_ref() != Some(text)
-        {
-            tracing::warn!("{text}");
-        }
-        self.unfit = mismatch.clone().filter(|_| matches!(fit, Fit::Unfit(_)));
-        self.boot_id = Some(identity.boot_id);
-        self.armed = false;
-        self.drive_until = None;
-        (self.next_clock, self.quick_samples) = (Instant::now(), QUICK_SAMPLES);
-        let protocol = self.client.as_ref().map(Client::version);
-        let path = self.device.path().to_owned();
-        self.publish.send_modify(|snapshot| {
-            (snapshot.identity, snapshot.protocol) = (Some(identity), protocol);
-            (snapshot.mismatch, snapshot.path) = (mismatch, path);
-            (snapshot.details, snapshot.credit, snapshot.clock) = (None, None, None);
-        });
-        self.look()
-    }
-
-    fn keep_alive(&mut self) -> Result<(), LinkError> {
-        let Reply::Alive { state } = self.ask(&Request::KeepAlive)? else { return Err(unexpected("keep-alive")) };
-        if self.armed && !state.is_live() {
-            self.armed = false;
-            self.drive_until = None;
-            return self.look();
-        }
-        Ok(())
-    }
-
-    /// Whether the device speaks version 2 or later.
-    pub(super) fn is_modern(&self) -> bool {
-        self.speaks(2)
-    }
-
-    fn speaks(&self, version: u8) -> bool {
-        self.client.as_ref().is_some_and(|client| client.version() >= version)
-    }
-
-    /// Asks for the board's time, quickly at first and then now and then.
-    pub(super) fn sample_clock(&mut self) -> Result<(), LinkError> {
-        self.quick_samples = self.quick_samples.saturating_sub(1);
-        self.next_clock = Instant::now() + if self.quick_samples > 0 { QUICK_CLOCK } else { CLOCK };
-        if !self.is_modern() {
-            return Ok(());
-        }
-        let Reply::Clock { now_us } = self.ask(&Request::Clock)? else { return Err(unexpected("clock")) };
-        let times = self.client.as_ref().and_then(|client| client.last_frame_written().zip(client.last_reply_read()));
-        if let Some((sent, received)) = times {
-            self.clock.sample(sent, received, now_us);
-        }
-        let quality = self.clock.quality();
-        self.publish.send_modify(|snapshot| snapshot.clock = quality);
-        Ok(())
-    }
-
-    pub(super) fn details(&mut self) -> Result<Details, LinkError> {
-        let Reply::Details(details) = self.ask(&Request::Details)? else { return Err(unexpected("details")) };
-        Ok(details)
-    }
-
-    fn credit(&mut self) -> Result<CreditReply, LinkError> {
-        let Reply::Credit(credit) = self.ask(&Request::Credit)? else { return Err(unexpected("credit")) };
-        Ok(credit)
-    }
-
-    pub(super) fn look(&mut self) -> Result<(), LinkError> {
-        self.next_status = Instant::now() + self.device.timing().status;
-        let Reply::Status(status) = self.ask(&Request::Status)? else { return Err(unexpected("status")) };
-        let Reply::Telemetry(telemetry) = self.ask(&Request::Telemetry)? else { return Err(unexpected("telemetry")) };
-        let details = if self.is_modern() { Some(self.details()?) } else { None };
-        if matches!(status.state, State::Arming | State::Discharging) {
-            // It is about to change.
-            self.next_status = Instant::now() + self.device.timing().status.min(TRANSITION);
-        }
-        let credit = if self.speaks(Request::Credit.since()) { Some(self.credit()?) } else { None };
-        let restarted = self.boot_id.is_some_and(|known| known != status.boot_id);
-        let known = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
-        let is_new = |fault: &Fault| known.is_none_or(|k| (k.code, k.count) != (fault.code, fault.count));
-        let faulted = status.fault.filter(is_new);
-        if let Some(fault) = faulted {
-            self.report(&fault);
-        }
-        if !status.state.is_live() {
-            self.armed = false;
-            self.drive_until = None;
-        }
-        let of_link = |client: &Client| (client.round_trip_median(), client.round_trip_worst(), client.statistics());
-        let (round_trip, worst, link) = self.client.as_ref().map(of_link).unwrap_or_default();
-        self.publish.send_modify(|snapshot| {
-            (snapshot.connected, snapshot.in_doubt) = (true, false);
-            snapshot.problem = None;
-            snapshot.status = Some(status);
-            snapshot.telemetry = Some(telemetry);
-            snapshot.details = details;
-            snapshot.credit = credit;
-            (snapshot.round_trip, snapshot.round_trip_worst) = (round_trip, worst);
-            snapshot.link = link;
-            snapshot.restarts += u32::from(restarted);
-            snapshot.faults += u32::from(faulted.is_some());
-        });
-        if restarted {
-            tracing::warn!("the device has restarted");
-            self.was_away("it had restarted");
-            return self.greet();
-        }
-        Ok(())
     }
 
     fn drive(&mut self, order: DriveOrder) -> Result<Driven, SessionError> {
@@ -431,21 +314,29 @@ impl Worker {
         self.look()
     }
 
-    fn stop(&mut self) -> Result<(), SessionError> {
-        self.connected()?;
-        self.armed = false;
-        self.drive_until = None;
-        let result = self.ask(&Request::Stop).and_then(|_| self.look());
-        if let Err(error) = &result {
-            self.note_trouble(error);
-        }
-        Ok(result?)
-    }
-
     fn clear(&mut self) -> Result<(), SessionError> {
         self.connected()?;
         self.ask(&Request::ClearFaults)?;
         Ok(self.look()?)
+    }
+
+    /// What was ended as its answer was late can be asked for again.
+    fn late(&self, error: SessionError) -> SessionError {
+        match error {
+            SessionError::Link(error @ LinkError::Halted { .. }) => {
+                SessionError::Late { path: self.device.path().to_owned(), reason: error.to_string() }
+            }
+            error => error,
+        }
+    }
+
+    /// What was asked for before the device was in doubt is not done long after it.
+    fn in_time(&self, asked: Instant) -> Result<(), SessionError> {
+        if self.again_since.is_some_and(|since| asked < since) {
+            let reason = format!("it did not answer just now, and this was asked for {:.0?} ago", asked.elapsed());
+            return Err(SessionError::Late { path: self.device.path().to_owned(), reason });
+        }
+        Ok(())
     }
 
     pub(super) fn connected(&self) -> Result<(), SessionError> {
@@ -459,13 +350,33 @@ impl Worker {
     /// Asks the device. While its answer is late that is told; the answer is waited for, so that a computer that is busy for a
     /// moment does not lose its board for it.
     pub(super) fn ask(&mut self, request: &Request) -> Result<Reply, LinkError> {
+        self.beat.beat();
+        if !matches!(request, Request::Stop) && self.stops.load(Ordering::SeqCst) != self.obeyed {
+            // Between any two requests a stop goes first.
+            let begun = Instant::now();
+            self.halt()?;
+            return Err(LinkError::Halted { request: name(request), waited: begun.elapsed(), by_order: true });
+        }
         let client = self.client.as_mut().ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotConnected))?;
-        let publish = &self.publish;
-        let reply = client.request_told(request, &mut |request, waited| Self::doubt(publish, request, waited))?;
+        let (publish, stops, obeyed) = (&self.publish, &self.stops, self.obeyed);
+        let seen = Cell::new(stops.load(Ordering::SeqCst));
+        let is_stopped = || {
+            seen.set(stops.load(Ordering::SeqCst));
+            seen.get() != obeyed
+        };
+        let mut in_doubt = |request, waited| Self::doubt(publish, request, waited);
+        let reply = client.request_told(request, Attention { in_doubt: &mut in_doubt, is_stopped: &is_stopped });
+        if let Err(LinkError::Halted { by_order, .. }) = &reply {
+            self.obeyed = if *by_order { seen.get() } else { self.obeyed };
+            (self.armed, self.drive_until, self.next_status) = (false, None, Instant::now());
+        } else if let Err(error) = reply {
+            return Err(error);
+        }
         let now = Instant::now();
         let gap = now - self.last_heard;
         self.last_heard = now;
         if self.publish.borrow().in_doubt {
+            self.again_since = Some(now);
             tracing::warn!(silent_ms = gap.as_secs_f64() * 1e3, "the device answers again");
             self.publish.send_modify(|snapshot| {
                 (snapshot.connected, snapshot.in_doubt) = (true, false);
@@ -475,7 +386,7 @@ impl Worker {
         if self.armed && gap > self.publish.borrow().longest_gap {
             self.publish.send_modify(|snapshot| snapshot.longest_gap = gap);
         }
-        Ok(reply)
+        reply
     }
 
     /// A refusal leaves the link as it is, after a look at the device's state; anything else closes it, to be opened anew.
@@ -485,11 +396,17 @@ impl Worker {
             tracing::warn!(%error, "refused");
             return;
         }
+        if matches!(error, LinkError::Halted { .. }) {
+            tracing::warn!(%error, "stopped");
+            return;
+        }
         let text = self.device.trouble(error);
         if self.publish.borrow().problem.as_deref() != Some(&text) {
             tracing::error!(path = self.device.path(), error = text, "device lost");
         }
-        self.client = None;
+        if let Some(mut client) = self.client.take() {
+            client.stop_blindly();
+        }
         self.armed = false;
         self.drive_until = None;
         self.next_open = Instant::now() + REOPEN;

@@ -24,6 +24,8 @@ const TICK: Duration = Duration::from_millis(1);
 pub struct Knobs {
     /// Answers nothing (and hears nothing), but keeps running: a dead line.
     pub silent: bool,
+    /// Answers nothing, but hears and does everything: a line that is dead one way.
+    pub mute: bool,
     /// Waits this long before each answer.
     pub reply_delay: Duration,
     /// Changes one byte of every n-th answer.
@@ -266,7 +268,7 @@ impl Loop {
             }
             self.listen(received, received_at);
             self.look(received_at);
-            for answer in answers {
+            for answer in answers.into_iter().filter(|_| !knobs.mute) {
                 self.answer(terminal, answer, knobs);
             }
         }

@@ -1,0 +1,156 @@
+//! Who the device is and how it is: its hello, its state, its clock, its signs of life.
+
+use super::policy::Fit;
+use super::worker::{Worker, unexpected};
+use crate::device::client::{Client, LinkError};
+use crate::device::identity::Identity;
+use era_shared::protocol::{CURRENT_VERSION, CreditReply, Details, Fault, MIN_VERSION, Reply, Request};
+use era_shared::safety::State;
+use std::time::{Duration, Instant};
+
+/// Between two looks at a device that arms or discharges: both take some 20 ms.
+const TRANSITION: Duration = Duration::from_millis(20);
+/// Between two samples of the board's clock, as Klipper has it: a second, ...
+const CLOCK: Duration = Duration::from_secs(1);
+/// ... and 50 ms for the first few.
+const QUICK_CLOCK: Duration = Duration::from_millis(50);
+/// How many come so quickly.
+pub(super) const QUICK_SAMPLES: u32 = 8;
+
+impl Worker {
+    pub(super) fn greet(&mut self) -> Result<(), LinkError> {
+        let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
+        let identity = Identity::from_reply(self.ask(&hello)?).ok_or_else(|| unexpected("hello"))?;
+        if self.boot_id != Some(identity.boot_id) {
+            self.clock.reset();
+        }
+        let board = self.board_id.unwrap_or(identity.board_id);
+        if board != identity.board_id {
+            let [wanted, found] = [board, identity.board_id].map(Identity::hex);
+            return Err(LinkError::OtherBoard { wanted, found });
+        }
+        self.board_id = Some(board);
+        self.device.remember();
+        let fit = self.needs.fit(&identity);
+        let mismatch = match &fit {
+            Fit::Good => None,
+            Fit::Weaker(text) | Fit::Unfit(text) => Some(text.clone()),
+        };
+        if let Some(text) = &mismatch
+            && self.publish.borrow().mismatch.as_ref() != Some(text)
+        {
+            tracing::warn!("{text}");
+        }
+        self.unfit = mismatch.clone().filter(|_| matches!(fit, Fit::Unfit(_)));
+        self.boot_id = Some(identity.boot_id);
+        self.armed = false;
+        self.drive_until = None;
+        (self.next_clock, self.quick_samples) = (Instant::now(), QUICK_SAMPLES);
+        let protocol = self.client.as_ref().map(Client::version);
+        let path = self.device.path().to_owned();
+        self.publish.send_modify(|snapshot| {
+            (snapshot.identity, snapshot.protocol) = (Some(identity), protocol);
+            (snapshot.mismatch, snapshot.path) = (mismatch, path);
+            (snapshot.details, snapshot.credit, snapshot.clock) = (None, None, None);
+        });
+        self.look()
+    }
+
+    pub(super) fn keep_alive(&mut self) -> Result<(), LinkError> {
+        let Reply::Alive { state } = self.ask(&Request::KeepAlive)? else { return Err(unexpected("keep-alive")) };
+        if self.armed && !state.is_live() {
+            self.armed = false;
+            self.drive_until = None;
+            return self.look();
+        }
+        if self.is_live_unasked(state) {
+            self.halt()?;
+            return self.look();
+        }
+        Ok(())
+    }
+
+    /// Whether the device speaks version 2 or later.
+    pub(super) fn is_modern(&self) -> bool {
+        self.speaks(2)
+    }
+
+    fn speaks(&self, version: u8) -> bool {
+        self.client.as_ref().is_some_and(|client| client.version() >= version)
+    }
+
+    /// Asks for the board's time, quickly at first and then now and then.
+    pub(super) fn sample_clock(&mut self) -> Result<(), LinkError> {
+        self.quick_samples = self.quick_samples.saturating_sub(1);
+        self.next_clock = Instant::now() + if self.quick_samples > 0 { QUICK_CLOCK } else { CLOCK };
+        if !self.is_modern() {
+            return Ok(());
+        }
+        let Reply::Clock { now_us } = self.ask(&Request::Clock)? else { return Err(unexpected("clock")) };
+        let times = self.client.as_ref().and_then(|client| client.last_frame_written().zip(client.last_reply_read()));
+        if let Some((sent, received)) = times {
+            self.clock.sample(sent, received, now_us);
+        }
+        let quality = self.clock.quality();
+        self.publish.send_modify(|snapshot| snapshot.clock = quality);
+        Ok(())
+    }
+
+    pub(super) fn details(&mut self) -> Result<Details, LinkError> {
+        let Reply::Details(details) = self.ask(&Request::Details)? else { return Err(unexpected("details")) };
+        Ok(details)
+    }
+
+    fn credit(&mut self) -> Result<CreditReply, LinkError> {
+        let Reply::Credit(credit) = self.ask(&Request::Credit)? else { return Err(unexpected("credit")) };
+        Ok(credit)
+    }
+
+    pub(super) fn look(&mut self) -> Result<(), LinkError> {
+        self.next_status = Instant::now() + self.device.timing().status;
+        let Reply::Status(status) = self.ask(&Request::Status)? else { return Err(unexpected("status")) };
+        if self.is_live_unasked(status.state) {
+            // Before anything else is asked; what it comes to is looked at soon.
+            self.halt()?;
+            self.next_status = Instant::now();
+        }
+        let Reply::Telemetry(telemetry) = self.ask(&Request::Telemetry)? else { return Err(unexpected("telemetry")) };
+        let details = if self.is_modern() { Some(self.details()?) } else { None };
+        if !self.is_live_unasked(status.state) && matches!(status.state, State::Arming | State::Discharging) {
+            // It is about to change.
+            self.next_status = Instant::now() + self.device.timing().status.min(TRANSITION);
+        }
+        let credit = if self.speaks(Request::Credit.since()) { Some(self.credit()?) } else { None };
+        let restarted = self.boot_id.is_some_and(|known| known != status.boot_id);
+        let known = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
+        let is_new = |fault: &Fault| known.is_none_or(|k| (k.code, k.count) != (fault.code, fault.count));
+        let faulted = status.fault.filter(is_new);
+        if let Some(fault) = faulted {
+            self.report(&fault);
+        }
+        if !status.state.is_live() {
+            self.armed = false;
+            self.drive_until = None;
+        }
+        let of_link = |client: &Client| (client.round_trip_median(), client.round_trip_worst(), client.statistics());
+        let (round_trip, worst, link) = self.client.as_ref().map(of_link).unwrap_or_default();
+        self.publish.send_modify(|snapshot| {
+            (snapshot.connected, snapshot.in_doubt) = (true, false);
+            snapshot.problem = None;
+            snapshot.status = Some(status);
+            snapshot.telemetry = Some(telemetry);
+            snapshot.details = details;
+            snapshot.credit = credit;
+            (snapshot.round_trip, snapshot.round_trip_worst) = (round_trip, worst);
+            snapshot.link = link;
+            snapshot.restarts += u32::from(restarted);
+            snapshot.faults += u32::from(faulted.is_some());
+        });
+        if restarted {
+            tracing::warn!("the device has restarted");
+            self.was_away("it had restarted");
+            return self.greet();
+        }
+        Ok(())
+    }
+}
