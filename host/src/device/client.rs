@@ -123,7 +123,7 @@ pub struct Attention<'a> {
 
 /// How the wait for an answer has ended.
 enum Waited {
-    Answer(Reply, Instant),
+    Answer(Box<Reply>, Instant),
     Nothing,
     /// A stop has to be sent: by order, or as the answer is late.
     Halt {
@@ -304,7 +304,7 @@ impl Client {
                     self.last_reply_read = Some(read);
                     self.last_frame_written = Some(sent);
                     self.note_round_trip(read - sent);
-                    return halted.map_or(Ok(reply), Err);
+                    return halted.map_or(Ok(*reply), Err);
                 }
                 Waited::Nothing => {}
                 Waited::Halt { by_order } => {
@@ -394,7 +394,7 @@ impl Client {
             });
             self.statistics.bad_frames += bad;
             if let Some((reply, sent)) = found {
-                return Ok(Waited::Answer(reply, sent));
+                return Ok(Waited::Answer(Box::new(reply), sent));
             }
             if now >= last {
                 return Ok(Waited::Nothing);

@@ -27,11 +27,12 @@ fn an_older_touch_never_overrides_a_newer_one() {
             let (status, _, newer) = daemon.post("/v1/touch", &new);
             let (older_status, _, older) = older.join().unwrap();
             assert!(older_status == 200 || older["type"] == "urn:era:problem:superseded", "{older}");
-            if status == 200 && older_status == 200 {
+            assert_eq!(status, 200, "{newer}");
+            if older_status == 200 {
                 both += 1;
-                let newest = newer["plan_id"].as_u64().max(older["plan_id"].as_u64());
-                assert_eq!(daemon.state()["plan_id"].as_u64(), newest, "round {round}");
+                assert!(newer["plan_id"].as_u64() > older["plan_id"].as_u64(), "{newer} {older}");
             }
+            assert_eq!(daemon.state()["plan_id"], newer["plan_id"], "round {round}");
         });
         daemon.post("/v1/stop", "");
     }
