@@ -1,7 +1,7 @@
 //! Who the device is and how it is: its hello, its state, its clock, its signs of life.
 
 use super::policy::Fit;
-use super::worker::{Worker, unexpected};
+use super::worker::{QUICK_SAMPLES, Worker, unexpected};
 use crate::device::client::{Client, LinkError};
 use crate::device::identity::Identity;
 use era_shared::protocol::{CURRENT_VERSION, CreditReply, Details, Fault, MIN_VERSION, Reply, Request};
@@ -12,10 +12,8 @@ use std::time::{Duration, Instant};
 const TRANSITION: Duration = Duration::from_millis(20);
 /// Between two samples of the board's clock, as Klipper has it: a second, ...
 const CLOCK: Duration = Duration::from_secs(1);
-/// ... and 50 ms for the first few.
+/// ... and 50 ms for the first few ([`QUICK_SAMPLES`]).
 const QUICK_CLOCK: Duration = Duration::from_millis(50);
-/// How many come so quickly.
-pub(super) const QUICK_SAMPLES: u32 = 8;
 
 impl Worker {
     pub(super) fn greet(&mut self) -> Result<(), LinkError> {

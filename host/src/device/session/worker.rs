@@ -1,6 +1,5 @@
 //! The session's thread.
 
-use super::look::QUICK_SAMPLES;
 use super::policy::{Needs, Policy};
 use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
 use crate::device::client::{Attention, Client, LinkError, name};
@@ -16,6 +15,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
+/// Samples of the board's clock that come quickly after it has been connected.
+pub(super) const QUICK_SAMPLES: u32 = 8;
 /// Between two tries to open a lost port: a replugged board is there after some 300 ms, ...
 const REOPEN: Duration = Duration::from_millis(100);
 /// ... and one that stays away is looked for less and less often, down to this.
