@@ -62,6 +62,12 @@ pub enum ModelError {
         /// What was seen.
         reason: String,
     },
+    /// A design of another panel.
+    #[error("[{part}] is not that of the panel that was solved: only supports, masses and actuators may differ")]
+    OtherPanel {
+        /// What differs, as scene files name it.
+        part: &'static str,
+    },
     /// The eigenvalue iteration did not settle.
     #[error("the modes up to {max_hz} Hz did not converge with {vectors} vectors")]
     NotConverged {

@@ -384,7 +384,7 @@ fn uncrowded(scene: &Scene) -> f64 {
     clippy::cast_sign_loss,
     reason = "`as` saturates"
 )]
-pub fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<Fineness, ModelError> {
+pub(super) fn fineness(scene: &Scene, order: usize, part: f64, max_hz: f64) -> Result<Fineness, ModelError> {
     if !(max_hz > 0.0 && max_hz <= MAX_HZ) {
         return Err(ModelError::Frequency { what: "highest frequency", value: max_hz, min: 0.0, max: MAX_HZ });
     }

@@ -137,3 +137,31 @@ fn springs_of_any_stiffness_hold_their_points() {
         assert!((stiff / rigid - 1.0).abs() < 1e-4 && (rigid / beyond - 1.0).abs() < 1e-6, "{stiff} {rigid} {beyond}");
     }
 }
+
+/// What only a design of the same panel may ask, and elements of the lowest order, of which there is none lower.
+#[test]
+fn other_panels_are_refused_and_any_order_does() {
+    let scene = odd_plate("loss_factor = 0.01", 111.1);
+    let panel = BarePanel::build(&scene, Accuracy::FAST, MAX_HZ).unwrap();
+    let mut thicker = scene.clone();
+    thicker.surface.thickness_m *= 1.01;
+    let mut without_edge = scene.clone();
+    without_edge.edges.clear();
+    assert_eq!(panel.coupled(&thicker).unwrap_err(), ModelError::OtherPanel { part: "surface" });
+    assert_eq!(panel.coupled(&without_edge).unwrap_err(), ModelError::OtherPanel { part: "edge" });
+    let fineness = Fineness { order: 3, cell_m: 0.03, layers: 1 };
+    let coarse = BarePanel::new(&scene, fineness, MAX_HZ).unwrap().coupled(&scene).unwrap();
+    let fine = panel.coupled(&scene).unwrap();
+    assert!((coarse.lambda[0] / fine.lambda[0] - 1.0).abs() < 1e-2, "{} {}", coarse.lambda[0], fine.lambda[0]);
+}
+
+/// A plate that nothing holds has three motions without a frequency, with ERAs that carry their masses as well.
+#[test]
+fn motions_that_nothing_holds_have_no_frequency() {
+    let mut scene = odd_plate("loss_factor = 0.01", 111.1);
+    scene.supports.clear();
+    scene.edges.clear();
+    scene.actuators.retain(|actuator| actuator.mount == crate::scene::Mount::Inertial);
+    let model = BarePanel::build(&scene, Accuracy::FAST, MAX_HZ).unwrap().coupled(&scene).unwrap();
+    assert_eq!(model.lambda.iter().filter(|lambda| **lambda == 0.0).count(), 3, "{}", model.lambda.rows(0, 6));
+}
