@@ -30,7 +30,8 @@ impl From<ModelError> for Failure {
             ModelError::TooFine { .. }
             | ModelError::TooManyModes { .. }
             | ModelError::Frequency { .. }
-            | ModelError::Tolerance { .. } => Failure::usage(error),
+            | ModelError::Tolerance { .. }
+            | ModelError::OtherPanel { .. } => Failure::usage(error),
             ModelError::Factorisation { .. } | ModelError::NotConverged { .. } => Failure::failed(error),
         }
     }
