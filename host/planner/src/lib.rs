@@ -42,6 +42,7 @@ mod motion;
 pub mod perception;
 mod physics;
 pub mod plan;
+pub mod quick;
 pub mod reach;
 mod reports;
 pub mod study;

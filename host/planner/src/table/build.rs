@@ -1,7 +1,9 @@
 //! Filling the table.
 
 use super::entry::stronger;
-use super::forces::{Driver, MotionPerN, harmonic_part, overshoots, overshoots_at_most, travel_by, width_of, widths};
+use super::forces::{
+    Driver, MotionPerN, WIDEST, WIDTHS, harmonic_part, overshoots, overshoots_at_most, travel_by, width_of, widths,
+};
 use super::quadrature::products;
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions};
 use crate::model::ReducedModel;
@@ -27,31 +29,71 @@ const CHUNK: usize = 32;
 /// between points, 1.02 (pi/24 / sin(pi/24)).
 const BETWEEN: f64 = 1.1;
 
+/// Times the steady travel that a mass has room for where it is far from its limit. Switching on takes it to 2.5 times that where one pole
+/// moves it; another actuator may take as much.
+const FAR: f64 = 6.0;
+
 /// Acceleration per newton, root mean square over the surface, which is as good as none, relative to that of the surface without
 /// anything that holds it. Rounding leaves 1e-12 or so of it; a spring of 1e9 N/m under an actuator 1e-5.
 const HELD_FAST: f64 = 1e-9;
 
+/// What a table is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// Plans: all of an [`Entry`].
+    Plans,
+    /// The strongest drives alone. They weigh no energies: mean squares are rough, those of harmonics and figures that take a look at
+    /// every point are left out, and of the pulse widths that are quieter than the widest there is but one.
+    Strongest,
+}
+
 pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<PlanTable, ResponseError> {
-    let frequencies_hz = options.frequencies_hz();
     let grid = SurfaceGrid::new(scene, &model, options.to_hz);
+    let products = products(scene, &model);
+    let mut computed = computed(scene, model, options.frequencies_hz(), (grid, products), Purpose::Plans)?;
+    surface_figures(scene, &mut computed)?;
+    Ok(PlanTable::of(scene, computed))
+}
+
+/// A table for the strongest drives, and nothing else, at these frequencies and with these points.
+pub(super) fn strongest(
+    scene: &Scene,
+    model: ReducedModel,
+    frequencies_hz: Vec<f64>,
+    grid: SurfaceGrid,
+) -> Result<PlanTable, ResponseError> {
+    let mut weighted = grid.shapes.clone();
+    for (mut row, weight) in weighted.row_iter_mut().zip(&grid.weights) {
+        row *= *weight;
+    }
+    let products = grid.shapes.tr_mul(&weighted);
+    Ok(PlanTable::of(scene, computed(scene, model, frequencies_hz, (grid, products), Purpose::Strongest)?))
+}
+
+fn computed(
+    scene: &Scene,
+    model: ReducedModel,
+    frequencies_hz: Vec<f64>,
+    (grid, products): (SurfaceGrid, DMatrix<f64>),
+    purpose: Purpose,
+) -> Result<Computed, ResponseError> {
     let receptance = static_receptance(&model);
     let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &receptance);
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
-    let products = products(scene, &model);
     let solver = Solver::new(&model);
     let free = free_motion(&model);
     let onset = free.as_ref().map(|(_, onset)| onset);
     let drivers = drivers(&electrodes, &transducers, &receptance);
-    let panel = Panel { model: &model, mass_kg: scene.mass_kg(), products: &products, drivers: &drivers, onset };
+    let mass_kg = scene.mass_kg();
+    let panel = Panel { model: &model, mass_kg, products: &products, drivers: &drivers, onset, purpose };
     let columns: Vec<Option<Vec<Entry>>> = frequencies_hz
         .par_iter()
         .map(|frequency_hz| entries_at(panel, &solver, *frequency_hz))
         .collect::<Result<_, _>>()?;
-    let mut entries: Vec<Vec<Option<Entry>>> = (0..electrodes.len())
+    let entries = (0..electrodes.len())
         .map(|actuator| columns.iter().map(|column| column.as_ref()?.get(actuator).cloned()).collect())
         .collect();
-    surface_figures(scene, &model, &grid, &frequencies_hz, &mut entries)?;
-    Ok(PlanTable::of(scene, Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free }))
+    Ok(Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free })
 }
 
 /// The panel's free motion.
@@ -85,6 +127,7 @@ pub(super) struct Panel<'a> {
     pub products: &'a DMatrix<f64>,
     pub drivers: &'a [Driver<'a>],
     pub onset: Option<&'a Onset>,
+    pub purpose: Purpose,
 }
 
 /// The electrodes of a scene's actuators. Force limits are those of the electrodes; a rail's voltage is on all that hang on
@@ -129,13 +172,13 @@ pub(super) fn entries_at(
     solver: &Solver<'_>,
     frequency_hz: f64,
 ) -> Result<Option<Vec<Entry>>, ResponseError> {
-    let Panel { model, mass_kg, products, drivers, onset } = panel;
+    let Panel { model, mass_kg, products, drivers, onset, purpose } = panel;
     let coordinates = match solver.coordinates(frequency_hz) {
         Ok(coordinates) => coordinates,
         Err(error) if error.is_unbounded() => return Ok(None),
         Err(error) => return Err(error),
     };
-    let harmonics = harmonics(model, solver, products, frequency_hz);
+    let harmonics = harmonics(model, solver, (purpose == Purpose::Plans).then_some(products), frequency_hz);
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
     let entries = coordinates.into_iter().zip(drivers).enumerate().map(|(actuator, (displacement, driver))| {
         let travel = travel_by(model, &displacement);
@@ -143,6 +186,8 @@ pub(super) fn entries_at(
         for (row, harmonic) in harmonic_travel.iter_mut().zip(&harmonics) {
             *row = harmonic.travel.get(actuator).copied().unwrap_or_default();
         }
+        let is_far = purpose == Purpose::Strongest && is_far_from_limits(drivers, driver.electrodes, &travel);
+        let onset = onset.filter(|_| !is_far);
         let (overshoot, onset_v) = overshoots_at_most(onset, actuator, frequency_hz, driver.electrodes, &travel);
         let width = |pulse_width: f64| {
             let square = |harmonic: &Harmonic| {
@@ -159,7 +204,7 @@ pub(super) fn entries_at(
             let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
             width_of(*driver, actuator, motion, pulse_width, surface)
         };
-        let widths = widths(frequency_hz, width);
+        let widths = widths(frequency_hz, if purpose == Purpose::Plans { &WIDTHS } else { &WIDTHS[..1] }, width);
         let strongest = *stronger(&widths);
         let mut acceleration = displacement * scale;
         let mean_square = mean_square(products, &acceleration);
@@ -183,6 +228,12 @@ pub(super) fn entries_at(
         }
     });
     Ok(Some(entries.collect()))
+}
+
+/// Whether no mass comes near its limit, whatever switching on adds, under the most force that an actuator's voltage makes.
+fn is_far_from_limits(drivers: &[Driver<'_>], driven: &Electrodes, travel: &[Complex64; MAX_ACTUATORS]) -> bool {
+    let most_n = driven.harmonic_per_volt_squared(1, WIDEST) * driven.max_voltage_v.powi(2);
+    travel.iter().zip(drivers).all(|(z, other)| FAR * most_n * z.norm() < other.electrodes.most_travel_m())
 }
 
 /// Mean square over the surface of a motion with these coordinates.
@@ -224,17 +275,24 @@ struct Harmonic {
     travel: Vec<[f64; MAX_ACTUATORS]>,
 }
 
-/// Every odd harmonic up to the highest frequency that is felt, and [`HARMONICS`] in any case. What is unbounded there is
-/// left out: a resonance without damping, which an edge of finite length does not meet.
-fn harmonics(model: &ReducedModel, solver: &Solver<'_>, products: &DMatrix<f64>, frequency_hz: f64) -> Vec<Harmonic> {
+/// Every odd harmonic up to the highest frequency that is felt, and [`HARMONICS`] in any case; these alone, and no mean squares,
+/// without `products`. What is unbounded there is left out: a resonance without damping, which an edge of finite length does not meet.
+fn harmonics(
+    model: &ReducedModel,
+    solver: &Solver<'_>,
+    products: Option<&DMatrix<f64>>,
+    frequency_hz: f64,
+) -> Vec<Harmonic> {
     let last = HARMONICS[HARMONICS.len() - 1];
-    let numbers = (1..).map(|k| f64::from(2 * k + 1)).take_while(|n| *n <= last || n * frequency_hz <= HIGHEST_FELT_HZ);
+    let is_felt = |number: f64| products.is_some() && number * frequency_hz <= HIGHEST_FELT_HZ;
+    let numbers = (1..).map(|k| f64::from(2 * k + 1)).take_while(|n| *n <= last || is_felt(*n));
     numbers
         .map(|number| {
             let scale = Complex64::from(-(TAU * number * frequency_hz).powi(2));
             let coordinates = solver.coordinates(number * frequency_hz).unwrap_or_default();
-            let is_felt = number * frequency_hz <= HIGHEST_FELT_HZ;
-            let square = |q: &DVector<Complex64>| if is_felt { mean_square(products, &(q * scale)) } else { 0.0 };
+            let square = |q: &DVector<Complex64>| {
+                products.filter(|_| is_felt(number)).map_or(0.0, |products| mean_square(products, &(q * scale)))
+            };
             Harmonic {
                 number,
                 squares: coordinates.iter().map(square).collect(),
@@ -245,13 +303,8 @@ fn harmonics(model: &ReducedModel, solver: &Solver<'_>, products: &DMatrix<f64>,
 }
 
 /// Mean and largest magnitude over the surface.
-fn surface_figures(
-    scene: &Scene,
-    model: &ReducedModel,
-    grid: &SurfaceGrid,
-    frequencies_hz: &[f64],
-    entries: &mut [Vec<Option<Entry>>],
-) -> Result<(), ResponseError> {
+fn surface_figures(scene: &Scene, computed: &mut Computed) -> Result<(), ResponseError> {
+    let Computed { model, grid, frequencies_hz, entries, .. } = computed;
     let known: Vec<usize> =
         (0..frequencies_hz.len()).filter(|k| entries.iter().all(|list| list[*k].is_some())).collect();
     let shapes = SurfaceShapes::<f32>::new(scene, model, &grid.x_m, &grid.y_m);

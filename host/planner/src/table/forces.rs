@@ -14,7 +14,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Pulse widths to choose from. At 2/3 there is no third harmonic and no ninth, at 4/5 no fifth, at 6/7 no seventh; 0.72
 /// has the least of all together.
-const WIDTHS: [f64; 4] = [PULSE_WIDTH, 0.72, 0.8, 6.0 / 7.0];
+pub(super) const WIDTHS: [f64; 4] = [PULSE_WIDTH, 0.72, 0.8, 6.0 / 7.0];
 /// Least time between the two electrodes' windows in s: the board's guard of 200 us, and a tenth more for its rounding.
 const GUARD_S: f64 = 220e-6;
 /// No pulse is wider: beyond it nothing is gained (sin(pi w/2) is above 0.998).
@@ -185,9 +185,10 @@ fn safe_alone(
     most
 }
 
-pub(super) fn widths(frequency_hz: f64, width: impl Fn(f64) -> Width) -> [Width; 2] {
+/// Of `quieter` pulse widths the one whose harmonics move the panel least, and the widest.
+pub(super) fn widths(frequency_hz: f64, quieter: &[f64], width: impl Fn(f64) -> Width) -> [Width; 2] {
     let widest = (1.0 - 2.0 * frequency_hz * GUARD_S).min(WIDEST);
-    let usable = WIDTHS.iter().filter(|pulse_width| **pulse_width <= widest).map(|pulse_width| width(*pulse_width));
+    let usable = quieter.iter().filter(|pulse_width| **pulse_width <= widest).map(|pulse_width| width(*pulse_width));
     let quiet = usable.min_by(|a, b| a.harmonics.total_cmp(&b.harmonics)).unwrap_or_else(|| width(widest));
     [quiet, width(widest)]
 }

@@ -37,9 +37,32 @@ impl SurfaceGrid {
         Self { shapes: model.shapes_on(&grid.x_m, &grid.y_m), ..grid }
     }
 
+    /// The grid with one of `times` of its lines only, and the last one; all its points weigh the same.
+    #[expect(clippy::cast_precision_loss, reason = "a count of points")]
+    pub(crate) fn coarse(scene: &Scene, model: &ReducedModel, max_hz: f64, times: usize) -> Self {
+        let whole = Self::without_shapes(scene, max_hz);
+        let some = |lines: &[f64]| -> Vec<usize> {
+            let last = lines.len().saturating_sub(1);
+            (0..last).step_by(times.max(1)).chain([last]).collect()
+        };
+        let (columns, rows) = (some(&whole.x_m), some(&whole.y_m));
+        let there: Vec<bool> = rows
+            .iter()
+            .flat_map(|row| {
+                columns.iter().map(|column| whole.there[*row * whole.x_m.len() + *column]).collect::<Vec<_>>()
+            })
+            .collect();
+        let each = 1.0 / there.iter().filter(|there| **there).count().max(1) as f64;
+        let lines = |all: &[f64], some: &[usize]| some.iter().map(|line| all[*line]).collect::<Vec<_>>();
+        let (x_m, y_m) = (lines(&whole.x_m, &columns), lines(&whole.y_m, &rows));
+        let shapes = model.shapes_on(&x_m, &y_m);
+        let weights = there.iter().map(|there| if *there { each } else { 0.0 }).collect();
+        Self { x_m, y_m, shapes, weights, there }
+    }
+
     /// The points alone.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
-    pub(super) fn without_shapes(scene: &Scene, max_hz: f64) -> Self {
+    pub(crate) fn without_shapes(scene: &Scene, max_hz: f64) -> Self {
         let (length, width) = (scene.surface.length_m, scene.surface.width_m);
         let cell = cell_m(scene, max_hz);
         let count = |side: f64| (side / cell - 1e-9).ceil().max(LEAST_CELLS) as usize + 1;

@@ -181,6 +181,19 @@ impl PlanTable {
         build::table(scene, model, options)
     }
 
+    /// A table for the strongest drives at these frequencies, over these points: it tells no plan, whose energies it has not.
+    ///
+    /// # Errors
+    /// As [`PlanTable::build`].
+    pub(crate) fn for_strongest(
+        scene: &Scene,
+        model: ReducedModel,
+        frequencies_hz: Vec<f64>,
+        grid: SurfaceGrid,
+    ) -> Result<Self, ResponseError> {
+        build::strongest(scene, model, frequencies_hz, grid)
+    }
+
     /// The table of those of its frequencies that lie between two; `None` if none does.
     #[must_use]
     pub fn between(self, from_hz: f64, to_hz: f64) -> Option<Self> {

@@ -4,7 +4,7 @@
 //! arrays that a touch reads in its own order are made again of scene and entries, so that a table read is bit for bit the
 //! one that was written. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
 
-use super::build::{Panel, drivers, electrodes_of, entries_at, figures_of, free_motion, rows};
+use super::build::{Panel, Purpose, drivers, electrodes_of, entries_at, figures_of, free_motion, rows};
 use super::quadrature::products_of;
 use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
 use crate::model::bounded::Step;
@@ -235,6 +235,7 @@ fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
         products: &table.products,
         drivers: &drivers,
         onset: table.onset(),
+        purpose: Purpose::Plans,
     };
     for k in samples(table.frequencies_hz.len()) {
         let hz = table.frequencies_hz[k];

@@ -1,0 +1,84 @@
+//! The weakest place of many designs of one panel, each in some milliseconds: for studies, whose few best designs are looked at
+//! thoroughly afterwards.
+//!
+//! What a thorough look at a design ([`crate::study::Maps`]) spends its time on is left out where the weakest place does not depend on it:
+//!
+//! - The panel is solved once; supports, masses and ERAs are coupled to it ([`BarePanel`]).
+//! - Frequencies lie close together only where a resonance is ([`frequencies`]).
+//! - Points are a third of the grid's lines apart, and the grid's own around the weakest ([`points`]).
+//! - At a point the best frequencies without the limits that actuators share are found first. Where these limits leave them alone, that is the
+//!   optimum; elsewhere it is a bound from above, and the same drives within the limits are one from below. The exact search looks at those
+//!   points alone whose lower bound leaves them in question ([`weakest`]).
+//!
+//! Everything left out makes what is told larger at a point (fewer points) or smaller (fewer frequencies) than what a thorough look finds; by
+//! how much is measured by `cargo xtask bench study`.
+
+mod frequencies;
+mod points;
+#[cfg(test)]
+mod tests;
+mod weakest;
+
+pub use weakest::Weakest;
+
+use crate::reach::Measure;
+use crate::table::PlanTable;
+use crate::{PlanError, TableOptions};
+use era_model::model::{Accuracy, BarePanel, ModelError};
+use era_model::response::ResponseError;
+use era_model::scene::{MAX_ACTUATORS, Scene};
+use points::coarse_grid;
+
+/// Why a design has no weakest place.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum QuickError {
+    /// The design is not one of this panel, or cannot be computed with.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// It has no response.
+    #[error(transparent)]
+    Response(#[from] ResponseError),
+    /// It cannot be driven.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+}
+
+/// A panel of which many designs are looked at: all that share its surface, patches, cut-outs and edges.
+#[derive(Debug)]
+pub struct QuickPanel {
+    panel: BarePanel,
+    options: TableOptions,
+}
+
+impl QuickPanel {
+    /// The panel of a scene, whatever is attached to it, driven at frequencies of the grid `options`.
+    ///
+    /// # Errors
+    /// As [`BarePanel::build`].
+    pub fn new(scene: &Scene, options: TableOptions) -> Result<Self, ModelError> {
+        Ok(Self { panel: BarePanel::build(scene, Accuracy::FAST, options.to_hz)?, options })
+    }
+
+    /// Unknowns of the panel's mesh.
+    #[must_use]
+    pub fn dofs(&self) -> usize {
+        self.panel.dofs()
+    }
+
+    /// The weakest place of a design of this panel: where the strongest drive, chosen for that place, is the weakest.
+    ///
+    /// # Errors
+    /// [`QuickError`], also where the design is one of another panel.
+    pub fn weakest(&self, scene: &Scene, measure: Measure) -> Result<Weakest, QuickError> {
+        match scene.actuators.len() {
+            0 => return Err(PlanError::NoActuators.into()),
+            count if count > MAX_ACTUATORS => return Err(PlanError::Actuators { count }.into()),
+            _ => {}
+        }
+        let model = self.panel.coupled(scene)?;
+        let hz = frequencies::of(&model, self.options);
+        let grid = coarse_grid(scene, &model, self.options.to_hz);
+        let table = PlanTable::for_strongest(scene, model, hz, grid)?;
+        Ok(weakest::of(&table, measure, self.options.to_hz).ok_or(PlanError::NoFrequencies)?)
+    }
+}

@@ -1,0 +1,154 @@
+use super::*;
+use crate::STANDARD_GRAVITY;
+use crate::reach::Space;
+use crate::scene::random::scene_text;
+use crate::study::maps;
+use crate::table::View;
+use era_model::model::PanelModel;
+use era_model::response::acceleration_curves;
+use era_model::scene::{Actuator, EXAMPLE_BAR, EXAMPLE_PLATE};
+
+const OPTIONS: TableOptions = TableOptions { from_hz: 40.0, to_hz: 400.0, step_hz: 1.0 };
+
+fn plate() -> Scene {
+    Scene::parse("plate", EXAMPLE_PLATE).unwrap()
+}
+
+/// Of no round size, its ERAs anywhere.
+fn odd_plate(places_m: &[(f64, f64)]) -> Scene {
+    let mut scene = plate();
+    let (length_m, width_m) = (0.3437, 0.2211);
+    for support in &mut scene.supports {
+        support.x_m *= length_m / scene.surface.length_m;
+        support.y_m *= width_m / scene.surface.width_m;
+    }
+    (scene.surface.length_m, scene.surface.width_m) = (length_m, width_m);
+    let own = scene.actuators[0].clone();
+    let actuator = |(k, (x_m, y_m)): (usize, &(f64, f64))| Actuator {
+        id: format!("era{k}"),
+        x_m: x_m * length_m,
+        y_m: y_m * width_m,
+        ..own.clone()
+    };
+    scene.actuators = places_m.iter().enumerate().map(actuator).collect();
+    scene
+}
+
+fn quick(scene: &Scene) -> Weakest {
+    QuickPanel::new(scene, OPTIONS).unwrap().weakest(scene, Measure::G).unwrap()
+}
+
+/// Over all points and frequencies, of the scene's own elements, without bounds.
+fn thorough(scene: &Scene) -> Option<f64> {
+    let model = PanelModel::build(scene, Accuracy::BALANCED, OPTIONS.to_hz).ok()?.reduce(OPTIONS.to_hz, &[]).ok()?;
+    let table = PlanTable::build(scene, model, OPTIONS).ok()?;
+    let space = Space::of(&table, &View::new(&table, None)?.shapes, |hz| Measure::G.weight(hz));
+    maps::strongest(&table, &space)
+        .into_iter()
+        .map(|found| Some(found?.peak))
+        .try_fold(f64::INFINITY, |least, peak| Some(least.min(peak?)))
+}
+
+#[test]
+fn it_is_the_least_of_a_thorough_look() {
+    let places = [(0.25, 0.5), (0.75, 0.5), (0.31, 0.22)];
+    let bar = Scene::parse("bar", EXAMPLE_BAR).unwrap();
+    let scenes = [plate(), bar, odd_plate(&places[..2]), odd_plate(&places), odd_plate(&[(0.13, 0.87), (0.71, 0.29)])];
+    for scene in scenes {
+        let (found, wanted) = (quick(&scene), thorough(&scene).unwrap());
+        assert!((found.peak / wanted - 1.0).abs() < 0.02, "{}: {found:?} for {wanted}", scene.name);
+    }
+}
+
+#[test]
+fn designs_at_random_are_too() {
+    let mut off: Vec<f64> = Vec::new();
+    for number in 0..10 {
+        let scene = Scene::parse("random", &scene_text(4711, number)).unwrap();
+        let panel = QuickPanel::new(&scene, OPTIONS).unwrap();
+        // Scenes that nothing can be said of are those of which a thorough look says nothing either.
+        match (panel.weakest(&scene, Measure::G), thorough(&scene)) {
+            (Ok(found), Some(wanted)) if wanted > 1e-3 => off.push((found.peak / wanted - 1.0).abs()),
+            (Ok(found), Some(wanted)) => assert!(found.peak < 2e-3, "{number}: {} for {wanted}", found.peak),
+            (Err(_), None) => {}
+            (found, wanted) => panic!("{number}: {found:?} {wanted:?}"),
+        }
+    }
+    off.sort_by(f64::total_cmp);
+    assert!(off.len() > 3 && off[off.len() / 2] < 0.02 && off[off.len() - 1] < 0.1, "{off:?}");
+}
+
+/// Equation 23 with the responses of the scene's own elements, at the place that is told.
+#[test]
+fn its_drives_do_there_what_is_told() {
+    let scene = odd_plate(&[(0.13, 0.87), (0.71, 0.29)]);
+    let found = quick(&scene);
+    let model =
+        PanelModel::build(&scene, Accuracy::REFERENCE, OPTIONS.to_hz).unwrap().reduce(OPTIONS.to_hz, &[]).unwrap();
+    let shape = model.shape_at(found.at_m.0, found.at_m.1);
+    let peak: f64 = found
+        .drives
+        .iter()
+        .enumerate()
+        .map(|(i, drive)| {
+            acceleration_curves(&model, &shape, &[drive.frequency_hz]).unwrap()[i][0].norm() * drive.force_n
+        })
+        .sum();
+    assert!(
+        (peak / STANDARD_GRAVITY / found.peak - 1.0).abs() < 0.02,
+        "{} for {}",
+        peak / STANDARD_GRAVITY,
+        found.peak
+    );
+    let hz = [found.drives[0].frequency_hz, found.drives[1].frequency_hz];
+    assert!((hz[0] - hz[1]).abs() >= 20.0 - 1e-9 && hz.iter().all(|hz| (40.0..=400.0).contains(hz)), "{hz:?}");
+}
+
+/// A mirrored design is as strong, at the mirrored place, and one panel serves both in either order.
+#[test]
+fn a_mirrored_design_is_as_strong() {
+    let (one, other) = (odd_plate(&[(0.13, 0.87), (0.71, 0.29)]), odd_plate(&[(0.87, 0.87), (0.29, 0.29)]));
+    let panel = QuickPanel::new(&one, OPTIONS).unwrap();
+    let [first, mirrored, again] = [&one, &other, &one].map(|scene| panel.weakest(scene, Measure::G).unwrap());
+    assert_eq!(first, again);
+    assert!((first.peak / mirrored.peak - 1.0).abs() < 1e-4, "{} {}", first.peak, mirrored.peak);
+    let turned = one.surface.length_m - mirrored.at_m.0;
+    assert!(
+        (first.at_m.0 - turned).abs() < 1e-6 && (first.at_m.1 - mirrored.at_m.1).abs() < 1e-6,
+        "{first:?} {mirrored:?}"
+    );
+}
+
+/// Neither actuators nor the panel are taken for granted.
+#[test]
+fn what_cannot_be_driven_says_so() {
+    let scene = plate();
+    let panel = QuickPanel::new(&scene, OPTIONS).unwrap();
+    let mut none = scene.clone();
+    none.actuators.clear();
+    assert_eq!(panel.weakest(&none, Measure::G), Err(QuickError::Plan(PlanError::NoActuators)));
+    let mut many = scene.clone();
+    many.actuators = vec![scene.actuators[0].clone(); MAX_ACTUATORS + 1];
+    assert_eq!(
+        panel.weakest(&many, Measure::G),
+        Err(QuickError::Plan(PlanError::Actuators { count: MAX_ACTUATORS + 1 }))
+    );
+    let mut thicker = scene;
+    thicker.surface.thickness_m *= 2.0;
+    assert_eq!(panel.weakest(&thicker, Measure::G), Err(QuickError::Model(ModelError::OtherPanel { part: "surface" })));
+}
+
+/// Close to a resonance every frequency of the grid is there; far from all, three times fewer.
+#[test]
+fn frequencies_are_close_where_resonances_are() {
+    let model = PanelModel::build(&plate(), Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap();
+    let hz = frequencies::of(&model, OPTIONS);
+    assert!(hz[0] == 40.0 && hz[hz.len() - 1] == 400.0);
+    assert!(hz.windows(2).all(|pair| (1.0..=3.0).contains(&(pair[1] - pair[0]))), "{hz:?}");
+    assert!((80..200).contains(&hz.len()), "{}", hz.len());
+    // The example plate's light modes, from the crosscheck's own tables: 123.8, 125.9, 259.9 Hz.
+    for resonance in [123.8, 125.9, 259.9_f64] {
+        let nearest = hz.iter().map(|hz| (hz - resonance).abs()).fold(f64::INFINITY, f64::min);
+        assert!(nearest <= 1.0, "{resonance}: {nearest}");
+    }
+}

@@ -1,0 +1,135 @@
+//! The weakest of some points, with bounds for all and the exact search for few.
+
+use super::points::around;
+use crate::MIN_SPACING_HZ;
+use crate::assignment::{Assignment, lags};
+use crate::drive::Drive;
+use crate::reach::setting::command;
+use crate::reach::{Measure, Space, search};
+use crate::request::Work;
+use crate::table::PlanTable;
+use nalgebra::DMatrix;
+use std::collections::HashMap;
+
+/// Of the coarse points that are weaker than those beside them, how many of the weakest are looked around.
+const LOOKED_AROUND: usize = 5;
+
+/// A design's weakest place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weakest {
+    /// The strongest peak that can be had there, in the measure's unit.
+    pub peak: f64,
+    /// Where, in m.
+    pub at_m: (f64, f64),
+    /// The drives that make it.
+    pub drives: Vec<Drive>,
+    /// Points that were looked at.
+    pub points: usize,
+    /// Frequencies to choose from.
+    pub frequencies: usize,
+}
+
+/// A point as far as it is known: what can be had there, or a bound from below.
+#[derive(Clone, Copy)]
+struct Known {
+    place_m: (f64, f64),
+    least: f64,
+}
+
+/// The weakest place of a table's points and of those around the weakest of these. `None` without usable frequencies.
+pub(super) fn of(table: &PlanTable, measure: Measure, max_hz: f64) -> Option<Weakest> {
+    let grid = &table.grid;
+    let columns = grid.x_m.len().max(1);
+    let there: Vec<usize> = (0..grid.there.len()).filter(|point| grid.there[*point]).collect();
+    let places = there.iter().map(|point| (grid.x_m[point % columns], grid.y_m[point / columns])).collect();
+    let mut coarse = Points::new(table, measure, places, &grid.shapes.select_rows(&there))?;
+    let first = coarse.weakest(table, f64::INFINITY)?;
+    let weak = weak_places(&coarse.known, columns, &there);
+    let fine = around(table, max_hz, &weak);
+    let points = there.len() + fine.len();
+    let mut found = Weakest { points, frequencies: table.frequencies_hz.len(), ..first };
+    if !fine.is_empty() {
+        let mut shapes = DMatrix::zeros(fine.len(), table.model.order());
+        for (mut row, (x_m, y_m)) in shapes.row_iter_mut().zip(&fine) {
+            row.tr_copy_from(&table.model.shape_at(*x_m, *y_m));
+        }
+        if let Some(weaker) = Points::new(table, measure, fine, &shapes)?.weakest(table, found.peak) {
+            found = Weakest { points: found.points, frequencies: found.frequencies, ..weaker };
+        }
+    }
+    Some(found)
+}
+
+/// The weakest of the points `there` of a grid that are weaker than all those beside them, in m.
+fn weak_places(known: &[Known], columns: usize, there: &[usize]) -> Vec<(f64, f64)> {
+    let least_at: HashMap<usize, f64> = there.iter().copied().zip(known.iter().map(|known| known.least)).collect();
+    let is_weak = |at: usize, own: f64| {
+        let (row, column) = (at / columns, at % columns);
+        let rows = row.saturating_sub(1)..=row + 1;
+        let mut beside = rows.flat_map(|row| {
+            (column.saturating_sub(1)..=(column + 1).min(columns - 1)).map(move |column| row * columns + column)
+        });
+        // Of equals the first.
+        beside.all(|other| {
+            other == at || least_at.get(&other).is_none_or(|least| own < *least || (own == *least && at < other))
+        })
+    };
+    let each = there.iter().zip(known);
+    let mut weak: Vec<&Known> = each.filter(|(at, known)| is_weak(**at, known.least)).map(|(_, known)| known).collect();
+    weak.sort_by(|a, b| a.least.total_cmp(&b.least));
+    weak.into_iter().take(LOOKED_AROUND).map(|known| known.place_m).collect()
+}
+
+/// Points with what is known of each.
+struct Points {
+    space: Space,
+    known: Vec<Known>,
+}
+
+impl Points {
+    fn new(table: &PlanTable, measure: Measure, places_m: Vec<(f64, f64)>, shapes: &DMatrix<f64>) -> Option<Self> {
+        let space = Space::of(table, shapes, |hz| measure.weight(hz));
+        let lags = lags(&space.frequencies_hz, MIN_SPACING_HZ - 1e-9);
+        let mut assignment = Assignment::default();
+        let p = space.actuators();
+        let known = places_m.into_iter().enumerate().map(|(point, place_m)| {
+            let value = (0..p).flat_map(|i| (0..lags.len()).map(move |k| (i, k)));
+            let value = value.map(|(i, k)| match space.force_n(i, k) > 0.0 {
+                true => f64::from(space.gains(i, k)[point]),
+                false => f64::NEG_INFINITY,
+            });
+            assignment.fill(p, value.collect(), &lags);
+            let choice = assignment.choice(&lags)?;
+            let used = (0..space.limits).map(|limit| (0..p).map(|i| space.usages(i, choice[i])[limit]).sum::<f64>());
+            Some(Known { place_m, least: assignment.most() / used.fold(1.0, f64::max) })
+        });
+        let known = known.collect::<Option<_>>()?;
+        Some(Self { space, known })
+    }
+
+    /// The weakest point, if it is weaker than `below`. What is found out about points on the way is kept.
+    fn weakest(&mut self, table: &PlanTable, below: f64) -> Option<Weakest> {
+        let mut order: Vec<usize> = (0..self.known.len()).collect();
+        order.sort_by(|a, b| self.known[*a].least.total_cmp(&self.known[*b].least));
+        let (mut least, mut found) = (below, None);
+        let mut hint: Option<Vec<usize>> = None;
+        for point in order {
+            if self.known[point].least >= least {
+                break;
+            }
+            let best = search::best(&self.space, &[point], Work::Study, hint.as_deref())?;
+            let mut setting = best.setting(table, &self.space);
+            // Masses that move far leave a part of it.
+            let peak = best.least * command(table, &mut setting)?;
+            self.known[point].least = peak;
+            hint = Some(best.choice);
+            if peak < least {
+                least = peak;
+                let drives = setting.into_iter().map(|part| part.drive).collect();
+                let at_m = self.known[point].place_m;
+                found = Some(Weakest { peak, at_m, drives, points: 0, frequencies: 0 });
+            }
+        }
+        found
+    }
+}
