@@ -73,6 +73,12 @@ pub enum Error {
     /// No motion in time.
     #[error(transparent)]
     Transient(#[from] era_model::transient::TransientError),
+    /// A design cannot be looked at.
+    #[error(transparent)]
+    Quick(#[from] era_planner::quick::QuickError),
+    /// No threads.
+    #[error("cannot start threads: {0}")]
+    Threads(String),
     /// A document without a place for a part.
     #[error("{path} has no `{start}` with a `<!-- end -->` after it")]
     NoRoom {

@@ -1,5 +1,5 @@
-//! Measurements of the panel model, side by side with its peers, and of the planner: `cargo xtask bench model` and
-//! `cargo xtask bench planner`.
+//! Measurements of the panel model, side by side with its peers, of the planner and of studies' quick look at designs:
+//! `cargo xtask bench model`, `cargo xtask bench planner` and `cargo xtask bench study`.
 
 mod arithmetic;
 mod before;
@@ -19,6 +19,7 @@ mod problem;
 mod process;
 mod proof;
 mod references;
+mod study;
 mod table;
 mod table1;
 mod tradeoff;
@@ -58,6 +59,12 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         update: Option<PathBuf>,
     },
+    /// Studies' quick look at designs: designs a second, beside the thorough look and SciPy
+    Study {
+        /// Also put the tables into a document, where it has `<!-- measured: study -->` and `<!-- end -->`
+        #[arg(long, value_name = "FILE")]
+        update: Option<PathBuf>,
+    },
     /// One case, as JSON: what the measurements run in processes of their own
     #[command(subcommand, hide = true)]
     Case(Case),
@@ -74,6 +81,8 @@ enum Part {
     Proof,
     #[value(hide = true)]
     Planner,
+    #[value(hide = true)]
+    Study,
 }
 
 #[derive(Args)]
@@ -101,7 +110,10 @@ struct Options {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Model(options) => model(&options),
-        Command::Planner { update } => measure_planner(update.as_deref()),
+        Command::Planner { update } => measured(Part::Planner, planner::tables, update.as_deref()),
+        Command::Study { update } => {
+            measured(Part::Study, || study::tables(&Environment::new(true, true)?), update.as_deref())
+        }
         Command::Case(case) => case::run(&case).map(|outcome| println!("{}", serde_json::json!(outcome))),
     };
     match result {
@@ -113,13 +125,17 @@ fn main() -> ExitCode {
     }
 }
 
-fn measure_planner(update: Option<&Path>) -> Result<(), Error> {
+fn measured(
+    part: Part,
+    tables: impl FnOnce() -> Result<Vec<Table>, Error>,
+    update: Option<&Path>,
+) -> Result<(), Error> {
     println!("{}\n", document::machine()?);
-    let tables = planner::tables()?;
+    let tables = tables()?;
     for table in &tables {
         println!("{}", table.text());
     }
-    let tables: Vec<(Part, Table)> = tables.into_iter().map(|table| (Part::Planner, table)).collect();
+    let tables: Vec<(Part, Table)> = tables.into_iter().map(|table| (part, table)).collect();
     update.map_or(Ok(()), |path| document::update(path, &tables))
 }
 

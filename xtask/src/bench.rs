@@ -17,7 +17,7 @@ pub struct Options {
         trailing_var_arg = true,
         allow_hyphen_values = true,
         required = true,
-        value_name = "model|planner|start|daemon ..."
+        value_name = "model|planner|study|start|daemon ..."
     )]
     arguments: Vec<OsString>,
 }

@@ -1,0 +1,182 @@
+//! Designs of one panel: how many a second the quick look of studies does, how far it is from a thorough one, and how both grow.
+
+use crate::clock::{median, timed};
+use crate::environment::Environment;
+use crate::error::Error;
+use crate::peers::Report;
+use crate::problem::Problem;
+use crate::process::json;
+use crate::table::{Table, relative, seconds, times};
+use era_model::model::{Accuracy, PanelModel};
+use era_model::scene::{EXAMPLE_PLATE, Scene, evenly};
+use era_planner::quick::{QuickPanel, Weakest};
+use era_planner::reach::{Measure, Space};
+use era_planner::study::maps;
+use era_planner::table::View;
+use era_planner::{PlanError, PlanTable, TableOptions};
+use rayon::prelude::*;
+
+/// Designs of the first table; of those the thorough look and the peer take the first few.
+const DESIGNS: u32 = 200;
+const THOROUGH: usize = 24;
+const PEER: usize = 3;
+/// Designs of each row of what a design costs as it grows.
+const GROWN: u32 = 40;
+/// The peer's mesh: cubic elements, with which its responses are off by some 1e-3.
+const MESH: &str = "24x16";
+/// Cells of the grid that fields are told on, as the planner's.
+const CELLS: (usize, usize) = (48, 32);
+
+/// What is looked at.
+#[derive(Clone, Copy)]
+struct Case {
+    length_m: f64,
+    width_m: f64,
+    actuators: usize,
+    options: TableOptions,
+}
+
+const EXAMPLE: Case = Case {
+    length_m: 0.3,
+    width_m: 0.2,
+    actuators: 2,
+    options: TableOptions { from_hz: 40.0, to_hz: 400.0, step_hz: 1.0 },
+};
+
+/// The example plate, of the case's size, with ERAs anywhere on it, a tenth of its sides from the edges, by a low-discrepancy sequence.
+fn designs(case: Case, count: u32) -> Result<Vec<Scene>, Error> {
+    let plate = Scene::parse("examples/scenes/plate.toml", EXAMPLE_PLATE)?;
+    let design = |number: u32| {
+        let mut scene = plate.clone();
+        for support in &mut scene.supports {
+            support.x_m *= case.length_m / plate.surface.length_m;
+            support.y_m *= case.width_m / plate.surface.width_m;
+        }
+        (scene.surface.length_m, scene.surface.width_m) = (case.length_m, case.width_m);
+        scene.actuators = (0..case.actuators)
+            .zip(0_u32..)
+            .map(|(k, step)| {
+                let mut actuator = plate.actuators[k % plate.actuators.len()].clone();
+                let at = |step: f64, turn: f64| 0.1 + 0.8 * (0.5 + turn + step * f64::from(number + 1)).fract();
+                actuator.id = format!("era{k}");
+                let turn = f64::from(step) * 0.38;
+                (actuator.x_m, actuator.y_m) =
+                    (case.length_m * at(0.754_877_666, turn), case.width_m * at(0.569_840_291, 0.7 * turn));
+                actuator
+            })
+            .collect();
+        scene
+    };
+    Ok((0..count).map(design).collect())
+}
+
+/// The quick look at all designs, in s for each, on the threads of the pool that this runs in.
+fn looked_at(panel: &QuickPanel, scenes: &[Scene]) -> Result<(Vec<Weakest>, f64), Error> {
+    let all = || scenes.par_iter().map(|scene| panel.weakest(scene, Measure::G)).collect::<Result<Vec<_>, _>>();
+    let (found, all_s) = timed(all)?;
+    Ok((found, all_s / scenes.len() as f64))
+}
+
+/// A design by itself: its own elements, every frequency, every point, each searched exactly. Its weakest place in g.
+fn thorough(scene: &Scene, options: TableOptions) -> Result<f64, Error> {
+    let model = PanelModel::build(scene, Accuracy::BALANCED, options.to_hz)?.reduce(options.to_hz, &[])?;
+    let table = PlanTable::build(scene, model, options)?;
+    let view = View::new(&table, None).ok_or(PlanError::NoFrequencies)?;
+    let space = Space::of(&table, &view.shapes, |hz| Measure::G.weight(hz));
+    let peaks = maps::strongest(&table, &space).into_iter().map(|found| found.map(|found| found.peak));
+    let least = peaks.collect::<Option<Vec<_>>>().map(|peaks| peaks.into_iter().fold(f64::INFINITY, f64::min));
+    Ok(least.ok_or(PlanError::NoFrequencies)?)
+}
+
+fn pool(threads: usize) -> Result<rayon::ThreadPool, Error> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| Error::Threads(error.to_string()))
+}
+
+/// SciPy's modes and responses of a design, of two loads at all points of the planner's grid and at its frequencies, without any search: in s.
+fn peer_s(environment: &Environment, scene: &Scene, options: TableOptions) -> Result<f64, Error> {
+    let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+    let problem = Problem {
+        scene: scene.clone(),
+        frequencies_hz: options.frequencies_hz(),
+        x_m: evenly(0.0, length, CELLS.0 + 1),
+        y_m: evenly(0.0, width, CELLS.1 + 1),
+    };
+    let reference = problem.reference(crate::own::NEXT)?;
+    let path = problem.write(&environment.scratch, &reference)?;
+    let mut command = environment.script("peers.py");
+    command.arg(path).args(["--meshes", MESH, "--direct-most", "0", "--real-most", "0", "--solves", "1"]);
+    let report: Report = json(&mut command)?;
+    let own = report.results.iter().find(|solved| solved.method == "modal+2");
+    Ok(own.map_or(f64::NAN, |solved| solved.set_up_s + solved.sweep_s))
+}
+
+/// All tables.
+///
+/// # Errors
+/// [`Error`] of a design that has no answer, or of the peer.
+pub fn tables(environment: &Environment) -> Result<Vec<Table>, Error> {
+    Ok(vec![side_by_side(environment)?, growth()?])
+}
+
+fn side_by_side(environment: &Environment) -> Result<Table, Error> {
+    let scenes = designs(EXAMPLE, DESIGNS)?;
+    let (panel, first_s) = timed(|| QuickPanel::new(&scenes[0], EXAMPLE.options))?;
+    let (found, quick_s) = pool(1)?.install(|| looked_at(&panel, &scenes))?;
+    let (_, both_s) = pool(2)?.install(|| looked_at(&panel, &scenes))?;
+    let mut off = Vec::new();
+    let mut thorough_s = Vec::new();
+    for (scene, found) in scenes.iter().zip(&found).take(THOROUGH) {
+        let (least, s) = pool(1)?.install(|| timed(|| thorough(scene, EXAMPLE.options)))?;
+        off.push((found.peak / least - 1.0).abs());
+        thorough_s.push(s);
+    }
+    let thorough_s = median(thorough_s);
+    let peer = scenes.iter().take(PEER).map(|scene| peer_s(environment, scene, EXAMPLE.options));
+    let peer_s = median(peer.collect::<Result<_, _>>()?);
+    off.sort_by(f64::total_cmp);
+    let columns = ["way", "designs", "each", "designs a second", "times the thorough look"];
+    let mut table = Table::new("Designs of the example plate: its weakest place", &columns);
+    let mut row = |name: &str, designs: usize, s: f64| {
+        let speed = format!("{:.1}", 1.0 / s);
+        table.row([name.to_owned(), designs.to_string(), seconds(s), speed, times(thorough_s / s)]);
+    };
+    row("quick, one thread", scenes.len(), quick_s);
+    row("quick, two threads", scenes.len(), both_s);
+    row("thorough, one thread", THOROUGH, thorough_s);
+    row("SciPy, responses alone, one thread", PEER, peer_s);
+    table.below.push(format!(
+        "The two ERAs anywhere. Solving the bare panel first took {}. Quick beside thorough over {THOROUGH} designs: \
+         {} off in the median, {} at most. SciPy: {MESH} cubic elements, 60 modes, two residual terms, responses at the planner's points and \
+         frequencies, no search.",
+        seconds(first_s),
+        relative(off[off.len() / 2]),
+        relative(off[off.len() - 1])
+    ));
+    Ok(table)
+}
+
+fn growth() -> Result<Table, Error> {
+    let columns = ["case", "unknowns", "frequencies", "points", "each"];
+    let mut table = Table::new("What a design costs, one thread", &columns);
+    let to_hz = |to_hz: f64| Case { options: TableOptions { to_hz, ..EXAMPLE.options }, ..EXAMPLE };
+    let cases = [
+        ("the example", EXAMPLE),
+        ("one ERA", Case { actuators: 1, ..EXAMPLE }),
+        ("three ERAs", Case { actuators: 3, ..EXAMPLE }),
+        ("four ERAs", Case { actuators: 4, ..EXAMPLE }),
+        ("up to 200 Hz", to_hz(200.0)),
+        ("up to 800 Hz", to_hz(800.0)),
+        ("twice as long and wide", Case { length_m: 0.6, width_m: 0.4, ..EXAMPLE }),
+        ("four times as long and wide", Case { length_m: 1.2, width_m: 0.8, ..EXAMPLE }),
+    ];
+    for (name, case) in cases {
+        let scenes = designs(case, GROWN)?;
+        let panel = QuickPanel::new(&scenes[0], case.options)?;
+        let (found, each_s) = pool(1)?.install(|| looked_at(&panel, &scenes))?;
+        let (frequencies, points) =
+            found.iter().fold((0, 0), |sum, found| (sum.0 + found.frequencies, sum.1 + found.points));
+        let mean = |sum: usize| (sum / scenes.len()).to_string();
+        table.row([name.to_owned(), panel.dofs().to_string(), mean(frequencies), mean(points), seconds(each_s)]);
+    }
+    Ok(table)
+}
