@@ -4,9 +4,10 @@ use crate::model::ReducedModel;
 use crate::scene::Scene;
 use crate::table::{PlanTable, SurfaceGrid};
 
-/// One of so many of the grid's lines is looked at: four points in a bending wave at the highest frequency. What the weakest place is
-/// between them is looked for with all lines.
-const TIMES: usize = 3;
+/// One of so many of the grid's lines is looked at: six points in a bending wave at the highest frequency. Where node lines of two modes cross,
+/// places are weak within a tenth of a wave only: with every third line one of 24 designs of the example plate had its weakest place between them, and
+/// was taken for 1.5 times as strong.
+const TIMES: usize = 2;
 
 /// The points that are looked at first.
 pub(super) fn coarse_grid(scene: &Scene, model: &ReducedModel, max_hz: f64) -> SurfaceGrid {

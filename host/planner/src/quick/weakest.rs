@@ -9,10 +9,12 @@ use crate::reach::{Measure, Space, search};
 use crate::request::Work;
 use crate::table::PlanTable;
 use nalgebra::DMatrix;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Of the coarse points that are weaker than those beside them, how many of the weakest are looked around.
-const LOOKED_AROUND: usize = 5;
+const LOOKED_AROUND: usize = 12;
+/// Rounds in which the points around the weakest are looked at again. One or two are usual.
+const ROUNDS: usize = 8;
 
 /// A design's weakest place.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,19 +46,29 @@ pub(super) fn of(table: &PlanTable, measure: Measure, max_hz: f64) -> Option<Wea
     let places = there.iter().map(|point| (grid.x_m[point % columns], grid.y_m[point / columns])).collect();
     let mut coarse = Points::new(table, measure, places, &grid.shapes.select_rows(&there))?;
     let first = coarse.weakest(table, f64::INFINITY)?;
-    let weak = weak_places(&coarse.known, columns, &there);
-    let fine = around(table, max_hz, &weak);
-    let points = there.len() + fine.len();
-    let mut found = Weakest { points, frequencies: table.frequencies_hz.len(), ..first };
-    if !fine.is_empty() {
+    let mut points = there.len();
+    let mut found = first;
+    let mut seen: HashSet<(u64, u64)> = HashSet::new();
+    let mut centres = weak_places(&coarse.known, columns, &there);
+    for _ in 0..ROUNDS {
+        let fine: Vec<(f64, f64)> = around(table, max_hz, &centres)
+            .into_iter()
+            .filter(|(x_m, y_m)| seen.insert((x_m.to_bits(), y_m.to_bits())))
+            .collect();
+        if fine.is_empty() {
+            break;
+        }
+        points += fine.len();
         let mut shapes = DMatrix::zeros(fine.len(), table.model.order());
         for (mut row, (x_m, y_m)) in shapes.row_iter_mut().zip(&fine) {
             row.tr_copy_from(&table.model.shape_at(*x_m, *y_m));
         }
-        if let Some(weaker) = Points::new(table, measure, fine, &shapes)?.weakest(table, found.peak) {
-            found = Weakest { points: found.points, frequencies: found.frequencies, ..weaker };
-        }
+        let Some(weaker) = Points::new(table, measure, fine, &shapes)?.weakest(table, found.peak) else { break };
+        centres = vec![weaker.at_m];
+        found = weaker;
     }
+    found.points = points;
+    found.frequencies = table.frequencies_hz.len();
     Some(found)
 }
 

@@ -4,6 +4,9 @@ use crate::table::shared_limits::SharedLimits;
 use crate::table::{Entry, PlanTable};
 use nalgebra::DMatrix;
 
+/// Frequencies that are multiplied together: 64 of them at the 65 536 points of the largest grid take 64 MB.
+const TOGETHER: usize = 64;
+
 /// The choices for a drive at distinct frequencies: `actuators` x `frequencies`, seen from some points.
 ///
 /// Gains are kept in single precision: 6e-8 is far below any model's error, and a surface has thousands of points.
@@ -55,29 +58,19 @@ impl Space {
     #[must_use]
     pub fn of(table: &PlanTable, shapes: &DMatrix<f64>, weight: impl Fn(f64) -> f64) -> Self {
         let limits = &table.limits;
-        let choices = table
-            .entries
-            .iter()
-            .enumerate()
-            .map(|(actuator, list)| {
-                let entries = list.iter().zip(&table.frequencies_hz);
-                entries
-                    .map(|(entry, frequency_hz)| match entry {
-                        None => Choice {
-                            force_n: 0.0,
-                            gain: vec![0.0; shapes.nrows()],
-                            usage: vec![0.0; limits.allowed.len()],
-                        },
-                        Some(entry) => Choice {
-                            force_n: entry.max_force_n,
-                            gain: magnitudes(shapes, entry, entry.max_force_n * weight(*frequency_hz)),
-                            usage: usage(limits, actuator, entry),
-                        },
-                    })
-                    .collect()
-            })
-            .collect();
-        Self::new(table.frequencies_hz.clone(), choices)
+        let choices = table.entries.iter().enumerate().map(|(actuator, list)| {
+            let entries: Vec<(Option<&Entry>, f64)> =
+                list.iter().map(Option::as_ref).zip(table.frequencies_hz.iter().map(|hz| weight(*hz))).collect();
+            let choice = |entry: Option<&Entry>, gain: Vec<f32>| match entry {
+                None => Choice { force_n: 0.0, gain, usage: vec![0.0; limits.allowed.len()] },
+                Some(entry) => Choice { force_n: entry.max_force_n, gain, usage: usage(limits, actuator, entry) },
+            };
+            let each = entries
+                .chunks(TOGETHER)
+                .flat_map(|chunk| chunk.iter().map(|(entry, _)| *entry).zip(magnitudes(shapes, chunk)));
+            each.map(|(entry, gain)| choice(entry, gain)).collect()
+        });
+        Self::new(table.frequencies_hz.clone(), choices.collect())
     }
 
     /// Number of actuators.
@@ -135,11 +128,22 @@ impl Space {
     }
 }
 
+/// Of some entries, with what their accelerations are multiplied by, the magnitude at every point at full force; 0 without an entry. One product of
+/// matrices for all of them.
 #[expect(clippy::cast_possible_truncation, reason = "single precision is meant")]
-fn magnitudes(shapes: &DMatrix<f64>, entry: &Entry, scale: f64) -> Vec<f32> {
-    let re = shapes * entry.acceleration.map(|z| z.re);
-    let im = shapes * entry.acceleration.map(|z| z.im);
-    re.iter().zip(im.iter()).map(|(re, im)| (re.hypot(*im) * scale) as f32).collect()
+fn magnitudes(shapes: &DMatrix<f64>, entries: &[(Option<&Entry>, f64)]) -> Vec<Vec<f32>> {
+    let mut coordinates = DMatrix::zeros(shapes.ncols(), 2 * entries.len());
+    for (k, (entry, weight)) in entries.iter().enumerate() {
+        let Some(entry) = entry else { continue };
+        let scale = entry.max_force_n * weight;
+        for (i, z) in entry.acceleration.iter().enumerate() {
+            (coordinates[(i, 2 * k)], coordinates[(i, 2 * k + 1)]) = (z.re * scale, z.im * scale);
+        }
+    }
+    let values = shapes * coordinates;
+    let magnitude = |(re, im): (&f64, &f64)| (re * re + im * im).sqrt() as f32;
+    let of = |k: usize| values.column(2 * k).iter().zip(values.column(2 * k + 1).iter()).map(magnitude).collect();
+    (0..entries.len()).map(of).collect()
 }
 
 /// Part of each shared limit that an actuator uses up at its largest force.
