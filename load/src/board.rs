@@ -40,8 +40,8 @@ pub struct Rubbish {
 #[derive(Debug, Default)]
 struct Trouble {
     rubbish: Option<Rubbish>,
-    /// Nothing gets through.
-    cut: bool,
+    /// Ways on which nothing gets through.
+    cut: Vec<Way>,
     pulled: bool,
 }
 
@@ -104,10 +104,10 @@ impl Bench {
         std::fs::remove_file(&self.link).map_err(Error::file(&self.link))
     }
 
-    /// Lets nothing through, or everything.
-    pub fn cut(&self, cut: bool) {
+    /// Lets nothing through on these ways, and everything on the others.
+    pub fn cut(&self, ways: &[Way]) {
         if let Some(cable) = &self.cable {
-            cable.trouble().cut = cut;
+            cable.trouble().cut = ways.to_vec();
         }
     }
 
@@ -222,7 +222,7 @@ impl Carrier {
                     continue;
                 }
             };
-            if trouble.cut {
+            if trouble.cut.contains(&self.way) {
                 self.at = 0;
                 continue;
             }

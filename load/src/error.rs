@@ -34,6 +34,9 @@ pub enum Error {
     /// The run found something.
     #[error("the daemon did not stand the load: {0}")]
     NotStood(String),
+    /// What was measured is not what is asked.
+    #[error("not met: {0}")]
+    Missed(String),
 }
 
 impl Error {

@@ -4,6 +4,7 @@ use crate::http::tcp;
 use serde_json::Value;
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
+use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 
 /// A live socket.
@@ -20,6 +21,15 @@ impl Live {
         let (socket, _) = tungstenite::client(format!("ws://{address}/v1/live?send={send}"), stream)
             .map_err(|error| error.to_string())?;
         Ok(Self(socket))
+    }
+
+    /// The same socket for a thread that only says something, while this one is read.
+    ///
+    /// # Errors
+    /// What went wrong, for people.
+    pub fn writer(&self) -> Result<Self, String> {
+        let stream = self.0.get_ref().try_clone().map_err(|error| error.to_string())?;
+        Ok(Self(WebSocket::from_raw_socket(stream, Role::Client, None)))
     }
 
     /// Says something.

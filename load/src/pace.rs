@@ -1,21 +1,30 @@
-//! How long a daemon takes at one, a hundred and a thousand touches a second, over every way in.
+//! How long a daemon takes at one, a hundred and a thousand touches a second, over every way in, from when each touch was due.
 
+mod aims;
+mod echo;
+mod frames;
+mod measured;
 mod over_http;
 mod over_live;
+mod touches;
 
 use crate::board::Bench;
 use crate::daemon::{Daemon, Plan};
 use crate::error::Error;
 use crate::http::{Http, Place, metric};
 use crate::times::Times;
+use aims::Row;
 use clap::Args;
+use echo::Echo;
 use era::device::sim::SimControl;
+use measured::{Measured, round_trips};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
+use touches::Touch;
 
-/// Fewest touches that are measured.
-const FEWEST: f64 = 8.0;
+/// Fewest touches that are measured: a p99 of fewer than a hundred is the longest of them.
+const FEWEST: f64 = 20.0;
 /// Stops under each load, ...
 const STOPS: u32 = 10;
 /// ... and the time between them: the self-test and the rise of the rails after each are over by then.
@@ -30,6 +39,10 @@ const REST: Duration = Duration::from_secs(2);
 const CONNECTIONS: f64 = 32.0;
 /// Connections for each touch a second: a request may take 20 ms.
 const CONNECTIONS_PER_RATE: f64 = 0.02;
+/// Frames with drives for each touch of which the last are kept: the daemon may send some again, and others to thin a drive out.
+const FRAMES_PER_TOUCH: usize = 4;
+/// Places in an eighth of a pixel along the screen.
+const PLACES: u32 = 1920 * 8;
 
 /// How fast, and for how long.
 #[derive(Args, Clone, Debug)]
@@ -44,29 +57,6 @@ pub struct Options {
     /// The program to start
     #[arg(long, value_name = "FILE", default_value = "target/release/era")]
     program: PathBuf,
-}
-
-/// What one load came to.
-#[derive(Debug, Default)]
-struct Measured {
-    /// From a request to its answer, for those that were driven.
-    answer: Times,
-    /// From a request to the last byte of the last frame with drives that the board had when the answer came.
-    frame: Times,
-    sent: u64,
-    /// Answered with something else: superseded by a newer one, busy.
-    refused: u64,
-    took: Duration,
-}
-
-impl Measured {
-    fn join(&mut self, other: Self) {
-        self.answer.join(other.answer);
-        self.frame.join(other.frame);
-        self.sent += other.sent;
-        self.refused += other.refused;
-        self.took = self.took.max(other.took);
-    }
 }
 
 /// How often, and from when until when.
@@ -91,7 +81,7 @@ impl Pace {
 
 /// A place of its own for every touch, in eighths of a pixel, which every reader of numbers gets right to the last bit.
 fn x_px(k: u32) -> f64 {
-    f64::from(k.wrapping_mul(7919) % (1920 * 8)) / 8.0
+    f64::from(k.wrapping_mul(7919) % PLACES) / 8.0
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,12 +107,13 @@ struct Measurement {
     daemon: Daemon,
     socket: PathBuf,
     control: SimControl,
+    echo: Echo,
 }
 
 /// Measures and prints.
 ///
 /// # Errors
-/// What keeps it from being measured. However long anything takes is no error.
+/// [`Error::Missed`] if the daemon does not do what is asked of it, and what keeps that from being measured.
 pub fn run(options: &Options) -> Result<(), Error> {
     let folder = tempfile::tempdir().map_err(Error::system("no folder for sockets"))?;
     let link = folder.path().join("board");
@@ -134,32 +125,50 @@ pub fn run(options: &Options) -> Result<(), Error> {
         socket: socket.clone(),
         cache: folder.path().join("cache"),
     };
+    let echo = Echo::start(folder.path().join("echo.sock"))?;
     let daemon = Daemon::start(&plan)?;
     daemon.await_device()?;
-    let measurement = Measurement { daemon, socket, control: bench.control() };
-    println!("Times are p50 / p99 / longest, on {} processors, the simulated board among them", processors());
+    let measurement = Measurement { daemon, socket, control: bench.control(), echo };
     println!(
-        "{:<18} {:>6} {:>7} {:>7} {:>7} {:>26} {:>26} {:>26}",
+        "Times are p50 / p99 / longest from when a touch was due, on {} processors, the simulated board among them",
+        processors()
+    );
+    println!(
+        "{:<18} {:>6} {:>6} {:>6} {:>9} {:>7} {:>27} {:>27} {:>27} {:>27} {:>27}",
         "over",
-        "asked",
-        "sent/s",
+        "rate",
+        "sent",
         "driven",
+        "overtaken",
         "refused",
-        "to the answer",
         "to the frame's last byte",
+        "an echo's answer",
+        "to the answer",
+        "overtaken, until told",
         "stop to the board"
     );
+    let mut rows = Vec::new();
     for way in Way::ALL {
         for rate in &options.rates {
-            measurement.row(way, *rate, options.seconds.max(FEWEST / rate))?;
+            rows.push(measurement.row(way, *rate, options.seconds.max(FEWEST / rate))?);
         }
     }
     let text = measurement.metrics()?;
     let ms = |name: &str| metric(&text, name).map_or_else(|| "-".into(), |s| format!("{:.1} ms", s * 1e3));
-    println!("longest time between two signs of life to the armed board: {}", ms("era_link_longest_gap_seconds"));
+    println!(
+        "by the daemon, longest between two signs of life to the armed board: {}",
+        ms("era_link_longest_gap_seconds")
+    );
     let count = |name: &str| metric(&text, name).unwrap_or(f64::NAN);
-    println!("outages {}, faults {}", count("era_device_outages_total"), count("era_device_faults_total"));
-    Ok(())
+    println!(
+        "doubts {}, outages {}, faults {}",
+        count("era_device_doubts_total"),
+        count("era_device_outages_total"),
+        count("era_device_faults_total")
+    );
+    let (table, missed) = aims::table(&rows, measurement.control.watch().silence);
+    println!("\n{table}");
+    if missed.is_empty() { Ok(()) } else { Err(Error::Missed(missed.join("; "))) }
 }
 
 fn processors() -> usize {
@@ -167,18 +176,34 @@ fn processors() -> usize {
 }
 
 impl Measurement {
-    fn load(&self, way: Way, rate: f64, seconds: f64) -> Result<Measured, Error> {
+    fn load(&self, way: Way, rate: f64, seconds: f64) -> Result<Vec<Touch>, Error> {
         let pace = Pace::new(rate, seconds);
         match way {
-            Way::Tcp => Ok(over_http::run(&Place::Tcp(self.daemon.address), pace, rate, &self.control)),
-            Way::Unix => Ok(over_http::run(&Place::Unix(self.socket.clone()), pace, rate, &self.control)),
-            Way::Live => over_live::run(self.daemon.address, pace, &self.control).map_err(Error::Answer),
+            Way::Tcp => Ok(over_http::run(&Place::Tcp(self.daemon.address), pace, rate)),
+            Way::Unix => Ok(over_http::run(&Place::Unix(self.socket.clone()), pace, rate)),
+            Way::Live => over_live::run(self.daemon.address, pace).map_err(Error::Answer),
         }
     }
 
-    fn row(&self, way: Way, rate: f64, seconds: f64) -> Result<(), Error> {
+    /// The same load on a server that does nothing.
+    fn echoed(&self, way: Way, rate: f64, seconds: f64) -> Result<Times, Error> {
+        let pace = Pace::new(rate, seconds);
+        let touches = match way {
+            Way::Tcp => over_http::run(&self.echo.tcp, pace, rate),
+            Way::Unix => over_http::run(&self.echo.unix, pace, rate),
+            Way::Live => over_live::run(self.echo.live, pace).map_err(Error::Answer)?,
+        };
+        Ok(round_trips(&touches))
+    }
+
+    fn row(&self, way: Way, rate: f64, seconds: f64) -> Result<Row, Error> {
         std::thread::sleep(REST);
-        let Measured { answer, frame, sent, refused, took } = self.load(way, rate, seconds)?;
+        let echo = self.echoed(way, rate, seconds)?;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
+        let most = (rate * seconds).ceil() as usize * FRAMES_PER_TOUCH;
+        self.control.keep_frames(most);
+        let touches = self.load(way, rate, seconds)?;
+        let measured = Measured::of(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
         std::thread::sleep(REST);
         let stops = std::thread::scope(|threads| {
             let seconds = (BETWEEN_STOPS * (STOPS + 1)).as_secs_f64();
@@ -186,32 +211,38 @@ impl Measurement {
             let stops = self.stops(way);
             load.join().unwrap_or(Ok(())).and(stops)
         })?;
-        #[expect(clippy::cast_precision_loss, reason = "to one decimal place")]
-        let rate_sent = sent as f64 / took.as_secs_f64();
         println!(
-            "{:<18} {rate:>6} {rate_sent:>7.1} {:>7} {refused:>7} {:>26} {:>26} {:>26}",
+            "{:<18} {rate:>6} {:>6} {:>6} {:>9} {:>7} {:>27} {:>27} {:>27} {:>27} {:>27}",
             way.name(),
-            answer.len(),
-            answer.told(),
-            frame.told(),
+            measured.sent,
+            measured.driven(),
+            measured.overtaken.len(),
+            measured.refused.values().sum::<usize>(),
+            measured.frame.told(),
+            echo.told(),
+            measured.answer.told(),
+            measured.overtaken.told(),
             stops.told()
         );
-        Ok(())
+        for what in measured.missing() {
+            println!("  {what}");
+        }
+        Ok(Row { way, rate, measured, stops, echo })
     }
 
-    /// Stops the device again and again, over a connection of its own.
+    /// Stops the device again and again, over a connection of its own; from when each was due.
     fn stops(&self, way: Way) -> Result<Times, Error> {
         let place = match way {
             Way::Unix => Place::Unix(self.socket.clone()),
             _ => Place::Tcp(self.daemon.address),
         };
-        let (mut times, mut http) = (Times::default(), Http::new(place));
-        for _ in 0..STOPS {
-            std::thread::sleep(BETWEEN_STOPS);
-            let begun = Instant::now();
-            let received = || self.control.stop_received().filter(|at| *at >= begun);
+        let (mut times, mut http, begun) = (Times::default(), Http::new(place), Instant::now());
+        for number in 1..=STOPS {
+            let due = begun + BETWEEN_STOPS * number;
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+            let received = || self.control.stop_received().filter(|at| *at >= due);
             let answer = http.post("/v1/stop", "").map_err(Error::system("a stop was not answered"))?;
-            while received().is_none() && begun.elapsed() < STOP {
+            while received().is_none() && due.elapsed() < STOP {
                 std::thread::sleep(LOOK);
             }
             let Some(at) = received() else {
@@ -220,7 +251,7 @@ impl Measurement {
                     answer.status
                 )));
             };
-            times.add(at - begun);
+            times.add(at - due);
         }
         Ok(times)
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// Times that were measured, in ms.
+/// Times that were measured, in ms; infinite for what never came.
 #[derive(Clone, Debug, Default)]
 pub struct Times(Vec<f64>);
 
@@ -10,6 +10,11 @@ impl Times {
     /// Adds one.
     pub fn add(&mut self, time: Duration) {
         self.0.push(time.as_secs_f64() * 1e3);
+    }
+
+    /// Adds one of something that never came.
+    pub fn never(&mut self) {
+        self.0.push(f64::INFINITY);
     }
 
     /// Adds those of another.
@@ -23,15 +28,39 @@ impl Times {
         self.0.len()
     }
 
+    /// How many are longer than so many ms.
+    #[must_use]
+    pub fn beyond(&self, ms: f64) -> usize {
+        self.0.iter().filter(|time| **time > ms).count()
+    }
+
+    /// The longest in ms.
+    #[must_use]
+    pub fn longest(&self) -> Option<f64> {
+        self.0.iter().copied().max_by(f64::total_cmp)
+    }
+
+    /// The time in ms that so many percent are no longer than; of few, the longest.
+    #[must_use]
+    pub fn quantile(&self, percent: usize) -> Option<f64> {
+        let mut sorted = self.0.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() * percent / 100).or(sorted.last()).copied()
+    }
+
     /// Median, p99 and the longest in ms, for people.
     #[must_use]
     pub fn told(&self) -> String {
-        let mut sorted = self.0.clone();
-        sorted.sort_by(f64::total_cmp);
-        let Some(longest) = sorted.last() else { return "-".into() };
-        let at = |percent: usize| sorted.get(sorted.len() * percent / 100).copied().unwrap_or(*longest);
-        format!("{:.2} / {:.2} / {longest:.2} ms", at(50), at(99))
+        let all = [self.quantile(50), self.quantile(99), self.longest()];
+        let [Some(median), Some(p99), Some(longest)] = all else { return "-".into() };
+        format!("{} / {} / {} ms", number(median), number(p99), number(longest))
     }
+}
+
+/// A time in ms, for people.
+#[must_use]
+pub fn number(ms: f64) -> String {
+    if ms.is_finite() { format!("{ms:.2}") } else { "never".into() }
 }
 
 #[cfg(test)]
@@ -46,5 +75,18 @@ mod tests {
             times.add(Duration::from_millis(ms));
         }
         assert_eq!(times.told(), "100.00 / 198.00 / 199.00 ms");
+        assert_eq!((times.beyond(197.5), times.longest()), (2, Some(199.0)));
+    }
+
+    /// Two of a hundred that never came are more than one percent.
+    #[test]
+    fn what_never_came_is_later_than_anything() {
+        let mut times = Times::default();
+        times.never();
+        times.never();
+        for _ in 0..98 {
+            times.add(Duration::from_millis(1));
+        }
+        assert_eq!(times.told(), "1.00 / never / never ms");
     }
 }

@@ -13,7 +13,7 @@ pub struct Options {
     /// How long, in minutes; with faults, the last round of them is ended
     #[arg(long, value_name = "N", default_value = "1")]
     minutes: f64,
-    /// Inject faults: cable, rubbish on the line, slow clients, the daemon held and killed
+    /// Inject faults: cable, line dead or dead one way, rubbish on the line, slow clients, the daemon held and killed
     #[arg(long)]
     faults: bool,
     /// Seed of all random choices
@@ -24,7 +24,7 @@ pub struct Options {
 /// Drives a running daemon as many clients would and prints what became of it.
 ///
 /// # Errors
-/// [`Error::Start`], [`Error::Failed`]: something was lost, not noticed, not recovered from, or unsafe.
+/// [`Error::Start`], [`Error::Failed`]: something was lost, not noticed or told in time, not recovered from, ever growing, or unsafe.
 pub fn soak(options: &Options) -> Result<(), Error> {
     let (minutes, seed) = (options.minutes.to_string(), options.seed.to_string());
     let mut arguments: Vec<OsString> =

@@ -2,10 +2,10 @@
 
 use super::answers::touched::{Achieved, PlayedEffect, TouchedView};
 use super::view::{FieldView, PlanView, TouchView};
-use crate::planner::Plan;
 use crate::planner::schedule::Stretch;
 use crate::planner::trade::Trade;
-use std::sync::Arc;
+use crate::planner::{Plan, PlanTable};
+use std::sync::{Arc, OnceLock};
 
 /// The current plan and what goes with it.
 #[derive(Clone, Debug)]
@@ -14,12 +14,33 @@ pub struct Active {
     pub id: u64,
     /// The plan as sent to clients.
     pub plan: PlanView,
-    /// Its field.
-    pub field: FieldView,
+    /// Its field, once somebody has asked for it.
+    field: OnceLock<FieldView>,
     /// The fingers it is for.
     pub touches: Vec<TouchView>,
     /// The effect that is played, if one is.
     pub effect: Option<PlayedEffect>,
+}
+
+impl Active {
+    /// What is driven for these fingers.
+    #[must_use]
+    pub const fn new(id: u64, plan: PlanView, touches: Vec<TouchView>, effect: Option<PlayedEffect>) -> Self {
+        Self { id, plan, field: OnceLock::new(), touches, effect }
+    }
+
+    /// The same with what is shown of its plan changed; its field stays.
+    #[must_use]
+    pub fn shown_as(&self, plan: PlanView) -> Self {
+        Self { plan, ..self.clone() }
+    }
+
+    /// Its field. Worked out when it is first asked for: most plans of a moving finger, and all where no page is open, are never looked
+    /// at, and 1600 points at each touch would take the processor from the touches after it.
+    #[must_use]
+    pub fn field(&self, table: &PlanTable) -> &FieldView {
+        self.field.get_or_init(|| FieldView::new(table, Some(self.plan.plan()), self.id))
+    }
 }
 
 /// What open pages are told at once.

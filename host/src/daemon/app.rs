@@ -15,7 +15,7 @@ use super::record::Recorder;
 use super::thin::Thinned;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
-use super::view::{FieldView, PlanView, TouchView};
+use super::view::{PlanView, TouchView};
 use crate::device::convert::to_wire;
 use crate::device::session::policy::{Needs, Policy};
 use crate::device::sim::SimControl;
@@ -302,13 +302,15 @@ impl App {
         touches: &[TouchView],
         manner: Manner,
     ) -> Result<Touched, Problem> {
-        let prepared = tokio::task::block_in_place(|| self.prepared(&plan, 1.0, manner))?;
         // One at a time, and what has been driven is not overtaken by a stretch of something older.
         let board = || board(&self.session.snapshots().borrow());
         let release = |older: u64| self.release(older, Instant::now());
         let is_stopped = || self.session.stops() != stops;
         let whole = plan.clone();
-        let (thin, (plan, prepared)) = tokio::task::block_in_place(|| self.thinned(plan, prepared, manner))?;
+        let (thin, (plan, prepared)) = tokio::task::block_in_place(|| {
+            let prepared = self.prepared(&plan, 1.0, manner)?;
+            self.thinned(plan, prepared, manner)
+        })?;
         let turn = self.turns.take(id, &prepared.motion, prepared.drives(&plan), board, release, is_stopped).await?;
         let first = (plan, prepared);
         let (part, (plan, prepared)) = tokio::task::block_in_place(|| self.fitted(&turn, first, &whole, thin, manner))?;
@@ -385,7 +387,7 @@ impl App {
         }
     }
 
-    /// A plan with its field.
+    /// A plan as it is shown.
     pub(super) fn shown(
         &self,
         id: u64,
@@ -395,9 +397,8 @@ impl App {
         thinned: Option<Thinned>,
     ) -> Arc<Active> {
         tokio::task::block_in_place(|| {
-            let field = FieldView::new(&self.table, Some(&plan), id);
             let plan = PlanView::new(&self.table, plan).thinned(thinned);
-            Arc::new(Active { id, plan, field, touches: touches.to_vec(), effect })
+            Arc::new(Active::new(id, plan, touches.to_vec(), effect))
         })
     }
 

@@ -282,7 +282,10 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
                 Ok(FieldView::new(&app.table, Some(&plan), 0))
             })?
         }
-        (None, None) => app.active().map_or_else(|| FieldView::new(&app.table, None, 0), |active| active.field.clone()),
+        (None, None) => tokio::task::block_in_place(|| match app.active() {
+            Some(active) => active.field(&app.table).clone(),
+            None => FieldView::new(&app.table, None, 0),
+        }),
         _ => {
             let detail = "give both x_px and y_px, or neither for the field of the current plan";
             return Err(Problem::new(Kind::BadQuery, detail));

@@ -1,7 +1,7 @@
 //! Even drives that are held: they grow with the room there is beside what is left of the touches before, are thinned out
 //! where a channel's credit falls, and are interrupted by a rest before the board would end its burst.
 
-use super::active::{Active, Held};
+use super::active::Held;
 use super::app::{App, Begun, Prepared};
 use super::problem::Problem;
 use super::thin::{Thinned, is_worth_it};
@@ -98,7 +98,7 @@ impl App {
         let rested = turn.rest()?;
         self.session.end_at(id, Instant::now());
         let plan = held.active.plan.clone().thinned(Some(Thinned::RESTS));
-        let resting = Arc::new(Active { plan, ..Active::clone(&held.active) });
+        let resting = Arc::new(held.active.shown_as(plan));
         self.replace(&held.active, &resting)?;
         // Nobody drives anything else meanwhile: the turn is this one's. A stop gets through.
         for _ in 0..REST_LOOKS {

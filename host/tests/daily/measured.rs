@@ -1,7 +1,10 @@
-//! `era latency`: touches that are held back or refused do not end it.
+//! How long touches take: `era latency`, which touches that are held back or refused do not end, and what keeps the link from them.
 
-use serde_json::Value;
+use crate::support::Daemon;
+use era::scene::EXAMPLE_PLATE;
+use serde_json::{Value, json};
 use std::process::Command;
+use std::time::Instant;
 
 #[test]
 fn the_latency_of_weak_touches_is_measured() {
@@ -13,4 +16,33 @@ fn the_latency_of_weak_touches_is_measured() {
     let told: Value = serde_json::from_slice(&out.stdout).unwrap();
     assert!(told["to_device_ms"]["median"].as_f64().unwrap() > 0.0, "{told}");
     assert!(told["refused"].is_array() && told["delayed"].is_u64(), "{told}");
+}
+
+/// A look at the board's state is four requests, which the next touch would have to wait for: touches that follow each other quickly have
+/// one now and then, and not one each.
+#[test]
+fn touches_that_follow_each_other_are_not_held_up_by_looks() {
+    const TOUCHES: u32 = 60;
+    /// Less than from one look for a drive to the next, between two signs of life and two samples of the clock after connecting.
+    const LOOK_MS: u32 = 15;
+    const OTHERS_MS: u32 = 15;
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let touch = |k: u32| json!({"x_px": 300 + k, "y_px": 640, "intensity_g": 0.1, "duration_ms": 500}).to_string();
+    assert_eq!(daemon.post("/v1/touch", &touch(0)).0, 200);
+    // Repeats are the busy machine's.
+    let asked = |state: &Value| {
+        let count = |name: &str| state["link"][name].as_u64().unwrap();
+        count("frames_sent") - count("repeats")
+    };
+    // What is told is as old as the last look: after the next one all that arming took is in it.
+    let armed = asked(&daemon.state());
+    let (before, begun) = (asked(&daemon.wait_for(|state| asked(state) > armed)), Instant::now());
+    for k in 1..=TOUCHES {
+        assert_eq!(daemon.post("/v1/touch", &touch(k)).0, 200);
+    }
+    let after = asked(&daemon.wait_for(|state| asked(state) >= before + u64::from(TOUCHES)));
+    let ms = u32::try_from(begun.elapsed().as_millis()).unwrap();
+    // Before the first count and after the last there may be a look each; whatever else is asked, once more than there was time for.
+    let most = TOUCHES + 4 * (ms / LOOK_MS + 2) + ms / OTHERS_MS + 2;
+    assert!(after - before <= u64::from(most), "{} requests for {TOUCHES} touches in {ms} ms", after - before);
 }

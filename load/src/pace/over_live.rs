@@ -1,65 +1,126 @@
-//! A finger that moves, on one live socket. Places that were never driven, as a newer one stood in their stead, count as refused.
+//! A finger that moves, on one live socket: one thread sends its places when they are due, another reads what comes.
 
-use super::{Measured, Pace, x_px};
+use super::touches::{End, Touch};
+use super::{Pace, x_px};
 use crate::live::Live;
-use era::device::sim::SimControl;
 use serde_json::{Value, json};
-use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 /// Time for the last plans to come.
 const LAST: Duration = Duration::from_millis(300);
-/// Places of which the plan may still come.
-const KEPT: usize = 4096;
 
-/// Moves the finger when that is due, and reads in between.
+/// Moves the finger when that is due.
 ///
 /// # Errors
 /// What is wrong with the socket.
-pub fn run(address: SocketAddr, pace: Pace, control: &SimControl) -> Result<Measured, String> {
-    let mut live = Live::open(address, "plan")?;
-    let (mut measured, mut on_the_way) = (Measured::default(), VecDeque::new());
-    let mut k = 0;
-    while let Some(due) = pace.due(k) {
-        let now = Instant::now();
-        if now < due {
-            if let Some(message) = live.read_until(due)? {
-                seen(&message, &mut on_the_way, control, &mut measured);
+pub fn run(address: SocketAddr, pace: Pace) -> Result<Vec<Touch>, String> {
+    let mut reader = Live::open(address, "plan")?;
+    let mut writer = reader.writer()?;
+    let until = pace.until + LAST;
+    let (sent, messages) = std::thread::scope(|threads| {
+        let reads = threads.spawn(move || read(&mut reader, until));
+        let sent = send(&mut writer, pace);
+        let messages = reads.join().unwrap_or_else(|_| Err("the reader has panicked".into()));
+        // Lifted when all is read: what the daemon says of that is nobody's place.
+        let lifted = writer.send(&json!({"type": "touch", "touches": []}));
+        Ok::<_, String>((sent.and_then(|sent| lifted.map(|()| sent))?, messages?))
+    })?;
+    Ok(touches(&sent, &messages))
+}
+
+/// When each place was due.
+fn send(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
+    let mut sent = Vec::new();
+    for k in 0.. {
+        let Some(due) = pace.due(k) else { break };
+        std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        let finger = json!({"id": 1, "x_px": x_px(k), "y_px": 640, "intensity_g": 0.3});
+        writer.send(&json!({"type": "touch", "touches": [finger]}))?;
+        sent.push(due);
+    }
+    Ok(sent)
+}
+
+fn read(reader: &mut Live, until: Instant) -> Result<Vec<(Instant, Value)>, String> {
+    let mut all = Vec::new();
+    while Instant::now() < until {
+        if let Some(message) = reader.read_until(until)? {
+            all.push((Instant::now(), message));
+        }
+    }
+    Ok(all)
+}
+
+/// What became of each place. The daemon takes them in their order: a plan for one says that those before it are driven no more.
+fn touches(due: &[Instant], messages: &[(Instant, Value)]) -> Vec<Touch> {
+    let mut all: Vec<Touch> = Vec::with_capacity(due.len());
+    for (at, message) in messages {
+        if message["type"] == "error" {
+            // It does not say for which: the oldest that may have been meant.
+            if let Some(due) = due.get(all.len()).filter(|due| **due <= *at) {
+                all.push(Touch { due: *due, ended: *at, end: End::problem(&message["problem"]) });
             }
             continue;
         }
-        let finger = json!({"id": 1, "x_px": x_px(k), "y_px": 640, "intensity_g": 0.3});
-        live.send(&json!({"type": "touch", "touches": [finger]}))?;
-        if on_the_way.len() == KEPT {
-            on_the_way.pop_front();
-        }
-        on_the_way.push_back((x_px(k), now));
-        measured.sent += 1;
-        k += 1;
-    }
-    measured.took = pace.from.elapsed();
-    let last = Instant::now() + LAST;
-    while Instant::now() < last {
-        if let Some(message) = live.read_until(last)? {
-            seen(&message, &mut on_the_way, control, &mut measured);
+        let Some(place) = message["touches"][0]["x_px"].as_f64() else { continue };
+        let begun = due.iter().zip(0_u32..).skip(all.len()).take_while(|(due, _)| **due <= *at);
+        let Some(found) = begun.map(|(_, k)| k).find(|k| x_px(*k) == place) else { continue };
+        while let Some((due, k)) = due.get(all.len()).zip(u32::try_from(all.len()).ok())
+            && k <= found
+        {
+            let end = if k < found { End::Overtaken } else { End::driven(&message["plan"]) };
+            all.push(Touch { due: *due, ended: *at, end });
         }
     }
-    live.send(&json!({"type": "touch", "touches": []}))?;
-    measured.refused = measured.sent - measured.answer.len() as u64;
-    Ok(measured)
+    let last = messages.last().map(|(at, _)| *at);
+    let untold = due.iter().skip(all.len()).map(|due| Touch {
+        due: *due,
+        ended: last.unwrap_or(*due).max(*due),
+        end: End::Refused("neither plan nor error came".into()),
+    });
+    let untold: Vec<Touch> = untold.collect();
+    all.extend(untold);
+    all
 }
 
-/// Notes the plan for a place that the finger was at.
-fn seen(message: &Value, on_the_way: &mut VecDeque<(f64, Instant)>, control: &SimControl, measured: &mut Measured) {
-    let now = Instant::now();
-    let x_px = message["touches"][0]["x_px"].as_f64();
-    let Some(place) = on_the_way.iter().position(|(x, _)| Some(*x) == x_px) else { return };
-    // Those before it are not driven any more.
-    let begun = on_the_way.drain(..=place).next_back().map(|(_, begun)| begun);
-    let Some(begun) = begun else { return };
-    measured.answer.add(now - begun);
-    if let Some(at) = control.drives_received().filter(|at| *at >= begun) {
-        measured.frame.add(at - begun);
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_says_what_became_of_the_places_before_it() {
+        let zero = Instant::now();
+        let ms = |ms| zero + Duration::from_millis(ms);
+        let due: Vec<Instant> = (0..6).map(ms).collect();
+        let plan = |k: u32| json!({"type": "plan", "touches": [{"x_px": x_px(k)}], "plan": {"drives": []}});
+        let error = json!({"type": "error", "problem": {"type": "urn:era:problem:device-refused"}});
+        let messages = [(ms(3), plan(0)), (ms(4), plan(2)), (ms(5), error), (ms(6), plan(2)), (ms(7), plan(4))];
+        let ends: Vec<(u128, End)> = touches(&due, &messages)
+            .into_iter()
+            .map(|touch| ((touch.ended - touch.due).as_millis(), touch.end))
+            .collect();
+        let driven = || End::Driven(Vec::new());
+        assert_eq!(
+            ends,
+            [
+                (3, driven()),
+                (3, End::Overtaken),
+                (2, driven()),
+                (2, End::Refused("device-refused".into())),
+                (3, driven()),
+                (2, End::Refused("neither plan nor error came".into())),
+            ]
+        );
+    }
+
+    /// A place that has not been sent yet cannot have been driven.
+    #[test]
+    fn a_plan_for_a_place_that_is_not_due_yet_is_another_ones() {
+        let zero = Instant::now();
+        let due = [zero, zero + Duration::from_millis(5)];
+        let early = json!({"type": "plan", "touches": [{"x_px": x_px(1)}], "plan": {"drives": []}});
+        let ends = touches(&due, &[(zero + Duration::from_millis(1), early)]);
+        assert!(ends.iter().all(|touch| matches!(touch.end, End::Refused(_))), "{ends:?}");
     }
 }

@@ -24,8 +24,12 @@ const FRAME: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_millis(10);
 /// Between two looks for the loss of the board.
 const LOOK_FOR_LOSS: Duration = Duration::from_millis(1);
-/// Dead lines in a round: so that there are some times of their being told.
+/// Lines that are cut both ways in a round: so that there are some times of their being told; ...
 const CUTS: usize = 4;
+/// ... and one way, for each way.
+const CUTS_ONE_WAY: usize = 2;
+/// Longest time for which a line is cut in ms: some are over before the board is given up, after 1.1 s, and some are not.
+const CUT_MS: u64 = 2000;
 /// Bytes of frames before which rubbish is put: the longest common ones have as many.
 const BYTES: usize = 24;
 /// Slow clients of each kind in a round.
@@ -70,17 +74,23 @@ impl Faults<'_> {
             let slow: Vec<_> = (Slow::ALL.iter().cycle().take(SLOW_EACH * Slow::ALL.len()))
                 .map(|slow| (*slow, threads.spawn(move || slow::run(world, serving, *slow))))
                 .collect();
-            let mut order = [Kind::Unplugged, Kind::DeadLine, Kind::RubbishToBoard, Kind::RubbishToHost, Kind::Held];
+            let mut order = [
+                Kind::Unplugged,
+                Kind::DeadLine,
+                Kind::AnswersLost,
+                Kind::RequestsLost,
+                Kind::RubbishToBoard,
+                Kind::RubbishToHost,
+                Kind::Held,
+            ];
             self.random.shuffle(&mut order);
             for kind in order {
                 eprintln!("fault: {kind}");
                 match kind {
                     Kind::Unplugged => self.unplug()?,
-                    Kind::DeadLine => {
-                        for _ in 0..CUTS {
-                            self.cut()?;
-                        }
-                    }
+                    Kind::DeadLine => self.cuts(CUTS, kind, &[Way::ToBoard, Way::ToHost])?,
+                    Kind::AnswersLost => self.cuts(CUTS_ONE_WAY, kind, &[Way::ToHost])?,
+                    Kind::RequestsLost => self.cuts(CUTS_ONE_WAY, kind, &[Way::ToBoard])?,
                     Kind::RubbishToBoard => self.rubbish(Way::ToBoard, kind),
                     Kind::RubbishToHost => self.rubbish(Way::ToHost, kind),
                     _ => self.hold()?,
@@ -164,7 +174,7 @@ impl Faults<'_> {
     }
 
     /// Takes the board away by `lose`; says after how long that was told.
-    fn lose(&mut self, lose: impl FnOnce(&mut Bench) -> Result<(), Error>) -> Result<Seen, Error> {
+    pub(super) fn lose(&mut self, lose: impl FnOnce(&mut Bench) -> Result<(), Error>) -> Result<Seen, Error> {
         let (address, watched) = (self.daemon.address, mpsc::channel());
         let watcher = std::thread::spawn(move || {
             let mut http = Http::new(Place::Tcp(address));
@@ -204,19 +214,25 @@ impl Faults<'_> {
         Ok(())
     }
 
-    pub(super) fn cut(&mut self) -> Result<(), Error> {
+    fn cuts(&mut self, count: usize, kind: Kind, ways: &[Way]) -> Result<(), Error> {
+        (0..count).try_for_each(|_| self.cut(kind, ways))
+    }
+
+    pub(super) fn cut(&mut self, kind: Kind, ways: &[Way]) -> Result<(), Error> {
         let driven = self.drive();
         let before = Self::troubles(&self.metrics());
         let seen = self.lose(|bench| {
-            bench.cut(true);
+            bench.cut(ways);
             Ok(())
         })?;
-        let off = driven.and(seen);
-        // Some are over before the board is given up, after 1.1 s, and some are not.
-        std::thread::sleep(Duration::from_millis(self.random.u64(0..2000)));
-        self.bench.cut(false);
+        let lasts = Duration::from_millis(self.random.u64(0..CUT_MS));
+        let stays_off = stays_off(lasts, || self.control().watch().energised);
+        // One that did not go off is named for that.
+        let stays_off = if seen.is_ok() { stays_off } else { Ok(Duration::ZERO) };
+        let off = driven.and(both(seen, stays_off));
+        self.bench.cut(&[]);
         let noticed = self.noticed("neither doubt, outage nor fault was counted", |text| Self::troubles(text) > before);
-        self.ledger.enter(Kind::DeadLine, both(off, noticed), self.driven_again());
+        self.ledger.enter(kind, both(off, noticed), self.driven_again());
         Ok(())
     }
 
@@ -307,6 +323,14 @@ fn both(one: Seen, other: Seen) -> Seen {
         (Ok(one), Ok(other)) => Ok(one.max(other)),
         (Err(one), Err(other)) => Err(format!("{one}; {other}")),
         (Err(one), Ok(_)) | (Ok(_), Err(one)) => Err(one),
+    }
+}
+
+/// Looks for as long as that whether high voltage is on again: a board that hears, and that nobody hears, must not be armed.
+pub(super) fn stays_off(lasts: Duration, is_on: impl FnMut() -> bool) -> Seen {
+    match until(lasts, is_on) {
+        Some(after) => Err(format!("the board's high voltage was on again {} ms later", after.as_millis())),
+        None => Ok(Duration::ZERO),
     }
 }
 

@@ -1,11 +1,11 @@
 //! The judge judged: boards and daemons that do what they must not, each by a mistake that is planted, and a verdict that names it.
 
-use super::faults::{Faults, until};
-use super::ledger::Ledger;
+use super::faults::{Faults, stays_off, until};
+use super::ledger::{Kind, Ledger};
 use super::tally::Tally;
 use super::world::World;
 use super::{Options, clients, load, report};
-use crate::board::{Bench, table};
+use crate::board::{Bench, Way, table};
 use crate::daemon::{Daemon, Plan, Takes};
 use era::daemon::{Access, App, Background};
 use era::device::session::policy::Policy;
@@ -17,7 +17,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::{SocketAddr, TcpListener};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// How long a board may take to do what it must not.
@@ -48,17 +48,30 @@ fn verdict(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Option<Stri
     let policy = Policy { clears_silence: true, ..Policy::default() };
     let app = App::with(table().unwrap(), device, EXAMPLE_PLATE.into(), policy, Access::default()).unwrap();
     let background = Background::start(app).unwrap();
-    let plan = plan(folder.path(), program(folder.path(), background.address(), "exec sleep 600"));
+    judged(folder.path(), bench, background.address(), |faults| {
+        faults.daemon.await_device().unwrap();
+        faults.control().set_knobs(Knobs { mistakes, ..Knobs::default() });
+        act(faults);
+    })
+}
+
+/// The verdict on what serves at `address` after `act`, with a board that it does not know.
+fn verdict_on(address: SocketAddr, act: impl FnOnce(&mut Faults<'_>)) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let bench = Bench::new(folder.path().join("board")).unwrap();
+    judged(folder.path(), bench, address, act)
+}
+
+fn judged(folder: &Path, bench: Bench, address: SocketAddr, act: impl FnOnce(&mut Faults<'_>)) -> Option<String> {
+    let plan = plan(folder, program(folder, address, "exec sleep 600"));
     let daemon = Daemon::start(&plan).unwrap();
-    daemon.await_device().unwrap();
-    let world = World::default();
+    let (world, at_start) = (World::default(), daemon.takes());
     world.begins(daemon.address);
-    bench.control().set_knobs(Knobs { mistakes, ..Knobs::default() });
     let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
     let mut faults = Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, before_kill: None };
     act(&mut faults);
     let tally = Tally { sent: 1, ..Tally::default() };
-    let report = report(1, Instant::now(), Takes::default(), tally, faults);
+    let report = report(1, Instant::now(), at_start, tally, faults);
     println!("{}", report.text());
     report.verdict()
 }
@@ -103,12 +116,132 @@ fn travel_beyond_the_limit_is_named() {
 #[test]
 fn high_voltage_that_stays_on_is_named() {
     let mistakes = Mistakes { deaf_to_silence: true, ..Mistakes::default() };
-    let found = verdict(mistakes, |faults| faults.cut().unwrap()).expect("a verdict");
+    let both_ways = [Way::ToBoard, Way::ToHost];
+    let found = verdict(mistakes, |faults| faults.cut(Kind::DeadLine, &both_ways).unwrap()).expect("a verdict");
     assert!(found.contains("looks after the dead-man time"), "{found}");
     assert!(
         found.contains("line dead for a while: not detected: the board's high voltage was still on after"),
         "{found}"
     );
+}
+
+/// The daemon gives up a board that it does not hear; one that hears and does not obey stays on meanwhile, as every try of the daemon is a
+/// sign of life to it.
+#[test]
+fn a_board_that_goes_on_while_its_answers_are_lost_is_named() {
+    let mistakes = Mistakes { deaf_to_stops: true, ..Mistakes::default() };
+    let found = verdict(mistakes, |faults| faults.cut(Kind::AnswersLost, &[Way::ToHost]).unwrap()).expect("a verdict");
+    let named = "answers lost, requests heard: not detected: the board's high voltage was still on after";
+    assert!(found.contains(named), "{found}");
+}
+
+#[test]
+fn a_board_that_goes_on_while_requests_are_lost_is_named() {
+    let mistakes = Mistakes { deaf_to_silence: true, ..Mistakes::default() };
+    let found = verdict(mistakes, |faults| faults.cut(Kind::RequestsLost, &[Way::ToBoard]).unwrap());
+    let named = "requests lost, answers heard: not detected: the board's high voltage was still on after";
+    assert!(found.as_ref().is_some_and(|found| found.contains(named)), "{found:?}");
+}
+
+#[test]
+fn high_voltage_that_comes_again_is_named() {
+    let mut looks = 0;
+    let third = || {
+        looks += 1;
+        looks == 3
+    };
+    let found = stays_off(WAIT, third).unwrap_err();
+    assert!(found.contains("the board's high voltage was on again"), "{found}");
+    assert!(stays_off(Duration::ZERO, || false).is_ok());
+}
+
+/// Says at `/metrics` that the board is there until some time after `lost` is set.
+fn slow_to_tell(lost: Arc<OnceLock<Instant>>, after: Duration) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().map_while(Result::ok) {
+            // A request ends with an empty line, and says to have no body.
+            for line in BufReader::new(stream.try_clone().unwrap()).lines().map_while(Result::ok) {
+                if line.is_empty() {
+                    let is_told = lost.get().is_some_and(|lost| lost.elapsed() >= after);
+                    let text = format!("era_device_connected {}\n", u8::from(!is_told));
+                    let answer = format!("HTTP/1.1 200 OK\r\nContent-Length: {}\r\n\r\n{text}", text.len());
+                    if stream.write_all(answer.as_bytes()).is_err() {
+                        break;
+                    }
+                }
+            }
+        }
+    });
+    address
+}
+
+#[test]
+fn a_loss_that_is_told_late_is_named() {
+    let lost = Arc::new(OnceLock::new());
+    let address = slow_to_tell(Arc::clone(&lost), Duration::from_millis(150));
+    let found = verdict_on(address, |faults| {
+        let told = faults.lose(|_| Ok(drop(lost.set(Instant::now())))).unwrap();
+        told.unwrap();
+    });
+    let named = "1 of 1 losses of the board were told after more than 100 ms";
+    assert!(found.as_ref().is_some_and(|found| found.contains(named)), "{found:?}");
+}
+
+/// Not a test: run by [`growing`] as the daemon. Takes what is asked for by a file of that name in the present folder.
+#[test]
+#[ignore = "is a daemon that takes more and more, for the tests beside it"]
+fn takes_more_and_more() {
+    let mut handles = Vec::new();
+    until(WAIT, || Path::new(GROW).exists()).expect("nobody asked");
+    match std::fs::read_to_string(GROW).unwrap().as_str() {
+        "memory" => handles.push((std::fs::File::open(GROW).unwrap(), vec![1_u8; 20 << 20])),
+        "threads" => (0..20).for_each(|_| drop(std::thread::spawn(|| std::thread::sleep(WAIT)))),
+        "handles" => handles.extend((0..20).map(|_| (std::fs::File::open(GROW).unwrap(), Vec::new()))),
+        _ => {}
+    }
+    std::fs::write(GROWN, "").unwrap();
+    std::thread::sleep(WAIT);
+    assert!(handles.len() <= 20);
+}
+
+/// What is asked of [`takes_more_and_more`], and that it is done, in its folder.
+const GROW: &str = "grow";
+const GROWN: &str = "grown";
+
+/// The verdict on a daemon that takes more of this while clients are at it.
+fn growing(what: &str) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, test) = (folder.path().to_owned(), std::env::current_exe().unwrap());
+    let then = format!(
+        "cd '{}' && exec '{}' --exact soak::judged::takes_more_and_more --ignored --nocapture >/dev/null",
+        path.display(),
+        test.display()
+    );
+    let plan = plan(&path, program(&path, "127.0.0.1:9".parse().unwrap(), &then));
+    let daemon = Daemon::start(&plan).unwrap();
+    // Until then it is still the shell.
+    until(WAIT, || daemon.takes().threads > 1).expect("it runs");
+    let warm = daemon.takes();
+    let (world, bench) = (World::default(), Bench::new(path.join("board")).unwrap());
+    let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
+    let faults = Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, before_kill: None };
+    std::fs::write(path.join("asked"), what).unwrap();
+    // Whole at once.
+    std::fs::rename(path.join("asked"), path.join(GROW)).unwrap();
+    until(WAIT, || path.join(GROWN).exists()).expect("it has grown");
+    report(1, Instant::now(), warm, Tally { sent: 1, ..Tally::default() }, faults).verdict()
+}
+
+#[test]
+fn a_daemon_that_takes_more_and_more_is_named() {
+    assert_eq!(growing("nothing"), None);
+    for what in ["memory", "threads", "handles"] {
+        let found = growing(what);
+        let named = format!("{what} grew from");
+        assert!(found.as_ref().is_some_and(|found| found.starts_with(&named) && !found.contains(';')), "{found:?}");
+    }
 }
 
 /// Closes connections on which a touch came, and knows nothing of any; ends the world at the first.

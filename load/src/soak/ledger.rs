@@ -12,6 +12,10 @@ pub enum Kind {
     Unplugged,
     /// The line lets nothing through for a while.
     DeadLine,
+    /// The line lets no answers through for a while: the board hears everything.
+    AnswersLost,
+    /// The line lets no requests through for a while: the daemon hears whatever the board says.
+    RequestsLost,
     /// Rubbish in a frame to the board.
     RubbishToBoard,
     /// Rubbish in a frame to the daemon.
@@ -35,6 +39,8 @@ impl Display for Kind {
         f.pad(match self {
             Self::Unplugged => "cable pulled and plugged in",
             Self::DeadLine => "line dead for a while",
+            Self::AnswersLost => "answers lost, requests heard",
+            Self::RequestsLost => "requests lost, answers heard",
             Self::RubbishToBoard => "rubbish in a frame to the board",
             Self::RubbishToHost => "rubbish in a frame to the host",
             Self::SlowNothing => "client says nothing",

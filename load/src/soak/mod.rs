@@ -2,6 +2,7 @@
 
 mod clients;
 mod faults;
+mod growth;
 #[cfg(test)]
 mod judged;
 mod ledger;
@@ -57,7 +58,7 @@ pub struct Options {
 /// Runs it and prints the table.
 ///
 /// # Errors
-/// [`Error::NotStood`] if something was lost, missed or unsafe, and what keeps the run from going on.
+/// [`Error::NotStood`] if something was lost, missed, told late, ever growing or unsafe, and what keeps the run from going on.
 pub fn run(options: &Options) -> Result<(), Error> {
     let folder = tempfile::tempdir().map_err(Error::system("no folder for sockets"))?;
     let bench = Bench::new(folder.path().join("board"))?;

@@ -1,5 +1,6 @@
 //! The table at the end.
 
+use super::growth::growth;
 use super::ledger::Ledger;
 use super::tally::Tally;
 use crate::daemon::Takes;
@@ -9,6 +10,8 @@ use std::time::Duration;
 
 /// Travel from which on one electrode alone can pull a mass in, as a part of its gap.
 const PULL_IN: f64 = 1.0 / 3.0;
+/// Longest from the loss of the board until it is told, in ms.
+const LOSS_TOLD_MS: f64 = 100.0;
 
 /// All that was counted and seen.
 #[derive(Debug)]
@@ -52,6 +55,29 @@ impl Report {
         found
     }
 
+    /// Losses of the board that were told too late, in words.
+    fn late_losses(&self) -> Option<String> {
+        let losses = &self.ledger.losses;
+        let late = losses.beyond(LOSS_TOLD_MS);
+        let longest = losses.longest().filter(|_| late > 0)?;
+        let of = losses.len();
+        Some(format!(
+            "{late} of {of} losses of the board were told after more than {LOSS_TOLD_MS} ms, the last after {longest:.0} ms"
+        ))
+    }
+
+    /// What the daemon takes more and more of, in words. One that has ended by itself takes nothing.
+    fn growth(&self) -> Vec<String> {
+        let mut grown = Vec::new();
+        if let Some(takes) = self.before_kill {
+            grown.extend(growth(self.at_start, takes, "before a kill"));
+        }
+        if self.ended.is_none() {
+            grown.extend(growth(self.at_start, self.at_end, "at the end"));
+        }
+        grown
+    }
+
     /// What the daemon did not stand, if anything.
     #[must_use]
     pub fn verdict(&self) -> Option<String> {
@@ -63,6 +89,8 @@ impl Report {
             wrong.push("no touch was sent".into());
         }
         wrong.extend(self.ledger.misses.iter().cloned());
+        wrong.extend(self.late_losses());
+        wrong.extend(self.growth());
         wrong.extend(self.ended.as_ref().map(|log| format!("the daemon has ended by itself; it said:\n{log}")));
         (!wrong.is_empty()).then(|| wrong.join("; "))
     }
@@ -136,6 +164,8 @@ pub mod tests {
         Report { tally, ..report() }
     }
 
+    const TAKES: Takes = Takes { memory_kb: 40_000, threads: 16, handles: 24 };
+
     fn report() -> Report {
         Report {
             seed: 1,
@@ -143,12 +173,19 @@ pub mod tests {
             tally: Tally { sent: 1, ..Tally::default() },
             ledger: Ledger::default(),
             outages: 0,
-            at_start: Takes::default(),
+            at_start: TAKES,
             before_kill: None,
-            at_end: Takes::default(),
+            at_end: TAKES,
             watch: Watch::default(),
             ended: None,
         }
+    }
+
+    #[test]
+    fn a_loss_that_is_told_in_time_is_none() {
+        let mut told = report();
+        told.ledger.losses.add(Duration::from_millis(100));
+        assert_eq!(told.verdict(), None);
     }
 
     #[test]
@@ -161,7 +198,11 @@ pub mod tests {
         let far = Report { watch: Watch { travel_part: 0.34, ..Watch::default() }, ..report() };
         let both = Report { watch: Watch { overlaps: 1, ..Watch::default() }, ..report() };
         let late = Report { watch: Watch { late: 1, ..Watch::default() }, ..report() };
-        for report in [lost, missed, far, both, late] {
+        let leaking = Report { at_end: Takes { handles: 90, ..TAKES }, ..report() };
+        let leaked = Report { before_kill: Some(Takes { memory_kb: 90_000, ..TAKES }), ..report() };
+        let mut untold = report();
+        untold.ledger.losses.add(Duration::from_millis(101));
+        for report in [lost, missed, far, both, late, leaking, leaked, untold] {
             assert!(report.verdict().is_some() && !report.text().is_empty());
         }
     }

@@ -6,6 +6,7 @@ use super::touched::PlayedEffect;
 use crate::daemon::active::Active;
 use crate::daemon::problem::Problem;
 use crate::daemon::view::{FieldView, PlanView, TouchView};
+use crate::planner::PlanTable;
 use serde::Serialize;
 use utoipa::ToSchema;
 
@@ -47,12 +48,12 @@ pub struct ErrorMessage {
 }
 
 impl Message {
-    /// The plan, with its field or without.
+    /// The plan, with its field by this table or without.
     #[must_use]
-    pub fn plan(active: &Active, with_field: bool) -> Self {
+    pub fn plan(active: &Active, table: Option<&PlanTable>) -> Self {
         Self::Plan(Box::new(PlanMessage {
             plan: active.plan.clone(),
-            field: with_field.then(|| active.field.clone()),
+            field: table.map(|table| active.field(table).clone()),
             touches: active.touches.clone(),
             effect: active.effect.clone(),
         }))

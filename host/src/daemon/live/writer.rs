@@ -53,8 +53,12 @@ impl Wants {
         Ok(wants)
     }
 
-    fn plan_message(self, active: &Active) -> Value {
-        json!(Told::plan(active, self.field))
+    fn plan_message(self, app: &App, active: &Active) -> Value {
+        match self.field {
+            // The first page that asks works it out.
+            true => tokio::task::block_in_place(|| json!(Told::plan(active, Some(&app.table)))),
+            false => json!(Told::plan(active, None)),
+        }
     }
 }
 
@@ -71,7 +75,7 @@ pub async fn write(
     let mut first = Vec::new();
     first.extend(wants.scene.then(|| json!(Told::Scene(Box::new(app.scene.clone())))));
     first.extend(wants.state.then(|| state_message(&app)));
-    first.extend(app.active().filter(|_| wants.plan).map(|active| wants.plan_message(&active)));
+    first.extend(app.active().filter(|_| wants.plan).map(|active| wants.plan_message(&app, &active)));
     for message in first {
         if !send(&mut sink, text(&message), limit).await {
             return;
@@ -89,12 +93,12 @@ pub async fn write(
                 Err(_) => break,
             },
             update = updates.recv() => match update {
-                Ok(Update::Plan(active)) => wants.plan.then(|| text(&wants.plan_message(&active))),
+                Ok(Update::Plan(active)) => wants.plan.then(|| text(&wants.plan_message(&app, &active))),
                 Ok(Update::Stopped) => wants.state.then(|| text(&state_message(&app))),
                 // Some were missed; the newest is what counts.
                 Err(RecvError::Lagged(_)) => {
                     updates = updates.resubscribe();
-                    app.active().filter(|_| wants.plan).map(|active| text(&wants.plan_message(&active)))
+                    app.active().filter(|_| wants.plan).map(|active| text(&wants.plan_message(&app, &active)))
                 }
                 Err(RecvError::Closed) => break,
             },

@@ -105,7 +105,8 @@ impl Worker {
     }
 
     pub(super) fn look(&mut self) -> Result<(), LinkError> {
-        self.next_status = Instant::now() + self.device.timing().status;
+        self.last_look = Instant::now();
+        self.next_status = self.last_look + self.device.timing().status;
         let Reply::Status(status) = self.ask(&Request::Status)? else { return Err(unexpected("status")) };
         if self.is_live_unasked(status.state) {
             // Before anything else is asked; what it comes to is looked at soon.

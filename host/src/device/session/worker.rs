@@ -23,6 +23,9 @@ const REOPEN: Duration = Duration::from_millis(100);
 const REOPEN_MOST: Duration = Duration::from_secs(2);
 /// Between two questions whether the self-test has ended.
 const ARMING_POLL: Duration = Duration::from_millis(2);
+/// From a look at the state until another one because of a drive. A look is four requests, which a drive that comes meanwhile has to wait
+/// for: after each of a thousand drives a second they would take four fifths of the link.
+const LOOK_FOR_DRIVE: Duration = Duration::from_millis(20);
 /// Longest burst that is asked for in ms: the longest touch that the daemon takes.
 const BURST_MS: u16 = BURST_MAX_MS;
 pub(super) struct Worker {
@@ -56,6 +59,8 @@ pub(super) struct Worker {
     /// Samples of the clock that still come quickly.
     pub(super) quick_samples: u32,
     pub(super) next_status: Instant,
+    /// When the state was last looked at.
+    pub(super) last_look: Instant,
     next_open: Instant,
 }
 
@@ -93,6 +98,7 @@ impl Worker {
             next_clock: now,
             quick_samples: QUICK_SAMPLES,
             next_status: now,
+            last_look: now,
             next_open: now,
         }
     }
@@ -259,14 +265,14 @@ impl Worker {
     }
 
     /// The acknowledgement tells the state; who asks right after its answer must not read an older one. The rest of the
-    /// status follows at once.
+    /// status follows soon.
     pub(super) fn show(&mut self, state: State) {
         self.publish.send_modify(|snapshot| {
             if let Some(status) = &mut snapshot.status {
                 status.state = state;
             }
         });
-        self.next_status = Instant::now();
+        self.next_status = self.next_status.min(self.last_look + LOOK_FOR_DRIVE);
     }
 
     /// Arms, unless that has been done; says whether it has only begun to.

@@ -45,6 +45,8 @@ pub struct Mistakes {
     pub both_electrodes: bool,
     /// The dead-man time does not count: the board takes every tick for a sign of life.
     pub deaf_to_silence: bool,
+    /// A stop does not count: the board takes it for a sign of life.
+    pub deaf_to_stops: bool,
     /// What stands at the electrodes, in percent of what the board measures; as it should be without.
     pub rails_percent: Option<u32>,
 }

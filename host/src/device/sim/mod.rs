@@ -7,6 +7,7 @@
 
 mod accelerometer;
 mod board;
+mod heard;
 mod panel;
 mod rails;
 mod source;
@@ -14,6 +15,7 @@ mod terminal;
 
 pub use accelerometer::{Accelerometer, BANDWIDTH_HZ, attenuation, low_pass};
 pub use board::{Clock, Defects, Mistakes, SimBoard};
+pub use heard::SetFrame;
 pub use panel::{Extreme, Panel, STEP_S};
 pub use rails::Rail;
 pub use source::Source;

@@ -1,12 +1,13 @@
 //! The simulated device behind a pseudo-terminal, with the knobs that tests turn.
 
 use super::board::{Clock, Defects, Mistakes, SimBoard};
+use super::heard::{Frames, SetFrame};
 use super::panel::Panel;
 use crate::device::priority;
 use era_shared::board::Board;
 use era_shared::device::{Device, Port};
 use era_shared::limits::DEADMAN_DEFAULT_MS;
-use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
+use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, Request};
 use era_shared::safety::LinkId;
 use nalgebra::DVector;
@@ -50,6 +51,8 @@ pub struct Watch {
     pub late: u64,
     /// Whether high voltage is enabled now.
     pub energised: bool,
+    /// Longest time between two whole frames while high voltage was enabled.
+    pub silence: Duration,
 }
 
 /// The dead-man time of a host that asks for none.
@@ -62,6 +65,7 @@ struct Wishes {
     probe: Option<DVector<f64>>,
     drives_received: Option<Instant>,
     stop_received: Option<Instant>,
+    frames: Frames,
     watch: Watch,
     quit: bool,
 }
@@ -96,6 +100,17 @@ impl SimControl {
     #[must_use]
     pub fn stop_received(&self) -> Option<Instant> {
         self.lock().stop_received
+    }
+
+    /// Keeps every frame that sets drives from now on, but no more than the last `most`, for [`Self::take_frames`].
+    pub fn keep_frames(&self, most: usize) {
+        self.lock().frames = Frames::new(most);
+    }
+
+    /// The frames that were kept, in their order; they are kept no more.
+    #[must_use]
+    pub fn take_frames(&self) -> Vec<SetFrame> {
+        self.lock().frames.take()
     }
 
     /// What the device has seen of itself.
@@ -175,6 +190,8 @@ struct Loop {
     port: Port,
     /// Listens along for frames that ask for drives.
     listener: Decoder,
+    /// Takes stops out of what the device hears, where it is made to miss them.
+    filter: Decoder,
     control: SimControl,
     answers: u32,
     /// When the last whole frame came in, and after how much silence the host is given up.
@@ -193,6 +210,7 @@ impl Loop {
             board,
             port: Port::new(LinkId(0)),
             listener: Decoder::new(),
+            filter: Decoder::new(),
             control,
             answers: 0,
             heard: Instant::now(),
@@ -260,7 +278,9 @@ impl Loop {
             }
             let mut answers: Vec<Vec<u8>> = Vec::new();
             let received = buffer.get(..length).unwrap_or_default();
-            self.device.receive(&mut self.board, &mut self.port, received, |answer| answers.push(answer.to_vec()));
+            let missed = knobs.mistakes.deaf_to_stops.then(|| without_stops(&mut self.filter, received));
+            let heard = missed.as_deref().unwrap_or(received);
+            self.device.receive(&mut self.board, &mut self.port, heard, |answer| answers.push(answer.to_vec()));
             due_us = self.device.poll(&mut self.board);
             self.board.advance();
             if self.board.is_leaving() {
@@ -291,15 +311,20 @@ impl Loop {
 
     /// Notes when frames that set drives, or stop everything, have become complete.
     fn listen(&mut self, bytes: &[u8], at: Instant) {
-        let (mut drives_set, mut stops) = (false, false);
-        let (heard, deadman) = (&mut self.heard, &mut self.deadman);
+        let (mut sets, mut stops) = (Vec::new(), false);
+        let (heard, deadman, watch) = (&mut self.heard, &mut self.deadman, &mut self.watch);
         // The device's logic has just heard it: where this thread came late to that, the silence began later than `at`.
         let now = Instant::now();
         self.listener.feed(bytes, |result| {
             let Some(frame) = result.ok().filter(|frame| frame.kind == Kind::Request as u8) else { return };
+            if watch.energised {
+                watch.silence = watch.silence.max(now.saturating_duration_since(*heard));
+            }
             *heard = now;
             match postcard::from_bytes(frame.body) {
-                Ok(Request::SetDrives { drives } | Request::Prepare { drives }) => drives_set |= !drives.is_empty(),
+                Ok(Request::SetDrives { drives } | Request::Prepare { drives }) if !drives.is_empty() => {
+                    sets.push(SetFrame { at, drives: drives.to_vec() });
+                }
                 Ok(Request::Stop) => stops = true,
                 Ok(Request::Arm { deadman_ms } | Request::ArmWith { deadman_ms, .. }) => {
                     *deadman = deadman_ms.map_or(DEADMAN_DEFAULT, |ms| Duration::from_millis(ms.into()));
@@ -307,10 +332,11 @@ impl Loop {
                 _ => {}
             }
         });
-        if drives_set || stops {
+        if !sets.is_empty() || stops {
             let mut wishes = self.control.lock();
-            wishes.drives_received = if drives_set { Some(at) } else { wishes.drives_received };
+            wishes.drives_received = if sets.is_empty() { wishes.drives_received } else { Some(at) };
             wishes.stop_received = if stops { Some(at) } else { wishes.stop_received };
+            wishes.frames.keep(sets);
         }
     }
 
@@ -333,6 +359,7 @@ impl Loop {
             overlaps: panel.overlaps(),
             late: self.watch.late + u64::from(energised && silent > self.deadman + LATE),
             energised,
+            silence: self.watch.silence,
         };
         self.control.lock().watch = self.watch;
     }
@@ -344,4 +371,22 @@ impl Loop {
         self.device.start(&mut self.board);
         self.port.reset();
     }
+}
+
+/// The whole requests in these bytes, with signs of life in the place of stops.
+fn without_stops(filter: &mut Decoder, bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    filter.feed(bytes, |result| {
+        let Ok(Frame { version, sequence, body, .. }) = result else { return };
+        let request = match postcard::from_bytes(body) {
+            Ok(Request::Stop) => Request::KeepAlive,
+            Ok(request) => request,
+            Err(_) => return,
+        };
+        let mut frame = [0; MAX_ENCODED];
+        if let Ok(length) = encode(version, Kind::Request, sequence, &request, &mut frame) {
+            out.extend_from_slice(frame.get(..length).unwrap_or_default());
+        }
+    });
+    out
 }

@@ -1,0 +1,68 @@
+//! Frames that the simulated device has heard, for whoever asks what came over its line and when.
+
+use era_shared::protocol::ChannelDrive;
+use std::collections::VecDeque;
+use std::time::Instant;
+
+/// A frame that set drives, or prepared them for an effect.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SetFrame {
+    /// When its last byte was received.
+    pub at: Instant,
+    /// What it asked for; at least one drive.
+    pub drives: Vec<ChannelDrive>,
+}
+
+/// The last frames, none unless that is asked for.
+#[derive(Debug, Default)]
+pub struct Frames {
+    most: usize,
+    kept: VecDeque<SetFrame>,
+}
+
+impl Frames {
+    /// No more than the last `most`.
+    pub const fn new(most: usize) -> Self {
+        Self { most, kept: VecDeque::new() }
+    }
+
+    /// Keeps these, the newest last.
+    pub fn keep(&mut self, frames: Vec<SetFrame>) {
+        self.kept.extend(frames);
+        let beyond = self.kept.len().saturating_sub(self.most);
+        self.kept.drain(..beyond);
+    }
+
+    /// All that are kept; none are from here on.
+    pub fn take(&mut self) -> Vec<SetFrame> {
+        std::mem::take(self).kept.into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_more_are_kept_than_were_asked_for() {
+        let frame = |channel| SetFrame {
+            at: Instant::now(),
+            drives: vec![ChannelDrive {
+                channel,
+                frequency_millihertz: 1,
+                pulse_width_ppm: 1,
+                phase_microturns: 0,
+                voltage_millivolts: 1,
+            }],
+        };
+        let mut frames = Frames::default();
+        frames.keep(vec![frame(0)]);
+        assert_eq!(frames.take(), []);
+        frames = Frames::new(2);
+        frames.keep(vec![frame(1), frame(2), frame(3)]);
+        let channels: Vec<u8> = frames.take().iter().map(|frame| frame.drives[0].channel).collect();
+        assert_eq!(channels, [2, 3]);
+        frames.keep(vec![frame(4)]);
+        assert_eq!(frames.take(), []);
+    }
+}

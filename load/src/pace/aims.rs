@@ -1,0 +1,152 @@
+//! What is asked of the daemon, beside what was measured.
+
+use super::Way;
+use super::measured::Measured;
+use crate::times::{Times, number};
+use std::time::Duration;
+
+/// Touches a second at which a daemon counts as idle, and the p99 in ms from a touch's being due to its frame's last byte.
+const IDLE: (f64, f64) = (1.0, 2.0);
+/// The same at the highest rate.
+const BUSY: (f64, f64) = (1000.0, 5.0);
+/// Longest from a stop to the board at any load, in ms.
+const STOP_MS: f64 = 10.0;
+/// Longest time for which a board that is on may hear nothing, in ms: a sign of life comes after 30 ms, and 50 ms after that the link is
+/// in doubt and touches are refused. The board itself goes off after 250 ms.
+const SILENCE_MS: f64 = 80.0;
+
+/// A way in, a rate, and what was measured there.
+pub struct Row {
+    /// The way in.
+    pub way: Way,
+    /// Touches a second.
+    pub rate: f64,
+    /// What touches came to.
+    pub measured: Measured,
+    /// From when a stop was due to its last byte at the board.
+    pub stops: Times,
+    /// What the same load took with an echo in the daemon's place.
+    pub echo: Times,
+}
+
+/// One thing that is asked.
+#[derive(Debug, PartialEq)]
+struct Aim {
+    what: String,
+    below_ms: f64,
+    /// `None` if it was not measured.
+    measured_ms: Option<f64>,
+    /// How many the figure is from.
+    of: usize,
+    echo_ms: Option<f64>,
+}
+
+impl Aim {
+    fn is_met(&self) -> Option<bool> {
+        self.measured_ms.map(|ms| ms < self.below_ms)
+    }
+
+    fn line(&self) -> String {
+        let verdict = match self.is_met() {
+            Some(true) => "met",
+            Some(false) => "not met",
+            None => "not measured",
+        };
+        let measured = self.measured_ms.map_or_else(|| "-".into(), |ms| format!("{} ms of {}", number(ms), self.of));
+        let echo = self.echo_ms.map_or_else(|| "-".into(), |ms| format!("{} ms", number(ms)));
+        let ratio =
+            self.measured_ms.zip(self.echo_ms).map_or_else(|| "-".into(), |(ms, echo)| format!("{:.1}", ms / echo));
+        let below = format!("below {} ms", self.below_ms);
+        format!("{:<64} {below:>13} {measured:>20} {echo:>12} {ratio:>8}  {verdict}\n", self.what)
+    }
+}
+
+/// Everything that is asked. What a way in came to at a rate that was not tried is not measured.
+fn aims(rows: &[Row], silence: Duration) -> Vec<Aim> {
+    let mut all = Vec::new();
+    for (rate, below_ms) in [IDLE, BUSY] {
+        for way in Way::ALL {
+            let row = rows.iter().find(|row| row.way == way && row.rate == rate);
+            all.push(Aim {
+                what: format!("touch to the frame's last byte, p99, {}, {rate}/s", way.name()),
+                below_ms,
+                measured_ms: row.and_then(|row| row.measured.frame.quantile(99)),
+                of: row.map_or(0, |row| row.measured.frame.len()),
+                echo_ms: row.and_then(|row| row.echo.quantile(99)),
+            });
+        }
+    }
+    let mut stops = Times::default();
+    for row in rows {
+        stops.join(row.stops.clone());
+    }
+    let mut add = |what: &str, below_ms, measured_ms, of| {
+        all.push(Aim { what: what.into(), below_ms, measured_ms, of, echo_ms: None });
+    };
+    add("stop to the board, longest, at any of these loads", STOP_MS, stops.longest(), stops.len());
+    // A board that was never on has heard nothing that counts.
+    let silence_ms = Some(silence.as_secs_f64() * 1e3).filter(|ms| *ms > 0.0);
+    add("no sign of life at a board that is on, longest", SILENCE_MS, silence_ms, 1);
+    all
+}
+
+/// The table, and those that are not met.
+pub fn table(rows: &[Row], silence: Duration) -> (String, Vec<String>) {
+    let aims = aims(rows, silence);
+    let heads = ["aim", "asked", "measured", "echo, p99", "ratio"];
+    let [aim, asked, measured, echo, ratio] = heads;
+    let mut text = format!("{aim:<64} {asked:>13} {measured:>20} {echo:>12} {ratio:>8}\n");
+    text.extend(aims.iter().map(Aim::line));
+    let missed = aims.iter().filter(|aim| aim.is_met() == Some(false)).map(|aim| aim.what.clone()).collect();
+    (text, missed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn times(ms: f64, count: usize) -> Times {
+        let mut times = Times::default();
+        for _ in 0..count {
+            times.add(Duration::from_secs_f64(ms / 1e3));
+        }
+        times
+    }
+
+    fn rows(idle_ms: f64, busy_ms: f64, stop_ms: f64) -> Vec<Row> {
+        let row = |way, rate, ms| {
+            let measured = Measured { frame: times(ms, 100), ..Measured::default() };
+            Row { way, rate, measured, stops: times(stop_ms, 10), echo: times(0.5, 100) }
+        };
+        Way::ALL.into_iter().flat_map(|way| [row(way, 1.0, idle_ms), row(way, 1000.0, busy_ms)]).collect()
+    }
+
+    const SILENCE: Duration = Duration::from_millis(50);
+
+    #[test]
+    fn each_aim_is_missed_by_itself() {
+        assert_eq!(table(&rows(1.9, 4.9, 9.9), SILENCE).1, Vec::<String>::new());
+        assert_eq!(table(&rows(2.1, 4.9, 9.9), SILENCE).1.len(), 3);
+        assert_eq!(table(&rows(1.9, 5.1, 9.9), SILENCE).1.len(), 3);
+        assert_eq!(table(&rows(1.9, 4.9, 10.1), SILENCE).1, ["stop to the board, longest, at any of these loads"]);
+        let late = table(&rows(1.9, 4.9, 9.9), Duration::from_millis(81)).1;
+        assert_eq!(late, ["no sign of life at a board that is on, longest"]);
+    }
+
+    /// Two of a hundred touches that were refused are not left out of the p99.
+    #[test]
+    fn touches_that_never_came_miss_the_aim() {
+        let mut rows = rows(1.9, 4.9, 9.9);
+        rows[0].measured.frame.never();
+        rows[0].measured.frame.never();
+        let (text, missed) = table(&rows, SILENCE);
+        assert_eq!(missed.len(), 1);
+        assert!(text.contains("never ms of 102"), "{text}");
+    }
+
+    #[test]
+    fn what_was_not_tried_is_neither_met_nor_missed() {
+        let (text, missed) = table(&[], Duration::ZERO);
+        assert_eq!((missed.len(), text.matches("not measured").count()), (0, 8), "{text}");
+    }
+}

@@ -1,0 +1,115 @@
+//! What one load came to.
+
+use super::frames::arrivals;
+use super::touches::{End, Touch};
+use crate::times::Times;
+use era::device::sim::SetFrame;
+use std::collections::BTreeMap;
+
+/// What one load came to. All times run from when a touch was due.
+#[derive(Debug, Default)]
+pub struct Measured {
+    /// To the answer, of touches that were driven.
+    pub answer: Times,
+    /// To the last byte of the frame that drives the touch; never for one that was refused or whose frame did not come.
+    pub frame: Times,
+    /// Until it was told that a newer touch stands in its place.
+    pub overtaken: Times,
+    /// Touches that were sent.
+    pub sent: usize,
+    /// Those that were refused, by why.
+    pub refused: BTreeMap<String, usize>,
+    /// Those that were answered as driven, and of which no frame was on the line.
+    pub unseen: usize,
+}
+
+impl Measured {
+    /// Of these touches, with the frames that were on the board's line meanwhile.
+    ///
+    /// # Errors
+    /// As [`arrivals`].
+    pub fn of(touches: &[Touch], frames: &[SetFrame]) -> Result<Self, String> {
+        let mut all = Self { sent: touches.len(), ..Self::default() };
+        for (touch, arrived) in touches.iter().zip(arrivals(touches, frames)?) {
+            let ended = touch.ended.saturating_duration_since(touch.due);
+            match &touch.end {
+                End::Overtaken => all.overtaken.add(ended),
+                End::Refused(why) => {
+                    all.frame.never();
+                    *all.refused.entry(why.clone()).or_default() += 1;
+                }
+                End::Driven(_) => {
+                    all.answer.add(ended);
+                    match arrived {
+                        Some(at) => all.frame.add(at.saturating_duration_since(touch.due)),
+                        None => {
+                            all.frame.never();
+                            all.unseen += 1;
+                        }
+                    }
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// Touches that were driven: the others were overtaken or refused.
+    #[must_use]
+    pub const fn driven(&self) -> usize {
+        self.answer.len()
+    }
+
+    /// What was refused and what was not seen, in words; nothing if there was none.
+    #[must_use]
+    pub fn missing(&self) -> Vec<String> {
+        let mut all: Vec<String> = self.refused.iter().map(|(why, count)| format!("{count} refused: {why}")).collect();
+        all.extend(
+            (self.unseen > 0).then(|| format!("{} answered as driven without a frame on the line", self.unseen)),
+        );
+        all
+    }
+}
+
+/// From when each touch was due to its end, whatever that was.
+#[must_use]
+pub fn round_trips(touches: &[Touch]) -> Times {
+    let mut times = Times::default();
+    for touch in touches {
+        match touch.end {
+            End::Refused(_) => times.never(),
+            _ => times.add(touch.ended.saturating_duration_since(touch.due)),
+        }
+    }
+    times
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    /// A refused touch, and one whose frame never came, are late and not left out; one that was overtaken is neither.
+    #[test]
+    fn what_did_not_reach_the_board_counts_as_never() {
+        let due = Instant::now();
+        let ended = due + Duration::from_millis(7);
+        let of = |end| Touch { due, ended, end };
+        let touches = [of(End::Driven(Vec::new())), of(End::Overtaken), of(End::Refused("queue-full".into()))];
+        let measured = Measured::of(&touches, &[]).unwrap();
+        assert_eq!((measured.sent, measured.driven(), measured.unseen), (3, 1, 1));
+        assert_eq!((measured.frame.len(), measured.frame.quantile(0)), (2, Some(f64::INFINITY)));
+        assert_eq!(measured.overtaken.longest(), Some(7.0));
+        assert_eq!(measured.missing().len(), 2);
+    }
+
+    /// A touch that was sent late, as all connections were busy, has waited since it was due.
+    #[test]
+    fn times_run_from_when_a_touch_was_due() {
+        let due = Instant::now();
+        let at = due + Duration::from_millis(40);
+        let touch = Touch { due, ended: due + Duration::from_millis(41), end: End::Driven(Vec::new()) };
+        let frame = SetFrame { at, drives: Vec::new() };
+        let measured = Measured::of(&[touch], &[frame]).unwrap();
+        assert_eq!((measured.frame.longest(), measured.answer.longest()), (Some(40.0), Some(41.0)));
+    }
+}
