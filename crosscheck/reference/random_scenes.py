@@ -85,7 +85,19 @@ class _Maker:
             part = rng.uniform(0.1, 0.8)
             for actuator in scene["actuator"]:
                 actuator["stop_um"] = part * actuator["air_gap_um"]
+        self._losses(scene)
         return {key: value for key, value in scene.items() if value != []}
+
+    def _losses(self, scene):
+        """Loss factors of supports and elastic edges: tape and rubber have 0.1 to 1. One for all, or one for each."""
+        springs = scene["support"] + [edge for edge in scene["edge"] if edge["kind"] == "elastic"]
+        if not springs or not self.chance(0.4):
+            return
+        factor, is_same = log_uniform(self.rng, 0.02, 1.5), self.symmetric or self.chance(0.5)
+        for spring in springs:
+            spring["loss_factor"] = factor
+            if not is_same:
+                factor = 0.0 if self.chance(0.2) else log_uniform(self.rng, 0.02, 1.5)
 
     def _damping(self):
         kind = self.rng.integers(4)

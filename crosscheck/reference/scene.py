@@ -59,6 +59,8 @@ class Support:
     stiffness: float
     damping: float = 0.0
     rotational_stiffness: float = 0.0
+    # Of both springs: stiffness times 1 + j eta.
+    loss_factor: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ class Edge:
     kind: str
     stiffness: float = 0.0
     rotational_stiffness: float = 0.0
+    # Of both springs.
+    loss_factor: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -244,10 +248,12 @@ def parse(text):
             stiffness=float(table["stiffness_n_per_m"]),
             damping=float(table.get("damping_n_s_per_m", 0.0)),
             rotational_stiffness=float(table.get("rotational_stiffness_n_m_per_rad", 0.0)),
+            loss_factor=float(table.get("loss_factor", 0.0)),
         )
         for table in data.get("support", [])
     ]
     keys = ("stiffness_n_per_m", "rotational_stiffness_n_m_per_rad") if bar else ("stiffness_n_per_m2", "rotational_stiffness_n_per_rad")
+    keys += ("loss_factor",)
     edges = [Edge(table["side"], table["kind"], *(float(table.get(key, 0.0)) for key in keys)) for table in data.get("edge", [])]
     masses = [PointMass(**place(table), mass=float(table["mass_g"]) * 1e-3) for table in data.get("mass", [])]
     actuators = [

@@ -74,6 +74,11 @@ fn each_mistake_names_key_value_range_and_line() {
             "stiffness_n_per_m = inf",
             &["support[1].stiffness_n_per_m", "inf", "0 to 1e20"],
         ),
+        (
+            "damping_n_s_per_m = 1.3 ",
+            "damping_n_s_per_m = 1.3\nloss_factor = 2.5 ",
+            &["support[1].loss_factor", "2.5", "0 to 2"],
+        ),
         ("version = 1", "version = 2", &["version is 2, but must be 1"]),
         ("[[support]]", "[[suport]]", &["unknown key suport", "did you mean support?"]),
     ];

@@ -29,6 +29,8 @@ fn modelled(scene: &Scene) -> String {
     };
     let held = scene.edges.iter().filter(|edge| !matches!(edge.kind, EdgeKind::Elastic { .. })).count();
     let inertial = scene.actuators.iter().filter(|actuator| actuator.mount == Mount::Inertial).count();
+    let lossy = scene.supports.iter().map(|support| support.loss_factor);
+    let lossy = lossy.chain(scene.edges.iter().map(|edge| edge.kind.loss_factor())).filter(|loss| *loss > 0.0).count();
     let biased = scene.actuators.iter().filter(|actuator| actuator.bias_voltage_v > 0.0).count();
     let parts = [
         (scene.patches.len(), "patches of other thickness or material"),
@@ -36,6 +38,7 @@ fn modelled(scene: &Scene) -> String {
         (scene.supports.len(), "point supports"),
         (held, "edges held"),
         (scene.edges.len() - held, "elastic edges"),
+        (lossy, "supports and edges with a loss factor"),
         (scene.masses.len(), "attached masses"),
         (inertial, "inertial ERAs, each with an unknown for its mass"),
         (scene.actuators.len() - inertial, "grounded ERAs"),
@@ -106,6 +109,12 @@ mod tests {
             assert!(text.contains(piece), "{piece:?} is not in {text}");
         }
         assert_eq!(text.lines().count(), 2 + 1 + found.steps.len() + 1, "{text}");
+        let mut lossy = scene.clone();
+        lossy.supports.extend(Scene::parse("plate", crate::scene::EXAMPLE_PLATE).unwrap().supports);
+        lossy.supports[1].loss_factor = 0.3;
+        let text_of_lossy = explain(&lossy, Accuracy::BALANCED, &found.steps);
+        assert!(text_of_lossy.contains(", 1 supports and edges with a loss factor"), "{text_of_lossy}");
+        assert!(!text.contains("loss factor"), "{text}");
         let last = found.steps.last().unwrap();
         assert!(text.contains(&format!("{:6}  ", last.fineness.order)) && text.contains(&last.dofs.to_string()));
     }

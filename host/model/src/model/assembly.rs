@@ -27,6 +27,8 @@ pub struct Attachment {
     pub vector: SparseVector,
     /// In N/m; N m/rad if the motion is a slope.
     pub stiffness: f64,
+    /// Of the stiffness: that times 1 + j eta.
+    pub loss_factor: f64,
     /// In N s/m.
     pub damping: f64,
     /// In kg.
@@ -53,10 +55,19 @@ pub struct Assembled {
     pub stiffness: Symmetric,
     /// Everything's mass.
     pub mass: Symmetric,
-    /// The stiffness of springs along edges, where there are any.
-    pub edges: Option<Symmetric>,
+    /// The stiffness of springs along edges, those of one loss factor in one matrix.
+    pub edges: Vec<EdgeStiffness>,
     /// What is attached at points.
     pub attached: AttachedVectors,
+}
+
+/// Springs along edges, all of one loss factor.
+#[derive(Clone, Debug)]
+pub struct EdgeStiffness {
+    /// Over all unknowns.
+    pub stiffness: Symmetric,
+    /// What it is times 1 + j eta with.
+    pub loss_factor: f64,
 }
 
 /// What is attached at points, over a mesh's unknowns.
@@ -115,22 +126,35 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
     let grid = Grid::new(scene, fineness);
     let (stiffness, mass) = surface_matrices(&grid);
     let (mut stiffness, mut mass) = (grid.over_unknowns(stiffness), grid.over_unknowns(mass));
-    let mut edges = Entries::default();
-    for edge in &scene.edges {
-        if let EdgeKind::Elastic { stiffness, rotational_stiffness } = edge.kind {
-            elastic_edge(&grid, edge.side, stiffness, rotational_stiffness, &mut edges);
-        }
-    }
-    let edges = grid.over_unknowns(edges);
-    stiffness.add_all(&edges, 1.0);
+    let edges = elastic_edges(scene, &grid);
+    edges.iter().for_each(|(edges, _)| stiffness.add_all(edges, 1.0));
     let attached = AttachedVectors::of(&grid, scene);
     let n = attached.unknowns;
     for attachment in &attached.attachments {
         stiffness.add_outer(&attachment.vector, attachment.stiffness);
         mass.add_outer(&attachment.vector, attachment.mass);
     }
-    let edges = if edges.iter().next().is_some() { Some(edges.build(n)?) } else { None };
+    let edges = edges
+        .into_iter()
+        .map(|(edges, loss_factor)| Ok(EdgeStiffness { stiffness: edges.build(n)?, loss_factor }))
+        .collect::<Result<_, ModelError>>()?;
     Ok(Assembled { edges, stiffness: stiffness.build(n)?, mass: mass.build(n)?, attached, grid: Arc::new(grid) })
+}
+
+/// Springs along edges by their loss factors, where there are any.
+fn elastic_edges(scene: &Scene, grid: &Grid) -> Vec<(Entries, f64)> {
+    let mut out: Vec<(Entries, f64)> = Vec::new();
+    for edge in &scene.edges {
+        let EdgeKind::Elastic { stiffness, rotational_stiffness, loss_factor } = edge.kind else { continue };
+        let known = out.iter().position(|(_, known)| known.total_cmp(&loss_factor).is_eq());
+        let at = known.unwrap_or_else(|| {
+            out.push((Entries::default(), loss_factor));
+            out.len() - 1
+        });
+        elastic_edge(grid, edge.side, stiffness, rotational_stiffness, &mut out[at].0);
+    }
+    let over_unknowns = out.into_iter().map(|(entries, loss_factor)| (grid.over_unknowns(entries), loss_factor));
+    over_unknowns.filter(|(entries, _)| entries.iter().next().is_some()).collect()
 }
 
 fn cells(grid: &Grid, lines: &Lines) -> Vec<CellMatrices> {
@@ -273,16 +297,17 @@ impl Parts<'_> {
         self.attach(Attachment {
             vector: surface.clone(),
             stiffness: attached.stiffness_n_per_m,
+            loss_factor: attached.loss_factor,
             damping: attached.damping_n_s_per_m,
             mass: attached.mass_kg,
             is_slope: false,
         });
-        let stiffness = attached.turning_n_m_per_rad;
+        let (stiffness, loss_factor) = (attached.turning_n_m_per_rad, attached.loss_factor);
         if stiffness > 0.0 {
             let (x_m, y_m) = self.grid.attached_at(x_m, y_m);
             for slope in [Derivative::SlopeX, Derivative::SlopeY] {
                 let vector = self.grid.row_at(x_m, y_m, slope);
-                self.attach(Attachment { vector, stiffness, is_slope: true, ..Attachment::default() });
+                self.attach(Attachment { vector, stiffness, loss_factor, is_slope: true, ..Attachment::default() });
             }
         }
         let Some(carried) = attached.carried else { return surface };

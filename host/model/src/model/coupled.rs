@@ -172,10 +172,12 @@ impl BarePanel {
         for k in modes + residual + carried..size {
             stiffness[(k, k)] = self.local_lambda();
         }
-        for attachment in &attached.attachments {
+        for attachment in &mut attached.attachments {
             let shape = along(&attachment.vector);
             let most = RIGID / self.flexibility(&attachment.vector, free, &basis).max(f64::MIN_POSITIVE);
-            stiffness.ger(attachment.stiffness.min(most), &shape, &shape, 1.0);
+            // For its losses too, which are a part of the energy in it.
+            attachment.stiffness = attachment.stiffness.min(most);
+            stiffness.ger(attachment.stiffness, &shape, &shape, 1.0);
             mass.ger(attachment.mass, &shape, &shape, 1.0);
         }
         let (lambda, vectors) = eigen(stiffness, mass)?;

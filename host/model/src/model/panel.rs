@@ -1,6 +1,6 @@
 //! The panel model that the rest of the program uses.
 
-use super::assembly::{Assembled, assemble};
+use super::assembly::{Assembled, EdgeStiffness, assemble};
 use super::damping::Damping;
 use super::eigen::{Modes, Operator, modes};
 use super::fineness::Fineness;
@@ -9,7 +9,7 @@ use super::grid::{Derivative, Grid};
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, rigid_modes};
 use super::sections::{Waves, shift};
-use super::sparse::{Entries, Factor, SparseVector, Symmetric};
+use super::sparse::{Entries, Factor, SparseVector};
 use super::{Accuracy, ModelError};
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 use nalgebra::DMatrix;
@@ -289,8 +289,8 @@ impl PanelModel {
     }
 
     /// The stiffness of springs along its edges, where there are any.
-    pub(super) fn edges(&self) -> Option<&Symmetric> {
-        self.assembled.edges.as_ref()
+    pub(super) fn edges(&self) -> &[EdgeStiffness] {
+        &self.assembled.edges
     }
 
     /// What its mass is multiplied with and added to its stiffness, in rad^2/s^2.
@@ -314,7 +314,7 @@ impl PanelModel {
     /// The damping of the scene over mass-normalised `vectors` of the squared frequencies `lambda`.
     fn damping(&self, lambda: &[f64], vectors: &DMatrix<f64>) -> Damping {
         let Assembled { attached, edges, .. } = &self.assembled;
-        Damping::over(self.scene.surface.damping, attached, edges.as_ref(), lambda, vectors)
+        Damping::over(self.scene.surface.damping, attached, edges, lambda, vectors)
     }
 }
 

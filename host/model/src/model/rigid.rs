@@ -185,7 +185,7 @@ fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
         let (stiffness, turning, hard) = match edge.kind {
             EdgeKind::Pinned => (1.0, 0.0, true),
             EdgeKind::Clamped => (1.0, 1.0, true),
-            EdgeKind::Elastic { stiffness, rotational_stiffness } => (stiffness, rotational_stiffness, false),
+            EdgeKind::Elastic { stiffness, rotational_stiffness, .. } => (stiffness, rotational_stiffness, false),
         };
         // Two Gauss points integrate the square of a linear function exactly; on a bar both are the same point.
         let gauss = [0.5 - 0.5 / 3.0_f64.sqrt(), 0.5 + 0.5 / 3.0_f64.sqrt()];

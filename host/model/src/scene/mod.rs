@@ -133,6 +133,8 @@ pub struct Support {
     pub damping_n_s_per_m: f64,
     /// Against slopes in both directions, in N m/rad.
     pub rotational_stiffness_n_m_per_rad: f64,
+    /// Hysteretic: both stiffnesses times 1 + j eta.
+    pub loss_factor: f64,
 }
 
 /// A side of the surface.
@@ -164,6 +166,8 @@ pub enum EdgeKind {
         stiffness: f64,
         /// In N/rad (plate, per metre) or N m/rad (bar).
         rotational_stiffness: f64,
+        /// Hysteretic: both stiffnesses times 1 + j eta.
+        loss_factor: f64,
     },
 }
 
@@ -175,6 +179,15 @@ impl EdgeKind {
             EdgeKind::Pinned => "pinned",
             EdgeKind::Clamped => "clamped",
             EdgeKind::Elastic { .. } => "elastic",
+        }
+    }
+
+    /// Of its springs; 0 where it has none.
+    #[must_use]
+    pub const fn loss_factor(self) -> f64 {
+        match self {
+            EdgeKind::Elastic { loss_factor, .. } => loss_factor,
+            EdgeKind::Pinned | EdgeKind::Clamped => 0.0,
         }
     }
 }

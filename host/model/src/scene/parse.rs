@@ -20,6 +20,8 @@ const MOST_MASS_G: f64 = 1e12;
 const MASS_G: Allowed = Allowed::Within(0.0, MOST_MASS_G);
 /// All springs, in N/m, N m/rad and per metre: the model is tested up to 1e18.
 const STIFFNESS: Allowed = Allowed::Within(0.0, 1e20);
+/// All loss factors: the dampest rubbers have 1 to 2.
+const LOSS_FACTOR: Allowed = Allowed::Within(0.0, 2.0);
 /// All dashpots, in N s/m.
 const DAMPING: Allowed = Allowed::Within(0.0, 1e12);
 /// Electrodes up to a square metre.
@@ -106,7 +108,7 @@ fn damping(section: Section<'_, '_>) -> SurfaceDamping {
         section.has("modal_ratio"),
         section.has("rayleigh_alpha") | section.has("rayleigh_beta"),
     ];
-    let loss_factor = section.number_or("loss_factor", 0.0, Allowed::Within(0.0, 2.0));
+    let loss_factor = section.number_or("loss_factor", 0.0, LOSS_FACTOR);
     let modal_ratio = section.number_or("modal_ratio", 0.0, Allowed::Within(0.0, 10.0));
     let alpha = section.number_or("rayleigh_alpha", 0.0, Allowed::Within(0.0, 1e6));
     let beta = section.number_or("rayleigh_beta", 0.0, Allowed::Within(0.0, 1.0));
@@ -209,6 +211,7 @@ fn support(section: Section<'_, '_>, size: &Size) -> Support {
         stiffness_n_per_m: section.number("stiffness_n_per_m", STIFFNESS),
         damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, DAMPING),
         rotational_stiffness_n_m_per_rad: section.number_or("rotational_stiffness_n_m_per_rad", 0.0, STIFFNESS),
+        loss_factor: section.number_or("loss_factor", 0.0, LOSS_FACTOR),
     };
     section.close();
     support
@@ -257,6 +260,7 @@ fn elastic(section: &Section<'_, '_>, kind: SurfaceKind) -> EdgeKind {
     EdgeKind::Elastic {
         stiffness: section.number_or(stiffness, 0.0, STIFFNESS),
         rotational_stiffness: section.number_or(rotational, 0.0, STIFFNESS),
+        loss_factor: section.number_or("loss_factor", 0.0, LOSS_FACTOR),
     }
 }
 
