@@ -85,6 +85,15 @@ class PointMass:
 
 
 @dataclass(frozen=True)
+class Finger:
+    """What rests on the touched place: a mass that moves with it, a spring and a dashpot to ground."""
+
+    mass: float = 0.0
+    damping: float = 0.0
+    stiffness: float = 0.0
+
+
+@dataclass(frozen=True)
 class Actuator:
     """An electrostatic resonant actuator (ERA)."""
 
@@ -163,6 +172,7 @@ class Scene:
     actuators: tuple[Actuator, ...] = ()
     # The hardest press that gaps have to bear, in N.
     press: float = 5.0
+    finger: Finger | None = None
 
     @property
     def is_bar(self):
@@ -180,6 +190,12 @@ class Scene:
         within = lambda u, v: 0 < u < self.length and (self.is_bar or 0 < v < self.width)
         cut = lambda u, v: any(c.x < u < c.x + c.length and c.y < v < c.y + c.width for c in self.cutouts)
         return any(within(u, v) and not cut(u, v) for u, v in beside)
+
+    def touched(self, x, y):
+        """The panel with the finger at a place, as a part of it."""
+        finger = self.finger or Finger()
+        masses = (*self.masses, PointMass(x, y, finger.mass))
+        return replace(self, masses=masses, supports=(*self.supports, Support(x, y, finger.stiffness, finger.damping)), finger=None)
 
     def without_actuators(self):
         """The same panel without its ERAs, housings included."""
@@ -206,6 +222,13 @@ def _damping(table):
     if numbers:
         return Damping("rayleigh", **numbers)
     return Damping()
+
+
+def _finger(table):
+    if table is None:
+        return None
+    number = lambda key: float(table.get(key, 0.0))
+    return Finger(number("mass_g") * 1e-3, number("damping_n_s_per_m"), number("stiffness_n_per_m"))
 
 
 def parse(text):
@@ -289,6 +312,7 @@ def parse(text):
         masses=tuple(masses),
         actuators=tuple(actuators),
         press=float(data.get("press", {}).get("force_n", 5.0)),
+        finger=_finger(data.get("finger")),
     )
 
 

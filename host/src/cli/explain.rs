@@ -61,7 +61,7 @@ fn modelled(scene: &Scene) -> String {
 pub fn explain(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> String {
     let mut text = modelled(scene);
     text.push_str(
-        "\nleft out: shear and rotary inertia, stretching in the plane, the air, what the electrodes' field does to an ERA's \
+        "\nleft out: shear and rotary inertia, stretching in the plane, the air, the finger but where a place is touched, what the electrodes' field does to an ERA's \
          stiffness beyond its bias_voltage_v; modes above those kept are in the residual shapes of actuators, dashpots and the point asked for",
     );
     let _ =

@@ -4,6 +4,7 @@
 //! data. Every mistake in a file is told with its key, value, allowed range and line, all of them at once.
 
 mod actuator;
+mod finger;
 mod layout;
 mod parse;
 mod patch;
@@ -15,6 +16,7 @@ mod rectangles;
 mod screen;
 
 pub use actuator::{Actuator, EPS0, Mount};
+pub use finger::Finger;
 pub use layout::{Layer, Layout, SAME_PLACE, Vertex};
 pub use patch::{Cutout, Patch};
 pub use place::{PlaceError, ROUNDING, SurfacePoint, along_side, evenly};
@@ -60,6 +62,9 @@ pub struct Scene {
     pub actuators: Vec<Actuator>,
     /// The hardest press of a finger, anywhere on the surface, that gaps have to bear, in N.
     pub press_n: f64,
+    /// What rests on the place that is touched. Modes, maps of what can be reached and whatever else is not about one touch are of the
+    /// panel without it; [`Scene::touched`] is the panel with it.
+    pub finger: Option<Finger>,
 }
 
 /// What kind of structure the surface is.

@@ -6,7 +6,7 @@ use super::ranges::{DENSITY_KG_M3, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MOD
 use super::read::{Allowed, Mistake, Report, SceneError, Section};
 use super::rectangles::{cutouts, patches};
 use super::{
-    Actuator, DEFAULT_PRESS_N, Edge, EdgeKind, MOST_PRESS_N, Mass, Material, Mount, Scene, Screen, Side, Support,
+    Actuator, DEFAULT_PRESS_N, Edge, EdgeKind, Finger, MOST_PRESS_N, Mass, Material, Mount, Scene, Screen, Side, Support,
     Surface, SurfaceDamping, SurfaceKind,
 };
 use toml::de::DeTable;
@@ -24,6 +24,11 @@ const STIFFNESS: Allowed = Allowed::Within(0.0, 1e20);
 const LOSS_FACTOR: Allowed = Allowed::Within(0.0, 2.0);
 /// All dashpots, in N s/m.
 const DAMPING: Allowed = Allowed::Within(0.0, 1e12);
+/// A finger, in g, N s/m and N/m: a hundred times what is measured on fingertips, which is more than a whole arm. Beyond it someone has mixed up
+/// units.
+const FINGER_MASS_G: Allowed = Allowed::Within(0.0, 1000.0);
+const FINGER_DAMPING: Allowed = Allowed::Within(0.0, 1000.0);
+const FINGER_STIFFNESS: Allowed = Allowed::Within(0.0, 1e6);
 /// Electrodes up to a square metre.
 const AREA_MM2: Allowed = Allowed::Within(1e-6, 1e6);
 /// A stop nearer to a mass's middle leaves it no room.
@@ -75,7 +80,9 @@ fn read(file: &Section<'_, '_>) -> Option<Scene> {
     let masses = file.tables("mass").into_iter().map(|section| mass(section, &size)).collect();
     let actuators = actuators(file.tables("actuator"), &size);
     let press_n = file.table("press").map_or(DEFAULT_PRESS_N, press);
-    Some(Scene { name, surface: surface?, patches, cutouts, screen, supports, edges, masses, actuators, press_n })
+    let finger = file.table("finger").map(finger);
+    let surface = surface?;
+    Some(Scene { name, surface, patches, cutouts, screen, supports, edges, masses, actuators, press_n, finger })
 }
 
 fn surface(section: Section<'_, '_>) -> Surface {
@@ -275,6 +282,16 @@ fn press(section: Section<'_, '_>) -> f64 {
     let force_n = section.number_or("force_n", DEFAULT_PRESS_N, Allowed::Within(0.0, MOST_PRESS_N));
     section.close();
     force_n
+}
+
+fn finger(section: Section<'_, '_>) -> Finger {
+    let finger = Finger {
+        mass_kg: section.number_or("mass_g", 0.0, FINGER_MASS_G) / 1e3,
+        damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, FINGER_DAMPING),
+        stiffness_n_per_m: section.number_or("stiffness_n_per_m", 0.0, FINGER_STIFFNESS),
+    };
+    section.close();
+    finger
 }
 
 fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {

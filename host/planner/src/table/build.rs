@@ -31,11 +31,17 @@ const BETWEEN: f64 = 1.1;
 /// anything that holds it. Rounding leaves 1e-12 or so of it; a spring of 1e9 N/m under an actuator 1e-5.
 const HELD_FAST: f64 = 1e-9;
 
-pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<PlanTable, ResponseError> {
+/// The table of a model; `known` is what a press does to the actuators, where that is not to be told by it.
+pub(super) fn table(
+    scene: &Scene,
+    model: ReducedModel,
+    options: TableOptions,
+    known: Option<&[Pressed]>,
+) -> Result<PlanTable, ResponseError> {
     let frequencies_hz = options.frequencies_hz();
     let grid = SurfaceGrid::new(scene, &model, options.to_hz);
     let receptance = static_receptance(&model);
-    let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &receptance);
+    let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &receptance, known);
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
     let products = products(scene, &model);
     let solver = Solver::new(&model);
@@ -94,9 +100,10 @@ pub(super) fn electrodes_of(
     model: &ReducedModel,
     grid: &SurfaceGrid,
     static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
+    known: Option<&[Pressed]>,
 ) -> (Vec<Electrodes>, Vec<Pressed>) {
     let mut electrodes = on_rails(scene.actuators.iter().map(Electrodes::of).collect());
-    let pressed = pressed(scene, model, grid, &electrodes, static_receptance);
+    let pressed = known.map_or_else(|| pressed(scene, model, grid, &electrodes, static_receptance), <[_]>::to_vec);
     for (own, pressed) in electrodes.iter_mut().zip(&pressed) {
         (own.stop_m, own.sag_m) = (pressed.stop_m, pressed.sag_m);
     }
