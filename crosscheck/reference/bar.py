@@ -15,7 +15,7 @@ def part_of(scene, x):
     for patch in scene.patches:
         if patch.x < x < patch.x + patch.length:
             width, thickness, material = patch.width, patch.thickness, patch.material
-    return material.youngs_modulus_pa * width * thickness**3 / 12, material.density_kg_m3 * width * thickness
+    return material.youngs_modulus_pa * width * thickness**3 / 12, (material.density_kg_m3 * thickness + scene.added_mass) * width
 
 
 class Bar:
@@ -47,6 +47,10 @@ class Bar:
         self._slowness = float((np.diff(self.lines) * (parts[:, 1] / parts[:, 0]) ** 0.25).sum())
         self.stiffness = self._sum(parts[:, 0, None, None] * hermite.cell_matrices(self.lines, 2, 2))
         self.mass = self._sum(parts[:, 1, None, None] * hermite.cell_matrices(self.lines, 0, 0))
+        unknowns = self._cell_unknowns(np.arange(len(self.lines) - 1))
+        values = hermite.cell_matrices(self.lines, 0, 0) @ np.array([1.0, 0.0, 1.0, 0.0]) / length
+        self.mean_row = np.zeros(self.size)
+        np.add.at(self.mean_row, unknowns[unknowns >= 0], values[unknowns >= 0])
         self.edge_stiffness = self.edge_loss = sp.csc_matrix((self.size, self.size))
         for edge in scene.edges:
             if edge.kind == "elastic":

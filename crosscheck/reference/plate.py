@@ -44,7 +44,7 @@ def part_of(scene, x, y):
         return 1.0, 0.0, 0.0
     nu = material.poisson_ratio
     rigidity = material.youngs_modulus_pa * thickness**3 / (12 * (1 - nu**2))
-    return rigidity, nu, material.density_kg_m3 * thickness
+    return rigidity, nu, material.density_kg_m3 * thickness + scene.added_mass
 
 
 def shortest_wavelength(scene, max_hz):
@@ -112,6 +112,11 @@ class Plate:
     def edge_stiffness(self):
         """Of elastic edges."""
         return self.mesh.edge_stiffness
+
+    @property
+    def mean_row(self):
+        """The mean deflection over the unknowns."""
+        return self.mesh.mean_row
 
     @property
     def edge_loss(self):

@@ -70,7 +70,7 @@ class Reduced:
     """The scene's panel on one mesh.
 
     Matrices over the coordinates: `mass`, `surface_stiffness` (the surface's own, with the local compliance), `edge_stiffness`,
-    `spring_stiffness` (supports and ERAs), `losses` (stiffness of edges and supports times their loss factors), `surface_mass`, `dashpots`. `forces` has a column per actuator (1 N), `gaps` a
+    `spring_stiffness` (supports, ERAs, sealed air), `losses` (stiffness of edges and supports times their loss factors), `surface_mass`, `dashpots`. `forces` has a column per actuator (1 N), `gaps` a
     row per actuator (travel of the mass against its electrodes). `coarser`, the same on larger cells, saves it the search for modes.
     """
 
@@ -98,6 +98,8 @@ class Reduced:
         self.turning_springs = [(s.rotational_stiffness, s.loss_factor) for s in turning for _ in range(1 if self.scene.is_bar else 2)]
         rows = [surface.rows(self.points).toarray()] if self.points else []
         rows += [row.toarray() for row in self.turning_rows]
+        if self.scene.air_stiffness > 0:
+            rows += [surface.mean_row[None]]
         block = np.vstack(rows).T if rows else np.zeros((surface.size, 0))
         solutions = solver.solve(np.ascontiguousarray(block[:, : len(self.points)])) if self.points else block
         self.local = surface.local(self.points, solutions)
@@ -196,11 +198,14 @@ class Reduced:
         self.surface_mass = np.zeros((size, size))
         self.surface_mass[:n, :n] = np.eye(n)
         self.mass = self.surface_mass.copy()
-        self.spring_stiffness, self.dashpots = np.zeros((size, size)), np.zeros((size, size))
+        # Air acts on the mean, in which what the mesh lacks beside a point force is nothing: a square of the cell's area over the panel's.
+        mean = np.zeros(size)
+        mean[:n] = surface.mean_row @ self.shapes
+        self.spring_stiffness, self.dashpots = scene.air_stiffness * np.outer(mean, mean), np.zeros((size, size))
         self.losses = np.zeros((size, size))
         self.losses[:n, :n] = self.edge_loss_reduced
         # The held surface without ERAs, which is what a modal ratio refers to.
-        self.held_mass, self.held_stiffness = self.mass.copy(), self.surface_stiffness + self.edge_stiffness
+        self.held_mass, self.held_stiffness = self.mass.copy(), self.surface_stiffness + self.edge_stiffness + self.spring_stiffness
 
         # A held point's own motion is the force in its springs over their stiffness, the true one.
         used, true = defaultdict(float), defaultdict(float)

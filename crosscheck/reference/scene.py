@@ -173,6 +173,17 @@ class Scene:
     # The hardest press that gaps have to bear, in N.
     press: float = 5.0
     finger: Finger | None = None
+    # Sealed air behind the panel, in m, and mass of air that moves with it, in kg/m^2.
+    sealed_depth: float | None = None
+    added_mass: float = 0.0
+
+    @property
+    def air_stiffness(self):
+        """Of sealed air against the mean deflection, gamma p A / depth, in N/m; 0 without."""
+        if self.sealed_depth is None:
+            return 0.0
+        area = self.length * self.width - sum(cutout.length * cutout.width for cutout in self.cutouts)
+        return 1.4 * 101325.0 * area / self.sealed_depth
 
     @property
     def is_bar(self):
@@ -296,6 +307,7 @@ def parse(text):
         )
         for table in data.get("actuator", [])
     ]
+    air = data.get("air", {})
     return Scene(
         name=data["name"],
         kind=surface["kind"],
@@ -313,6 +325,8 @@ def parse(text):
         actuators=tuple(actuators),
         press=float(data.get("press", {}).get("force_n", 5.0)),
         finger=_finger(data.get("finger")),
+        sealed_depth=float(air["sealed_depth_mm"]) * 1e-3 if "sealed_depth_mm" in air else None,
+        added_mass=float(air.get("added_mass_kg_per_m2", 0.0)),
     )
 
 

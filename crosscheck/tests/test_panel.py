@@ -104,6 +104,36 @@ class Frequencies(unittest.TestCase):
         self.plate_held(centre(1e13), [5 * np.pi**2, 5 * np.pi**2, 52.618507381], 2e-5)
 
 
+class Air(unittest.TestCase):
+    """Sealed air behind a panel: a spring on its mean deflection."""
+
+    def test_piston(self):
+        scene = plate(a=0.7, b=0.4, h=0.1, sealed_depth=0.02, added_mass=27.0)
+        panel = Panel(scene, 300)
+        hz = panel.modes(300)[0]
+        wanted = np.sqrt(1.4 * 101325.0 / 0.02 / (RHO * 0.1 + 27.0)) / (2 * np.pi)
+        self.assertEqual((panel.rigid_modes(), list(hz[:2])), (2, [0.0, 0.0]))
+        self.assertAlmostEqual(hz[2] / wanted, 1, delta=1e-3)
+
+    def test_pinned_plate_by_its_secular_equation(self):
+        a, b, depth = 0.3, 0.2, 0.02
+        pinned = tuple(Edge(side, "pinned") for side in ("left", "right", "top", "bottom"))
+        found = Panel(plate(a=a, b=b, edges=pinned, sealed_depth=depth), 900).modes(900)[0]
+        m, n = np.meshgrid(np.arange(1, 400), np.arange(1, 400), indexing="ij")
+        own = np.pi**2 * ((m / a) ** 2 + (n / b) ** 2) * np.sqrt(rigidity() / (RHO * 0.002))
+        mean = np.where((m % 2) * (n % 2) == 1, 8 / (np.pi**2 * m * n), 0.0) / np.sqrt(RHO * 0.002 * a * b)
+        stiffness = 1.4 * 101325.0 * a * b / depth
+        odd = mean != 0
+        for hz in found:
+            omega = 2 * np.pi * hz
+            still = np.abs(own[~odd] / omega - 1).min()
+            # Zero at a frequency that is off by a part d: d omega times the slope.
+            value = 1 + stiffness * (mean[odd] ** 2 / (own[odd] ** 2 - omega**2)).sum()
+            slope = stiffness * (mean[odd] ** 2 * 2 * omega**2 / (own[odd] ** 2 - omega**2) ** 2).sum()
+            self.assertLess(min(still, abs(value / slope)), 1e-5, f"{hz} Hz")
+        self.assertGreater(len(found), 5)
+
+
 class Losses(unittest.TestCase):
     """Springs that lose a part of their energy."""
 

@@ -82,6 +82,8 @@ fn each_mistake_names_key_value_range_and_line() {
         ("version = 1", "version = 1\nfinger = { mass_g = -1 }", &["finger.mass_g", "-1", "0 to 1000"]),
         ("version = 1", "version = 1\nfinger = { stiffness_n_per_m = 2e6 }", &["finger.stiffness_n_per_m", "2000000", "0 to 1000000"]),
         ("version = 1", "version = 1\nfinger = { mas_g = 1 }", &["unknown key finger.mas_g", "did you mean mass_g?"]),
+        ("version = 1", "version = 1\nair = { sealed_depth_mm = 0 }", &["air.sealed_depth_mm", "0", "0.01 to 10000"]),
+        ("version = 1", "version = 1\nair = { added_mass_kg_per_m2 = -0.1 }", &["air.added_mass_kg_per_m2", "-0.1", "0 to 1000"]),
         ("version = 1", "version = 2", &["version is 2, but must be 1"]),
         ("[[support]]", "[[suport]]", &["unknown key suport", "did you mean support?"]),
     ];

@@ -47,6 +47,12 @@ fn modelled(scene: &Scene) -> String {
     for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
         let _ = write!(text, ", {count} {what}");
     }
+    if let Some(stiffness) = scene.air_stiffness_n_per_m() {
+        let _ = write!(text, ", sealed air of {stiffness:.3e} N/m against the mean deflection");
+    }
+    if surface.added_mass_kg_per_m2 > 0.0 {
+        let _ = write!(text, ", {} kg/m^2 of air that moves along", surface.added_mass_kg_per_m2);
+    }
     text.push_str(match surface.damping {
         SurfaceDamping::None => ", no damping of the surface",
         SurfaceDamping::LossFactor(_) => ", hysteretic damping of the surface",
@@ -61,7 +67,7 @@ fn modelled(scene: &Scene) -> String {
 pub fn explain(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> String {
     let mut text = modelled(scene);
     text.push_str(
-        "\nleft out: shear and rotary inertia, stretching in the plane, the air, the finger but where a place is touched, what the electrodes' field does to an ERA's \
+        "\nleft out: shear and rotary inertia, stretching in the plane, other air, the finger but where a place is touched, what the electrodes' field does to an ERA's \
          stiffness beyond its bias_voltage_v; modes above those kept are in the residual shapes of actuators, dashpots and the point asked for",
     );
     let _ =

@@ -15,7 +15,7 @@ use super::fineness::Fineness;
 use super::grid::{Derivative, Grid};
 use super::mesh::Lines;
 use super::sections::Section;
-use super::shape::CellMatrices;
+use super::shape::{CellMatrices, gauss};
 use super::sparse::{Entries, SparseVector, Symmetric};
 use crate::scene::{EdgeKind, Scene, Side};
 use std::sync::Arc;
@@ -51,12 +51,15 @@ pub struct ActuatorVectors {
 pub struct Assembled {
     /// The mesh.
     pub grid: Arc<Grid>,
-    /// Everything's stiffness.
+    /// Everything's stiffness, but that of sealed air.
     pub stiffness: Symmetric,
     /// Everything's mass.
     pub mass: Symmetric,
     /// The stiffness of springs along edges, those of one loss factor in one matrix.
     pub edges: Vec<EdgeStiffness>,
+    /// Sealed air: a spring on the mean deflection of the surface, which is a matter of every unknown and would leave no entry of a
+    /// stiffness matrix empty.
+    pub air: Option<Attachment>,
     /// What is attached at points.
     pub attached: AttachedVectors,
 }
@@ -138,7 +141,45 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
         .into_iter()
         .map(|(edges, loss_factor)| Ok(EdgeStiffness { stiffness: edges.build(n)?, loss_factor }))
         .collect::<Result<_, ModelError>>()?;
-    Ok(Assembled { edges, stiffness: stiffness.build(n)?, mass: mass.build(n)?, attached, grid: Arc::new(grid) })
+    let air = scene.air_stiffness_n_per_m().map(|stiffness| sealed_air(&grid, stiffness));
+    Ok(Assembled { edges, air, stiffness: stiffness.build(n)?, mass: mass.build(n)?, attached, grid: Arc::new(grid) })
+}
+
+/// Gauss points in a cell beyond the elements' order: their polynomials take half as many as that, and r^2 log r of point forces is
+/// summed to 1e-6 or so of what it adds.
+const MORE_POINTS: usize = 6;
+
+/// Air that resists the mean deflection with `stiffness` in N/m.
+fn sealed_air(grid: &Grid, stiffness: f64) -> Attachment {
+    let rule = gauss(grid.element.order() + MORE_POINTS);
+    let points = |from: f64, to: f64| {
+        rule.iter().map(move |(at, weight)| (from + at * (to - from), weight * (to - from)))
+    };
+    let lines = |lines: &Lines| -> Vec<[f64; 2]> { lines.at.windows(2).map(|at| [at[0], at[1]]).collect() };
+    let (in_x, in_y) = (lines(&grid.x), grid.y.as_ref().map(lines));
+    let middle = 0.5 * grid.size().1;
+    let (mut sums, mut size) = (vec![0.0; grid.free], 0.0);
+    let mut add = |x: f64, y: f64, weight: f64| {
+        size += weight;
+        for (unknown, value) in grid.row_at(x, y, Derivative::Value) {
+            sums[unknown] += weight * value;
+        }
+    };
+    for (cell_y, y) in in_y.as_ref().map_or_else(|| vec![None], |y| y.iter().copied().map(Some).collect()).into_iter().enumerate() {
+        for (cell_x, [left, right]) in in_x.iter().copied().enumerate() {
+            if grid.sections.at(cell_x, cell_y).is_none() {
+                continue;
+            }
+            for (x, part_x) in points(left, right) {
+                match y {
+                    None => add(x, middle, part_x),
+                    Some([top, bottom]) => points(top, bottom).for_each(|(y, part_y)| add(x, y, part_x * part_y)),
+                }
+            }
+        }
+    }
+    let vector = sums.into_iter().enumerate().filter(|(_, sum)| *sum != 0.0).map(|(i, sum)| (i, sum / size)).collect();
+    Attachment { vector, stiffness, ..Attachment::default() }
 }
 
 /// Springs along edges by their loss factors, where there are any.

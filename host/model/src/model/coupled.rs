@@ -191,8 +191,7 @@ impl BarePanel {
         all.rows_mut(free, carried).copy_from(&vectors.rows(modes + residual, carried));
         all.rows_mut(free + carried, basis.loads.len())
             .copy_from(&(&local * vectors.rows(modes + residual + carried, local.ncols())));
-        let edges = self.model.edges();
-        let damping = Damping::over(scene.surface.damping, &attached, edges, &lambda, &all);
+        let damping = Damping::over(scene.surface.damping, &attached, self.model.springs(), &lambda, &all);
         Ok(ReducedModel::new(lambda, all, damping, &attached, Arc::clone(grid)))
     }
 
@@ -203,6 +202,7 @@ impl BarePanel {
             ("patch", own.patches == scene.patches),
             ("cutout", own.cutouts == scene.cutouts),
             ("edge", own.edges == scene.edges),
+            ("air", own.sealed_depth_m == scene.sealed_depth_m),
         ];
         parts.iter().find(|(_, is_same)| !is_same).map_or(Ok(()), |(part, _)| Err(ModelError::OtherPanel { part }))
     }

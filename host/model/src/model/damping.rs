@@ -46,6 +46,7 @@ pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, ma
             |column: DVector<f64>| column.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
         loads.extend(independent.column_iter().map(|column| sparse(column.into_owned())));
     }
+    loads.extend(assembled.air.iter().filter(|_| own.differ_from(0.0)).map(|air| air.vector.clone()));
     loads
 }
 
@@ -77,6 +78,15 @@ impl OwnLosses {
     }
 }
 
+/// Springs that hold a surface otherwise than at points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Springs<'a> {
+    /// Along edges.
+    pub edges: &'a [EdgeStiffness],
+    /// Sealed air, which loses nothing.
+    pub air: Option<&'a Attachment>,
+}
+
 /// Damping matrices over some basis.
 #[derive(Clone, Debug)]
 pub struct Damping {
@@ -89,16 +99,16 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// The damping of a scene's surface, of what is attached to it and along its `edges`, over mass-normalised `vectors` of the squared
+    /// The damping of a scene's surface, of what is attached to it and of its other `springs`, over mass-normalised `vectors` of the squared
     /// frequencies `lambda`.
     pub(super) fn over(
         surface: SurfaceDamping,
         attached: &AttachedVectors,
-        edges: &[EdgeStiffness],
+        springs: Springs<'_>,
         lambda: &[f64],
         vectors: &DMatrix<f64>,
     ) -> Self {
-        if let Some(structured) = Structured::new(surface, &attached.attachments, edges, lambda, vectors) {
+        if let Some(structured) = Structured::new(surface, &attached.attachments, springs, lambda, vectors) {
             return structured.full();
         }
         let n = vectors.ncols();
@@ -111,7 +121,7 @@ impl Damping {
                 damping.structural += loss * along.transpose() * along;
             }
         }
-        for edges in edges.iter().filter(|edges| edges.loss_factor > 0.0) {
+        for edges in springs.edges.iter().filter(|edges| edges.loss_factor > 0.0) {
             for shape in edge_shapes(&edges.stiffness, lambda, vectors) {
                 damping.structural.ger(edges.loss_factor, &shape, &shape, 1.0);
             }
@@ -178,13 +188,13 @@ impl Structured {
     pub(super) fn new(
         surface: SurfaceDamping,
         attachments: &[Attachment],
-        edges: &[EdgeStiffness],
+        Springs { edges, air }: Springs<'_>,
         lambda: &[f64],
         vectors: &DMatrix<f64>,
     ) -> Option<Self> {
         let own = OwnLosses::of(surface)?;
         let OwnLosses { eta, alpha, beta } = own;
-        let couplings = attachments.iter().map(|Attachment { vector, stiffness, loss_factor, damping, mass, .. }| {
+        let couplings = attachments.iter().chain(air).map(|Attachment { vector, stiffness, loss_factor, damping, mass, .. }| {
             Coupling {
                 shape: row_times(vector, vectors).transpose(),
                 viscous: damping - beta * stiffness - alpha * mass,

@@ -4,6 +4,7 @@
 //! data. Every mistake in a file is told with its key, value, allowed range and line, all of them at once.
 
 mod actuator;
+mod air;
 mod finger;
 mod layout;
 mod parse;
@@ -16,6 +17,7 @@ mod rectangles;
 mod screen;
 
 pub use actuator::{Actuator, EPS0, Mount};
+pub use air::BULK_MODULUS_PA;
 pub use finger::Finger;
 pub use layout::{Layer, Layout, SAME_PLACE, Vertex};
 pub use patch::{Cutout, Patch};
@@ -65,6 +67,8 @@ pub struct Scene {
     /// What rests on the place that is touched. Modes, maps of what can be reached and whatever else is not about one touch are of the
     /// panel without it; [`Scene::touched`] is the panel with it.
     pub finger: Option<Finger>,
+    /// Depth of the sealed cavity behind the panel in m, if there is one.
+    pub sealed_depth_m: Option<f64>,
 }
 
 /// What kind of structure the surface is.
@@ -93,6 +97,8 @@ pub struct Surface {
     pub material: Material,
     /// Its own damping.
     pub damping: SurfaceDamping,
+    /// Mass of the air that moves with it, in kg/m^2.
+    pub added_mass_kg_per_m2: f64,
 }
 
 /// An isotropic elastic material.

@@ -29,6 +29,10 @@ const DAMPING: Allowed = Allowed::Within(0.0, 1e12);
 const FINGER_MASS_G: Allowed = Allowed::Within(0.0, 1000.0);
 const FINGER_DAMPING: Allowed = Allowed::Within(0.0, 1000.0);
 const FINGER_STIFFNESS: Allowed = Allowed::Within(0.0, 1e6);
+/// Sealed air behind the panel: from a film of it to a room.
+const SEALED_DEPTH_MM: Allowed = Allowed::Within(0.01, MAX_SIDE_MM);
+/// Air that moves with the surface, in kg/m^2: a hundred times what a piston as large as any panel moves.
+const ADDED_MASS: Allowed = Allowed::Within(0.0, 1000.0);
 /// Electrodes up to a square metre.
 const AREA_MM2: Allowed = Allowed::Within(1e-6, 1e6);
 /// A stop nearer to a mass's middle leaves it no room.
@@ -67,7 +71,11 @@ pub(super) fn scene(source: &str, text: &str) -> Result<Scene, SceneError> {
 fn read(file: &Section<'_, '_>) -> Option<Scene> {
     file.number("version", Allowed::Within(VERSION, VERSION));
     let name = file.text("name");
-    let surface = file.required_table("surface").map(|section| surface(section));
+    let mut surface = file.required_table("surface").map(|section| surface(section));
+    let (sealed_depth_m, added_mass) = file.table("air").map_or((None, 0.0), air);
+    if let Some(surface) = &mut surface {
+        surface.added_mass_kg_per_m2 = added_mass;
+    }
     let kind = surface.as_ref().map_or(SurfaceKind::Plate, |surface| surface.kind);
     let (length_m, width_m) = surface.as_ref().map_or((f64::NAN, f64::NAN), |s| (s.length_m, s.width_m));
     let mut size = Size { kind, length_m, width_m, left: None };
@@ -82,7 +90,20 @@ fn read(file: &Section<'_, '_>) -> Option<Scene> {
     let press_n = file.table("press").map_or(DEFAULT_PRESS_N, press);
     let finger = file.table("finger").map(finger);
     let surface = surface?;
-    Some(Scene { name, surface, patches, cutouts, screen, supports, edges, masses, actuators, press_n, finger })
+    Some(Scene {
+        name,
+        surface,
+        patches,
+        cutouts,
+        screen,
+        supports,
+        edges,
+        masses,
+        actuators,
+        press_n,
+        finger,
+        sealed_depth_m,
+    })
 }
 
 fn surface(section: Section<'_, '_>) -> Surface {
@@ -106,7 +127,7 @@ fn surface(section: Section<'_, '_>) -> Surface {
     let damping = section.table("damping").map_or(SurfaceDamping::None, damping);
     section.close();
     let nothing = Material { youngs_modulus_pa: f64::NAN, poisson_ratio: f64::NAN, density_kg_m3: f64::NAN };
-    Surface { kind, length_m, width_m, thickness_m, material: material.unwrap_or(nothing), damping }
+    Surface { kind, length_m, width_m, thickness_m, material: material.unwrap_or(nothing), damping, added_mass_kg_per_m2: 0.0 }
 }
 
 fn damping(section: Section<'_, '_>) -> SurfaceDamping {
@@ -282,6 +303,14 @@ fn press(section: Section<'_, '_>) -> f64 {
     let force_n = section.number_or("force_n", DEFAULT_PRESS_N, Allowed::Within(0.0, MOST_PRESS_N));
     section.close();
     force_n
+}
+
+/// Depth of the sealed cavity in m, if there is one, and mass that moves with the surface in kg/m^2.
+fn air(section: Section<'_, '_>) -> (Option<f64>, f64) {
+    let depth_m = section.has("sealed_depth_mm").then(|| section.number("sealed_depth_mm", SEALED_DEPTH_MM) / 1e3);
+    let added_mass = section.number_or("added_mass_kg_per_m2", 0.0, ADDED_MASS);
+    section.close();
+    (depth_m, added_mass)
 }
 
 fn finger(section: Section<'_, '_>) -> Finger {

@@ -88,6 +88,20 @@ fn a_design_on_rubber_is_too() {
     }
 }
 
+/// Sealed air is a part of the bare panel, and what it does not lose is taken out of the surface's losses.
+#[test]
+fn a_design_on_sealed_air_is_too() {
+    for damping in ["loss_factor = 0.017", "modal_ratio = 0.013", "rayleigh_alpha = 9.1\nrayleigh_beta = 3e-6"] {
+        let scene = Scene { sealed_depth_m: Some(0.03), ..odd_plate(damping, 111.1) };
+        let levels = [(Accuracy::BALANCED, 0.05), (Accuracy::REFERENCE, 4e-3)];
+        let off = levels.map(|(accuracy, _)| difference(&scene, accuracy).unwrap());
+        assert!(off.iter().zip(levels).all(|(off, (_, most))| *off < most), "{damping}: {off:?}");
+        let deeper = Scene { sealed_depth_m: Some(0.04), ..scene.clone() };
+        let refused = BarePanel::build(&scene, Accuracy::FAST, MAX_HZ).unwrap().coupled(&deeper).unwrap_err();
+        assert_eq!(refused, ModelError::OtherPanel { part: "air" });
+    }
+}
+
 /// Panels at random, bars among them; resonances with little damping show every error of a frequency many times as large.
 #[test]
 fn designs_at_random_are_too() {
