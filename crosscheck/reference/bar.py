@@ -15,7 +15,7 @@ def part_of(scene, x):
     for patch in scene.patches:
         if patch.x < x < patch.x + patch.length:
             width, thickness, material = patch.width, patch.thickness, patch.material
-    return material.youngs_modulus_pa * width * thickness**3 / 12, material.density_kg_m3 * width * thickness
+    return material.youngs_modulus_pa * width * thickness**3 / 12, (material.density_kg_m3 * thickness + scene.added_mass) * width
 
 
 class Bar:
@@ -47,13 +47,18 @@ class Bar:
         self._slowness = float((np.diff(self.lines) * (parts[:, 1] / parts[:, 0]) ** 0.25).sum())
         self.stiffness = self._sum(parts[:, 0, None, None] * hermite.cell_matrices(self.lines, 2, 2))
         self.mass = self._sum(parts[:, 1, None, None] * hermite.cell_matrices(self.lines, 0, 0))
-        self.edge_stiffness = sp.csc_matrix((self.size, self.size))
+        unknowns = self._cell_unknowns(np.arange(len(self.lines) - 1))
+        values = hermite.cell_matrices(self.lines, 0, 0) @ np.array([1.0, 0.0, 1.0, 0.0]) / length
+        self.mean_row = np.zeros(self.size)
+        np.add.at(self.mean_row, unknowns[unknowns >= 0], values[unknowns >= 0])
+        self.edge_stiffness = self.edge_loss = sp.csc_matrix((self.size, self.size))
         for edge in scene.edges:
             if edge.kind == "elastic":
                 end = [(0.0 if edge.side == "left" else length, scene.width / 2)]
                 for rows, amount in ((self.rows(end), edge.stiffness), (self.slope_rows(end[0])[0], edge.rotational_stiffness)):
                     self.edge_stiffness = self.edge_stiffness + amount * (rows.T @ rows)
-        self.edge_stiffness = self.edge_stiffness.tocsc()
+                    self.edge_loss = self.edge_loss + edge.loss_factor * amount * (rows.T @ rows)
+        self.edge_stiffness, self.edge_loss = self.edge_stiffness.tocsc(), self.edge_loss.tocsc()
 
     def mode_count(self, hz):
         """About how many modes lie below a frequency: length times (mu omega^2 / E I)^(1/4) / pi."""

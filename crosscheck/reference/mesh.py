@@ -21,7 +21,7 @@ class Mesh:
     """A plate on the given lines.
 
     `rigidity`, `poisson`, `weight` (D in N m, nu, mass per area in kg/m^2) are per cell, [nx, ny]; a cell of weight 0 is
-    not there. `edges` maps a side to (kind, stiffness, rotational stiffness).
+    not there. `edges` maps a side to (kind, stiffness, rotational stiffness, loss factor).
     """
 
     def __init__(self, x, y, rigidity, poisson, weight, edges):
@@ -93,7 +93,14 @@ class Mesh:
         unknowns = self._cell_unknowns(i, j)
         self.stiffness = self._sum(unknowns, d * stiffness)
         self.mass = self._sum(unknowns, self.weight[i, j][:, None, None] * product(x[0, 0], y[0, 0]))
-        self.edge_stiffness = self._edge_stiffness()
+        # The mean deflection: every function's integral over the cells that are there.
+        ones = np.array([1.0, 0.0, 1.0, 0.0])
+        values = np.einsum("na,nb->nab", x[0, 0] @ ones, y[0, 0] @ ones).reshape(len(i), 16)
+        area = (np.diff(self.x)[i] * np.diff(self.y)[j]).sum()
+        self.mean_row = np.zeros(self.size)
+        np.add.at(self.mean_row, unknowns[unknowns >= 0], values[unknowns >= 0] / area)
+        self.edge_stiffness = self._edge_matrix(lambda _loss_factor: 1.0)
+        self.edge_loss = self._edge_matrix(lambda loss_factor: loss_factor)
 
     def _sum(self, unknowns, blocks):
         rows = np.repeat(unknowns[:, :, None], unknowns.shape[1], axis=2).ravel()
@@ -101,11 +108,12 @@ class Mesh:
         keep = (rows >= 0) & (columns >= 0)
         return sp.csc_matrix((blocks.ravel()[keep], (rows[keep], columns[keep])), shape=(self.size, self.size))
 
-    def _edge_stiffness(self):
+    def _edge_matrix(self, part):
+        """The stiffness of all elastic edges, each times a part that follows from its loss factor."""
         total = sp.csc_matrix((self.size, self.size))
-        for side, (kind, stiffness, rotational) in self.edges.items():
+        for side, (kind, stiffness, rotational, loss_factor) in self.edges.items():
             cells = self._side_cells(side)
-            if kind != "elastic" or not cells:
+            if kind != "elastic" or not cells or part(loss_factor) == 0:
                 continue
             i, j = np.array(cells).T
             along, across = (self.y, self.x) if side in ("left", "right") else (self.x, self.y)
@@ -117,7 +125,7 @@ class Mesh:
                 normal = f[:, :, None] * f[:, None, :]
                 pair = (normal, line) if side in ("left", "right") else (line, normal)
                 blocks = np.einsum("nac,nbd->nabcd", *pair).reshape(len(cells), 16, 16)
-                total = total + self._sum(self._cell_unknowns(i, j), amount * blocks)
+                total = total + self._sum(self._cell_unknowns(i, j), part(loss_factor) * amount * blocks)
         return total.tocsc()
 
     def cells_of(self, points):

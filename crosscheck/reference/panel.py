@@ -82,6 +82,12 @@ class Panel:
                     add(x * scene.length, y * scene.width)
             if turns:
                 rows.append(turn[0] if edge.side in ("left", "right") else turn[1])
+        if scene.air_stiffness > 0:
+            # The mean is the deflection at the middle of the area that is there.
+            parts = [(scene.length * scene.width, scene.length / 2, scene.width / 2)]
+            parts += [(-c.length * c.width, c.x + c.length / 2, c.y + c.width / 2) for c in scene.cutouts]
+            area = sum(part for part, _, _ in parts)
+            add(*(sum(part[0] * part[axis] for part in parts) / area for axis in (1, 2)))
         held = np.linalg.matrix_rank(np.array(rows), tol=1e-9) if rows else 0
         return (2 if scene.is_bar else 3) - int(held) + int(loose)
 

@@ -44,7 +44,7 @@ def part_of(scene, x, y):
         return 1.0, 0.0, 0.0
     nu = material.poisson_ratio
     rigidity = material.youngs_modulus_pa * thickness**3 / (12 * (1 - nu**2))
-    return rigidity, nu, material.density_kg_m3 * thickness
+    return rigidity, nu, material.density_kg_m3 * thickness + scene.added_mass
 
 
 def shortest_wavelength(scene, max_hz):
@@ -93,7 +93,7 @@ class Plate:
         )
         middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
         parts = np.array([[part_of(scene, u, v) for v in middle_y] for u in middle_x])
-        edges = {edge.side: (edge.kind, edge.stiffness, edge.rotational_stiffness) for edge in scene.edges}
+        edges = {edge.side: (edge.kind, edge.stiffness, edge.rotational_stiffness, edge.loss_factor) for edge in scene.edges}
         self.mesh = Mesh(x, y, parts[:, :, 0], parts[:, :, 1], parts[:, :, 2], edges)
         self.size = self.mesh.size
 
@@ -112,6 +112,16 @@ class Plate:
     def edge_stiffness(self):
         """Of elastic edges."""
         return self.mesh.edge_stiffness
+
+    @property
+    def mean_row(self):
+        """The mean deflection over the unknowns."""
+        return self.mesh.mean_row
+
+    @property
+    def edge_loss(self):
+        """The same, each times its loss factor."""
+        return self.mesh.edge_loss
 
     @property
     def mass(self):

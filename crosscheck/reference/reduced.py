@@ -70,7 +70,7 @@ class Reduced:
     """The scene's panel on one mesh.
 
     Matrices over the coordinates: `mass`, `surface_stiffness` (the surface's own, with the local compliance), `edge_stiffness`,
-    `spring_stiffness` (supports and ERAs), `surface_mass`, `dashpots`. `forces` has a column per actuator (1 N), `gaps` a
+    `spring_stiffness` (supports, ERAs, sealed air), `losses` (stiffness of edges and supports times their loss factors), `surface_mass`, `dashpots`. `forces` has a column per actuator (1 N), `gaps` a
     row per actuator (travel of the mass against its electrodes). `coarser`, the same on larger cells, saves it the search for modes.
     """
 
@@ -95,9 +95,11 @@ class Reduced:
         self.bare = vectors = self._modes(total, solver, known)
         turning = [support for support in self.scene.supports if support.rotational_stiffness > 0]
         self.turning_rows = [row for support in turning for row in surface.slope_rows((support.x, support.y))]
-        self.turning_stiffness = [s.rotational_stiffness for s in turning for _ in range(1 if self.scene.is_bar else 2)]
+        self.turning_springs = [(s.rotational_stiffness, s.loss_factor) for s in turning for _ in range(1 if self.scene.is_bar else 2)]
         rows = [surface.rows(self.points).toarray()] if self.points else []
         rows += [row.toarray() for row in self.turning_rows]
+        if self.scene.air_stiffness > 0:
+            rows += [surface.mean_row[None]]
         block = np.vstack(rows).T if rows else np.zeros((surface.size, 0))
         solutions = solver.solve(np.ascontiguousarray(block[:, : len(self.points)])) if self.points else block
         self.local = surface.local(self.points, solutions)
@@ -114,6 +116,8 @@ class Reduced:
         self.shapes = vectors @ (turn / np.sqrt(theta))
         edge = self.shapes.T @ (surface.edge_stiffness @ self.shapes)
         self.edge_reduced = (edge + edge.T) / 2
+        loss = self.shapes.T @ (surface.edge_loss @ self.shapes)
+        self.edge_loss_reduced = (loss + loss.T) / 2
 
     def _krylov(self, solver, block, count):
         """`count` blocks of Krylov vectors of loads [unknowns, load], each vector of length one."""
@@ -126,12 +130,17 @@ class Reduced:
         return result
 
     def _edge_loads(self, modes):
-        """Forces of the springs along edges, of which all modes' are sums: where the surface has losses and they have none, the two
-        do not share their modes, and these are what the surface's losses leave unbalanced."""
-        edges, damping = self.surface.edge_stiffness, self.scene.damping
-        if edges.nnz == 0 or damping.loss_factor == damping.rayleigh_beta == 0:
+        """Forces of the springs along edges, of which all modes' are sums: where the surface loses another part than they do, the two
+        do not share their modes, and these are what the losses leave unbalanced. Of edges of several loss factors those of their
+        losses as well."""
+        edges, loss, damping = self.surface.edge_stiffness, self.surface.edge_loss, self.scene.damping
+        if edges.nnz == 0 or damping.loss_factor == damping.rayleigh_beta == loss.nnz == 0:
             return np.zeros((self.surface.size, 0))
-        left, sizes, _ = np.linalg.svd(edges @ modes, full_matrices=False)
+        forces = edges @ modes
+        if loss.nnz > 0:
+            lost = loss @ modes
+            forces = np.hstack([forces, lost * (np.linalg.norm(forces) / np.linalg.norm(lost))])
+        left, sizes, _ = np.linalg.svd(forces, full_matrices=False)
         return left[:, sizes > 10.0 ** (-EDGE_DIGITS * self.fineness) * sizes[0]]
 
     def _modes(self, total, solver, known):
@@ -189,9 +198,14 @@ class Reduced:
         self.surface_mass = np.zeros((size, size))
         self.surface_mass[:n, :n] = np.eye(n)
         self.mass = self.surface_mass.copy()
-        self.spring_stiffness, self.dashpots = np.zeros((size, size)), np.zeros((size, size))
+        # Air acts on the mean, in which what the mesh lacks beside a point force is nothing: a square of the cell's area over the panel's.
+        mean = np.zeros(size)
+        mean[:n] = surface.mean_row @ self.shapes
+        self.spring_stiffness, self.dashpots = scene.air_stiffness * np.outer(mean, mean), np.zeros((size, size))
+        self.losses = np.zeros((size, size))
+        self.losses[:n, :n] = self.edge_loss_reduced
         # The held surface without ERAs, which is what a modal ratio refers to.
-        self.held_mass, self.held_stiffness = self.mass.copy(), self.surface_stiffness + self.edge_stiffness
+        self.held_mass, self.held_stiffness = self.mass.copy(), self.surface_stiffness + self.edge_stiffness + self.spring_stiffness
 
         # A held point's own motion is the force in its springs over their stiffness, the true one.
         used, true = defaultdict(float), defaultdict(float)
@@ -203,14 +217,16 @@ class Reduced:
             spring = capped * np.outer(row, row)
             self.spring_stiffness += spring
             self.held_stiffness += spring
+            self.losses += support.loss_factor * spring
             self.dashpots += support.damping * np.outer(row, row)
         self.own_motion = {place: used[place] / true[place] if true[place] > 0 else 1.0 for place in self.at}
-        for slope, stiffness in zip(self.turning_rows, self.turning_stiffness):
+        for slope, (stiffness, loss_factor) in zip(self.turning_rows, self.turning_springs):
             row = np.zeros(size)
             row[:n] = (slope @ self.shapes)[0]
             spring = self._capped(stiffness, row) * np.outer(row, row)
             self.spring_stiffness += spring
             self.held_stiffness += spring
+            self.losses += loss_factor * spring
         for mass in scene.masses:
             row = self.at[mass.x, mass.y]
             self.mass += mass.mass * np.outer(row, row)
@@ -253,7 +269,7 @@ class Reduced:
             omega, phi = self._eigen(self.held_mass, self.held_stiffness, self.surface_part.stop + self.local_part.stop - self.local_part.start)
             weighted = self.held_mass[:, : phi.shape[0]] @ phi
             self.viscous += 2 * damping.modal_ratio * (weighted * omega) @ weighted.T
-        self.hysteretic = damping.loss_factor * self.surface_stiffness
+        self.hysteretic = damping.loss_factor * self.surface_stiffness + self.losses
 
     def _eigen(self, mass, stiffness, size):
         """Angular frequencies and mass-normalised shapes, of the first `size` coordinates."""

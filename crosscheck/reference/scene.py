@@ -59,6 +59,8 @@ class Support:
     stiffness: float
     damping: float = 0.0
     rotational_stiffness: float = 0.0
+    # Of both springs: stiffness times 1 + j eta.
+    loss_factor: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ class Edge:
     kind: str
     stiffness: float = 0.0
     rotational_stiffness: float = 0.0
+    # Of both springs.
+    loss_factor: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,15 @@ class PointMass:
     x: float
     y: float
     mass: float
+
+
+@dataclass(frozen=True)
+class Finger:
+    """What rests on the touched place: a mass that moves with it, a spring and a dashpot to ground."""
+
+    mass: float = 0.0
+    damping: float = 0.0
+    stiffness: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -159,6 +172,18 @@ class Scene:
     actuators: tuple[Actuator, ...] = ()
     # The hardest press that gaps have to bear, in N.
     press: float = 5.0
+    finger: Finger | None = None
+    # Sealed air behind the panel, in m, and mass of air that moves with it, in kg/m^2.
+    sealed_depth: float | None = None
+    added_mass: float = 0.0
+
+    @property
+    def air_stiffness(self):
+        """Of sealed air against the mean deflection, gamma p A / depth, in N/m; 0 without."""
+        if self.sealed_depth is None:
+            return 0.0
+        area = self.length * self.width - sum(cutout.length * cutout.width for cutout in self.cutouts)
+        return 1.4 * 101325.0 * area / self.sealed_depth
 
     @property
     def is_bar(self):
@@ -176,6 +201,12 @@ class Scene:
         within = lambda u, v: 0 < u < self.length and (self.is_bar or 0 < v < self.width)
         cut = lambda u, v: any(c.x < u < c.x + c.length and c.y < v < c.y + c.width for c in self.cutouts)
         return any(within(u, v) and not cut(u, v) for u, v in beside)
+
+    def touched(self, x, y):
+        """The panel with the finger at a place, as a part of it."""
+        finger = self.finger or Finger()
+        masses = (*self.masses, PointMass(x, y, finger.mass))
+        return replace(self, masses=masses, supports=(*self.supports, Support(x, y, finger.stiffness, finger.damping)), finger=None)
 
     def without_actuators(self):
         """The same panel without its ERAs, housings included."""
@@ -202,6 +233,13 @@ def _damping(table):
     if numbers:
         return Damping("rayleigh", **numbers)
     return Damping()
+
+
+def _finger(table):
+    if table is None:
+        return None
+    number = lambda key: float(table.get(key, 0.0))
+    return Finger(number("mass_g") * 1e-3, number("damping_n_s_per_m"), number("stiffness_n_per_m"))
 
 
 def parse(text):
@@ -244,10 +282,12 @@ def parse(text):
             stiffness=float(table["stiffness_n_per_m"]),
             damping=float(table.get("damping_n_s_per_m", 0.0)),
             rotational_stiffness=float(table.get("rotational_stiffness_n_m_per_rad", 0.0)),
+            loss_factor=float(table.get("loss_factor", 0.0)),
         )
         for table in data.get("support", [])
     ]
     keys = ("stiffness_n_per_m", "rotational_stiffness_n_m_per_rad") if bar else ("stiffness_n_per_m2", "rotational_stiffness_n_per_rad")
+    keys += ("loss_factor",)
     edges = [Edge(table["side"], table["kind"], *(float(table.get(key, 0.0)) for key in keys)) for table in data.get("edge", [])]
     masses = [PointMass(**place(table), mass=float(table["mass_g"]) * 1e-3) for table in data.get("mass", [])]
     actuators = [
@@ -267,6 +307,7 @@ def parse(text):
         )
         for table in data.get("actuator", [])
     ]
+    air = data.get("air", {})
     return Scene(
         name=data["name"],
         kind=surface["kind"],
@@ -283,6 +324,9 @@ def parse(text):
         masses=tuple(masses),
         actuators=tuple(actuators),
         press=float(data.get("press", {}).get("force_n", 5.0)),
+        finger=_finger(data.get("finger")),
+        sealed_depth=float(air["sealed_depth_mm"]) * 1e-3 if "sealed_depth_mm" in air else None,
+        added_mass=float(air.get("added_mass_kg_per_m2", 0.0)),
     )
 
 

@@ -104,6 +104,61 @@ class Frequencies(unittest.TestCase):
         self.plate_held(centre(1e13), [5 * np.pi**2, 5 * np.pi**2, 52.618507381], 2e-5)
 
 
+class Air(unittest.TestCase):
+    """Sealed air behind a panel: a spring on its mean deflection."""
+
+    def test_piston(self):
+        scene = plate(a=0.7, b=0.4, h=0.1, sealed_depth=0.02, added_mass=27.0)
+        panel = Panel(scene, 300)
+        hz = panel.modes(300)[0]
+        wanted = np.sqrt(1.4 * 101325.0 / 0.02 / (RHO * 0.1 + 27.0)) / (2 * np.pi)
+        self.assertEqual((panel.rigid_modes(), list(hz[:2])), (2, [0.0, 0.0]))
+        self.assertAlmostEqual(hz[2] / wanted, 1, delta=1e-3)
+
+    def test_pinned_plate_by_its_secular_equation(self):
+        a, b, depth = 0.3, 0.2, 0.02
+        pinned = tuple(Edge(side, "pinned") for side in ("left", "right", "top", "bottom"))
+        found = Panel(plate(a=a, b=b, edges=pinned, sealed_depth=depth), 900).modes(900)[0]
+        m, n = np.meshgrid(np.arange(1, 400), np.arange(1, 400), indexing="ij")
+        own = np.pi**2 * ((m / a) ** 2 + (n / b) ** 2) * np.sqrt(rigidity() / (RHO * 0.002))
+        mean = np.where((m % 2) * (n % 2) == 1, 8 / (np.pi**2 * m * n), 0.0) / np.sqrt(RHO * 0.002 * a * b)
+        stiffness = 1.4 * 101325.0 * a * b / depth
+        odd = mean != 0
+        for hz in found:
+            omega = 2 * np.pi * hz
+            still = np.abs(own[~odd] / omega - 1).min()
+            # Zero at a frequency that is off by a part d: d omega times the slope.
+            value = 1 + stiffness * (mean[odd] ** 2 / (own[odd] ** 2 - omega**2)).sum()
+            slope = stiffness * (mean[odd] ** 2 * 2 * omega**2 / (own[odd] ** 2 - omega**2) ** 2).sum()
+            self.assertLess(min(still, abs(value / slope)), 1e-5, f"{hz} Hz")
+        self.assertGreater(len(found), 5)
+
+
+class Losses(unittest.TestCase):
+    """Springs that lose a part of their energy."""
+
+    def test_rigid_panels_have_half_the_loss_factor(self):
+        turning = Support(0.18, 0.01, 1e4, rotational_stiffness=100.0, loss_factor=0.34)
+        thick = dict(length=0.2, width=0.02, thickness=0.05, material=Material(E, RHO))
+        scenes = [Scene("test", "bar", supports=(Support(0, 0.01, 2e4, loss_factor=0.34), turning), **thick)]
+        edges = (Edge("top", "elastic", 1e5, 100.0, 0.34), Edge("right", "elastic", 2e5, 0.0, 0.34))
+        scenes.append(plate(a=0.2, b=0.2, h=0.05, edges=edges))
+        for scene in scenes:
+            hz, ratios = Panel(scene, 400).modes(400)
+            self.assertGreater(len(hz), 1)
+            np.testing.assert_allclose(ratios, 0.17, rtol=2e-3)
+
+    def test_at_one_frequency_they_are_dashpots(self):
+        hz, k, eta = 143.0, 6e3, 0.45
+        places = ((0.0, 0.0), (0.3, 0.02), (0.1, 0.2))
+        own = dict(a=0.3, b=0.2, actuators=(era(0.07, 0.1, 0.0, 0.0, "grounded"),))
+        rubber = plate(supports=tuple(Support(x, y, k, loss_factor=eta) for x, y in places), **own)
+        dashpots = plate(supports=tuple(Support(x, y, k, k * eta / (2 * np.pi * hz)) for x, y in places), **own)
+        one, other = (Panel(scene, 400).accelerance([(0.21, 0.05)], [hz, 2 * hz]) for scene in (rubber, dashpots))
+        np.testing.assert_allclose(one[0], other[0], rtol=1e-9)
+        self.assertGreater(abs(one[1] - other[1]).max(), 0.01 * abs(one[1]).max())
+
+
 class Static(unittest.TestCase):
     """Deflection under a point load."""
 

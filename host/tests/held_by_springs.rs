@@ -1,5 +1,5 @@
-//! Panels on springs that lose nothing, of a material that does: what damps couples the modes through the springs' forces.
-//! Responses against the bending equation solved with complex moduli.
+//! Panels on springs that lose another part than their material does, or nothing: what damps couples the modes through the springs'
+//! forces. Responses against the bending equation solved with complex moduli.
 
 mod support;
 
@@ -135,5 +135,76 @@ fn plate() {
             })
             .collect();
         check(&format!("plate at {x} m"), &scene, (x, y * width), &frequencies_hz(), &compliance);
+    }
+}
+
+/// Rubber at points and along edges, on a material that loses nothing, less, or by its stiffness' rate: one complex spring at each end.
+/// Seen to fail without the losses of points, of slopes and of edges, each by itself.
+#[test]
+fn bars_on_rubber() {
+    let length = 0.25;
+    let none = SceneText::bar(length).force(0.0, 0.5);
+    let (spring, turning, [left_eta, right_eta]) = (3e3, 20.0, [0.35, 0.9]);
+    let on_points = none.clone().lossy_spring(0.0, 0.5, spring, left_eta).with(&format!(
+        "[[support]]\nx_mm = 250.0\nstiffness_n_per_m = {spring:e}\nrotational_stiffness_n_m_per_rad = {turning}\n\
+             loss_factor = {right_eta}\n"
+    ));
+    let on_edges = none.clone().lossy_edge("left", spring, left_eta).with(&format!(
+        "[[edge]]\nside = \"right\"\nkind = \"elastic\"\nstiffness_n_per_m = {spring:e}\n\
+             rotational_stiffness_n_m_per_rad = {turning}\nloss_factor = {right_eta}\n"
+    ));
+    let (ei, mu) = (none.ei(), none.surface_mass() / length);
+    for (name, scene) in [("points", on_points), ("edges", on_edges)] {
+        for (key, value) in
+            [("loss_factor", 0.0), ("loss_factor", 0.03), ("loss_factor", 0.35), ("rayleigh_beta", 2e-5)]
+        {
+            let scene = scene.clone().damping(key, value);
+            for x in [0.4 * length, length] {
+                let compliance: Vec<_> = frequencies_hz()
+                    .iter()
+                    .map(|hz| {
+                        let omega = TAU * hz;
+                        let loss = if key == "loss_factor" { value } else { omega * value };
+                        let moduli = [ei * Complex64::new(1.0, loss), mu.into()];
+                        let left = End { shift: spring * Complex64::new(1.0, left_eta), turn: Complex64::ZERO };
+                        let rubber = Complex64::new(1.0, right_eta);
+                        let right = End { shift: spring * rubber, turn: turning * rubber };
+                        deflection(moduli, (0.0, 0.0), length, [left, right], omega)(x)
+                    })
+                    .collect();
+                check(&format!("{name}, {key} {value}, {x} m"), &scene, (x, 0.01), &frequencies_hz(), &compliance);
+            }
+        }
+    }
+}
+
+/// Tape of two kinds to the left and to the right. Seen to fail with the losses of the two exchanged.
+#[test]
+fn a_plate_on_tape() {
+    let (length, width, nu, spring, etas) = (0.3, 0.2, 0.3, 4e4, [0.5, 0.08]);
+    for eta in [0.0, 0.02] {
+        let scene = SceneText::plate(length, width, nu)
+            .edge("top", "pinned")
+            .edge("bottom", "pinned")
+            .lossy_edge("left", spring, etas[0])
+            .lossy_edge("right", spring, etas[1])
+            .force(0.0, 0.4)
+            .damping("loss_factor", eta);
+        let moduli = [scene.rigidity() * Complex64::new(1.0, eta), (scene.surface_mass() / (length * width)).into()];
+        let ends = etas.map(|eta| End { shift: spring * Complex64::new(1.0, eta), turn: Complex64::ZERO });
+        for (x, y) in [(length, 0.4), (0.4 * length, 0.7)] {
+            let compliance: Vec<Complex64> = frequencies_hz()
+                .iter()
+                .map(|hz| {
+                    let waves = (1..40).map(|n| {
+                        let k = f64::from(n) * PI / width;
+                        let across = 2.0 / width * (k * 0.4 * width).sin() * (k * y * width).sin();
+                        across * deflection(moduli, (k, nu), length, ends, TAU * hz)(x)
+                    });
+                    waves.sum()
+                })
+                .collect();
+            check(&format!("plate of {eta} at {x} m"), &scene, (x, y * width), &frequencies_hz(), &compliance);
+        }
     }
 }

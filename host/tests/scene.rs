@@ -74,6 +74,24 @@ fn each_mistake_names_key_value_range_and_line() {
             "stiffness_n_per_m = inf",
             &["support[1].stiffness_n_per_m", "inf", "0 to 1e20"],
         ),
+        (
+            "damping_n_s_per_m = 1.3 ",
+            "damping_n_s_per_m = 1.3\nloss_factor = 2.5 ",
+            &["support[1].loss_factor", "2.5", "0 to 2"],
+        ),
+        ("version = 1", "version = 1\nfinger = { mass_g = -1 }", &["finger.mass_g", "-1", "0 to 1000"]),
+        (
+            "version = 1",
+            "version = 1\nfinger = { stiffness_n_per_m = 2e6 }",
+            &["finger.stiffness_n_per_m", "2000000", "0 to 1000000"],
+        ),
+        ("version = 1", "version = 1\nfinger = { mas_g = 1 }", &["unknown key finger.mas_g", "did you mean mass_g?"]),
+        ("version = 1", "version = 1\nair = { sealed_depth_mm = 0 }", &["air.sealed_depth_mm", "0", "0.01 to 10000"]),
+        (
+            "version = 1",
+            "version = 1\nair = { added_mass_kg_per_m2 = -0.1 }",
+            &["air.added_mass_kg_per_m2", "-0.1", "0 to 1000"],
+        ),
         ("version = 1", "version = 2", &["version is 2, but must be 1"]),
         ("[[support]]", "[[suport]]", &["unknown key suport", "did you mean support?"]),
     ];

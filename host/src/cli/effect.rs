@@ -1,7 +1,7 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
 use super::args::{At, Keep, Panel, Rhythm};
-use super::panel::{bounds_of, is_met, plan_table, target, tell_plan};
+use super::panel::{bounds_of, is_met, target, tell_plan, touched_table};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{self, DesignError, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
 use crate::planner::Request;
@@ -46,7 +46,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
     };
     request.envelope().map_err(Failure::usage)?;
     let target = target(&scene, &options.at)?;
-    let table = plan_table(&options.panel, options.keep, &scene)?;
+    let table = touched_table(&options.panel, options.keep, &scene, &[(target.x_m, target.y_m)])?;
     let rise = RiseTimes::prepare(&table.model).ok_or(DesignError::Unbounded).map_err(Failure::failed)?;
     let wanted = options.at.intensity_g.map(Intensity::G).or(options.intensity_db.map(Intensity::AboveThresholdDb));
     let plan = plan_with(&table, || Some(&rise), &Request::touch(&[target]), wanted)?;

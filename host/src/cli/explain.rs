@@ -29,6 +29,8 @@ fn modelled(scene: &Scene) -> String {
     };
     let held = scene.edges.iter().filter(|edge| !matches!(edge.kind, EdgeKind::Elastic { .. })).count();
     let inertial = scene.actuators.iter().filter(|actuator| actuator.mount == Mount::Inertial).count();
+    let lossy = scene.supports.iter().map(|support| support.loss_factor);
+    let lossy = lossy.chain(scene.edges.iter().map(|edge| edge.kind.loss_factor())).filter(|loss| *loss > 0.0).count();
     let biased = scene.actuators.iter().filter(|actuator| actuator.bias_voltage_v > 0.0).count();
     let parts = [
         (scene.patches.len(), "patches of other thickness or material"),
@@ -36,6 +38,7 @@ fn modelled(scene: &Scene) -> String {
         (scene.supports.len(), "point supports"),
         (held, "edges held"),
         (scene.edges.len() - held, "elastic edges"),
+        (lossy, "supports and edges with a loss factor"),
         (scene.masses.len(), "attached masses"),
         (inertial, "inertial ERAs, each with an unknown for its mass"),
         (scene.actuators.len() - inertial, "grounded ERAs"),
@@ -43,6 +46,12 @@ fn modelled(scene: &Scene) -> String {
     ];
     for (count, what) in parts.into_iter().filter(|(count, _)| *count > 0) {
         let _ = write!(text, ", {count} {what}");
+    }
+    if let Some(stiffness) = scene.air_stiffness_n_per_m() {
+        let _ = write!(text, ", sealed air of {stiffness:.3e} N/m against the mean deflection");
+    }
+    if surface.added_mass_kg_per_m2 > 0.0 {
+        let _ = write!(text, ", {} kg/m^2 of air that moves along", surface.added_mass_kg_per_m2);
     }
     text.push_str(match surface.damping {
         SurfaceDamping::None => ", no damping of the surface",
@@ -58,7 +67,7 @@ fn modelled(scene: &Scene) -> String {
 pub fn explain(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> String {
     let mut text = modelled(scene);
     text.push_str(
-        "\nleft out: shear and rotary inertia, stretching in the plane, the air, what the electrodes' field does to an ERA's \
+        "\nleft out: shear and rotary inertia, stretching in the plane, other air, the finger but where a place is touched, what the electrodes' field does to an ERA's \
          stiffness beyond its bias_voltage_v; modes above those kept are in the residual shapes of actuators, dashpots and the point asked for",
     );
     let _ =
@@ -106,6 +115,12 @@ mod tests {
             assert!(text.contains(piece), "{piece:?} is not in {text}");
         }
         assert_eq!(text.lines().count(), 2 + 1 + found.steps.len() + 1, "{text}");
+        let mut lossy = scene.clone();
+        lossy.supports.extend(Scene::parse("plate", crate::scene::EXAMPLE_PLATE).unwrap().supports);
+        lossy.supports[1].loss_factor = 0.3;
+        let text_of_lossy = explain(&lossy, Accuracy::BALANCED, &found.steps);
+        assert!(text_of_lossy.contains(", 1 supports and edges with a loss factor"), "{text_of_lossy}");
+        assert!(!text.contains("loss factor"), "{text}");
         let last = found.steps.last().unwrap();
         assert!(text.contains(&format!("{:6}  ", last.fineness.order)) && text.contains(&last.dofs.to_string()));
     }

@@ -2,7 +2,7 @@
 
 use super::args::At;
 use super::args_field::Field;
-use super::panel::{is_met, plan_table, target, tell_missing, tell_plan};
+use super::panel::{is_met, target, tell_missing, tell_plan, touched_table};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text, reach};
 use crate::study;
@@ -18,7 +18,7 @@ pub fn run(options: &Field) -> Outcome {
     };
     let scene = options.panel.load()?;
     let target = target(&scene, &at)?;
-    let table = plan_table(&options.panel, options.keep, &scene)?;
+    let table = touched_table(&options.panel, options.keep, &scene, &[(target.x_m, target.y_m)])?;
     let plan = table.plan(&[target])?;
     let field = study::Field::of(&table, &plan);
     let bound = table.field_bound(&plan);

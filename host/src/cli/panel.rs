@@ -7,11 +7,12 @@ use super::progress::{with_cost, with_progress};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::bounded::Step;
+use crate::model::levels::Levels;
 use crate::model::{Accuracy, Bound, ModelError};
 use crate::planner::cache::{self, PrepareError, Prepared};
 use crate::planner::{Plan, PlanError, PlanTable, TableOptions, Target};
 use crate::response;
-use crate::scene::{MAX_ACTUATORS, Scene, Side, SurfaceKind};
+use crate::scene::{Finger, MAX_ACTUATORS, Scene, Side, SurfaceKind};
 use num_complex::Complex64;
 use serde_json::json;
 use std::fmt::Write;
@@ -192,6 +193,8 @@ pub fn response(options: &Response) -> Outcome {
     let accuracy = options.panel.climb()?;
     need_actuators(&scene)?;
     warn_if_thick(&scene, options.band.to);
+    tell_finger(&options.panel, &scene);
+    let scene = scene.touched(&[(x_m, y_m)]);
     let cost = Cost::of_responses(&scene, accuracy, options.band.to, (frequencies_hz.len(), 1))?;
     let found = with_cost("computing the response", cost, || {
         response::bounded_curves(&scene, accuracy, (x_m, y_m), &frequencies_hz)
@@ -315,6 +318,30 @@ pub fn prepared_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<Prepar
         tracing::warn!("{warning}");
     }
     Ok(prepared)
+}
+
+/// The planner's table for touches of these places (m): of the panel with the scene's finger on them, where it has one.
+pub fn touched_table(panel: &Panel, keep: Keep, scene: &Scene, places: &[(f64, f64)]) -> Result<PlanTable, Failure> {
+    let table = plan_table(panel, keep, scene)?;
+    if scene.finger.is_none() {
+        return Ok(table);
+    }
+    let (accuracy, options, touched) = (panel.accuracy()?, TableOptions::default(), scene.touched(places));
+    tell_finger(panel, scene);
+    let cost = Cost::of_table(&touched, accuracy, options)?;
+    with_cost("computing the panel with the finger on it", cost, || -> Result<_, Failure> {
+        table.touched(&touched, Levels::build(&touched, accuracy, options.to_hz)?, options).map_err(Failure::failed)
+    })
+}
+
+/// What an answer has of the finger, to those who want to know.
+fn tell_finger(panel: &Panel, scene: &Scene) {
+    if let Some(Finger { mass_kg, damping_n_s_per_m, stiffness_n_per_m }) = scene.finger.filter(|_| panel.explain) {
+        let mass_g = mass_kg * 1e3;
+        tell!(
+            "a finger of {mass_g} g, {damping_n_s_per_m} N s/m and {stiffness_n_per_m} N/m is on the place asked for"
+        );
+    }
 }
 
 pub fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {

@@ -2,7 +2,7 @@
 
 use super::args::{At, Keep, Panel, Unit};
 use super::args_field::{Corners, parse_corners};
-use super::panel::{bounds_of, is_met, plan_table, point_of, target, tell_plan};
+use super::panel::{bounds_of, is_met, plan_table, point_of, target, tell_plan, touched_table};
 use super::progress::with_progress;
 use super::reach::region;
 use super::told::tell;
@@ -12,7 +12,7 @@ use crate::effects::{Intensity, plan_with};
 use crate::planner::explain::Explanation;
 use crate::planner::schedule::{Span, Stretch, Window, spans, stretches};
 use crate::planner::trade::Trade;
-use crate::planner::{Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Times, Work};
+use crate::planner::{Objective, Plan, PlanError, PlanTable, Quiet, Report, Request, Target, Times, Work};
 use crate::scene::Scene;
 use clap::Args;
 use serde::Serialize;
@@ -69,7 +69,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
     let request = request(&scene, options)?;
     let windows = windows(options);
     let spans = windows.map(|windows| spans(&windows)).transpose()?;
-    let table = plan_table(&options.panel, options.keep, &scene)?;
+    let table = table(&scene, options, &request, spans.is_some())?;
     let accuracy = options.panel.accuracy()?;
     let mut answer = with_progress("planning", || answer(&table, options, request, spans, accuracy.value()))?;
     // In JSON they are part of the answer.
@@ -83,6 +83,21 @@ pub fn run(options: &PlanOptions) -> Outcome {
         return print_json(&answer);
     }
     print_text(&text(&answer))
+}
+
+/// The table that the request is planned with: of the panel with its fingers on it.
+fn table(scene: &Scene, options: &PlanOptions, request: &Request, is_in_stretches: bool) -> Result<PlanTable, Failure> {
+    let PlanOptions { panel, keep, .. } = options;
+    if scene.finger.is_some() && is_in_stretches {
+        let advice = "time windows do not go with the scene's [finger], which would come and go";
+        return Err(Failure::usage(format!("{advice}: leave out one of the two")));
+    }
+    if scene.finger.is_some() && request.objective == Objective::Reach {
+        tell!("the scene's [finger] is left out: the objective reach is one setting for touches of any place");
+        return plan_table(panel, *keep, scene);
+    }
+    let places: Vec<(f64, f64)> = request.targets.iter().map(|target| (target.x_m, target.y_m)).collect();
+    touched_table(panel, *keep, scene, &places)
 }
 
 /// Plans for a request, as a whole or stretch by stretch.

@@ -223,6 +223,9 @@ fn nearest(table: &PlanTable, hz: &[Option<Vec<f64>>], [x_mm, y_mm]: [f64; 2]) -
 fn prepared(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failure> {
     let scene = options.panel.load()?;
     need_actuators(&scene)?;
+    if scene.finger.is_some() {
+        tell!("the scene's [finger] is left out: what can be reached is of the panel that nothing touches");
+    }
     let region = region(&scene, options.zone)?;
     let table = restricted(plan_table(&options.panel, options.keep, &scene)?, options)?;
     if View::new(&table, region).is_none() {

@@ -39,6 +39,12 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     let prepared = prepared_table(&options.panel, options.keep, &scene)?;
     tracing::info!("{}", account(&prepared));
     let table = prepared.table;
+    if table.scene.finger.is_some() {
+        tracing::warn!(
+            "the scene's [finger] is in no plan of the daemon: what it drives has to be safe when the finger is lifted; \
+             `era plan` and `era field` have it"
+        );
+    }
     let target = options.device.clone().unwrap_or(Target::Sim);
     // A board that is not there yet is waited for.
     let device = match OpenDevice::absent(&target) {

@@ -60,8 +60,13 @@ fn number(bound: Bound) -> f64 {
 
 /// Responses alone.
 pub fn curves_in(spec: &Spec, at_mm: [f64; 2], time: f64) -> Result<Vec<Curve>, TestCaseError> {
+    curves_at(spec, at_mm, &frequencies(time))
+}
+
+/// The same at frequencies of one's own choice, in Hz.
+pub fn curves_at(spec: &Spec, at_mm: [f64; 2], frequencies_hz: &[f64]) -> Result<Vec<Curve>, TestCaseError> {
     let at = (at_mm[0] / 1e3, at_mm[1] / 1e3);
-    let found = bounded_curves(&spec.scene(), Accuracy::tolerance(TOLERANCE).unwrap(), at, &frequencies(time))
+    let found = bounded_curves(&spec.scene(), Accuracy::tolerance(TOLERANCE).unwrap(), at, frequencies_hz)
         .map_err(|error| TestCaseError::fail(format!("{error}\n{}", spec.text())))?;
     let ids = spec.eras.iter().map(|era| era.id.clone());
     Ok(ids.zip(found.answer).zip(&found.bounds).map(|((id, curve), own)| (id, curve, number(*own))).collect())

@@ -10,8 +10,8 @@ pub enum Held {
     Free,
     Pinned,
     Clamped,
-    /// Stiffness (N/m^2, or N/m at a bar's end) and rotational stiffness (N/rad, or N m/rad).
-    Elastic(f64, f64),
+    /// Stiffness (N/m^2, or N/m at a bar's end), rotational stiffness (N/rad, or N m/rad), loss factor.
+    Elastic(f64, f64, f64),
 }
 
 #[derive(Clone, Debug)]
@@ -19,6 +19,7 @@ pub struct Support {
     pub at_mm: [f64; 2],
     pub stiffness: f64,
     pub damping: f64,
+    pub loss_factor: f64,
 }
 
 #[derive(Clone, Debug)]
@@ -67,6 +68,13 @@ pub struct Spec {
     pub screen: Option<([u32; 2], Rectangle)>,
 }
 
+/// The key of a spring's loss factor, where it has one: scenes of before it have none.
+fn lossy(text: &mut String, loss_factor: f64) {
+    if loss_factor != 0.0 {
+        let _ = writeln!(text, "loss_factor = {loss_factor:e}");
+    }
+}
+
 impl Spec {
     pub fn scene(&self) -> era::scene::Scene {
         let text = self.text();
@@ -102,13 +110,14 @@ impl Spec {
                 Held::Elastic(..) => "elastic",
             };
             let _ = write!(text, "[[edge]]\nside = \"{side}\"\nkind = \"{kind}\"\n");
-            if let Held::Elastic(stiffness, rotational) = held {
+            if let Held::Elastic(stiffness, rotational, loss_factor) = held {
                 let keys = if self.is_bar {
                     ["stiffness_n_per_m", "rotational_stiffness_n_m_per_rad"]
                 } else {
                     ["stiffness_n_per_m2", "rotational_stiffness_n_per_rad"]
                 };
                 let _ = write!(text, "{} = {stiffness:e}\n{} = {rotational:e}\n", keys[0], keys[1]);
+                lossy(&mut text, loss_factor);
             }
         }
         let at = |[x, y]: [f64; 2]| format!("x_mm = {x:?}\ny_mm = {y:?}\n");
@@ -120,6 +129,7 @@ impl Spec {
                 support.stiffness,
                 support.damping
             );
+            lossy(&mut text, support.loss_factor);
         }
         for mass in &self.masses {
             let _ = write!(text, "[[mass]]\n{}mass_g = {:e}\n", at(mass.at_mm), mass.grams);
@@ -254,7 +264,7 @@ impl Spec {
             _ => 1.0,
         };
         for held in &mut spec.edges {
-            if let Held::Elastic(stiffness, rotational) = held {
+            if let Held::Elastic(stiffness, rotational, _) = held {
                 let along = if self.is_bar { 1.0 } else { length };
                 *stiffness *= per_length / along;
                 *rotational *= per_length * length * length / along;
@@ -319,8 +329,13 @@ fn held() -> impl Strategy<Value = Held> {
         6 => Just(Held::Free),
         1 => Just(Held::Pinned),
         1 => Just(Held::Clamped),
-        1 => (decades(2.0, 7.0), decades(-1.0, 3.0)).prop_map(|(k, turning)| Held::Elastic(k, turning)),
+        1 => (decades(2.0, 7.0), decades(-1.0, 3.0), loss()).prop_map(|(k, turning, loss)| Held::Elastic(k, turning, loss)),
     ]
+}
+
+/// Of a spring: none, or that of tape and rubber.
+fn loss() -> impl Strategy<Value = f64> {
+    prop_oneof![Just(0.0), decades(-2.0, 0.2)]
 }
 
 /// Place in parts of the sides; whether it is inertial, its mass in g, resonance in Hz, damping ratio, housing in g.
@@ -354,7 +369,7 @@ pub fn scenes_of(is_bar: bool) -> impl Strategy<Value = Spec> {
             .prop_flat_map(|(l, aspect)| (Just(l), side(aspect * l, aspect * l + 2.0)))
             .boxed()
     };
-    let supports = prop::collection::vec((part(), part(), (decades(1.0, 7.0), 0.0..5.0_f64)), 0..4);
+    let supports = prop::collection::vec((part(), part(), (decades(1.0, 7.0), 0.0..5.0_f64, loss())), 0..4);
     let masses = prop::collection::vec((part(), part(), decades(-1.0, 2.0)), 0..3);
     let eras = prop::collection::vec(era(), 1..5);
     let edges = [held(), held(), held(), held()];
@@ -393,7 +408,12 @@ pub fn scenes_of(is_bar: bool) -> impl Strategy<Value = Spec> {
                 edges,
                 supports: supports
                     .into_iter()
-                    .map(|(x, y, (stiffness, damping))| Support { at_mm: at(x, y), stiffness, damping })
+                    .map(|(x, y, (stiffness, damping, loss_factor))| Support {
+                        at_mm: at(x, y),
+                        stiffness,
+                        damping,
+                        loss_factor,
+                    })
                     .collect(),
                 masses: masses.into_iter().map(|(x, y, grams)| Mass { at_mm: at(x, y), grams }).collect(),
                 eras: eras.into_iter().enumerate().map(numbered).collect(),

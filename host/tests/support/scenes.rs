@@ -66,6 +66,13 @@ impl SceneText {
         self
     }
 
+    /// The same of a loss factor.
+    pub fn lossy_edge(mut self, side: &str, stiffness: f64, loss_factor: f64) -> Self {
+        self = self.elastic_edge(side, stiffness);
+        let _ = writeln!(self.parts, "loss_factor = {loss_factor:e}");
+        self
+    }
+
     /// More of a scene file's text.
     pub fn with(mut self, text: &str) -> Self {
         self.parts.push_str(text);
@@ -82,6 +89,12 @@ impl SceneText {
     /// A spring at a place given in parts of the sides.
     pub fn spring(self, x: f64, y: f64, stiffness: f64) -> Self {
         self.spring_damper(x, y, stiffness, 0.0)
+    }
+
+    pub fn lossy_spring(mut self, x: f64, y: f64, stiffness: f64, loss_factor: f64) -> Self {
+        self = self.spring(x, y, stiffness);
+        let _ = writeln!(self.parts, "loss_factor = {loss_factor:e}");
+        self
     }
 
     pub fn spring_damper(mut self, x: f64, y: f64, stiffness: f64, damping: f64) -> Self {

@@ -15,7 +15,7 @@ use super::fineness::Fineness;
 use super::grid::{Derivative, Grid};
 use super::mesh::Lines;
 use super::sections::Section;
-use super::shape::CellMatrices;
+use super::shape::{CellMatrices, gauss};
 use super::sparse::{Entries, SparseVector, Symmetric};
 use crate::scene::{EdgeKind, Scene, Side};
 use std::sync::Arc;
@@ -27,6 +27,8 @@ pub struct Attachment {
     pub vector: SparseVector,
     /// In N/m; N m/rad if the motion is a slope.
     pub stiffness: f64,
+    /// Of the stiffness: that times 1 + j eta.
+    pub loss_factor: f64,
     /// In N s/m.
     pub damping: f64,
     /// In kg.
@@ -49,14 +51,26 @@ pub struct ActuatorVectors {
 pub struct Assembled {
     /// The mesh.
     pub grid: Arc<Grid>,
-    /// Everything's stiffness.
+    /// Everything's stiffness, but that of sealed air.
     pub stiffness: Symmetric,
     /// Everything's mass.
     pub mass: Symmetric,
-    /// The stiffness of springs along edges, where there are any.
-    pub edges: Option<Symmetric>,
+    /// The stiffness of springs along edges, those of one loss factor in one matrix.
+    pub edges: Vec<EdgeStiffness>,
+    /// Sealed air: a spring on the mean deflection of the surface, which is a matter of every unknown and would leave no entry of a
+    /// stiffness matrix empty.
+    pub air: Option<Attachment>,
     /// What is attached at points.
     pub attached: AttachedVectors,
+}
+
+/// Springs along edges, all of one loss factor.
+#[derive(Clone, Debug)]
+pub struct EdgeStiffness {
+    /// Over all unknowns.
+    pub stiffness: Symmetric,
+    /// What it is times 1 + j eta with.
+    pub loss_factor: f64,
 }
 
 /// What is attached at points, over a mesh's unknowns.
@@ -115,22 +129,74 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
     let grid = Grid::new(scene, fineness);
     let (stiffness, mass) = surface_matrices(&grid);
     let (mut stiffness, mut mass) = (grid.over_unknowns(stiffness), grid.over_unknowns(mass));
-    let mut edges = Entries::default();
-    for edge in &scene.edges {
-        if let EdgeKind::Elastic { stiffness, rotational_stiffness } = edge.kind {
-            elastic_edge(&grid, edge.side, stiffness, rotational_stiffness, &mut edges);
-        }
-    }
-    let edges = grid.over_unknowns(edges);
-    stiffness.add_all(&edges, 1.0);
+    let edges = elastic_edges(scene, &grid);
+    edges.iter().for_each(|(edges, _)| stiffness.add_all(edges, 1.0));
     let attached = AttachedVectors::of(&grid, scene);
     let n = attached.unknowns;
     for attachment in &attached.attachments {
         stiffness.add_outer(&attachment.vector, attachment.stiffness);
         mass.add_outer(&attachment.vector, attachment.mass);
     }
-    let edges = if edges.iter().next().is_some() { Some(edges.build(n)?) } else { None };
-    Ok(Assembled { edges, stiffness: stiffness.build(n)?, mass: mass.build(n)?, attached, grid: Arc::new(grid) })
+    let edges = edges
+        .into_iter()
+        .map(|(edges, loss_factor)| Ok(EdgeStiffness { stiffness: edges.build(n)?, loss_factor }))
+        .collect::<Result<_, ModelError>>()?;
+    let air = scene.air_stiffness_n_per_m().map(|stiffness| sealed_air(&grid, stiffness));
+    Ok(Assembled { edges, air, stiffness: stiffness.build(n)?, mass: mass.build(n)?, attached, grid: Arc::new(grid) })
+}
+
+/// Gauss points in a cell beyond the elements' order: their polynomials take half as many as that, and r^2 log r of point forces is
+/// summed to 1e-6 or so of what it adds.
+const MORE_POINTS: usize = 6;
+
+/// Air that resists the mean deflection with `stiffness` in N/m.
+fn sealed_air(grid: &Grid, stiffness: f64) -> Attachment {
+    let rule = gauss(grid.element.order() + MORE_POINTS);
+    let points =
+        |from: f64, to: f64| rule.iter().map(move |(at, weight)| (from + at * (to - from), weight * (to - from)));
+    let lines = |lines: &Lines| -> Vec<[f64; 2]> { lines.at.windows(2).map(|at| [at[0], at[1]]).collect() };
+    let (in_x, in_y) = (lines(&grid.x), grid.y.as_ref().map(lines));
+    let middle = 0.5 * grid.size().1;
+    let (mut sums, mut size) = (vec![0.0; grid.free], 0.0);
+    let mut add = |x: f64, y: f64, weight: f64| {
+        size += weight;
+        for (unknown, value) in grid.row_at(x, y, Derivative::Value) {
+            sums[unknown] += weight * value;
+        }
+    };
+    for (cell_y, y) in
+        in_y.as_ref().map_or_else(|| vec![None], |y| y.iter().copied().map(Some).collect()).into_iter().enumerate()
+    {
+        for (cell_x, [left, right]) in in_x.iter().copied().enumerate() {
+            if grid.sections.at(cell_x, cell_y).is_none() {
+                continue;
+            }
+            for (x, part_x) in points(left, right) {
+                match y {
+                    None => add(x, middle, part_x),
+                    Some([top, bottom]) => points(top, bottom).for_each(|(y, part_y)| add(x, y, part_x * part_y)),
+                }
+            }
+        }
+    }
+    let vector = sums.into_iter().enumerate().filter(|(_, sum)| *sum != 0.0).map(|(i, sum)| (i, sum / size)).collect();
+    Attachment { vector, stiffness, ..Attachment::default() }
+}
+
+/// Springs along edges by their loss factors, where there are any.
+fn elastic_edges(scene: &Scene, grid: &Grid) -> Vec<(Entries, f64)> {
+    let mut out: Vec<(Entries, f64)> = Vec::new();
+    for edge in &scene.edges {
+        let EdgeKind::Elastic { stiffness, rotational_stiffness, loss_factor } = edge.kind else { continue };
+        let known = out.iter().position(|(_, known)| known.total_cmp(&loss_factor).is_eq());
+        let at = known.unwrap_or_else(|| {
+            out.push((Entries::default(), loss_factor));
+            out.len() - 1
+        });
+        elastic_edge(grid, edge.side, stiffness, rotational_stiffness, &mut out[at].0);
+    }
+    let over_unknowns = out.into_iter().map(|(entries, loss_factor)| (grid.over_unknowns(entries), loss_factor));
+    over_unknowns.filter(|(entries, _)| entries.iter().next().is_some()).collect()
 }
 
 fn cells(grid: &Grid, lines: &Lines) -> Vec<CellMatrices> {
@@ -273,16 +339,17 @@ impl Parts<'_> {
         self.attach(Attachment {
             vector: surface.clone(),
             stiffness: attached.stiffness_n_per_m,
+            loss_factor: attached.loss_factor,
             damping: attached.damping_n_s_per_m,
             mass: attached.mass_kg,
             is_slope: false,
         });
-        let stiffness = attached.turning_n_m_per_rad;
+        let (stiffness, loss_factor) = (attached.turning_n_m_per_rad, attached.loss_factor);
         if stiffness > 0.0 {
             let (x_m, y_m) = self.grid.attached_at(x_m, y_m);
             for slope in [Derivative::SlopeX, Derivative::SlopeY] {
                 let vector = self.grid.row_at(x_m, y_m, slope);
-                self.attach(Attachment { vector, stiffness, is_slope: true, ..Attachment::default() });
+                self.attach(Attachment { vector, stiffness, loss_factor, is_slope: true, ..Attachment::default() });
             }
         }
         let Some(carried) = attached.carried else { return surface };

@@ -13,6 +13,8 @@ pub(super) struct Attached {
     pub damping_n_s_per_m: f64,
     /// Rotational spring to the ground, against slopes in both directions, in N m/rad.
     pub turning_n_m_per_rad: f64,
+    /// Loss factor of both springs to the ground.
+    pub loss_factor: f64,
     /// Mass that moves with the point, in kg.
     pub mass_kg: f64,
     /// What hangs on it.
@@ -44,6 +46,7 @@ pub(super) fn passive(scene: &Scene) -> impl Iterator<Item = Attached> {
         stiffness_n_per_m: support.stiffness_n_per_m,
         damping_n_s_per_m: support.damping_n_s_per_m,
         turning_n_m_per_rad: support.rotational_stiffness_n_m_per_rad,
+        loss_factor: support.loss_factor,
         ..Attached::default()
     });
     let masses = scene.masses.iter().map(|mass| Attached {

@@ -172,10 +172,12 @@ impl BarePanel {
         for k in modes + residual + carried..size {
             stiffness[(k, k)] = self.local_lambda();
         }
-        for attachment in &attached.attachments {
+        for attachment in &mut attached.attachments {
             let shape = along(&attachment.vector);
             let most = RIGID / self.flexibility(&attachment.vector, free, &basis).max(f64::MIN_POSITIVE);
-            stiffness.ger(attachment.stiffness.min(most), &shape, &shape, 1.0);
+            // For its losses too, which are a part of the energy in it.
+            attachment.stiffness = attachment.stiffness.min(most);
+            stiffness.ger(attachment.stiffness, &shape, &shape, 1.0);
             mass.ger(attachment.mass, &shape, &shape, 1.0);
         }
         let (lambda, vectors) = eigen(stiffness, mass)?;
@@ -189,8 +191,7 @@ impl BarePanel {
         all.rows_mut(free, carried).copy_from(&vectors.rows(modes + residual, carried));
         all.rows_mut(free + carried, basis.loads.len())
             .copy_from(&(&local * vectors.rows(modes + residual + carried, local.ncols())));
-        let edges = self.model.edges();
-        let damping = Damping::over(scene.surface.damping, &attached, edges, &lambda, &all);
+        let damping = Damping::over(scene.surface.damping, &attached, self.model.springs(), &lambda, &all);
         Ok(ReducedModel::new(lambda, all, damping, &attached, Arc::clone(grid)))
     }
 
@@ -201,6 +202,7 @@ impl BarePanel {
             ("patch", own.patches == scene.patches),
             ("cutout", own.cutouts == scene.cutouts),
             ("edge", own.edges == scene.edges),
+            ("air", own.sealed_depth_m == scene.sealed_depth_m),
         ];
         parts.iter().find(|(_, is_same)| !is_same).map_or(Ok(()), |(part, _)| Err(ModelError::OtherPanel { part }))
     }

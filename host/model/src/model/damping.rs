@@ -1,6 +1,6 @@
 //! Damping over a basis, and the one kind that needs modes of its own: the same ratio on every mode.
 
-use super::assembly::{Assembled, AttachedVectors, Attachment};
+use super::assembly::{Assembled, AttachedVectors, Attachment, EdgeStiffness};
 use super::eigen::Modes;
 use super::sparse::{SparseVector, Symmetric, row_times};
 use crate::scene::{Scene, SurfaceDamping};
@@ -16,28 +16,25 @@ const EDGE_PART: f64 = 1e-6;
 /// what responses are relative to at least. The shape of its reaction would add nothing, and at 1e18 N/m rounding of 6e-5.
 const HELD: f64 = 1e-10;
 
-/// Loads that dashpots and the surface's losses leave unbalanced at frequencies up to `max_hz`.
+/// Loads that dashpots and losses leave unbalanced at frequencies up to `max_hz`.
 ///
-/// With eta K_s + K_springs in place of a loss of everything, modes are coupled through the springs' forces (and with a loss of
+/// With eta K_s + K_springs in place of a loss of everything, and with springs of another loss than the surface's, modes are coupled through the springs' forces (and with a loss of
 /// the surface's mass through those of the masses attached): the modes left out take part as they do in the shape of a
 /// dashpot, without which a motion that springs hold is off by about eta whatever the mesh.
 pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, max_hz: f64) -> Vec<SparseVector> {
-    let (by_stiffness, by_mass) = match scene.surface.damping {
-        SurfaceDamping::None | SurfaceDamping::ModalRatio(_) => (false, false),
-        SurfaceDamping::LossFactor(eta) => (eta > 0.0, false),
-        SurfaceDamping::Rayleigh { alpha, beta } => (beta > 0.0, alpha > 0.0),
-    };
+    let own = OwnLosses::of(scene.surface.damping).unwrap_or_default();
     let omega = std::f64::consts::TAU * max_hz;
     let rigid = omega * omega * scene.mass_kg() / HELD;
     let couples = |part: &&Attachment| {
-        let damps = part.damping > 0.0 || by_stiffness && part.stiffness > 0.0 || by_mass && part.mass > 0.0;
+        let by_stiffness = own.differ_from(part.loss_factor) && part.stiffness > 0.0;
+        let damps = part.damping > 0.0 || by_stiffness || own.alpha > 0.0 && part.mass > 0.0;
         damps && part.stiffness < rigid
     };
     let attached = assembled.attached.attachments.iter();
     let mut loads: Vec<_> = attached.filter(couples).map(|part| part.vector.clone()).collect();
-    if by_stiffness && let Some(edges) = &assembled.edges {
+    for edges in assembled.edges.iter().filter(|edges| own.differ_from(edges.loss_factor)) {
         // The modes with the amplitudes that one force gives them, and of their forces what is not a sum of others'.
-        let mut forces = edges.times(&modes.vectors);
+        let mut forces = edges.stiffness.times(&modes.vectors);
         for (mut column, lambda) in forces.column_iter_mut().zip(&modes.lambda) {
             column.scale_mut(1.0 / (lambda + omega * omega));
         }
@@ -49,7 +46,45 @@ pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, ma
             |column: DVector<f64>| column.iter().copied().enumerate().filter(|(_, value)| *value != 0.0).collect();
         loads.extend(independent.column_iter().map(|column| sparse(column.into_owned())));
     }
+    loads.extend(assembled.air.iter().filter(|_| own.differ_from(0.0)).map(|air| air.vector.clone()));
     loads
+}
+
+/// The surface's own losses that are multiples of its own matrices.
+#[derive(Clone, Copy, Debug, Default)]
+struct OwnLosses {
+    /// Loss factor.
+    eta: f64,
+    /// Per mass, in 1/s.
+    alpha: f64,
+    /// Per stiffness, in s.
+    beta: f64,
+}
+
+impl OwnLosses {
+    /// `None` where the damping is no such multiple.
+    fn of(surface: SurfaceDamping) -> Option<Self> {
+        match surface {
+            SurfaceDamping::None => Some(Self::default()),
+            SurfaceDamping::LossFactor(eta) => Some(Self { eta, ..Self::default() }),
+            SurfaceDamping::Rayleigh { alpha, beta } => Some(Self { eta: 0.0, alpha, beta }),
+            SurfaceDamping::ModalRatio(_) => None,
+        }
+    }
+
+    /// Whether springs of this loss factor lose something else than the surface's stiffness does.
+    fn differ_from(self, loss_factor: f64) -> bool {
+        self.beta > 0.0 || self.eta.total_cmp(&loss_factor).is_ne()
+    }
+}
+
+/// Springs that hold a surface otherwise than at points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Springs<'a> {
+    /// Along edges.
+    pub edges: &'a [EdgeStiffness],
+    /// Sealed air, which loses nothing.
+    pub air: Option<&'a Attachment>,
 }
 
 /// Damping matrices over some basis.
@@ -64,23 +99,32 @@ pub struct Damping {
 }
 
 impl Damping {
-    /// The damping of a scene's surface, of what is attached to it and along its `edges`, over mass-normalised `vectors` of the squared
+    /// The damping of a scene's surface, of what is attached to it and of its other `springs`, over mass-normalised `vectors` of the squared
     /// frequencies `lambda`.
     pub(super) fn over(
         surface: SurfaceDamping,
         attached: &AttachedVectors,
-        edges: Option<&Symmetric>,
+        springs: Springs<'_>,
         lambda: &[f64],
         vectors: &DMatrix<f64>,
     ) -> Self {
-        if let Some(structured) = Structured::new(surface, &attached.attachments, edges, lambda, vectors) {
+        if let Some(structured) = Structured::new(surface, &attached.attachments, springs, lambda, vectors) {
             return structured.full();
         }
         let n = vectors.ncols();
         let mut damping = Self { viscous: DMatrix::zeros(n, n), structural: DMatrix::zeros(n, n), structured: None };
         for attachment in &attached.attachments {
             let along = row_times(&attachment.vector, vectors);
-            damping.viscous += attachment.damping * along.transpose() * along;
+            damping.viscous += attachment.damping * along.transpose() * &along;
+            let loss = attachment.loss_factor * attachment.stiffness;
+            if loss > 0.0 {
+                damping.structural += loss * along.transpose() * along;
+            }
+        }
+        for edges in springs.edges.iter().filter(|edges| edges.loss_factor > 0.0) {
+            for shape in edge_shapes(&edges.stiffness, lambda, vectors) {
+                damping.structural.ger(edges.loss_factor, &shape, &shape, 1.0);
+            }
         }
         if let SurfaceDamping::ModalRatio(ratio) = surface {
             damping.viscous += same_ratio(ratio, lambda, vectors, attached.of_actuators());
@@ -140,28 +184,27 @@ pub struct Structured {
 
 impl Structured {
     /// Damping of a surface by a loss factor and by mass and stiffness (Rayleigh), and of what is attached to it and along its
-    /// edges, over mass-normalised vectors with the squared frequencies `lambda`.
+    /// edges by dashpots and loss factors, over mass-normalised vectors with the squared frequencies `lambda`.
     pub(super) fn new(
         surface: SurfaceDamping,
         attachments: &[Attachment],
-        edges: Option<&Symmetric>,
+        Springs { edges, air }: Springs<'_>,
         lambda: &[f64],
         vectors: &DMatrix<f64>,
     ) -> Option<Self> {
-        let (eta, alpha, beta) = match surface {
-            SurfaceDamping::None => (0.0, 0.0, 0.0),
-            SurfaceDamping::LossFactor(eta) => (eta, 0.0, 0.0),
-            SurfaceDamping::Rayleigh { alpha, beta } => (0.0, alpha, beta),
-            SurfaceDamping::ModalRatio(_) => return None,
-        };
-        let couplings = attachments.iter().map(|Attachment { vector, stiffness, damping, mass, .. }| Coupling {
-            shape: row_times(vector, vectors).transpose(),
-            viscous: damping - beta * stiffness - alpha * mass,
-            structural: -eta * stiffness,
+        let own = OwnLosses::of(surface)?;
+        let OwnLosses { eta, alpha, beta } = own;
+        let couplings = attachments.iter().chain(air).map(
+            |Attachment { vector, stiffness, loss_factor, damping, mass, .. }| Coupling {
+                shape: row_times(vector, vectors).transpose(),
+                viscous: damping - beta * stiffness - alpha * mass,
+                structural: (loss_factor - eta) * stiffness,
+            },
+        );
+        let of_edges = edges.iter().filter(|edges| own.differ_from(edges.loss_factor)).flat_map(|edges| {
+            let shapes = edge_shapes(&edges.stiffness, lambda, vectors).into_iter();
+            shapes.map(|shape| Coupling { shape, viscous: -beta, structural: edges.loss_factor - eta })
         });
-        let is_lossy = eta != 0.0 || beta != 0.0;
-        let shapes = edges.filter(|_| is_lossy).map(|edges| edge_shapes(edges, lambda, vectors)).unwrap_or_default();
-        let of_edges = shapes.into_iter().map(|shape| Coupling { shape, viscous: -beta, structural: -eta });
         let couplings = couplings.chain(of_edges);
         let lambda = DVector::from_column_slice(lambda);
         Some(Self {

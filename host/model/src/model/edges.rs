@@ -66,13 +66,14 @@ pub fn idealised(scene: &Scene) -> Scene {
     let (rigid, rigid_slope) = (scale.rigid(), scale.rigid_slope());
     let mut ideal = scene.clone();
     for edge in &mut ideal.edges {
-        if let EdgeKind::Elastic { stiffness, rotational_stiffness } = edge.kind {
+        if let EdgeKind::Elastic { stiffness, rotational_stiffness, loss_factor } = edge.kind {
             edge.kind = match (stiffness > rigid, rotational_stiffness) {
                 (true, 0.0) => EdgeKind::Pinned,
                 (true, slope) if slope > rigid_slope => EdgeKind::Clamped,
                 _ => EdgeKind::Elastic {
                     stiffness: stiffness.min(rigid),
                     rotational_stiffness: rotational_stiffness.min(rigid_slope),
+                    loss_factor,
                 },
             };
         }
@@ -84,7 +85,7 @@ pub fn idealised(scene: &Scene) -> Scene {
 pub fn unresolved(scene: &Scene) -> f64 {
     let scale = Scale::of(scene);
     let part = |kind: &EdgeKind| -> f64 {
-        let EdgeKind::Elastic { stiffness, rotational_stiffness } = *kind else { return 0.0 };
+        let EdgeKind::Elastic { stiffness, rotational_stiffness, .. } = *kind else { return 0.0 };
         let slope = if rotational_stiffness > scale.rigid_slope() { RIGID_SLOPE } else { 0.0 };
         if stiffness <= scale.rigid() {
             return slope;

@@ -1,7 +1,7 @@
 //! The panel model that the rest of the program uses.
 
 use super::assembly::{Assembled, assemble};
-use super::damping::Damping;
+use super::damping::{Damping, Springs};
 use super::eigen::{Modes, Operator, modes};
 use super::fineness::Fineness;
 use super::grid::{Derivative, Grid};
@@ -9,7 +9,7 @@ use super::grid::{Derivative, Grid};
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, rigid_modes};
 use super::sections::{Waves, shift};
-use super::sparse::{Entries, Factor, SparseVector, Symmetric};
+use super::sparse::{Entries, Factor, SparseVector};
 use super::{Accuracy, ModelError};
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 use nalgebra::DMatrix;
@@ -288,9 +288,9 @@ impl PanelModel {
         &self.assembled.grid
     }
 
-    /// The stiffness of springs along its edges, where there are any.
-    pub(super) fn edges(&self) -> Option<&Symmetric> {
-        self.assembled.edges.as_ref()
+    /// The springs that belong to it whatever is attached at points: along its edges, and sealed air.
+    pub(super) fn springs(&self) -> Springs<'_> {
+        Springs { edges: &self.assembled.edges, air: self.assembled.air.as_ref() }
     }
 
     /// What its mass is multiplied with and added to its stiffness, in rad^2/s^2.
@@ -313,8 +313,7 @@ impl PanelModel {
 
     /// The damping of the scene over mass-normalised `vectors` of the squared frequencies `lambda`.
     fn damping(&self, lambda: &[f64], vectors: &DMatrix<f64>) -> Damping {
-        let Assembled { attached, edges, .. } = &self.assembled;
-        Damping::over(self.scene.surface.damping, attached, edges.as_ref(), lambda, vectors)
+        Damping::over(self.scene.surface.damping, &self.assembled.attached, self.springs(), lambda, vectors)
     }
 }
 
@@ -322,7 +321,11 @@ fn shifted(assembled: &Assembled, shift: f64) -> Result<Factor, ModelError> {
     let mut entries = Entries::default();
     entries.add_all(&assembled.stiffness.entries(), 1.0);
     entries.add_all(&assembled.mass.entries(), shift);
-    entries.build(assembled.unknowns())?.factor()
+    let factor = entries.build(assembled.unknowns())?.factor()?;
+    Ok(match &assembled.air {
+        None => factor,
+        Some(air) => factor.with_spring(assembled.unknowns(), &air.vector, air.stiffness),
+    })
 }
 
 /// The modes that shift-invert about `shift` does not know well: free ones, nearly free ones, and slow ones, of heavy

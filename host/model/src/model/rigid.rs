@@ -54,7 +54,7 @@ pub fn rigid_modes(scene: &Scene, assembled: &Assembled, shift: f64) -> RigidMod
         SurfaceKind::Plate => 3,
         SurfaceKind::Bar => 2,
     };
-    let holds = holds(scene, &assembled.grid);
+    let holds = holds(scene, assembled);
     let allowed = null_space(&holds, dimensions);
     let moving = &assembled.attached.moving_masses;
     let columns = allowed.ncols() + moving.len();
@@ -152,7 +152,8 @@ fn eigenpairs(roots: &DMatrix<f64>, free: usize) -> Vec<(f64, DVector<f64>)> {
     pairs
 }
 
-fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
+fn holds(scene: &Scene, assembled: &Assembled) -> Vec<Hold> {
+    let grid = &assembled.grid;
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let is_bar = scene.surface.kind == SurfaceKind::Bar;
     let at = |x: f64, y: f64| [1.0, x / length, if is_bar { 0.0 } else { y / width }];
@@ -172,6 +173,14 @@ fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
             soft([0.0, 0.0, 1.0], turning / (width * width));
         }
     }
+    if let Some(air) = &assembled.air {
+        let mean = |c: f64, cx: f64, cy: f64| -> f64 {
+            let motion = grid.linear(c, cx, cy);
+            air.vector.iter().map(|(unknown, value)| value * motion[*unknown]).sum()
+        };
+        let along_y = if is_bar { 0.0 } else { mean(0.0, 0.0, 1.0 / width) };
+        soft([mean(1.0, 0.0, 0.0), mean(0.0, 1.0 / length, 0.0), along_y], air.stiffness);
+    }
     let layout = scene.layout();
     for edge in &scene.edges {
         let (is_upright, turn, lever) = match edge.side {
@@ -185,7 +194,7 @@ fn holds(scene: &Scene, grid: &Grid) -> Vec<Hold> {
         let (stiffness, turning, hard) = match edge.kind {
             EdgeKind::Pinned => (1.0, 0.0, true),
             EdgeKind::Clamped => (1.0, 1.0, true),
-            EdgeKind::Elastic { stiffness, rotational_stiffness } => (stiffness, rotational_stiffness, false),
+            EdgeKind::Elastic { stiffness, rotational_stiffness, .. } => (stiffness, rotational_stiffness, false),
         };
         // Two Gauss points integrate the square of a linear function exactly; on a bar both are the same point.
         let gauss = [0.5 - 0.5 / 3.0_f64.sqrt(), 0.5 + 0.5 / 3.0_f64.sqrt()];

@@ -6,7 +6,7 @@ use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::Llt;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{MatMut, Side};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// Non-zero entries of a vector over the free unknowns.
 pub type SparseVector = Vec<(usize, f64)>;
@@ -127,7 +127,7 @@ impl Symmetric {
     pub fn factor(&self) -> Result<Factor, ModelError> {
         let failed = |reason: String| ModelError::Factorisation { reason };
         let llt = self.matrix.sp_cholesky(Side::Lower).map_err(|error| failed(format!("{error:?}")))?;
-        let factor = Factor { llt };
+        let factor = Factor { llt, spring: None };
         // Positive and negative, of one size: touches every row and cancels in none.
         let n = self.order();
         let trial = DMatrix::from_fn(n, 1, |i, _| if i % 3 == 0 { -1.0 } else { 1.0 + 1e-3 * (i % 7) as f64 });
@@ -164,19 +164,45 @@ pub(super) fn row_times(row: &[(usize, f64)], matrix: &DMatrix<f64>) -> nalgebra
     out
 }
 
-/// A Cholesky factorisation.
+/// A Cholesky factorisation, of a matrix that may have a spring on a sum of all unknowns beside what is sparse.
 #[derive(Clone, Debug)]
 pub struct Factor {
     llt: Llt<usize, f64>,
+    spring: Option<Spring>,
+}
+
+/// k v v' beside a factored A: (A + k v v')^-1 = A^-1 - z (k / (1 + k v' z)) z' with A z = v (Sherman and Morrison).
+#[derive(Clone, Debug)]
+struct Spring {
+    vector: SparseVector,
+    /// z.
+    solution: DVector<f64>,
+    /// k / (1 + k v' z).
+    part: f64,
 }
 
 impl Factor {
+    /// The same, of a matrix of this order, with a spring of this stiffness on vector . unknowns.
+    #[must_use]
+    pub fn with_spring(self, order: usize, vector: &SparseVector, stiffness: f64) -> Self {
+        let mut right = DMatrix::zeros(order, 1);
+        vector.iter().for_each(|(unknown, value)| right[(*unknown, 0)] += value);
+        let solution = self.solve(&right).column(0).into_owned();
+        let own: f64 = vector.iter().map(|(unknown, value)| value * solution[*unknown]).sum();
+        let spring = Spring { vector: vector.clone(), part: stiffness / (1.0 + stiffness * own), solution };
+        Self { spring: Some(spring), ..self }
+    }
+
     /// The solution for each column of `right` (order x any).
     #[must_use]
     pub fn solve(&self, right: &DMatrix<f64>) -> DMatrix<f64> {
         let mut out = right.clone();
         let (rows, columns) = out.shape();
         self.llt.solve_in_place(MatMut::from_column_major_slice_mut(out.as_mut_slice(), rows, columns));
+        if let Some(Spring { vector, solution, part }) = &self.spring {
+            let pulls = row_times(vector, &out) * *part;
+            out -= solution * pulls;
+        }
         out
     }
 }

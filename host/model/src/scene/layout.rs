@@ -14,13 +14,15 @@ pub struct Layer {
     pub width_m: f64,
     /// What it is made of.
     pub material: super::Material,
+    /// Mass of the air that moves with it, in kg/m^2.
+    pub added_kg_m2: f64,
 }
 
 impl Layer {
-    /// Mass per area in kg/m^2.
+    /// Mass per area in kg/m^2, air that moves with it included.
     #[must_use]
     pub fn per_area_kg_m2(&self) -> f64 {
-        self.material.density_kg_m3 * self.thickness_m
+        self.material.density_kg_m3 * self.thickness_m + self.added_kg_m2
     }
 }
 
@@ -66,7 +68,12 @@ impl Layout {
     /// The layout of a surface; later patches lie over earlier ones, cut-outs over all.
     pub(super) fn new(surface: &Surface, patches: &[super::Patch], cutouts: &[super::Cutout]) -> Self {
         let is_bar = surface.kind == SurfaceKind::Bar;
-        let base = Layer { thickness_m: surface.thickness_m, width_m: surface.width_m, material: surface.material };
+        let base = Layer {
+            thickness_m: surface.thickness_m,
+            width_m: surface.width_m,
+            material: surface.material,
+            added_kg_m2: surface.added_mass_kg_per_m2,
+        };
         let along = |side: f64, spans: &mut dyn Iterator<Item = [f64; 2]>| {
             let mut lines = vec![0.0, side];
             for at in spans.flatten() {
@@ -97,6 +104,7 @@ impl Layout {
                     thickness_m: patch.thickness_m,
                     width_m: if is_bar { patch.width_m } else { base.width_m },
                     material: patch.material,
+                    ..base
                 });
                 parts.push((!is_cut).then_some(layer));
             }

@@ -4,6 +4,8 @@
 //! data. Every mistake in a file is told with its key, value, allowed range and line, all of them at once.
 
 mod actuator;
+mod air;
+mod finger;
 mod layout;
 mod parse;
 mod patch;
@@ -15,6 +17,8 @@ mod rectangles;
 mod screen;
 
 pub use actuator::{Actuator, EPS0, Mount};
+pub use air::BULK_MODULUS_PA;
+pub use finger::Finger;
 pub use layout::{Layer, Layout, SAME_PLACE, Vertex};
 pub use patch::{Cutout, Patch};
 pub use place::{PlaceError, ROUNDING, SurfacePoint, along_side, evenly};
@@ -60,6 +64,11 @@ pub struct Scene {
     pub actuators: Vec<Actuator>,
     /// The hardest press of a finger, anywhere on the surface, that gaps have to bear, in N.
     pub press_n: f64,
+    /// What rests on the place that is touched. Modes, maps of what can be reached and whatever else is not about one touch are of the
+    /// panel without it; [`Scene::touched`] is the panel with it.
+    pub finger: Option<Finger>,
+    /// Depth of the sealed cavity behind the panel in m, if there is one.
+    pub sealed_depth_m: Option<f64>,
 }
 
 /// What kind of structure the surface is.
@@ -88,6 +97,8 @@ pub struct Surface {
     pub material: Material,
     /// Its own damping.
     pub damping: SurfaceDamping,
+    /// Mass of the air that moves with it, in kg/m^2.
+    pub added_mass_kg_per_m2: f64,
 }
 
 /// An isotropic elastic material.
@@ -133,6 +144,8 @@ pub struct Support {
     pub damping_n_s_per_m: f64,
     /// Against slopes in both directions, in N m/rad.
     pub rotational_stiffness_n_m_per_rad: f64,
+    /// Hysteretic: both stiffnesses times 1 + j eta.
+    pub loss_factor: f64,
 }
 
 /// A side of the surface.
@@ -164,6 +177,8 @@ pub enum EdgeKind {
         stiffness: f64,
         /// In N/rad (plate, per metre) or N m/rad (bar).
         rotational_stiffness: f64,
+        /// Hysteretic: both stiffnesses times 1 + j eta.
+        loss_factor: f64,
     },
 }
 
@@ -175,6 +190,15 @@ impl EdgeKind {
             EdgeKind::Pinned => "pinned",
             EdgeKind::Clamped => "clamped",
             EdgeKind::Elastic { .. } => "elastic",
+        }
+    }
+
+    /// Of its springs; 0 where it has none.
+    #[must_use]
+    pub const fn loss_factor(self) -> f64 {
+        match self {
+            EdgeKind::Elastic { loss_factor, .. } => loss_factor,
+            EdgeKind::Pinned | EdgeKind::Clamped => 0.0,
         }
     }
 }

@@ -6,8 +6,8 @@ use super::ranges::{DENSITY_KG_M3, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MOD
 use super::read::{Allowed, Mistake, Report, SceneError, Section};
 use super::rectangles::{cutouts, patches};
 use super::{
-    Actuator, DEFAULT_PRESS_N, Edge, EdgeKind, MOST_PRESS_N, Mass, Material, Mount, Scene, Screen, Side, Support,
-    Surface, SurfaceDamping, SurfaceKind,
+    Actuator, DEFAULT_PRESS_N, Edge, EdgeKind, Finger, MOST_PRESS_N, Mass, Material, Mount, Scene, Screen, Side,
+    Support, Surface, SurfaceDamping, SurfaceKind,
 };
 use toml::de::DeTable;
 
@@ -20,8 +20,19 @@ const MOST_MASS_G: f64 = 1e12;
 const MASS_G: Allowed = Allowed::Within(0.0, MOST_MASS_G);
 /// All springs, in N/m, N m/rad and per metre: the model is tested up to 1e18.
 const STIFFNESS: Allowed = Allowed::Within(0.0, 1e20);
+/// All loss factors: the dampest rubbers have 1 to 2.
+const LOSS_FACTOR: Allowed = Allowed::Within(0.0, 2.0);
 /// All dashpots, in N s/m.
 const DAMPING: Allowed = Allowed::Within(0.0, 1e12);
+/// A finger, in g, N s/m and N/m: a hundred times what is measured on fingertips, which is more than a whole arm. Beyond it someone has mixed up
+/// units.
+const FINGER_MASS_G: Allowed = Allowed::Within(0.0, 1000.0);
+const FINGER_DAMPING: Allowed = Allowed::Within(0.0, 1000.0);
+const FINGER_STIFFNESS: Allowed = Allowed::Within(0.0, 1e6);
+/// Sealed air behind the panel: from a film of it to a room.
+const SEALED_DEPTH_MM: Allowed = Allowed::Within(0.01, MAX_SIDE_MM);
+/// Air that moves with the surface, in kg/m^2: a hundred times what a piston as large as any panel moves.
+const ADDED_MASS: Allowed = Allowed::Within(0.0, 1000.0);
 /// Electrodes up to a square metre.
 const AREA_MM2: Allowed = Allowed::Within(1e-6, 1e6);
 /// A stop nearer to a mass's middle leaves it no room.
@@ -60,7 +71,11 @@ pub(super) fn scene(source: &str, text: &str) -> Result<Scene, SceneError> {
 fn read(file: &Section<'_, '_>) -> Option<Scene> {
     file.number("version", Allowed::Within(VERSION, VERSION));
     let name = file.text("name");
-    let surface = file.required_table("surface").map(|section| surface(section));
+    let mut surface = file.required_table("surface").map(|section| surface(section));
+    let (sealed_depth_m, added_mass) = file.table("air").map_or((None, 0.0), air);
+    if let Some(surface) = &mut surface {
+        surface.added_mass_kg_per_m2 = added_mass;
+    }
     let kind = surface.as_ref().map_or(SurfaceKind::Plate, |surface| surface.kind);
     let (length_m, width_m) = surface.as_ref().map_or((f64::NAN, f64::NAN), |s| (s.length_m, s.width_m));
     let mut size = Size { kind, length_m, width_m, left: None };
@@ -73,7 +88,22 @@ fn read(file: &Section<'_, '_>) -> Option<Scene> {
     let masses = file.tables("mass").into_iter().map(|section| mass(section, &size)).collect();
     let actuators = actuators(file.tables("actuator"), &size);
     let press_n = file.table("press").map_or(DEFAULT_PRESS_N, press);
-    Some(Scene { name, surface: surface?, patches, cutouts, screen, supports, edges, masses, actuators, press_n })
+    let finger = file.table("finger").map(finger);
+    let surface = surface?;
+    Some(Scene {
+        name,
+        surface,
+        patches,
+        cutouts,
+        screen,
+        supports,
+        edges,
+        masses,
+        actuators,
+        press_n,
+        finger,
+        sealed_depth_m,
+    })
 }
 
 fn surface(section: Section<'_, '_>) -> Surface {
@@ -97,7 +127,15 @@ fn surface(section: Section<'_, '_>) -> Surface {
     let damping = section.table("damping").map_or(SurfaceDamping::None, damping);
     section.close();
     let nothing = Material { youngs_modulus_pa: f64::NAN, poisson_ratio: f64::NAN, density_kg_m3: f64::NAN };
-    Surface { kind, length_m, width_m, thickness_m, material: material.unwrap_or(nothing), damping }
+    Surface {
+        kind,
+        length_m,
+        width_m,
+        thickness_m,
+        material: material.unwrap_or(nothing),
+        damping,
+        added_mass_kg_per_m2: 0.0,
+    }
 }
 
 fn damping(section: Section<'_, '_>) -> SurfaceDamping {
@@ -106,7 +144,7 @@ fn damping(section: Section<'_, '_>) -> SurfaceDamping {
         section.has("modal_ratio"),
         section.has("rayleigh_alpha") | section.has("rayleigh_beta"),
     ];
-    let loss_factor = section.number_or("loss_factor", 0.0, Allowed::Within(0.0, 2.0));
+    let loss_factor = section.number_or("loss_factor", 0.0, LOSS_FACTOR);
     let modal_ratio = section.number_or("modal_ratio", 0.0, Allowed::Within(0.0, 10.0));
     let alpha = section.number_or("rayleigh_alpha", 0.0, Allowed::Within(0.0, 1e6));
     let beta = section.number_or("rayleigh_beta", 0.0, Allowed::Within(0.0, 1.0));
@@ -209,6 +247,7 @@ fn support(section: Section<'_, '_>, size: &Size) -> Support {
         stiffness_n_per_m: section.number("stiffness_n_per_m", STIFFNESS),
         damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, DAMPING),
         rotational_stiffness_n_m_per_rad: section.number_or("rotational_stiffness_n_m_per_rad", 0.0, STIFFNESS),
+        loss_factor: section.number_or("loss_factor", 0.0, LOSS_FACTOR),
     };
     section.close();
     support
@@ -257,6 +296,7 @@ fn elastic(section: &Section<'_, '_>, kind: SurfaceKind) -> EdgeKind {
     EdgeKind::Elastic {
         stiffness: section.number_or(stiffness, 0.0, STIFFNESS),
         rotational_stiffness: section.number_or(rotational, 0.0, STIFFNESS),
+        loss_factor: section.number_or("loss_factor", 0.0, LOSS_FACTOR),
     }
 }
 
@@ -271,6 +311,24 @@ fn press(section: Section<'_, '_>) -> f64 {
     let force_n = section.number_or("force_n", DEFAULT_PRESS_N, Allowed::Within(0.0, MOST_PRESS_N));
     section.close();
     force_n
+}
+
+/// Depth of the sealed cavity in m, if there is one, and mass that moves with the surface in kg/m^2.
+fn air(section: Section<'_, '_>) -> (Option<f64>, f64) {
+    let depth_m = section.has("sealed_depth_mm").then(|| section.number("sealed_depth_mm", SEALED_DEPTH_MM) / 1e3);
+    let added_mass = section.number_or("added_mass_kg_per_m2", 0.0, ADDED_MASS);
+    section.close();
+    (depth_m, added_mass)
+}
+
+fn finger(section: Section<'_, '_>) -> Finger {
+    let finger = Finger {
+        mass_kg: section.number_or("mass_g", 0.0, FINGER_MASS_G) / 1e3,
+        damping_n_s_per_m: section.number_or("damping_n_s_per_m", 0.0, FINGER_DAMPING),
+        stiffness_n_per_m: section.number_or("stiffness_n_per_m", 0.0, FINGER_STIFFNESS),
+    };
+    section.close();
+    finger
 }
 
 fn actuators(sections: Vec<Section<'_, '_>>, size: &Size) -> Vec<Actuator> {

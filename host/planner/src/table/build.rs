@@ -47,10 +47,17 @@ pub(super) enum Purpose {
     Strongest,
 }
 
-pub(super) fn table(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<PlanTable, ResponseError> {
+/// The table of a model; `known` is what a press does to the actuators, where that is not to be told by it.
+pub(super) fn table(
+    scene: &Scene,
+    model: ReducedModel,
+    options: TableOptions,
+    known: Option<&[Pressed]>,
+) -> Result<PlanTable, ResponseError> {
     let grid = SurfaceGrid::new(scene, &model, options.to_hz);
     let products = products(scene, &model);
-    let mut computed = computed(scene, model, options.frequencies_hz(), (grid, products), Purpose::Plans)?;
+    let points = (grid, products);
+    let mut computed = computed(scene, model, options.frequencies_hz(), points, Purpose::Plans, known)?;
     surface_figures(scene, &mut computed)?;
     Ok(PlanTable::of(scene, computed))
 }
@@ -67,7 +74,8 @@ pub(super) fn strongest(
         row *= *weight;
     }
     let products = grid.shapes.tr_mul(&weighted);
-    Ok(PlanTable::of(scene, computed(scene, model, frequencies_hz, (grid, products), Purpose::Strongest)?))
+    let computed = computed(scene, model, frequencies_hz, (grid, products), Purpose::Strongest, None)?;
+    Ok(PlanTable::of(scene, computed))
 }
 
 fn computed(
@@ -76,9 +84,10 @@ fn computed(
     frequencies_hz: Vec<f64>,
     (grid, products): (SurfaceGrid, DMatrix<f64>),
     purpose: Purpose,
+    known: Option<&[Pressed]>,
 ) -> Result<Computed, ResponseError> {
     let receptance = static_receptance(&model);
-    let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &receptance);
+    let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &receptance, known);
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
     let solver = Solver::new(&model);
     let free = free_motion(&model);
@@ -137,9 +146,10 @@ pub(super) fn electrodes_of(
     model: &ReducedModel,
     grid: &SurfaceGrid,
     static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
+    known: Option<&[Pressed]>,
 ) -> (Vec<Electrodes>, Vec<Pressed>) {
     let mut electrodes = on_rails(scene.actuators.iter().map(Electrodes::of).collect());
-    let pressed = pressed(scene, model, grid, &electrodes, static_receptance);
+    let pressed = known.map_or_else(|| pressed(scene, model, grid, &electrodes, static_receptance), <[_]>::to_vec);
     for (own, pressed) in electrodes.iter_mut().zip(&pressed) {
         (own.stop_m, own.sag_m) = (pressed.stop_m, pressed.sag_m);
     }

@@ -139,7 +139,25 @@ impl PlanTable {
     /// # Errors
     /// As [`PlanTable::build`].
     pub fn with_levels(scene: &Scene, levels: Levels, options: TableOptions) -> Result<Self, ResponseError> {
-        let mut table = Self::build(scene, levels.fine, options)?;
+        Self::of_levels(scene, levels, options, None)
+    }
+
+    /// The table of `scene`, which is this table's with fingers on it ([`Scene::touched`]), from its own levels. What a press does to the
+    /// gaps is as on this one: a finger that is part of the panel does not hold it against another one.
+    ///
+    /// # Errors
+    /// As [`PlanTable::build`].
+    pub fn touched(&self, scene: &Scene, levels: Levels, options: TableOptions) -> Result<Self, ResponseError> {
+        Self::of_levels(scene, levels, options, Some(&self.pressed))
+    }
+
+    fn of_levels(
+        scene: &Scene,
+        levels: Levels,
+        options: TableOptions,
+        pressed: Option<&[Pressed]>,
+    ) -> Result<Self, ResponseError> {
+        let mut table = build::table(scene, levels.fine, options, pressed)?;
         table.coarser_rows = levels.coarser.each_ref().map(|model| build::rows(model, &table.frequencies_hz));
         table.coarser = Some((levels.coarser, levels.estimator));
         Ok(table)
@@ -178,7 +196,7 @@ impl PlanTable {
     /// # Errors
     /// As the response does, other than for a single unbounded frequency, which is left out.
     pub fn build(scene: &Scene, model: ReducedModel, options: TableOptions) -> Result<Self, ResponseError> {
-        build::table(scene, model, options)
+        build::table(scene, model, options, None)
     }
 
     /// A table for the strongest drives at these frequencies, over these points: it tells no plan, whose energies it has not.

@@ -171,7 +171,7 @@ impl StoredTable {
         let points = grid.weights.len();
         let grid = SurfaceGrid { shapes: self.shapes.restore("shapes at the surface's points", points, n)?, ..grid };
         let products = self.products.restore("products over the surface", n, n)?;
-        let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &static_receptance(&model));
+        let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &static_receptance(&model), None);
         let free = free_motion(&model);
         let computed = Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free };
         let mut table = PlanTable::of(scene, computed);

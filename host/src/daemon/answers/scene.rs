@@ -87,6 +87,8 @@ struct SupportView {
     y_mm: f64,
     /// In N/m.
     stiffness_n_per_m: f64,
+    /// Of its springs: 0 for none.
+    loss_factor: f64,
 }
 
 /// A side that is held.
@@ -97,6 +99,8 @@ struct EdgeView {
     side: Side,
     /// How, as scene files say it.
     kind: &'static str,
+    /// Of an elastic edge's springs: 0 for none.
+    loss_factor: f64,
 }
 
 /// A mass on the surface.
@@ -152,6 +156,7 @@ impl SceneView {
             x_mm: mm(s.x_m),
             y_mm: mm(s.y_m),
             stiffness_n_per_m: s.stiffness_n_per_m,
+            loss_factor: s.loss_factor,
         };
         let actuator = |a: &crate::scene::Actuator| ActuatorView {
             id: a.id.clone(),
@@ -178,7 +183,11 @@ impl SceneView {
             patches: scene.patches.iter().map(patch).collect(),
             cutouts: scene.cutouts.iter().map(|c| RectangleView::new(c.x_m, c.y_m, c.length_m, c.width_m)).collect(),
             supports: scene.supports.iter().map(support).collect(),
-            edges: scene.edges.iter().map(|e| EdgeView { side: e.side, kind: e.kind.name() }).collect(),
+            edges: scene
+                .edges
+                .iter()
+                .map(|e| EdgeView { side: e.side, kind: e.kind.name(), loss_factor: e.kind.loss_factor() })
+                .collect(),
             masses: scene
                 .masses
                 .iter()

@@ -1,6 +1,7 @@
 use super::*;
 use crate::response::acceleration_curves;
 use crate::scene::random::scene_text;
+use crate::scene::{EdgeKind, Support};
 use num_complex::Complex64;
 
 const MAX_HZ: f64 = 400.0;
@@ -67,6 +68,43 @@ fn a_design_is_what_its_own_elements_make_of_it() {
         let off = levels.map(|(accuracy, _)| difference(&scene, accuracy).unwrap());
         let is_met = off.iter().zip(levels).all(|(off, (_, most))| *off < most);
         assert!(is_met, "{damping}: {off:?}");
+    }
+}
+
+/// The same on rubber and tape, also where it loses as much as the panel, and with one support as good as rigid.
+#[test]
+fn a_design_on_rubber_is_too() {
+    for (damping, own) in [("loss_factor = 0.0", 0.0), ("loss_factor = 0.017", 0.017), ("modal_ratio = 0.013", 0.0)] {
+        let mut scene = odd_plate(damping, 111.1);
+        if let EdgeKind::Elastic { loss_factor, .. } = &mut scene.edges[0].kind {
+            *loss_factor = 0.4;
+        }
+        scene.supports[0].loss_factor = 0.7;
+        scene.supports[1].loss_factor = own;
+        scene.supports.push(Support {
+            stiffness_n_per_m: 1e15,
+            loss_factor: 0.9,
+            x_m: 0.2,
+            y_m: 0.1,
+            ..scene.supports[0]
+        });
+        let levels = [(Accuracy::BALANCED, 0.05), (Accuracy::REFERENCE, 4e-3)];
+        let off = levels.map(|(accuracy, _)| difference(&scene, accuracy).unwrap());
+        assert!(off.iter().zip(levels).all(|(off, (_, most))| *off < most), "{damping}: {off:?}");
+    }
+}
+
+/// Sealed air is a part of the bare panel, and what it does not lose is taken out of the surface's losses.
+#[test]
+fn a_design_on_sealed_air_is_too() {
+    for damping in ["loss_factor = 0.017", "modal_ratio = 0.013", "rayleigh_alpha = 9.1\nrayleigh_beta = 3e-6"] {
+        let scene = Scene { sealed_depth_m: Some(0.03), ..odd_plate(damping, 111.1) };
+        let levels = [(Accuracy::BALANCED, 0.05), (Accuracy::REFERENCE, 4e-3)];
+        let off = levels.map(|(accuracy, _)| difference(&scene, accuracy).unwrap());
+        assert!(off.iter().zip(levels).all(|(off, (_, most))| *off < most), "{damping}: {off:?}");
+        let deeper = Scene { sealed_depth_m: Some(0.04), ..scene.clone() };
+        let refused = BarePanel::build(&scene, Accuracy::FAST, MAX_HZ).unwrap().coupled(&deeper).unwrap_err();
+        assert_eq!(refused, ModelError::OtherPanel { part: "air" });
     }
 }
 
