@@ -277,6 +277,29 @@ fn design_by_keyboard_and_by_finger_with_stop_in_reach() {
     });
 }
 
+/// A board that was away is armed by a person, at the page say.
+#[test]
+fn a_board_that_was_away_is_armed_by_the_pages_button() {
+    with_page(1280, 800, |daemon, browser| {
+        assert_eq!(browser.value("document.querySelector('#fault').hidden"), true);
+        daemon.sim.restart();
+        browser.wait_for("document.querySelector('#fault button')?.textContent === 'Arm the device'");
+        let told = browser.value("document.querySelector('#fault').textContent");
+        assert!(told.as_str().unwrap().contains("was away"), "{told}");
+        // Until then a touch does nothing, and its error is gone with what it was about.
+        let place = browser.point("#panel", 0.4, 0.5);
+        browser.click(place);
+        browser.wait_for("document.querySelector('#error-text').textContent.includes('waits to be armed')");
+        assert!(daemon.sim.drives_received().is_none());
+        browser.value("document.querySelector('#fault button').click()");
+        daemon.wait_for(|state| state["device"]["state"] == "armed");
+        browser.wait_for("document.querySelector('#fault').hidden && document.querySelector('#error').hidden");
+        browser.mouse("mousePressed", place);
+        daemon.wait_for(|state| state["device"]["state"] == "running");
+        browser.mouse("mouseReleased", place);
+    });
+}
+
 #[test]
 fn a_lost_daemon_is_shown() {
     let Some(program) = program() else { return };
