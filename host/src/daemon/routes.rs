@@ -191,9 +191,9 @@ async fn request(State(app): State<Arc<App>>, key: Result<Path<String>, PathReje
 
 /// Arm, if need be, so that the next touch need not wait for the self-test
 #[utoipa::path(post, path = "/v1/arm", responses((status = 200, description = "The state afterwards", body = StateView)))]
-async fn arm(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+async fn arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.note("arm", || json!({}));
-    app.arm().await?;
+    app.arm(client).await?;
     Ok(Json(StateView::new(&app)).into_response())
 }
 
@@ -229,9 +229,9 @@ async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     path = "/v1/faults/clear",
     responses((status = 200, description = "The state afterwards", body = StateView)),
 )]
-async fn clear_faults(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+async fn clear_faults(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.note("clear", || json!({}));
-    app.clear_faults().await?;
+    app.clear_faults(client).await?;
     Ok(Json(StateView::new(&app)).into_response())
 }
 

@@ -6,6 +6,7 @@ mod support;
 mod access;
 mod boards;
 mod bodies;
+mod by_hand;
 mod drags;
 mod fingers;
 mod hang_up;

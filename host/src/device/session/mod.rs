@@ -354,14 +354,15 @@ impl Session {
         let _ = self.send(Command::HoldUntil { id, until });
     }
 
-    /// Arms, unless that has been done, and waits for the self-test to end.
+    /// Arms, unless that has been done, and waits for the self-test to end. It was asked for at `asked`, when [`Session::stops`] said
+    /// `stops`.
     ///
     /// # Errors
-    /// [`SessionError`].
-    pub async fn arm(&self) -> Result<(), SessionError> {
+    /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since then; nothing is armed then.
+    pub async fn arm(&self, stops: u64, asked: Instant) -> Result<(), SessionError> {
         self.not_in_doubt()?;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Arm { stops: self.stops(), asked: Instant::now(), answer })?;
+        self.send(Command::Arm { stops, asked, answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 
