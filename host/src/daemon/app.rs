@@ -165,6 +165,13 @@ impl App {
         while device.changed().await.is_ok() {}
     }
 
+    /// How long ago the device last answered; `None` if it never did.
+    #[must_use]
+    pub fn heard_ago(&self) -> Option<Duration> {
+        let is_known = self.session.snapshots().borrow().identity.is_some();
+        is_known.then(|| self.session.heard_ago())
+    }
+
     /// Whether the thread that looks after the device does its work.
     #[must_use]
     pub fn is_alive(&self) -> bool {

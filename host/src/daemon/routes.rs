@@ -301,7 +301,9 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
     responses((status = 200, description = "The counters", body = String, content_type = "text/plain")),
 )]
 async fn metrics(State(app): State<Arc<App>>) -> Response {
-    let text = app.metrics.text(&app.device().borrow(), &app.admission);
+    // Before the device's snapshot is held.
+    let heard_ago = app.heard_ago();
+    let text = app.metrics.text(&app.device().borrow(), heard_ago, &app.admission);
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 

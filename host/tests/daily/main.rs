@@ -8,6 +8,7 @@ mod boards;
 mod bodies;
 mod by_hand;
 mod drags;
+mod figures;
 mod fingers;
 mod hang_up;
 mod late;
