@@ -100,7 +100,9 @@ class Program:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
-        line = [self.binary, "serve", "--scene", str(self.scene_path), "--listen", f"127.0.0.1:{port}", *map(str, arguments)]
+        # A simulated board that a busy machine has lost for a moment has nobody in front of it: the next touch arms it.
+        line = [self.binary, "serve", "--scene", str(self.scene_path), "--listen", f"127.0.0.1:{port}",
+                "--after-outage", "touch", *map(str, arguments)]
         log = open(self.folder / f"serve-{port}.log", "w+", encoding="utf-8")
         process = subprocess.Popen(line, stdout=log, stderr=log, env=self._environment())
         base = f"http://127.0.0.1:{port}"

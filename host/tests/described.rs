@@ -132,7 +132,8 @@ fn live_messages_are_as_described() {
     let daemon = Daemon::start_with(EXAMPLE_PLATE, Policy::default(), Access::default());
     let (takes, sends) =
         (described().schema("/components/schemas/LiveIn"), described().schema("/components/schemas/LiveOut"));
-    let (mut socket, _) = tungstenite::connect(format!("{}/v1/live", daemon.url.replace("http", "ws"))).unwrap();
+    let all = "/v1/live?send=scene,state,plan,field";
+    let (mut socket, _) = tungstenite::connect(format!("{}{all}", daemon.url.replace("http", "ws"))).unwrap();
     let finger = json!([{"id": 1, "x_px": 400.0, "y_px": 500.0}]);
     let said = [
         (json!({"type": "touch", "touches": finger, "intensity_g": 0.1}), true, "plan"),

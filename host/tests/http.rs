@@ -315,6 +315,8 @@ fn a_silent_device_is_told_and_found_again() {
     assert!(status == 502 && problem["detail"].as_str().unwrap().contains("not connected"), "{status} {problem}");
     daemon.sim.set_knobs(Knobs::default());
     daemon.wait_for(|state| state["device"]["connected"] == true);
+    assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 409, "it was away");
+    assert_eq!(daemon.post("/v1/arm", "").0, 200);
     assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 200);
 }
 
@@ -346,6 +348,9 @@ fn a_restarted_device_is_noticed() {
     daemon.sim.restart();
     let state = daemon.wait_for(|state| state["device"]["restarts"] == 1 && state["device"]["boot_id"] != before);
     assert!(state["device"]["state"] == "safe" || state["device"]["state"] == "discharging", "{state}");
+    // Whoever has restarted it may have a hand in it: a person arms it.
+    assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 409);
+    assert_eq!(daemon.post("/v1/arm", "").0, 200);
     assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 1, "y_px": 1}"#).0, 200);
 }
 

@@ -7,27 +7,16 @@ use era::daemon::Access;
 use era::device::sim::Knobs;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::json;
-use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Mutex, PoisonError};
 use support::Daemon;
-use support::browser::{Browser, program};
+use support::browser::{Browser, browser_or_skip, serve_page};
 
 /// Browsers take turns, as between six of them the simulated board's link would often get no processor for a while.
 static TURN: Mutex<()> = Mutex::new(());
 /// How often a test may begin anew because the machine stood still for longer than the board accepts.
 const STALLS: usize = 3;
-
-/// The browser; `None` where the test is to be skipped.
-fn browser_or_skip() -> Option<&'static str> {
-    let program = program();
-    if program.is_none() {
-        assert!(std::env::var_os("ERA_NO_BROWSER").is_some(), "no Chromium here: install it, or set ERA_NO_BROWSER");
-        eprintln!("skipped: no Chromium here and ERA_NO_BROWSER is set");
-    }
-    program
-}
 
 /// Runs `test` with a browser on the page of a fresh daemon; saves a picture if `ERA_SCREENSHOTS` names a folder.
 ///
@@ -277,9 +266,32 @@ fn design_by_keyboard_and_by_finger_with_stop_in_reach() {
     });
 }
 
+/// A board that was away is armed by a person, at the page say.
+#[test]
+fn a_board_that_was_away_is_armed_by_the_pages_button() {
+    with_page(1280, 800, |daemon, browser| {
+        assert_eq!(browser.value("document.querySelector('#fault').hidden"), true);
+        daemon.sim.restart();
+        browser.wait_for("document.querySelector('#fault button')?.textContent === 'Arm the device'");
+        let told = browser.value("document.querySelector('#fault').textContent");
+        assert!(told.as_str().unwrap().contains("was away"), "{told}");
+        // Until then a touch does nothing, and its error is gone with what it was about.
+        let place = browser.point("#panel", 0.4, 0.5);
+        browser.click(place);
+        browser.wait_for("document.querySelector('#error-text').textContent.includes('waits to be armed')");
+        assert!(daemon.sim.drives_received().is_none());
+        browser.value("document.querySelector('#fault button').click()");
+        daemon.wait_for(|state| state["device"]["state"] == "armed");
+        browser.wait_for("document.querySelector('#fault').hidden && document.querySelector('#error').hidden");
+        browser.mouse("mousePressed", place);
+        daemon.wait_for(|state| state["device"]["state"] == "running");
+        browser.mouse("mouseReleased", place);
+    });
+}
+
 #[test]
 fn a_lost_daemon_is_shown() {
-    let Some(program) = program() else { return };
+    let Some(program) = browser_or_skip() else { return };
     let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let daemon = Daemon::start(EXAMPLE_PLATE);
     let mut browser = Browser::start(program, 800, 600);
@@ -324,20 +336,6 @@ fn a_page_brings_its_token() {
     without.wait_for("document.querySelector('#error-text').textContent.includes('this needs arm')");
     let told = without.value("document.querySelector('#error-text').textContent");
     assert!(told.as_str().unwrap().starts_with("The fault is not cleared: "), "{told}");
-}
-
-/// Serves one page, whatever is asked for, and tells where.
-fn serve_page(listener: TcpListener, html: String) -> String {
-    let url = format!("http://{}", listener.local_addr().unwrap());
-    std::thread::spawn(move || {
-        for stream in listener.incoming() {
-            let mut stream = stream.unwrap();
-            let _ = stream.read(&mut [0; 4096]);
-            let head = "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nConnection: close\r\n";
-            let _ = write!(stream, "{head}Content-Length: {}\r\n\r\n{html}", html.len());
-        }
-    });
-    url
 }
 
 /// Another page, of an origin that is allowed, posts a touch and opens the socket; of one that is not, neither.

@@ -8,7 +8,7 @@ import { $, Readout, announce, fixed, show } from "./readout.js";
 
 const heat = new Heat($("heat"), $("scale"), $("ticks"));
 const view = new PanelView($("panel"), heat, $("overlay"));
-const readout = new Readout(clearFault);
+const readout = new Readout(clearFault, arm);
 const fingers = new Map(); // pointer id -> {x_px, y_px}
 let driven = null; // the last plan that was driven, with its touches and field
 let hover = null; // the pointer's place in mm
@@ -91,6 +91,15 @@ async function clearFault() {
     showState(await request("POST", "/v1/faults/clear"));
   } catch (problem) {
     showProblem({ ...withAdvice(problem), title: "The fault is not cleared" });
+  }
+}
+
+async function arm() {
+  try {
+    showState(await request("POST", "/v1/arm"));
+    $("error").hidden = true; // most likely it says that a touch was refused for want of this
+  } catch (problem) {
+    showProblem({ ...withAdvice(problem), title: "The device is not armed" });
   }
 }
 

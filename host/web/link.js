@@ -57,9 +57,9 @@ export class Link {
   connect() {
     clearTimeout(this.timer);
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(
-      `${scheme}://${location.host}/v1/live${TOKEN ? `?token=${encodeURIComponent(TOKEN)}` : ""}`,
-    );
+    const query = new URLSearchParams({ send: "scene,state,plan,field" }); // maps come only to those who ask for them
+    if (TOKEN) query.set("token", TOKEN);
+    const socket = new WebSocket(`${scheme}://${location.host}/v1/live?${query}`);
     this.socket = socket;
     this.heard = performance.now();
     socket.addEventListener("open", () => {

@@ -53,8 +53,8 @@ const STATE_WORDS = {
 };
 
 export class Readout {
-  constructor(clearFault) {
-    Object.assign(this, { clearFault, scene: null, plan: null, state: "unknown", history: [], preview: false });
+  constructor(clearFault, arm) {
+    Object.assign(this, { clearFault, arm, scene: null, plan: null, state: "unknown", history: [], preview: false });
   }
 
   setScene(scene, stretch) {
@@ -208,17 +208,24 @@ export class Readout {
     const box = $("fault");
     const count = device.fault?.count > 1 ? `, ${device.fault.count} times` : "";
     const lost = `The device does not answer. ${device.problem ?? ""}`;
-    const text = device.fault
-      ? `Fault ${device.fault.code} (${device.fault.name}${count}). ${device.fault.message}`
-      : device.connected ? "" : lost;
+    const away = "The device was away. Nothing is driven until it is armed: see that nobody is in the way.";
+    let [text, button, act] = ["", "", null];
+    if (device.fault) {
+      text = `Fault ${device.fault.code} (${device.fault.name}${count}). ${device.fault.message}`;
+      [button, act] = ["Clear the fault", this.clearFault];
+    } else if (!device.connected) {
+      text = lost;
+    } else if (device.waits_to_be_armed) {
+      [text, button, act] = [away, "Arm the device", this.arm];
+    }
     if (box.dataset.text === text) return;
     box.dataset.text = text;
     box.hidden = !text;
     box.replaceChildren(text);
-    if (device.fault) {
-      const clear = node("button", { type: "button", textContent: "Clear the fault" });
-      clear.addEventListener("click", this.clearFault);
-      box.append(clear);
+    if (act) {
+      const made = node("button", { type: "button", textContent: button });
+      made.addEventListener("click", act);
+      box.append(made);
     }
   }
 

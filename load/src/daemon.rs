@@ -55,6 +55,8 @@ impl Daemon {
     pub fn start(plan: &Plan) -> Result<Self, Error> {
         let mut command = Command::new(&plan.program);
         command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast", "--clear-silence"]);
+        // There is no person: the next touch arms a board that was away.
+        command.args(["--after-outage", "touch"]);
         command.arg("--device").arg(&plan.device).arg("--socket").arg(&plan.socket);
         command.env("ERA_CACHE_DIR", &plan.cache).env("ERA_LOG", "warn,era=info").env("NO_COLOR", "1");
         let shown = format!("{command:?}");

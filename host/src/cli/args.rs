@@ -140,7 +140,7 @@ pub struct Serve {
     /// Let the next touch clear a latched silence of this host (fault host-silent); others wait for a person
     #[arg(long)]
     pub clear_silence: bool,
-    /// After the board was away: let the next touch arm it, or wait for `era arm` [default: touch]
+    /// After the board was away: wait for `era arm`, or let the next touch arm it [default: person]
     #[arg(long, value_name = "WHO", value_enum)]
     pub after_outage: Option<AfterOutage>,
 }
@@ -149,10 +149,10 @@ pub struct Serve {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AfterOutage {
+    /// A person, with `era arm`, the page's button or `POST /v1/arm`
+    Person,
     /// The next touch
     Touch,
-    /// A person, with `era arm` or `POST /v1/arm`
-    Person,
 }
 
 /// Longest idle time: an hour at high voltage for a touch that may never come is enough.

@@ -176,6 +176,9 @@ fn state_text(answer: &Value) -> String {
             text_of(&fault["message"])
         );
     }
+    if device["waits_to_be_armed"] == true {
+        text.push_str("\nit was away, and nothing is driven until `era arm` arms it");
+    }
     let clock = &device["clock"];
     if !clock.is_null() {
         let _ = write!(
@@ -357,12 +360,15 @@ mod tests {
         let channel = |name: Option<&str>| json!({"actuator": name, "active": false});
         let fault = json!({"code": 0, "name": "host-silent", "message": "Check the cable."});
         let state = json!({
-            "device": {"kind": "emulated", "port": "/dev/pts/1", "state": "fault", "fault": fault},
+            "device": {
+                "kind": "emulated", "port": "/dev/pts/1", "state": "fault", "fault": fault, "waits_to_be_armed": true,
+            },
             "telemetry": {"channels": [channel(Some("left")), channel(None)]},
         });
         let text = state_text(&state);
         assert!(text.contains("\n  left         off\n  (channel 2)  off; the scene has no actuator"), "{text}");
-        assert!(text.contains("fault 0 (host-silent): Check the cable. `era clear` clears it"), "{text}");
+        assert!(text.contains("fault 0 (host-silent): Check the cable. `era clear` clears it\n"), "{text}");
+        assert!(text.contains("\nit was away, and nothing is driven until `era arm`"), "{text}");
     }
 
     #[test]

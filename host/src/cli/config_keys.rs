@@ -296,10 +296,10 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "after_outage",
-        help: "Who arms a board that was away: the next touch, or a person with `era arm`",
-        allowed: "\"touch\" or \"person\"",
-        default: "touch",
-        example: "\"touch\"",
+        help: "Who arms a board that was away: a person with `era arm`, or the next touch",
+        allowed: "\"person\" or \"touch\"",
+        default: "person",
+        example: "\"person\"",
         rival: None,
         is_given: |serve| serve.after_outage.is_some(),
         take: |serve, given, _| {

@@ -51,12 +51,7 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         Some(device) => device,
         None => open_device(&target, &table)?,
     };
-    let policy = Policy {
-        idle: options.idle_s.map_or(Policy::IDLE, Duration::from_secs_f64),
-        clears_silence: options.clear_silence,
-        arms_after_outage: options.after_outage != Some(AfterOutage::Person),
-    };
-    let mut app = App::with(table, device, text, policy, access).map_err(Failure::failed)?;
+    let mut app = App::with(table, device, text, policy(options), access).map_err(Failure::failed)?;
     app.record = recorder;
     let app = Arc::new(app);
     let first = first_plan(&app.table);
@@ -84,6 +79,15 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         Ended::Asked => Ok(()),
         // A failure, so that the service manager starts it anew.
         Ended::Session => Err(Failure::failed(SessionError::Ended)),
+    }
+}
+
+/// What is done without being asked.
+fn policy(options: &Serve) -> Policy {
+    Policy {
+        idle: options.idle_s.map_or(Policy::IDLE, Duration::from_secs_f64),
+        clears_silence: options.clear_silence,
+        arms_after_outage: options.after_outage == Some(AfterOutage::Touch),
     }
 }
 
@@ -250,4 +254,22 @@ async fn shutdown() {
     }
     let _ = interrupt.await;
     tracing::info!("stopping");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::command::{Arguments, Command};
+    use super::*;
+    use clap::Parser;
+
+    #[test]
+    fn a_board_that_was_away_waits_for_a_person_unless_told_otherwise() {
+        for (more, arms) in [("", false), ("--after-outage person", false), ("--after-outage touch", true)] {
+            let arguments = format!("era serve {more}");
+            let Some(Command::Serve(serve)) = Arguments::parse_from(arguments.split_whitespace()).command else {
+                panic!("{arguments}");
+            };
+            assert_eq!(policy(&serve).arms_after_outage, arms, "{arguments}");
+        }
+    }
 }

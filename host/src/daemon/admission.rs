@@ -20,6 +20,11 @@ const AT_ONCE: usize = 2;
 const MOST_WAITING: usize = 64;
 /// When to come again, in ms: half the queue is done by then.
 const RETRY_MS: u64 = 20;
+/// The same for requests to arm and to clear a fault, which people make: one is carried out at a time, so that a touch waits for one of
+/// them at most in the session. Arming takes some 80 ms, so eight are done before somebody has taken his hand from the button.
+const MOST_BY_HAND: usize = 8;
+/// When to come again with one of these, in ms: one more is done by then.
+const BY_HAND_RETRY_MS: u64 = 100;
 /// Requests whose outcome is kept.
 const KEPT: usize = 256;
 /// Longest name that a client may give to a request.
@@ -30,6 +35,7 @@ pub const MAX_NAME: usize = 64;
 pub struct Admission {
     last_id: AtomicU64,
     planner: Arc<Places>,
+    by_hand: Arc<Places>,
     refused: AtomicU64,
     known: Mutex<VecDeque<Known>>,
 }
@@ -54,6 +60,7 @@ impl Default for Admission {
         Self {
             last_id: AtomicU64::new(0),
             planner: Places::new(AT_ONCE, MOST_WAITING),
+            by_hand: Places::new(1, MOST_BY_HAND),
             refused: AtomicU64::new(0),
             known: Mutex::new(VecDeque::with_capacity(KEPT)),
         }
@@ -84,14 +91,25 @@ impl Admission {
     /// # Errors
     /// [`Problem`] with status 429: too many wait, and this client has as many of them as any.
     pub async fn place(&self, client: Client) -> Result<Place, Problem> {
-        self.planner.take(client).await.map_err(|Full { waiting }| {
-            self.refused.fetch_add(1, Ordering::Relaxed);
-            let detail = format!(
-                "{waiting} requests wait for the planner, which is as many as it takes, and no client has more of them than \
-                 this one; try again in {RETRY_MS} ms"
-            );
-            Problem::new(Kind::QueueFull, detail).retry(RETRY_MS, Some(waiting))
-        })
+        self.planner.take(client).await.map_err(|full| self.full(full, "wait for the planner", RETRY_MS))
+    }
+
+    /// A place for a request to arm or to clear a fault, with turns as at the planner.
+    ///
+    /// # Errors
+    /// As [`Self::place`].
+    pub async fn place_by_hand(&self, client: Client) -> Result<Place, Problem> {
+        let wait = "wait to arm or to clear a fault";
+        self.by_hand.take(client).await.map_err(|full| self.full(full, wait, BY_HAND_RETRY_MS))
+    }
+
+    fn full(&self, Full { waiting }: Full, wait: &str, retry_ms: u64) -> Problem {
+        self.refused.fetch_add(1, Ordering::Relaxed);
+        let detail = format!(
+            "{waiting} requests {wait}, which is as many as may, and no client has more of them than this one; try again in \
+             {retry_ms} ms"
+        );
+        Problem::new(Kind::QueueFull, detail).retry(retry_ms, Some(waiting))
     }
 
     /// Whether nobody plans.

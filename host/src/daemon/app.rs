@@ -165,6 +165,13 @@ impl App {
         while device.changed().await.is_ok() {}
     }
 
+    /// How long ago the device last answered; `None` if it never did.
+    #[must_use]
+    pub fn heard_ago(&self) -> Option<Duration> {
+        let is_known = self.session.snapshots().borrow().identity.is_some();
+        is_known.then(|| self.session.heard_ago())
+    }
+
     /// Whether the thread that looks after the device does its work.
     #[must_use]
     pub fn is_alive(&self) -> bool {
@@ -472,20 +479,23 @@ impl App {
     /// time.
     ///
     /// # Errors
-    /// [`SessionError`].
-    pub async fn arm(&self) -> Result<(), SessionError> {
+    /// [`Problem`]; [`SessionError::Stopped`] if everything was stopped while it waited for its turn.
+    pub async fn arm(&self, client: Client) -> Result<(), Problem> {
+        let (stops, asked) = (self.stops(), Instant::now());
+        let _place = self.admission.place_by_hand(client).await?;
         if *self.closing.borrow() {
-            return Err(SessionError::Closed);
+            return Err(SessionError::Closed.into());
         }
-        self.session.arm().await
+        Ok(self.session.arm(stops, asked).await?)
     }
 
     /// Clears the device's latched fault.
     ///
     /// # Errors
-    /// [`SessionError`].
-    pub async fn clear_faults(&self) -> Result<(), SessionError> {
-        self.session.clear_faults().await
+    /// [`Problem`].
+    pub async fn clear_faults(&self, client: Client) -> Result<(), Problem> {
+        let _place = self.admission.place_by_hand(client).await?;
+        Ok(self.session.clear_faults().await?)
     }
 }
 

@@ -112,7 +112,7 @@ kinds! {
     NoModel = "no-model", UNPROCESSABLE_ENTITY, "This scene has no model";
     /// A previewed scene has more than a preview takes.
     TooLarge = "too-large", UNPROCESSABLE_ENTITY, "Too large for a preview";
-    /// Too many requests wait for the planner: `depth` says how many, `retry_after_ms` and Retry-After when to ask again.
+    /// Too many requests wait for the planner, or to arm or to clear a fault: `depth` says how many, `retry_after_ms` and Retry-After when to ask again.
     QueueFull = "busy", TOO_MANY_REQUESTS, "Too many requests";
     /// Too many different wrong tokens came from this address within a minute: until `retry_after_ms` none is looked at from there,
     /// except with `POST /v1/stop`.

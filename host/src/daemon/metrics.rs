@@ -5,6 +5,7 @@ use crate::device::Snapshot;
 use era_shared::safety::State;
 use std::fmt::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 /// What the daemon counts.
 #[derive(Debug, Default)]
@@ -39,7 +40,7 @@ impl Metrics {
 
     /// All of it as text.
     #[must_use]
-    pub fn text(&self, device: &Snapshot, admission: &Admission) -> String {
+    pub fn text(&self, device: &Snapshot, heard_ago: Option<Duration>, admission: &Admission) -> String {
         let mut out = String::new();
         let mut metric = |name: &str, kind: &str, help: &str, value: &dyn std::fmt::Display| {
             // Writing to a String cannot fail.
@@ -72,13 +73,20 @@ impl Metrics {
         metric("era_link_frames_sent_total", "counter", "Frames sent to the device.", &device.link.frames_sent);
         metric("era_link_repeats_total", "counter", "Frames sent again for want of an answer.", &device.link.repeats);
         metric("era_link_bad_frames_total", "counter", "Broken frames received.", &device.link.bad_frames);
-        if let Some(round_trip) = device.round_trip {
-            let name = "era_link_round_trip_seconds";
-            metric(name, "gauge", "Median of the last round trips.", &round_trip.as_secs_f64());
-        }
-        if let Some(worst) = device.round_trip_worst {
-            let name = "era_link_round_trip_worst_seconds";
-            metric(name, "gauge", "Longest of the last round trips.", &worst.as_secs_f64());
+        let trips = device.round_trips;
+        for (name, help, time) in [
+            ("era_link_round_trip_seconds", "Median of the last round trips.", trips.median),
+            ("era_link_round_trip_worst_seconds", "Longest of the last round trips.", trips.worst),
+            (
+                "era_link_round_trip_jitter_seconds",
+                "Mean difference between one of the last round trips and the next.",
+                trips.jitter,
+            ),
+            ("era_link_keep_alive_age_seconds", "Time since the device last answered.", heard_ago),
+        ] {
+            if let Some(time) = time {
+                metric(name, "gauge", help, &time.as_secs_f64());
+            }
         }
         if let Some(clock) = device.clock {
             let help = "Root mean square of the board clock's prediction errors.";

@@ -191,9 +191,9 @@ async fn request(State(app): State<Arc<App>>, key: Result<Path<String>, PathReje
 
 /// Arm, if need be, so that the next touch need not wait for the self-test
 #[utoipa::path(post, path = "/v1/arm", responses((status = 200, description = "The state afterwards", body = StateView)))]
-async fn arm(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+async fn arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.note("arm", || json!({}));
-    app.arm().await?;
+    app.arm(client).await?;
     Ok(Json(StateView::new(&app)).into_response())
 }
 
@@ -229,9 +229,9 @@ async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
     path = "/v1/faults/clear",
     responses((status = 200, description = "The state afterwards", body = StateView)),
 )]
-async fn clear_faults(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+async fn clear_faults(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.note("clear", || json!({}));
-    app.clear_faults().await?;
+    app.clear_faults(client).await?;
     Ok(Json(StateView::new(&app)).into_response())
 }
 
@@ -301,7 +301,9 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
     responses((status = 200, description = "The counters", body = String, content_type = "text/plain")),
 )]
 async fn metrics(State(app): State<Arc<App>>) -> Response {
-    let text = app.metrics.text(&app.device().borrow(), &app.admission);
+    // Before the device's snapshot is held.
+    let heard_ago = app.heard_ago();
+    let text = app.metrics.text(&app.device().borrow(), heard_ago, &app.admission);
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 

@@ -1,14 +1,11 @@
 //! One request, one reply, over any byte stream: framing, time-outs, repeats.
 
+use super::round_trips::{self, RoundTrips};
 use super::timing::{LONGEST_FRAME, Patience, wire_time};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Refusal, Reply, Request};
-use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
-
-/// Round trips that the median is taken over.
-const ROUND_TRIPS_KEPT: usize = 64;
 
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error)]
@@ -112,6 +109,14 @@ pub struct LinkStatistics {
     pub bad_frames: u64,
 }
 
+impl std::ops::AddAssign for LinkStatistics {
+    fn add_assign(&mut self, other: Self) {
+        self.frames_sent += other.frames_sent;
+        self.repeats += other.repeats;
+        self.bad_frames += other.bad_frames;
+    }
+}
+
 /// What a session wants while it waits for an answer.
 pub struct Attention<'a> {
     /// Told once, with the request's name and how long was waited, when the answer is so late that the device may be gone. It may
@@ -143,7 +148,7 @@ pub struct Client {
     /// to the port.
     tries: Vec<(u16, Instant)>,
     statistics: LinkStatistics,
-    round_trips: VecDeque<Duration>,
+    round_trips: round_trips::Last,
     last_frame_written: Option<Instant>,
     last_reply_read: Option<Instant>,
 }
@@ -166,7 +171,7 @@ impl Client {
             patience,
             tries: Vec::new(),
             statistics: LinkStatistics::default(),
-            round_trips: VecDeque::new(),
+            round_trips: round_trips::Last::default(),
             last_frame_written: None,
             last_reply_read: None,
         }
@@ -178,18 +183,10 @@ impl Client {
         self.statistics
     }
 
-    /// Median of the last round trips.
+    /// The last round trips.
     #[must_use]
-    pub fn round_trip_median(&self) -> Option<Duration> {
-        let mut sorted: Vec<Duration> = self.round_trips.iter().copied().collect();
-        sorted.sort_unstable();
-        sorted.get(sorted.len() / 2).copied()
-    }
-
-    /// Longest of the last round trips.
-    #[must_use]
-    pub fn round_trip_worst(&self) -> Option<Duration> {
-        self.round_trips.iter().copied().max()
+    pub fn round_trips(&self) -> RoundTrips {
+        self.round_trips.told()
     }
 
     /// When the last byte of the last frame was handed to the port.
@@ -267,7 +264,7 @@ impl Client {
             return Err(LinkError::TooOld { request: name(request), needed: request.since(), spoken: self.version });
         }
         self.tries.clear();
-        let last = self.round_trips.back().copied().unwrap_or_default();
+        let last = self.round_trips.newest().unwrap_or_default();
         let (mut doubt, mut stop): (Option<Instant>, Option<Instant>) = (None, None);
         let mut halted: Option<LinkError> = None;
         let begun = Instant::now();
@@ -303,7 +300,7 @@ impl Client {
                     let read = Instant::now();
                     self.last_reply_read = Some(read);
                     self.last_frame_written = Some(sent);
-                    self.note_round_trip(read - sent);
+                    self.round_trips.note(read - sent);
                     return halted.map_or(Ok(*reply), Err);
                 }
                 Waited::Nothing => {}
@@ -401,13 +398,6 @@ impl Client {
             }
             deadline = deadline.max(Instant::now() + LONGEST_FRAME).min(last);
         }
-    }
-
-    fn note_round_trip(&mut self, time: Duration) {
-        if self.round_trips.len() == ROUND_TRIPS_KEPT {
-            self.round_trips.pop_front();
-        }
-        self.round_trips.push_back(time);
     }
 }
 

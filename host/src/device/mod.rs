@@ -12,6 +12,7 @@ pub mod emulated;
 pub mod identity;
 pub mod port;
 pub mod priority;
+pub mod round_trips;
 pub mod session;
 pub mod sim;
 pub mod target;

@@ -93,6 +93,7 @@ fn heard(firmware: String, state: &Value) -> Heard {
             advice: text(&device["fault"]["message"]).unwrap_or_default(),
         }),
         failure: text(&device["failure"]),
+        waits_to_be_armed: device["waits_to_be_armed"] == true,
         was_watchdog: device["reset_cause"] == "Watchdog",
         supply: supply.is_object().then(|| Supply {
             rail_v: supply["rail_v"].as_array().into_iter().flatten().map(number).collect(),

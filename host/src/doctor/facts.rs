@@ -127,6 +127,8 @@ pub struct Heard {
     pub failure: Option<String>,
     /// Whether a watchdog was why it last started.
     pub was_watchdog: bool,
+    /// Whether it was away, and its daemon drives nothing until a person arms it.
+    pub waits_to_be_armed: bool,
     /// Supply and loops; with protocol version 1 they are not known.
     pub supply: Option<Supply>,
     /// Its clock beside this machine's.

@@ -17,6 +17,10 @@ const REPEATS: u64 = 100;
 pub fn judge(heard: &Heard) -> Vec<Finding> {
     let mut all = vec![judge_firmware(heard)];
     all.push(judge_fault(heard));
+    if heard.waits_to_be_armed {
+        let found = "the board was away, and waits to be armed";
+        all.push(Finding::warning("armed", found, "see that nobody is in the way, then `era arm`"));
+    }
     all.extend(heard.supply.as_ref().map(judge_loops));
     all.extend(heard.supply.as_ref().map(|supply| judge_rails(supply, heard.state.as_deref())));
     all.extend(heard.clock.map(judge_clock));

@@ -57,7 +57,8 @@ fn is_connected(state: &Value) -> bool {
 #[test]
 fn a_board_may_come_late_go_away_and_come_back() {
     let socket = Socket::new();
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
+    let policy = Policy { arms_after_outage: true, ..Policy::default() };
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), policy);
     let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
     assert!(status == 502 && problem["detail"].as_str().unwrap().contains("not connected"), "{problem}");
     let board = socket.plug(SimBoard::ID);
@@ -84,10 +85,9 @@ fn a_board_may_come_late_go_away_and_come_back() {
 }
 
 #[test]
-fn after_an_outage_a_person_may_have_to_arm() {
+fn after_an_outage_a_person_has_to_arm() {
     let socket = Socket::new();
-    let policy = Policy { arms_after_outage: false, ..Policy::default() };
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), policy);
+    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
     let board = socket.plug(SimBoard::ID);
     daemon.wait_for(is_connected);
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200, "nothing has happened yet");
@@ -99,7 +99,14 @@ fn after_an_outage_a_person_may_have_to_arm() {
     for body in [TOUCH, r#"{"x_px": 300, "y_px": 900, "effect": "click"}"#] {
         let (status, _, problem) = daemon.post("/v1/touch", body);
         assert_eq!((status, &problem["type"]), (409, &json!("urn:era:problem:not-armed")), "{problem}");
-        assert!(problem["detail"].as_str().unwrap().contains("POST /v1/arm"), "{problem}");
+        for way in ["`era arm`", "POST /v1/arm"] {
+            assert!(problem["detail"].as_str().unwrap().contains(way), "{problem}");
+        }
+    }
+    // Nor does a stop, or a fault that is cleared, arm it.
+    for path in ["/v1/stop", "/v1/faults/clear"] {
+        assert_eq!(daemon.post(path, "").0, 200);
+        assert_eq!(daemon.post("/v1/touch", TOUCH).0, 409, "after {path}");
     }
     assert_eq!(daemon.post("/v1/arm", "").0, 200);
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200);

@@ -154,8 +154,21 @@ fn a_socket_tells_only_what_it_is_asked_for() {
     let tungstenite::Error::Http(answer) = error else { panic!("{error}") };
     let problem: Value = serde_json::from_slice(answer.body().as_ref().unwrap()).unwrap();
     assert_eq!((answer.status().as_u16(), &problem["field"]), (400, &json!("send")), "{problem}");
-    let mut all = live(&daemon, "");
-    next(&mut all, "scene");
-    daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900}"#);
-    assert!(next(&mut all, "plan")["field"]["peak_g"].is_array());
+    // Maps go to those who name them; the rest to everybody who names nothing.
+    let sockets =
+        [("", ["scene", "state", "plan"], false), ("?send=scene,state,field", ["scene", "state", "plan"], true)];
+    let open = sockets.map(|(query, kinds, has_map)| (live(&daemon, query), kinds, has_map));
+    daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#);
+    // One that comes later is told of the plan at once, and as the others are.
+    let late = sockets.map(|(query, kinds, has_map)| (live(&daemon, query), kinds, has_map));
+    for (mut socket, kinds, has_map) in open.into_iter().chain(late) {
+        let socket = &mut socket;
+        let told = kinds.map(|kind| next(socket, kind));
+        assert_eq!(told[2]["field"]["peak_g"].is_array(), has_map);
+        assert_eq!(told[2].get("field").is_some(), has_map);
+        assert!(told[2]["plan"]["drives"].is_array());
+        // What it says wrong it is told in any case.
+        say(socket, &json!({"type": "dance"}));
+        while !matches!(socket.read().unwrap(), Message::Text(text) if text.contains("\"type\":\"error\"")) {}
+    }
 }

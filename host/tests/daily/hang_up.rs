@@ -59,7 +59,8 @@ fn a_touch_counts_though_its_sender_hangs_up() {
 #[test]
 fn a_page_that_reads_nothing_is_still_heard() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
-    let (mut socket, _) = tungstenite::connect(format!("{}/v1/live", daemon.url.replace("http", "ws"))).unwrap();
+    let (mut socket, _) =
+        tungstenite::connect(format!("{}/v1/live?send=state,field", daemon.url.replace("http", "ws"))).unwrap();
     let touch = |x_px: f64| json!({"type": "touch", "touches": [{"id": 1, "x_px": x_px, "y_px": 500.0}]}).to_string();
     socket.send(Message::text(touch(400.0))).unwrap();
     daemon.wait_for(|state| state["device"]["state"] == "running");

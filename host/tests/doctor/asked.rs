@@ -155,4 +155,17 @@ fn a_daemon_is_asked_in_place_of_its_board() {
     assert!(asked(&["state"]).0.contains("fault 0 (host-silent)"));
     assert_eq!(asked(&["clear"]).1, Some(0));
     assert!(!asked(&["state"]).0.contains("fault 0"));
+    // A board that was away waits for a person, unless the daemon was told otherwise; everybody says for whom.
+    device.control().restart();
+    let found = (0..100).any(|_| {
+        std::thread::sleep(Duration::from_millis(50));
+        let (told, code) = asked(&["doctor", "--device", "sim"]);
+        code == Some(0) && told.contains("waits to be armed") && told.contains("`era arm`")
+    });
+    assert!(found, "{:?}", asked(&["doctor", "--device", "sim"]));
+    assert!(asked(&["state"]).0.contains("nothing is driven until `era arm` arms it"));
+    assert_eq!(asked(&["touch", "300", "900"]).1, Some(1));
+    assert_eq!(asked(&["arm"]).1, Some(0));
+    assert!(!asked(&["state"]).0.contains("era arm"));
+    assert_eq!(asked(&["touch", "300", "900"]).1, Some(0));
 }

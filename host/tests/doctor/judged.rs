@@ -209,6 +209,7 @@ fn troubles_of_the_board_are_told() {
     is(&after("fault", heard(latched)), Problem, &["6 (over-current)", "Disconnect the supply"]);
     is(&after("fault", heard(|it| it.failure = Some("panicked at".into()))), Warning, &["panicked at"]);
     is(&after("fault", heard(|it| it.was_watchdog = true)), Warning, &["watchdog"]);
+    is(&after("armed", heard(|it| it.waits_to_be_armed = true)), Warning, &["was away", "`era arm`"]);
     let supply = |change: fn(&mut Supply)| heard(move |it| change(it.supply.as_mut().unwrap()));
     is(&after("interlock", supply(|it| it.interlock_closed = false)), Problem, &["enclosure is open"]);
     is(&after("interlock", supply(|it| it.stop_released = false)), Problem, &["emergency stop"]);

@@ -1,8 +1,8 @@
 //! Headless Chromium over its DevTools protocol: as much of it as the page's test needs.
 
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader};
-use std::net::TcpStream;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tungstenite::stream::MaybeTlsStream;
@@ -20,7 +20,7 @@ pub struct Browser {
 }
 
 /// The browser's program, if there is one.
-pub fn program() -> Option<&'static str> {
+fn program() -> Option<&'static str> {
     ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| {
         Command::new(name)
             .arg("--version")
@@ -29,6 +29,30 @@ pub fn program() -> Option<&'static str> {
             .status()
             .is_ok_and(|s| s.success())
     })
+}
+
+/// The browser; `None` where the test is to be skipped.
+pub fn browser_or_skip() -> Option<&'static str> {
+    let program = program();
+    if program.is_none() {
+        assert!(std::env::var_os("ERA_NO_BROWSER").is_some(), "no Chromium here: install it, or set ERA_NO_BROWSER");
+        eprintln!("skipped: no Chromium here and ERA_NO_BROWSER is set");
+    }
+    program
+}
+
+/// Serves one page, whatever is asked for, and tells where.
+pub fn serve_page(listener: TcpListener, html: String) -> String {
+    let url = format!("http://{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            let _ = stream.read(&mut [0; 4096]);
+            let head = "HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nConnection: close\r\n";
+            let _ = write!(stream, "{head}Content-Length: {}\r\n\r\n{html}", html.len());
+        }
+    });
+    url
 }
 
 impl Browser {

@@ -45,7 +45,7 @@ fn verdict(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Option<Stri
     let path = folder.path().join("board");
     let bench = Bench::new(path.clone()).unwrap();
     let device = OpenDevice::absent(&Target::Serial(path.to_str().unwrap().into())).unwrap();
-    let policy = Policy { clears_silence: true, ..Policy::default() };
+    let policy = Policy { clears_silence: true, arms_after_outage: true, ..Policy::default() };
     let app = App::with(table().unwrap(), device, EXAMPLE_PLATE.into(), policy, Access::default()).unwrap();
     let background = Background::start(app).unwrap();
     judged(folder.path(), bench, background.address(), |faults| {

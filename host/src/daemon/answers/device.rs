@@ -1,6 +1,7 @@
 //! The device as last seen: its state, its fault, its supply and its clock.
 
-use super::one_of;
+use super::{ms, one_of};
+use crate::device::session::LinkAtFault;
 use crate::device::{ClockQuality, Identity, Snapshot, TARGET_KINDS};
 use era_shared::protocol::{ChargeRule, Fault};
 use era_shared::safety::State;
@@ -79,6 +80,30 @@ struct FaultView {
     detail: u32,
     /// Faults raised since, this one included.
     count: u16,
+    /// What was known of the link when it was seen.
+    link: FaultLinkView,
+}
+
+/// What was known of the link when a fault was seen.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = FaultLink)]
+struct FaultLinkView {
+    /// Longest time in ms in which the device answered nothing, no sign of life either, since it had been seen without this fault.
+    keep_alive_age_ms: f64,
+    /// Longest time between two signs of life to the armed device until then, in ms.
+    longest_gap_ms: f64,
+    /// Median of the last round trips in ms.
+    round_trip_ms_median: Option<f64>,
+    /// Longest of the last round trips in ms.
+    round_trip_ms_worst: Option<f64>,
+    /// Mean difference between one of the last round trips and the next in ms.
+    round_trip_ms_jitter: Option<f64>,
+    /// Frames sent again until then as no answer came.
+    repeats: u64,
+    /// Stretches of received bytes until then that were no frame.
+    crc_errors: u64,
+    /// How often the link was lost until then.
+    outages: u32,
 }
 
 /// Supply, loops and what each channel may still drive.
@@ -156,7 +181,7 @@ impl DeviceView {
             in_doubt: device.in_doubt,
             problem: device.problem.clone(),
             state: status.map(|status| status.state.name()),
-            fault: status.and_then(|status| status.fault).map(FaultView::new),
+            fault: status.and_then(|status| status.fault).zip(device.link_at_fault).map(FaultView::new),
             firmware: identity.map(Identity::firmware_text),
             image: identity.map(|known| known.image.clone()),
             protocol: device.protocol,
@@ -178,7 +203,7 @@ impl DeviceView {
 }
 
 impl FaultView {
-    fn new(fault: Fault) -> Self {
+    fn new((fault, link): (Fault, LinkAtFault)) -> Self {
         Self {
             code: fault.code.number(),
             name: fault.code.name(),
@@ -186,6 +211,23 @@ impl FaultView {
             action: "clear",
             detail: fault.detail,
             count: fault.count,
+            link: FaultLinkView::new(link),
+        }
+    }
+}
+
+impl FaultLinkView {
+    fn new(known: LinkAtFault) -> Self {
+        let trips = known.round_trips;
+        Self {
+            keep_alive_age_ms: ms(known.silence),
+            longest_gap_ms: ms(known.longest_gap),
+            round_trip_ms_median: trips.median.map(ms),
+            round_trip_ms_worst: trips.worst.map(ms),
+            round_trip_ms_jitter: trips.jitter.map(ms),
+            repeats: known.link.repeats,
+            crc_errors: known.link.bad_frames,
+            outages: known.outages,
         }
     }
 }

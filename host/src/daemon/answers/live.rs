@@ -30,7 +30,7 @@ pub enum Message {
 pub struct PlanMessage {
     /// The plan.
     plan: PlanView,
-    /// Its field, unless the page has asked for plans without.
+    /// Its field, where the page has asked for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     field: Option<FieldView>,

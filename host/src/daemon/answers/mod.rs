@@ -11,7 +11,12 @@ pub mod told;
 pub mod touched;
 
 use serde_json::Value;
+use std::time::Duration;
 use utoipa::openapi::schema::{Object, ObjectBuilder, SchemaType, Type};
+
+fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}
 
 /// A text that is one of these, or null.
 fn one_of(names: impl IntoIterator<Item = &'static str>, nullable: bool, description: &str) -> Object {

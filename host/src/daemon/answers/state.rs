@@ -1,6 +1,7 @@
 //! Everything there is to know now: device, plan, measurements, link, daemon.
 
 use super::device::DeviceView;
+use super::ms;
 use crate::daemon::app::App;
 use crate::daemon::view::{PlanView, TouchView};
 use crate::device::Snapshot;
@@ -8,6 +9,7 @@ use crate::device::convert::from_wire;
 use crate::planner::STANDARD_GRAVITY;
 use era_shared::protocol::{ChannelStatus, StatusReply};
 use serde::Serialize;
+use std::time::Duration;
 use utoipa::ToSchema;
 
 /// Device, plan, measurements and link as last seen.
@@ -66,6 +68,10 @@ struct LinkView {
     round_trip_ms_median: Option<f64>,
     /// Longest of the last round trips in ms.
     round_trip_ms_worst: Option<f64>,
+    /// Mean difference between one of the last round trips and the next in ms.
+    round_trip_ms_jitter: Option<f64>,
+    /// Time since the device last answered in ms, to a sign of life if to nothing else; null if it never did.
+    keep_alive_age_ms: Option<f64>,
     /// Frames sent, repeats included.
     frames_sent: u64,
     /// Frames sent again as no answer came.
@@ -92,7 +98,7 @@ impl StateView {
     pub fn new(app: &App) -> Self {
         // Before the device's snapshot is held: whoever has the plan may be about to look at the device, and the device's
         // thread waits to publish.
-        let active = app.active();
+        let (active, heard_ago) = (app.active(), app.heard_ago());
         let receiver = app.device();
         let device = receiver.borrow();
         Self {
@@ -101,7 +107,7 @@ impl StateView {
             plan_id: active.as_ref().map(|active| active.id),
             touches: active.as_ref().map(|active| active.touches.clone()).unwrap_or_default(),
             telemetry: TelemetryView::new(app, &device),
-            link: LinkView::new(&device),
+            link: LinkView::new(&device, heard_ago),
             daemon: DaemonView { version: env!("CARGO_PKG_VERSION"), uptime_s: app.started.elapsed().as_secs_f64() },
         }
     }
@@ -133,14 +139,17 @@ impl TelemetryView {
 }
 
 impl LinkView {
-    fn new(device: &Snapshot) -> Self {
+    fn new(device: &Snapshot, heard_ago: Option<Duration>) -> Self {
+        let trips = device.round_trips;
         Self {
-            round_trip_ms_median: device.round_trip.map(|time| time.as_secs_f64() * 1e3),
-            round_trip_ms_worst: device.round_trip_worst.map(|time| time.as_secs_f64() * 1e3),
+            round_trip_ms_median: trips.median.map(ms),
+            round_trip_ms_worst: trips.worst.map(ms),
+            round_trip_ms_jitter: trips.jitter.map(ms),
+            keep_alive_age_ms: heard_ago.map(ms),
             frames_sent: device.link.frames_sent,
             repeats: device.link.repeats,
             crc_errors: device.link.bad_frames,
-            longest_gap_ms: device.longest_gap.as_secs_f64() * 1e3,
+            longest_gap_ms: ms(device.longest_gap),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! What a touch has led to: its plan, and what the device achieves of it.
 
+use super::ms;
 use crate::daemon::view::PlanView;
 use crate::device::convert::from_wire;
 use crate::device::session::Played;
@@ -120,8 +121,8 @@ impl Achieved {
         let effect = PlayedEffect {
             effect: EffectView::new(design),
             start_board_us: played.start_us,
-            starts_in_ms: ahead.as_secs_f64() * 1e3,
-            duration_ms: played.length.as_secs_f64() * 1e3,
+            starts_in_ms: ms(ahead),
+            duration_ms: ms(played.length),
         };
         Self { effect: Some(effect), ..Self::new(plan, &played.achieved) }
     }
@@ -129,7 +130,7 @@ impl Achieved {
     /// Held up for so long, if it was.
     #[must_use]
     pub fn delayed(self, delayed: Option<Duration>) -> Self {
-        Self { delayed_ms: delayed.map(|delayed| delayed.as_secs_f64() * 1e3), ..self }
+        Self { delayed_ms: delayed.map(ms), ..self }
     }
 
     /// The effect that is played, if one is.

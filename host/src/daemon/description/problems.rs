@@ -55,10 +55,17 @@ fn own(path: &str) -> &'static [Kind] {
         "/v1/field" => {
             &[Kind::BadQuery, Kind::OutOfRange, Kind::InCutout, Kind::NoPlan, Kind::QueueFull, Kind::Closing]
         }
-        "/v1/stop" | "/v1/faults/clear" => {
-            &[Kind::DeviceRefused, Kind::DeviceLost, Kind::DeviceLate, Kind::SessionEnded, Kind::Closing]
-        }
+        "/v1/stop" => &[Kind::DeviceRefused, Kind::DeviceLost, Kind::DeviceLate, Kind::SessionEnded, Kind::Closing],
+        "/v1/faults/clear" => &[
+            Kind::QueueFull,
+            Kind::DeviceRefused,
+            Kind::DeviceLost,
+            Kind::DeviceLate,
+            Kind::SessionEnded,
+            Kind::Closing,
+        ],
         "/v1/arm" => &[
+            Kind::QueueFull,
             Kind::Stopped,
             Kind::DeviceFault,
             Kind::DeviceRefused,

@@ -86,7 +86,7 @@ enum Letter {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 struct LiveQuery {
-    /// What to be told, with commas between: scene, state, plan, field; all if not given.
+    /// What to be told, with commas between: scene, state, plan, field; all but field, which brings plan with it, if not given.
     send: Option<String>,
     // `access` has asked for it.
     /// The token, which a page cannot send as a header.
@@ -123,7 +123,7 @@ pub async fn upgrade(
     let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
     let Query(query) = Query::<LiveQuery>::try_from_uri(&uri).map_err(|error| bad(error.body_text()))?;
     let wants = match &query.send {
-        None => Wants::ALL,
+        None => Wants::DEFAULT,
         Some(text) => Wants::parse(text).map_err(|name| {
             let detail = format!("send names {name:?}, but takes {}", Wants::NAMES);
             bad(detail).at("send", text.as_str().into(), Wants::NAMES.into(), None)

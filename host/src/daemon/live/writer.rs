@@ -31,8 +31,8 @@ pub struct Wants {
 impl Wants {
     /// Names in a request.
     pub const NAMES: &'static str = "scene, state, plan, field";
-    /// What a page gets that does not say.
-    pub const ALL: Self = Self { scene: true, state: true, plan: true, field: true };
+    /// What a page gets that does not say: no maps, as most clients draw none.
+    pub const DEFAULT: Self = Self { scene: true, state: true, plan: true, field: false };
 
     /// From names with commas between.
     ///
@@ -141,7 +141,8 @@ mod tests {
         let only = |scene, state, plan, field| Ok(Wants { scene, state, plan, field });
         assert_eq!(Wants::parse("state"), only(false, true, false, false));
         assert_eq!(Wants::parse("scene, field"), only(true, false, true, true));
-        assert_eq!(Wants::parse("scene,state,plan,field"), Ok(Wants::ALL));
+        assert_eq!(Wants::parse("scene,state,plan,field"), only(true, true, true, true));
+        assert_eq!(Wants::parse("scene,state,plan"), Ok(Wants::DEFAULT));
         assert_eq!(Wants::parse(""), only(false, false, false, false));
         assert_eq!(Wants::parse("plan,map"), Err("map".into()));
     }

@@ -1,8 +1,9 @@
 //! What stands between an order and a drive: faults, outages, a board that does not fit, and drives that are taken back.
 
 use super::worker::Worker;
-use super::{SessionError, Snapshot};
-use crate::device::client::{Client, LinkError};
+use super::{LinkAtFault, SessionError, Snapshot};
+use crate::device::client::{LinkError, LinkStatistics};
+use crate::device::round_trips::RoundTrips;
 use era_shared::protocol::{Fault, FaultCode, Request};
 use era_shared::safety::State;
 use std::sync::atomic::Ordering;
@@ -111,25 +112,28 @@ impl Worker {
         Ok(self.look()?)
     }
 
-    /// Says what is known when a fault has been latched.
-    pub(super) fn report(&self, fault: &Fault) {
-        let snapshot = self.publish.borrow();
+    /// Says what is known of the link when a fault is seen that was not there before.
+    pub(super) fn report(&self, fault: &Fault, round_trips: RoundTrips, link: LinkStatistics) -> LinkAtFault {
+        let Snapshot { longest_gap, outages, .. } = *self.publish.borrow();
+        let known = LinkAtFault { silence: self.silence, round_trips, link, longest_gap, outages };
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
-        let link = self.client.as_ref().map(Client::statistics).unwrap_or_default();
         tracing::error!(
             code = fault.code.number(),
             name = fault.code.name(),
             detail = fault.detail,
             count = fault.count,
-            heard_ms_ago = ms(self.last_heard.elapsed()),
-            longest_gap_ms = ms(snapshot.longest_gap),
-            round_trip_ms = snapshot.round_trip.map(ms),
+            keep_alive_age_ms = ms(known.silence),
+            longest_gap_ms = ms(longest_gap),
+            round_trip_ms = round_trips.median.map(ms),
+            round_trip_worst_ms = round_trips.worst.map(ms),
+            jitter_ms = round_trips.jitter.map(ms),
             repeats = link.repeats,
             bad_frames = link.bad_frames,
-            outages = snapshot.outages,
+            outages,
             "the device has latched a fault: {}",
             fault.code.advice()
         );
+        known
     }
 
     pub(super) fn check_fault(&self) -> Result<(), SessionError> {

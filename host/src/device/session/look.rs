@@ -124,15 +124,14 @@ impl Worker {
         let known = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
         let is_new = |fault: &Fault| known.is_none_or(|k| (k.code, k.count) != (fault.code, fault.count));
         let faulted = status.fault.filter(is_new);
-        if let Some(fault) = faulted {
-            self.report(&fault);
-        }
+        let (round_trips, link) = (self.client.as_ref().map(Client::round_trips).unwrap_or_default(), self.link());
+        let at_fault = faulted.map(|fault| self.report(&fault, round_trips, link));
+        self.silence = Duration::ZERO;
+        let has_fault = status.fault.is_some();
         if !status.state.is_live() {
             self.armed = false;
             self.drive_until = None;
         }
-        let of_link = |client: &Client| (client.round_trip_median(), client.round_trip_worst(), client.statistics());
-        let (round_trip, worst, link) = self.client.as_ref().map(of_link).unwrap_or_default();
         self.publish.send_modify(|snapshot| {
             (snapshot.connected, snapshot.in_doubt) = (true, false);
             snapshot.problem = None;
@@ -140,8 +139,8 @@ impl Worker {
             snapshot.telemetry = Some(telemetry);
             snapshot.details = details;
             snapshot.credit = credit;
-            (snapshot.round_trip, snapshot.round_trip_worst) = (round_trip, worst);
-            snapshot.link = link;
+            (snapshot.round_trips, snapshot.link) = (round_trips, link);
+            snapshot.link_at_fault = at_fault.or(snapshot.link_at_fault).filter(|_| has_fault);
             snapshot.restarts += u32::from(restarted);
             snapshot.faults += u32::from(faulted.is_some());
         });

@@ -14,6 +14,7 @@ use super::client::{LinkError, LinkStatistics};
 use super::clock::ClockQuality;
 use super::identity::Identity;
 use super::priority;
+use super::round_trips::RoundTrips;
 use super::target::OpenDevice;
 use era_shared::protocol::{AchievedDrive, ChannelDrive, CreditReply, Details, StatusReply, TelemetryReply};
 use era_shared::safety::State;
@@ -153,12 +154,12 @@ pub struct Snapshot {
     pub credit: Option<CreditReply>,
     /// How well its clock is known.
     pub clock: Option<ClockQuality>,
-    /// Median round trip.
-    pub round_trip: Option<Duration>,
-    /// Longest of the last round trips.
-    pub round_trip_worst: Option<Duration>,
-    /// Frames and errors.
+    /// The last round trips.
+    pub round_trips: RoundTrips,
+    /// Frames and errors since the session began.
     pub link: LinkStatistics,
+    /// What was known of the link when the latched fault was seen.
+    pub link_at_fault: Option<LinkAtFault>,
     /// Restarts noticed since the session began.
     pub restarts: u32,
     /// How often the link was lost since then.
@@ -175,6 +176,21 @@ pub struct Snapshot {
     pub mismatch: Option<String>,
     /// Whether a person has to arm it.
     pub waits_to_be_armed: bool,
+}
+
+/// What is known of the link when a fault is seen.
+#[derive(Clone, Copy, Debug)]
+pub struct LinkAtFault {
+    /// Longest time without an answer since the board was last seen without this fault.
+    pub silence: Duration,
+    /// The last round trips.
+    pub round_trips: RoundTrips,
+    /// Frames and errors.
+    pub link: LinkStatistics,
+    /// [`Snapshot::longest_gap`].
+    pub longest_gap: Duration,
+    /// [`Snapshot::outages`].
+    pub outages: u32,
 }
 
 impl Snapshot {
@@ -233,12 +249,13 @@ pub struct Session {
     snapshot: watch::Receiver<Snapshot>,
     stops: Arc<AtomicU64>,
     beat: Arc<Beat>,
+    heard: Arc<Beat>,
     /// Longest time without a sign of life of the thread.
     longest: Duration,
     thread: Option<JoinHandle<()>>,
 }
 
-/// When the session's thread was last seen at work.
+/// When the session's thread was last seen at work, or the device was last heard.
 #[derive(Debug)]
 struct Beat {
     origin: Instant,
@@ -276,12 +293,14 @@ impl Session {
         let stops = Arc::new(AtomicU64::new(0));
         let beat = Arc::new(Beat::new());
         let longest = Duration::from_secs(5) + device.timing().patience.longest() * 2;
-        let worker = Worker::new(device, needs, policy, publish, Arc::clone(&stops), Arc::clone(&beat));
+        let heard = Arc::new(Beat::new());
+        let clocks = [Arc::clone(&beat), Arc::clone(&heard)];
+        let worker = Worker::new(device, needs, policy, publish, Arc::clone(&stops), clocks);
         let thread = std::thread::Builder::new().name("device-session".into()).spawn(move || {
             priority::raise();
             worker.run(&inbox);
         })?;
-        Ok(Self { commands, snapshot, stops, beat, longest, thread: Some(thread) })
+        Ok(Self { commands, snapshot, stops, beat, heard, longest, thread: Some(thread) })
     }
 
     /// What is known of the device, kept up to date.
@@ -295,6 +314,12 @@ impl Session {
     #[must_use]
     pub fn is_alive(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) && self.beat.age() < self.longest
+    }
+
+    /// How long ago the device last answered, to a sign of life if to nothing else; or the session began, if it never did.
+    #[must_use]
+    pub fn heard_ago(&self) -> Duration {
+        self.heard.age()
     }
 
     /// How often everything was stopped so far.
@@ -354,14 +379,15 @@ impl Session {
         let _ = self.send(Command::HoldUntil { id, until });
     }
 
-    /// Arms, unless that has been done, and waits for the self-test to end.
+    /// Arms, unless that has been done, and waits for the self-test to end. It was asked for at `asked`, when [`Session::stops`] said
+    /// `stops`.
     ///
     /// # Errors
-    /// [`SessionError`].
-    pub async fn arm(&self) -> Result<(), SessionError> {
+    /// [`SessionError`], [`SessionError::Stopped`] if everything was stopped since then; nothing is armed then.
+    pub async fn arm(&self, stops: u64, asked: Instant) -> Result<(), SessionError> {
         self.not_in_doubt()?;
         let (answer, reply) = oneshot::channel();
-        self.send(Command::Arm { stops: self.stops(), asked: Instant::now(), answer })?;
+        self.send(Command::Arm { stops, asked, answer })?;
         reply.await.map_err(|_| SessionError::Ended)?
     }
 

@@ -110,7 +110,7 @@ impl Worker {
     /// How far ahead a start must be so that `frames` requests have arrived by then, one after the other and the last as
     /// late as any of late was.
     fn lead(&self, frames: usize) -> Duration {
-        let trips = self.client.as_ref().and_then(|client| client.round_trip_median().zip(client.round_trip_worst()));
+        let trips = self.client.as_ref().map(Client::round_trips).and_then(|trips| trips.median.zip(trips.worst));
         let (median, worst) = trips.unwrap_or_default();
         let clock = self.clock.quality().map_or(0.0, |quality| quality.residual_worst_s.min(CLOCK_ERROR_S));
         let frames = u32::try_from(frames).unwrap_or(u32::MAX);

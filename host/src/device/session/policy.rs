@@ -11,7 +11,8 @@ pub struct Policy {
     /// Whether a latched silence of this host is cleared by the next touch. The board has gone off, and nothing is wrong with
     /// it: the host was busy.
     pub clears_silence: bool,
-    /// Whether a board that was away (unplugged, restarted, silent) is armed by the next touch, or waits for a person.
+    /// Whether a board that was away (unplugged, restarted, silent) is armed by the next touch. If not it waits for a person: whoever
+    /// unplugged it may have a hand in it.
     pub arms_after_outage: bool,
 }
 
@@ -22,7 +23,7 @@ impl Policy {
 
 impl Default for Policy {
     fn default() -> Self {
-        Self { idle: Self::IDLE, clears_silence: false, arms_after_outage: true }
+        Self { idle: Self::IDLE, clears_silence: false, arms_after_outage: false }
     }
 }
 

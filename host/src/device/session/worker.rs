@@ -2,7 +2,7 @@
 
 use super::policy::{Needs, Policy};
 use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
-use crate::device::client::{Attention, Client, LinkError, name};
+use crate::device::client::{Attention, Client, LinkError, LinkStatistics, name};
 use crate::device::clock::ClockSync;
 use crate::device::target::OpenDevice;
 use era_shared::limits::BURST_MAX_MS;
@@ -35,6 +35,11 @@ pub(super) struct Worker {
     pub(super) needs: Needs,
     pub(super) policy: Policy,
     beat: Arc<Beat>,
+    heard: Arc<Beat>,
+    /// Longest time without an answer since the device was last looked at.
+    pub(super) silence: Duration,
+    /// Of links that were given up.
+    past: LinkStatistics,
     reopen: Duration,
     /// The board that the session began with.
     pub(super) board_id: Option<[u8; 12]>,
@@ -71,7 +76,7 @@ impl Worker {
         policy: Policy,
         publish: watch::Sender<Snapshot>,
         stops: Arc<AtomicU64>,
-        beat: Arc<Beat>,
+        [beat, heard]: [Arc<Beat>; 2],
     ) -> Self {
         let now = Instant::now();
         Self {
@@ -81,6 +86,9 @@ impl Worker {
             needs,
             policy,
             beat,
+            heard,
+            silence: Duration::ZERO,
+            past: LinkStatistics::default(),
             reopen: REOPEN,
             board_id: None,
             away: None,
@@ -215,7 +223,7 @@ impl Worker {
             Err(error) => {
                 self.note_trouble(&error);
                 // A hello that a stop came between is begun anew.
-                self.client = None;
+                self.hang_up();
                 self.reopen = (self.reopen * 2).min(REOPEN_MOST);
             }
         }
@@ -365,7 +373,7 @@ impl Worker {
             return Err(LinkError::Halted { request: name(request), waited: begun.elapsed(), by_order: true });
         }
         let client = self.client.as_mut().ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotConnected))?;
-        let (publish, stops, obeyed) = (&self.publish, &self.stops, self.obeyed);
+        let (publish, stops, obeyed, was_armed) = (&self.publish, &self.stops, self.obeyed, self.armed);
         let seen = Cell::new(stops.load(Ordering::SeqCst));
         let is_stopped = || {
             seen.set(stops.load(Ordering::SeqCst));
@@ -382,6 +390,8 @@ impl Worker {
         let now = Instant::now();
         let gap = now - self.last_heard;
         self.last_heard = now;
+        self.heard.beat();
+        self.silence = self.silence.max(gap);
         if self.publish.borrow().in_doubt {
             self.again_since = Some(now);
             tracing::warn!(silent_ms = gap.as_secs_f64() * 1e3, "the device answers again");
@@ -390,7 +400,7 @@ impl Worker {
                 snapshot.problem = None;
             });
         }
-        if self.armed && gap > self.publish.borrow().longest_gap {
+        if was_armed && gap > self.publish.borrow().longest_gap {
             self.publish.send_modify(|snapshot| snapshot.longest_gap = gap);
         }
         reply
@@ -411,9 +421,10 @@ impl Worker {
         if self.publish.borrow().problem.as_deref() != Some(&text) {
             tracing::error!(path = self.device.path(), error = text, "device lost");
         }
-        if let Some(mut client) = self.client.take() {
+        if let Some(mut client) = self.hang_up() {
             client.stop_blindly();
         }
+        let link = self.link();
         self.armed = false;
         self.drive_until = None;
         self.next_open = Instant::now() + REOPEN;
@@ -422,7 +433,22 @@ impl Worker {
             snapshot.outages += u32::from(snapshot.connected || snapshot.in_doubt);
             (snapshot.connected, snapshot.in_doubt) = (false, false);
             snapshot.problem = Some(text);
+            snapshot.link = link;
         });
+    }
+
+    /// Gives the link up; what it did is counted on.
+    fn hang_up(&mut self) -> Option<Client> {
+        let client = self.client.take();
+        self.past += client.as_ref().map(Client::statistics).unwrap_or_default();
+        client
+    }
+
+    /// What all links have done, this one included.
+    pub(super) fn link(&self) -> LinkStatistics {
+        let mut all = self.past;
+        all += self.client.as_ref().map(Client::statistics).unwrap_or_default();
+        all
     }
 }
 
