@@ -10,7 +10,7 @@ mod patch;
 mod place;
 pub mod random;
 mod ranges;
-mod read;
+pub mod read;
 mod rectangles;
 mod screen;
 
