@@ -23,3 +23,4 @@ pub mod verify;
 pub use era_model::{model, response, scene, transient};
 pub use era_planner as planner;
 pub use era_planner::{effects, study};
+pub use era_study as design;

@@ -3,6 +3,7 @@
 use super::args::{Daemon, Latency, Modes, Press, Replay, Response, Serve, Sweep, Touch, Transient, Verify};
 use super::args_board::{Flash, Monitor};
 use super::args_field::Field;
+use super::args_study::Study;
 use super::completions::{Completions, Man};
 use super::config::Config;
 use super::doctor::Doctor;
@@ -103,6 +104,13 @@ Examples:
   era field --schemes                     dead zones: one frequency, phases, distinct frequencies
   era field --schemes --from 124 --zone 0,0,150,200 --felt    of a band and a part of the surface, as it is felt")]
     Field(Field),
+    /// A design study: places, springs, materials varied, the best designs looked for and written as scenes
+    #[command(after_help = "\
+Examples:
+  era study examples/studies/placement.toml              stopped with Ctrl-C, the same command goes on
+  era study placement.toml --out results --shard 3/16    the third of 16 shares, for a job array
+  era study placement.toml --out results --gather        when all shares are there")]
+    Study(Study),
     /// Compare predicted peaks with those that the simulated device measures
     #[command(after_help = "Example:\n  era verify --scene examples/scenes/bar.toml --points 3")]
     Verify(Verify),

@@ -6,6 +6,7 @@
 mod args;
 mod args_board;
 mod args_field;
+mod args_study;
 mod client;
 mod command;
 mod completions;
@@ -29,9 +30,11 @@ mod plan;
 mod plan_explain;
 mod press;
 mod progress;
+mod progress_of;
 mod reach;
 mod replay;
 mod serve;
+mod study;
 mod sweep;
 mod told;
 mod transient;
@@ -146,6 +149,7 @@ fn run(arguments: command::Arguments, started: Instant) -> Outcome {
         Some(Command::Plan(options)) => plan::run(&options),
         Some(Command::Effect(options)) => effect::run(&options),
         Some(Command::Field(options)) => field::run(&options),
+        Some(Command::Study(options)) => study::run(&options),
         Some(Command::Verify(options)) => verify::run(&options),
         Some(Command::Replay(options)) => replay::run(&options),
         Some(Command::Latency(options)) => latency::run(&options),

@@ -238,7 +238,7 @@ pub fn open_device(target: &Target, table: &PlanTable) -> Result<OpenDevice, Fai
 }
 
 /// Resolves on Ctrl-C or, on Unix, the signal that service managers send.
-async fn shutdown() {
+pub(super) async fn shutdown() {
     let interrupt = tokio::signal::ctrl_c();
     #[cfg(unix)]
     {

@@ -12,7 +12,7 @@ mod patch;
 mod place;
 pub mod random;
 mod ranges;
-mod read;
+pub mod read;
 mod rectangles;
 mod screen;
 

@@ -3,13 +3,12 @@
 use super::layout::Layout;
 use super::place::ROUNDING;
 use super::ranges::{DENSITY_KG_M3, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MODULUS_PA, side_range};
-use super::read::{Allowed, Mistake, Report, SceneError, Section};
+use super::read::{self, Allowed, Report, SceneError, Section};
 use super::rectangles::{cutouts, patches};
 use super::{
     Actuator, DEFAULT_PRESS_N, Edge, EdgeKind, Finger, MOST_PRESS_N, Mass, Material, Mount, Scene, Screen, Side,
     Support, Surface, SurfaceDamping, SurfaceKind,
 };
-use toml::de::DeTable;
 
 /// The version of scene files that is read.
 const VERSION: f64 = 1.0;
@@ -41,34 +40,17 @@ const LEAST_STOP_UM: f64 = 0.1;
 const MAX_PIXELS: u32 = 100_000;
 
 pub(super) fn scene(source: &str, text: &str) -> Result<Scene, SceneError> {
-    let document = DeTable::parse(text).map_err(|error| {
-        let line =
-            error.span().map_or(0, |span| text.as_bytes().iter().take(span.start).filter(|b| **b == b'\n').count() + 1);
-        let told = error.message().trim();
-        // "duplicate key" does not say which.
-        let own = text.lines().nth(line.wrapping_sub(1)).map(str::trim).filter(|_| told == "duplicate key");
-        let text = match own {
-            Some(own) if own.starts_with('[') && !own.starts_with("[[") => {
-                format!("not valid TOML: {own} for the second time; each of several is written [{own}]")
-            }
-            Some(own) => format!("not valid TOML: {told}: {own}"),
-            None => format!("not valid TOML: {told}"),
-        };
-        SceneError { source: source.into(), mistakes: vec![Mistake { line, text, ..Mistake::default() }] }
-    })?;
+    let document = read::document(source, text)?;
     let report = Report::new(text);
     let file = Section::new(&report, document.get_ref(), String::new(), 0..0);
-    let scene = read(&file);
+    let scene = whole(&file);
     file.close();
     report.finish(source)?;
     // Every part that is missing has been reported.
-    scene.ok_or_else(|| SceneError {
-        source: source.into(),
-        mistakes: vec![Mistake { text: "incomplete".into(), ..Mistake::default() }],
-    })
+    scene.ok_or_else(|| SceneError::of(source, 0, "incomplete".into()))
 }
 
-fn read(file: &Section<'_, '_>) -> Option<Scene> {
+fn whole(file: &Section<'_, '_>) -> Option<Scene> {
     file.number("version", Allowed::Within(VERSION, VERSION));
     let name = file.text("name");
     let mut surface = file.required_table("surface").map(|section| surface(section));

@@ -1,10 +1,12 @@
-//! Reading TOML tables with places: every value knows its line, every mistake is collected.
+//! Reading TOML tables with places: every value knows its line, every mistake is collected. Of scene files, and of other files
+//! about scenes.
 
 use super::ROUNDING;
 use std::cell::RefCell;
 use std::fmt;
 use std::ops::Range;
-use toml::de::{DeTable, DeValue};
+use toml::Spanned;
+use toml::de::{DeArray, DeTable, DeValue};
 
 /// One mistake in a scene file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -32,8 +34,13 @@ pub struct SceneError {
 
 impl SceneError {
     pub(super) fn unreadable(source: &str, error: &std::io::Error) -> Self {
-        let text = format!("cannot read the scene file: {error}");
-        Self { source: source.into(), mistakes: vec![Mistake { text, ..Mistake::default() }] }
+        Self::of(source, 0, format!("cannot read the scene file: {error}"))
+    }
+
+    /// One mistake in a line, or in none (0).
+    #[must_use]
+    pub fn of(source: &str, line: usize, text: String) -> Self {
+        Self { source: source.into(), mistakes: vec![Mistake { line, text, ..Mistake::default() }] }
     }
 }
 
@@ -54,17 +61,47 @@ impl fmt::Display for SceneError {
 
 impl std::error::Error for SceneError {}
 
+/// A file's text as a table whose values know where they stand; `source` is what messages call the file.
+///
+/// # Errors
+/// [`SceneError`] with the first line that is not valid TOML.
+pub fn document<'t>(source: &str, text: &'t str) -> Result<Spanned<DeTable<'t>>, SceneError> {
+    DeTable::parse(text).map_err(|error| {
+        let line = error.span().map_or(0, |span| line_of(text, span.start));
+        let told = error.message().trim();
+        // "duplicate key" does not say which.
+        let own = text.lines().nth(line.wrapping_sub(1)).map(str::trim).filter(|_| told == "duplicate key");
+        let text = match own {
+            Some(own) if own.starts_with('[') && !own.starts_with("[[") => {
+                format!("not valid TOML: {own} for the second time; each of several is written [{own}]")
+            }
+            Some(own) => format!("not valid TOML: {told}: {own}"),
+            None => format!("not valid TOML: {told}"),
+        };
+        SceneError::of(source, line, text)
+    })
+}
+
+/// The line, counted from 1, that has a byte of the text.
+fn line_of(text: &str, offset: usize) -> usize {
+    text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count() + 1
+}
+
 /// Collects mistakes and knows where lines begin.
+#[derive(Debug)]
 pub struct Report<'t> {
     text: &'t str,
     mistakes: RefCell<Vec<Mistake>>,
 }
 
 impl<'t> Report<'t> {
+    /// Of a file's text, without mistakes so far.
+    #[must_use]
     pub fn new(text: &'t str) -> Self {
         Self { text, mistakes: RefCell::new(Vec::new()) }
     }
 
+    /// A mistake in the line of a place.
     pub fn add(&self, at: &Range<usize>, text: impl Into<String>) {
         self.put(at, Mistake { text: text.into(), ..Mistake::default() });
     }
@@ -73,11 +110,22 @@ impl<'t> Report<'t> {
         self.mistakes.borrow_mut().push(Mistake { line: self.line(at.start), ..mistake });
     }
 
-    fn line(&self, offset: usize) -> usize {
-        self.text.as_bytes().iter().take(offset).filter(|byte| **byte == b'\n').count() + 1
+    /// The line, counted from 1, that has a byte of the text.
+    #[must_use]
+    pub fn line(&self, offset: usize) -> usize {
+        line_of(self.text, offset)
+    }
+
+    /// Whether there is none so far.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.mistakes.borrow().is_empty()
     }
 
     /// `Err` with all mistakes, by line, if there are any.
+    ///
+    /// # Errors
+    /// [`SceneError`].
     pub fn finish(self, source: &str) -> Result<(), SceneError> {
         let mut mistakes = self.mistakes.into_inner();
         if mistakes.is_empty() {
@@ -104,7 +152,9 @@ pub enum Allowed {
 }
 
 impl Allowed {
-    fn holds(self, value: f64) -> bool {
+    /// Whether a number is allowed.
+    #[must_use]
+    pub fn holds(self, value: f64) -> bool {
         value.is_finite()
             && match self {
                 Allowed::Positive => value > 0.0,
@@ -135,6 +185,7 @@ fn plain(value: f64) -> String {
 }
 
 /// One table under reading. Keys that nobody asked for are mistakes when it is closed.
+#[derive(Debug)]
 pub struct Section<'r, 't> {
     report: &'r Report<'t>,
     table: &'r DeTable<'t>,
@@ -145,27 +196,38 @@ pub struct Section<'r, 't> {
 }
 
 impl<'r, 't> Section<'r, 't> {
+    /// A table that stands at a place; `path` as in messages.
+    #[must_use]
     pub fn new(report: &'r Report<'t>, table: &'r DeTable<'t>, path: String, at: Range<usize>) -> Self {
         Self { report, table, path, at, known: RefCell::new(Vec::new()) }
     }
 
+    /// Where its mistakes go.
+    #[must_use]
     pub fn report(&self) -> &'r Report<'t> {
         self.report
     }
 
+    /// Its path, as in messages.
+    #[must_use]
     pub fn path(&self) -> &str {
         &self.path
     }
 
+    /// A key of it with its path.
+    #[must_use]
     pub fn key(&self, key: &str) -> String {
         if self.path.is_empty() { key.into() } else { format!("{}.{key}", self.path) }
     }
 
     /// Where a key's value stands, or the section if it has none.
+    #[must_use]
     pub fn place(&self, key: &str) -> Range<usize> {
-        self.table.get(key).map_or_else(|| self.at.clone(), toml::Spanned::span)
+        self.table.get(key).map_or_else(|| self.at.clone(), Spanned::span)
     }
 
+    /// Whether a key is there.
+    #[must_use]
     pub fn has(&self, key: &'static str) -> bool {
         self.note(key);
         self.table.contains_key(key)
@@ -173,7 +235,7 @@ impl<'r, 't> Section<'r, 't> {
 
     fn value(&self, key: &'static str) -> Option<&'r DeValue<'t>> {
         self.note(key);
-        self.table.get(key).map(toml::Spanned::get_ref)
+        self.table.get(key).map(Spanned::get_ref)
     }
 
     fn missing(&self, key: &'static str, wanted: &str) {
@@ -186,7 +248,8 @@ impl<'r, 't> Section<'r, 't> {
         self.wrong(key, describe(value), wanted);
     }
 
-    fn wrong(&self, key: &str, value: String, wanted: &str) {
+    /// A key's value is not what is wanted.
+    pub fn wrong(&self, key: &str, value: String, wanted: &str) {
         let field = self.key(key);
         let text = format!("{field} is {value}, but must be {wanted}");
         let mistake =
@@ -246,6 +309,33 @@ impl<'r, 't> Section<'r, 't> {
                 String::new()
             }
         }
+    }
+
+    /// Numbers in a list, as many as one of `counts` says; `None` if the key is not there, or wrong.
+    pub fn numbers(&self, key: &'static str, counts: &[usize], allowed: Allowed) -> Option<Vec<f64>> {
+        let value = self.value(key)?;
+        let each = |list: &DeArray<'_>| list.iter().map(|entry| as_number(entry.get_ref())).collect::<Option<Vec<_>>>();
+        let numbers = value.as_array().and_then(each).filter(|numbers| counts.contains(&numbers.len()));
+        let numbers = numbers.filter(|numbers| numbers.iter().all(|number| allowed.holds(*number)));
+        if numbers.is_none() {
+            let counts = counts.iter().map(ToString::to_string).collect::<Vec<_>>().join(" or ");
+            self.wrong(key, written(value), &format!("a list of {counts} numbers, each {allowed}"));
+        }
+        numbers
+    }
+
+    /// A text, or a list of texts; `None` if the key is not there, or wrong.
+    pub fn texts(&self, key: &'static str) -> Option<Vec<String>> {
+        let value = self.value(key)?;
+        let texts: Option<Vec<String>> = match value {
+            DeValue::Array(list) => list.iter().map(|entry| entry.get_ref().as_str().map(str::to_owned)).collect(),
+            value => value.as_str().map(|text| vec![text.to_owned()]),
+        };
+        let texts = texts.filter(|texts| !texts.is_empty());
+        if texts.is_none() {
+            self.wrong(key, written(value), "a text, or a list of texts");
+        }
+        texts
     }
 
     /// One of some words, required.
@@ -341,6 +431,16 @@ fn as_number(value: &DeValue<'_>) -> Option<f64> {
             i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|value| value as f64)
         }
         _ => None,
+    }
+}
+
+/// A value as in messages that show lists, too.
+fn written(value: &DeValue<'_>) -> String {
+    match value {
+        DeValue::Array(list) => {
+            format!("[{}]", list.iter().map(|entry| written(entry.get_ref())).collect::<Vec<_>>().join(", "))
+        }
+        value => describe(value),
     }
 }
 

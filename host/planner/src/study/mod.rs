@@ -14,6 +14,7 @@ pub mod shapes;
 mod shared;
 pub mod spread;
 mod text;
+pub mod weakest;
 
 use crate::scene::Scene;
 use crate::{Plan, PlanTable, STANDARD_GRAVITY};

@@ -72,12 +72,32 @@ pub fn part_of(table: &PlanTable, setting: &[Part]) -> Option<f64> {
 /// Frequency in Hz of the first mode, of those that the actuators move, whose motion is mostly bending.
 #[must_use]
 pub fn first_bending_hz(table: &PlanTable) -> Option<f64> {
+    modes(table).into_iter().find(|mode| mode.bends).map(|mode| mode.hz)
+}
+
+/// Frequency in Hz of the last mode, of those that the actuators move, whose motion is mostly that of a rigid body; `None` where
+/// there is none.
+#[must_use]
+pub fn last_rigid_hz(table: &PlanTable) -> Option<f64> {
+    modes(table).into_iter().filter(|mode| !mode.bends).map(|mode| mode.hz).next_back()
+}
+
+/// A mode of which something is seen on the surface.
+struct Seen {
+    hz: f64,
+    /// Whether it is mostly bending.
+    bends: bool,
+}
+
+fn modes(table: &PlanTable) -> Vec<Seen> {
     let rigid = Rigid::new(&table.grid);
     let shapes = table.grid.shapes.column_iter();
     let bends = |shape: &[f64]| {
         let [part, all] = rigid.squares(&shape.iter().map(|value| Complex64::from(*value)).collect::<Vec<_>>());
-        all > 0.0 && part < MOSTLY * all
+        (all > 0.0).then_some(part < MOSTLY * all)
     };
-    let mut modes = table.model.lambda.iter().zip(shapes);
-    modes.find(|(_, shape)| bends(shape.as_slice())).map(|(lambda, _)| lambda.sqrt() / TAU)
+    let modes = table.model.lambda.iter().zip(shapes);
+    modes
+        .filter_map(|(lambda, shape)| Some(Seen { hz: lambda.sqrt() / TAU, bends: bends(shape.as_slice())? }))
+        .collect()
 }

@@ -1,0 +1,126 @@
+//! How far a study is, with the time that is left, and stopping it.
+
+use super::cost::words;
+use super::told::{self, tell};
+use crate::design::run::Observer;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// First plain line; the next ones come after twice as long each.
+const FIRST_LINE: Duration = Duration::from_secs(10);
+/// Longest time from one plain line to the next.
+const LAST_LINE: Duration = Duration::from_secs(600);
+
+/// Shows how far a study is on standard error: a bar on a terminal, plain lines elsewhere.
+pub struct Shown {
+    stops: Arc<AtomicBool>,
+    started: Instant,
+    bar: Option<ProgressBar>,
+    all: AtomicUsize,
+    /// From the start, and now.
+    there: [AtomicUsize; 2],
+    /// When the next line is due, and how long after it the one after that.
+    next_line: Mutex<(Instant, Duration)>,
+}
+
+impl Shown {
+    /// For work that `stops` may end.
+    pub fn new(stops: Arc<AtomicBool>) -> Self {
+        let bar = (std::io::stderr().is_terminal() && !told::is_json()).then(|| {
+            let bar = ProgressBar::new(0);
+            if let Ok(style) = ProgressStyle::with_template("{pos} of {len} designs [{bar:30}] {msg}") {
+                bar.set_style(style);
+            }
+            bar
+        });
+        let now = Instant::now();
+        Self {
+            stops,
+            started: now,
+            bar,
+            all: AtomicUsize::new(0),
+            there: [AtomicUsize::new(0), AtomicUsize::new(0)],
+            next_line: Mutex::new((now + FIRST_LINE, FIRST_LINE)),
+        }
+    }
+
+    /// Ends it: how many designs are there, and how many there are to be.
+    pub fn finish(self) -> (usize, usize) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        (self.there[1].load(Ordering::Relaxed), self.all.load(Ordering::Relaxed))
+    }
+
+    /// Designs per second, and the time that is left.
+    #[expect(clippy::cast_precision_loss, reason = "about")]
+    fn pace(&self) -> String {
+        let [first, now] = self.there.each_ref().map(|count| count.load(Ordering::Relaxed));
+        let left = self.all.load(Ordering::Relaxed).saturating_sub(now);
+        let rate = now.saturating_sub(first) as f64 / self.started.elapsed().as_secs_f64().max(1e-9);
+        if rate <= 0.0 {
+            return String::new();
+        }
+        format!("{rate:.1} a second, about {} left", words(Duration::from_secs_f64((left as f64 / rate).min(1e9))))
+    }
+}
+
+impl Observer for Shown {
+    fn stops(&self) -> bool {
+        self.stops.load(Ordering::Relaxed)
+    }
+
+    fn begins(&self, there: usize, all: usize) {
+        self.all.store(all, Ordering::Relaxed);
+        self.there.iter().for_each(|count| count.store(there, Ordering::Relaxed));
+        if there > 0 {
+            tell!("{there} of {all} designs are there already");
+        }
+        if let Some(bar) = &self.bar {
+            bar.set_length(all as u64);
+            bar.set_position(there as u64);
+        }
+    }
+
+    fn finds(&self, designs: usize) {
+        self.there.iter().for_each(|count| {
+            count.fetch_add(designs, Ordering::Relaxed);
+        });
+    }
+
+    fn does(&self, designs: usize) {
+        let now = self.there[1].fetch_add(designs, Ordering::Relaxed) + designs;
+        if let Some(bar) = &self.bar {
+            bar.set_position(now as u64);
+            bar.set_message(self.pace());
+            return;
+        }
+        let mut next = self.next_line.lock().unwrap_or_else(PoisonError::into_inner);
+        if Instant::now() >= next.0 {
+            next.1 = (2 * next.1).min(LAST_LINE);
+            next.0 = Instant::now() + next.1;
+            tell!("{now} of {} designs, {}", self.all.load(Ordering::Relaxed), self.pace());
+        }
+    }
+}
+
+/// A flag that Ctrl-C sets, or the signal that job schedulers send; the second time ends the program.
+pub fn stop_on_signals() -> Arc<AtomicBool> {
+    let stops = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stops);
+    let wait = move || {
+        let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
+        runtime.block_on(super::serve::shutdown());
+        flag.store(true, Ordering::Relaxed);
+        tell!("stopping when the chunks that have begun are done; once more ends at once, which loses these only");
+        runtime.block_on(super::serve::shutdown());
+        std::process::exit(1);
+    };
+    if let Err(error) = std::thread::Builder::new().name("signals".into()).spawn(wait) {
+        tracing::warn!(%error, "Ctrl-C ends the study at once");
+    }
+    stops
+}

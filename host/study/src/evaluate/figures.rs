@@ -1,0 +1,91 @@
+//! Figures of a scene whose plan table is known.
+
+use super::{EvaluateError, Figures};
+use crate::spec::{Figure, Settings, Wanted};
+use era_model::scene::Scene;
+use era_planner::perception::level_db;
+use era_planner::reach::Measure;
+use era_planner::study::rigid;
+use era_planner::study::weakest::{Weakest, every_touch, one_setting};
+use era_planner::{PlanError, PlanTable, Target};
+
+/// Part of what can be had at a place at which its contrast is told: so little that no limit changes it, as in maps.
+const LITTLE_G: f64 = 1e-6;
+
+/// The figures of a scene, in the order in which they are wanted. Those of [`super::parts`] are NaN.
+///
+/// # Errors
+/// [`EvaluateError`].
+pub fn figures(scene: &Scene, table: &PlanTable, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
+    let mut known = Known { scene, table, weakest: Vec::new() };
+    let values = wanted.iter().map(|wanted| known.figure(wanted)).collect::<Result<_, _>>()?;
+    let first = known.weakest.first().map(|(_, _, weakest)| [weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]);
+    Ok(Figures { values, weakest_mm: first })
+}
+
+struct Known<'a> {
+    scene: &'a Scene,
+    table: &'a PlanTable,
+    weakest: Vec<(Settings, Measure, Weakest)>,
+}
+
+impl Known<'_> {
+    fn figure(&mut self, wanted: &Wanted) -> Result<f64, EvaluateError> {
+        let nothing = |reason| EvaluateError::Figure { figure: wanted.column(), reason };
+        Ok(match wanted.figure {
+            Figure::WeakestG => self.weakest(wanted.setting, Measure::G)?.peak,
+            Figure::WeakestDb => {
+                let peak = self.weakest(wanted.setting, Measure::Thresholds)?.peak;
+                level_db(peak).ok_or_else(|| nothing("nothing moves at the weakest place"))?
+            }
+            Figure::PowerW => self.weakest(wanted.setting, Measure::G)?.power_w,
+            Figure::VoltageV => self.weakest(wanted.setting, Measure::G)?.voltage_v,
+            Figure::ContrastDb => self.plan(wanted)?.predicted.contrast_db,
+            Figure::RiseMs => {
+                let plan = self.plan(wanted)?;
+                let rise = self.table.times(&plan).reaches_90_ms;
+                rise.ok_or_else(|| nothing("the motion never settles, or cannot be followed"))?
+            }
+            Figure::RigidModeHz => rigid::last_rigid_hz(self.table).unwrap_or(0.0),
+            Figure::BendingModeHz => rigid::first_bending_hz(self.table)
+                .ok_or_else(|| nothing("no mode bends the panel within the model"))?,
+            Figure::SagUm => self.sag_m(wanted.force_n.unwrap_or(self.scene.press_n)) * 1e6,
+            Figure::MassG | Figure::Cost => f64::NAN,
+        })
+    }
+
+    fn weakest(&mut self, setting: Settings, measure: Measure) -> Result<&Weakest, EvaluateError> {
+        let at = self.weakest.iter().position(|(own, by, _)| (*own, *by) == (setting, measure));
+        let at = match at {
+            Some(at) => at,
+            None => {
+                let found = match setting {
+                    Settings::EveryTouch => every_touch(self.table, measure),
+                    Settings::One => one_setting(self.table, measure),
+                };
+                self.weakest.push((setting, measure, found.ok_or(PlanError::NoFrequencies)?));
+                self.weakest.len() - 1
+            }
+        };
+        Ok(&self.weakest[at].2)
+    }
+
+    /// The plan for a weak touch at a place.
+    fn plan(&self, wanted: &Wanted) -> Result<era_planner::Plan, EvaluateError> {
+        let [x_mm, y_mm] = wanted.at_mm.unwrap_or_default();
+        let touch = Target { x_m: x_mm / 1e3, y_m: y_mm / 1e3, intensity_g: Some(LITTLE_G) };
+        Ok(self.table.plan(&[touch])?)
+    }
+
+    /// How far the softest place yields to a steady force there, through the model's modes: the dimple that a fingertip makes in
+    /// the panel right below it is not in them.
+    fn sag_m(&self, force_n: f64) -> f64 {
+        let table = self.table;
+        let softest =
+            table.grid.shapes.row_iter().zip(&table.grid.there).filter(|(_, there)| **there).map(|(shape, _)| {
+                let terms = shape.iter().zip(table.model.lambda.iter());
+                terms.map(|(shape, lambda)| if *shape == 0.0 { 0.0 } else { shape * shape / lambda }).sum::<f64>()
+            });
+        force_n * softest.fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,59 @@
+//! What a design is worth: figures of a scene.
+//!
+//! [`Evaluator`] is what a study asks; [`Quick`] models what changes, [`Thorough`] the whole scene in three levels, as a plan does.
+//! [`parts`] are figures that need no model.
+
+mod figures;
+pub mod parts;
+mod quick;
+mod thorough;
+
+pub use figures::figures;
+pub use quick::Quick;
+pub use thorough::{Thorough, Verified};
+
+use crate::spec::Wanted;
+use era_model::model::ModelError;
+use era_model::scene::Scene;
+use era_planner::PlanError;
+use serde::{Deserialize, Serialize};
+
+/// The figures of a scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Figures {
+    /// As many as were wanted, in their order.
+    pub values: Vec<f64>,
+    /// The weakest place in mm, if one was looked for.
+    pub weakest_mm: Option<[f64; 2]>,
+}
+
+/// Why a scene has no figures.
+#[derive(Debug, thiserror::Error)]
+pub enum EvaluateError {
+    /// It cannot be modelled.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// Its response cannot be computed.
+    #[error(transparent)]
+    Response(#[from] era_model::response::ResponseError),
+    /// It cannot be planned for.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// A figure has no value.
+    #[error("{figure} has no value: {reason}")]
+    Figure {
+        /// Its column.
+        figure: String,
+        /// Why.
+        reason: &'static str,
+    },
+}
+
+/// Whoever knows the figures of scenes. Called from many threads at once; the same scene always has the same figures, bit for bit.
+pub trait Evaluator: Sync {
+    /// The figures of a scene, in the order in which they are wanted.
+    ///
+    /// # Errors
+    /// [`EvaluateError`]: the design fails, and a row of the study says why.
+    fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError>;
+}

@@ -1,0 +1,29 @@
+//! Figures of a design's parts, which need no model.
+
+use crate::space::{Design, Setting};
+use crate::spec::{Costs, Variable, What};
+use era_model::scene::Scene;
+
+/// Mass in g of the surface and of all that is fixed to it or rides on it.
+#[must_use]
+pub fn mass_g(scene: &Scene) -> f64 {
+    let masses: f64 = scene.masses.iter().map(|mass| mass.mass_kg).sum();
+    let actuators: f64 = scene.actuators.iter().map(|own| own.moving_mass_kg + own.housing_mass_kg).sum();
+    (scene.mass_kg() + masses + actuators) * 1e3
+}
+
+/// What the parts cost, choices included.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "small counts")]
+pub fn cost(scene: &Scene, costs: &Costs, variables: &[Variable], design: &Design) -> f64 {
+    let chosen =
+        variables.iter().zip(&design.settings).filter_map(|(variable, setting)| match (&variable.what, setting) {
+            (What::Choice { costs, .. }, Setting::Choice(choice)) => costs.get(*choice),
+            _ => None,
+        });
+    costs.actuator * scene.actuators.len() as f64
+        + costs.support * scene.supports.len() as f64
+        + costs.mass * scene.masses.len() as f64
+        + costs.per_kg * scene.mass_kg()
+        + chosen.sum::<f64>()
+}

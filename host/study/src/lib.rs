@@ -1,0 +1,13 @@
+//! Design studies of touch panels: a scene and what may change in it, what is wanted, and ways to look for it.
+//!
+//! Rooms, in the order in which they use each other: [`spec`] reads a study's file, [`space`] makes scenes of points of the unit cube,
+//! [`evaluate`] knows a scene's figures, [`ways`] chooses the points, [`run`] does the work in tasks that are kept in a folder as they
+//! are done, [`result`] makes a table of them, and [`mod@report`] a page to read.
+
+pub mod evaluate;
+pub mod report;
+pub mod result;
+pub mod run;
+pub mod space;
+pub mod spec;
+pub mod ways;

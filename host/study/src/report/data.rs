@@ -1,0 +1,105 @@
+//! The designs as data for the report's script, and the places where it draws them.
+
+use crate::result::{Entry, Finals, Status, Table};
+use crate::run::Study;
+use crate::spec::Goal;
+use serde_json::{Value, json};
+
+/// Most designs that the report shows: more are slow to draw. All are in the table.
+const MOST: usize = 5000;
+
+/// The plots' places.
+pub(super) fn plots(study: &Study, table: &Table) -> String {
+    let what = if study.spec.wishes.len() > 1 {
+        "Rings are designs that no other surpasses in all wishes."
+    } else {
+        "The ring is the best design."
+    };
+    let all = table.entries.len();
+    let shown =
+        if all > MOST { format!(" {MOST} of {all} are shown: the best, and others evenly.") } else { String::new() };
+    format!(
+        "<p>{what} Point at one to read it; crosses break a limit.{shown}</p>\n\
+         <p class=\"axes\"><label>across <select id=\"across\"></select></label> <label>up <select id=\"up\"></select></label></p>\n\
+         <div id=\"scatter\"></div>\n<p id=\"told\" aria-live=\"polite\"></p>\n\
+         <h3>Side by side</h3>\n<p>A line for each design, the best ones light. Drag along an axis to see only those that go \
+         through there; click it to see all.</p>\n<div id=\"parallel\"></div>\n"
+    )
+}
+
+/// What the script draws: names of columns, and a row of numbers for each design.
+pub(super) fn json(study: &Study, table: &Table, finals: &Finals) -> String {
+    let wishes = study.spec.wishes.iter().map(|wish| wish.wanted.column());
+    let mut columns: Vec<Value> = vec![json!({"name": "design"})];
+    columns.extend(table.columns.iter().map(|column| match &column.words {
+        Some(words) => json!({"name": column.name, "words": words}),
+        None => json!({"name": column.name}),
+    }));
+    let first_figure = columns.len();
+    columns.extend(table.figures.iter().map(|wanted| json!({"name": wanted.column()})));
+    let goals: Vec<Value> = study
+        .spec
+        .wishes
+        .iter()
+        .zip(wishes)
+        .map(|(wish, name)| {
+            let column = table.figures.iter().position(|wanted| *wanted == wish.wanted).map(|k| first_figure + k);
+            json!({"name": name, "column": column, "most": wish.goal == Goal::Most})
+        })
+        .collect();
+    let finalists: Vec<usize> = finals.best.iter().map(|own| own.design).collect();
+    let rows: Vec<Value> = chosen(study, table, &finalists)
+        .into_iter()
+        .map(|number| {
+            let entry = if number == 0 { &table.base } else { &table.entries[number - 1] };
+            json!([state(entry), values(table, entry, number)])
+        })
+        .collect();
+    let data = json!({"columns": columns, "wishes": goals, "best": finalists, "rows": rows});
+    // Nothing of it ends the script that it stands in.
+    data.to_string().replace('<', "\\u003c")
+}
+
+/// 0 breaks a limit, 1 keeps all, 2 is on the front.
+fn state(entry: &Entry) -> u8 {
+    match (entry.status, entry.is_on_front) {
+        (Status::Kept, true) => 2,
+        (Status::Kept, false) => 1,
+        _ => 0,
+    }
+}
+
+/// A row's numbers, to six digits, in the columns' order. Figures are the worst of what may be off where they are wished for.
+fn values(table: &Table, entry: &Entry, number: usize) -> Vec<Value> {
+    let rounded = |value: f64| format!("{value:.5e}").parse::<f64>().map_or(Value::Null, Value::from);
+    let mut values = vec![Value::from(number)];
+    values.extend(table.columns.iter().map(|column| column.number(&entry.row.design).map_or(Value::Null, rounded)));
+    let figures = entry.row.figures();
+    values.extend(
+        (0..table.figures.len())
+            .map(|k| figures.and_then(|own| own.values.get(k)).map_or(Value::Null, |v| rounded(*v))),
+    );
+    values
+}
+
+/// The designs that are shown, by number: those of the front, the finalists, and others evenly.
+fn chosen(study: &Study, table: &Table, finalists: &[usize]) -> Vec<usize> {
+    let with_figures: Vec<usize> =
+        (1..=table.entries.len()).filter(|number| table.entries[number - 1].status != Status::Failed).collect();
+    if with_figures.len() <= MOST {
+        return with_figures;
+    }
+    let mut best: Vec<usize> = with_figures.clone();
+    if let Some(goal) = study.spec.wishes.first().map(|wish| wish.goal) {
+        let loss =
+            |number: &usize| table.entries[number - 1].wishes.first().map_or(f64::INFINITY, |own| goal.loss(*own));
+        best.sort_by(|a, b| loss(a).total_cmp(&loss(b)));
+    }
+    let front = with_figures.iter().copied().filter(|number| table.entries[number - 1].is_on_front).take(MOST / 4);
+    let evenly = with_figures.iter().copied().step_by(with_figures.len().div_ceil(MOST / 2));
+    let mut all: Vec<usize> =
+        front.chain(best.into_iter().take(MOST / 4)).chain(finalists.iter().copied()).chain(evenly).collect();
+    all.sort_unstable();
+    all.dedup();
+    all
+}

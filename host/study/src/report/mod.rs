@@ -1,0 +1,79 @@
+//! A study's report: one file of HTML with its pictures, its data and what makes them move, that asks no other address for anything.
+
+mod data;
+mod maps;
+mod pictures;
+mod tables;
+
+use crate::result::{Finals, Table};
+use crate::run::Study;
+use std::fmt::Write;
+
+const STYLE: &str = include_str!("report.css");
+const SCRIPT: &str = include_str!("report.js");
+
+/// The report of a study.
+#[must_use]
+pub fn report(study: &Study, table: &Table, finals: &Finals) -> String {
+    let name = escaped(&study.spec.name);
+    let mut html = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{name}</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<h1>{name}</h1>\n"
+    );
+    html.push_str(&tables::summary(study, table, finals));
+    section(&mut html, "designs", "All designs", &data::plots(study, table));
+    section(&mut html, "maps", "Where the panel is strong", &maps::side_by_side(study, finals));
+    section(&mut html, "effects", "What the variables do", &pictures::effects(study, table));
+    section(&mut html, "doubts", "What was not converged, and what failed", &tables::doubts(study, table, finals));
+    let data = data::json(study, table, finals);
+    let _ = write!(
+        html,
+        "<script type=\"application/json\" id=\"data\">{data}</script>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n"
+    );
+    html
+}
+
+fn section(html: &mut String, id: &str, title: &str, body: &str) {
+    let _ = write!(html, "<section id=\"{id}\">\n<h2>{title}</h2>\n{body}</section>\n");
+}
+
+/// Text as HTML shows it.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            other => out.push(other),
+        }
+    }
+    out
+}
+
+/// Four digits.
+#[must_use]
+pub fn shown(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() || value.abs() >= 1e4 {
+        return format!("{value:.0}");
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 9")]
+    let digits = (3.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{value:.digits$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_four_digits_and_text_no_tags() {
+        assert_eq!(
+            [0.0, 0.371_49, 12.345_6, 98_765.4, -0.001_234_56].map(shown),
+            ["0", "0.3715", "12.35", "98765", "-0.001235"]
+        );
+        assert_eq!(escaped("<b>&\"</b>"), "&lt;b&gt;&amp;&quot;&lt;/b&gt;");
+    }
+}

@@ -1,0 +1,175 @@
+//! Main effects and interactions, as pictures and tables.
+
+use super::maps::color;
+use super::{escaped, shown};
+use crate::result::{Effects, Interaction, Table, levels};
+use crate::run::Study;
+use crate::space::Dimension;
+use crate::spec::Way;
+use std::fmt::Write;
+
+/// Width and height of a panel in pixels.
+const PANEL: (f64, f64) = (170.0, 120.0);
+/// Pairs that are drawn: those with the largest interactions.
+const MOST_PAIRS: usize = 6;
+
+pub(super) fn effects(study: &Study, table: &Table) -> String {
+    let dimensions = study.space.dimensions();
+    let mut html = String::from(
+        "<p>Main effects: the mean of a figure over the designs in each part of a variable's range, all others as they come. \
+         Parts are those of the variance (sums of squares between levels over the whole); what mere chance would give is \
+         beside them. Interactions: what lies between the pairs of levels beyond that.</p>\n",
+    );
+    if study.spec.method.way == Way::Evolution {
+        html.push_str(
+            "<p>These designs are an evolution's: most are near the best, and effects are those of that region. A grid, a Latin \
+             hypercube or Sobol's sequence shows the whole range.</p>\n",
+        );
+    }
+    for (k, wish) in study.spec.wishes.iter().enumerate() {
+        let name = wish.wanted.column();
+        let points: Vec<(&[f64], f64)> = table
+            .entries
+            .iter()
+            .filter_map(|entry| Some((entry.row.point.as_slice(), entry.wishes.get(k).copied()?)))
+            .filter(|(_, figure)| figure.is_finite())
+            .collect();
+        let Some(found) = Effects::of(dimensions, &points) else {
+            let _ = writeln!(html, "<p>{}: no effects, as no two designs differ in it.</p>", escaped(&name));
+            continue;
+        };
+        let _ = writeln!(html, "<h3>{}: {} designs, mean {}</h3>", escaped(&name), found.count, shown(found.mean));
+        html.push_str(&main(study, dimensions, &found));
+        html.push_str(&pairs(study, dimensions, &found));
+    }
+    html
+}
+
+/// What a level of a dimension is called.
+fn level_name(study: &Study, dimension: &Dimension, number: usize, level: usize) -> String {
+    let count = levels(dimension);
+    #[expect(clippy::cast_precision_loss, reason = "a few levels")]
+    let middle = (level as f64 + 0.5) / count as f64;
+    let mut point = vec![0.5; study.space.dimensions().len()];
+    point[number] = middle;
+    let design = study.space.design(&point);
+    let own = |column: &&crate::space::Column| {
+        column.variable == dimension.variable
+            && !column.follows
+            && (column.name == dimension.name || column.coordinate == 0)
+    };
+    let columns = study.space.columns();
+    let named = columns.iter().find(|column| column.name == dimension.name && column.variable == dimension.variable);
+    let column = named.or_else(|| columns.iter().find(own));
+    let text = column.and_then(|column| match column.words {
+        Some(_) => column.text(&design),
+        None => column.number(&design).map(shown),
+    });
+    text.unwrap_or_default()
+}
+
+fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
+    let means = || found.main.iter().flat_map(|own| own.levels.iter().filter_map(|(_, mean)| *mean));
+    let (least, most) = (means().fold(f64::INFINITY, f64::min), means().fold(f64::NEG_INFINITY, f64::max));
+    let span = if most > least { most - least } else { 1.0 };
+    let (w, h) = PANEL;
+    let mut html = String::from("<div class=\"effects\">\n");
+    for own in &found.main {
+        let dimension = &dimensions[own.dimension];
+        #[expect(clippy::cast_precision_loss, reason = "a few levels")]
+        let x = |level: usize| 34.0 + (w - 48.0) * (level as f64 + 0.5) / own.levels.len() as f64;
+        let y = |mean: f64| 12.0 + (h - 40.0) * (1.0 - (mean - least) / span);
+        let _ = write!(
+            html,
+            "<figure>\n<svg viewBox=\"0 0 {w} {h}\" width=\"{w}\" role=\"img\">\n\
+             <path class=\"axis\" d=\"M30 8V{0:.0}H{1:.0}\"/>\n<text x=\"28\" y=\"16\" class=\"end\">{2}</text>\n\
+             <text x=\"28\" y=\"{0:.0}\" class=\"end\">{3}</text>\n",
+            h - 26.0,
+            w - 8.0,
+            shown(most),
+            shown(least)
+        );
+        let points: Vec<(usize, f64)> =
+            own.levels.iter().enumerate().filter_map(|(level, (_, mean))| Some((level, (*mean)?))).collect();
+        let line: Vec<String> =
+            points.iter().map(|(level, mean)| format!("{:.1},{:.1}", x(*level), y(*mean))).collect();
+        let _ = writeln!(html, "<polyline class=\"effect\" points=\"{}\"/>", line.join(" "));
+        for (level, mean) in points {
+            let name = level_name(study, dimension, own.dimension, level);
+            let _ = writeln!(
+                html,
+                "<circle class=\"effect\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"><title>{}: {}, {} designs</title></circle>\n\
+                 <text x=\"{:.1}\" y=\"{:.0}\" class=\"middle\">{}</text>",
+                x(level),
+                y(mean),
+                escaped(&name),
+                shown(mean),
+                own.levels[level].0,
+                x(level),
+                h - 14.0,
+                escaped(&name)
+            );
+        }
+        let _ = writeln!(
+            html,
+            "</svg>\n<figcaption>{}: {:.1} % (chance {:.1} %)</figcaption>\n</figure>",
+            escaped(&dimension.name),
+            100.0 * own.part,
+            100.0 * own.by_chance
+        );
+    }
+    html.push_str("</div>\n");
+    html
+}
+
+fn pairs(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
+    let mut order: Vec<&Interaction> = found.pairs.iter().filter(|pair| pair.part > 0.0).collect();
+    order.sort_by(|a, b| {
+        (b.part - b.by_chance).total_cmp(&(a.part - a.by_chance)).then(a.dimensions.cmp(&b.dimensions))
+    });
+    if order.is_empty() {
+        return String::new();
+    }
+    let mut html = String::from("<div class=\"effects\">\n");
+    for pair in order.into_iter().take(MOST_PAIRS) {
+        let means = || pair.means.iter().flatten().filter_map(|mean| *mean);
+        let (least, most) = (means().fold(f64::INFINITY, f64::min), means().fold(f64::NEG_INFINITY, f64::max));
+        let [i, j] = pair.dimensions;
+        let (one, other) = (&dimensions[i], &dimensions[j]);
+        let (w, h) = PANEL;
+        #[expect(clippy::cast_precision_loss, reason = "a few levels")]
+        let (cell_w, cell_h) = ((w - 8.0) / pair.means.len() as f64, (h - 8.0) / levels(other) as f64);
+        let _ = writeln!(html, "<figure>\n<svg viewBox=\"0 0 {w} {h}\" width=\"{w}\" role=\"img\">");
+        for (a, row) in pair.means.iter().enumerate() {
+            for (b, mean) in row.iter().enumerate() {
+                let Some(mean) = mean else { continue };
+                let part = if most > least { (mean - least) / (most - least) } else { 0.5 };
+                #[expect(clippy::cast_precision_loss, reason = "a few levels")]
+                let (x, y) = (4.0 + a as f64 * cell_w, 4.0 + b as f64 * cell_h);
+                let _ = writeln!(
+                    html,
+                    "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{cell_w:.1}\" height=\"{cell_h:.1}\" fill=\"{}\"><title>{} {}, {} {}: \
+                     {}</title></rect>",
+                    color(part),
+                    escaped(&one.name),
+                    escaped(&level_name(study, one, i, a)),
+                    escaped(&other.name),
+                    escaped(&level_name(study, other, j, b)),
+                    shown(*mean)
+                );
+            }
+        }
+        let _ = writeln!(
+            html,
+            "</svg>\n<figcaption>{} (across) and {} (down): {:.1} % (chance {:.1} %), {} to {}</figcaption>\n</figure>",
+            escaped(&one.name),
+            escaped(&other.name),
+            100.0 * pair.part,
+            100.0 * pair.by_chance,
+            shown(least),
+            shown(most)
+        );
+    }
+    html.push_str("</div>\n");
+    html
+}

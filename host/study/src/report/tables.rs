@@ -1,0 +1,201 @@
+//! The report's tables: what was found, how sure it is, what failed.
+
+use super::{escaped, shown};
+use crate::result::{Entry, Finalist, Finals, Status, Table};
+use crate::run::Study;
+use crate::space::described;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// Reasons for failures that are listed.
+const MOST_REASONS: usize = 20;
+/// Characters of a reason by which failures are counted together: numbers differ from design to design.
+const ALIKE: usize = 48;
+
+pub(super) fn summary(study: &Study, table: &Table, finals: &Finals) -> String {
+    let count = |status: Status| table.entries.iter().filter(|entry| entry.status == status).count();
+    let method = &study.spec.method;
+    let mut html = format!(
+        "<p>{} designs by {}: {} keep all limits, {} break one, {} failed. {:.0} to {:.0} Hz.",
+        table.entries.len(),
+        escaped(method.way.name()).replace('_', " "),
+        count(Status::Kept),
+        count(Status::Broken),
+        count(Status::Failed),
+        method.from_hz,
+        method.to_hz
+    );
+    if study.scenarios() > 0 {
+        let _ =
+            write!(html, " Each design is as good as the worst of {} samples of what may be off.", study.scenarios());
+    }
+    html.push_str("</p>\n<p>Variables:</p>\n<ul>\n");
+    for variable in study.space.variables() {
+        let _ = writeln!(html, "<li>{}</li>", escaped(&described(variable)));
+    }
+    html.push_str("</ul>\n<p>Wanted: ");
+    let wishes = study.spec.wishes.iter().map(|wish| format!("{} {}", wish.goal.name(), wish.wanted.column()));
+    html.push_str(&escaped(&wishes.collect::<Vec<_>>().join(", ")));
+    let limits = study.spec.limits.iter().map(|limit| {
+        let name = limit.wanted.column();
+        match (limit.least.is_finite(), limit.most.is_finite()) {
+            (true, true) => format!("{name} from {} to {}", limit.least, limit.most),
+            (true, false) => format!("{name} at least {}", limit.least),
+            _ => format!("{name} at most {}", limit.most),
+        }
+    });
+    let limits: Vec<String> = limits.collect();
+    if !limits.is_empty() {
+        let _ = write!(html, "; {}", escaped(&limits.join(", ")));
+    }
+    html.push_str(".</p>\n");
+    html.push_str(&best(study, table, finals));
+    html
+}
+
+/// The scene as it is beside the best designs, figures computed anew.
+fn best(study: &Study, table: &Table, finals: &Finals) -> String {
+    let mut html = String::from("<table>\n<tr><th></th><th>as it is</th>");
+    for number in 1..=finals.best.len() {
+        let _ = write!(html, "<th>best {number}</th>");
+    }
+    html.push_str("</tr>\n<tr><th>design</th><td>0</td>");
+    finals.best.iter().for_each(|own| {
+        let _ = write!(html, "<td>{}</td>", own.design);
+    });
+    html.push_str("</tr>\n");
+    for column in &table.columns {
+        let _ = write!(html, "<tr><th>{}</th><td></td>", escaped(&column.name));
+        for own in &finals.best {
+            let text = entry(table, own).and_then(|entry| column.text(&entry.row.design));
+            let _ = write!(html, "<td>{}</td>", escaped(&text.unwrap_or_default()));
+        }
+        html.push_str("</tr>\n");
+    }
+    for (k, wanted) in study.figures.iter().enumerate() {
+        let _ = write!(html, "<tr class=\"figure\"><th>{}</th>", escaped(&wanted.column()));
+        for own in std::iter::once(&finals.base).chain(&finals.best) {
+            let _ = write!(html, "<td>{}</td>", cell(own, k));
+        }
+        html.push_str("</tr>\n");
+    }
+    html.push_str("</table>\n");
+    if finals.best.is_empty() {
+        html.push_str("<p>No design keeps all limits.</p>\n");
+    } else {
+        html.push_str("<p>The best designs are beside this report as <code>best-1.toml</code> and so on, for <code>era serve --scene</code>.</p>\n");
+    }
+    html
+}
+
+fn cell(own: &Finalist, figure: usize) -> String {
+    match &own.verified {
+        Ok(verified) => verified.figures.values.get(figure).map_or_else(String::new, |value| shown(*value)),
+        Err(reason) => escaped(reason),
+    }
+}
+
+fn entry<'t>(table: &'t Table, own: &Finalist) -> Option<&'t Entry> {
+    match own.design {
+        0 => Some(&table.base),
+        number => table.entries.get(number - 1),
+    }
+}
+
+/// How much the quick look and the thorough one differ, whether a search had arrived, and why designs failed.
+pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
+    let mut html = format!(
+        "<p>All designs were looked at {}; the scene itself and the best were computed anew with models made for a relative \
+         tolerance of {:.0e}. The last column bounds the relative error of the peak at the weakest place, of the model.</p>\n\
+         <table>\n<tr><th>design</th><th>figure</th><th>at first</th><th>computed anew</th><th>difference</th><th>error at most</th></tr>\n",
+        if study.spec.method.thorough { "thoroughly" } else { "quickly" },
+        finals.tolerance
+    );
+    for own in std::iter::once(&finals.base).chain(&finals.best) {
+        let Some(figures) = entry(table, own).and_then(|entry| entry.row.figures()) else { continue };
+        for (k, wanted) in study.figures.iter().enumerate() {
+            let first = figures.values.get(k).copied().unwrap_or(f64::NAN);
+            let Ok(verified) = &own.verified else { continue };
+            let anew = verified.figures.values.get(k).copied().unwrap_or(f64::NAN);
+            let difference = if wanted.figure.is_level() {
+                format!("{:+.2} dB", first - anew)
+            } else {
+                format!("{:+.2} %", 100.0 * (first / anew - 1.0))
+            };
+            let bound = match (k, verified.bound) {
+                (0, Some(bound)) => format!("{bound:.0e}"),
+                (0, None) => "unknown".into(),
+                _ => String::new(),
+            };
+            let _ = writeln!(
+                html,
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{difference}</td><td>{bound}</td></tr>",
+                own.design,
+                escaped(&wanted.column()),
+                shown(first),
+                shown(anew)
+            );
+        }
+    }
+    html.push_str("</table>\n");
+    html.push_str(&arrival(study, table));
+    html.push_str(&failures(table));
+    html
+}
+
+/// Whether the last quarter of the designs found better ones than those before.
+fn arrival(study: &Study, table: &Table) -> String {
+    let [wish] = study.spec.wishes.as_slice() else { return String::new() };
+    let mut order: Vec<usize> = (0..table.entries.len()).collect();
+    if let Some(evolution) = study.evolution() {
+        // Generations of all searches side by side.
+        let (own, generations) = (evolution.population(), evolution.generations());
+        order.sort_by_key(|k| ((k / own) % generations.max(1), *k));
+    }
+    let best = |part: &[usize]| {
+        let kept = part.iter().map(|k| &table.entries[*k]).filter(|entry| entry.status == Status::Kept);
+        kept.map(|entry| wish.goal.loss(entry.wishes[0])).fold(f64::INFINITY, f64::min)
+    };
+    let (before, last) = order.split_at(order.len() - order.len() / 4);
+    let (before, last) = (best(before), best(last));
+    if !before.is_finite() || !last.is_finite() {
+        return String::new();
+    }
+    let name = escaped(&wish.wanted.column());
+    if last < before {
+        let more = 100.0 * (before - last) / before.abs().max(1e-12);
+        format!(
+            "<p>The last quarter of the designs still took {name} from {} to {} ({more:.2} %): more designs may find better ones.</p>\n",
+            shown(wish.goal.loss(before)),
+            shown(wish.goal.loss(last))
+        )
+    } else {
+        format!("<p>The last quarter of the designs found none with a better {name}.</p>\n")
+    }
+}
+
+fn failures(table: &Table) -> String {
+    let mut counts: BTreeMap<String, (usize, usize, &str)> = BTreeMap::new();
+    for (number, entry) in table.entries.iter().enumerate() {
+        if let Some(reason) = &entry.reason {
+            let key: String = reason.chars().filter(|c| !c.is_ascii_digit() && *c != '.').take(ALIKE).collect();
+            counts.entry(key).or_insert((0, number + 1, reason)).0 += 1;
+        }
+    }
+    if counts.is_empty() {
+        return "<p>No design failed or broke a limit.</p>\n".into();
+    }
+    let mut all: Vec<_> = counts.into_values().collect();
+    all.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut html = String::from(
+        "<table>\n<tr><th>designs</th><th>the first of them</th><th>why it failed, or breaks a limit</th></tr>\n",
+    );
+    for (count, first, reason) in all.iter().take(MOST_REASONS) {
+        let _ = writeln!(html, "<tr><td>{count}</td><td>{first}</td><td>{}</td></tr>", escaped(reason));
+    }
+    html.push_str("</table>\n");
+    if all.len() > MOST_REASONS {
+        let _ = writeln!(html, "<p>And {} other reasons, in the table.</p>", all.len() - MOST_REASONS);
+    }
+    html
+}

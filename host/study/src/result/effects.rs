@@ -1,0 +1,206 @@
+//! How much each variable, and each pair of them, has to do with a figure: the analysis of variance of a factorial study, with
+//! continuous variables cut into a few levels.
+
+use crate::space::{Dimension, one_of};
+
+/// Levels that a continuous variable, or one of many values, is cut into.
+const LEVELS: usize = 5;
+
+/// Effects on one figure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Effects {
+    /// Designs that have the figure.
+    pub count: usize,
+    /// Its mean over them.
+    pub mean: f64,
+    /// Sum of the squared distances from that.
+    pub squares: f64,
+    /// Of each dimension.
+    pub main: Vec<Effect>,
+    /// Of each pair of dimensions, the first below the second.
+    pub pairs: Vec<Interaction>,
+}
+
+/// What one dimension does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Effect {
+    /// The dimension's number.
+    pub dimension: usize,
+    /// How many designs are in each level, and their mean.
+    pub levels: Vec<(usize, Option<f64>)>,
+    /// Part of the squares that lies between the levels.
+    pub part: f64,
+    /// Part that would by mere chance.
+    pub by_chance: f64,
+}
+
+/// What two dimensions do together beyond what each does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interaction {
+    /// The dimensions' numbers.
+    pub dimensions: [usize; 2],
+    /// Mean in each pair of levels, levels of the first dimension after each other.
+    pub means: Vec<Vec<Option<f64>>>,
+    /// Part of the squares that lies between the pairs of levels, less that of either dimension.
+    pub part: f64,
+    /// Part that would by mere chance.
+    pub by_chance: f64,
+}
+
+/// The level that a point is in, along one dimension.
+fn level(dimension: &Dimension, at: f64) -> usize {
+    let levels = levels(dimension);
+    match dimension.count {
+        Some(count) if count <= LEVELS => one_of(count, at),
+        _ => one_of(levels, at),
+    }
+}
+
+/// How many levels a dimension has.
+#[must_use]
+pub fn levels(dimension: &Dimension) -> usize {
+    dimension.count.map_or(LEVELS, |count| count.min(LEVELS))
+}
+
+/// Sums over the designs of a level, or of a pair.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cell {
+    count: usize,
+    sum: f64,
+}
+
+impl Cell {
+    fn add(&mut self, figure: f64) {
+        self.count += 1;
+        self.sum += figure;
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
+    fn mean(self) -> Option<f64> {
+        (self.count > 0).then(|| self.sum / self.count as f64)
+    }
+
+    /// Its part of the squares between cells.
+    #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
+    fn square(self, mean: f64) -> f64 {
+        self.mean().map_or(0.0, |own| self.count as f64 * (own - mean).powi(2))
+    }
+}
+
+impl Effects {
+    /// The effects on the figures of some points of the unit cube; `None` where there are none, or all have the same figure.
+    #[must_use]
+    #[expect(clippy::cast_precision_loss, reason = "counts of designs")]
+    pub fn of(dimensions: &[Dimension], points: &[(&[f64], f64)]) -> Option<Self> {
+        let count = points.len();
+        let mean = points.iter().map(|(_, figure)| figure).sum::<f64>() / count as f64;
+        let squares: f64 = points.iter().map(|(_, figure)| (figure - mean).powi(2)).sum();
+        // Not so for no points, whose mean is no number.
+        if !(squares > 1e-20 * count as f64 * mean * mean && squares > 0.0) {
+            return None;
+        }
+        let by_chance = |cells: usize| cells.saturating_sub(1) as f64 / (count as f64 - 1.0).max(1.0);
+        let main: Vec<Effect> = dimensions
+            .iter()
+            .enumerate()
+            .map(|(k, dimension)| {
+                let mut cells = vec![Cell::default(); levels(dimension)];
+                points.iter().for_each(|(point, figure)| cells[level(dimension, point[k])].add(*figure));
+                Effect {
+                    dimension: k,
+                    levels: cells.iter().map(|cell| (cell.count, cell.mean())).collect(),
+                    part: cells.iter().map(|cell| cell.square(mean)).sum::<f64>() / squares,
+                    by_chance: by_chance(cells.iter().filter(|cell| cell.count > 0).count()),
+                }
+            })
+            .collect();
+        let mut pairs = Vec::new();
+        for (i, one) in dimensions.iter().enumerate() {
+            for (j, other) in dimensions.iter().enumerate().skip(i + 1) {
+                let mut cells = vec![vec![Cell::default(); levels(other)]; levels(one)];
+                for (point, figure) in points {
+                    cells[level(one, point[i])][level(other, point[j])].add(*figure);
+                }
+                let all = || cells.iter().flatten();
+                let between = all().map(|cell| cell.square(mean)).sum::<f64>() / squares;
+                let filled = all().filter(|cell| cell.count > 0).count();
+                pairs.push(Interaction {
+                    dimensions: [i, j],
+                    means: cells.iter().map(|row| row.iter().map(|cell| cell.mean()).collect()).collect(),
+                    part: (between - main[i].part - main[j].part).max(0.0),
+                    by_chance: (by_chance(filled) - main[i].by_chance - main[j].by_chance).max(0.0),
+                });
+            }
+        }
+        Some(Self { count, mean, squares, main, pairs })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn dimensions(counts: &[Option<usize>]) -> Vec<Dimension> {
+        let of = |count: &Option<usize>| Dimension { variable: 0, name: String::new(), count: *count, levels: None };
+        counts.iter().map(of).collect()
+    }
+
+    /// All combinations of the middles of `n` parts.
+    fn grid(n: [usize; 3]) -> Vec<Vec<f64>> {
+        let middle = |k: usize, n: usize| (k as f64 + 0.5) / n as f64;
+        let mut points = Vec::new();
+        for i in 0..n[0] {
+            for j in 0..n[1] {
+                for k in 0..n[2] {
+                    points.push(vec![middle(i, n[0]), middle(j, n[1]), middle(k, n[2])]);
+                }
+            }
+        }
+        points
+    }
+
+    fn effects(dimensions: &[Dimension], points: &[Vec<f64>], of: impl Fn(&[f64]) -> f64) -> Effects {
+        let told: Vec<(&[f64], f64)> = points.iter().map(|point| (point.as_slice(), of(point))).collect();
+        Effects::of(dimensions, &told).unwrap()
+    }
+
+    /// Of a sum, every term has the part of the variance that is its own: 0, 1, .., 4 has the variance 2, times 9 18; of -5 and 5
+    /// it is 25.
+    #[test]
+    fn a_sum_has_the_parts_of_its_terms_and_no_interactions() {
+        let dimensions = dimensions(&[None, Some(2), Some(3)]);
+        let found = effects(&dimensions, &grid([5, 2, 3]), |x| {
+            let (first, second) = ((5.0 * x[0]).floor(), if x[1] < 0.5 { -5.0 } else { 5.0 });
+            3.0 * first + second + 7.0
+        });
+        let wanted = [18.0 / 43.0, 25.0 / 43.0, 0.0];
+        for (own, wanted) in found.main.iter().zip(wanted) {
+            assert!((own.part - wanted).abs() < 1e-12, "{found:?}");
+        }
+        assert_eq!(found.main[1].levels, [(15, Some(3.0 * 2.0 - 5.0 + 7.0)), (15, Some(18.0))]);
+        assert!(found.pairs.iter().all(|pair| pair.part < 1e-12), "{found:?}");
+        assert!((found.mean - 13.0).abs() < 1e-12 && found.count == 30);
+    }
+
+    /// A product of signs is nothing but interaction.
+    #[test]
+    fn a_product_of_signs_is_an_interaction_of_two() {
+        let dimensions = dimensions(&[Some(2), Some(2), Some(2)]);
+        let sign = |part: f64| if part < 0.5 { -1.0 } else { 1.0 };
+        let found = effects(&dimensions, &grid([2, 2, 2]), |x| 4.0 + sign(x[0]) * sign(x[2]));
+        assert!(found.main.iter().all(|own| own.part < 1e-12), "{found:?}");
+        let parts: Vec<f64> = found.pairs.iter().map(|pair| pair.part).collect();
+        assert!(parts[0] < 1e-12 && (parts[1] - 1.0).abs() < 1e-12 && parts[2] < 1e-12, "{parts:?}");
+        assert_eq!(found.pairs[1].dimensions, [0, 2]);
+        assert_eq!(found.pairs[1].means, [[Some(5.0), Some(3.0)], [Some(3.0), Some(5.0)]]);
+    }
+
+    #[test]
+    fn a_figure_that_is_always_the_same_has_no_effects() {
+        let dimensions = dimensions(&[Some(2), Some(2), Some(2)]);
+        let points = grid([2, 2, 2]);
+        let told: Vec<(&[f64], f64)> = points.iter().map(|point| (point.as_slice(), 3.5)).collect();
+        assert_eq!(Effects::of(&dimensions, &told), None);
+        assert_eq!(Effects::of(&dimensions, &[]), None);
+    }
+}

@@ -1,0 +1,15 @@
+//! What came of a study: a table of all designs, the front of those that no other surpasses, finalists, effects of the variables.
+
+mod effects;
+mod finalists;
+mod pareto;
+mod parquet;
+mod table;
+mod verify;
+
+pub use self::parquet::{TableError, write as write_parquet};
+pub use effects::{Effect, Effects, Interaction, levels};
+pub use finalists::finalists;
+pub use pareto::front;
+pub use table::{Entry, GatherError, Status, Table};
+pub use verify::{Finalist, Finals};

@@ -1,0 +1,211 @@
+//! A study's folder: rows of each task in a file of its own, written once and whole.
+//!
+//! A file is written beside its place and renamed, so that it is there whole or not at all, whoever is killed or runs out of room; two
+//! who do the same task write the same bytes. What is read is checked: the study that it belongs to, and a hash.
+
+use super::row::Row;
+use super::task::Task;
+use sha2::{Digest, Sha256};
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How a file of rows begins.
+const MAGIC: &[u8; 16] = b"era study rows 1";
+/// The file that says which study a folder belongs to.
+const KEY: &str = "study.key";
+/// The folder of the tasks' rows.
+const ROWS: &str = "rows";
+/// Bytes of a hash.
+const HASH: usize = 32;
+
+/// A study's folder.
+#[derive(Debug)]
+pub struct Folder {
+    path: PathBuf,
+    key: [u8; HASH],
+    written: AtomicUsize,
+}
+
+/// Why a folder cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// A file cannot be read or written.
+    #[error("cannot {doing} {}: {error}", path.display())]
+    Io {
+        /// What was done.
+        doing: &'static str,
+        /// With which file.
+        path: PathBuf,
+        /// What went wrong.
+        error: io::Error,
+    },
+    /// It has the results of something else.
+    #[error(
+        "{} has results of another study, or of another version of the study, the scene or this program: give another folder, or \
+         remove it",
+        path.display()
+    )]
+    Other {
+        /// The folder.
+        path: PathBuf,
+    },
+}
+
+impl Folder {
+    /// Opens a study's folder, made if it is not there.
+    ///
+    /// # Errors
+    /// [`FolderError`].
+    pub fn open(path: &Path, key: [u8; HASH]) -> Result<Self, FolderError> {
+        let folder = Self { path: path.into(), key, written: AtomicUsize::new(0) };
+        let rows = folder.path.join(ROWS);
+        fs::create_dir_all(&rows).map_err(|error| FolderError::Io { doing: "make the folder", path: rows, error })?;
+        let own = hex(&key);
+        let known = folder.path.join(KEY);
+        match fs::read_to_string(&known) {
+            Ok(text) if text.trim() == own => Ok(folder),
+            Ok(_) => Err(FolderError::Other { path: folder.path }),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                folder.write(KEY, format!("{own}\n").as_bytes())?;
+                Ok(folder)
+            }
+            Err(error) => Err(FolderError::Io { doing: "read", path: known, error }),
+        }
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The rows of a task, if they are there and whole.
+    ///
+    /// # Errors
+    /// [`FolderError`] where the file is there and cannot be read.
+    pub fn rows(&self, task: Task) -> Result<Option<Vec<Row>>, FolderError> {
+        let path = self.path.join(ROWS).join(task.file());
+        let bytes = match fs::read(&path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(FolderError::Io { doing: "read", path, error }),
+        };
+        let rows = self.decoded(&bytes);
+        if rows.is_none() {
+            tracing::warn!("{} is not whole, and computed again", path.display());
+        }
+        Ok(rows)
+    }
+
+    /// Keeps the rows of a task.
+    ///
+    /// # Errors
+    /// [`FolderError`]; nothing of them is left then.
+    pub fn keep(&self, task: Task, rows: &[Row]) -> Result<(), FolderError> {
+        let name = format!("{ROWS}/{}", task.file());
+        let body = postcard::to_allocvec(rows).map_err(|error| FolderError::Io {
+            doing: "encode",
+            path: self.path.join(&name),
+            error: io::Error::other(error),
+        })?;
+        let hash: [u8; HASH] = Sha256::digest(&body).into();
+        self.write(&name, &[MAGIC.as_slice(), &self.key, &hash, &body].concat())
+    }
+
+    /// Writes a file of the folder, whole or not at all.
+    ///
+    /// # Errors
+    /// [`FolderError`].
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+        let path = self.path.join(name);
+        let number = self.written.fetch_add(1, Ordering::Relaxed);
+        let beside = path.with_file_name(format!(".part-{}-{number}", std::process::id()));
+        let written = File::create(&beside).and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.sync_all()
+        });
+        written.and_then(|()| fs::rename(&beside, &path)).map_err(|error| {
+            // What is there of it is of no use to anybody.
+            let _ = fs::remove_file(&beside);
+            FolderError::Io { doing: "write", path, error }
+        })
+    }
+
+    fn decoded(&self, bytes: &[u8]) -> Option<Vec<Row>> {
+        let rest = bytes.strip_prefix(MAGIC.as_slice())?.strip_prefix(self.key.as_slice())?;
+        let (hash, body) = rest.split_at_checked(HASH)?;
+        let own: [u8; HASH] = Sha256::digest(body).into();
+        if own != hash {
+            return None;
+        }
+        postcard::from_bytes(body).ok()
+    }
+}
+
+pub(super) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::row::Outcome;
+    use crate::space::{Design, Setting};
+
+    fn rows() -> Vec<Row> {
+        let design = Design { settings: vec![Setting::Number(0.1), Setting::Place([1.5, 2.5])] };
+        vec![Row { point: vec![0.25, 0.75], design, outcome: Outcome::Failed("no such place".into()) }]
+    }
+
+    #[test]
+    fn rows_come_back_unless_a_byte_of_them_has_changed() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = Folder::open(place.path(), [7; 32]).unwrap();
+        let task = Task::Designs { chunk: 3 };
+        assert_eq!(folder.rows(task).unwrap(), None);
+        folder.keep(task, &rows()).unwrap();
+        assert_eq!(folder.rows(task).unwrap(), Some(rows()));
+        let file = place.path().join("rows").join(task.file());
+        let whole = fs::read(&file).unwrap();
+        for at in [0, 20, 60, whole.len() - 1] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            fs::write(&file, &bytes).unwrap();
+            assert_eq!(folder.rows(task).unwrap(), None, "{at}");
+        }
+        fs::write(&file, &whole[..whole.len() - 1]).unwrap();
+        assert_eq!(folder.rows(task).unwrap(), None);
+    }
+
+    #[test]
+    fn a_folder_belongs_to_one_study() {
+        let place = tempfile::tempdir().unwrap();
+        Folder::open(place.path(), [7; 32]).unwrap();
+        assert!(Folder::open(place.path(), [7; 32]).is_ok());
+        let refused = Folder::open(place.path(), [8; 32]).unwrap_err();
+        assert!(matches!(refused, FolderError::Other { .. }), "{refused}");
+        assert!(refused.to_string().contains(&place.path().display().to_string()));
+    }
+
+    /// A place that cannot be written to stands for one without room: the error names it, and nothing half-written is left.
+    #[test]
+    fn what_cannot_be_written_is_told_and_leaves_nothing() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = Folder::open(place.path(), [7; 32]).unwrap();
+        let task = Task::Designs { chunk: 0 };
+        // A folder in the file's place: the rename fails after all has been written.
+        fs::create_dir(place.path().join("rows").join(task.file())).unwrap();
+        let refused = folder.keep(task, &rows()).unwrap_err();
+        assert!(refused.to_string().contains(&task.file()), "{refused}");
+        let left: Vec<String> = fs::read_dir(place.path().join("rows"))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        assert_eq!(left, [task.file()]);
+        fs::write(place.path().join("no-folder"), "").unwrap();
+        let refused = Folder::open(&place.path().join("no-folder"), [7; 32]).unwrap_err();
+        assert!(refused.to_string().contains("no-folder"), "{refused}");
+    }
+}

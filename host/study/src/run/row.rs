@@ -1,0 +1,55 @@
+//! One design of a study, and what came of it.
+
+use crate::evaluate::Figures;
+use crate::space::Design;
+use serde::{Deserialize, Serialize};
+
+/// What came of a design.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Outcome {
+    /// Its figures, in the study's order.
+    Found {
+        /// With everything as it is meant to be.
+        figures: Figures,
+        /// The least of each over all samples of what may be off; empty if nothing may.
+        low: Vec<f64>,
+        /// The most of each.
+        high: Vec<f64>,
+    },
+    /// Why it has none.
+    Failed(String),
+}
+
+/// One design.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Where it is in the unit cube; empty for the scene as it is in its file.
+    pub point: Vec<f64>,
+    /// What it is.
+    pub design: Design,
+    /// What came of it.
+    pub outcome: Outcome,
+}
+
+impl Row {
+    /// Its figures.
+    #[must_use]
+    pub const fn figures(&self) -> Option<&Figures> {
+        match &self.outcome {
+            Outcome::Found { figures, .. } => Some(figures),
+            Outcome::Failed(_) => None,
+        }
+    }
+
+    /// Least and most of a figure over what may be off.
+    #[must_use]
+    pub fn ends(&self, figure: usize) -> Option<(f64, f64)> {
+        match &self.outcome {
+            Outcome::Found { figures, low, high } => {
+                let own = *figures.values.get(figure)?;
+                Some((low.get(figure).copied().unwrap_or(own), high.get(figure).copied().unwrap_or(own)))
+            }
+            Outcome::Failed(_) => None,
+        }
+    }
+}

@@ -1,0 +1,299 @@
+//! A study, ready to be computed.
+
+use super::folder::hex;
+use super::losses::loss;
+use super::row::{Outcome, Row};
+use super::task::Task;
+use crate::evaluate::{EvaluateError, Evaluator, Figures, parts};
+use crate::space::{Design, Scenarios, Setting, Space};
+use crate::spec::{Figure, Robust, Spec, Wanted, has_few_corners};
+use crate::ways::{Evolution, Samples};
+use era_model::model::Accuracy;
+use era_model::scene::{MAX_ACTUATORS, Scene, SceneError};
+use era_planner::TableOptions;
+use era_planner::cache::Key;
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
+use std::ops::Range;
+use std::path::Path;
+
+/// Version of what rows mean.
+const FORMAT: u32 = 1;
+/// Time in s that a chunk of work is meant to take: 0.5 to 2.
+const CHUNK_S: f64 = 1.0;
+/// About what a design takes in s where only the weakest place is wanted, where a plan table is needed, and thoroughly.
+const LOOK_S: [f64; 3] = [0.015, 0.15, 2.0];
+/// Most chunks: schedulers have trouble beyond 10^5 tasks.
+const MOST_CHUNKS: usize = 100_000;
+
+/// A study, ready to be computed.
+#[derive(Debug)]
+pub struct Study {
+    /// What its file says.
+    pub spec: Spec,
+    /// What may change.
+    pub space: Space,
+    /// The figures that are computed of every design.
+    pub figures: Vec<Wanted>,
+    points: Points,
+    scenarios: Scenarios,
+    chunk: usize,
+    key: [u8; 32],
+}
+
+/// Which points are looked at.
+#[derive(Debug)]
+enum Points {
+    Known(Samples),
+    Evolving(Evolution),
+}
+
+/// A study that cannot be computed.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// Mistakes in its file, or in the scene's.
+    #[error(transparent)]
+    Mistakes(#[from] SceneError),
+    /// A file cannot be read.
+    #[error("cannot read {path}: {error}")]
+    Read {
+        /// Which.
+        path: String,
+        /// Why.
+        error: std::io::Error,
+    },
+}
+
+impl Study {
+    /// Reads a study's file, and the scene's that it names.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    pub fn load(path: &Path) -> Result<Self, StudyError> {
+        let read = |path: &Path| {
+            let failed = |error| StudyError::Read { path: path.display().to_string(), error };
+            std::fs::read_to_string(path).map_err(failed)
+        };
+        let text = read(path)?;
+        let source = path.display().to_string();
+        let spec = Spec::parse(&source, &text)?;
+        let scene = path.parent().unwrap_or(Path::new("")).join(&spec.scene);
+        let scene_text = read(&scene)?;
+        Ok(Self::of(spec, &source, &text, &scene.display().to_string(), &scene_text)?)
+    }
+
+    /// A study of texts; the scene that it names is of no account.
+    ///
+    /// # Errors
+    /// [`SceneError`] with every mistake found.
+    pub fn parse(source: &str, text: &str, scene_source: &str, scene_text: &str) -> Result<Self, SceneError> {
+        Self::of(Spec::parse(source, text)?, source, text, scene_source, scene_text)
+    }
+
+    fn of(spec: Spec, source: &str, text: &str, scene_source: &str, scene_text: &str) -> Result<Self, SceneError> {
+        let space = Space::new(&spec, source, text, scene_source, scene_text)?;
+        let refuse = |text: String| SceneError::of(source, 0, text);
+        let scene = Scene::parse(scene_source, scene_text)?;
+        let figures = spec.figures();
+        if scene.actuators.is_empty() || scene.actuators.len() > MAX_ACTUATORS {
+            let count = scene.actuators.len();
+            return Err(refuse(format!("the scene has {count} actuators, but a study needs 1 to {MAX_ACTUATORS}")));
+        }
+        let off = space.uncertain_values();
+        if spec.method.robust == Robust::Corners && !has_few_corners(off) {
+            return Err(refuse(format!(
+                "method.robust is \"corners\", but {off} values that may be off have too many: allowed are 8; \
+                 let several vary together, or use \"latin_hypercube\""
+            )));
+        }
+        let scenarios = Scenarios::new(off, spec.method.robust, spec.method.seed);
+        let dimensions = space.dimensions();
+        let points = match Samples::new(&spec.method, dimensions) {
+            Some(samples) => Points::Known(samples),
+            None if dimensions.is_empty() => return Err(refuse("an evolution needs a variable".into())),
+            None => Points::Evolving(Evolution::new(&spec.method, dimensions.len())),
+        };
+        let chunk = spec.method.chunk.unwrap_or_else(|| chunk(&spec, &figures, scenarios.0.len()));
+        let key = key(&scene, &spec, text, scene_text);
+        Ok(Self { spec, space, figures, points, scenarios, chunk, key })
+    }
+
+    /// What the study follows from, as one number: its file, the scene's, and this program.
+    #[must_use]
+    pub const fn key(&self) -> [u8; 32] {
+        self.key
+    }
+
+    /// The frequencies that are looked at.
+    #[must_use]
+    pub fn options(&self) -> TableOptions {
+        TableOptions { from_hz: self.spec.method.from_hz, to_hz: self.spec.method.to_hz, ..TableOptions::default() }
+    }
+
+    /// How many designs there are, the scene itself not counted.
+    #[must_use]
+    pub fn designs(&self) -> usize {
+        match &self.points {
+            Points::Known(samples) => samples.count(),
+            Points::Evolving(own) => own.population() * own.runs() * own.generations(),
+        }
+    }
+
+    /// How many samples of what may be off each design is looked at with.
+    #[must_use]
+    pub fn scenarios(&self) -> usize {
+        self.scenarios.0.len()
+    }
+
+    /// The generations, if points depend on results.
+    #[must_use]
+    pub const fn evolution(&self) -> Option<&Evolution> {
+        match &self.points {
+            Points::Known(_) => None,
+            Points::Evolving(evolution) => Some(evolution),
+        }
+    }
+
+    /// All tasks, those of a search in their order.
+    pub fn tasks(&self) -> impl Iterator<Item = Task> + use<> {
+        let (chunks, runs, generations) = match &self.points {
+            Points::Known(samples) => (samples.count().div_ceil(self.chunk), 0, 0),
+            Points::Evolving(own) => (0, own.runs(), own.generations()),
+        };
+        let designs = (0..chunks).map(|chunk| Task::Designs { chunk });
+        let searches =
+            (0..runs).flat_map(move |run| (0..generations).map(move |generation| Task::Generation { run, generation }));
+        std::iter::once(Task::Base).chain(designs).chain(searches)
+    }
+
+    /// How many designs a task has.
+    #[must_use]
+    pub fn size(&self, task: Task) -> usize {
+        match (task, &self.points) {
+            (Task::Base, _) => 1,
+            (Task::Designs { chunk }, Points::Known(samples)) => self.range(chunk, samples.count()).len(),
+            (Task::Generation { .. }, Points::Evolving(own)) => own.population(),
+            _ => 0,
+        }
+    }
+
+    const fn range(&self, chunk: usize, count: usize) -> Range<usize> {
+        let from = chunk * self.chunk;
+        let to = from + self.chunk;
+        from..if to < count { to } else { count }
+    }
+
+    /// Computes a task. `told` are the losses of all earlier generations of its search; of no account for others.
+    #[must_use]
+    pub fn compute(&self, task: Task, told: &[Vec<f64>], evaluator: &dyn Evaluator) -> Vec<Row> {
+        let points = match (task, &self.points) {
+            (Task::Base, _) => {
+                let design = Design { settings: vec![Setting::Kept; self.space.variables().len()] };
+                return vec![self.row(Vec::new(), design, evaluator)];
+            }
+            (Task::Designs { chunk }, Points::Known(samples)) => samples.points(self.range(chunk, samples.count())),
+            (Task::Generation { run, .. }, Points::Evolving(own)) => own.ask(run, told),
+            _ => Vec::new(),
+        };
+        points
+            .into_par_iter()
+            .map(|point| {
+                let design = self.space.design(&point);
+                self.row(point, design, evaluator)
+            })
+            .collect()
+    }
+
+    /// What the designs of a generation are worth to their search.
+    #[must_use]
+    pub fn losses(&self, run: usize, base: &Row, rows: &[Row]) -> Vec<f64> {
+        let weights = self.evolution().map(|own| own.weights(run, self.spec.wishes.len())).unwrap_or_default();
+        rows.iter().map(|row| loss(&self.spec, &self.figures, Some(base), &weights, row)).collect()
+    }
+
+    fn row(&self, point: Vec<f64>, design: Design, evaluator: &dyn Evaluator) -> Row {
+        let outcome = self.outcome(&design, evaluator).unwrap_or_else(Outcome::Failed);
+        Row { point, design, outcome }
+    }
+
+    fn outcome(&self, design: &Design, evaluator: &dyn Evaluator) -> Result<Outcome, String> {
+        let figures = self.looked_at(design, &[], evaluator)?;
+        let (mut low, mut high) = (Vec::new(), Vec::new());
+        if !self.scenarios.0.is_empty() {
+            (low, high) = (figures.values.clone(), figures.values.clone());
+        }
+        for (number, off) in self.scenarios.0.iter().enumerate() {
+            let own = self.looked_at(design, off, evaluator);
+            let own = own.map_err(|reason| format!("with sample {} of what may be off: {reason}", number + 1))?;
+            low.iter_mut().zip(&own.values).for_each(|(low, value)| *low = low.min(*value));
+            high.iter_mut().zip(&own.values).for_each(|(high, value)| *high = high.max(*value));
+        }
+        Ok(Outcome::Found { figures, low, high })
+    }
+
+    fn looked_at(&self, design: &Design, off: &[f64], evaluator: &dyn Evaluator) -> Result<Figures, String> {
+        let scene = self.space.scene(design, off).map_err(|refused| refused.to_string())?;
+        // A design that no one has thought of must not end the study.
+        let found =
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.evaluated(&scene, design, evaluator)));
+        let figures =
+            found.map_err(|_| String::from("this design makes era itself fail; please report it with the scene"))?;
+        figures.map_err(|error: EvaluateError| error.to_string())
+    }
+
+    /// The figures of a scene: those of its parts from here, all else from the evaluator.
+    ///
+    /// # Errors
+    /// As the evaluator's.
+    pub fn evaluated(
+        &self,
+        scene: &Scene,
+        design: &Design,
+        evaluator: &dyn Evaluator,
+    ) -> Result<Figures, EvaluateError> {
+        let mut figures = evaluator.evaluate(scene, &self.figures)?;
+        self.add_parts(scene, design, &mut figures);
+        Ok(figures)
+    }
+
+    /// Puts in the figures of parts, which no evaluator knows.
+    pub fn add_parts(&self, scene: &Scene, design: &Design, figures: &mut Figures) {
+        for (value, wanted) in figures.values.iter_mut().zip(&self.figures) {
+            match wanted.figure {
+                Figure::MassG => *value = parts::mass_g(scene),
+                Figure::Cost => *value = parts::cost(scene, &self.spec.costs, self.space.variables(), design),
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Designs of a chunk.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "small counts"
+)]
+fn chunk(spec: &Spec, figures: &[Wanted], scenarios: usize) -> usize {
+    let is_quick = figures.iter().all(|wanted| wanted.is_quick());
+    let each_s = match (spec.method.thorough, is_quick) {
+        (true, _) => LOOK_S[2],
+        (false, false) => LOOK_S[1],
+        (false, true) => LOOK_S[0],
+    };
+    let fitting = (CHUNK_S / (each_s * (1 + scenarios) as f64)).floor().max(1.0) as usize;
+    fitting.max(spec.method.designs.div_ceil(MOST_CHUNKS))
+}
+
+fn key(scene: &Scene, spec: &Spec, text: &str, scene_text: &str) -> [u8; 32] {
+    let options = TableOptions { from_hz: spec.method.from_hz, to_hz: spec.method.to_hz, ..TableOptions::default() };
+    // The planner's own key stands for its code and the model's.
+    let code = Key::new(scene, Accuracy::BALANCED, options).map_or_else(String::new, |key| key.to_string());
+    let parts = [&FORMAT.to_string(), env!("CARGO_PKG_VERSION"), &code, text, scene_text];
+    let mut hash = Sha256::new();
+    for part in parts {
+        hash.update(hex(&Sha256::digest(part)));
+    }
+    hash.finalize().into()
+}

@@ -1,0 +1,219 @@
+//! A design written into the scene's document.
+
+use super::design::Setting;
+use crate::spec::{Apart, Path, PathError, Step, Variable, What};
+use era_model::scene::{Scene, SceneError};
+use toml_edit::{ArrayOfTables, DocumentMut, Item, TableLike, Value};
+
+/// Why a design is none.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refused {
+    /// A path leads nowhere.
+    #[error(transparent)]
+    Path(#[from] PathError),
+    /// The scene is refused, by its own rules.
+    #[error("{0}")]
+    Scene(String),
+    /// Two places are too near.
+    #[error("{first} and {second} are {distance_mm} mm apart, but must be at least {least_mm} mm")]
+    Near {
+        /// One.
+        first: String,
+        /// The other.
+        second: String,
+        /// How far.
+        distance_mm: String,
+        /// How far they must be.
+        least_mm: String,
+    },
+}
+
+impl Refused {
+    fn of_scene(error: &SceneError) -> Self {
+        // Without the file's name and lines: the text is the design's, not the file's.
+        Self::Scene(error.mistakes.iter().map(|mistake| mistake.text.as_str()).collect::<Vec<_>>().join("; "))
+    }
+}
+
+/// Whether a variable's paths lead somewhere in a scene.
+pub(super) fn leads(base: &DocumentMut, variable: &Variable) -> Result<(), PathError> {
+    let missing = |path: &Path, what: String| PathError::Missing { path: path.to_string(), missing: what };
+    match &variable.what {
+        What::Number { paths, .. } | What::Choice { paths, .. } => {
+            paths.iter().try_for_each(|path| path.places(base).map(|_| ()))
+        }
+        What::Place { of, .. } | What::Mirror { of, .. } => {
+            let places = of.places(base)?;
+            let is_one = matches!(places.as_slice(), [place] if table(base, place).is_some());
+            if is_one { Ok(()) } else { Err(missing(of, "one table with a place by this name".into())) }
+        }
+        What::Count { list, to, .. } => {
+            let found = base.get(list).and_then(Item::as_array_of_tables).map_or(0, ArrayOfTables::len);
+            if found >= *to { Ok(()) } else { Err(PathError::Few { list: list.clone(), found, wanted: *to }) }
+        }
+    }
+}
+
+/// Sets a variable. `base` is the scene's file, by which paths are followed.
+pub(super) fn set(
+    document: &mut DocumentMut,
+    base: &DocumentMut,
+    variable: &Variable,
+    setting: Setting,
+) -> Result<(), PathError> {
+    match (&variable.what, setting) {
+        (What::Number { paths, .. }, Setting::Number(number)) => put_all(document, base, paths, &Value::from(number)),
+        (What::Choice { paths, values, .. }, Setting::Choice(choice)) => match values.get(choice) {
+            Some(value) => put_all(document, base, paths, value),
+            None => Ok(()),
+        },
+        (What::Place { of, .. } | What::Mirror { of, .. }, Setting::Place(at_mm)) => {
+            for (key, at_mm) in ["x_mm", "y_mm"].into_iter().zip(at_mm) {
+                put_all(document, base, &[of.below(key)], &Value::from(at_mm))?;
+            }
+            Ok(())
+        }
+        (What::Count { list, .. }, Setting::Count(count)) => {
+            if let Some(tables) = document.get_mut(list).and_then(Item::as_array_of_tables_mut) {
+                while tables.len() > count {
+                    tables.remove(tables.len() - 1);
+                }
+            }
+            Ok(())
+        }
+        _ => Ok(()),
+    }
+}
+
+fn put_all(document: &mut DocumentMut, base: &DocumentMut, paths: &[Path], value: &Value) -> Result<(), PathError> {
+    for path in paths {
+        for place in path.places(base)? {
+            put(document, &place, value);
+        }
+    }
+    Ok(())
+}
+
+/// Puts a value at a place; nothing where the place is gone, as that of an actuator that this design does without.
+pub(super) fn put(document: &mut DocumentMut, place: &[Step], value: &Value) {
+    let Some((Step::Key(key), above)) = place.split_last() else { return };
+    let Some(table) = table_mut(document, above) else { return };
+    match (table.get_mut(key), value) {
+        // The table stays where it is, with its heading and its comments.
+        (Some(Item::Table(own)), Value::InlineTable(new)) => {
+            own.retain(|key, _| new.contains_key(key));
+            for (key, value) in new {
+                replace(own, key, value);
+            }
+        }
+        _ => replace(table, key, value),
+    }
+}
+
+/// A key's value, what is written around the old one left as it is.
+fn replace(table: &mut dyn TableLike, key: &str, value: &Value) {
+    let mut new = value.clone();
+    if let Some(old) = table.get(key).and_then(Item::as_value) {
+        *new.decor_mut() = old.decor().clone();
+    }
+    table.insert(key, Item::Value(new));
+}
+
+/// The number at a place.
+pub(super) fn number(document: &DocumentMut, place: &[Step]) -> Option<f64> {
+    let (Step::Key(key), above) = place.split_last()? else { return None };
+    let value = table(document, above)?.get(key)?;
+    #[expect(clippy::cast_precision_loss, reason = "as in any other number")]
+    value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
+}
+
+fn table<'d>(document: &'d DocumentMut, place: &[Step]) -> Option<&'d dyn TableLike> {
+    let mut own: &dyn TableLike = document.as_table();
+    let mut steps = place.iter();
+    while let Some(step) = steps.next() {
+        let Step::Key(key) = step else { return None };
+        own = match own.get(key)? {
+            Item::ArrayOfTables(list) => {
+                let Some(Step::Index(index)) = steps.next() else { return None };
+                list.get(*index)?
+            }
+            item => item.as_table_like()?,
+        };
+    }
+    Some(own)
+}
+
+fn table_mut<'d>(document: &'d mut DocumentMut, place: &[Step]) -> Option<&'d mut dyn TableLike> {
+    let mut own: &mut dyn TableLike = document.as_table_mut();
+    let mut steps = place.iter();
+    while let Some(step) = steps.next() {
+        let Step::Key(key) = step else { return None };
+        let item = own.get_mut(key)?;
+        own = match item {
+            Item::ArrayOfTables(list) => {
+                let Some(Step::Index(index)) = steps.next() else { return None };
+                list.get_mut(*index)?
+            }
+            item => item.as_table_like_mut()?,
+        };
+    }
+    Some(own)
+}
+
+/// Whether places keep their distance.
+pub(super) fn check_apart(document: &DocumentMut, all: &[Apart]) -> Result<(), Refused> {
+    for apart in all {
+        let mut places: Vec<(String, [f64; 2])> = Vec::new();
+        for path in &apart.places {
+            // One that this design does without keeps any distance.
+            for place in path.places(document).unwrap_or_default() {
+                let at = |key: &str| number(document, &[place.as_slice(), &[Step::Key(key.into())]].concat());
+                let Some(x) = at("x_mm") else { continue };
+                let name = named(document, &place);
+                if places.iter().all(|(other, _)| *other != name) {
+                    places.push((name, [x, at("y_mm").unwrap_or(0.0)]));
+                }
+            }
+        }
+        for (k, (first, one)) in places.iter().enumerate() {
+            for (second, other) in &places[k + 1..] {
+                let distance = (one[0] - other[0]).hypot(one[1] - other[1]);
+                if distance < apart.distance_mm {
+                    return Err(Refused::Near {
+                        first: first.clone(),
+                        second: second.clone(),
+                        distance_mm: format!("{distance:.1}"),
+                        least_mm: apart.distance_mm.to_string(),
+                    });
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A table's place as people name it: an actuator by its `id`.
+fn named(document: &DocumentMut, place: &[Step]) -> String {
+    let id = table(document, place).and_then(|table| table.get("id")?.as_str().map(str::to_owned));
+    id.unwrap_or_else(|| {
+        let mut text = String::new();
+        for step in place {
+            match step {
+                Step::Key(key) if text.is_empty() => text.push_str(key),
+                Step::Key(key) => text.push_str(&format!(".{key}")),
+                Step::Index(index) => text.push_str(&format!("[{}]", index + 1)),
+            }
+        }
+        text
+    })
+}
+
+/// A document as a scene.
+pub(super) fn scene(source: &str, document: &DocumentMut) -> Result<Scene, Refused> {
+    read(source, &document.to_string())
+}
+
+/// A scene of its text.
+pub(super) fn read(source: &str, text: &str) -> Result<Scene, Refused> {
+    Scene::parse(source, text).map_err(|error| Refused::of_scene(&error))
+}

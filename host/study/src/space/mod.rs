@@ -1,0 +1,239 @@
+//! From a point of the unit cube to a scene: [`Space`] knows the variables, [`Design`] is a choice of all of them, `document` writes it
+//! into the scene's own text, so that every key that a scene has can vary, is held to its range as any scene is, and stays beside its
+//! comments.
+
+mod design;
+mod document;
+mod uncertain;
+
+#[cfg(test)]
+mod tests;
+
+pub use design::{Column, Design, Dimension, Setting, one_of};
+pub use document::Refused;
+pub use uncertain::Scenarios;
+
+use crate::spec::{Apart, Path, PathError, Spec, Step, Uncertain, Variable, What};
+use era_model::scene::read::Report;
+use era_model::scene::{Scene, SceneError};
+use std::fmt::Write;
+use toml_edit::DocumentMut;
+
+/// Values of each dimension of a variable that are tried when a study is read.
+const TRIED: [f64; 3] = [0.0, 0.5, 1.0];
+
+/// What may change of a scene.
+#[derive(Clone, Debug)]
+pub struct Space {
+    /// The scene as it is in its file.
+    base: DocumentMut,
+    /// What messages call that file.
+    source: String,
+    variables: Vec<Variable>,
+    dimensions: Vec<Dimension>,
+    apart: Vec<Apart>,
+    uncertain: Vec<Uncertain>,
+    /// Length and width of the scene in mm.
+    sides_mm: [f64; 2],
+}
+
+impl Space {
+    /// The space of a study over a scene's text. `source` and `text` are the study's, for messages with lines; `scene_source` is what
+    /// messages call the scene.
+    ///
+    /// # Errors
+    /// [`SceneError`]: the scene's mistakes, or the study's where variables do not fit the scene.
+    pub fn new(
+        spec: &Spec,
+        source: &str,
+        text: &str,
+        scene_source: &str,
+        scene_text: &str,
+    ) -> Result<Self, SceneError> {
+        let scene = Scene::parse(scene_source, scene_text)?;
+        let base: DocumentMut = scene_text.parse().map_err(|error: toml_edit::TomlError| {
+            SceneError::of(scene_source, 0, format!("not valid TOML: {}", error.message()))
+        })?;
+        let space = Self {
+            base,
+            source: scene_source.into(),
+            variables: spec.variables.clone(),
+            dimensions: design::dimensions(&spec.variables),
+            apart: spec.apart.clone(),
+            uncertain: spec.uncertain.clone(),
+            sides_mm: [scene.surface.length_m * 1e3, scene.surface.width_m * 1e3],
+        };
+        let report = Report::new(text);
+        space.check(&report, text);
+        report.finish(source)?;
+        Ok(space)
+    }
+
+    /// The dimensions of the unit cube.
+    #[must_use]
+    pub fn dimensions(&self) -> &[Dimension] {
+        &self.dimensions
+    }
+
+    /// The variables.
+    #[must_use]
+    pub fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+
+    /// The columns of a table of designs.
+    #[must_use]
+    pub fn columns(&self) -> Vec<Column> {
+        design::columns(&self.variables)
+    }
+
+    /// The design at a point of the unit cube, one number for each dimension.
+    #[must_use]
+    pub fn design(&self, point: &[f64]) -> Design {
+        design::at(&self.variables, &self.dimensions, point, self.sides_mm)
+    }
+
+    /// A design as a scene's text.
+    ///
+    /// # Errors
+    /// [`Refused`].
+    pub fn text(&self, design: &Design) -> Result<String, Refused> {
+        Ok(self.document(design)?.to_string())
+    }
+
+    /// A design as a scene, with its uncertain values off by parts of what they may be, -1 to 1 each (none of them off if there are
+    /// none).
+    ///
+    /// # Errors
+    /// [`Refused`].
+    pub fn scene(&self, design: &Design, off: &[f64]) -> Result<Scene, Refused> {
+        let mut document = self.document(design)?;
+        document::check_apart(&document, &self.apart)?;
+        if !off.is_empty() {
+            uncertain::apply(&mut document, &self.uncertain, &self.uncertain_places(), off, self.sides_mm)?;
+        }
+        document::scene(&self.source, &document)
+    }
+
+    /// A scene of its text, as [`Space::text`] makes it.
+    ///
+    /// # Errors
+    /// [`Refused`].
+    pub fn read(&self, text: &str) -> Result<Scene, Refused> {
+        document::read(&self.source, text)
+    }
+
+    /// The scene as it is in its file.
+    ///
+    /// # Errors
+    /// [`Refused`]; it has been read before.
+    pub fn base(&self, off: &[f64]) -> Result<Scene, Refused> {
+        let nothing = Design { settings: vec![Setting::Kept; self.variables.len()] };
+        self.scene(&nothing, off)
+    }
+
+    /// How many values may be off by themselves.
+    #[must_use]
+    pub fn uncertain_values(&self) -> usize {
+        self.uncertain_places().iter().zip(&self.uncertain).map(|(places, own)| uncertain::values(own, places)).sum()
+    }
+
+    fn uncertain_places(&self) -> Vec<Vec<Vec<Step>>> {
+        self.uncertain.iter().map(|own| all_places(&own.paths, &self.base).unwrap_or_default()).collect()
+    }
+
+    fn document(&self, design: &Design) -> Result<DocumentMut, Refused> {
+        let mut document = self.base.clone();
+        for (variable, setting) in self.variables.iter().zip(&design.settings) {
+            document::set(&mut document, &self.base, variable, *setting)?;
+        }
+        Ok(document)
+    }
+
+    /// Tells of variables that lead nowhere, and of those whose values the scene refuses all.
+    fn check(&self, report: &Report<'_>, text: &str) {
+        // A report knows lines by bytes.
+        let starts: Vec<usize> = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
+        let tell = |line: usize, told: String| {
+            let at = starts.get(line.saturating_sub(1)).copied().unwrap_or(0);
+            report.add(&(at..at), told);
+        };
+        for (number, variable) in self.variables.iter().enumerate() {
+            let name = format!("variable[{}] ({})", number + 1, variable.name);
+            if let Err(error) = document::leads(&self.base, variable) {
+                tell(variable.line, format!("{name}: {error}"));
+                continue;
+            }
+            if let What::Mirror { from, .. } = &variable.what
+                && !self.variables[..number].iter().any(|before| before.is_place_of(from))
+            {
+                tell(
+                    variable.line,
+                    format!("{name}: mirror_of is {from}, but must be a place of a variable before this one"),
+                );
+                continue;
+            }
+            if let Some(reason) = self.refusal_of_all(number) {
+                tell(variable.line, format!("{name}: the scene takes none of its values: {reason}"));
+            }
+        }
+        let paths = self.apart.iter().flat_map(|apart| &apart.places);
+        for path in paths.chain(self.uncertain.iter().flat_map(|own| &own.paths)) {
+            if let Err(error) = path.places(&self.base) {
+                tell(0, error.to_string());
+            }
+        }
+    }
+
+    /// Why none of some values of a variable is taken, all else as in the scene's file; `None` if one is.
+    fn refusal_of_all(&self, number: usize) -> Option<String> {
+        let own = |dimension: &&Dimension| dimension.variable == number;
+        let count = self.dimensions.iter().filter(own).count();
+        let mut first = None;
+        for tried in 0..TRIED.len().pow(u32::try_from(count).unwrap_or(u32::MAX)) {
+            let mut rest = tried;
+            let mut point = vec![0.5; self.dimensions.len()];
+            for (value, _) in point.iter_mut().zip(&self.dimensions).filter(|(_, dimension)| own(dimension)) {
+                *value = TRIED[rest % TRIED.len()];
+                rest /= TRIED.len();
+            }
+            let mut settings = vec![Setting::Kept; self.variables.len()];
+            settings[number] = self.design(&point).settings[number];
+            let taken =
+                self.document(&Design { settings }).and_then(|document| document::scene(&self.source, &document));
+            match taken {
+                Ok(_) => return None,
+                Err(error) => first = first.or(Some(error.to_string())),
+            }
+        }
+        first
+    }
+}
+
+/// All places of some paths.
+fn all_places(paths: &[Path], document: &DocumentMut) -> Result<Vec<Vec<Step>>, PathError> {
+    let each = paths.iter().map(|path| path.places(document));
+    Ok(each.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+}
+
+/// A variable in words.
+#[must_use]
+pub fn described(variable: &Variable) -> String {
+    let mut text = variable.name.clone();
+    match &variable.what {
+        What::Number { numbers, .. } => {
+            let _ = write!(text, ", {} to {}", numbers.from, numbers.to);
+        }
+        What::Choice { names, .. } => {
+            let _ = write!(text, ", one of {}", names.join(", "));
+        }
+        What::Place { .. } => text.push_str(", a place"),
+        What::Mirror { from, .. } => {
+            let _ = write!(text, ", the mirror image of {from}");
+        }
+        What::Count { from, to, .. } => {
+            let _ = write!(text, ", {from} to {to}");
+        }
+    }
+    text
+}

@@ -1,0 +1,128 @@
+//! Designs against what the scene reads back.
+
+use super::*;
+use era_model::scene::{EXAMPLE_PLATE, EdgeKind};
+
+fn space_of(study: &str, scene: &str) -> Result<Space, SceneError> {
+    let text = format!("version = 1\nname = \"s\"\nscene = \"x.toml\"\n{study}\n[[wish]]\nfigure = \"weakest_g\"\n");
+    Space::new(&Spec::parse("study.toml", &text)?, "study.toml", &text, "x.toml", scene)
+}
+
+fn space(study: &str) -> Space {
+    space_of(study, EXAMPLE_PLATE).unwrap()
+}
+
+fn scene(space: &Space, point: &[f64]) -> Scene {
+    space.scene(&space.design(point), &[]).unwrap()
+}
+
+#[test]
+fn numbers_go_where_their_paths_lead() {
+    let study = "[[variable]]\nkey = \"support.*.stiffness_n_per_m\"\nfrom = 500\nto = 8000\nscale = \"log\"\n\
+                 [[variable]]\nkey = [\"surface.thickness_mm\"]\nfrom = 1\nto = 3\nstep = 0.5\n\
+                 [[variable]]\nkey = \"surface.damping.loss_factor\"\nfrom = 0\nto = 0.2\n";
+    let space = space(study);
+    let found = scene(&space, &[0.5, 0.999, 0.25]);
+    assert!(found.supports.iter().all(|support| support.stiffness_n_per_m == 2000.0), "{:?}", found.supports);
+    assert_eq!(found.surface.thickness_m, 3e-3);
+    assert_eq!(found.surface.damping, era_model::scene::SurfaceDamping::LossFactor(0.05));
+    assert_eq!(space.dimensions()[1].count, Some(5));
+    // A key that the file does not have.
+    let space = super::tests::space("[[variable]]\nkey = \"actuator.left.housing_mass_g\"\nfrom = 1\nto = 2\n");
+    assert_eq!(scene(&space, &[0.5]).actuators[0].housing_mass_kg, 1.5e-3);
+}
+
+#[test]
+fn places_are_free_on_a_line_and_mirrored() {
+    let study = "[[variable]]\nplace = \"actuator.left\"\nwithin_mm = [10, 20, 110, 120]\n\
+                 [[variable]]\nplace = \"actuator.right\"\nmirror_of = \"actuator.left\"\nmirrored = \"both\"\n\
+                 [[variable]]\nplace = \"support[1]\"\nline_mm = [0, 0, 40, 30]\nstep_mm = 25\n";
+    let space = space(study);
+    let found = scene(&space, &[0.25, 0.5, 0.6]);
+    let at = |x: f64, y: f64| (x / 1e3, y / 1e3);
+    assert_eq!((found.actuators[0].x_m, found.actuators[0].y_m), at(35.0, 70.0));
+    assert_eq!((found.actuators[1].x_m, found.actuators[1].y_m), at(265.0, 130.0));
+    assert_eq!((found.supports[0].x_m, found.supports[0].y_m), at(20.0, 15.0));
+    assert_eq!(space.dimensions().len(), 3);
+    let columns = space.columns();
+    assert_eq!(columns.len(), 6);
+    let design = space.design(&[0.25, 0.5, 0.6]);
+    assert_eq!(columns[2].number(&design), Some(265.0));
+    assert!(columns[2].follows && !columns[0].follows);
+}
+
+#[test]
+fn choices_take_tables_and_words() {
+    let study = "[[variable]]\nkey = \"surface.material\"\nnames = [\"metal\", \"glass\"]\nvalues = [\n\
+                 { youngs_modulus_pa = 69e9, poisson_ratio = 0.33, density_kg_m3 = 2700.0 }, # light\n\
+                 { youngs_modulus_pa = 72e9, poisson_ratio = 0.22, density_kg_m3 = 2500.0 },\n]\n\
+                 [[variable]]\nkey = \"edge[1].kind\"\nvalues = [\"pinned\", \"clamped\"]\n";
+    let plate = format!("{EXAMPLE_PLATE}\n[[edge]]\nside = \"left\"\nkind = \"pinned\"\n");
+    let space = space_of(study, &plate).unwrap();
+    let found = scene(&space, &[0.9, 0.9]);
+    assert_eq!((found.surface.material.density_kg_m3, found.edges[0].kind), (2500.0, EdgeKind::Clamped));
+    let found = scene(&space, &[0.1, 0.1]);
+    assert_eq!((found.surface.material.density_kg_m3, found.edges[0].kind), (2700.0, EdgeKind::Pinned));
+    let design = space.design(&[0.9, 0.1]);
+    assert_eq!(space.columns()[0].text(&design).as_deref(), Some("glass"));
+    // The heading and what stands beside values stay.
+    let text = space.text(&design).unwrap();
+    assert!(text.contains("[surface.material]") && text.contains("# about 5 % of critical"), "{text}");
+}
+
+#[test]
+fn a_count_takes_the_first_ones_and_all_else_does_without_the_rest() {
+    let study = "[[variable]]\ncount = \"actuator\"\nfrom = 1\nto = 2\n\
+                 [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [70, 90, 80, 110]\n\
+                 [[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 30\n";
+    let space = space(study);
+    let one = scene(&space, &[0.2, 0.5, 0.5]);
+    assert_eq!(one.actuators.len(), 1);
+    let refused = space.scene(&space.design(&[0.8, 0.5, 0.5]), &[]).unwrap_err();
+    assert_eq!(refused.to_string(), "left and right are 0.0 mm apart, but must be at least 30 mm");
+}
+
+#[test]
+fn what_may_be_off_is_off_by_parts_and_amounts() {
+    let study = "[[uncertain]]\nkey = \"support.*.stiffness_n_per_m\"\npart = 0.2\n\
+                 [[uncertain]]\nkey = \"actuator.*.x_mm\"\nby = 2.0\nvary = \"together\"\n\
+                 [[uncertain]]\nkey = \"support[1].x_mm\"\nby = 2.0\n";
+    let space = space(study);
+    assert_eq!(space.uncertain_values(), 6);
+    let found = space.base(&[1.0, -1.0, 0.5, 0.0, 1.0, -1.0]).unwrap();
+    let springs: Vec<f64> = found.supports.iter().map(|support| support.stiffness_n_per_m).collect();
+    assert_eq!(springs, [2400.0, 1600.0, 2200.0, 2000.0]);
+    assert_eq!([found.actuators[0].x_m, found.actuators[1].x_m], [0.077, 0.227]);
+    // No place is off the surface.
+    assert_eq!(found.supports[0].x_m, 0.0);
+}
+
+#[test]
+fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
+    let study = "[[variable]]\nkey = \"support[7].x_mm\"\nfrom = 0\nto = 1\n\
+                 [[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 200\nto = 300\n\
+                 [[variable]]\nplace = \"actuator.right\"\nmirror_of = \"actuator.left\"\nmirrored = \"x\"\n\
+                 [[variable]]\ncount = \"actuator\"\nfrom = 1\nto = 3\n\
+                 [[variable]]\nkey = \"surface.tickness_mm\"\nfrom = 1\nto = 3\n";
+    let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
+    let told: Vec<(usize, &str)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
+    let expected = [
+        (4, "the scene has no support[7]"),
+        (8, "the scene takes none of its values: surface.thickness_mm is 200, but must be 0.001 to 100"),
+        (12, "must be a place of a variable before this one"),
+        (16, "the scene has 2 [[actuator]], but 3 are asked for"),
+        (20, "unknown key surface.tickness_mm; did you mean thickness_mm?"),
+    ];
+    assert_eq!(told.len(), expected.len(), "{told:?}");
+    for ((line, text), (wanted_line, wanted)) in told.iter().zip(expected) {
+        assert!(*line == wanted_line && text.contains(wanted), "{line}: {text}; wanted {wanted_line}: {wanted}");
+    }
+}
+
+#[test]
+fn chosen_numbers_have_few_digits() {
+    assert_eq!(
+        [0.1 + 0.2, 1.0 / 3.0, 123_456_789.0, -2e-9 / 3.0].map(super::design::rounded),
+        [0.3, 0.333_333, 123_457_000.0, -6.66667e-10]
+    );
+}

@@ -1,0 +1,69 @@
+//! Values that may be off: which, by how much, and the samples that all designs are looked at with.
+
+use super::document::{number, put};
+use super::{Refused, design};
+use crate::spec::{Robust, Step, Uncertain};
+use era_model::scene::random::Random;
+use toml_edit::{DocumentMut, Value};
+
+/// A stream of random numbers of its own.
+const STREAM: u64 = 0x0ff5;
+
+/// The samples of what may be off: the same for all designs, so that their differences are those of the designs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenarios(
+    /// One number from -1 to 1 for each value that may be off.
+    pub Vec<Vec<f64>>,
+);
+
+impl Scenarios {
+    /// For so many values that may be off.
+    #[must_use]
+    pub fn new(values: usize, robust: Robust, seed: u64) -> Self {
+        if values == 0 {
+            return Self(Vec::new());
+        }
+        Self(match robust {
+            Robust::Corners => (0..1_usize << values)
+                .map(|corner| (0..values).map(|k| if corner >> k & 1 == 1 { 1.0 } else { -1.0 }).collect())
+                .collect(),
+            Robust::LatinHypercube { samples } => {
+                let mut random = Random::new(seed, STREAM);
+                let points = crate::ways::latin_hypercube(values, samples, &mut random);
+                points.into_iter().map(|point| point.into_iter().map(|part| 2.0 * part - 1.0).collect()).collect()
+            }
+        })
+    }
+}
+
+/// How many values of one uncertainty are off by themselves.
+pub(super) fn values(own: &Uncertain, places: &[Vec<Step>]) -> usize {
+    if own.together { 1 } else { places.len() }
+}
+
+/// Moves values by parts of what they may be off. Places that are a coordinate stay on the surface.
+pub(super) fn apply(
+    document: &mut DocumentMut,
+    all: &[Uncertain],
+    places: &[Vec<Vec<Step>>],
+    off: &[f64],
+    sides_mm: [f64; 2],
+) -> Result<(), Refused> {
+    let mut first = 0;
+    for (own, places) in all.iter().zip(places) {
+        for (k, place) in places.iter().enumerate() {
+            let part = off.get(first + if own.together { 0 } else { k }).copied().unwrap_or(0.0);
+            // None where this design does without.
+            let Some(value) = number(document, place) else { continue };
+            let moved = design::rounded(value * (1.0 + own.part * part) + own.by * part);
+            let moved = match place.last() {
+                Some(Step::Key(key)) if key == "x_mm" => moved.clamp(0.0, sides_mm[0]),
+                Some(Step::Key(key)) if key == "y_mm" => moved.clamp(0.0, sides_mm[1]),
+                _ => moved,
+            };
+            put(document, place, &Value::from(moved));
+        }
+        first += values(own, places);
+    }
+    Ok(())
+}

@@ -1,0 +1,64 @@
+//! What a study's file says: a scene, what may change in it, what is wanted, and how to look for it.
+//!
+//! The format is TOML, `version = 1`; `docs/src/studies.md` is its reference. Every mistake in a file is told with its key, value,
+//! allowed range and line, all of them at once, as a scene's are.
+
+mod method;
+mod parse;
+mod path;
+mod variables;
+mod wishes;
+
+pub use method::{Method, Robust, Way};
+pub(crate) use parse::has_few_corners;
+pub use path::{Path, PathError, Step};
+pub use variables::{Apart, Numbers, Scale, Uncertain, Variable, What, Where};
+pub use wishes::{Costs, Figure, Goal, Limit, Settings, Wanted, Wish};
+
+use era_model::scene::SceneError;
+
+/// A study's file as it was read.
+#[derive(Clone, Debug)]
+pub struct Spec {
+    /// Its name.
+    pub name: String,
+    /// The scene's file, as the study's names it: from the study's own folder.
+    pub scene: String,
+    /// What may change, in the file's order.
+    pub variables: Vec<Variable>,
+    /// What keeps its distance.
+    pub apart: Vec<Apart>,
+    /// What is wanted, at least one.
+    pub wishes: Vec<Wish>,
+    /// What has to hold.
+    pub limits: Vec<Limit>,
+    /// What is not known.
+    pub uncertain: Vec<Uncertain>,
+    /// What parts cost.
+    pub costs: Costs,
+    /// How designs are chosen, and how they are looked at.
+    pub method: Method,
+}
+
+impl Spec {
+    /// Reads a study from text; `source` is what messages call it.
+    ///
+    /// # Errors
+    /// [`SceneError`] with every mistake found.
+    pub fn parse(source: &str, text: &str) -> Result<Self, SceneError> {
+        parse::spec(source, text)
+    }
+
+    /// The figures that are computed of every design: of wishes and limits, each once, in the file's order.
+    #[must_use]
+    pub fn figures(&self) -> Vec<Wanted> {
+        let mut figures: Vec<Wanted> = Vec::new();
+        let all = self.wishes.iter().map(|wish| &wish.wanted).chain(self.limits.iter().map(|limit| &limit.wanted));
+        for wanted in all {
+            if !figures.contains(wanted) {
+                figures.push(wanted.clone());
+            }
+        }
+        figures
+    }
+}

@@ -1,0 +1,229 @@
+//! Places of keys in a scene's document: `surface.thickness_mm`, `support[2].x_mm`, `actuator.left.mount`, `support.*.x_mm`.
+
+use std::fmt;
+use toml_edit::{DocumentMut, Item, Table};
+
+/// A key's place, or that of a table (`actuator.left`). Tables of a list are counted from one, as messages about scenes do; actuators
+/// go by their `id` too, and `*` stands for all of a list.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Path {
+    text: String,
+    segments: Vec<Segment>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Segment {
+    /// A key of a table, or the `id` of a list's table.
+    Name(String),
+    /// A list's table, from one.
+    Number(usize),
+    /// All tables of a list.
+    All,
+}
+
+/// Why a path leads nowhere.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PathError {
+    /// Not of a path's form.
+    #[error(
+        "{path:?} is no place of a scene: write surface.thickness_mm, support[1].x_mm, support.*.x_mm or actuator.left.x_mm"
+    )]
+    Form {
+        /// As written.
+        path: String,
+    },
+    /// A list is too short.
+    #[error("the scene has {found} [[{list}]], but {wanted} are asked for")]
+    Few {
+        /// The list.
+        list: String,
+        /// How many it has.
+        found: usize,
+        /// How many it should have.
+        wanted: usize,
+    },
+    /// There is nothing by that name.
+    #[error("{path}: the scene has no {missing}")]
+    Missing {
+        /// As written.
+        path: String,
+        /// What is missing.
+        missing: String,
+    },
+}
+
+/// What a path leads to: the steps of one place, indices of lists from zero.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// A table's key.
+    Key(String),
+    /// A list's table.
+    Index(usize),
+}
+
+impl Path {
+    /// Reads a path.
+    ///
+    /// # Errors
+    /// [`PathError::Form`].
+    pub fn parse(text: &str) -> Result<Self, PathError> {
+        let form = || PathError::Form { path: text.into() };
+        let mut segments = Vec::new();
+        for part in text.split('.') {
+            let (name, number) = match part.split_once('[') {
+                Some((name, rest)) => (name, Some(rest.strip_suffix(']').ok_or_else(form)?)),
+                None => (part, None),
+            };
+            if name.is_empty() || name.contains([']', ' ', '"']) {
+                return Err(form());
+            }
+            segments.push(if name == "*" { Segment::All } else { Segment::Name(name.into()) });
+            match number {
+                Some("*") => segments.push(Segment::All),
+                Some(number) => {
+                    let number = number.parse().ok().filter(|number| *number >= 1).ok_or_else(form)?;
+                    segments.push(Segment::Number(number));
+                }
+                None => {}
+            }
+        }
+        if segments.first().is_none_or(|first| *first == Segment::All) {
+            return Err(form());
+        }
+        Ok(Self { text: text.into(), segments })
+    }
+
+    /// A key below this path.
+    #[must_use]
+    pub fn below(&self, key: &str) -> Self {
+        let mut segments = self.segments.clone();
+        segments.push(Segment::Name(key.into()));
+        Self { text: format!("{}.{key}", self.text), segments }
+    }
+
+    /// All places that the path leads to; the last key need not be there.
+    ///
+    /// # Errors
+    /// [`PathError::Missing`].
+    pub fn places(&self, document: &DocumentMut) -> Result<Vec<Vec<Step>>, PathError> {
+        let mut places: Vec<(Vec<Step>, At<'_>)> = vec![(Vec::new(), At::Table(document.as_table()))];
+        for (number, segment) in self.segments.iter().enumerate() {
+            let is_last = number + 1 == self.segments.len();
+            let mut next = Vec::new();
+            for (steps, at) in places {
+                let found = at.follow(segment, is_last);
+                let missing = || PathError::Missing { path: self.text.clone(), missing: self.up_to(number) };
+                for (step, at) in found.ok_or_else(missing)? {
+                    next.push(([steps.as_slice(), &[step]].concat(), at));
+                }
+            }
+            places = next;
+        }
+        Ok(places.into_iter().map(|(steps, _)| steps).collect())
+    }
+
+    /// The path's beginning as it is written in messages.
+    fn up_to(&self, segment: usize) -> String {
+        let mut text = String::new();
+        for segment in &self.segments[..=segment] {
+            match segment {
+                Segment::Name(name) if text.is_empty() => text.push_str(name),
+                Segment::Name(name) => text.push_str(&format!(".{name}")),
+                Segment::Number(number) => text.push_str(&format!("[{number}]")),
+                Segment::All => text.push_str(".*"),
+            }
+        }
+        text
+    }
+}
+
+impl fmt::Display for Path {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+/// Where a path has led so far.
+#[derive(Clone, Copy)]
+enum At<'d> {
+    Table(&'d Table),
+    List(&'d toml_edit::ArrayOfTables),
+    /// A table in braces: its keys are values.
+    Inline,
+    Value,
+}
+
+impl<'d> At<'d> {
+    /// Where a segment leads: one place, or all of a list; `None` if nothing is there and the last key may not be new.
+    fn follow(self, segment: &Segment, is_last: bool) -> Option<Vec<(Step, At<'d>)>> {
+        match (self, segment) {
+            (At::Table(table), Segment::Name(name)) => {
+                let step = Step::Key(name.clone());
+                match table.get(name) {
+                    Some(Item::Table(table)) => Some(vec![(step, At::Table(table))]),
+                    Some(Item::ArrayOfTables(list)) => Some(vec![(step, At::List(list))]),
+                    Some(Item::Value(toml_edit::Value::InlineTable(_))) => Some(vec![(step, At::Inline)]),
+                    Some(_) => is_last.then(|| vec![(step, At::Value)]),
+                    None => is_last.then(|| vec![(step, At::Value)]),
+                }
+            }
+            (At::Inline, Segment::Name(name)) => is_last.then(|| vec![(Step::Key(name.clone()), At::Value)]),
+            (At::List(list), Segment::Name(id)) => {
+                let has_id = |table: &Table| table.get("id").and_then(Item::as_str) == Some(id);
+                let index = list.iter().position(has_id)?;
+                Some(vec![(Step::Index(index), At::Table(list.get(index)?))])
+            }
+            (At::List(list), Segment::Number(number)) => {
+                Some(vec![(Step::Index(number - 1), At::Table(list.get(number - 1)?))])
+            }
+            (At::List(list), Segment::All) if !list.is_empty() => {
+                Some(list.iter().enumerate().map(|(index, table)| (Step::Index(index), At::Table(table))).collect())
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn document() -> DocumentMut {
+        "[surface]\nthickness_mm = 2.0\nmaterial = { density_kg_m3 = 1.0 }\n[[support]]\nx_mm = 0\n[[support]]\nx_mm = 1\n\
+         [[actuator]]\nid = \"left\"\n[[actuator]]\nid = \"right\"\n"
+            .parse()
+            .unwrap()
+    }
+
+    fn places(path: &str) -> Result<Vec<Vec<Step>>, PathError> {
+        Path::parse(path)?.places(&document())
+    }
+
+    #[test]
+    fn places_are_found_by_number_id_and_all() {
+        let key = |name: &str| Step::Key(name.into());
+        assert_eq!(places("surface.thickness_mm").unwrap(), [[key("surface"), key("thickness_mm")]]);
+        assert_eq!(places("support[2].x_mm").unwrap(), [[key("support"), Step::Index(1), key("x_mm")]]);
+        assert_eq!(places("actuator.right.x_mm").unwrap(), [[key("actuator"), Step::Index(1), key("x_mm")]]);
+        let all = places("support.*.damping_n_s_per_m").unwrap();
+        assert_eq!(all, places("support[*].damping_n_s_per_m").unwrap());
+        assert_eq!(all.len(), 2);
+        assert_eq!(places("surface.material.density_kg_m3").unwrap()[0].len(), 3);
+    }
+
+    #[test]
+    fn what_is_not_there_is_named() {
+        for (path, missing) in [
+            ("support[3].x_mm", "support[3]"),
+            ("actuator.middle.x_mm", "actuator.middle"),
+            ("mass.*.mass_g", "mass"),
+            ("surface.damping.loss_factor", "surface.damping"),
+        ] {
+            let found = places(path).unwrap_err();
+            assert_eq!(found, PathError::Missing { path: path.into(), missing: missing.into() });
+        }
+        for path in ["", "support[0].x_mm", "support[2.x_mm", "a..b", "*.x", "support[x].y"] {
+            assert!(matches!(Path::parse(path), Err(PathError::Form { .. })), "{path}");
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! What may change, and what is not known.
+
+use super::path::Path;
+use toml_edit::Value;
+
+/// How numbers are spread between two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// Equal differences.
+    Linear,
+    /// Equal ratios.
+    Log,
+}
+
+/// Numbers between two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numbers {
+    /// Least.
+    pub from: f64,
+    /// Most.
+    pub to: f64,
+    /// How they are spread.
+    pub scale: Scale,
+    /// Only `from` and whole steps beyond it, linear scale only.
+    pub step: Option<f64>,
+}
+
+impl Numbers {
+    /// How many there are; `None` if any number between the two will do.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at most a million, by the file's reader"
+    )]
+    pub fn count(&self) -> Option<usize> {
+        self.step.map(|step| ((self.to - self.from) / step + 1e-9).floor() as usize + 1)
+    }
+}
+
+/// Where a place may be, in mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Where {
+    /// In a rectangle.
+    Rectangle {
+        /// Between two columns.
+        x: Numbers,
+        /// Between two rows.
+        y: Numbers,
+    },
+    /// On a straight line.
+    Line {
+        /// One end.
+        from: [f64; 2],
+        /// The other.
+        to: [f64; 2],
+        /// How far it is from one to the other.
+        along: Numbers,
+    },
+}
+
+/// What a variable changes, and to what.
+#[derive(Clone, Debug)]
+pub enum What {
+    /// A number for one key or several.
+    Number {
+        /// Where it goes.
+        paths: Vec<Path>,
+        /// What it may be.
+        numbers: Numbers,
+    },
+    /// One value, or table, of a list.
+    Choice {
+        /// Where it goes.
+        paths: Vec<Path>,
+        /// What it may be.
+        values: Vec<Value>,
+        /// What these are called.
+        names: Vec<String>,
+        /// What each costs beside the parts; zeros where the file says nothing.
+        costs: Vec<f64>,
+    },
+    /// `x_mm` and `y_mm` together.
+    Place {
+        /// The table that has them.
+        of: Path,
+        /// Where it may be.
+        area: Where,
+    },
+    /// The mirror image of another place.
+    Mirror {
+        /// The table that is moved.
+        of: Path,
+        /// The one that it is an image of.
+        from: Path,
+        /// Whether x is mirrored about the surface's middle.
+        x: bool,
+        /// Whether y is.
+        y: bool,
+    },
+    /// How many of a list's tables there are: the first ones.
+    Count {
+        /// The list.
+        list: String,
+        /// Least.
+        from: usize,
+        /// Most.
+        to: usize,
+    },
+}
+
+/// One thing that may change.
+#[derive(Clone, Debug)]
+pub struct Variable {
+    /// What tables and plots call it.
+    pub name: String,
+    /// What it is.
+    pub what: What,
+    /// How many values a grid has of it (for a rectangle along either side); the method's if `None`.
+    pub levels: Option<usize>,
+    /// Its line in the file.
+    pub line: usize,
+}
+
+impl Variable {
+    /// Whether it moves the table that a path leads to.
+    #[must_use]
+    pub fn is_place_of(&self, path: &Path) -> bool {
+        matches!(&self.what, What::Place { of, .. } | What::Mirror { of, .. } if of == path)
+    }
+}
+
+/// Places that keep a distance from each other.
+#[derive(Clone, Debug)]
+pub struct Apart {
+    /// The tables that have them.
+    pub places: Vec<Path>,
+    /// Least distance in mm.
+    pub distance_mm: f64,
+}
+
+/// What is not known of a design: a value that may be off.
+#[derive(Clone, Debug)]
+pub struct Uncertain {
+    /// What tables call it.
+    pub name: String,
+    /// Which keys.
+    pub paths: Vec<Path>,
+    /// By which part of itself it may be more or less.
+    pub part: f64,
+    /// By how much, in the key's unit, it may be more or less.
+    pub by: f64,
+    /// Whether all keys are off by the same.
+    pub together: bool,
+}

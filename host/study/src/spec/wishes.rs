@@ -1,0 +1,207 @@
+//! What is wanted of a design, and what has to hold.
+
+/// A figure of a design.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Figure {
+    /// Peak at the place where the least can be had, in g.
+    WeakestG,
+    /// The same in dB above the threshold of feeling.
+    WeakestDb,
+    /// Contrast of a weak touch at a place in dB.
+    ContrastDb,
+    /// Time in ms in which a touch at a place rises to 90 %: how crisp a click can be.
+    RiseMs,
+    /// Electrical power in W at full safe force.
+    PowerW,
+    /// Mass of the panel with all that rides on it, in g.
+    MassG,
+    /// What the parts cost.
+    Cost,
+    /// Frequency in Hz of the highest mode that is mostly motion as a rigid body.
+    RigidModeHz,
+    /// Frequency in Hz of the first mode that mostly bends the panel.
+    BendingModeHz,
+    /// How far the panel yields where it is pressed, at its softest place, in um.
+    SagUm,
+    /// Highest voltage that is commanded, in V.
+    VoltageV,
+}
+
+/// Whether more or less is better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Goal {
+    /// More.
+    Most,
+    /// Less.
+    Least,
+}
+
+impl Goal {
+    /// The word in the file.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Most => "most",
+            Self::Least => "least",
+        }
+    }
+
+    /// A figure as a loss: less is better.
+    #[must_use]
+    pub const fn loss(self, figure: f64) -> f64 {
+        match self {
+            Self::Most => -figure,
+            Self::Least => figure,
+        }
+    }
+}
+
+/// Which settings of the actuators count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Settings {
+    /// Each place has a setting of its own.
+    EveryTouch,
+    /// One setting for the whole surface.
+    One,
+}
+
+impl Figure {
+    /// All of them.
+    pub const ALL: [Self; 11] = [
+        Self::WeakestG,
+        Self::WeakestDb,
+        Self::ContrastDb,
+        Self::RiseMs,
+        Self::PowerW,
+        Self::MassG,
+        Self::Cost,
+        Self::RigidModeHz,
+        Self::BendingModeHz,
+        Self::SagUm,
+        Self::VoltageV,
+    ];
+
+    /// The word in the file.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::WeakestG => "weakest_g",
+            Self::WeakestDb => "weakest_db",
+            Self::ContrastDb => "contrast_db",
+            Self::RiseMs => "rise_ms",
+            Self::PowerW => "power_w",
+            Self::MassG => "mass_g",
+            Self::Cost => "cost",
+            Self::RigidModeHz => "rigid_mode_hz",
+            Self::BendingModeHz => "bending_mode_hz",
+            Self::SagUm => "sag_um",
+            Self::VoltageV => "voltage_v",
+        }
+    }
+
+    /// What is usually wanted of it.
+    #[must_use]
+    pub const fn usual_goal(self) -> Goal {
+        match self {
+            Self::WeakestG | Self::WeakestDb | Self::ContrastDb | Self::BendingModeHz => Goal::Most,
+            Self::RiseMs
+            | Self::PowerW
+            | Self::MassG
+            | Self::Cost
+            | Self::RigidModeHz
+            | Self::SagUm
+            | Self::VoltageV => Goal::Least,
+        }
+    }
+
+    /// Whether it is about settings of the actuators over the surface.
+    #[must_use]
+    pub const fn is_of_settings(self) -> bool {
+        matches!(self, Self::WeakestG | Self::WeakestDb | Self::PowerW | Self::VoltageV)
+    }
+
+    /// Whether it is about a place.
+    #[must_use]
+    pub const fn is_of_a_place(self) -> bool {
+        matches!(self, Self::ContrastDb | Self::RiseMs)
+    }
+
+    /// Whether it is a level in dB, which has no ratio to another.
+    #[must_use]
+    pub const fn is_level(self) -> bool {
+        matches!(self, Self::WeakestDb | Self::ContrastDb)
+    }
+}
+
+/// A figure with all that it depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wanted {
+    /// Which.
+    pub figure: Figure,
+    /// For figures of settings: which settings.
+    pub setting: Settings,
+    /// For figures of a place: where, in mm.
+    pub at_mm: Option<[f64; 2]>,
+    /// For the sag: the press in N; the scene's if `None`.
+    pub force_n: Option<f64>,
+}
+
+impl Wanted {
+    /// Whether it follows from the weakest place of a setting for every touch, or from the parts alone.
+    #[must_use]
+    pub fn is_quick(&self) -> bool {
+        match self.figure {
+            Figure::WeakestG | Figure::WeakestDb => self.setting == Settings::EveryTouch,
+            figure => matches!(figure, Figure::MassG | Figure::Cost),
+        }
+    }
+
+    /// What tables call it.
+    #[must_use]
+    pub fn column(&self) -> String {
+        let mut name = self.figure.name().to_owned();
+        if self.figure.is_of_settings() && self.setting == Settings::One {
+            name.push_str("_one_setting");
+        }
+        if let Some([x, y]) = self.at_mm {
+            name.push_str(&format!("_at_{x}_{y}"));
+        }
+        if let Some(force_n) = self.force_n {
+            name.push_str(&format!("_{force_n}_n"));
+        }
+        name
+    }
+}
+
+/// A figure that is to be large, or small.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wish {
+    /// Which.
+    pub wanted: Wanted,
+    /// What is better.
+    pub goal: Goal,
+}
+
+/// A figure that has to be within bounds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Limit {
+    /// Which.
+    pub wanted: Wanted,
+    /// No less than this.
+    pub least: f64,
+    /// No more than this.
+    pub most: f64,
+}
+
+/// What parts cost, in a currency of the file's own.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Costs {
+    /// Each actuator.
+    pub actuator: f64,
+    /// Each support.
+    pub support: f64,
+    /// Each point mass.
+    pub mass: f64,
+    /// Each kg of the surface.
+    pub per_kg: f64,
+}

@@ -1,0 +1,220 @@
+//! Points that depend on results: the covariance matrix adaptation evolution strategy (Hansen and Ostermeier 2001), of the crate
+//! `cmaes`, asked for whole generations and told what they are worth.
+//!
+//! The library asks a function for one value at a time, and samples a generation before it does. So every generation is had by
+//! going through all before it with the values that are known: they are the same again, as the random numbers are, and nothing
+//! but values has to be kept to go on after a stop.
+
+use crate::spec::Method;
+use cmaes::{CMAESOptions, DVector};
+use era_model::scene::random::Random;
+use std::cell::RefCell;
+
+/// A stream of random numbers of its own.
+const STREAM: u64 = 0xe701;
+/// Deviation of the first generation, in parts of a dimension: nearly all of it is within two.
+const FIRST_DEVIATION: f64 = 0.3;
+/// Deviation in parts of a dimension below which a search has arrived: a tenth of a millimetre of ten centimetres.
+const ARRIVED: f64 = 1e-3;
+
+/// The generations of a study.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evolution {
+    dimensions: usize,
+    population: usize,
+    runs: usize,
+    generations: usize,
+    seed: u64,
+}
+
+impl Evolution {
+    /// The generations of a method over so many dimensions.
+    #[must_use]
+    pub fn new(method: &Method, dimensions: usize) -> Self {
+        let (population, runs) = (method.population.max(2), method.runs.max(1));
+        let generations = method.designs / (population * runs);
+        Self { dimensions, population, runs, generations, seed: method.seed }
+    }
+
+    /// Designs of a generation.
+    #[must_use]
+    pub const fn population(&self) -> usize {
+        self.population
+    }
+
+    /// Searches beside each other.
+    #[must_use]
+    pub const fn runs(&self) -> usize {
+        self.runs
+    }
+
+    /// Generations of each.
+    #[must_use]
+    pub const fn generations(&self) -> usize {
+        self.generations
+    }
+
+    /// The points of the generation after those that are told: losses of each of their points, less being better. A search that has
+    /// arrived begins anew elsewhere.
+    #[must_use]
+    pub fn ask(&self, run: usize, told: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let mut random = Random::new(self.seed, STREAM + run as u64);
+        let mut first = 0;
+        loop {
+            let asked = RefCell::new(Asked::default());
+            let middle = match (run, first) {
+                (0, 0) => vec![0.5; self.dimensions],
+                _ => (0..self.dimensions).map(|_| random.between(0.2, 0.8)).collect(),
+            };
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "any 53 bits will do")]
+            let seed = (random.unit() * (1_u64 << 53) as f64) as u64;
+            let search = CMAESOptions::new(middle, FIRST_DEVIATION)
+                .population_size(self.population)
+                .tol_x(ARRIVED)
+                .seed(seed)
+                .build(|point: &DVector<f64>| asked.borrow_mut().answer(point));
+            // Refused are no dimensions and such a population only.
+            let Ok(mut search) = search else { return vec![Vec::new(); self.population] };
+            let mut has_ended = false;
+            while !has_ended {
+                *asked.borrow_mut() =
+                    Asked { answers: told.get(first).cloned().unwrap_or_default(), points: Vec::new() };
+                has_ended = search.next().is_some();
+                if first == told.len() {
+                    return asked
+                        .borrow()
+                        .points
+                        .iter()
+                        .map(|point| point.iter().copied().map(folded).collect())
+                        .collect();
+                }
+                first += 1;
+            }
+        }
+    }
+
+    /// What each of some wishes counts in a run: all of one wish first, then between them.
+    #[must_use]
+    #[expect(clippy::cast_precision_loss, reason = "small counts")]
+    pub fn weights(&self, run: usize, wishes: usize) -> Vec<f64> {
+        let only = |wish: usize| (0..wishes).map(|k| f64::from(u8::from(k == wish))).collect();
+        match (wishes, self.runs) {
+            (0 | 1, _) => vec![1.0; wishes],
+            (2, 2..) => {
+                let part = run as f64 / (self.runs - 1) as f64;
+                vec![1.0 - part, part]
+            }
+            _ if run < wishes => only(run),
+            _ if run == wishes => vec![1.0 / wishes as f64; wishes],
+            _ => {
+                // Evenly over the simplex.
+                let mut random = Random::new(self.seed, STREAM.wrapping_sub(1 + run as u64));
+                let parts: Vec<f64> = (0..wishes).map(|_| -(1.0 - random.unit()).ln()).collect();
+                let whole: f64 = parts.iter().sum();
+                parts.into_iter().map(|part| part / whole).collect()
+            }
+        }
+    }
+}
+
+/// What the library asks for within a generation, and what it is answered.
+#[derive(Default)]
+struct Asked {
+    answers: Vec<f64>,
+    points: Vec<Vec<f64>>,
+}
+
+impl Asked {
+    fn answer(&mut self, point: &DVector<f64>) -> f64 {
+        self.points.push(point.iter().copied().collect());
+        // Of a generation that is only asked for, the answers are of no account.
+        self.answers.get(self.points.len() - 1).copied().unwrap_or(0.0)
+    }
+}
+
+/// A coordinate beyond an end as its mirror image there: the search knows no ends.
+fn folded(at: f64) -> f64 {
+    let part = at.rem_euclid(2.0);
+    if part > 1.0 { 2.0 - part } else { part }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn evolution(dimensions: usize, population: usize, runs: usize) -> Evolution {
+        Evolution { dimensions, population, runs, generations: 100, seed: 3 }
+    }
+
+    /// Through the same path as a study's: whole generations asked for, all values told.
+    fn found(evolution: &Evolution, run: usize, generations: usize, of: impl Fn(&[f64]) -> f64) -> (Vec<f64>, f64) {
+        let mut told: Vec<Vec<f64>> = Vec::new();
+        let mut best = (Vec::new(), f64::INFINITY);
+        for _ in 0..generations {
+            let points = evolution.ask(run, &told);
+            assert_eq!(points.len(), evolution.population());
+            let losses: Vec<f64> = points.iter().map(|point| of(point)).collect();
+            for (point, loss) in points.iter().zip(&losses) {
+                assert!(point.iter().all(|part| (0.0..=1.0).contains(part)));
+                if *loss < best.1 {
+                    best = (point.clone(), *loss);
+                }
+            }
+            told.push(losses);
+        }
+        best
+    }
+
+    /// A long narrow valley off the middle, and one whose least is in a corner.
+    #[test]
+    fn known_optima_are_found() {
+        let valley =
+            |x: &[f64]| 100.0 * (x[1] - 0.3 - 0.5 * (x[0] - 0.7)).powi(2) + (x[0] - 0.7).powi(2) + (x[2] - 0.2).powi(2);
+        let (at, loss) = found(&evolution(3, 10, 1), 0, 60, valley);
+        assert!(loss < 1e-4, "{at:?} {loss}");
+        for (part, wanted) in at.iter().zip([0.7, 0.3, 0.2]) {
+            assert!((part - wanted).abs() < 0.02, "{at:?}");
+        }
+        let (at, _) = found(&evolution(2, 8, 1), 0, 40, |x| x[0] + 1.0 - x[1]);
+        assert!(at[0] < 0.02 && at[1] > 0.98, "{at:?}");
+    }
+
+    /// One of two hollows is deeper: a search that ends in the other one begins anew.
+    #[test]
+    fn a_search_that_has_arrived_begins_anew() {
+        let hollow = |x: &[f64], at: f64| -(-((x[0] - at).powi(2) + (x[1] - at).powi(2)) / 0.02).exp();
+        let (at, _) = found(&evolution(2, 8, 1), 0, 100, |x| hollow(x, 0.75) + 1.3 * hollow(x, 0.15));
+        assert!((at[0] - 0.15).abs() < 0.02 && (at[1] - 0.15).abs() < 0.02, "{at:?}");
+    }
+
+    #[test]
+    fn what_is_told_makes_the_same_generations_again_and_other_ones_of_other_values() {
+        let evolution = evolution(2, 6, 2);
+        let first = evolution.ask(1, &[]);
+        let losses: Vec<f64> = first.iter().map(|point| point[0]).collect();
+        let second = evolution.ask(1, std::slice::from_ref(&losses));
+        assert_eq!(evolution.ask(1, &[]), first);
+        assert_eq!(evolution.ask(1, std::slice::from_ref(&losses)), second);
+        let turned: Vec<f64> = losses.iter().map(|loss| -loss).collect();
+        assert_ne!(evolution.ask(1, &[turned]), second);
+        assert_ne!(evolution.ask(0, &[]), first);
+    }
+
+    #[test]
+    fn weights_go_from_one_wish_to_the_other() {
+        let two = evolution(2, 6, 3);
+        assert_eq!((0..3).map(|run| two.weights(run, 2)).collect::<Vec<_>>(), [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]);
+        let many = evolution(2, 6, 9);
+        for run in 0..9 {
+            let weights = many.weights(run, 3);
+            assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12 && weights.iter().all(|part| *part >= 0.0));
+        }
+        assert_eq!(many.weights(1, 3), [0.0, 1.0, 0.0]);
+        assert_ne!(many.weights(5, 3), many.weights(6, 3));
+    }
+
+    #[test]
+    fn ends_are_mirrors() {
+        assert_eq!([-0.25, 0.25, 1.25, 2.25, -1.5].map(folded), [0.25, 0.25, 0.75, 0.25, 0.5]);
+    }
+}

@@ -1,0 +1,7 @@
+//! Which points of the unit cube are looked at.
+
+mod evolution;
+mod samples;
+
+pub use evolution::Evolution;
+pub use samples::{Samples, latin_hypercube};

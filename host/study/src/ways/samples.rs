@@ -1,0 +1,192 @@
+//! Points that are known beforehand: grids, Latin hypercubes, Sobol's sequence.
+
+use crate::space::Dimension;
+use crate::spec::{Method, Way};
+use era_model::scene::random::Random;
+use sobol::Sobol;
+use sobol::params::JoeKuoD6;
+use std::ops::Range;
+
+/// A stream of random numbers of its own.
+const STREAM: u64 = 0x5a3;
+
+/// All points of a study.
+#[derive(Clone, Debug)]
+pub enum Samples {
+    /// All combinations; the last dimension goes fastest.
+    Grid {
+        /// The values of each dimension.
+        levels: Vec<Vec<f64>>,
+    },
+    /// Every point, as they depend on each other.
+    Listed(Vec<Vec<f64>>),
+    /// Sobol's sequence, shifted.
+    Sobol {
+        /// How many.
+        count: usize,
+        /// What is added to each coordinate, modulo 1 (Cranley and Patterson 1976); zeros for the sequence itself.
+        shift: Vec<f64>,
+    },
+}
+
+impl Samples {
+    /// The points of a method; `None` for one whose points depend on results.
+    #[must_use]
+    pub fn new(method: &Method, dimensions: &[Dimension]) -> Option<Self> {
+        let mut random = Random::new(method.seed, STREAM);
+        match method.way {
+            Way::Grid => {
+                let of = |dimension: &Dimension| levels(dimension, method.levels);
+                Some(Self::Grid { levels: dimensions.iter().map(of).collect() })
+            }
+            Way::LatinHypercube => Some(Self::Listed(latin_hypercube(dimensions.len(), method.designs, &mut random))),
+            Way::Sobol => {
+                let shift = |_| if method.seed == 0 { 0.0 } else { random.unit() };
+                Some(Self::Sobol { count: method.designs, shift: (0..dimensions.len()).map(shift).collect() })
+            }
+            Way::Evolution => None,
+        }
+    }
+
+    /// How many there are; more than can be counted is the largest number.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        match self {
+            Self::Grid { levels } => levels.iter().fold(1_usize, |count, own| count.saturating_mul(own.len())),
+            Self::Listed(points) => points.len(),
+            Self::Sobol { count, .. } => *count,
+        }
+    }
+
+    /// Some of them.
+    #[must_use]
+    pub fn points(&self, range: Range<usize>) -> Vec<Vec<f64>> {
+        match self {
+            Self::Grid { levels } => range.map(|index| combination(levels, index)).collect(),
+            Self::Listed(points) => points.get(range).map(<[_]>::to_vec).unwrap_or_default(),
+            Self::Sobol { shift, .. } => {
+                if shift.is_empty() {
+                    return range.map(|_| Vec::new()).collect();
+                }
+                let sequence = Sobol::<f64>::new(shift.len(), &JoeKuoD6::standard());
+                let moved = |point: Vec<f64>| point.iter().zip(shift).map(|(at, shift)| (at + shift).fract()).collect();
+                sequence.skip(range.start).take(range.len()).map(moved).collect()
+            }
+        }
+    }
+}
+
+/// The values of a dimension on a grid: both ends, and evenly between them; of what can be counted all, or as many as asked for.
+#[expect(clippy::cast_precision_loss, reason = "small counts")]
+fn levels(dimension: &Dimension, usual: usize) -> Vec<f64> {
+    match dimension.count {
+        // The middle of what stands for each.
+        Some(count) => {
+            let chosen = dimension.levels.unwrap_or(count).min(count);
+            let last = chosen.saturating_sub(1).max(1);
+            (0..chosen).map(|k| (((k * (count - 1)) as f64 / last as f64).round() + 0.5) / count as f64).collect()
+        }
+        None => era_model::scene::evenly(0.0, 1.0, dimension.levels.unwrap_or(usual)),
+    }
+}
+
+fn combination(levels: &[Vec<f64>], index: usize) -> Vec<f64> {
+    let mut rest = index;
+    let mut point = vec![0.0; levels.len()];
+    for (value, own) in point.iter_mut().zip(levels).rev() {
+        *value = own[rest % own.len()];
+        rest /= own.len();
+    }
+    point
+}
+
+/// So many points of which each has a part of every dimension for itself, in a place of its own within that part.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "counts of designs")]
+pub fn latin_hypercube(dimensions: usize, count: usize, random: &mut Random) -> Vec<Vec<f64>> {
+    let mut points = vec![Vec::with_capacity(dimensions); count];
+    for _ in 0..dimensions {
+        let mut order: Vec<usize> = (0..count).collect();
+        // Fisher and Yates.
+        for last in (1..count).rev() {
+            let other = u32::try_from(last + 1).map_or(0, |below| random.below(below) as usize);
+            order.swap(last, other);
+        }
+        for (point, part) in points.iter_mut().zip(order) {
+            point.push((part as f64 + random.unit()) / count as f64);
+        }
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn dimension(count: Option<usize>, levels: Option<usize>) -> Dimension {
+        Dimension { variable: 0, name: String::new(), count, levels }
+    }
+
+    /// The strata are counted.
+    #[test]
+    fn a_latin_hypercube_has_a_point_in_every_part_of_every_dimension() {
+        for count in [1, 2, 7, 64] {
+            let points = latin_hypercube(3, count, &mut Random::new(5, 1));
+            for d in 0..3 {
+                let mut hits = vec![0; count];
+                points.iter().for_each(|point| hits[(point[d] * count as f64).floor() as usize] += 1);
+                assert!(hits.iter().all(|hits| *hits == 1), "{count} {d}: {hits:?}");
+            }
+        }
+        let orders: Vec<Vec<usize>> = (0..2)
+            .map(|d| {
+                let points = latin_hypercube(2, 50, &mut Random::new(5, 1));
+                let mut order: Vec<usize> = (0..50).collect();
+                order.sort_by(|a, b| points[*a][d].total_cmp(&points[*b][d]));
+                order
+            })
+            .collect();
+        assert_ne!(orders[0], orders[1]);
+    }
+
+    /// The first points as Joe and Kuo's own program (new-joe-kuo-6.21201) prints them, its origin included.
+    #[test]
+    fn sobols_sequence_begins_as_published() {
+        let samples = Samples::Sobol { count: 10, shift: vec![0.0; 3] };
+        let published = [
+            [0.0, 0.0, 0.0],
+            [0.5, 0.5, 0.5],
+            [0.75, 0.25, 0.25],
+            [0.25, 0.75, 0.75],
+            [0.375, 0.375, 0.625],
+            [0.875, 0.875, 0.125],
+            [0.625, 0.125, 0.875],
+            [0.125, 0.625, 0.375],
+            [0.1875, 0.3125, 0.9375],
+            [0.6875, 0.8125, 0.4375],
+        ];
+        assert_eq!(samples.points(0..10), published);
+        assert_eq!(samples.points(7..9), published[7..9]);
+    }
+
+    #[test]
+    fn a_shift_moves_all_points_around_the_cube() {
+        let samples = Samples::Sobol { count: 4, shift: vec![0.3, 0.0] };
+        let firsts: Vec<f64> = samples.points(0..4).into_iter().map(|point| point[0]).collect();
+        for (found, wanted) in firsts.iter().zip([0.3, 0.8, 0.05, 0.55]) {
+            assert!((found - wanted).abs() < 1e-12, "{firsts:?}");
+        }
+    }
+
+    #[test]
+    fn a_grid_has_all_combinations() {
+        let dimensions = [dimension(None, Some(3)), dimension(Some(2), None)];
+        let of = |dimension: &Dimension| levels(dimension, 5);
+        let samples = Samples::Grid { levels: dimensions.iter().map(of).collect() };
+        assert_eq!(samples.count(), 6);
+        let wanted = [[0.0, 0.25], [0.0, 0.75], [0.5, 0.25], [0.5, 0.75], [1.0, 0.25], [1.0, 0.75]];
+        assert_eq!(samples.points(0..6), wanted);
+        assert_eq!(levels(&dimension(None, None), 5).len(), 5);
+        assert_eq!(levels(&dimension(Some(5), Some(3)), 5), [0.1, 0.5, 0.9]);
+    }
+}

@@ -1,0 +1,222 @@
+//! Studies computed with a figure that is known: stopped and resumed, in shares, with any number of workers.
+
+use era_model::scene::{EXAMPLE_PLATE, Scene};
+use era_study::evaluate::{EvaluateError, Evaluator, Figures};
+use era_study::result::{GatherError, Status, Table, finalists, write_parquet};
+use era_study::run::{Folder, Observer, Outcome, Shard, Stopped, Study, Task, run};
+use era_study::spec::Wanted;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+const HEAD: &str = "version = 1\nname = \"s\"\nscene = \"plate.toml\"\n\
+                    [[variable]]\nplace = \"actuator.left\"\nwithin_mm = [0, 0, 300, 200]\n\
+                    [[variable]]\nkey = \"support.*.stiffness_n_per_m\"\nfrom = 1000\nto = 5000\n\
+                    [[wish]]\nfigure = \"weakest_g\"\n";
+
+/// A figure of the scene alone, largest with the left actuator at (200, 50) mm on springs of 4000 N/m.
+struct Known {
+    calls: AtomicUsize,
+}
+
+fn known(scene: &Scene) -> f64 {
+    let (x, y) = (scene.actuators[0].x_m, scene.actuators[0].y_m);
+    let spring = scene.supports[0].stiffness_n_per_m;
+    2.0 - ((x - 0.2) / 0.3).powi(2) - ((y - 0.05) / 0.2).powi(2) - ((spring - 4000.0) / 4000.0).powi(2)
+}
+
+impl Evaluator for Known {
+    fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        let spring = scene.supports[0].stiffness_n_per_m;
+        assert!(spring < 4900.0, "poisoned");
+        if scene.actuators[0].x_m < 0.03 {
+            return Err(era_planner::PlanError::NoFrequencies.into());
+        }
+        let values = wanted.iter().enumerate().map(|(k, _)| if k == 0 { known(scene) } else { spring });
+        Ok(Figures { values: values.collect(), weakest_mm: None })
+    }
+}
+
+fn evaluator() -> Known {
+    Known { calls: AtomicUsize::new(0) }
+}
+
+fn study(rest: &str) -> Study {
+    Study::parse("s.toml", &format!("{HEAD}{rest}"), "plate.toml", EXAMPLE_PLATE).unwrap()
+}
+
+fn folder(place: &Path, study: &Study) -> Folder {
+    Folder::open(place, study.key()).unwrap()
+}
+
+/// Stops after so many designs.
+struct After {
+    designs: usize,
+    done: AtomicUsize,
+}
+
+impl Observer for After {
+    fn stops(&self) -> bool {
+        self.done.load(Ordering::Relaxed) >= self.designs
+    }
+
+    fn does(&self, designs: usize) {
+        self.done.fetch_add(designs, Ordering::Relaxed);
+    }
+}
+
+fn with_workers<T: Send>(workers: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(workers).build().unwrap().install(work)
+}
+
+/// All rows' files, and the table as Parquet.
+fn bytes(place: &Path, study: &Study) -> BTreeMap<String, Vec<u8>> {
+    let files = fs::read_dir(place.join("rows")).unwrap().map(|entry| entry.unwrap());
+    let mut all: BTreeMap<String, Vec<u8>> =
+        files.map(|file| (file.file_name().into_string().unwrap(), fs::read(file.path()).unwrap())).collect();
+    let table = Table::gather(study, &folder(place, study)).unwrap();
+    all.insert("designs.parquet".into(), write_parquet(&table).unwrap());
+    all
+}
+
+const WAYS: [&str; 4] = [
+    "[method]\nway = \"sobol\"\ndesigns = 60\nchunk = 7\nseed = 4\n",
+    "[method]\nway = \"latin_hypercube\"\ndesigns = 60\nchunk = 7\n",
+    "[method]\nway = \"grid\"\nlevels = 4\nchunk = 7\n",
+    "[method]\nway = \"evolution\"\ndesigns = 80\npopulation = 8\nruns = 2\n",
+];
+
+/// Stopped and gone on with, in shares done in any order, with 1, 2 and 4 workers: the same bytes.
+#[test]
+fn whoever_computes_a_study_in_whatever_pieces_the_bytes_are_the_same() {
+    for way in WAYS {
+        let study = study(way);
+        let whole = tempfile::tempdir().unwrap();
+        let ended = with_workers(1, || run(&study, &folder(whole.path(), &study), &evaluator(), Shard::ALL, &()));
+        assert_eq!(ended.unwrap(), Stopped::Done);
+        let wanted = bytes(whole.path(), &study);
+        for workers in [2, 4] {
+            let other = tempfile::tempdir().unwrap();
+            with_workers(workers, || run(&study, &folder(other.path(), &study), &evaluator(), Shard::ALL, &()))
+                .unwrap();
+            assert_eq!(bytes(other.path(), &study), wanted, "{workers} workers, {way}");
+        }
+        let stopped = tempfile::tempdir().unwrap();
+        let observer = After { designs: 20, done: AtomicUsize::new(0) };
+        let first = evaluator();
+        let ended = with_workers(2, || run(&study, &folder(stopped.path(), &study), &first, Shard::ALL, &observer));
+        assert_eq!(ended.unwrap(), Stopped::Early);
+        let missing = Table::gather(&study, &folder(stopped.path(), &study)).unwrap_err();
+        assert!(
+            matches!(missing, GatherError::Missing { missing, all } if missing > 0 && all == study.designs()),
+            "{missing}"
+        );
+        // What a killed writer leaves is neither taken for rows nor in the way; a file that was cut is computed again.
+        fs::write(stopped.path().join("rows/.part-1-1"), "half").unwrap();
+        let file =
+            study.tasks().find(|task| stopped.path().join("rows").join(task.file()).exists() && *task != Task::Base);
+        let file = stopped.path().join("rows").join(file.unwrap().file());
+        let cut = fs::read(&file).unwrap();
+        fs::write(&file, &cut[..cut.len() / 2]).unwrap();
+        let second = evaluator();
+        with_workers(2, || run(&study, &folder(stopped.path(), &study), &second, Shard::ALL, &())).unwrap();
+        fs::remove_file(stopped.path().join("rows/.part-1-1")).unwrap();
+        assert_eq!(bytes(stopped.path(), &study), wanted, "stopped, {way}");
+        let calls = [&first, &second].map(|own| own.calls.load(Ordering::Relaxed));
+        assert!(calls[1] < study.designs(), "{calls:?}: what was there was not computed again");
+        let shared = tempfile::tempdir().unwrap();
+        for shard in ["3/3", "1/3", "2/3"] {
+            let shard: Shard = shard.parse().unwrap();
+            run(&study, &folder(shared.path(), &study), &evaluator(), shard, &()).unwrap();
+        }
+        assert_eq!(bytes(shared.path(), &study), wanted, "shares, {way}");
+    }
+}
+
+/// What fails is a row that says why: refused by the scene, by the planner, or by a panic.
+#[test]
+fn designs_that_fail_are_rows_with_their_reasons() {
+    let study = study("[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n[method]\nway = \"grid\"\nlevels = 5\n");
+    let place = tempfile::tempdir().unwrap();
+    run(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = Table::gather(&study, &folder(place.path(), &study)).unwrap();
+    assert_eq!(table.entries.len(), 125);
+    for entry in &table.entries {
+        let scene = study.space.design(&entry.row.point);
+        let numbers: Vec<f64> = study.space.columns().iter().map(|column| column.number(&scene).unwrap()).collect();
+        let [x, y, spring] = numbers[..] else { panic!("{numbers:?}") };
+        let reason = if (x - 225.0).hypot(y - 100.0) < 50.0 {
+            "left and right are"
+        } else if spring >= 4900.0 {
+            "this design makes era itself fail"
+        } else if x < 30.0 {
+            "no "
+        } else {
+            assert_eq!((entry.status, &entry.reason), (Status::Kept, &None));
+            assert!(matches!(entry.row.outcome, Outcome::Found { .. }));
+            continue;
+        };
+        assert_eq!(entry.status, Status::Failed);
+        assert!(entry.reason.as_ref().unwrap().contains(reason), "{:?} at {numbers:?}", entry.reason);
+    }
+}
+
+/// The best design is the grid's best, and an evolution comes to the optimum.
+#[test]
+fn the_best_are_found() {
+    let study_of_grid = study("[method]\nway = \"grid\"\nlevels = 7\n");
+    let place = tempfile::tempdir().unwrap();
+    run(&study_of_grid, &folder(place.path(), &study_of_grid), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = Table::gather(&study_of_grid, &folder(place.path(), &study_of_grid)).unwrap();
+    let best = finalists(&study_of_grid, &table, 3);
+    let all = table.entries.iter().filter(|entry| entry.status == Status::Kept).map(|entry| entry.wishes[0]);
+    assert_eq!(table.entries[best[0]].wishes[0], all.fold(f64::NEG_INFINITY, f64::max));
+    assert!(best.len() == 3 && table.entries[best[0]].wishes[0] >= table.entries[best[1]].wishes[0]);
+    let evolving = study("[method]\nway = \"evolution\"\ndesigns = 400\npopulation = 10\nruns = 2\n");
+    let place = tempfile::tempdir().unwrap();
+    run(&evolving, &folder(place.path(), &evolving), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = Table::gather(&evolving, &folder(place.path(), &evolving)).unwrap();
+    let best = &table.entries[finalists(&evolving, &table, 1)[0]];
+    assert!(best.wishes[0] > 1.999, "{best:?}");
+}
+
+/// Limits are kept by what wins, and the worst of what may be off counts: off by a quarter, springs of 4000 N/m are worse at their
+/// worst than ones whose range is around 4000.
+#[test]
+fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
+    let limited = study(
+        "[[limit]]\nfigure = \"rigid_mode_hz\"\nmost = 3000\n[method]\nway = \"evolution\"\ndesigns = 400\npopulation = 10\nruns = 1\n",
+    );
+    let place = tempfile::tempdir().unwrap();
+    run(&limited, &folder(place.path(), &limited), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = Table::gather(&limited, &folder(place.path(), &limited)).unwrap();
+    let best = &table.entries[finalists(&limited, &table, 1)[0]];
+    let spring = best.row.figures().unwrap().values[1];
+    assert!(spring <= 3000.0 && spring > 2950.0, "{best:?}");
+    let broken = table.entries.iter().find(|entry| entry.status == Status::Broken).unwrap();
+    assert!(broken.reason.as_ref().unwrap().starts_with("rigid_mode_hz is "), "{broken:?}");
+    let robust = study(
+        "[[uncertain]]\nkey = \"actuator.left.x_mm\"\nby = 60\n[method]\nway = \"grid\"\nlevels = 6\nrobust = \"corners\"\n",
+    );
+    assert_eq!(robust.scenarios(), 2);
+    let place = tempfile::tempdir().unwrap();
+    run(&robust, &folder(place.path(), &robust), &evaluator(), Shard::ALL, &()).unwrap();
+    let table = Table::gather(&robust, &folder(place.path(), &robust)).unwrap();
+    let mut seen = 0;
+    for entry in table.entries.iter().filter(|entry| entry.status == Status::Kept) {
+        let numbers: Vec<f64> = table.columns.iter().map(|column| column.number(&entry.row.design).unwrap()).collect();
+        let worst = [-60.0, 0.0, 60.0].map(|off| {
+            let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+            scene.actuators[0].x_m = (numbers[0] + off).clamp(0.0, 300.0) / 1e3;
+            scene.actuators[0].y_m = numbers[1] / 1e3;
+            scene.supports[0].stiffness_n_per_m = numbers[2];
+            known(&scene)
+        });
+        let worst = worst.into_iter().fold(f64::INFINITY, f64::min);
+        assert!((entry.wishes[0] - worst).abs() < 1e-5, "{entry:?} {worst}");
+        seen += 1;
+    }
+    assert!(seen > 50, "{seen}");
+}

@@ -1,0 +1,119 @@
+//! What is written of a study, read back: the table by Parquet's reader and by its bytes, the report as a page.
+
+use era_model::scene::EXAMPLE_PLATE;
+use era_study::evaluate::Figures;
+use era_study::report::report;
+use era_study::result::{Finals, Table, write_parquet};
+use era_study::run::{Outcome, Row, Study};
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::Field;
+
+const STUDY: &str = "version = 1\nname = \"a <b> & c\"\nscene = \"plate.toml\"\n\
+                     [[variable]]\nplace = \"actuator.left\"\nwithin_mm = [0, 0, 300, 200]\n\
+                     [[variable]]\nname = \"metal\"\nkey = \"surface.material.density_kg_m3\"\nvalues = [2700.0, 7800.0]\nnames = [\"light\", \"</script>\"]\n\
+                     [[wish]]\nfigure = \"weakest_g\"\n[[wish]]\nfigure = \"mass_g\"\n\
+                     [[uncertain]]\nkey = \"surface.thickness_mm\"\npart = 0.1\n[method]\nway = \"sobol\"\ndesigns = 5\n";
+
+fn study() -> Study {
+    Study::parse("s.toml", STUDY, "plate.toml", EXAMPLE_PLATE).unwrap()
+}
+
+fn row(study: &Study, point: [f64; 3], outcome: Outcome) -> Row {
+    Row { point: point.to_vec(), design: study.space.design(&point), outcome }
+}
+
+fn found(weakest: f64, mass: f64, off: f64) -> Outcome {
+    let figures = Figures { values: vec![weakest, mass], weakest_mm: Some([1.5, 2.5]) };
+    Outcome::Found { figures, low: vec![weakest - off, mass], high: vec![weakest + off, mass] }
+}
+
+fn table(study: &Study) -> Table {
+    let base = Row {
+        point: Vec::new(),
+        design: era_study::space::Design { settings: vec![era_study::space::Setting::Kept; 2] },
+        outcome: found(0.3, 350.0, 0.1),
+    };
+    let rows = vec![
+        row(study, [0.1, 0.2, 0.3], found(0.5, 400.0, 0.2)),
+        row(study, [0.5, 0.5, 0.9], found(0.6, 300.0, 0.1)),
+        row(study, [0.7, 0.1, 0.3], found(0.4, 500.0, 0.0)),
+        row(study, [0.9, 0.9, 0.9], Outcome::Failed("no such thing".into())),
+    ];
+    Table::of(study, base, rows)
+}
+
+#[test]
+fn the_table_is_read_back() {
+    let study = study();
+    let table = table(&study);
+    let bytes = write_parquet(&table).unwrap();
+    // The format's own frame: magic at both ends, and before the last one the length of what lies before that.
+    assert_eq!((&bytes[..4], &bytes[bytes.len() - 4..]), (b"PAR1".as_slice(), b"PAR1".as_slice()));
+    let footer = u32::from_le_bytes(bytes[bytes.len() - 8..bytes.len() - 4].try_into().unwrap()) as usize;
+    assert!(footer > 100 && footer < bytes.len() - 12, "{footer} of {}", bytes.len());
+    let reader = SerializedFileReader::new(bytes::Bytes::from(bytes)).unwrap();
+    let rows: Vec<Vec<(String, Field)>> =
+        reader.get_row_iter(None).unwrap().map(|row| row.unwrap().into_columns()).collect();
+    let names: Vec<&str> = rows[0].iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "design",
+            "status",
+            "reason",
+            "on_front",
+            "actuator.left.x_mm",
+            "actuator.left.y_mm",
+            "metal",
+            "weakest_g",
+            "weakest_g_low",
+            "weakest_g_high",
+            "mass_g",
+            "mass_g_low",
+            "mass_g_high",
+            "weakest_x_mm",
+            "weakest_y_mm"
+        ]
+    );
+    let text = |text: &str| Field::Str(text.into());
+    let cell = |row: usize, name: &str| rows[row].iter().find(|(own, _)| own == name).unwrap().1.clone();
+    let column = |name: &str| (0..rows.len()).map(|row| cell(row, name)).collect::<Vec<_>>();
+    assert_eq!(column("design"), [0, 1, 2, 3, 4].map(Field::Long));
+    assert_eq!(column("status"), ["kept", "kept", "kept", "kept", "failed"].map(text));
+    // By its worst, 0.3 with 400 g is surpassed by 0.5 with 300 g; and so is 0.4 with 500 g.
+    assert_eq!(column("on_front"), [false, false, true, false, false].map(Field::Bool));
+    assert_eq!(cell(4, "reason"), text("no such thing"));
+    assert_eq!((cell(0, "reason"), cell(0, "metal"), cell(4, "weakest_g")), (Field::Null, Field::Null, Field::Null));
+    assert_eq!((cell(1, "metal"), cell(2, "metal")), (text("light"), text("</script>")));
+    assert_eq!(
+        (cell(1, "actuator.left.x_mm"), cell(1, "actuator.left.y_mm")),
+        (Field::Double(30.0), Field::Double(40.0))
+    );
+    assert_eq!((cell(2, "weakest_g"), cell(2, "weakest_g_low")), (Field::Double(0.6), Field::Double(0.5)));
+    assert_eq!(cell(3, "weakest_x_mm"), Field::Double(1.5));
+}
+
+/// A page that shows all of it, asks nobody for anything, and cannot be ended by what a study's file says.
+#[test]
+fn the_report_stands_alone() {
+    let study = study();
+    let table = table(&study);
+    let base =
+        era_study::result::Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
+    let best = era_study::result::Finalist { design: 2, ..base.clone() };
+    let html = report(&study, &table, &Finals { base, best: vec![best], tolerance: 1e-3 });
+    assert_eq!(html.matches("</script>").count(), 2, "the data's, and the script's");
+    for outside in ["src=", "href=", "@import", "url(", "fetch(", "http-equiv"] {
+        assert!(!html.contains(outside), "{outside}");
+    }
+    let addresses: Vec<&str> = html.match_indices("http").map(|(at, _)| &html[at..(at + 26).min(html.len())]).collect();
+    assert!(addresses.iter().all(|address| address.starts_with("http://www.w3.org/2000/svg")), "{addresses:?}");
+    assert!(html.contains("a &lt;b&gt; &amp; c") && !html.contains("<b>"));
+    let from = html.find("id=\"data\">").unwrap() + 10;
+    let data: serde_json::Value =
+        serde_json::from_str(&html[from..from + html[from..].find("</script>").unwrap()]).unwrap();
+    assert_eq!(data["rows"].as_array().unwrap().len(), 3);
+    assert_eq!(data["rows"][1], serde_json::json!([2, [2, 150.0, 100.0, 1.0, 0.6, 300.0]]));
+    assert_eq!(data["wishes"][1], serde_json::json!({"name": "mass_g", "column": 5, "most": false}));
+    assert!(html.contains("no such thing"));
+}
