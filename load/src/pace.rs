@@ -59,6 +59,12 @@ pub struct Options {
     program: PathBuf,
 }
 
+/// How long before a touch is due its sender is awake, as an application is that has been told of a finger: where a processor has been idle, a
+/// sleep ends some tenths of a millisecond late, which is no time of the daemon's.
+const AWAKE: Duration = Duration::from_millis(2);
+/// Time between two touches from which on the sender can be awake without taking a processor from the daemon.
+const SELDOM: Duration = Duration::from_millis(8);
+
 /// How often, and from when until when.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
@@ -71,6 +77,15 @@ impl Pace {
     fn new(rate: f64, seconds: f64) -> Self {
         let from = Instant::now();
         Self { from, every: Duration::from_secs_f64(1.0 / rate), until: from + Duration::from_secs_f64(seconds) }
+    }
+
+    /// Sleeps until a touch is due.
+    fn wait(&self, due: Instant) {
+        let awake = if self.every < SELDOM { Duration::ZERO } else { AWAKE };
+        std::thread::sleep(due.saturating_duration_since(Instant::now()).saturating_sub(awake));
+        while Instant::now() < due {
+            std::hint::spin_loop();
+        }
     }
 
     /// When the `k`th is due; `None` if that is beyond the end.

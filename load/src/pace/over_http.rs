@@ -31,7 +31,7 @@ pub fn run(place: &Place, pace: Pace, rate: f64) -> Vec<Touch> {
 fn connection(place: &Place, pace: Pace, counter: &AtomicU32) -> Vec<Came> {
     let (mut all, mut http) = (Vec::new(), Http::new(place.clone()));
     while let Some((k, due)) = next(counter, pace) {
-        std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        pace.wait(due);
         let body = json!({"x_px": x_px(k), "y_px": 640, "intensity_g": 0.3, "duration_ms": 100}).to_string();
         let answer = http.post("/v1/touch", &body);
         all.push(Came { due, ended: Instant::now(), answer });

@@ -34,7 +34,7 @@ fn send(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
     let mut sent = Vec::new();
     for k in 0.. {
         let Some(due) = pace.due(k) else { break };
-        std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        pace.wait(due);
         let finger = json!({"id": 1, "x_px": x_px(k), "y_px": 640, "intensity_g": 0.3});
         writer.send(&json!({"type": "touch", "touches": [finger]}))?;
         sent.push(due);
