@@ -84,7 +84,7 @@ fn board() -> SimDevice {
 
 fn daemon(line: &Line, timing: Timing) -> Daemon {
     let background = Background::start(app(line, timing)).unwrap();
-    let daemon = Daemon { url: format!("http://{}", background.address()), sim: line.sim(), background };
+    let daemon = Daemon { url: format!("http://{}", background.address()), sim: line.sim(), background: Some(background) };
     daemon.wait_for(|state| state["device"]["connected"] == true);
     daemon
 }
