@@ -6,6 +6,7 @@ mod support;
 mod access;
 mod boards;
 mod bodies;
+mod busy;
 mod by_hand;
 mod drags;
 mod figures;
