@@ -13,6 +13,7 @@ use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use era::verify::VerifyError;
 use era::verify::succession::{Order, Turn, Turned, follow};
 use serde_json::{Value, json};
+use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 use support::Daemon;
 use tungstenite::Message;
@@ -245,6 +246,41 @@ fn a_touch_that_does_not_fit_is_weaker_at_first() {
     // What would have grown does not begin again.
     std::thread::sleep(Duration::from_millis(300));
     assert_eq!(served.daemon.state()["plan"], Value::Null);
+}
+
+/// What a touch leaves in the panel is there whoever has asked for it, also if its sender has hung up before it was driven: the touch that follows
+/// has as much room as after one whose sender listens.
+#[test]
+fn a_touch_whose_sender_has_gone_is_counted() {
+    let served = Served::start(&(scene_text(11, 68) + "\n[press]\nforce_n = 0.0\n"));
+    let body = json!({
+        "x_px": 0.87 * served.width_px, "y_px": 0.13 * served.height_px, "intensity_g": AT_THE_LIMIT_G, "duration_ms": 9000,
+    });
+    let (body, address) = (body.to_string(), served.daemon.url.trim_start_matches("http://"));
+    let length = body.len();
+    let room = |listens: bool| {
+        let mut stream = std::net::TcpStream::connect(address).unwrap();
+        let head = format!("POST /v1/touch HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}");
+        write!(stream, "{head}\r\nConnection: close\r\n\r\n{body}").unwrap();
+        if listens {
+            let mut answer = String::new();
+            stream.read_to_string(&mut answer).unwrap();
+            assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+        } else {
+            stream.shutdown(std::net::Shutdown::Both).unwrap();
+        }
+        served.daemon.wait_for(|state| state["plan"].is_object() && state["device"]["state"] == "running");
+        // Long enough to be steady.
+        std::thread::sleep(Duration::from_millis(600));
+        let (status, second) = served.touch(0.31, 0.62, AT_THE_LIMIT_G, 9000);
+        assert!(status == 200 && is_still_moving(&second), "{second}");
+        assert_eq!(served.daemon.post("/v1/stop", "").0, 200);
+        std::thread::sleep(Duration::from_millis(1500));
+        second["predicted"]["target_peak_g"].as_f64().unwrap()
+    };
+    let (heard_g, unheard_g) = (room(true), room(false));
+    // Where nothing is counted it has 3 g.
+    assert!((unheard_g - heard_g).abs() < 0.1, "{unheard_g} g, and {heard_g} g after one that listens");
 }
 
 /// Usual touches go the same way as ever.

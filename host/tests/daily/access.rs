@@ -3,6 +3,7 @@
 use crate::raw::{connect, send_and_listen};
 use crate::secrets::write_secret;
 use crate::support::Daemon;
+use crate::support::served::Served;
 use era::daemon::{Access, Listener};
 use era::device::session::policy::Policy;
 use era::scene::EXAMPLE_PLATE;
@@ -139,6 +140,11 @@ fn the_network_is_served_only_with_a_token_and_tls() {
     write_secret(&tokens, &format!("arm {}\n", "A".repeat(32)));
     let (code, said) = era(&["serve", "--listen", "0.0.0.0:0", "--token-file", tokens.to_str().unwrap()]);
     assert!(code == 2 && said.contains("--tls-cert"), "{code} {said}");
+    let tls = folder.path().join("tls");
+    let (code, said) = era(&["serve", "--listen", "0.0.0.0:0", "--tls-dir", tls.to_str().unwrap()]);
+    assert!(code == 2 && said.contains("--token-file"), "{code} {said}");
+    let default: std::net::SocketAddr = era::daemon::DEFAULT_LISTEN.parse().unwrap();
+    assert!(default.ip().is_loopback(), "{default}");
     write_secret(&tokens, "arm short\n");
     let (code, said) = era(&["serve", "--token-file", tokens.to_str().unwrap()]);
     assert!(code == 2 && said.contains("line 1"), "{code} {said}");
@@ -207,17 +213,13 @@ fn the_socket_in_the_file_system_is_for_its_owner() {
         assert_eq!(mode, 0o600);
         let taken = runtime.block_on(async { Listener::unix(&path) }).unwrap_err();
         assert!(taken.to_string().contains("another daemon"), "{taken}");
-        let (end, ended) = tokio::sync::oneshot::channel::<()>();
-        let serving = runtime.spawn(era::daemon::serve(app, vec![listener], async {
-            let _ = ended.await;
-        }));
+        let served = Served::on(&app, async { vec![listener] });
         let mut stream = UnixStream::connect(&path).unwrap();
         stream.write_all(b"GET /v1/state HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
         let mut answer = String::new();
         stream.read_to_string(&mut answer).unwrap();
         assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
-        end.send(()).unwrap();
-        runtime.block_on(serving).unwrap();
+        drop(served);
         assert!(!path.exists(), "the socket goes with its daemon");
     }
     // What a killed daemon left behind is in nobody's way; what is no socket is not touched.
@@ -236,17 +238,13 @@ fn a_crowd_at_the_port_is_not_at_the_socket() {
     use std::os::unix::net::UnixStream;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("era.sock");
-    let runtime = tokio::runtime::Runtime::new().unwrap();
     let app = std::sync::Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
-    let (port, socket) = runtime.block_on(async {
+    let mut address = String::new();
+    let _served = Served::on(&app, async {
         let port = Listener::tcp("127.0.0.1:0".parse().unwrap(), None, false).await.unwrap();
-        (port, Listener::unix(&path).unwrap())
+        address = port.url().trim_start_matches("http://").to_owned();
+        vec![port, Listener::unix(&path).unwrap()]
     });
-    let address = port.url().trim_start_matches("http://").to_owned();
-    let (end, ended) = tokio::sync::oneshot::channel::<()>();
-    let serving = runtime.spawn(era::daemon::serve(app, vec![port, socket], async {
-        let _ = ended.await;
-    }));
     let crowd: Vec<_> = (0..300).map(|_| std::net::TcpStream::connect(&address).unwrap()).collect();
     let mut stream = UnixStream::connect(&path).unwrap();
     stream
@@ -257,8 +255,6 @@ fn a_crowd_at_the_port_is_not_at_the_socket() {
     // The simulated device may not have answered yet: what counts is that the stop was taken.
     assert!(answer.starts_with("HTTP/1.1 200") || answer.starts_with("HTTP/1.1 502"), "{answer}");
     drop(crowd);
-    end.send(()).unwrap();
-    runtime.block_on(serving).unwrap();
 }
 
 /// One connection after the other is asked for its token before anything is read of it.

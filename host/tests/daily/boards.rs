@@ -6,12 +6,11 @@ use era::device::sim::{Knobs, SimBoard, SimDevice};
 use era::device::{Client, LinkError};
 use era::planner::PlanTable;
 use era::scene::EXAMPLE_PLATE;
-use era_shared::protocol::{Reply, Request};
-use era_shared::safety::State;
+use era_shared::protocol::Request;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 const TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 200}"#;
 const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
@@ -175,19 +174,18 @@ fn an_effect_does_not_end_the_link_to_an_old_board() {
     assert!(is_connected(&state) && state["device"]["outages"] == 0, "{state}");
 }
 
-/// A port whose device takes no bytes.
-struct Stuck;
+/// A port whose device takes no bytes: nor does the port, or it keeps them.
+struct Stuck {
+    keeps: bool,
+}
 
 impl Write for Stuck {
-    fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         std::thread::sleep(Duration::from_millis(2));
-        Err(ErrorKind::TimedOut.into())
+        if self.keeps { Ok(bytes.len()) } else { Err(ErrorKind::TimedOut.into()) }
     }
     fn flush(&mut self) -> std::io::Result<()> {
-        loop {
-            // As `tcdrain` does.
-            std::thread::sleep(Duration::from_secs(1));
-        }
+        panic!("that is `tcdrain`, which would wait for ever");
     }
 }
 
@@ -199,8 +197,13 @@ impl Read for Stuck {
 
 #[test]
 fn a_board_that_takes_no_bytes_is_given_up() {
-    let error = Client::new(Box::new(Stuck), Duration::from_millis(50)).request(&Request::Status).unwrap_err();
-    assert!(matches!(error, LinkError::Blocked { .. }) && error.to_string().contains("took no bytes"), "{error}");
+    let error = |keeps| {
+        let mut client = Client::new(Box::new(Stuck { keeps }), Duration::from_millis(50));
+        client.request(&Request::Status).unwrap_err()
+    };
+    let blocked = error(false);
+    assert!(matches!(blocked, LinkError::Blocked { .. }) && blocked.to_string().contains("took no bytes"), "{blocked}");
+    assert!(matches!(error(true), LinkError::Silent { .. }));
 }
 
 #[test]
@@ -209,31 +212,4 @@ fn a_path_without_a_port_is_told_with_its_name() {
     let daemon = Daemon::at(EXAMPLE_PLATE, missing.to_str().unwrap(), Policy::default());
     let state = daemon.wait_for(|state| state["device"]["problem"].is_string());
     assert!(!is_connected(&state) && state["device"]["port"] == "/nonexistent/era-board", "{state}");
-}
-
-/// A board that another program has left live, and that does not go off by itself: signs of life would keep a sound one so, too.
-#[test]
-fn a_board_that_is_live_on_connecting_is_stopped() {
-    let socket = Socket::new();
-    let board = socket.plug(SimBoard::ID);
-    let mut knobs = Knobs::default();
-    knobs.mistakes.deaf_to_silence = true;
-    board.control().set_knobs(knobs);
-    let line = era::device::port::Port::open(board.path()).unwrap();
-    let mut other = Client::new(Box::new(line), Duration::from_secs(1));
-    let mut until = |wanted: State| {
-        let deadline = Instant::now() + Duration::from_secs(30);
-        while !matches!(other.request(&Request::KeepAlive).unwrap(), Reply::Alive { state } if state == wanted) {
-            assert!(Instant::now() < deadline, "it is not {}", wanted.name());
-        }
-        let _ = other.request(&Request::Arm { deadman_ms: None });
-    };
-    until(State::Safe);
-    until(State::Armed);
-    drop(other);
-    assert_eq!(board.control().stop_received(), None);
-    let daemon = Daemon::at(EXAMPLE_PLATE, socket.path(), Policy::default());
-    let state = daemon.wait_for(|state| is_connected(state) && state["device"]["state"] == "safe");
-    assert_eq!((&state["device"]["fault"], &state["device"]["outages"]), (&json!(null), &json!(0)), "{state}");
-    assert!(board.control().stop_received().is_some());
 }

@@ -1,8 +1,10 @@
 //! What is not a request is refused by name.
 
+use crate::raw::connect;
 use crate::support::Daemon;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
+use std::io::{Read, Write};
 
 #[test]
 fn only_json_objects_in_their_ranges_are_taken() {
@@ -55,5 +57,32 @@ fn what_says_that_it_is_something_else_is_not_read_as_json() {
         "application/x-www-form-urlencoded",
     ] {
         assert_eq!(send(kind).0, 200, "{kind}");
+    }
+}
+
+/// Said beforehand or not, a body is read up to what its path takes, and the first byte over that ends it: here no other byte follows.
+#[test]
+fn no_body_is_read_beyond_its_paths_limit() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    for (path, most) in [("/v1/touch", 16 << 10), ("/v1/preview", 144 << 10)] {
+        let status = |head: &str, body: &[u8]| {
+            let mut stream = connect(&daemon);
+            write!(stream, "POST {path} HTTP/1.1\r\nHost: localhost\r\n{head}\r\n\r\n").unwrap();
+            stream.write_all(body).unwrap();
+            let mut answer = [0; 12];
+            stream.read_exact(&mut answer).unwrap();
+            String::from_utf8_lossy(&answer[9..]).into_owned()
+        };
+        for (length, wanted) in [(most, "400"), (most + 1, "413")] {
+            let body = vec![b' '; length];
+            assert_eq!(status(&format!("Content-Length: {length}"), &body), wanted, "{path} {length}");
+            let chunk = [format!("{length:x}\r\n").as_bytes(), &body].concat();
+            let end = if length == most { &b"\r\n0\r\n\r\n"[..] } else { b"" };
+            assert_eq!(
+                status("Transfer-Encoding: chunked", &[&chunk, end].concat()),
+                wanted,
+                "{path} {length} chunked"
+            );
+        }
     }
 }

@@ -1,7 +1,10 @@
 //! Fingers on a page: taps are felt, effects begin once.
 
+use crate::line::Ear;
 use crate::support::Daemon;
+use era::device::timing::REAL_TIME;
 use era::scene::EXAMPLE_PLATE;
+use era_shared::protocol::Request;
 use serde_json::{Value, json};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
@@ -57,6 +60,25 @@ fn every_tap_vibrates() {
     }
     // The last one is driven for its least time, and then it is lifted.
     daemon.wait_for(|state| state["device"]["state"] == "armed" && state["plan"].is_null());
+}
+
+/// However short a finger was down: the board is not told of its end before a tap's least time is over.
+#[test]
+fn a_tap_vibrates_for_its_least_time() {
+    let (daemon, line) = crate::line::daemon(REAL_TIME);
+    let mut socket = live(&daemon, "?send=plan");
+    say(&mut socket, &touch(&json!([{"id": 1, "x_px": 900, "y_px": 500.0}])));
+    say(&mut socket, &touch(&json!([])));
+    next(&mut socket, "plan");
+    let drives = |ear: &Ear, is_on: bool| {
+        let mut asked = ear.asked.iter().zip(&ear.at);
+        asked
+            .find(|(request, _)| matches!(request, Request::SetDrives { drives } if drives.is_empty() != is_on))
+            .map(|it| *it.1)
+    };
+    let ear = line.wait_for(|ear| drives(ear, false).is_some());
+    let took = drives(&ear, false).unwrap() - drives(&ear, true).unwrap();
+    assert!(took >= Duration::from_millis(400), "{took:?}");
 }
 
 #[test]

@@ -3,15 +3,15 @@
 
 use crate::raw::post;
 use crate::support::Daemon;
+use crate::support::served::Served;
 use era::daemon::listener::{TlsFiles, first_certificate};
-use era::daemon::{Access, Limits, Listener, serve};
+use era::daemon::{Access, Limits};
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::sync::oneshot;
 
 const SHORT: Duration = Duration::from_millis(200);
 const FAR: Duration = Duration::from_secs(3600);
@@ -35,28 +35,17 @@ fn none() -> Limits {
 /// A daemon with these limits.
 struct Limited {
     address: String,
-    end: Option<oneshot::Sender<()>>,
-    serving: Option<tokio::task::JoinHandle<()>>,
-    runtime: tokio::runtime::Runtime,
+    _served: Served,
 }
 
 impl Limited {
     fn start(limits: Limits, tls: Option<&TlsFiles>) -> Self {
-        let runtime = tokio::runtime::Runtime::new().unwrap();
         let mut app = Daemon::app(EXAMPLE_PLATE, Access::default());
         app.limits = limits;
         let mut device = app.device();
-        let listener = runtime.block_on(async {
-            device.wait_for(|snapshot| snapshot.connected).await.unwrap();
-            Listener::tcp("127.0.0.1:0".parse().unwrap(), tls, false).await.unwrap()
-        });
-        let address = listener.url().rsplit('/').next().unwrap().to_owned();
-        let (end, ended) = oneshot::channel();
-        let until = async {
-            let _ = ended.await;
-        };
-        let serving = runtime.spawn(serve(Arc::new(app), vec![listener], until));
-        Self { address, end: Some(end), serving: Some(serving), runtime }
+        let (served, url) = Served::at_a_port(&Arc::new(app), tls);
+        served.runtime.block_on(async { device.wait_for(|snapshot| snapshot.connected).await.map(drop) }).unwrap();
+        Self { address: url.rsplit('/').next().unwrap().to_owned(), _served: served }
     }
 
     fn connect(&self) -> TcpStream {
@@ -77,15 +66,6 @@ impl Limited {
         let mut answer = [0; 4096];
         let length = stream.read(&mut answer).unwrap_or(0);
         String::from_utf8_lossy(&answer[..length]).into_owned()
-    }
-}
-
-impl Drop for Limited {
-    fn drop(&mut self) {
-        let _ = self.end.take().map(|end| end.send(()));
-        if let Some(serving) = self.serving.take() {
-            let _ = self.runtime.block_on(serving);
-        }
     }
 }
 

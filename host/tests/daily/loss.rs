@@ -1,14 +1,9 @@
 //! A board that falls silent is told of before it is given up, and one that was only late is not given up.
 
-use crate::support::{Daemon, panel_of, table};
-use era::daemon::{Access, App, Background};
-use era::device::client::Transport;
-use era::device::port::Port;
-use era::device::session::policy::Policy;
-use era::device::sim::{Knobs, SimBoard, SimControl, SimDevice};
+use crate::line::{daemon, plate};
+use era::device::Client;
+use era::device::sim::Knobs;
 use era::device::timing::{Patience, REAL_TIME, Timing};
-use era::device::{Client, OpenDevice};
-use era::scene::EXAMPLE_PLATE;
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, Reply, Request};
 use era_shared::safety::State;
@@ -16,97 +11,22 @@ use serde_json::json;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 const TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 200}"#;
 const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
 /// One that is not given up while a test lasts.
 const FOREVER: Timing = Timing { patience: Patience { tries: 3000, ..REAL_TIME.patience }, ..REAL_TIME };
 
-/// A simulated board at the end of a line that counts how often it is opened, and breaks the thread that reads it when it is told to.
-struct Line {
-    board: SimDevice,
-    opened: Arc<AtomicU32>,
-    planted: Arc<AtomicBool>,
-}
-
-impl Line {
-    fn to(board: SimDevice) -> Self {
-        Self { board, opened: Arc::default(), planted: Arc::default() }
-    }
-
-    fn sim(&self) -> SimControl {
-        self.board.control()
-    }
-
-    fn device(&self, timing: Timing) -> OpenDevice {
-        let (path, opened, planted) =
-            (self.board.path().to_owned(), Arc::clone(&self.opened), Arc::clone(&self.planted));
-        let open = move || -> Result<Box<dyn Transport>, serialport::Error> {
-            opened.fetch_add(1, Ordering::SeqCst);
-            Ok(Box::new(Counted { port: Port::open(&path)?, planted: Arc::clone(&planted) }))
-        };
-        OpenDevice::over("a line", timing, Box::new(open))
-    }
-}
-
-struct Counted {
-    port: Port,
-    planted: Arc<AtomicBool>,
-}
-
-impl Read for Counted {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        assert!(!self.planted.load(Ordering::SeqCst), "a mistake that was planted");
-        self.port.read(buffer)
-    }
-}
-
-impl Write for Counted {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.port.write(bytes)
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-fn app(line: &Line, timing: Timing) -> App {
-    let table = table(EXAMPLE_PLATE);
-    App::with(table, line.device(timing), EXAMPLE_PLATE.to_owned(), Policy::default(), Access::default()).unwrap()
-}
-
-fn board() -> SimDevice {
-    let (panel, volts) = panel_of(&table(EXAMPLE_PLATE));
-    SimDevice::start_named(panel, volts, SimBoard::ID).unwrap()
-}
-
-fn daemon(line: &Line, timing: Timing) -> Daemon {
-    let background = Background::start(app(line, timing)).unwrap();
-    let daemon = Daemon { url: format!("http://{}", background.address()), sim: line.sim(), background };
-    daemon.wait_for(|state| state["device"]["connected"] == true);
-    daemon
-}
-
 fn silent(silent: bool) -> Knobs {
     Knobs { silent, ..Knobs::default() }
-}
-
-fn goes_off(line: &Line) {
-    let deadline = Instant::now() + Duration::from_secs(30);
-    while line.sim().watch().energised {
-        assert!(Instant::now() < deadline, "the board is still live");
-        std::thread::sleep(Duration::from_millis(5));
-    }
 }
 
 /// Idle and while it drives: the silence is told, touches are refused with the reason, and when the board answers again all
 /// goes on over the same line.
 #[test]
 fn a_board_that_is_late_is_told_of_and_not_given_up() {
-    let line = Line::to(board());
-    let daemon = daemon(&line, FOREVER);
+    let (daemon, line) = daemon(FOREVER);
     for (before, doubts) in [(None, 1), (Some(LONG_TOUCH), 2)] {
         if let Some(touch) = before {
             assert_eq!(daemon.post("/v1/touch", touch).0, 200);
@@ -126,7 +46,7 @@ fn a_board_that_is_late_is_told_of_and_not_given_up() {
         assert_eq!(daemon.post("/v1/arm", "").0, 503);
         assert!(daemon.get_text("/metrics").contains("era_device_connected 0"));
         // Where it drove it goes off by itself.
-        goes_off(&line);
+        line.goes_off();
         line.sim().set_knobs(silent(false));
         let state = daemon.wait_for(|state| state["device"]["connected"] == true);
         let device = &state["device"];
@@ -135,15 +55,14 @@ fn a_board_that_is_late_is_told_of_and_not_given_up() {
             (&json!(false), &json!(null), &json!(0))
         );
     }
-    assert_eq!(line.opened.load(Ordering::SeqCst), 1, "the line was opened anew");
+    assert_eq!(line.ear().opened, 1, "the line was opened anew");
     daemon.wait_for(|state| state["device"]["fault"]["name"] == "host-silent");
 }
 
 /// One that stays silent is an outage, once, and is looked for.
 #[test]
 fn a_board_that_stays_silent_is_given_up() {
-    let line = Line::to(board());
-    let daemon = daemon(&line, REAL_TIME);
+    let (daemon, line) = daemon(REAL_TIME);
     line.sim().set_knobs(silent(true));
     let state = daemon.wait_for(|state| state["device"]["outages"] == 1);
     assert_eq!(state["device"]["in_doubt"], false, "{state}");
@@ -152,7 +71,7 @@ fn a_board_that_stays_silent_is_given_up() {
     line.sim().set_knobs(silent(false));
     let state = daemon.wait_for(|state| state["device"]["connected"] == true);
     assert_eq!(state["device"]["outages"], 1, "{state}");
-    assert!(line.opened.load(Ordering::SeqCst) > 1);
+    assert!(line.ear().opened > 1);
 }
 
 /// A board that answers the first try when the third has been sent.
@@ -203,10 +122,9 @@ fn a_late_answer_to_an_earlier_try_counts() {
 /// A mistake in the session's thread: everybody is told, nothing is driven any more, and the daemon ends as one that failed.
 #[test]
 fn a_session_that_breaks_is_told_and_ends_the_daemon() {
-    let line = Line::to(board());
-    let daemon = daemon(&line, REAL_TIME);
+    let (daemon, line) = daemon(REAL_TIME);
     assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
-    line.planted.store(true, Ordering::SeqCst);
+    line.set(|ear| ear.breaks = true);
     let state = daemon.wait_for(|state| state["device"]["connected"] == false);
     assert!(state["device"]["problem"].as_str().unwrap().contains("session with the device has ended"), "{state}");
     assert!(daemon.get_text("/metrics").contains("era_device_connected 0"));
@@ -220,13 +138,13 @@ fn a_session_that_breaks_is_told_and_ends_the_daemon() {
         assert_eq!((status, &problem["type"]), (503, &json!("urn:era:problem:session-ended")), "{path}: {problem}");
         assert!(problem["detail"].as_str().unwrap().contains("gone off by itself"), "{problem}");
     }
-    goes_off(&line);
+    line.goes_off();
 }
 
 #[test]
 fn a_daemon_without_its_session_ends_and_is_not_told_to_be_well() {
-    let line = Line::to(board());
-    let app = Arc::new(app(&line, REAL_TIME));
+    let (app, line) = plate(REAL_TIME);
+    let app = Arc::new(app);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let device = app.device();
     runtime.block_on(async {
@@ -238,7 +156,7 @@ fn a_daemon_without_its_session_ends_and_is_not_told_to_be_well() {
         ));
         device.clone().wait_for(|snapshot| snapshot.connected).await.unwrap();
         assert!(app.is_alive(), "of which the service manager is told");
-        line.planted.store(true, Ordering::SeqCst);
+        line.set(|ear| ear.breaks = true);
         let ended = tokio::time::timeout(Duration::from_secs(30), serving).await;
         assert_eq!(ended.expect("it still serves").unwrap(), era::daemon::Ended::Session);
     });
@@ -246,39 +164,18 @@ fn a_daemon_without_its_session_ends_and_is_not_told_to_be_well() {
 }
 
 /// The line is dead one way: what the host asks arrives, and would keep the board alive. It is told to stop instead, while the host still
-/// waits and before it gives the board up.
+/// waits and before it gives the board up: the first three tries wait for 175 ms, of which 150 are over when the stop is due.
 #[test]
 fn a_board_that_hears_and_is_not_heard_is_stopped() {
-    let line = Line::to(board());
-    let daemon = daemon(&line, FOREVER);
+    let (daemon, line) = daemon(FOREVER);
     assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
     daemon.wait_for(|state| state["device"]["state"] == "running");
-    assert_eq!(line.sim().stop_received(), None);
-    line.sim().set_knobs(Knobs { mute: true, ..Knobs::default() });
-    goes_off(&line);
-    assert!(line.sim().stop_received().is_some(), "nobody told it to stop");
-    line.sim().set_knobs(Knobs::default());
+    let since = line.mark(|ear| ear.is_deaf = true);
+    line.is_stopped_within(since, 3);
+    line.goes_off();
+    line.set(|ear| ear.is_deaf = false);
     let state = daemon.wait_for(|state| state["device"]["connected"] == true);
     // Told in time, so that there is no silence to latch.
     assert_eq!((&state["device"]["fault"], &state["device"]["outages"]), (&json!(null), &json!(0)), "{state}");
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200);
-}
-
-/// A stop is not kept waiting by an answer that does not come, even where nobody would give it up.
-#[test]
-fn a_stop_is_sent_while_another_answer_is_waited_for() {
-    let patience = Patience { stop: Duration::MAX, ..FOREVER.patience };
-    let line = Line::to(board());
-    let daemon = daemon(&line, Timing { patience, ..FOREVER });
-    assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
-    daemon.wait_for(|state| state["device"]["state"] == "running");
-    line.sim().set_knobs(Knobs { mute: true, ..Knobs::default() });
-    daemon.wait_for(|state| state["device"]["in_doubt"] == true);
-    std::thread::scope(|scope| {
-        let stop = scope.spawn(|| daemon.post("/v1/stop", "").0);
-        goes_off(&line);
-        assert!(line.sim().stop_received().is_some(), "nobody told it to stop");
-        line.sim().set_knobs(Knobs::default());
-        assert_eq!(stop.join().unwrap(), 200);
-    });
 }

@@ -2,7 +2,8 @@
 
 use crate::raw::{connect, post_with, send_and_go};
 use crate::support::Daemon;
-use era::daemon::{Access, Listener};
+use crate::support::served::Served;
+use era::daemon::Access;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::json;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -21,11 +22,18 @@ fn an_older_touch_never_overrides_a_newer_one() {
         let old =
             json!({"x_px": 300, "y_px": 200 + round, "also": also, "trade": true, "duration_ms": 3000}).to_string();
         let new = json!({"x_px": 1500, "y_px": 700, "intensity_g": 0.1, "duration_ms": 3000}).to_string();
+        let name = format!("older-{round}");
         std::thread::scope(|threads| {
-            let older = threads.spawn(|| daemon.post("/v1/touch", &old));
-            std::thread::sleep(Duration::from_millis(3));
+            let older = threads.spawn(|| {
+                let touch = Daemon::agent().post(format!("{}/v1/touch", daemon.url)).header("x-request-id", &name);
+                let mut answer = touch.send(&old).unwrap();
+                (answer.status().as_u16(), answer.body_mut().read_json::<serde_json::Value>().unwrap())
+            });
+            // It has its number; mostly it is being planned.
+            let arrived = (0..10_000).any(|_| daemon.get(&format!("/v1/requests/{name}")).0 == 200);
+            assert!(arrived, "round {round}");
             let (status, _, newer) = daemon.post("/v1/touch", &new);
-            let (older_status, _, older) = older.join().unwrap();
+            let (older_status, older) = older.join().unwrap();
             assert!(older_status == 200 || older["type"] == "urn:era:problem:superseded", "{older}");
             assert_eq!(status, 200, "{newer}");
             if older_status == 200 {
@@ -123,13 +131,9 @@ fn field_for(address: &str, program: &str) -> TcpStream {
 #[test]
 fn turns_go_round_between_clients() {
     const CROWD: usize = 40;
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
     let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
-    let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0")).unwrap();
-    let address = listener.local_addr().unwrap().to_string();
-    let (end, ended) = tokio::sync::oneshot::channel::<()>();
-    let until = async move { drop(ended.await) };
-    let served = runtime.spawn(era::daemon::serve(Arc::clone(&app), vec![Listener::Tcp(listener)], until));
+    let (served, url) = Served::at_a_port(&app, None);
+    let address = url.trim_start_matches("http://");
     let wait_for = |waiting: usize| {
         let deadline = Instant::now() + Duration::from_secs(30);
         while app.admission.waiting() != waiting {
@@ -138,7 +142,7 @@ fn turns_go_round_between_clients() {
         }
     };
     // Nobody is planned for while the test has both places; then one after the other is.
-    let both = runtime.block_on(async {
+    let both = served.runtime.block_on(async {
         [app.admission.place(Default::default()).await.unwrap(), app.admission.place(Default::default()).await.unwrap()]
     });
     let answered = Mutex::new(Vec::new());
@@ -150,11 +154,11 @@ fn turns_go_round_between_clients() {
     };
     std::thread::scope(|threads| {
         for _ in 0..CROWD {
-            let stream = field_for(&address, "crowd");
+            let stream = field_for(address, "crowd");
             threads.spawn(|| listen("crowd", stream));
         }
         wait_for(CROWD);
-        let other = field_for(&address, "other");
+        let other = field_for(address, "other");
         threads.spawn(|| listen("other", other));
         wait_for(CROWD + 1);
         let [place, kept] = both;
@@ -165,6 +169,4 @@ fn turns_go_round_between_clients() {
     // The second turn is the other's. Answers are read by as many threads: some of them may come before.
     let at = answered.lock().unwrap().iter().position(|name| *name == "other").unwrap();
     assert!(at < CROWD / 2, "{at} of a crowd of {CROWD} were served before");
-    drop(end);
-    runtime.block_on(served).unwrap();
 }

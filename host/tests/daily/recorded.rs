@@ -1,13 +1,15 @@
 //! What is recorded is replayed as it was.
 
+use crate::fingers::{live, next, say};
 use crate::secrets::write_secret;
 use crate::support::Daemon;
-use era::daemon::{Access, Listener, Recorder, listener};
+use crate::support::served::Served;
+use era::daemon::{Access, Recorder, listener};
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::process::Command;
 use std::sync::Arc;
-use tungstenite::Message;
+use std::time::Duration;
 
 #[test]
 fn a_recording_is_replayed_with_the_same_answers() {
@@ -18,14 +20,15 @@ fn a_recording_is_replayed_with_the_same_answers() {
         for x_px in [300, 900, 1500] {
             let body = json!({"x_px": x_px, "y_px": 600, "intensity_g": 0.1, "duration_ms": 20}).to_string();
             assert_eq!(daemon.post("/v1/touch", &body).0, 200);
+            // They come at the same times again, and none must overtake the one before where the computer is slower then.
+            std::thread::sleep(Duration::from_millis(300));
         }
         assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 5000, "y_px": 1}"#).0, 400);
-        let (mut socket, _) =
-            tungstenite::connect(format!("{}/v1/live?send=plan", daemon.url.replace("http", "ws"))).unwrap();
+        let mut socket = live(&daemon, "?send=plan");
         let tap = json!({"type": "touch", "touches": [{"id": 1, "x_px": 400.0, "y_px": 500.0}], "intensity_g": 0.1});
-        socket.send(Message::text(tap.to_string())).unwrap();
-        while !matches!(socket.read().unwrap(), Message::Text(_)) {}
-        socket.send(Message::text(r#"{"type": "touch", "touches": []}"#)).unwrap();
+        say(&mut socket, &tap);
+        next(&mut socket, "plan");
+        say(&mut socket, &json!({"type": "touch", "touches": []}));
         drop(socket);
         assert_eq!(daemon.post("/v1/stop", "").0, 200);
     }
@@ -85,14 +88,13 @@ fn fingers_are_replayed_over_tls_with_a_token() {
     let file = path("day.jsonl");
     {
         let daemon = Daemon::recording(EXAMPLE_PLATE, Recorder::start(&file, "example plate").unwrap());
-        let (mut socket, _) =
-            tungstenite::connect(format!("{}/v1/live?send=plan", daemon.url.replace("http", "ws"))).unwrap();
+        let mut socket = live(&daemon, "?send=plan");
         for x_px in [400.0, 450.0] {
             let tap = json!({"type": "touch", "touches": [{"id": 1, "x_px": x_px, "y_px": 500.0}], "intensity_g": 0.1});
-            socket.send(Message::text(tap.to_string())).unwrap();
-            while !matches!(socket.read().unwrap(), Message::Text(_)) {}
+            say(&mut socket, &tap);
+            next(&mut socket, "plan");
         }
-        socket.send(Message::text(r#"{"type": "touch", "touches": []}"#)).unwrap();
+        say(&mut socket, &json!({"type": "touch", "touches": []}));
         socket.close(None).unwrap();
         while socket.read().is_ok() {}
     }
@@ -101,13 +103,7 @@ fn fingers_are_replayed_over_tls_with_a_token() {
     let mut app = Daemon::app(EXAMPLE_PLATE, access);
     app.record = Some(Recorder::start(&path("again.jsonl"), "example plate").unwrap());
     let tls = listener::first_certificate(&path("tls"), &[]).unwrap();
-    let runtime = tokio::runtime::Runtime::new().unwrap();
-    let listener = runtime.block_on(Listener::tcp("127.0.0.1:0".parse().unwrap(), Some(&tls), true)).unwrap();
-    let url = listener.url();
-    let (end, ended) = tokio::sync::oneshot::channel::<()>();
-    let serving = runtime.spawn(era::daemon::serve(Arc::new(app), vec![listener], async {
-        let _ = ended.await;
-    }));
+    let (served, url) = Served::at_a_port(&Arc::new(app), Some(&tls));
     write_secret(&path("token"), &secret);
     let replay = |more: &[&str], variable: Option<&str>| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
@@ -130,8 +126,7 @@ fn fingers_are_replayed_over_tls_with_a_token() {
         let (code, _, said) = replay(more, variable);
         assert!(code == 1 && said.contains(piece), "{code} {said}");
     }
-    end.send(()).unwrap();
-    runtime.block_on(serving).unwrap();
+    drop(served);
     let said = |file: &str| -> Vec<Value> {
         let text = std::fs::read_to_string(path(file)).unwrap();
         let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());

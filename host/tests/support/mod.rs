@@ -5,6 +5,7 @@ pub mod browser;
 pub mod described;
 pub mod old_board;
 pub mod scenes;
+pub mod served;
 pub mod timed_board;
 
 use era::daemon::{Access, App, Background, Recorder};
@@ -13,15 +14,19 @@ use era::device::sim::{Panel, SimControl};
 use era::device::{OpenDevice, Target};
 use era::model::levels::Levels;
 use era::model::{Accuracy, PanelModel};
+use era::planner::softening::Transducer;
 use era::planner::{PlanTable, TableOptions};
 use era::scene::Scene;
+use era::transient::reduced::ModalSystem;
+use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
 use std::time::{Duration, Instant};
 
 pub struct Daemon {
     pub url: String,
     pub sim: SimControl,
-    pub background: Background,
+    /// Ends it; nothing where it is a process of its own.
+    pub background: Option<Background>,
 }
 
 pub fn table(text: &str) -> PlanTable {
@@ -42,6 +47,12 @@ fn served_table(text: &str) -> PlanTable {
 /// A scene's simulated panel, and the voltages of its channels.
 pub fn panel_of(table: &PlanTable) -> (Panel, Vec<f64>) {
     (Panel::of(table), table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect())
+}
+
+/// Two actuators on a panel that nothing moves: no model has to be made for it.
+pub fn still_panel() -> Panel {
+    let none = ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
+    Panel::new(&none, vec![Transducer::fixed(0.0); 2])
 }
 
 impl Daemon {
@@ -65,7 +76,11 @@ impl Daemon {
         let mut app = Self::app(scene, Access::default());
         app.record = Some(recorder);
         let background = Background::start(app).unwrap();
-        let daemon = Self { url: format!("http://{}", background.address()), sim: SimControl::default(), background };
+        let daemon = Self {
+            url: format!("http://{}", background.address()),
+            sim: SimControl::default(),
+            background: Some(background),
+        };
         daemon.wait_for(|state| state["device"]["connected"] == true);
         daemon
     }
@@ -77,12 +92,17 @@ impl Daemon {
         App::with(table, device, scene.to_owned(), Policy::default(), access).unwrap()
     }
 
-    /// The same behind tokens; its device may not answer yet.
+    /// The same behind tokens, once its device answers.
     pub fn start_guarded(scene: &str, access: Access) -> Self {
-        let table = served_table(scene);
-        let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
-        let sim = device.sim().unwrap();
-        Self::of(table, scene, device, sim, Policy::default(), access)
+        let app = Self::app(scene, access);
+        let deadline = Instant::now() + Duration::from_secs(30);
+        while !app.device().borrow().connected {
+            assert!(Instant::now() < deadline, "its device does not answer");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let background = Background::start(app).unwrap();
+        let url = format!("http://{}", background.address());
+        Self { url, sim: SimControl::default(), background: Some(background) }
     }
 
     /// The daemon with a board at a serial port's path, which may be there or not.
@@ -94,7 +114,7 @@ impl Daemon {
     fn of(table: PlanTable, scene: &str, device: OpenDevice, sim: SimControl, policy: Policy, access: Access) -> Self {
         let app = App::with(table, device, scene.to_owned(), policy, access).unwrap();
         let background = Background::start(app).unwrap();
-        Self { url: format!("http://{}", background.address()), sim, background }
+        Self { url: format!("http://{}", background.address()), sim, background: Some(background) }
     }
 
     pub fn agent() -> ureq::Agent {

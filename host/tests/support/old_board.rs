@@ -1,13 +1,11 @@
 //! A board of other protocol versions, behind a client or a pseudo-terminal.
 
-use era::device::sim::{Clock, Panel, SimBoard};
-use era::planner::softening::Transducer;
-use era::transient::reduced::ModalSystem;
+use super::still_panel;
+use era::device::sim::{Clock, SimBoard};
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{BoardKind, Refusal, Reply};
 use era_shared::safety::LinkId;
-use nalgebra::{DMatrix, DVector};
 use serialport::{SerialPort, TTYPort};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -31,10 +29,7 @@ impl Board {
 
     /// The same, which says that it is such a board.
     pub fn posing_as(kind: BoardKind, min: u8, current: u8) -> Self {
-        let none =
-            ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
-        let panel = Panel::new(&none, vec![Transducer::fixed(0.0); 2]);
-        let mut board = SimBoard::new(panel, &[2000.0; 2], Clock::Wall(Instant::now())).posing_as(kind);
+        let mut board = SimBoard::new(still_panel(), &[2000.0; 2], Clock::Wall(Instant::now())).posing_as(kind);
         let mut device = Device::new();
         device.start(&mut board);
         let (port, decoder) = (Port::new(LinkId(0)), Decoder::new());

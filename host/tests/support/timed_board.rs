@@ -1,15 +1,13 @@
 //! A board whose time the test makes: slower than the host's, with jumps, or as quick as it can be worked out.
 
 use super::old_board::behind_a_terminal;
+use super::still_panel;
 use era::device::Client;
-use era::device::sim::{Clock, Panel, SimBoard};
-use era::planner::softening::Transducer;
-use era::transient::reduced::ModalSystem;
+use era::device::sim::{Clock, SimBoard};
 use era_shared::device::{Device, Port};
 use era_shared::link::{Decoder, Kind};
 use era_shared::protocol::Request;
 use era_shared::safety::{LinkId, State};
-use nalgebra::{DMatrix, DVector};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -45,10 +43,7 @@ pub struct Inner {
 impl TimedBoard {
     /// Two channels for 2 kV, as quick as the host.
     pub fn new() -> Self {
-        let none =
-            ModalSystem { lambda: DVector::zeros(0), damping: DMatrix::zeros(0, 0), force: DMatrix::zeros(0, 2) };
-        let mut board =
-            SimBoard::new(Panel::new(&none, vec![Transducer::fixed(0.0); 2]), &[2000.0; 2], Clock::Manual(0));
+        let mut board = SimBoard::new(still_panel(), &[2000.0; 2], Clock::Manual(0));
         let mut device = Device::new();
         device.start(&mut board);
         Self(Arc::new(Mutex::new(Inner {

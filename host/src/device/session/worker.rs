@@ -50,7 +50,7 @@ pub(super) struct Worker {
     pub(super) stops: Arc<AtomicU64>,
     /// Those of them that the device has obeyed.
     pub(super) obeyed: u64,
-    /// Since when it answers again after it was in doubt: what was asked for before that comes too late.
+    /// Since when it answers again after it was in doubt or away: what was asked for before that comes too late.
     again_since: Option<Instant>,
     /// The drive that was set last.
     pub(super) drive_id: u64,
@@ -205,6 +205,7 @@ impl Worker {
     fn open(&mut self) {
         // On coming in, whatever is live is stopped anyway.
         self.obeyed = self.stops.load(Ordering::SeqCst);
+        let comes_back = self.board_id.is_some();
         let opened = self
             .device
             .revive()
@@ -218,6 +219,8 @@ impl Worker {
         match opened {
             Ok(()) => {
                 tracing::info!(path = self.device.path(), kind = self.device.kind(), "device connected");
+                // What was asked for while it was away is not driven on its coming back.
+                self.again_since = if comes_back { Some(Instant::now()) } else { self.again_since };
                 self.reopen = REOPEN;
             }
             Err(error) => {
@@ -345,7 +348,7 @@ impl Worker {
         }
     }
 
-    /// What was asked for before the device was in doubt is not done long after it.
+    /// What was asked for before the device was in doubt, or away, is not done long after it.
     fn in_time(&self, asked: Instant) -> Result<(), SessionError> {
         if self.again_since.is_some_and(|since| asked < since) {
             let reason = format!("it did not answer just now, and this was asked for {:.0?} ago", asked.elapsed());
