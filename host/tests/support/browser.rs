@@ -20,7 +20,7 @@ pub struct Browser {
 }
 
 /// The browser's program, if there is one.
-fn program() -> Option<&'static str> {
+pub fn program() -> Option<&'static str> {
     ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| {
         Command::new(name)
             .arg("--version")
