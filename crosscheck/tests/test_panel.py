@@ -131,7 +131,7 @@ class Air(unittest.TestCase):
             value = 1 + stiffness * (mean[odd] ** 2 / (own[odd] ** 2 - omega**2)).sum()
             slope = stiffness * (mean[odd] ** 2 * 2 * omega**2 / (own[odd] ** 2 - omega**2) ** 2).sum()
             self.assertLess(min(still, abs(value / slope)), 1e-5, f"{hz} Hz")
-        self.assertGreater(len(found), 5)
+        self.assertGreater(len(found), 4)
 
 
 class Losses(unittest.TestCase):

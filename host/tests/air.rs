@@ -29,10 +29,9 @@ fn a_piston_on_air() {
         [(SceneText::plate(0.7, 0.4, 0.3).thickness(0.1), 0.28, 2), (SceneText::bar(0.25).thickness(0.05), 0.005, 1)]
     {
         let stiffness = BULK_PA * area / 0.02;
-        assert!(
-            (scene.scene().air_stiffness_n_per_m(), sealed(scene.clone(), 20.0).scene().air_stiffness_n_per_m())
-                == (None, Some(stiffness))
-        );
+        assert_eq!(scene.scene().air_stiffness_n_per_m(), None);
+        let said = sealed(scene.clone(), 20.0).scene().air_stiffness_n_per_m().unwrap();
+        assert!((said / stiffness - 1.0).abs() < 1e-12, "{said} for {stiffness}");
         let modes = frequencies(&sealed(scene.clone(), 20.0), 300.0);
         let wanted = (stiffness / scene.surface_mass()).sqrt() / TAU;
         assert!(modes.iter().take(free).all(|(hz, _)| *hz == 0.0), "{modes:?}");
@@ -99,7 +98,7 @@ impl Series {
     }
 
     /// All frequencies in Hz below a highest one with air of this stiffness: those without a mean as they are, of the others one between
-    /// each and the next, where the secular function falls from plus to minus infinity... it rises: by bisection.
+    /// each and the next, where the secular function rises through zero: by bisection.
     fn frequencies(&self, stiffness: f64, max_hz: f64) -> Vec<f64> {
         let mut poles: Vec<f64> = self.0.iter().filter(|mode| mode[3] != 0.0).map(|mode| mode[0]).collect();
         poles.sort_by(f64::total_cmp);

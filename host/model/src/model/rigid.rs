@@ -7,7 +7,6 @@
 use super::assembly::Assembled;
 use super::attached::attached;
 use super::eigen::Modes;
-use super::grid::Grid;
 use crate::scene::{Actuator, EdgeKind, Scene, Side, SurfaceKind};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 

@@ -327,6 +327,7 @@ mod tests {
             thickness_m: 1e-3,
             material: GLASS,
             damping: SurfaceDamping::None,
+            added_mass_kg_per_m2: 0.0,
         };
         let patches: Vec<_> = patches
             .iter()

@@ -32,6 +32,12 @@ pub struct SceneView {
     masses: Vec<MassView>,
     /// Actuators, in the order of the board's channels.
     actuators: Vec<ActuatorView>,
+    /// What the scene says of the finger that touches, which is in no plan of the daemon; null where it says nothing.
+    finger: Option<FingerView>,
+    /// Depth of the sealed cavity behind the panel in mm; null where there is none.
+    sealed_depth_mm: Option<f64>,
+    /// Mass of the air that moves with the surface in kg/m^2.
+    added_mass_kg_per_m2: f64,
 }
 
 /// A screen's pixels on the surface.
@@ -115,6 +121,18 @@ struct MassView {
     mass_g: f64,
 }
 
+/// What a finger is to the place that it touches.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = FingerLoad)]
+struct FingerView {
+    /// In grams.
+    mass_g: f64,
+    /// In N s/m.
+    damping_n_s_per_m: f64,
+    /// In N/m.
+    stiffness_n_per_m: f64,
+}
+
 /// An actuator.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Actuator)]
@@ -194,6 +212,13 @@ impl SceneView {
                 .map(|m| MassView { x_mm: mm(m.x_m), y_mm: mm(m.y_m), mass_g: m.mass_kg * 1e3 })
                 .collect(),
             actuators: scene.actuators.iter().map(actuator).collect(),
+            finger: scene.finger.map(|finger| FingerView {
+                mass_g: finger.mass_kg * 1e3,
+                damping_n_s_per_m: finger.damping_n_s_per_m,
+                stiffness_n_per_m: finger.stiffness_n_per_m,
+            }),
+            sealed_depth_mm: scene.sealed_depth_m.map(mm),
+            added_mass_kg_per_m2: surface.added_mass_kg_per_m2,
         }
     }
 }
