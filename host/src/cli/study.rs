@@ -2,7 +2,6 @@
 
 use super::args_study::Study as Options;
 use super::progress_of::{Shown, stop_on_signals};
-use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::design::evaluate::{Evaluator, Quick, Thorough};
 use crate::design::report::{report, shown};

@@ -59,6 +59,12 @@ impl QuickPanel {
         Ok(Self { panel: BarePanel::build(scene, Accuracy::FAST, options.to_hz)?, options })
     }
 
+    /// The panel itself, for whoever wants more of a design than its weakest place.
+    #[must_use]
+    pub const fn bare(&self) -> &BarePanel {
+        &self.panel
+    }
+
     /// Unknowns of the panel's mesh.
     #[must_use]
     pub fn dofs(&self) -> usize {

@@ -1,33 +1,35 @@
 //! Designs of a panel that stays the same: what changes is coupled to it.
 
 use super::{EvaluateError, Evaluator, Figures, figures};
-use crate::spec::Wanted;
-use era_model::model::{Accuracy, BarePanel};
+use crate::spec::{Figure, Wanted};
 use era_model::scene::Scene;
+use era_planner::perception::level_db;
+use era_planner::quick::{QuickError, QuickPanel};
+use era_planner::reach::Measure;
 use era_planner::{PlanTable, TableOptions};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Panels that are kept: more than materials or thicknesses that a study usually goes through side by side.
 const KEPT: usize = 16;
 
-/// Solves a panel once, and couples to it what each design attaches.
+/// Solves a panel once, and couples to it what each design attaches. Where no more than the weakest place with a setting for every
+/// touch is wanted, that is found without a plan table.
 #[derive(Debug)]
 pub struct Quick {
     options: TableOptions,
-    accuracy: Accuracy,
     /// Those used last at the end.
-    panels: Mutex<Vec<(Scene, Arc<BarePanel>)>>,
+    panels: Mutex<Vec<(Scene, Arc<QuickPanel>)>>,
 }
 
 impl Quick {
     /// For a band of frequencies.
     #[must_use]
     pub const fn new(options: TableOptions) -> Self {
-        Self { options, accuracy: Accuracy::FAST, panels: Mutex::new(Vec::new()) }
+        Self { options, panels: Mutex::new(Vec::new()) }
     }
 
     /// The panel of a scene, whatever is attached to it.
-    fn panel(&self, scene: &Scene) -> Result<Arc<BarePanel>, EvaluateError> {
+    fn panel(&self, scene: &Scene) -> Result<Arc<QuickPanel>, EvaluateError> {
         let is_own = |known: &Scene| {
             known.surface == scene.surface
                 && known.patches == scene.patches
@@ -43,7 +45,7 @@ impl Quick {
         }
         // Others may build the same at the same time, which gives the same.
         drop(panels);
-        let panel = Arc::new(BarePanel::build(scene, self.accuracy, self.options.to_hz)?);
+        let panel = Arc::new(QuickPanel::new(scene, self.options)?);
         let mut panels = self.panels.lock().unwrap_or_else(PoisonError::into_inner);
         if panels.len() >= KEPT {
             panels.remove(0);
@@ -55,7 +57,41 @@ impl Quick {
 
 impl Evaluator for Quick {
     fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
-        let table = PlanTable::build(scene, self.panel(scene)?.coupled(scene)?, self.options)?;
-        figures(scene, &table, wanted)
+        let panel = self.panel(scene)?;
+        if !wanted.iter().all(Wanted::is_quick) {
+            let table = PlanTable::build(scene, panel.bare().coupled(scene)?, self.options)?;
+            return figures(scene, &table, wanted);
+        }
+        let mut found = Figures { values: Vec::with_capacity(wanted.len()), weakest_mm: None };
+        for wanted in wanted {
+            let measure = match wanted.figure {
+                Figure::WeakestG => Measure::G,
+                Figure::WeakestDb => Measure::Thresholds,
+                _ => {
+                    found.values.push(f64::NAN);
+                    continue;
+                }
+            };
+            let weakest = panel.weakest(scene, measure)?;
+            found.weakest_mm = found.weakest_mm.or(Some([weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]));
+            found.values.push(match measure {
+                Measure::G => weakest.peak,
+                Measure::Thresholds => level_db(weakest.peak).ok_or_else(|| EvaluateError::Figure {
+                    figure: wanted.column(),
+                    reason: "nothing moves at the weakest place",
+                })?,
+            });
+        }
+        Ok(found)
+    }
+}
+
+impl From<QuickError> for EvaluateError {
+    fn from(error: QuickError) -> Self {
+        match error {
+            QuickError::Model(error) => error.into(),
+            QuickError::Response(error) => error.into(),
+            QuickError::Plan(error) => error.into(),
+        }
     }
 }

@@ -6,8 +6,8 @@ use super::row::{Outcome, Row};
 use super::task::Task;
 use crate::evaluate::{EvaluateError, Evaluator, Figures, parts};
 use crate::space::{Design, Scenarios, Setting, Space};
-use crate::spec::{Figure, Robust, Spec, Wanted, has_few_corners};
-use crate::ways::{Evolution, Samples};
+use crate::spec::{Figure, Robust, Spec, Wanted, Way, has_few_corners};
+use crate::ways::{Evolution, MOST_SOBOL, Samples};
 use era_model::model::Accuracy;
 use era_model::scene::{MAX_ACTUATORS, Scene, SceneError};
 use era_planner::TableOptions;
@@ -108,6 +108,12 @@ impl Study {
         }
         let scenarios = Scenarios::new(off, spec.method.robust, spec.method.seed);
         let dimensions = space.dimensions();
+        if spec.method.way == Way::Sobol && dimensions.len() > MOST_SOBOL {
+            let count = dimensions.len();
+            return Err(refuse(format!(
+                "method.way is \"sobol\", which has at most {MOST_SOBOL} dimensions, but there are {count}"
+            )));
+        }
         let points = match Samples::new(&spec.method, dimensions) {
             Some(samples) => Points::Known(samples),
             None if dimensions.is_empty() => return Err(refuse("an evolution needs a variable".into())),

@@ -177,6 +177,16 @@ impl Space {
                 tell(variable.line, format!("{name}: the scene takes none of its values: {reason}"));
             }
         }
+        for (path, place) in self
+            .uncertain
+            .iter()
+            .zip(self.uncertain_places())
+            .flat_map(|(own, places)| places.into_iter().map(|place| (own.name.clone(), place)))
+        {
+            if document::number(&self.base, &place).is_none() {
+                tell(0, format!("uncertain ({path}): the scene's file has no number there"));
+            }
+        }
         let paths = self.apart.iter().flat_map(|apart| &apart.places);
         for path in paths.chain(self.uncertain.iter().flat_map(|own| &own.paths)) {
             if let Err(error) = path.places(&self.base) {

@@ -6,6 +6,8 @@
 mod method;
 mod parse;
 mod path;
+#[cfg(test)]
+mod tests;
 mod variables;
 mod wishes;
 

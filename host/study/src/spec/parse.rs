@@ -18,6 +18,8 @@ const ANY: Allowed = Allowed::Within(-1e20, 1e20);
 const MM: Allowed = Allowed::Within(-10_000.0, 10_000.0);
 /// Most designs of a study.
 const MOST_DESIGNS: u32 = 100_000_000;
+/// Most designs that depend on each other, and are all listed first.
+const MOST_LISTED: u32 = 10_000_000;
 /// Most values of a variable that goes in steps.
 const MOST_STEPS: f64 = 1e6;
 /// Most values of each variable on a grid.
@@ -305,7 +307,8 @@ fn method(file: &Section<'_, '_>, uncertain: &[Uncertain]) -> Method {
     if method.way == Way::Grid {
         method.levels = count("levels", method.levels, MOST_LEVELS);
     } else {
-        method.designs = count("designs", method.designs, MOST_DESIGNS);
+        let most = if method.way == Way::LatinHypercube { MOST_LISTED } else { MOST_DESIGNS };
+        method.designs = count("designs", method.designs, most);
         method.seed = u64::from(u32::try_from(count("seed", 0, u32::MAX)).unwrap_or(0));
     }
     if method.way == Way::Evolution {

@@ -182,8 +182,8 @@ mod tests {
     /// One of two hollows is deeper: a search that ends in the other one begins anew.
     #[test]
     fn a_search_that_has_arrived_begins_anew() {
-        let hollow = |x: &[f64], at: f64| -(-((x[0] - at).powi(2) + (x[1] - at).powi(2)) / 0.02).exp();
-        let (at, _) = found(&evolution(2, 8, 1), 0, 100, |x| hollow(x, 0.75) + 1.3 * hollow(x, 0.15));
+        let hollow = |x: &[f64], at: f64| -(-((x[0] - at).powi(2) + (x[1] - at).powi(2)) / 0.06).exp();
+        let (at, _) = found(&evolution(2, 8, 1), 0, 200, |x| hollow(x, 0.75) + 1.3 * hollow(x, 0.15));
         assert!((at[0] - 0.15).abs() < 0.02 && (at[1] - 0.15).abs() < 0.02, "{at:?}");
     }
 

@@ -3,12 +3,17 @@
 use crate::space::Dimension;
 use crate::spec::{Method, Way};
 use era_model::scene::random::Random;
-use sobol::Sobol;
 use sobol::params::JoeKuoD6;
+use sobol::{Sobol, SobolType};
 use std::ops::Range;
 
 /// A stream of random numbers of its own.
 const STREAM: u64 = 0x5a3;
+
+/// Dimensions that Sobol's sequence is known for.
+pub const MOST_SOBOL: usize = 1000;
+/// Bits of its coordinates.
+const BITS: usize = <f64 as SobolType>::MAX_RESOLUTION;
 
 /// All points of a study.
 #[derive(Clone, Debug)]
@@ -24,6 +29,8 @@ pub enum Samples {
     Sobol {
         /// How many.
         count: usize,
+        /// Of each dimension the direction numbers, by bit.
+        directions: Vec<Vec<u64>>,
         /// What is added to each coordinate, modulo 1 (Cranley and Patterson 1976); zeros for the sequence itself.
         shift: Vec<f64>,
     },
@@ -42,10 +49,17 @@ impl Samples {
             Way::LatinHypercube => Some(Self::Listed(latin_hypercube(dimensions.len(), method.designs, &mut random))),
             Way::Sobol => {
                 let shift = |_| if method.seed == 0 { 0.0 } else { random.unit() };
-                Some(Self::Sobol { count: method.designs, shift: (0..dimensions.len()).map(shift).collect() })
+                let shift: Vec<f64> = (0..dimensions.len()).map(shift).collect();
+                Some(Self::sobol(method.designs, shift))
             }
             Way::Evolution => None,
         }
+    }
+
+    /// Sobol's sequence with what is added to each coordinate; beyond [`MOST_SOBOL`] dimensions there is none.
+    fn sobol(count: usize, shift: Vec<f64>) -> Self {
+        let directions = Sobol::<f64>::init_direction_vals(shift.len(), BITS, &JoeKuoD6::standard());
+        Self::Sobol { count, directions, shift }
     }
 
     /// How many there are; more than can be counted is the largest number.
@@ -64,13 +78,11 @@ impl Samples {
         match self {
             Self::Grid { levels } => range.map(|index| combination(levels, index)).collect(),
             Self::Listed(points) => points.get(range).map(<[_]>::to_vec).unwrap_or_default(),
-            Self::Sobol { shift, .. } => {
-                if shift.is_empty() {
-                    return range.map(|_| Vec::new()).collect();
-                }
-                let sequence = Sobol::<f64>::new(shift.len(), &JoeKuoD6::standard());
-                let moved = |point: Vec<f64>| point.iter().zip(shift).map(|(at, shift)| (at + shift).fract()).collect();
-                sequence.skip(range.start).take(range.len()).map(moved).collect()
+            Self::Sobol { directions, shift, .. } => {
+                let coordinate = |index: usize, (own, shift): (&Vec<u64>, &f64)| {
+                    (<f64 as SobolType>::render(gray_sum(own, index)) + shift).fract()
+                };
+                range.map(|index| directions.iter().zip(shift).map(|both| coordinate(index, both)).collect()).collect()
             }
         }
     }
@@ -88,6 +100,12 @@ fn levels(dimension: &Dimension, usual: usize) -> Vec<f64> {
         }
         None => era_model::scene::evenly(0.0, 1.0, dimension.levels.unwrap_or(usual)),
     }
+}
+
+/// A point's coordinate by the bits of its index's Gray code (Antonov and Saleev 1979): any point, without those before it.
+fn gray_sum(directions: &[u64], index: usize) -> u64 {
+    let code = index ^ (index >> 1);
+    directions.iter().enumerate().filter(|(bit, _)| code >> bit & 1 == 1).fold(0, |sum, (_, direction)| sum ^ direction)
 }
 
 fn combination(levels: &[Vec<f64>], index: usize) -> Vec<f64> {
@@ -152,7 +170,7 @@ mod tests {
     /// The first points as Joe and Kuo's own program (new-joe-kuo-6.21201) prints them, its origin included.
     #[test]
     fn sobols_sequence_begins_as_published() {
-        let samples = Samples::Sobol { count: 10, shift: vec![0.0; 3] };
+        let samples = Samples::sobol(10, vec![0.0; 3]);
         let published = [
             [0.0, 0.0, 0.0],
             [0.5, 0.5, 0.5],
@@ -167,11 +185,14 @@ mod tests {
         ];
         assert_eq!(samples.points(0..10), published);
         assert_eq!(samples.points(7..9), published[7..9]);
+        // The library's own sequence, one point after the other.
+        let ones: Vec<Vec<f64>> = Sobol::<f64>::new(7, &JoeKuoD6::standard()).take(5000).collect();
+        assert_eq!(Samples::sobol(5000, vec![0.0; 7]).points(0..5000), ones);
     }
 
     #[test]
     fn a_shift_moves_all_points_around_the_cube() {
-        let samples = Samples::Sobol { count: 4, shift: vec![0.3, 0.0] };
+        let samples = Samples::sobol(4, vec![0.3, 0.0]);
         let firsts: Vec<f64> = samples.points(0..4).into_iter().map(|point| point[0]).collect();
         for (found, wanted) in firsts.iter().zip([0.3, 0.8, 0.05, 0.55]) {
             assert!((found - wanted).abs() < 1e-12, "{firsts:?}");

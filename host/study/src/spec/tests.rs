@@ -1,0 +1,62 @@
+//! Mistakes in a study's file, all at once, each with its line.
+
+use super::*;
+
+fn told(text: &str) -> Vec<(usize, String)> {
+    let error = Spec::parse("s.toml", text).unwrap_err();
+    error.mistakes.into_iter().map(|mistake| (mistake.line, mistake.text)).collect()
+}
+
+#[test]
+fn every_mistake_is_told_with_key_value_allowed_and_line() {
+    let text = "version = 2\nname = \"s\"\nscene = \"x.toml\"\nspeed = 1\n\
+                [[variable]]\nkey = \"support[0].x_mm\"\nfrom = 3\nto = 1\n\
+                [[variable]]\nplace = \"actuator.left\"\nwithin_mm = [0, 0, 1]\n\
+                [[variable]]\nkey = \"a.b\"\nfrom = 0\nto = 1\nscale = \"log\"\n\
+                [[variable]]\nkey = \"a.b\"\nvalues = [1, 2]\nnames = [\"one\"]\n\
+                [[variable]]\nname = \"nothing\"\n\
+                [[wish]]\nfigure = \"weakest\"\n\
+                [[wish]]\nfigure = \"contrast_db\"\n\
+                [[limit]]\nfigure = \"mass_g\"\n\
+                [[uncertain]]\nkey = \"a.b\"\npart = 2\nby = 1\n\
+                [method]\nway = \"evolution\"\ndesigns = 10\npopulation = 8\nruns = 4\n";
+    let expected = [
+        (1, "version is 2, but must be 1"),
+        (4, "unknown key speed"),
+        (6, "\"support[0].x_mm\" is no place of a scene"),
+        (7, "variable[1].from is 3, but must be at most `to`, 1"),
+        (11, "variable[2].within_mm is [0, 0, 1], but must be a list of 4 numbers"),
+        (14, "variable[3].from is 0, but must be above 0, as the scale is \"log\""),
+        (20, "variable[4].names is 1 names, but must be as many as there are values, 2"),
+        (22, "variable[5]: one of key, place and count is needed"),
+        (24, "wish[1].figure is \"weakest\", but must be one of \"weakest_g\""),
+        (25, "wish[2].at_mm is missing, but must be the place, [x, y] in mm"),
+        (28, "limit[1]: least or most is needed"),
+        (30, "uncertain[1]: one of part and by is needed"),
+        (31, "uncertain[1].part is 2, but must be 0 to 0.99"),
+        (35, "method.designs is 10, but must be at least one generation of each run, 32"),
+    ];
+    let told = told(text);
+    assert_eq!(told.len(), expected.len(), "{told:#?}");
+    for ((line, text), (wanted_line, wanted)) in told.iter().zip(expected) {
+        assert!(*line == wanted_line && text.contains(wanted), "{line}: {text}\nwanted {wanted_line}: {wanted}");
+    }
+}
+
+#[test]
+fn a_study_wants_something() {
+    let told = told("version = 1\nname = \"s\"\nscene = \"x.toml\"\n");
+    assert!(told.len() == 1 && told[0].1.contains("at least one [[wish]]"), "{told:?}");
+}
+
+#[test]
+fn each_figure_is_computed_once_and_has_a_column_of_its_own() {
+    let text = "version = 1\nname = \"s\"\nscene = \"x.toml\"\n\
+                [[wish]]\nfigure = \"weakest_g\"\n[[wish]]\nfigure = \"weakest_g\"\nsetting = \"one\"\n\
+                [[wish]]\nfigure = \"contrast_db\"\nat_mm = [10, 20.5]\n\
+                [[limit]]\nfigure = \"weakest_g\"\nleast = 0.1\n[[limit]]\nfigure = \"sag_um\"\nforce_n = 10\nmost = 100\n";
+    let spec = Spec::parse("s.toml", text).unwrap();
+    let columns: Vec<String> = spec.figures().iter().map(Wanted::column).collect();
+    assert_eq!(columns, ["weakest_g", "weakest_g_one_setting", "contrast_db_at_10_20.5", "sag_um_10_n"]);
+    assert_eq!(spec.wishes[0].goal, Goal::Most);
+}

@@ -1,0 +1,132 @@
+//! `era study` as it is called: stopped by a signal and gone on with, in shares, refused; what it writes is what other commands compute.
+
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+/// One ERA of the bar moves, the springs change: little work, and two panels.
+const STUDY: &str = "version = 1\nname = \"bar\"\nscene = \"bar.toml\"\n\
+    [[variable]]\nkey = \"actuator[1].x_mm\"\nfrom = 20\nto = 140\n\
+    [[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 2\nto = 4\nstep = 2\n\
+    [[wish]]\nfigure = \"weakest_g\"\n[[wish]]\nfigure = \"mass_g\"\n";
+const SOBOL: &str = "[method]\nway = \"sobol\"\ndesigns = 12\nchunk = 2\nfinalists = 1\n";
+
+fn era(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).output().unwrap()
+}
+
+fn told(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A folder with a scene and a study of it.
+fn prepared(method: &str) -> (tempfile::TempDir, String) {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("bar.toml"), era::scene::EXAMPLE_BAR).unwrap();
+    let study = place.path().join("study.toml");
+    fs::write(&study, format!("{STUDY}{method}")).unwrap();
+    (place, study.display().to_string())
+}
+
+/// The results, and the rows that they are made of.
+fn results(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let files = [folder, &folder.join("rows")].into_iter().flat_map(|path| fs::read_dir(path).unwrap());
+    let files = files.map(|entry| entry.unwrap().path()).filter(|path| path.is_file());
+    files.map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), fs::read(&path).unwrap())).collect()
+}
+
+#[test]
+fn a_study_is_stopped_gone_on_with_and_shared_and_comes_out_the_same() {
+    let (place, study) = prepared(SOBOL);
+    let out = |name: &str| place.path().join(name).display().to_string();
+    let whole = era(&["study", &study, "--out", &out("whole"), "--json"]);
+    assert!(whole.status.success(), "{}", told(&whole));
+    let wanted = results(&place.path().join("whole"));
+    for file in ["designs.parquet", "report.html", "best-1.toml", "study.key", "base.rows", "designs-0000005.rows"] {
+        assert!(wanted.contains_key(file), "{file}: {:?}", wanted.keys());
+    }
+    // The best design is a scene, and what the other commands say of it is what the study says.
+    let summary: Value = serde_json::from_slice(&whole.stdout).unwrap();
+    assert_eq!((&summary["designs"], &summary["failed"]), (&12.into(), &0.into()));
+    let best = place.path().join("whole/best-1.toml").display().to_string();
+    let reach: Value =
+        serde_json::from_slice(&era(&["field", "--reach", "--json", "--no-cache", "--scene", &best]).stdout).unwrap();
+    let (own, field) = (&summary["best"][0], &reach["strongest_g"]);
+    let weakest = own["figures"]["weakest_g"].as_f64().unwrap();
+    assert!((weakest / field["least"].as_f64().unwrap() - 1.0).abs() < 1e-12, "{own} {field}");
+    assert_eq!(own["weakest_mm"], field["least_at_mm"]);
+    assert!(own["error_bound"].as_f64().unwrap() <= 1e-3, "{own}");
+    // In shares, with other numbers of workers.
+    for (shard, workers) in [("2/2", "1"), ("1/2", "4")] {
+        let share = era(&["study", &study, "--out", &out("shared"), "--shard", shard, "--workers", workers]);
+        assert!(share.status.success(), "{}", told(&share));
+    }
+    let gathered = era(&["study", &study, "--out", &out("shared"), "--gather"]);
+    assert!(gathered.status.success(), "{}", told(&gathered));
+    assert_eq!(results(&place.path().join("shared")), wanted);
+}
+
+/// A process killed without a word leaves what others go on from; one that is asked to stop says how far it came.
+#[cfg(unix)]
+#[test]
+fn a_study_that_is_killed_or_asked_to_stop_goes_on() {
+    let (place, study) = prepared(&SOBOL.replace("designs = 12", "designs = 4000"));
+    let out = place.path().join("out");
+    let rows = || fs::read_dir(out.join("rows")).map_or(0, Iterator::count);
+    let start = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        command.args(["study", &study, "--out", &out.display().to_string()]);
+        command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap()
+    };
+    let mut killed = start();
+    while rows() < 4 {
+        assert!(killed.try_wait().unwrap().is_none(), "it ended by itself");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    let before = rows();
+    let asked = start();
+    while rows() < before + 4 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let stopped = Command::new("kill").args(["-INT", &asked.id().to_string()]).status().unwrap();
+    assert!(stopped.success());
+    let ended = asked.wait_with_output().unwrap();
+    let text = told(&ended);
+    assert_eq!(ended.status.code(), Some(1), "{text}");
+    assert!(text.contains("designs are there already") && text.contains("of 4000 designs are in"), "{text}");
+    let left: Vec<String> = results(&out)
+        .into_keys()
+        .filter(|name| !name.ends_with(".rows") && !name.starts_with(".part") && name != "study.key")
+        .collect();
+    assert!(left.is_empty(), "no results of half a study: {left:?}");
+}
+
+#[test]
+fn what_a_study_cannot_be_is_told() {
+    let (place, study) = prepared(SOBOL);
+    let out = place.path().join("out").display().to_string();
+    let refused = |arguments: &[&str], code: i32, wanted: &str| {
+        let output = era(arguments);
+        let text = told(&output);
+        assert!(output.status.code() == Some(code) && text.contains(wanted), "{arguments:?}: {text}");
+    };
+    refused(&["study", &place.path().join("none.toml").display().to_string()], 2, "none.toml");
+    refused(&["study", &study, "--out", &out, "--shard", "3/2"], 2, "\"3/2\" is not of the form I/N");
+    refused(&["study", &study, "--out", &out, "--gather"], 1, "of 12 designs are not computed yet");
+    let wrong = place.path().join("wrong.toml");
+    fs::write(&wrong, STUDY.replace("actuator[1].x_mm", "actuator[9].x_mm")).unwrap();
+    refused(
+        &["study", &wrong.display().to_string(), "--out", &out],
+        2,
+        "wrong.toml:4: variable[1] (actuator[9].x_mm): ",
+    );
+    // Another study's folder.
+    fs::write(&study, format!("{STUDY}{}", SOBOL.replace("designs = 12", "designs = 13"))).unwrap();
+    refused(&["study", &study, "--out", &out, "--gather"], 2, "has results of another study");
+    // Where there is a file in the folder's place.
+    refused(&["study", &study, "--out", &wrong.display().to_string()], 1, "cannot make the folder");
+}
