@@ -45,9 +45,9 @@ fn a_piston_on_air() {
 #[test]
 fn the_mean_is_over_the_area() {
     let (length, width, thickness) = (0.3, 0.2, 0.08);
-    let scene = SceneText::plate(length, width, 0.3).thickness(thickness).with(&format!(
-        "[[patch]]\nx_mm = 150.0\ny_mm = 0.0\nlength_mm = 150.0\nwidth_mm = 200.0\n[patch.material]\ndensity_kg_m3 = 8100.0\n"
-    ));
+    let scene = SceneText::plate(length, width, 0.3).thickness(thickness).with(
+        "[[patch]]\nx_mm = 150.0\ny_mm = 0.0\nlength_mm = 150.0\nwidth_mm = 200.0\n[patch.material]\ndensity_kg_m3 = 8100.0\n",
+    );
     let modes = frequencies_of_thick(&sealed(scene, 5.0));
     let (light, heavy) = (2700.0 * 0.15 * width * thickness, 8100.0 * 0.15 * width * thickness);
     let mass = light + heavy;

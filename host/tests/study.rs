@@ -32,7 +32,8 @@ fn prepared(method: &str) -> (tempfile::TempDir, String) {
 
 /// The results, and the rows that they are made of.
 fn results(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let files = [folder, &folder.join("rows")].into_iter().flat_map(|path| fs::read_dir(path).unwrap());
+    let folders = [folder.to_owned(), folder.join("rows")];
+    let files = folders.into_iter().flat_map(|path| fs::read_dir(path).unwrap());
     let files = files.map(|entry| entry.unwrap().path()).filter(|path| path.is_file());
     files.map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), fs::read(&path).unwrap())).collect()
 }

@@ -12,7 +12,7 @@ use era_shared::safety::State;
 use era_shared::waveform::Effect;
 use std::pin::Pin;
 use std::task::{Context, Poll, Waker};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Only stops that somebody asks for, and a board that is not given up.
 const FOREVER: Timing = tries(3000);
@@ -149,7 +149,7 @@ fn stale(session: &Session) -> [Answer<'_, ()>; 3] {
     [
         given(async move { drive(session).await.map(drop) }),
         given(async move { session.play(effect).await.map(drop) }),
-        given(session.arm()),
+        given(session.arm(session.stops(), Instant::now())),
     ]
 }
 

@@ -24,9 +24,9 @@ pub fn arrivals(touches: &[Touch], frames: &[SetFrame]) -> Result<Vec<Option<Ins
         };
         let (from, to) =
             (frames.partition_point(|f| f.at < touch.due), frames.partition_point(|f| f.at <= touch.ended));
-        let between = frames.iter().enumerate().take(to).skip(from);
+        let mut between = frames.iter().enumerate().take(to).skip(from);
         // The last: what a board refuses at first is sent again.
-        let found = between.filter(|(_, frame)| is_of(frame, drives)).next_back();
+        let found = between.rfind(|(_, frame)| is_of(frame, drives));
         if let Some((place, _)) = found
             && let Some(other) = owners.insert(place, number)
         {
