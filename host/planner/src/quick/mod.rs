@@ -4,11 +4,11 @@
 //! What a thorough look at a design ([`crate::study::Maps`]) spends its time on is left out where the weakest place does not depend on it:
 //!
 //! - The panel is solved once; supports, masses and ERAs are coupled to it ([`BarePanel`]).
-//! - Frequencies lie close together only where a resonance is ([`frequencies`]).
-//! - Points are a third of the grid's lines apart, and the grid's own around the weakest ([`points`]).
+//! - Frequencies lie close together only where a resonance is (`frequencies`).
+//! - Points are on every second of the grid's lines, and on all of them around the weakest (`points`).
 //! - At a point the best frequencies without the limits that actuators share are found first. Where these limits leave them alone, that is the
 //!   optimum; elsewhere it is a bound from above, and the same drives within the limits are one from below. The exact search looks at those
-//!   points alone whose lower bound leaves them in question ([`weakest`]).
+//!   points alone whose lower bound leaves them in question (`weakest`).
 //!
 //! Everything left out makes what is told larger at a point (fewer points) or smaller (fewer frequencies) than what a thorough look finds; by
 //! how much is measured by `cargo xtask bench study`.
