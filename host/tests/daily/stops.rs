@@ -18,6 +18,8 @@ use std::time::{Duration, Instant};
 const FOREVER: Timing = tries(3000);
 /// One that is given up soon.
 const SHORT: Timing = tries(3);
+/// No person stands between a board that comes back and the next order.
+const POLICY: Policy = Policy { idle: Policy::IDLE, clears_silence: false, arms_after_outage: true };
 /// How long is waited for what comes at once.
 const WAIT: Duration = Duration::from_secs(30);
 
@@ -54,7 +56,7 @@ fn board() -> Line {
 /// A session with a board that answers, and the line between them.
 fn session(timing: Timing) -> (Session, Line) {
     let line = board();
-    let session = Session::start(line.device(timing), Needs::default(), Policy::default()).unwrap();
+    let session = Session::start(line.device(timing), Needs::default(), POLICY).unwrap();
     until(&session, |snapshot| snapshot.connected && snapshot.state() == Some(State::Safe));
     (session, line)
 }
@@ -257,7 +259,7 @@ fn a_board_that_is_live_on_connecting_is_stopped() {
     until_it_is(&mut other, State::Armed);
     drop(other);
     let since = line.mark(|_| {});
-    let session = Session::start(line.device(REAL_TIME), Needs::default(), Policy::default()).unwrap();
+    let session = Session::start(line.device(REAL_TIME), Needs::default(), POLICY).unwrap();
     line.is_stopped_within(since, 2);
     until(&session, |snapshot| snapshot.connected && snapshot.state() == Some(State::Safe));
     let snapshot = session.snapshots().borrow().clone();

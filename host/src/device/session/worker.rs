@@ -205,7 +205,6 @@ impl Worker {
     fn open(&mut self) {
         // On coming in, whatever is live is stopped anyway.
         self.obeyed = self.stops.load(Ordering::SeqCst);
-        let comes_back = self.board_id.is_some();
         let opened = self
             .device
             .revive()
@@ -219,8 +218,6 @@ impl Worker {
         match opened {
             Ok(()) => {
                 tracing::info!(path = self.device.path(), kind = self.device.kind(), "device connected");
-                // What was asked for while it was away is not driven on its coming back.
-                self.again_since = if comes_back { Some(Instant::now()) } else { self.again_since };
                 self.reopen = REOPEN;
             }
             Err(error) => {
@@ -395,8 +392,15 @@ impl Worker {
         self.last_heard = now;
         self.heard.beat();
         self.silence = self.silence.max(gap);
-        if self.publish.borrow().in_doubt {
+        let (in_doubt, is_back) = {
+            let snapshot = self.publish.borrow();
+            (snapshot.in_doubt, !snapshot.connected && (snapshot.in_doubt || snapshot.outages > 0))
+        };
+        if is_back {
+            // Before that is told: what is asked for by whoever has seen it is in time.
             self.again_since = Some(now);
+        }
+        if in_doubt {
             tracing::warn!(silent_ms = gap.as_secs_f64() * 1e3, "the device answers again");
             self.publish.send_modify(|snapshot| {
                 (snapshot.connected, snapshot.in_doubt) = (true, false);
