@@ -12,6 +12,7 @@ use crate::PlanError;
 use crate::reach::everywhere::{EQUAL_MINIMA, strongest_everywhere};
 use crate::reach::setting::{command, peaks};
 use crate::reach::{Measure, Space};
+use crate::stop::Stop;
 use crate::table::{Part, PlanTable, Region, View};
 use serde::Serialize;
 
@@ -131,7 +132,7 @@ impl From<shared::StrongestSetting> for SchemeResult {
 impl Compared<'_> {
     fn distinct(&self) -> Option<SchemeResult> {
         let space = Space::of(self.table, &self.view.shapes, |hz| self.measure.weight(hz));
-        let touches = maps::strongest(self.table, &space);
+        let touches = maps::strongest(self.table, &space, &Stop::current());
         let per_touch = touches.into_iter().map(|touch| Some(touch?.peak)).collect::<Option<_>>()?;
         let (mut setting, at_most) = strongest_everywhere(self.table, &self.view, self.measure, space)?;
         let scale = command(self.table, &mut setting)?;
