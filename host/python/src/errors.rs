@@ -304,7 +304,7 @@ fn exception(py: Python<'_>, raised: Raised) -> PyResult<PyErr> {
     let Raised { kind, text, field, value, allowed } = raised;
     let instance = py.import("era._errors")?.getattr(kind.name())?.call1((text,))?;
     instance.setattr("field", field)?;
-    if !crate::run::plant("value") { instance.setattr("value", value)?; }
+    instance.setattr("value", value)?;
     instance.setattr("allowed", allowed)?;
     Ok(PyErr::from_value(instance))
 }
@@ -312,7 +312,7 @@ fn exception(py: Python<'_>, raised: Raised) -> PyResult<PyErr> {
 /// The exception of a scene. One that was made from keywords has no lines.
 pub fn scene_error(py: Python<'_>, mut error: SceneError, has_lines: bool) -> PyErr {
     if !has_lines {
-        if !crate::run::plant("lines") { error.mistakes.iter_mut().for_each(|mistake| mistake.line = 0); }
+        error.mistakes.iter_mut().for_each(|mistake| mistake.line = 0);
     }
     let made = || -> PyResult<PyErr> {
         let errors = py.import("era._errors")?;
@@ -340,7 +340,7 @@ pub fn warn(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyResul
     for doubt in doubts {
         // Text of Rust may hold a zero byte, one of C may not.
         let doubt = CString::new(doubt.replace('\0', " ")).unwrap_or_default();
-        if !crate::run::plant("warn") { PyErr::warn(py, &category, &doubt, 1)?; }
+        PyErr::warn(py, &category, &doubt, 1)?;
     }
     Ok(())
 }

@@ -19,11 +19,6 @@ const LOOK: Duration = Duration::from_millis(50);
 /// The pool, and the process that it is of.
 static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 
-/// Planted.
-pub fn plant(name: &str) -> bool {
-    std::env::var("ERA_PLANT").is_ok_and(|planted| planted == name)
-}
-
 /// Where work is done, until nobody waits for it.
 pub struct Pool {
     threads: Arc<ThreadPool>,
@@ -65,9 +60,6 @@ pub fn run_beside<T: Send + 'static>(
     std::thread::Builder::new().name("era".into()).spawn(working).map_err(|error| failed(&error))?;
     loop {
         let found;
-        if plant("hold") {
-            return waiting.recv().unwrap().unwrap().map_err(PyErr::from);
-        }
         (waiting, found) = py.detach(move || {
             let found = waiting.recv_timeout(LOOK);
             (waiting, found)
@@ -78,7 +70,7 @@ pub fn run_beside<T: Send + 'static>(
             Ok(Err(panic)) => resume_unwind(panic),
             Err(RecvTimeoutError::Disconnected) => return Err(failed(&"it ended without an answer")),
             Err(RecvTimeoutError::Timeout) => {
-                if !plant("deaf") && let Err(raised) = py.check_signals() {
+                if let Err(raised) = py.check_signals() {
                     stop.ask();
                     return Err(raised);
                 }
@@ -92,7 +84,7 @@ fn pool() -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {
     let mut kept = POOL.lock().unwrap_or_else(PoisonError::into_inner);
     let process = std::process::id();
     if let Some((of, pool)) = kept.as_ref()
-        && (*of == process || plant("fork"))
+        && *of == process
     {
         return Ok(pool.clone());
     }

@@ -352,7 +352,7 @@ impl PyScene {
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
-        other.cast::<Self>().is_ok_and(|other| if crate::run::plant("eq") { other.get().text == self.text } else { other.get().scene == self.scene })
+        other.cast::<Self>().is_ok_and(|other| other.get().scene == self.scene)
     }
 
     fn __hash__(&self) -> u64 {
@@ -383,7 +383,7 @@ fn places<'py>(
 fn hash_of(scene: &Scene) -> u64 {
     fn add(value: &serde_json::Value, hasher: &mut DefaultHasher) {
         match value {
-            serde_json::Value::Number(number) => (number.as_f64().unwrap_or(f64::NAN) + if crate::run::plant("zero") { -0.0 } else { 0.0 }).to_bits().hash(hasher),
+            serde_json::Value::Number(number) => (number.as_f64().unwrap_or(f64::NAN) + 0.0).to_bits().hash(hasher),
             serde_json::Value::String(text) => text.hash(hasher),
             serde_json::Value::Bool(flag) => flag.hash(hasher),
             serde_json::Value::Null => 0_u8.hash(hasher),

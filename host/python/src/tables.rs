@@ -43,7 +43,7 @@ pub fn with_table<T: Send + 'static>(
     let (found, doubts) = run_beside(py, move |pool| {
         let shared = table(pool, &own, accuracy)?;
         let table = shared.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok((pool.install(|| work(&table))?, if crate::run::plant("press") { Vec::new() } else { table.press_warnings() }))
+        Ok((pool.install(|| work(&table))?, table.press_warnings()))
     })?;
     warn(py, doubts)?;
     Ok(found)
@@ -51,7 +51,7 @@ pub fn with_table<T: Send + 'static>(
 
 fn table(pool: &Pool, scene: &Arc<Scene>, accuracy: Accuracy) -> Result<Shared, Raised> {
     let tolerance = accuracy.value();
-    let is_it = |kept: &Kept| (crate::run::plant("tolerance") || kept.tolerance.to_bits() == tolerance.to_bits()) && (crate::run::plant("scene") || kept.scene == *scene);
+    let is_it = |kept: &Kept| kept.tolerance.to_bits() == tolerance.to_bits() && kept.scene == *scene;
     let mut tables = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
     if tables.0 != std::process::id() {
         *tables = (std::process::id(), Vec::new());
