@@ -110,7 +110,7 @@ fn a_host_that_was_busy_tells_why_and_goes_on() {
         let [latched] = latched[..] else { panic!("{log:?}") };
         let said = latched["message"].as_str().unwrap();
         assert!(latched["level"] == "ERROR" && said.contains("has latched a fault: The host"), "{latched}");
-        assert!(latched["heard_ms_ago"].is_f64() && latched["longest_gap_ms"].is_f64(), "{latched}");
+        assert!(latched["keep_alive_age_ms"].is_f64() && latched["longest_gap_ms"].is_f64(), "{latched}");
         let of_policy = log.iter().any(|line| line["message"].as_str().unwrap().contains("as is the policy"));
         assert_eq!(of_policy, is_cleared, "{log:?}");
     }

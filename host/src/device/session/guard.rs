@@ -87,10 +87,15 @@ impl Worker {
             return Ok(());
         }
         let result = if self.obeyed >= number { Ok(()) } else { self.halt() }.and_then(|()| self.look());
-        if let Err(error) = &result {
-            self.note_trouble(error);
+        match result {
+            // Another one came between this stop and the look at what it did: both have been obeyed, and the look is the other's.
+            Err(LinkError::Halted { by_order: true, .. }) if self.obeyed >= number => Ok(()),
+            Err(error) => {
+                self.note_trouble(&error);
+                Err(error.into())
+            }
+            Ok(()) => Ok(()),
         }
-        Ok(result?)
     }
 
     /// Drives that were set and then answered with an error must not run.
