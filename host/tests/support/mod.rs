@@ -94,7 +94,10 @@ impl Daemon {
 
     /// The same behind tokens, once its device answers.
     pub fn start_guarded(scene: &str, access: Access) -> Self {
-        let app = Self::app(scene, access);
+        let table = served_table(scene);
+        let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
+        let sim = device.sim().unwrap();
+        let app = App::with(table, device, scene.to_owned(), Policy::default(), access).unwrap();
         let deadline = Instant::now() + Duration::from_secs(30);
         while !app.device().borrow().connected {
             assert!(Instant::now() < deadline, "its device does not answer");
@@ -102,7 +105,7 @@ impl Daemon {
         }
         let background = Background::start(app).unwrap();
         let url = format!("http://{}", background.address());
-        Self { url, sim: SimControl::default(), background: Some(background) }
+        Self { url, sim, background: Some(background) }
     }
 
     /// The daemon with a board at a serial port's path, which may be there or not.
