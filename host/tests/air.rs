@@ -156,8 +156,7 @@ fn pinned_panels_on_air() {
     }
 }
 
-/// With a loss of the surface, which the air does not have: curves against the series. Seen to fail with the loss of the air as well, and
-/// without the shape that it leaves unbalanced.
+/// With a loss of the surface, which the air does not have: curves against the series. Seen to fail with the loss of the air as well.
 #[test]
 fn responses_of_pinned_panels_on_air() {
     let eta = 0.05;

@@ -23,7 +23,7 @@ fn two_half_supports_are_one() {
 }
 
 /// Springs that lose a part eta of their energy are springs with dashpots of eta k / omega beside them, at one frequency: supports of
-/// plates and bars, and bars' ends. Seen to fail with 1 % more in the dashpots, and without those of ends.
+/// plates and bars, and bars' ends. Seen to fail with 1 % more in the dashpots, and without the losses of supports.
 #[test]
 fn at_one_frequency_a_loss_factor_is_a_dashpot() {
     hold(10, (scenes(), point(), 40.0..HIGHEST_HZ), |(mut spec, at, hz)| {
