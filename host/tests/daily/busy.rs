@@ -1,73 +1,15 @@
 //! A busy host: the daemon's process does not run for a while, as where something else has the processor.
 
-use crate::support::{Daemon, panel_of, table};
+use crate::serving::Serving;
+use crate::support::{panel_of, table};
 use era::device::sim::SimDevice;
 use era::scene::EXAMPLE_PLATE;
-use serde_json::{Value, json};
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
-use std::thread::JoinHandle;
+use serde_json::json;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 const TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 200}"#;
 const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
-
-/// `era serve` as a process of its own, which ends with the test.
-struct Serving {
-    process: Child,
-    daemon: Daemon,
-    log: Option<JoinHandle<Vec<Value>>>,
-}
-
-impl Serving {
-    fn start(board: &SimDevice, more: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-        command.args(["--log-format", "json", "serve", "--listen", "127.0.0.1:0", "--socket", "none"]);
-        command.args(["--accuracy", "fast", "--device", board.path()]).args(more);
-        command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").stderr(Stdio::piped());
-        let mut process = command.spawn().unwrap();
-        let lines = BufReader::new(process.stderr.take().unwrap()).lines().map_while(Result::ok);
-        let mut lines = lines.map(|line| serde_json::from_str::<Value>(&line).unwrap());
-        let open =
-            |line: Value| line["message"].as_str()?.split_once("open ")?.1.split_whitespace().next().map(str::to_owned);
-        let url = lines.find_map(open).expect("it says where it serves");
-        let log = Some(std::thread::spawn(move || lines.collect()));
-        let daemon = Daemon { url, sim: board.control(), background: None };
-        daemon.wait_for(|state| state["device"]["connected"] == true);
-        Self { process, daemon, log }
-    }
-
-    fn signal(&self, name: &str) {
-        let id = self.process.id().to_string();
-        assert!(Command::new("kill").args(["-s", name, &id]).status().unwrap().success());
-    }
-
-    /// How the system schedules a thread of it: 0 as any other, 2 in turn with others of its real-time priority (SCHED_RR).
-    #[cfg(target_os = "linux")]
-    fn policy_of(&self, thread: &str) -> u32 {
-        let tasks = std::fs::read_dir(format!("/proc/{}/task", self.process.id())).unwrap();
-        let read = |task: &std::path::Path, file: &str| std::fs::read_to_string(task.join(file)).unwrap_or_default();
-        let mut tasks = tasks.map(|task| task.unwrap().path());
-        let task = tasks.find(|task| read(task, "comm").trim() == thread).expect("such a thread");
-        // Field 41 of proc(5); the second is a name in brackets.
-        let stat = read(&task, "stat");
-        stat.rsplit(')').next().unwrap().split_whitespace().nth(41 - 3).unwrap().parse().unwrap()
-    }
-
-    /// Ends it; all that it has logged since it was ready.
-    fn end(mut self) -> Vec<Value> {
-        self.signal("TERM");
-        assert!(self.process.wait().unwrap().success());
-        self.log.take().unwrap().join().unwrap()
-    }
-}
-
-impl Drop for Serving {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
 
 /// For as long as the board takes to give its host up, and goes off. What has happened is told and logged, with its reason; then a person clears it,
 /// or the next touch where that is the policy, and everything goes on.

@@ -1,95 +1,42 @@
 //! Requests that people make: to arm, and to clear a fault. They wait in a queue of their own, which has an end.
 
-use crate::support::{Daemon, described, panel_of, table};
-use era::daemon::{Access, App, Listener};
-use era::device::OpenDevice;
-use era::device::client::Transport;
-use era::device::port::Port;
-use era::device::session::policy::Policy;
-use era::device::sim::SimDevice;
+use crate::line::{Line, plate};
+use crate::support::served::Served;
+use crate::support::{Daemon, described};
+use era::daemon::App;
 use era::device::timing::REAL_TIME;
-use era::scene::EXAMPLE_PLATE;
 use era_shared::safety::State;
 use serde_json::{Value, json};
-use std::io::{Read, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// A line on which whoever reads can be kept waiting, as by a computer that has no time for it.
-struct Held {
-    port: Port,
-    hold: Arc<Hold>,
-}
-
-#[derive(Default)]
-struct Hold {
-    is_wanted: AtomicBool,
-    /// Somebody is kept waiting.
-    is_kept: AtomicBool,
-}
-
-impl Read for Held {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        while self.hold.is_wanted.load(Ordering::SeqCst) {
-            self.hold.is_kept.store(true, Ordering::SeqCst);
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        self.port.read(buffer)
-    }
-}
-
-impl Write for Held {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.port.write(bytes)
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-/// A daemon whose session can be made to wait for the board.
+/// A daemon whose session can be made to wait for the board, as by a computer that has no time for it.
 struct Waiting {
+    // First, so that it lets go before the daemon has to end.
+    line: Line,
     app: Arc<App>,
     url: String,
-    hold: Arc<Hold>,
-    _board: SimDevice,
-    _runtime: tokio::runtime::Runtime,
+    _served: Served,
 }
 
 impl Waiting {
     fn start() -> Self {
-        let table = table(EXAMPLE_PLATE);
-        let (panel, volts) = panel_of(&table);
-        let board = SimDevice::start(panel, volts).unwrap();
-        let (path, hold) = (board.path().to_owned(), Arc::new(Hold::default()));
-        let held = Arc::clone(&hold);
-        let open = move || -> Result<Box<dyn Transport>, serialport::Error> {
-            Ok(Box::new(Held { port: Port::open(&path)?, hold: Arc::clone(&held) }))
-        };
-        let device = OpenDevice::over("a line", REAL_TIME, Box::new(open));
-        let app = App::with(table, device, EXAMPLE_PLATE.into(), Policy::default(), Access::default()).unwrap();
-        let (app, runtime) = (Arc::new(app), tokio::runtime::Runtime::new().unwrap());
-        let listener = runtime.block_on(tokio::net::TcpListener::bind("127.0.0.1:0")).unwrap();
-        let url = format!("http://{}", listener.local_addr().unwrap());
-        runtime.spawn(era::daemon::serve(
-            Arc::clone(&app),
-            vec![Listener::Tcp(listener)],
-            std::future::pending::<()>(),
-        ));
-        let waiting = Self { app, url, hold, _board: board, _runtime: runtime };
+        let (app, line) = plate(REAL_TIME);
+        let app = Arc::new(app);
+        let (served, url) = Served::at_a_port(&app, None);
+        let waiting = Self { line, app, url, _served: served };
         waiting.until("the board is safe", || waiting.app.device().borrow().state() == Some(State::Safe));
         waiting
     }
 
     /// The session waits for the answer to a sign of life, so that nothing is armed that would miss its host.
     fn hold(&self) {
-        self.hold.is_wanted.store(true, Ordering::SeqCst);
-        self.until("the session waits", || self.hold.is_kept.load(Ordering::SeqCst));
+        self.line.set(|ear| ear.is_held = true);
+        drop(self.line.wait_for(|ear| ear.waiting > 0));
     }
 
     fn let_go(&self) {
-        self.hold.is_wanted.store(false, Ordering::SeqCst);
+        self.line.set(|ear| ear.is_held = false);
     }
 
     fn until(&self, what: &str, is_so: impl Fn() -> bool) {
@@ -118,13 +65,6 @@ impl Waiting {
         let (status, told) = (answer.status().as_u16(), answer.body_mut().read_json().unwrap());
         described::described().check("post", path, status, &kind, &told);
         (status, retry, told)
-    }
-}
-
-impl Drop for Waiting {
-    fn drop(&mut self) {
-        // The daemon may end.
-        self.let_go();
     }
 }
 

@@ -1,11 +1,10 @@
 //! Figures of the link: what is done to it shows in them, and each fault tells what they were.
 
+use crate::serving::Serving;
 use crate::support::{Daemon, panel_of, table};
 use era::device::sim::{Knobs, SimDevice};
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
@@ -118,55 +117,22 @@ fn a_fault_tells_what_was_known_of_the_link() {
     assert!(number(link, "/keep_alive_age_ms") < 1000.0, "{link}");
 }
 
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// The log has the same in one line.
 #[test]
 fn a_fault_is_logged_with_what_was_known_of_the_link() {
     let (panel, volts) = panel_of(&table(EXAMPLE_PLATE));
     let board = SimDevice::start(panel, volts).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-    command.args([
-        "serve",
-        "--listen",
-        "127.0.0.1:0",
-        "--socket",
-        "none",
-        "--accuracy",
-        "fast",
-        "--log-format",
-        "json",
-    ]);
-    command.arg("--device").arg(board.path());
-    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").stderr(Stdio::piped());
-    let mut daemon = Running(command.spawn().unwrap());
-    let lines = BufReader::new(daemon.0.stderr.take().unwrap()).lines().map_while(Result::ok);
-    let mut lines = lines.map(|line| serde_json::from_str::<Value>(&line).unwrap_or_else(|_| panic!("{line}")));
-    let address = lines.find_map(|line| {
-        let (_, rest) = line["message"].as_str()?.split_once("open ")?;
-        Some(rest.split([' ', ',']).next()?.to_owned())
-    });
-    let address = address.expect("it says where it serves");
-    let deadline = Instant::now() + Duration::from_secs(30);
-    // Its board may not have answered yet.
-    while Daemon::agent().post(format!("{address}/v1/touch")).send(LONG_TOUCH).unwrap().status() != 200 {
-        assert!(Instant::now() < deadline, "no touch is driven");
-        std::thread::sleep(Duration::from_millis(50));
-    }
+    let serving = Serving::start(&board, &[]);
+    assert_eq!(serving.daemon.post("/v1/touch", LONG_TOUCH).0, 200);
     silent_for(&board.control(), SILENCE);
-    let line = lines.find(|line| line["name"] == "host-silent").expect("the fault is logged");
+    serving.daemon.wait_for(|state| state["device"]["fault"]["name"] == "host-silent");
+    let log = serving.end();
+    let line = log.iter().find(|line| line["name"] == "host-silent").expect("the fault is logged");
     for key in ["keep_alive_age_ms", "longest_gap_ms"] {
-        assert!(number(&line, &format!("/{key}")) >= 600.0, "{key} in {line}");
+        assert!(number(line, &format!("/{key}")) >= 600.0, "{key} in {line}");
     }
     for key in ["round_trip_ms", "round_trip_worst_ms", "jitter_ms", "repeats"] {
-        assert!(number(&line, &format!("/{key}")) > 0.0, "{key} in {line}");
+        assert!(number(line, &format!("/{key}")) > 0.0, "{key} in {line}");
     }
     assert_eq!((&line["outages"], &line["bad_frames"], &line["code"]), (&json!(0), &json!(0), &json!(0)), "{line}");
 }

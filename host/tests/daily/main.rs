@@ -21,4 +21,5 @@ mod order;
 mod raw;
 mod recorded;
 mod secrets;
+mod serving;
 mod stops;

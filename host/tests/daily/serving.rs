@@ -1,0 +1,65 @@
+//! `era serve` as a process of its own, beside a board of the test's.
+
+use crate::support::Daemon;
+use era::device::sim::SimDevice;
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::thread::JoinHandle;
+
+/// `era serve` as a process of its own, which ends with the test.
+pub struct Serving {
+    process: Child,
+    pub daemon: Daemon,
+    log: Option<JoinHandle<Vec<Value>>>,
+}
+
+impl Serving {
+    pub fn start(board: &SimDevice, more: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        command.args(["--log-format", "json", "serve", "--listen", "127.0.0.1:0", "--socket", "none"]);
+        command.args(["--accuracy", "fast", "--device", board.path()]).args(more);
+        command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").stderr(Stdio::piped());
+        let mut process = command.spawn().unwrap();
+        let lines = BufReader::new(process.stderr.take().unwrap()).lines().map_while(Result::ok);
+        let mut lines = lines.map(|line| serde_json::from_str::<Value>(&line).unwrap());
+        let open =
+            |line: Value| line["message"].as_str()?.split_once("open ")?.1.split_whitespace().next().map(str::to_owned);
+        let url = lines.find_map(open).expect("it says where it serves");
+        let log = Some(std::thread::spawn(move || lines.collect()));
+        let daemon = Daemon { url, sim: board.control(), background: None };
+        daemon.wait_for(|state| state["device"]["connected"] == true);
+        Self { process, daemon, log }
+    }
+
+    pub fn signal(&self, name: &str) {
+        let id = self.process.id().to_string();
+        assert!(Command::new("kill").args(["-s", name, &id]).status().unwrap().success());
+    }
+
+    /// How the system schedules a thread of it: 0 as any other, 2 in turn with others of its real-time priority (SCHED_RR).
+    #[cfg(target_os = "linux")]
+    pub fn policy_of(&self, thread: &str) -> u32 {
+        let tasks = std::fs::read_dir(format!("/proc/{}/task", self.process.id())).unwrap();
+        let read = |task: &std::path::Path, file: &str| std::fs::read_to_string(task.join(file)).unwrap_or_default();
+        let mut tasks = tasks.map(|task| task.unwrap().path());
+        let task = tasks.find(|task| read(task, "comm").trim() == thread).expect("such a thread");
+        // Field 41 of proc(5); the second is a name in brackets.
+        let stat = read(&task, "stat");
+        stat.rsplit(')').next().unwrap().split_whitespace().nth(41 - 3).unwrap().parse().unwrap()
+    }
+
+    /// Ends it; all that it has logged since it was ready.
+    pub fn end(mut self) -> Vec<Value> {
+        self.signal("TERM");
+        assert!(self.process.wait().unwrap().success());
+        self.log.take().unwrap().join().unwrap()
+    }
+}
+
+impl Drop for Serving {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
