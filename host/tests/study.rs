@@ -131,3 +131,19 @@ fn what_a_study_cannot_be_is_told() {
     // Where there is a file in the folder's place.
     refused(&["study", &study, "--out", &wrong.display().to_string()], 1, "cannot make the folder");
 }
+
+/// The study that comes with the program: 2.5 times the weakest place of its scene, and the best first by the thorough look, whose order is not the quick
+/// one's.
+#[test]
+fn the_example_study_finds_better_places_and_tells_the_best_first() {
+    let study = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/studies/placement.toml");
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().join("out").display().to_string();
+    let found = era(&["study", study.to_str().unwrap(), "--out", &out, "--json"]);
+    assert!(found.status.success(), "{}", told(&found));
+    let summary: Value = serde_json::from_slice(&found.stdout).unwrap();
+    let weakest = |own: &Value| own["figures"]["weakest_g"].as_f64().unwrap();
+    let best: Vec<f64> = summary["best"].as_array().unwrap().iter().map(weakest).collect();
+    assert!(best.len() == 3 && best.is_sorted_by(|a, b| a >= b), "{best:?}");
+    assert!(best[0] > 2.5 * weakest(&summary["as_it_is"]), "{summary}");
+}

@@ -9,7 +9,9 @@ use crate::spec::Way;
 use std::fmt::Write;
 
 /// Width and height of a panel in pixels.
-const PANEL: (f64, f64) = (170.0, 120.0);
+const PANEL: (f64, f64) = (184.0, 120.0);
+/// Room for the numbers left of a panel's axis, in pixels.
+const BESIDE: f64 = 44.0;
 /// Pairs that are drawn: those with the largest interactions.
 const MOST_PAIRS: usize = 6;
 
@@ -77,17 +79,18 @@ fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
     for own in &found.main {
         let dimension = &dimensions[own.dimension];
         #[expect(clippy::cast_precision_loss, reason = "a few levels")]
-        let x = |level: usize| 34.0 + (w - 48.0) * (level as f64 + 0.5) / own.levels.len() as f64;
+        let x = |level: usize| BESIDE + 4.0 + (w - BESIDE - 18.0) * (level as f64 + 0.5) / own.levels.len() as f64;
         let y = |mean: f64| 12.0 + (h - 40.0) * (1.0 - (mean - least) / span);
         let _ = write!(
             html,
             "<figure>\n<svg viewBox=\"0 0 {w} {h}\" width=\"{w}\" role=\"img\">\n\
-             <path class=\"axis\" d=\"M30 8V{0:.0}H{1:.0}\"/>\n<text x=\"28\" y=\"16\" class=\"end\">{2}</text>\n\
-             <text x=\"28\" y=\"{0:.0}\" class=\"end\">{3}</text>\n",
+             <path class=\"axis\" d=\"M{BESIDE} 8V{0:.0}H{1:.0}\"/>\n<text x=\"{4}\" y=\"16\" class=\"end\">{2}</text>\n\
+             <text x=\"{4}\" y=\"{0:.0}\" class=\"end\">{3}</text>\n",
             h - 26.0,
             w - 8.0,
             shown(most),
-            shown(least)
+            shown(least),
+            BESIDE - 2.0
         );
         let points: Vec<(usize, f64)> =
             own.levels.iter().enumerate().filter_map(|(level, (_, mean))| Some((level, (*mean)?))).collect();

@@ -43,8 +43,21 @@ impl Finals {
             }
             best.push(finalist(study, &thorough, own + 1, &table.entries[own])?);
         }
+        in_order(study, &mut best);
         Ok(Some(Self { base, best, tolerance: thorough.tolerance() }))
     }
+}
+
+/// Puts those with the better figure first, as the thorough look tells it, and those that failed last; not where there are several wishes, between which
+/// the first one is best, nor where the worst of uncertain ones decides, which is not looked at again.
+fn in_order(study: &Study, best: &mut [Finalist]) {
+    let ([wish], true) = (study.spec.wishes.as_slice(), study.spec.uncertain.is_empty()) else { return };
+    let Some(place) = study.figures.iter().position(|wanted| *wanted == wish.wanted) else { return };
+    let loss = |own: &Finalist| {
+        let figure = own.verified.as_ref().ok().and_then(|verified| verified.figures.values.get(place).copied());
+        figure.map_or(f64::INFINITY, |figure| wish.goal.loss(figure))
+    };
+    best.sort_by(|a, b| loss(a).total_cmp(&loss(b)));
 }
 
 fn finalist(study: &Study, thorough: &Thorough, design: usize, entry: &Entry) -> Result<Finalist, Refused> {
