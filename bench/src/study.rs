@@ -10,9 +10,8 @@ use crate::table::{Table, relative, seconds, times};
 use era_model::model::{Accuracy, PanelModel};
 use era_model::scene::{EXAMPLE_PLATE, Scene, evenly};
 use era_planner::quick::{QuickPanel, Weakest};
-use era_planner::reach::{Measure, Space};
-use era_planner::study::maps;
-use era_planner::table::View;
+use era_planner::reach::Measure;
+use era_planner::study::weakest;
 use era_planner::{PlanError, PlanTable, TableOptions};
 use rayon::prelude::*;
 
@@ -81,11 +80,7 @@ fn looked_at(panel: &QuickPanel, scenes: &[Scene]) -> Result<(Vec<Weakest>, f64)
 fn thorough(scene: &Scene, options: TableOptions) -> Result<f64, Error> {
     let model = PanelModel::build(scene, Accuracy::BALANCED, options.to_hz)?.reduce(options.to_hz, &[])?;
     let table = PlanTable::build(scene, model, options)?;
-    let view = View::new(&table, None).ok_or(PlanError::NoFrequencies)?;
-    let space = Space::of(&table, &view.shapes, |hz| Measure::G.weight(hz));
-    let peaks = maps::strongest(&table, &space).into_iter().map(|found| found.map(|found| found.peak));
-    let least = peaks.collect::<Option<Vec<_>>>().map(|peaks| peaks.into_iter().fold(f64::INFINITY, f64::min));
-    Ok(least.ok_or(PlanError::NoFrequencies)?)
+    Ok(weakest::every_touch(&table, Measure::G).ok_or(PlanError::NoFrequencies)?.peak)
 }
 
 fn pool(threads: usize) -> Result<rayon::ThreadPool, Error> {
