@@ -23,8 +23,11 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use touches::Touch;
 
-/// Fewest touches that are measured: a p99 of fewer than a hundred is the longest of them.
-const FEWEST: f64 = 20.0;
+/// Fewest touches that are measured: a p99 of a hundred or fewer is the longest of them.
+const FEWEST: f64 = 200.0;
+/// Touches a second up to which the echo has its load at the same time, half way between two touches, so that both meet the same
+/// disturbances of the machine; of more the daemon's load would be another one.
+const BESIDE: f64 = 10.0;
 /// Stops under each load, ...
 const STOPS: u32 = 10;
 /// ... and the time between them: the self-test and the rise of the rails after each are over by then.
@@ -41,6 +44,8 @@ const CONNECTIONS: f64 = 32.0;
 const CONNECTIONS_PER_RATE: f64 = 0.02;
 /// Frames with drives for each touch of which the last are kept: the daemon may send some again, and others to thin a drive out.
 const FRAMES_PER_TOUCH: usize = 4;
+/// A touch that takes longer, in ms, is named: where in a load it stands says whether it was its beginning or something later.
+const LATE_MS: f64 = 2.0;
 /// Places in an eighth of a pixel along the screen.
 const PLACES: u32 = 1920 * 8;
 
@@ -75,7 +80,10 @@ struct Pace {
 
 impl Pace {
     fn new(rate: f64, seconds: f64) -> Self {
-        let from = Instant::now();
+        Self::from(Instant::now(), rate, seconds)
+    }
+
+    fn from(from: Instant, rate: f64, seconds: f64) -> Self {
         Self { from, every: Duration::from_secs_f64(1.0 / rate), until: from + Duration::from_secs_f64(seconds) }
     }
 
@@ -191,8 +199,7 @@ fn processors() -> usize {
 }
 
 impl Measurement {
-    fn load(&self, way: Way, rate: f64, seconds: f64) -> Result<Vec<Touch>, Error> {
-        let pace = Pace::new(rate, seconds);
+    fn load(&self, way: Way, rate: f64, pace: Pace) -> Result<Vec<Touch>, Error> {
         match way {
             Way::Tcp => Ok(over_http::run(&Place::Tcp(self.daemon.address), pace, rate)),
             Way::Unix => Ok(over_http::run(&Place::Unix(self.socket.clone()), pace, rate)),
@@ -201,8 +208,7 @@ impl Measurement {
     }
 
     /// The same load on a server that does nothing.
-    fn echoed(&self, way: Way, rate: f64, seconds: f64) -> Result<Times, Error> {
-        let pace = Pace::new(rate, seconds);
+    fn echoed(&self, way: Way, rate: f64, pace: Pace) -> Result<Times, Error> {
         let touches = match way {
             Way::Tcp => over_http::run(&self.echo.tcp, pace, rate),
             Way::Unix => over_http::run(&self.echo.unix, pace, rate),
@@ -211,18 +217,33 @@ impl Measurement {
         Ok(round_trips(&touches))
     }
 
+    /// A load, and the same on the echo: beside it where touches are seldom, before it where they are not.
+    fn touches_and_echo(&self, way: Way, rate: f64, seconds: f64) -> Result<(Vec<Touch>, Times), Error> {
+        if rate > BESIDE {
+            let echo = self.echoed(way, rate, Pace::new(rate, seconds))?;
+            return Ok((self.load(way, rate, Pace::new(rate, seconds))?, echo));
+        }
+        let pace = Pace::new(rate, seconds);
+        let between = Pace::from(pace.from + pace.every / 2, rate, seconds);
+        std::thread::scope(|threads| {
+            let echo = threads.spawn(move || self.echoed(way, rate, between));
+            let touches = self.load(way, rate, pace)?;
+            let echo = echo.join().map_err(|_| Error::Answer("the load on the echo did not end".into()))?;
+            Ok((touches, echo?))
+        })
+    }
+
     fn row(&self, way: Way, rate: f64, seconds: f64) -> Result<Row, Error> {
         std::thread::sleep(REST);
-        let echo = self.echoed(way, rate, seconds)?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let most = (rate * seconds).ceil() as usize * FRAMES_PER_TOUCH;
         self.control.keep_frames(most);
-        let touches = self.load(way, rate, seconds)?;
+        let (touches, echo) = self.touches_and_echo(way, rate, seconds)?;
         let measured = Measured::of(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
         std::thread::sleep(REST);
         let stops = std::thread::scope(|threads| {
             let seconds = (BETWEEN_STOPS * (STOPS + 1)).as_secs_f64();
-            let load = threads.spawn(move || self.load(way, rate, seconds).map(|_| ()));
+            let load = threads.spawn(move || self.load(way, rate, Pace::new(rate, seconds)).map(|_| ()));
             let stops = self.stops(way);
             load.join().unwrap_or(Ok(())).and(stops)
         })?;
@@ -239,7 +260,7 @@ impl Measurement {
             measured.overtaken.told(),
             stops.told()
         );
-        for what in measured.missing() {
+        for what in measured.missing().into_iter().chain(measured.late(LATE_MS)) {
             println!("  {what}");
         }
         Ok(Row { way, rate, measured, stops, echo })

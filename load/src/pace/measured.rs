@@ -21,6 +21,8 @@ pub struct Measured {
     pub refused: BTreeMap<String, usize>,
     /// Those that were answered as driven, and of which no frame was on the line.
     pub unseen: usize,
+    /// Those that were driven, counted from 1, with the time to their frame in ms; the longest first.
+    pub latest: Vec<(usize, f64)>,
 }
 
 impl Measured {
@@ -30,7 +32,7 @@ impl Measured {
     /// As [`arrivals`].
     pub fn of(touches: &[Touch], frames: &[SetFrame]) -> Result<Self, String> {
         let mut all = Self { sent: touches.len(), ..Self::default() };
-        for (touch, arrived) in touches.iter().zip(arrivals(touches, frames)?) {
+        for (number, (touch, arrived)) in touches.iter().zip(arrivals(touches, frames)?).enumerate() {
             let ended = touch.ended.saturating_duration_since(touch.due);
             match &touch.end {
                 End::Overtaken => all.overtaken.add(ended),
@@ -41,7 +43,11 @@ impl Measured {
                 End::Driven(_) => {
                     all.answer.add(ended);
                     match arrived {
-                        Some(at) => all.frame.add(at.saturating_duration_since(touch.due)),
+                        Some(at) => {
+                            let took = at.saturating_duration_since(touch.due);
+                            all.frame.add(took);
+                            all.latest.push((number + 1, took.as_secs_f64() * 1e3));
+                        }
                         None => {
                             all.frame.never();
                             all.unseen += 1;
@@ -50,7 +56,17 @@ impl Measured {
                 }
             }
         }
+        all.latest.sort_by(|a, b| b.1.total_cmp(&a.1));
         Ok(all)
+    }
+
+    /// Which touches took more than so many ms to their frame, in words: up to three, and nothing if there was none.
+    #[must_use]
+    pub fn late(&self, ms: f64) -> Option<String> {
+        let late: Vec<String> = (self.latest.iter().take(3).filter(|(_, took)| *took > ms))
+            .map(|(number, took)| format!("touch {number} {took:.2} ms"))
+            .collect();
+        (!late.is_empty()).then(|| format!("longest: {}", late.join(", ")))
     }
 
     /// Touches that were driven: the others were overtaken or refused.

@@ -1,4 +1,5 @@
-//! A finger that moves, on one live socket: one thread sends its places when they are due, another reads what comes.
+//! A finger on one live socket: one thread sends its places when they are due, another reads what comes. A finger that comes seldom taps;
+//! one that comes often moves.
 
 use super::touches::{End, Touch};
 use super::{Pace, x_px};
@@ -29,6 +30,12 @@ pub fn run(address: SocketAddr, pace: Pace) -> Result<Vec<Touch>, String> {
     Ok(touches(&sent, &messages))
 }
 
+/// How long a finger that taps is down: as long as a touch of the other ways in.
+const TAP: Duration = Duration::from_millis(100);
+/// Time between two places from which on the finger is lifted in between. One that stays down is a drag, which the board interrupts every
+/// 9.5 s for a rest: a place that comes in it waits for its end, 115 ms, by the board's own rule.
+const TAPS: Duration = Duration::from_millis(500);
+
 /// When each place was due.
 fn send(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
     let mut sent = Vec::new();
@@ -38,6 +45,10 @@ fn send(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
         let finger = json!({"id": 1, "x_px": x_px(k), "y_px": 640, "intensity_g": 0.3});
         writer.send(&json!({"type": "touch", "touches": [finger]}))?;
         sent.push(due);
+        if pace.every >= TAPS {
+            std::thread::sleep(TAP);
+            writer.send(&json!({"type": "touch", "touches": []}))?;
+        }
     }
     Ok(sent)
 }
