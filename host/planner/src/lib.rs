@@ -50,7 +50,7 @@ pub mod table;
 mod wish;
 
 pub use choose::{allocate, assignment, candidates, search, shared_frequency};
-use era_model::{model, response, scene, transient};
+use era_model::{model, response, scene, stop, transient};
 pub use motion::{plan_motion, residual};
 pub use physics::{Phasors, limits, rise, softening};
 pub use plan::limitation;

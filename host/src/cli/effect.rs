@@ -1,9 +1,10 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
 use super::args::{At, Keep, Panel, Rhythm};
-use super::panel::{bounds_of, is_met, target, tell_plan, touched_table};
+use super::panel::{bounds_of, target, tell_plan, touched_table};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{self, DesignError, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
+use crate::model::Bound;
 use crate::planner::Request;
 use crate::planner::rise::RiseTimes;
 use clap::Args;
@@ -63,7 +64,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
         answer["elapsed_ms"] = json!(elapsed_ms);
         answer["plan"] = json!(plan);
         answer["tolerance"] = json!(accuracy.value());
-        answer["tolerance_met"] = json!(is_met(&bounds_of(&[&plan]), accuracy));
+        answer["tolerance_met"] = json!(Bound::are_met(&bounds_of(&[&plan]), accuracy));
         answer["plan_timing"] = json!(timing);
         answer["plan_level_db"] = json!(level_db);
         return print_json(&answer);

@@ -2,9 +2,10 @@
 
 use super::args::At;
 use super::args_field::Field;
-use super::panel::{is_met, target, tell_missing, tell_plan, touched_table};
+use super::panel::{target, tell_missing, tell_plan, touched_table};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text, reach};
+use crate::model::Bound;
 use crate::study;
 use serde_json::json;
 
@@ -38,7 +39,7 @@ pub fn run(options: &Field) -> Outcome {
     if options.json {
         return print_json(&json!({
             "plan": plan, "field": field, "error_bound": bound.value(), "tolerance": accuracy.value(),
-            "tolerance_met": is_met(&[bound], accuracy),
+            "tolerance_met": Bound::are_met(&[bound], accuracy),
         }));
     }
     if to_output || options.png.is_none() && options.csv.is_none() {

@@ -2,10 +2,10 @@
 
 use super::args::Modes as Options;
 use super::cost::Cost;
-use super::panel::{is_met, tell_missing, tell_steps, tolerance_of, warn_if_thick};
+use super::panel::{tell_missing, tell_steps, warn_if_thick};
 use super::progress::{with_cost, with_progress};
 use super::told::tell;
-use super::{Failure, Outcome, print_json, print_text, reach, sweep};
+use super::{Failure, Outcome, print_json, print_text, reach};
 use crate::model::{Bound, Mode, bounded_modes};
 use crate::scene::Scene;
 use crate::study::shapes::ModeShapes;
@@ -32,7 +32,7 @@ pub fn run(options: &Options) -> Outcome {
     tell_steps(&options.panel, &scene, accuracy, &found.steps);
     tell_missing(&found.bounds, accuracy);
     if wants_shapes {
-        let grid = sweep::grid(options.grid, &scene);
+        let grid = scene.grid(options.grid);
         check_size(grid.0.len() * grid.1.len(), found.answer.len())?;
         let shapes = with_progress("computing the shapes", || ModeShapes::of(&scene, &found, options.max_hz, grid))?;
         if write(options, &scene, &shapes)? {
@@ -49,8 +49,8 @@ pub fn run(options: &Options) -> Outcome {
             })
             .collect();
         return print_json(&json!({
-            "dofs": dofs, "elapsed_ms": elapsed_ms, "tolerance": tolerance_of(accuracy),
-            "tolerance_met": is_met(&found.bounds, accuracy), "modes": list,
+            "dofs": dofs, "elapsed_ms": elapsed_ms, "tolerance": accuracy.asked(),
+            "tolerance_met": Bound::are_met(&found.bounds, accuracy), "modes": list,
         }));
     }
     let heading = format!("{}: {dofs} unknowns, {elapsed_ms:.0} ms", scene.name);

@@ -8,11 +8,11 @@ use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::bounded::Step;
 use crate::model::levels::Levels;
-use crate::model::{Accuracy, Bound, ModelError};
+use crate::model::{Accuracy, Bound, ModelError, validity};
 use crate::planner::cache::{self, PrepareError, Prepared};
 use crate::planner::{Plan, PlanError, PlanTable, TableOptions, Target};
 use crate::response;
-use crate::scene::{Finger, MAX_ACTUATORS, Scene, Side, SurfaceKind};
+use crate::scene::{Finger, MAX_ACTUATORS, Scene};
 use num_complex::Complex64;
 use serde_json::json;
 use std::fmt::Write;
@@ -20,11 +20,6 @@ use std::time::Instant;
 
 /// Most frequencies in one response.
 const MOST_FREQUENCIES: f64 = 1e6;
-/// Thickness over length above which thin-plate theory is off by more than a percent or two.
-const THIN: f64 = 1.0 / 30.0;
-/// Error of thin-plate theory in a frequency that is worth a warning.
-const SHEAR: f64 = 0.02;
-
 impl From<ModelError> for Failure {
     fn from(error: ModelError) -> Self {
         match error {
@@ -33,7 +28,9 @@ impl From<ModelError> for Failure {
             | ModelError::Frequency { .. }
             | ModelError::Tolerance { .. }
             | ModelError::OtherPanel { .. } => Failure::usage(error),
-            ModelError::Factorisation { .. } | ModelError::NotConverged { .. } => Failure::failed(error),
+            ModelError::Factorisation { .. } | ModelError::NotConverged { .. } | ModelError::Stopped => {
+                Failure::failed(error)
+            }
         }
     }
 }
@@ -59,63 +56,17 @@ impl From<PrepareError> for Failure {
 impl From<PlanError> for Failure {
     fn from(error: PlanError) -> Self {
         match error {
-            PlanError::NoFrequencies => Failure::failed(error),
+            PlanError::NoFrequencies | PlanError::Stopped => Failure::failed(error),
             _ => Failure::usage(error),
         }
     }
 }
 
-/// Says where thin-plate theory ends: by the panel's side, and by the waves at the highest frequency.
+/// Says where thin-plate theory ends.
 pub fn warn_if_thick(scene: &Scene, max_hz: f64) {
-    let side = span_m(scene);
-    let thickest = scene.layout().layers().map(|(_, layer)| layer.thickness_m).fold(0.0, f64::max);
-    let slenderness = thickest / side;
-    if slenderness > THIN {
-        tracing::warn!(
-            "thickness is {:.3} of the side that bends: thin-plate theory is too stiff by some percent there",
-            slenderness
-        );
+    for doubt in validity::doubts(scene, max_hz) {
+        tracing::warn!("{doubt}");
     }
-    let too_high = too_high_by(scene, max_hz);
-    if too_high > SHEAR {
-        tracing::warn!(
-            "at {max_hz} Hz waves are so short against the thickness that frequencies come out some {:.0} % too high: \
-             thin-plate theory leaves out shear and rotary inertia",
-            100.0 * too_high
-        );
-    }
-}
-
-/// The shortest side that the panel has to bend along at whatever low frequency: the longer one, and one with a line support
-/// at its end. Across a narrow strip that nothing holds nothing bends below frequencies whose waves are as short, and for
-/// those there is [`too_high_by`]; it is a bar, however it is called.
-fn span_m(scene: &Scene) -> f64 {
-    let surface = &scene.surface;
-    let is_held = |sides: [Side; 2]| scene.edges.iter().any(|edge| sides.contains(&edge.side));
-    match surface.kind {
-        SurfaceKind::Bar => surface.length_m,
-        SurfaceKind::Plate => {
-            let longer = surface.length_m.max(surface.width_m);
-            let along = is_held([Side::Left, Side::Right]).then_some(surface.length_m);
-            let across = is_held([Side::Top, Side::Bottom]).then_some(surface.width_m);
-            [along, across].into_iter().flatten().fold(longer, f64::min)
-        }
-    }
-}
-
-/// About how much too high thin-plate theory has a frequency, relative: (k h)^2 (1/12 + S) / 2 for the wavenumber k, S =
-/// (1 + nu) / (6 kappa) for a bar's shear and 1 / (6 kappa (1 - nu)) for a plate's, kappa = 5/6 (Mindlin 1951, first order).
-fn too_high_by(scene: &Scene, max_hz: f64) -> f64 {
-    let (surface, material) = (&scene.surface, &scene.surface.material);
-    let (h, nu) = (surface.thickness_m, material.poisson_ratio);
-    let shear = match surface.kind {
-        SurfaceKind::Plate => 0.2 / (1.0 - nu),
-        SurfaceKind::Bar => 0.2 * (1.0 + nu),
-    };
-    // k^4 = 12 rho w^2 / (E h^2), a plate's less by 1 - nu^2.
-    let omega = std::f64::consts::TAU * max_hz;
-    let square = h * h * omega * (12.0 * material.density_kg_m3 / (material.youngs_modulus_pa * h * h)).sqrt();
-    0.5 * square * (1.0 / 12.0 + shear)
 }
 
 /// Responses are to actuators.
@@ -131,20 +82,6 @@ pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Ste
     if panel.explain {
         tell!("{}", explain(scene, accuracy, steps));
     }
-}
-
-/// What was asked for of a bound; nothing where time was.
-pub fn tolerance_of(accuracy: Accuracy) -> Option<f64> {
-    accuracy.time().is_none().then(|| accuracy.value())
-}
-
-/// Whether all bounds are within what was asked for; `None` where nothing was, or where one is missing and none is above it.
-pub fn is_met(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
-    let tolerance = tolerance_of(accuracy)?;
-    if bounds.iter().filter_map(|bound| bound.value()).any(|bound| bound > tolerance) {
-        return Some(false);
-    }
-    bounds.iter().all(|bound| bound.value().is_some()).then_some(true)
 }
 
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
@@ -221,8 +158,8 @@ pub fn response(options: &Response) -> Outcome {
         // One number for all curves; none without curves.
         let bound = found.bounds.iter().map(|bound| bound.value()).reduce(|a, b| Some(a?.max(b?))).flatten();
         return print_json(&json!({
-            "dofs": found.model.dofs(), "elapsed_ms": elapsed_ms, "error_bound": bound, "tolerance": tolerance_of(accuracy),
-            "tolerance_met": is_met(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
+            "dofs": found.model.dofs(), "elapsed_ms": elapsed_ms, "error_bound": bound, "tolerance": accuracy.asked(),
+            "tolerance_met": Bound::are_met(&found.bounds, accuracy), "frequency_hz": frequencies_hz, "actuators": actuators,
         }));
     }
     print_text(&csv(&scene, &frequencies_hz, curves, &found.bounds))
@@ -347,34 +284,4 @@ fn tell_finger(panel: &Panel, scene: &Scene) {
 pub fn target(scene: &Scene, at: &At) -> Result<Target, Failure> {
     let (x_m, y_m) = surface_point(scene, at.at.x, at.at.y, at.unit)?;
     Ok(Target { x_m, y_m, intensity_g: at.intensity_g })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A strip is the same panel as a plate and as a bar; it is stubby where it has to bend along a short side.
-    #[test]
-    fn the_side_that_bends_counts() {
-        let strip = |kind: &str, length_mm: f64, width_mm: f64, edges: &str| {
-            let text = format!(
-                "version = 1\nname = \"strip\"\n[surface]\nkind = \"{kind}\"\nlength_mm = {length_mm}\nwidth_mm = {width_mm}\n\
-                 thickness_mm = 2\n[surface.material]\nyoungs_modulus_pa = 69e9\npoisson_ratio = 0.33\n\
-                 density_kg_m3 = 2700\n{edges}"
-            );
-            Scene::parse("strip", &text).unwrap()
-        };
-        let edge = |side: &str, kind: &str| format!("[[edge]]\nside = \"{side}\"\nkind = \"{kind}\"\n");
-        for scene in [
-            strip("bar", 300.0, 40.0, ""),
-            strip("plate", 300.0, 40.0, ""),
-            strip("plate", 40.0, 300.0, ""),
-            strip("plate", 300.0, 40.0, &edge("left", "clamped")),
-        ] {
-            assert_eq!(span_m(&scene), 0.3, "{scene:?}");
-        }
-        assert_eq!(span_m(&strip("plate", 300.0, 40.0, &edge("top", "pinned"))), 0.04);
-        assert_eq!(span_m(&strip("plate", 40.0, 30.0, "")), 0.04);
-        assert_eq!(span_m(&strip("bar", 40.0, 30.0, "")), 0.04);
-    }
 }

@@ -2,13 +2,14 @@
 
 use super::args::{At, Keep, Panel, Unit};
 use super::args_field::{Corners, parse_corners};
-use super::panel::{bounds_of, is_met, plan_table, point_of, target, tell_plan, touched_table};
+use super::panel::{bounds_of, plan_table, point_of, target, tell_plan, touched_table};
 use super::progress::with_progress;
 use super::reach::region;
 use super::told::tell;
 use super::wishes::Wishes;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::effects::{Intensity, plan_with};
+use crate::effects::at_level;
+use crate::model::Bound;
 use crate::planner::explain::Explanation;
 use crate::planner::schedule::{Span, Stretch, Window, spans, stretches};
 use crate::planner::trade::Trade;
@@ -78,7 +79,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
     }
     let plans = plans(&answer);
     tell_plan(&plans, accuracy, options.panel.explain);
-    answer.tolerance_met = is_met(&bounds_of(&plans), accuracy);
+    answer.tolerance_met = Bound::are_met(&bounds_of(&plans), accuracy);
     if options.json {
         return print_json(&answer);
     }
@@ -161,16 +162,6 @@ fn plans(answer: &Answer) -> Vec<&Plan> {
         Some(all) => all.iter().filter_map(|stretch| stretch.plan.as_ref()).collect(),
         None => vec![&answer.plan],
     }
-}
-
-/// The request with the peaks in g that are as far above the threshold of feeling as is asked for.
-fn at_level(table: &PlanTable, mut request: Request, level_db: Option<f64>) -> Result<Request, PlanError> {
-    let Some(db) = level_db else { return Ok(request) };
-    let plan = plan_with(table, || table.rise(), &request, Some(Intensity::AboveThresholdDb(db)))?;
-    for (target, found) in request.targets.iter_mut().zip(&plan.targets) {
-        target.intensity_g = target.intensity_g.or(Some(found.wanted_g));
-    }
-    Ok(request)
 }
 
 /// Why the plans of these requests are what they are, if that was asked.

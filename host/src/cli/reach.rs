@@ -10,7 +10,7 @@ use crate::planner::reach::Measure;
 use crate::planner::study::{Maps, Scheme, SchemeReach, Spread, rigid, schemes};
 use crate::planner::table::{Region, View};
 use crate::planner::{MIN_SPACING_HZ, PlanTable};
-use crate::scene::{PlaceError, Scene, along_side};
+use crate::scene::Scene;
 use crate::study::reach as pictures;
 use serde_json::json;
 use std::fmt::Write;
@@ -228,56 +228,23 @@ fn prepared(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failu
     }
     let region = region(&scene, options.zone)?;
     let table = restricted(plan_table(&options.panel, options.keep, &scene)?, options)?;
-    if View::new(&table, region).is_none() {
-        let step = |lines: &[f64]| lines.windows(2).map(|pair| (pair[1] - pair[0]) * 1e3).fold(0.0, f64::max);
-        return Err(Failure::usage(format!(
-            "--zone: none of the points that are looked at, {:.1} mm apart, is on the surface in there",
-            step(&table.grid.x_m).max(step(&table.grid.y_m))
-        )));
-    }
+    View::checked(&table, region).map_err(|error| Failure::usage(format!("--zone: {error}")))?;
     Ok((scene, table, region))
 }
 
 /// What `--zone` says, on this scene.
 pub(super) fn region(scene: &Scene, zone: Option<Corners>) -> Result<Option<Region>, Failure> {
     let Some(zone) = zone else { return Ok(None) };
-    let metres = |field: &'static str, [from, to]: [f64; 2], side_m: f64| -> Result<[f64; 2], PlaceError> {
-        Ok([along_side(field, from / 1e3, side_m)?, along_side(field, to / 1e3, side_m)?])
-    };
-    let (length_m, width_m) = (scene.surface.length_m, scene.surface.width_m);
-    let region = |zone: Corners| -> Result<Region, PlaceError> {
-        Ok(Region { x_m: metres("x_mm", zone.x, length_m)?, y_m: metres("y_mm", zone.y, width_m)? })
-    };
-    region(zone).map(Some).map_err(|error| Failure::usage(format!("--zone: {error}")))
+    let metres = |[from, to]: [f64; 2]| [from / 1e3, to / 1e3];
+    let region = Region::on(scene, metres(zone.x), metres(zone.y));
+    region.map(Some).map_err(|error| Failure::usage(format!("--zone: {error}")))
 }
 
 /// The table without the frequencies that `--from` and `--to` leave out.
 fn restricted(table: PlanTable, options: &Field) -> Result<PlanTable, Failure> {
-    if options.from.is_none() && options.to.is_none() {
-        return Ok(table);
-    }
-    let ends = |table: &PlanTable| table.frequencies_hz.first().copied().zip(table.frequencies_hz.last().copied());
-    let (least, most) = ends(&table).unwrap_or_default();
-    let (from, to) = (options.from.unwrap_or(least), options.to.unwrap_or(most));
-    let actuators = table.electrodes.len();
-    // A small count.
-    let needed = (1..actuators).fold(0.0, |sum, _| sum + MIN_SPACING_HZ);
-    let refused = || {
-        let spaced = if actuators > 1 {
-            format!(
-                "; frequencies of {actuators} actuators, {MIN_SPACING_HZ} Hz apart, need {needed} Hz between the two"
-            )
-        } else {
-            String::new()
-        };
-        Failure::usage(format!(
-            "--from {from} --to {to}: too few of the planner's frequencies are in this band; allowed are {least} to {most} \
-             Hz{spaced}"
-        ))
-    };
-    let table = table.between(from, to).ok_or_else(refused)?;
-    let (first, last) = ends(&table).unwrap_or_default();
-    if last - first < needed { Err(refused()) } else { Ok(table) }
+    table
+        .in_band(options.from, options.to)
+        .map_err(|error| Failure::usage(format!("--from {} --to {}: {error}", error.from_hz, error.to_hz)))
 }
 
 /// The grids that were searched.

@@ -2,23 +2,18 @@
 
 use super::args::Sweep as Options;
 use super::cost::Cost;
-use super::panel::{frequencies, is_met, need_actuators, tell_missing, tell_steps, tolerance_of, warn_if_thick};
+use super::panel::{frequencies, need_actuators, tell_missing, tell_steps, warn_if_thick};
 use super::progress::with_cost;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::model::Bounded;
-use crate::response::bounded_sweep;
+use crate::model::{Bound, Bounded};
 use crate::response::sweep::{Arithmetic, Sweep};
-use crate::scene::{Scene, SurfaceKind, evenly};
+use crate::response::{MOST_SWEEP_VALUES, SINGLE_DOES, bounded_sweep};
+use crate::scene::Scene;
 use crate::study::npy;
 use serde_json::json;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::time::Instant;
-
-/// Tolerance from which on single precision does: its own error is 6e-6 of a curve's peak at most.
-const SINGLE: f64 = 1e-5;
-/// Most values: 1.6 GB in single precision, three levels of them at once.
-const MOST_VALUES: f64 = 7e7;
 
 /// A number with its bytes for a file.
 trait Stored: Arithmetic + Into<f64> {
@@ -42,7 +37,7 @@ impl Stored for f64 {
 }
 
 pub fn run(options: &Options) -> Outcome {
-    if options.panel.climb()?.value() >= SINGLE { run_in::<f32>(options) } else { run_in::<f64>(options) }
+    if options.panel.climb()?.value() >= SINGLE_DOES { run_in::<f32>(options) } else { run_in::<f64>(options) }
 }
 
 fn run_in<T: Stored>(options: &Options) -> Outcome {
@@ -54,7 +49,7 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
         return Err(Failure::usage(format!("--from {from} is not in the allowed range above 0 Hz")));
     }
     let accuracy = options.panel.climb()?;
-    let (x_m, y_m) = grid(options.grid, &scene);
+    let (x_m, y_m) = scene.grid(options.grid);
     check_size(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
     need_actuators(&scene)?;
     warn_if_thick(&scene, options.band.to);
@@ -84,8 +79,8 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
     let place = |point: usize| (x_m[point % x_m.len()] * 1e3, y_m[point / x_m.len()] * 1e3);
     if options.json {
         let mut answer = summary(&scene, &found, &extremes, &frequencies_hz, place, elapsed_ms);
-        answer["tolerance"] = json!(tolerance_of(accuracy));
-        answer["tolerance_met"] = json!(is_met(&found.bounds, accuracy));
+        answer["tolerance"] = json!(accuracy.asked());
+        answer["tolerance_met"] = json!(Bound::are_met(&found.bounds, accuracy));
         return print_json(&answer);
     }
     let mut text = format!(
@@ -180,21 +175,15 @@ fn summary<T: Stored>(
     })
 }
 
-/// Columns and rows in m, border to border.
-pub fn grid((columns, rows): (usize, usize), scene: &Scene) -> (Vec<f64>, Vec<f64>) {
-    let rows = if scene.surface.kind == SurfaceKind::Bar { 1 } else { rows };
-    (evenly(0.0, scene.surface.length_m, columns), evenly(0.0, scene.surface.width_m, rows))
-}
-
 #[expect(clippy::cast_precision_loss, reason = "a size to be refused")]
 fn check_size(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Failure> {
     let values = points as f64 * frequencies as f64 * scene.actuators.len() as f64;
-    if values <= MOST_VALUES {
+    if values <= MOST_SWEEP_VALUES {
         return Ok(());
     }
     Err(Failure::usage(format!(
         "--grid and --step: {points} points, {frequencies} frequencies and {} actuators are {values:.1e} values, at most \
-         {MOST_VALUES:.1e} are allowed",
+         {MOST_SWEEP_VALUES:.1e} are allowed",
         scene.actuators.len()
     )))
 }

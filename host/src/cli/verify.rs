@@ -5,8 +5,7 @@ use super::panel::plan_table;
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::planner::Target;
-use crate::verify::{Comparison, VerifyError, compare, spread};
-use rayon::prelude::*;
+use crate::verify::{Comparison, VerifyError, compare_all, spread_over};
 use serde_json::json;
 use std::fmt::Write;
 
@@ -35,19 +34,9 @@ pub fn run(options: &Verify) -> Outcome {
     }
     let scene = options.panel.load()?;
     let table = plan_table(&options.panel, options.keep, &scene)?;
-    let panel = crate::device::sim::Panel::of(&table);
-    let mut points = spread(options.points, scene.surface.length_m, scene.surface.width_m);
-    points.retain(|(x_m, y_m)| scene.place(*x_m, *y_m).is_ok());
-    let results: Vec<Comparison> = with_progress("simulating", || {
-        points
-            .par_iter()
-            .map(|(x_m, y_m)| {
-                let target = Target { x_m: *x_m, y_m: *y_m, intensity_g: Some(options.intensity_g) };
-                compare(&table, &panel, target)
-            })
-            .collect::<Result<_, _>>()
-    })
-    .map_err(|error| match error {
+    let target = |(x_m, y_m)| Target { x_m, y_m, intensity_g: Some(options.intensity_g) };
+    let targets: Vec<Target> = spread_over(&scene, options.points).into_iter().map(target).collect();
+    let results = with_progress("simulating", || compare_all(&table, &targets)).map_err(|error| match error {
         VerifyError::Plan(error) => error.into(),
         error => Failure::failed(error),
     })?;

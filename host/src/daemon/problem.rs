@@ -258,7 +258,7 @@ impl From<PlanError> for Problem {
             }
             PlanError::EmptyZone => Self::new(Kind::EmptyZone, error.to_string()),
             PlanError::Cutout { .. } => Self::new(Kind::InCutout, error.to_string()),
-            PlanError::NoActuators | PlanError::Actuators { .. } | PlanError::NoFrequencies => {
+            PlanError::NoActuators | PlanError::Actuators { .. } | PlanError::NoFrequencies | PlanError::Stopped => {
                 Self::new(Kind::NoPlan, error.to_string())
             }
         }

@@ -8,12 +8,15 @@ use crate::planner::drive::on_channels;
 use crate::planner::softening::{NotSafe, Transducer};
 use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target};
 use crate::response;
+use crate::scene::Scene;
 use crate::transient::reduced::{causal, kept};
 use bench::{Bench, amplitudes, on_rails};
+use era_model::stop::Stop;
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::BURST_MAX_MS;
 use era_shared::protocol::{Reply, Request};
 use nalgebra::DVector;
+use rayon::prelude::*;
 use serde::Serialize;
 
 mod bench;
@@ -223,6 +226,27 @@ pub fn compare_request(
         unsettled,
         drives: plan.drives,
     })
+}
+
+/// Compares at every point, as many at a time as there are processors.
+///
+/// # Errors
+/// That of a point, or [`PlanError::Stopped`].
+pub fn compare_all(table: &PlanTable, targets: &[Target]) -> Result<Vec<Comparison>, VerifyError> {
+    let panel = Panel::of(table);
+    let stop = Stop::current();
+    let compared = |target: &Target| {
+        if stop.is_asked() { Err(PlanError::Stopped.into()) } else { compare(table, &panel, *target) }
+    };
+    targets.par_iter().map(compared).collect()
+}
+
+/// `count` points spread over a scene's surface, fewer where there are cut-outs, in m.
+#[must_use]
+pub fn spread_over(scene: &Scene, count: u32) -> Vec<(f64, f64)> {
+    let mut points = spread(count, scene.surface.length_m, scene.surface.width_m);
+    points.retain(|(x_m, y_m)| scene.place(*x_m, *y_m).is_ok());
+    points
 }
 
 /// Points spread over the surface by a low-discrepancy sequence (Roberts' R2, the plastic number), none on an edge.

@@ -53,6 +53,12 @@ impl Accuracy {
         self.tolerance
     }
 
+    /// What was asked for of a bound; nothing where time was.
+    #[must_use]
+    pub fn asked(self) -> Option<f64> {
+        self.within.is_none().then_some(self.tolerance)
+    }
+
     /// Order of the elements that usually meets it, for responses of panels with a damping of 1 %: 7 down to 1e-3, 9
     /// down to 1e-5, 11 below.
     #[must_use]

@@ -1,5 +1,7 @@
 //! A bound on an error, or why there is none.
 
+use super::Accuracy;
+
 /// A bound on an error, or why there is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
@@ -26,5 +28,15 @@ impl Bound {
             Bound::AtMost(_) => None,
             Bound::Unknown(reason) => Some(reason),
         }
+    }
+
+    /// Whether all bounds are within what was asked for; `None` where nothing was, or where one is missing and none is above it.
+    #[must_use]
+    pub fn are_met(bounds: &[Bound], accuracy: Accuracy) -> Option<bool> {
+        let tolerance = accuracy.asked()?;
+        if bounds.iter().filter_map(|bound| bound.value()).any(|bound| bound > tolerance) {
+            return Some(false);
+        }
+        bounds.iter().all(|bound| bound.value().is_some()).then_some(true)
     }
 }

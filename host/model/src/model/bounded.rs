@@ -18,6 +18,7 @@ use super::panel::{PanelModel, Parts, fineness};
 use super::placement::{has_close_points, is_singular};
 use super::{Accuracy, ModelError};
 use crate::scene::Scene;
+use crate::stop::Stop;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -156,6 +157,9 @@ pub fn bounded<Q: Question>(
         // Part of a rung may have failed for want of memory or time; what was found before stands.
         let climbed = if next.part < rung.part { ladder.mesh(next) } else { ladder.climb(next.order, next.part, true) };
         if let Err(error) = climbed {
+            if Stop::current().is_asked() {
+                return Err(error);
+            }
             tracing::warn!("a finer level has no answer, the best before it is given");
             return ladder.finish().ok_or(error);
         }
@@ -233,6 +237,9 @@ impl<Q: Question> Ladder<'_, Q> {
     }
 
     fn ask(&mut self, order: usize, part: f64, is_finest: bool) -> Result<(), Q::Error> {
+        if Stop::current().is_asked() {
+            return Err(ModelError::Stopped.into());
+        }
         let started = Instant::now();
         let fineness = fineness(self.scene, order, part, self.max_hz)?;
         let model = PanelModel::with_fineness(self.scene, fineness)?;

@@ -68,6 +68,9 @@ pub enum ModelError {
         /// What differs, as scene files name it.
         part: &'static str,
     },
+    /// Whoever asked no longer waits.
+    #[error("stopped before the end")]
+    Stopped,
     /// The eigenvalue iteration did not settle.
     #[error("the modes up to {max_hz} Hz did not converge with {vectors} vectors")]
     NotConverged {

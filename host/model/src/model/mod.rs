@@ -22,7 +22,8 @@
 //! * [`bounded`]: the same question at rising orders until the bound meets a tolerance, or as long as there is time,
 //! * [`estimator`]: a bound from the differences of the orders,
 //! * [`levels`]: models of three orders to plan with,
-//! * [`stored`]: reduced models as plain numbers, to be kept on disk.
+//! * [`stored`]: reduced models as plain numbers, to be kept on disk,
+//! * [`validity`]: where the theory of thin plates ends.
 //!
 //! Data flows down this list; [`PanelModel`] is what the rest of the program uses.
 
@@ -57,6 +58,7 @@ pub mod singular;
 pub mod sparse;
 pub mod stored;
 mod surroundings;
+pub mod validity;
 
 pub use accuracy::Accuracy;
 pub use bound::Bound;

@@ -9,6 +9,10 @@ use crate::scene::Scene;
 use num_complex::Complex64;
 use std::marker::PhantomData;
 
+/// Tolerance from which on single precision does for a sweep: its own error is 6e-6 of a curve's peak at most.
+pub const SINGLE_DOES: f64 = 1e-5;
+/// Most values of a sweep: 1.6 GB in single precision, three levels of them at once.
+pub const MOST_SWEEP_VALUES: f64 = 7e7;
 /// Values of a sweep that are compared at least, where it has more: from one level to the next errors change slowly along
 /// the surface (waves are several points long), so that a lattice shows the largest.
 const COMPARED: usize = 100_000;

@@ -13,7 +13,7 @@ mod mirror;
 mod peak;
 pub mod sweep;
 
-pub use bounded::{CurveError, bounded_curves, bounded_sweep};
+pub use bounded::{CurveError, MOST_SWEEP_VALUES, SINGLE_DOES, bounded_curves, bounded_sweep};
 pub use coordinates::{Solver, modal_coordinates};
 pub use peak::{Component, peak_acceleration};
 

@@ -118,6 +118,13 @@ impl Surface {
 }
 
 impl Scene {
+    /// Columns and rows of a grid in m, border to border; a bar has one row, its axis.
+    #[must_use]
+    pub fn grid(&self, (columns, rows): (usize, usize)) -> (Vec<f64>, Vec<f64>) {
+        let rows = if self.surface.kind == SurfaceKind::Bar { 1 } else { rows };
+        (evenly(0.0, self.surface.length_m, columns), evenly(0.0, self.surface.width_m, rows))
+    }
+
     /// A place where there is surface.
     ///
     /// # Errors

@@ -1,7 +1,8 @@
 //! A panel in time: what a point of it does after drives are switched on.
 
 use super::{Harmonic, Initial, Outputs, Propagator, Quantity, SecondOrder, TimeGrid, TransientError};
-use crate::model::ReducedModel;
+use crate::model::{Accuracy, ModelError, PanelModel, ReducedModel};
+use crate::scene::Scene;
 use crate::transient::reduced::ModalSystem;
 use nalgebra::{DMatrix, DVector};
 
@@ -11,6 +12,64 @@ const HIGHEST_HZ: f64 = 200e3;
 /// Least steps in a period for its largest acceleration to show: between two of 12 it is at most 1 - cos(pi/12) = 3.4 %
 /// higher.
 const LEAST_STEPS: f64 = 12.0;
+
+/// Part of the steady peak within which a motion counts as settled.
+const SETTLED: f64 = 0.1;
+/// Frequencies up to this multiple of the drives' are modelled: switching on excites modes above the drive in proportion to
+/// drive over mode frequency.
+const SWITCHED_ON: f64 = 10.0;
+/// Why a motion has no bound: with the mesh, acceleration after switching on does not settle but gains ever higher modes.
+pub const NO_BOUND: &str = "switching on excites modes of any frequency, and how those above the band ring on is not in the \
+    model; the steady state is bounded by `era response`";
+
+/// Most times of a series.
+const MOST_TIMES: f64 = 1e6;
+
+/// Why there are no times.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum TimesError {
+    /// A step that is none.
+    #[error("step {value} is not in the allowed range above 0 s")]
+    Step {
+        /// As given, in s.
+        value: f64,
+    },
+    /// No duration, or one of too many steps.
+    #[error("duration {value} is not in the allowed range above 0 to {most_s} s ({MOST_TIMES} steps)")]
+    Duration {
+        /// As given, in s.
+        value: f64,
+        /// Most for the step.
+        most_s: f64,
+    },
+}
+
+/// Times from 0 over a duration.
+///
+/// # Errors
+/// [`TimesError`].
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked before")]
+pub fn times(duration_s: f64, step_s: f64) -> Result<TimeGrid, TimesError> {
+    if !(step_s > 0.0 && step_s.is_finite()) {
+        return Err(TimesError::Step { value: step_s });
+    }
+    let count = (duration_s / step_s + 1e-9).floor() + 1.0;
+    if !(duration_s > 0.0 && count <= MOST_TIMES) {
+        return Err(TimesError::Duration { value: duration_s, most_s: MOST_TIMES * step_s });
+    }
+    Ok(TimeGrid { step_s, count: count as usize })
+}
+
+/// Why there is no motion of a scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MotionError {
+    /// No model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// No motion.
+    #[error(transparent)]
+    Transient(#[from] TransientError),
+}
 
 /// One actuator's harmonic force, switched on at t = 0: `force_n` cos(2 pi `frequency_hz` t + `phase_rad`).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +82,42 @@ pub struct Drive {
     pub force_n: f64,
     /// In rad.
     pub phase_rad: f64,
+}
+
+impl Drive {
+    /// Whether its frequency and force are within what motions are computed for.
+    ///
+    /// # Errors
+    /// [`TransientError::Range`].
+    pub fn check(&self) -> Result<(), TransientError> {
+        let within = |what, value: f64, min: f64, max: f64| {
+            if (min..=max).contains(&value) { Ok(()) } else { Err(TransientError::Range { what, value, min, max }) }
+        };
+        within("frequency in Hz", self.frequency_hz, 1e-3, 20_000.0)?;
+        within("force in N", self.force_n, 0.0, 1e6)
+    }
+}
+
+/// The highest frequency of drives in Hz; 1 without any.
+#[must_use]
+pub fn highest_hz(drives: &[Drive]) -> f64 {
+    drives.iter().map(|drive| drive.frequency_hz).fold(1.0, f64::max)
+}
+
+/// The motion of a scene's point `at` (m) after `drives` are switched on.
+///
+/// # Errors
+/// [`MotionError`].
+pub fn switched_on(
+    scene: &Scene,
+    accuracy: Accuracy,
+    at: (f64, f64),
+    drives: &[Drive],
+    grid: TimeGrid,
+) -> Result<Motion, MotionError> {
+    let modelled_hz = SWITCHED_ON * highest_hz(drives);
+    let model = PanelModel::build(scene, accuracy, modelled_hz)?.reduce(modelled_hz, &[at])?;
+    Ok(motion_at(&model, &model.shape_at(at.0, at.1), drives, grid)?)
 }
 
 /// A point's motion from rest.
@@ -39,6 +134,16 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// When it has settled, in s, to a tenth of its steady peak; `None` if it does not in this time, or if there are several
+    /// drives: they beat, and a beat's peaks say nothing about settling.
+    #[must_use]
+    pub fn settled_s(&self, drives: &[Drive]) -> Option<f64> {
+        match drives {
+            [drive] => self.settles_s(drive.frequency_hz, SETTLED),
+            _ => None,
+        }
+    }
+
     /// When a single drive's motion has settled, in s: from there on the largest acceleration of every period is within
     /// `part` of the steady one. `None` if it does not settle in this time, or if periods have too few steps to tell.
     #[must_use]

@@ -123,6 +123,19 @@ pub fn plan_with<'a>(
     Ok(plan)
 }
 
+/// The request with the peaks in g that are as far above the threshold of feeling as is asked for.
+///
+/// # Errors
+/// As [`plan_with`].
+pub fn at_level(table: &PlanTable, mut request: Request, level_db: Option<f64>) -> Result<Request, PlanError> {
+    let Some(db) = level_db else { return Ok(request) };
+    let plan = plan_with(table, || table.rise(), &request, Some(Intensity::AboveThresholdDb(db)))?;
+    for (target, found) in request.targets.iter_mut().zip(&plan.targets) {
+        target.intensity_g = target.intensity_g.or(Some(found.wanted_g));
+    }
+    Ok(request)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

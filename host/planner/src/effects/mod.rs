@@ -18,5 +18,5 @@ pub mod view;
 
 pub use design::{Design, design};
 pub use error::DesignError;
-pub use intensity::{Intensity, plan_with};
+pub use intensity::{Intensity, at_level, plan_with};
 pub use named::{EffectError, EffectRequest, NamedEffect};

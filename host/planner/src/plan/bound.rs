@@ -1,10 +1,11 @@
 //! How wrong a plan's prediction may be.
 
 use crate::chosen::Chosen;
+use crate::model::estimator::Estimator;
 use crate::model::{Bound, ReducedModel};
 use crate::plan::{Plan, TargetResult};
 use crate::response;
-use crate::table::at_point;
+use crate::table::{Part, at_point};
 use crate::{PlanTable, STANDARD_GRAVITY};
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -13,6 +14,14 @@ use num_complex::Complex64;
 const UNMOVED: &str = "nothing moves at the target";
 const NO_LEVELS: &str = "no coarser model was made to compare with";
 const UNBOUNDED: &str = "a coarser model is at an undamped resonance";
+
+/// The bound on a peak from its drives' phasors on three levels, the finest last: differences are added up as the peak adds
+/// magnitudes.
+fn of_phasors(estimator: &Estimator, peak: f64, [coarse, middle, fine]: [&[Complex64]; 3]) -> Bound {
+    let difference =
+        |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / peak;
+    estimator.response_bound(difference(coarse, middle), difference(middle, fine))
+}
 
 impl PlanTable {
     /// A bound on the relative error of the first target's peak: the same drives on the coarser models, and the
@@ -45,9 +54,37 @@ impl PlanTable {
         let (Some(middle), Some(coarse)) = (phasors(0, middle), phasors(1, coarse)) else {
             return Bound::Unknown(UNBOUNDED);
         };
-        let difference =
-            |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / peak;
-        estimator.response_bound(difference(&coarse, &middle), difference(&middle, &fine))
+        of_phasors(estimator, peak, [&coarse, &middle, &fine])
+    }
+
+    /// Bounds on the relative error of peaks at points of the grid, each of a setting of its own at the table's frequencies: as for a
+    /// plan's target.
+    pub(crate) fn setting_bounds<'a>(&self, settings: impl Iterator<Item = (usize, &'a [Part])>) -> Vec<Bound> {
+        let Some(([middle, coarse], estimator)) = &self.coarser else {
+            return settings.map(|_| Bound::Unknown(NO_LEVELS)).collect();
+        };
+        let shapes = [middle, coarse].map(|model| model.shapes_on(&self.grid.x_m, &self.grid.y_m));
+        let bound = |(point, setting): (usize, &[Part])| {
+            let fine = setting.iter().enumerate().map(|(i, part)| {
+                let entry = self.entries.get(i)?.get(part.frequency)?.as_ref()?;
+                Some(at_point(&self.grid.shapes.row(point).transpose(), &entry.acceleration) * part.drive.force_n)
+            });
+            let coarser = |level: usize| -> Option<Vec<Complex64>> {
+                let shape = shapes[level].row(point).transpose();
+                let each = setting.iter().enumerate().map(|(i, part)| {
+                    let row = self.coarser_rows.get(level)?.get(part.frequency)?.as_ref()?;
+                    Some(at_point(&shape, row.get(i)?) * part.drive.force_n)
+                });
+                each.collect()
+            };
+            let (Some(fine), Some(middle), Some(coarse)) = (fine.collect::<Option<Vec<_>>>(), coarser(0), coarser(1))
+            else {
+                return Bound::Unknown(UNBOUNDED);
+            };
+            let peak: f64 = fine.iter().map(|phasor| phasor.norm()).sum();
+            if peak > 0.0 { of_phasors(estimator, peak, [&coarse, &middle, &fine]) } else { Bound::Unknown(UNMOVED) }
+        };
+        settings.map(bound).collect()
     }
 
     /// A bound on the error of [`PlanTable::field`] at any point, relative to the field's largest value: as for the target, but at

@@ -1,9 +1,11 @@
 //! Reach maps: what can be had at every point of the surface.
 
+use crate::model::Bound;
 use crate::reach::Measure;
 use crate::reach::Space;
 use crate::reach::search;
 use crate::reach::setting::command;
+use crate::stop::Stop;
 use crate::table::Part;
 use crate::table::PlanTable;
 use crate::table::{Region, View};
@@ -32,6 +34,8 @@ pub struct Maps {
     pub strongest_g: Vec<Option<f64>>,
     /// Row by row: the frequency of each actuator in Hz for that.
     pub strongest_hz: Vec<Option<Vec<f64>>>,
+    /// Row by row: upper bound on the relative error of the strongest peak, its forces as they are; `None` where there is none.
+    pub error_bound: Vec<Option<f64>>,
     /// Row by row: contrast in dB of the drives that shake the rest least for a weak peak at the point.
     pub contrast_db: Vec<Option<f64>>,
     /// Row by row: the frequency of each actuator in Hz for that.
@@ -47,15 +51,19 @@ pub struct Strongest {
     pub peak: f64,
 }
 
-/// The strongest drive at each point of a space, each with frequencies and forces of its own.
+/// The strongest drive at each point of a space, each with frequencies and forces of its own; none from when nobody waits on ([`Stop`]).
 #[must_use]
 pub fn strongest(table: &PlanTable, space: &Space) -> Vec<Option<Strongest>> {
+    let stop = Stop::current();
     let points: Vec<usize> = (0..space.points).collect();
     let runs: Vec<Vec<Option<Strongest>>> = points
         .par_chunks(RUN)
         .map(|run| {
             let mut hint: Option<Vec<usize>> = None;
             let each = run.iter().map(|point| {
+                if stop.is_asked() {
+                    return None;
+                }
                 let best = search::best(space, &[*point], Work::Study, hint.as_deref())?;
                 let mut setting = best.setting(table, space);
                 let peak = best.least * command(table, &mut setting)?;
@@ -77,20 +85,29 @@ impl Maps {
         let grid = &table.grid;
         let view = View::new(table, region).ok_or(PlanError::NoFrequencies)?;
         let space = Space::of(table, &view.shapes, |hz| Measure::G.weight(hz));
-        let found: Vec<Strongest> =
-            strongest(table, &space).into_iter().collect::<Option<_>>().ok_or(PlanError::NoFrequencies)?;
+        let stop = Stop::current();
+        let found = strongest(table, &space);
+        if stop.is_asked() {
+            return Err(PlanError::Stopped);
+        }
+        let found: Vec<Strongest> = found.into_iter().collect::<Option<_>>().ok_or(PlanError::NoFrequencies)?;
         let columns = grid.x_m.len().max(1);
         let contrasts: Vec<(f64, Vec<f64>)> = view
             .points
             .par_iter()
             .zip(&found)
             .map(|(point, strongest)| {
+                if stop.is_asked() {
+                    return Err(PlanError::Stopped);
+                }
                 let (x_m, y_m) = (grid.x_m[point % columns], grid.y_m[point / columns]);
                 let weak = Target { x_m, y_m, intensity_g: Some(LITTLE * strongest.peak) };
                 let plan = table.plan(&[weak])?;
                 Ok((plan.predicted.contrast_db, plan.drives.iter().map(|drive| drive.frequency_hz).collect()))
             })
             .collect::<Result<_, PlanError>>()?;
+        let settings = view.points.iter().zip(&found).map(|(point, strongest)| (*point, strongest.setting.as_slice()));
+        let bounds = view.on_grid(table, table.setting_bounds(settings).into_iter().map(Bound::value));
         let mm = |lines: &[f64]| lines.iter().map(|line| line * 1e3).collect();
         let hz = |strongest: &Strongest| strongest.setting.iter().map(|part| part.drive.frequency_hz).collect();
         Ok(Self {
@@ -99,6 +116,7 @@ impl Maps {
             actuators: table.scene.actuators.iter().map(|actuator| actuator.id.clone()).collect(),
             strongest_g: view.on_grid(table, found.iter().map(|strongest| strongest.peak)),
             strongest_hz: view.on_grid(table, found.iter().map(hz)),
+            error_bound: bounds.into_iter().map(Option::flatten).collect(),
             contrast_db: view.on_grid(table, contrasts.iter().map(|(contrast_db, _)| *contrast_db)),
             contrast_hz: view.on_grid(table, contrasts.into_iter().map(|(_, hz)| hz)),
         })

@@ -1,5 +1,6 @@
 //! What the planner knows before a touch comes: how every actuator moves the panel at every frequency of a grid.
 
+mod band;
 mod build;
 mod entry;
 mod forces;
@@ -13,6 +14,7 @@ pub(crate) mod shared_limits;
 pub(super) mod stored;
 mod view;
 
+pub use band::BandError;
 pub use entry::{Entry, HARMONICS, Width, at_point};
 pub use forces::WIDEST;
 pub(super) use forces::{GROWN, harmonic_part, harmonics_m_per_n, travel_by, travel_m_per_n};
@@ -20,7 +22,7 @@ pub use gains::{Gains, SINGLE};
 pub use grid::SurfaceGrid;
 pub use part::Part;
 pub use rough::Rough;
-pub use view::{Region, View};
+pub use view::{NoPoint, Region, View};
 
 use crate::model::ReducedModel;
 use crate::model::estimator::Estimator;

@@ -1,7 +1,7 @@
 //! The points of a surface, or of a region of it, that a minimum is taken over.
 
 use super::PlanTable;
-use crate::scene::evenly;
+use crate::scene::{PlaceError, Scene, along_side, evenly};
 use nalgebra::DMatrix;
 
 /// Lines from one of the table's grid to the next on the finer grid, as a minimum may hide between the points.
@@ -19,11 +19,30 @@ pub struct Region {
 }
 
 impl Region {
+    /// Between two places on the surface of a scene, both in m.
+    ///
+    /// # Errors
+    /// [`PlaceError::Outside`] that names `x_mm` or `y_mm`.
+    pub fn on(scene: &Scene, x_m: [f64; 2], y_m: [f64; 2]) -> Result<Self, PlaceError> {
+        let along = |field, [from, to]: [f64; 2], side_m| -> Result<[f64; 2], PlaceError> {
+            Ok([along_side(field, from, side_m)?, along_side(field, to, side_m)?])
+        };
+        Ok(Self { x_m: along("x_mm", x_m, scene.surface.length_m)?, y_m: along("y_mm", y_m, scene.surface.width_m)? })
+    }
+
     /// Less than a nanometre beside it is within.
     fn holds(&self, x_m: f64, y_m: f64, is_line: bool) -> bool {
         let within = |value: f64, [from, to]: [f64; 2]| value >= from - 1e-9 && value <= to + 1e-9;
         within(x_m, self.x_m) && (is_line || within(y_m, self.y_m))
     }
+}
+
+/// A region without a point that is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("none of the points that are looked at, {apart_mm:.1} mm apart, is on the surface in there")]
+pub struct NoPoint {
+    /// How far they are from each other, in mm.
+    pub apart_mm: f64,
 }
 
 /// The points of a surface, or of a region of it, that a minimum is taken over.
@@ -61,6 +80,17 @@ impl View {
             places.enumerate().filter(|(_, (x, y))| is_seen(*x, *y) && layout.at(*x, *y).is_some()).unzip();
         let shapes = grid.shapes.select_rows(&points);
         Some(Self { points, shapes, places_m, finer: table.model.shapes_on(&x, &y).select_rows(&there) })
+    }
+
+    /// The same.
+    ///
+    /// # Errors
+    /// [`NoPoint`] where the table's grid has no point.
+    pub fn checked(table: &PlanTable, region: Option<Region>) -> Result<Self, NoPoint> {
+        Self::new(table, region).ok_or_else(|| {
+            let step = |lines: &[f64]| lines.windows(2).map(|pair| (pair[1] - pair[0]) * 1e3).fold(0.0, f64::max);
+            NoPoint { apart_mm: step(&table.grid.x_m).max(step(&table.grid.y_m)) }
+        })
     }
 
     /// Values at [`View::points`] as values at all points of the grid.

@@ -199,6 +199,9 @@ pub enum PlanError {
          response is unbounded at every one (no damping at all?)"
     )]
     NoFrequencies,
+    /// Whoever asked no longer waits.
+    #[error("stopped before the end")]
+    Stopped,
     /// A zone of which no point is looked at.
     #[error("zone: none of the points that are looked at is on the surface in there")]
     EmptyZone,
