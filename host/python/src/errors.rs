@@ -1,0 +1,346 @@
+//! Errors of the crates as the exceptions of `era/_errors.py`, and warnings.
+
+use era::verify::VerifyError;
+use era_model::model::ModelError;
+use era_model::response::{CurveError, ResponseError};
+use era_model::scene::{PlaceError, SceneError};
+use era_model::transient::TransientError;
+use era_model::transient::panel::{MotionError, TimesError};
+use era_planner::PlanError;
+use era_planner::cache::PrepareError;
+use era_planner::explain::ExplainError;
+use era_planner::table::{BandError, NoPoint};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use std::ffi::CString;
+
+/// An error, to become an exception.
+#[derive(Debug)]
+pub struct Raised {
+    kind: Kind,
+    text: String,
+    field: Option<String>,
+    value: Value,
+    allowed: Option<String>,
+}
+
+/// Which exception.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Request,
+    Model,
+    Resonance,
+    Simulation,
+}
+
+impl Kind {
+    const fn name(self) -> &'static str {
+        match self {
+            Kind::Request => "RequestError",
+            Kind::Model => "ModelError",
+            Kind::Resonance => "ResonanceError",
+            Kind::Simulation => "SimulationError",
+        }
+    }
+}
+
+/// What was given.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// It is none of one value.
+    None,
+    /// A number.
+    Number(f64),
+    /// A count.
+    Count(usize),
+    /// A word.
+    Word(String),
+    /// A place in m.
+    Place(f64, f64),
+    /// Corners of a rectangle in m.
+    Corners([f64; 4]),
+}
+
+impl From<f64> for Value {
+    fn from(value: f64) -> Self {
+        Value::Number(value)
+    }
+}
+
+impl From<usize> for Value {
+    fn from(value: usize) -> Self {
+        Value::Count(value)
+    }
+}
+
+impl From<&str> for Value {
+    fn from(value: &str) -> Self {
+        Value::Word(value.to_owned())
+    }
+}
+
+impl From<(f64, f64)> for Value {
+    fn from((x_m, y_m): (f64, f64)) -> Self {
+        Value::Place(x_m, y_m)
+    }
+}
+
+impl<'py> IntoPyObject<'py> for Value {
+    type Target = PyAny;
+    type Output = Bound<'py, PyAny>;
+    type Error = PyErr;
+
+    fn into_pyobject(self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match self {
+            Value::None => Ok(py.None().into_bound(py)),
+            Value::Number(value) => Ok(value.into_pyobject(py)?.into_any()),
+            Value::Count(value) => Ok(value.into_pyobject(py)?.into_any()),
+            Value::Word(value) => Ok(value.into_pyobject(py)?.into_any()),
+            Value::Corners([x0, y0, x1, y1]) => Ok((x0, y0, x1, y1).into_pyobject(py)?.into_any()),
+            Value::Place(x_m, y_m) => Ok((x_m, y_m).into_pyobject(py)?.into_any()),
+        }
+    }
+}
+
+impl Raised {
+    /// An argument with a wrong value.
+    pub fn argument(field: impl Into<String>, value: impl Into<Value>, allowed: impl Into<String>) -> Self {
+        let (field, value, allowed) = (field.into(), value.into(), allowed.into());
+        let given = match &value {
+            Value::None => String::from("None"),
+            Value::Number(value) => value.to_string(),
+            Value::Count(value) => value.to_string(),
+            Value::Word(value) => format!("{value:?}"),
+            Value::Place(x_m, y_m) => format!("({x_m}, {y_m})"),
+            Value::Corners([x0, y0, x1, y1]) => format!("({x0}, {y0}, {x1}, {y1})"),
+        };
+        let text = format!("{field} is {given}, but must be {allowed}");
+        Self { kind: Kind::Request, text, field: Some(field), value, allowed: Some(allowed) }
+    }
+
+    /// A place that is none of the surface: an argument in m, of which `field` is the x coordinate's name.
+    pub fn place(field: &str, (x_m, y_m): (f64, f64), error: PlaceError) -> Self {
+        match error {
+            PlaceError::Outside { field: "y_mm", max, .. } => {
+                Self::argument(format!("{field}[1]"), y_m, format!("0 to {} m", max / 1e3))
+            }
+            PlaceError::Outside { max, .. } => {
+                Self::argument(format!("{field}[0]"), x_m, format!("0 to {} m", max / 1e3))
+            }
+            PlaceError::Cutout { cutout, .. } => {
+                Self::argument(field, (x_m, y_m), format!("on the surface, not in cutout[{cutout}] of the scene"))
+            }
+        }
+    }
+
+    fn plain(kind: Kind, error: &impl ToString) -> Self {
+        Self { kind, text: error.to_string(), field: None, value: Value::None, allowed: None }
+    }
+
+    fn with(kind: Kind, error: &impl ToString, field: &str, value: impl Into<Value>, allowed: Option<String>) -> Self {
+        Self { field: Some(field.to_owned()), value: value.into(), allowed, ..Self::plain(kind, error) }
+    }
+}
+
+fn range(min: f64, max: f64) -> Option<String> {
+    Some(if max.is_finite() { format!("{min} to {max}") } else { format!("{min} and above") })
+}
+
+impl From<ModelError> for Raised {
+    fn from(error: ModelError) -> Self {
+        match &error {
+            ModelError::Frequency { value, min, max, .. } => {
+                Self::with(Kind::Request, &error, "frequency_hz", *value, range(*min, *max))
+            }
+            ModelError::Tolerance { value, min, max } => {
+                Self::with(Kind::Request, &error, "tolerance", *value, range(*min, *max))
+            }
+            ModelError::TooFine { max_hz, unknowns, limit, .. } => {
+                let allowed = format!("at most {limit} unknowns, not {unknowns}");
+                Self::with(Kind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
+            }
+            ModelError::TooManyModes { max_hz, modes, limit } => {
+                let allowed = format!("at most {limit} modes, not {modes}");
+                Self::with(Kind::Model, &error, "frequency_hz", *max_hz, Some(allowed))
+            }
+            ModelError::Factorisation { .. }
+            | ModelError::OtherPanel { .. }
+            | ModelError::NotConverged { .. }
+            | ModelError::Stopped => Self::plain(Kind::Model, &error),
+        }
+    }
+}
+
+impl From<ResponseError> for Raised {
+    fn from(error: ResponseError) -> Self {
+        let ResponseError::Unbounded { frequency_hz, .. } = &error;
+        Self::with(Kind::Resonance, &error, "frequency_hz", *frequency_hz, None)
+    }
+}
+
+impl From<CurveError> for Raised {
+    fn from(error: CurveError) -> Self {
+        match error {
+            CurveError::Model(error) => error.into(),
+            CurveError::Response(error) => error.into(),
+        }
+    }
+}
+
+impl From<PrepareError> for Raised {
+    fn from(error: PrepareError) -> Self {
+        match error {
+            PrepareError::Model(error) => error.into(),
+            PrepareError::Response(error) => error.into(),
+        }
+    }
+}
+
+impl From<MotionError> for Raised {
+    fn from(error: MotionError) -> Self {
+        match error {
+            MotionError::Model(error) => error.into(),
+            MotionError::Transient(error) => error.into(),
+        }
+    }
+}
+
+impl From<TimesError> for Raised {
+    fn from(error: TimesError) -> Self {
+        match &error {
+            TimesError::Step { value } => Self::with(Kind::Request, &error, "step_s", *value, Some("above 0 s".into())),
+            TimesError::Duration { value, most_s } => {
+                Self::with(Kind::Request, &error, "duration_s", *value, Some(format!("above 0 to {most_s} s")))
+            }
+        }
+    }
+}
+
+impl From<TransientError> for Raised {
+    fn from(error: TransientError) -> Self {
+        match &error {
+            TransientError::Range { what, value, min, max } => {
+                Self::with(Kind::Request, &error, what, *value, range(*min, *max))
+            }
+            TransientError::Unbounded { omega_rad_s } => {
+                let frequency_hz = omega_rad_s / std::f64::consts::TAU;
+                Self::with(Kind::Resonance, &error, "frequency_hz", frequency_hz, None)
+            }
+            _ => Self::plain(Kind::Model, &error),
+        }
+    }
+}
+
+impl From<PlanError> for Raised {
+    fn from(error: PlanError) -> Self {
+        match &error {
+            PlanError::Range { field, value, min, max } => {
+                Self::with(Kind::Request, &error, field, *value, range(*min, *max))
+            }
+            PlanError::Together { option, value, allowed } => {
+                Self::with(Kind::Request, &error, option, *value, Some(format!("with {allowed}")))
+            }
+            PlanError::Count { count } => {
+                let most = era_planner::request::MAX_TARGETS;
+                Self::with(Kind::Request, &error, "also", *count, range(1.0, most as f64))
+            }
+            PlanError::Quiet { count } => {
+                let most = era_planner::MAX_QUIET_ZONES;
+                Self::with(Kind::Request, &error, "quiet", *count, range(0.0, most as f64))
+            }
+            PlanError::Cutout { .. } => Self::with(Kind::Request, &error, "at_m", Value::None, None),
+            PlanError::EmptyZone => Self::with(Kind::Request, &error, "zone_m", Value::None, None),
+            PlanError::Actuators { count } => {
+                let most = era_model::scene::MAX_ACTUATORS;
+                Self::with(Kind::Request, &error, "actuator", *count, Some(format!("at most {most}")))
+            }
+            PlanError::NoActuators => Self::with(Kind::Request, &error, "actuator", 0, Some("at least 1".into())),
+            PlanError::NoFrequencies | PlanError::Stopped => Self::plain(Kind::Model, &error),
+        }
+    }
+}
+
+impl From<ExplainError> for Raised {
+    fn from(error: ExplainError) -> Self {
+        match error {
+            ExplainError::Plan(error) => error.into(),
+            ExplainError::Model(error) => error.into(),
+            ExplainError::Response(error) => error.into(),
+        }
+    }
+}
+
+impl From<BandError> for Raised {
+    fn from(error: BandError) -> Self {
+        let allowed = format!("{} to {}, {} Hz from end to end", error.least_hz, error.most_hz, error.needed_hz);
+        let text = format!("from_hz {}, to_hz {}: {error}", error.from_hz, error.to_hz);
+        Self::with(Kind::Request, &text, "from_hz", error.from_hz, Some(allowed))
+    }
+}
+
+impl From<NoPoint> for Raised {
+    fn from(error: NoPoint) -> Self {
+        Self::with(Kind::Request, &format!("zone_m: {error}"), "zone_m", Value::None, None)
+    }
+}
+
+impl From<VerifyError> for Raised {
+    fn from(error: VerifyError) -> Self {
+        match error {
+            VerifyError::Plan(error) => error.into(),
+            VerifyError::Response(error) => error.into(),
+            error => Self::plain(Kind::Simulation, &error),
+        }
+    }
+}
+
+impl From<Raised> for PyErr {
+    fn from(raised: Raised) -> Self {
+        Python::attach(|py| exception(py, raised).unwrap_or_else(|error| error))
+    }
+}
+
+fn exception(py: Python<'_>, raised: Raised) -> PyResult<PyErr> {
+    let Raised { kind, text, field, value, allowed } = raised;
+    let instance = py.import("era._errors")?.getattr(kind.name())?.call1((text,))?;
+    instance.setattr("field", field)?;
+    instance.setattr("value", value)?;
+    instance.setattr("allowed", allowed)?;
+    Ok(PyErr::from_value(instance))
+}
+
+/// The exception of a scene. One that was made from keywords has no lines.
+pub fn scene_error(py: Python<'_>, mut error: SceneError, has_lines: bool) -> PyErr {
+    if !has_lines {
+        error.mistakes.iter_mut().for_each(|mistake| mistake.line = 0);
+    }
+    let made = || -> PyResult<PyErr> {
+        let errors = py.import("era._errors")?;
+        let mistake = errors.getattr("Mistake")?;
+        let mistakes = error.mistakes.iter().map(|found| {
+            let line = (found.line > 0).then_some(found.line);
+            mistake.call1((line, &found.text, &found.field, &found.value, &found.allowed))
+        });
+        let mistakes = PyTuple::new(py, mistakes.collect::<PyResult<Vec<_>>>()?)?;
+        let instance = errors.getattr("SceneError")?.call1((error.to_string(),))?;
+        if let Some(first) = error.mistakes.first() {
+            instance.setattr("field", &first.field)?;
+            instance.setattr("value", &first.value)?;
+            instance.setattr("allowed", &first.allowed)?;
+        }
+        instance.setattr("mistakes", mistakes)?;
+        Ok(PyErr::from_value(instance))
+    };
+    made().unwrap_or_else(|error| error)
+}
+
+/// Warns of what is wrong with an answer, as whoever called has it set up: once a place, always, or as an exception.
+pub fn warn(py: Python<'_>, doubts: impl IntoIterator<Item = String>) -> PyResult<()> {
+    let category = py.import("era._errors")?.getattr("ModelWarning")?;
+    for doubt in doubts {
+        // Text of Rust may hold a zero byte, one of C may not.
+        let doubt = CString::new(doubt.replace('\0', " ")).unwrap_or_default();
+        PyErr::warn(py, &category, &doubt, 1)?;
+    }
+    Ok(())
+}

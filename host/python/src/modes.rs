@@ -1,0 +1,145 @@
+//! `modes`: frequencies, damping and shapes.
+
+use crate::arguments::{self, Tolerance};
+use crate::errors::{Raised, warn};
+use crate::results::{Asked, array, bounds_of, shaped};
+use crate::run::run;
+use crate::scene::PyScene;
+use era_model::model::{bounded_modes, validity};
+use era_planner::study::shapes::ModeShapes;
+use numpy::{PyArray1, PyArray3};
+use pyo3::prelude::*;
+
+/// Most values of shapes, as the command line has it: 160 MB.
+const MOST_VALUES: usize = 20_000_000;
+
+/// Modes of a panel, ascending. Arrays are read-only.
+#[pyclass(frozen, module = "era", get_all)]
+pub struct Modes {
+    /// Undamped frequencies in Hz: float64 [mode]; exactly 0 for motions that nothing holds.
+    frequency_hz: Py<PyArray1<f64>>,
+    /// Damping ratios: float64 [mode].
+    damping_ratio: Py<PyArray1<f64>>,
+    /// Upper bounds on the error of each frequency, relative to it (in Hz for a motion that nothing holds): float64 [mode], NaN where
+    /// there is none.
+    error_bound: Py<PyArray1<f64>>,
+    /// Why bounds are missing; None where all are there.
+    error_bound_missing: Option<&'static str>,
+    /// What was asked for of the bounds; None where a time was.
+    tolerance: Option<f64>,
+    /// Whether all bounds are within it; None where one is missing and none is above it.
+    tolerance_met: Option<bool>,
+    /// Unknowns of the mesh that answered.
+    unknowns: usize,
+    /// Columns of the shapes' grid in m: float64 [column]; None without `grid`.
+    x_m: Option<Py<PyArray1<f64>>>,
+    /// Rows of the shapes' grid in m: float64 [row]; None without `grid`.
+    y_m: Option<Py<PyArray1<f64>>>,
+    /// Mass-normalised shapes in kg^-1/2: float64 [mode, row, column], NaN in cut-outs; None without `grid`.
+    shape_per_sqrt_kg: Option<Py<PyArray3<f64>>>,
+}
+
+#[pymethods]
+impl Modes {
+    fn __len__(&self, py: Python<'_>) -> PyResult<usize> {
+        self.frequency_hz.bind(py).len()
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        Ok(format!("<Modes: {}, {} unknowns>", self.__len__(py)?, self.unknowns))
+    }
+}
+
+/// All modes of a panel up to a frequency.
+///
+/// The same as `era modes`, bit for bit.
+///
+/// Parameters
+/// ----------
+/// scene : Scene
+/// max_hz : float
+///     Highest frequency in Hz.
+/// grid : (int, int), optional
+///     Columns and rows of a grid, border to border, for mode shapes; a bar has one row, its axis.
+/// tolerance : float or {"fast", "balanced", "reference"}, optional
+///     Of the bounds, relative: 1e-8 to 0.1, 1e-3 unless given.
+/// within_s : float, optional
+///     The most accurate answer that fits in this time, in s, instead of a tolerance.
+///
+/// Returns
+/// -------
+/// Modes
+///
+/// Raises
+/// ------
+/// RequestError
+///     An argument is out of range.
+/// ModelError
+///     Too many unknowns or modes, or matrices that cannot be factored.
+///
+/// Warns
+/// -----
+/// ModelWarning
+///     The panel is too thick for thin-plate theory.
+///
+/// Examples
+/// --------
+/// >>> import era
+/// >>> found = era.modes(era.Scene.example("bar"), 300.0, tolerance=1e-6)
+/// >>> bool((found.error_bound <= 1e-6).all()), found.tolerance_met
+/// (True, True)
+/// >>> found.frequency_hz.shape == found.damping_ratio.shape == (len(found),)
+/// True
+#[pyfunction]
+#[pyo3(signature = (scene, max_hz, *, grid=None, tolerance=None, within_s=None))]
+pub fn modes(
+    py: Python<'_>,
+    scene: &PyScene,
+    max_hz: f64,
+    grid: Option<(i64, i64)>,
+    tolerance: Option<Tolerance>,
+    within_s: Option<f64>,
+) -> PyResult<Modes> {
+    let scene = scene.scene();
+    let accuracy = arguments::accuracy(tolerance, within_s)?;
+    let grid = grid.map(arguments::grid).transpose()?.map(|grid| scene.grid(grid));
+    let doubts = validity::doubts(&scene, max_hz);
+    let (found, shapes) = run(py, move || {
+        let found = bounded_modes(&scene, accuracy, max_hz)?;
+        let shapes = match grid {
+            Some(grid) => {
+                let values = grid.0.len() * grid.1.len() * found.answer.len();
+                if values > MOST_VALUES {
+                    let allowed = format!("so small that there are at most {MOST_VALUES} values, not {values}");
+                    return Err(Raised::argument("grid", grid.0.len() * grid.1.len(), allowed));
+                }
+                Some(ModeShapes::of(&scene, &found, max_hz, grid)?)
+            }
+            None => None,
+        };
+        Ok((found, shapes))
+    })?;
+    warn(py, doubts)?;
+    let asked = Asked::of(&found.bounds, accuracy);
+    let (x_m, y_m, shape_per_sqrt_kg) = match shapes {
+        Some(shapes) => {
+            let sides = [shapes.frequencies_hz.len(), shapes.y_m.len(), shapes.x_m.len()];
+            // Column by column of points x modes: mode by mode, as it is.
+            let values = shaped(py, shapes.shapes.data.into(), sides)?;
+            (Some(array(py, shapes.x_m)), Some(array(py, shapes.y_m)), Some(values))
+        }
+        None => (None, None, None),
+    };
+    Ok(Modes {
+        frequency_hz: array(py, found.answer.iter().map(|mode| mode.frequency_hz).collect()),
+        damping_ratio: array(py, found.answer.iter().map(|mode| mode.damping_ratio).collect()),
+        error_bound: array(py, bounds_of(&found.bounds)),
+        error_bound_missing: asked.missing,
+        tolerance: asked.tolerance,
+        tolerance_met: asked.is_met,
+        unknowns: found.model.dofs(),
+        x_m,
+        y_m,
+        shape_per_sqrt_kg,
+    })
+}

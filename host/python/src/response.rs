@@ -1,0 +1,115 @@
+//! `response`: curves at a point.
+
+use crate::arguments::{self, Frequencies, Place, Tolerance, need_actuators};
+use crate::errors::warn;
+use crate::results::{Asked, array, bounds_of, shaped};
+use crate::run::run;
+use crate::scene::{PyScene, on};
+use era_model::model::validity;
+use era_model::response::bounded_curves;
+use num_complex::Complex64;
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+
+/// Harmonic response of a point to each actuator. Arrays are read-only.
+#[pyclass(frozen, module = "era", get_all)]
+pub struct Response {
+    /// The point in m.
+    at_m: (f64, f64),
+    /// The actuators' ids.
+    actuators: Vec<String>,
+    /// In Hz: float64 [frequency].
+    frequency_hz: Py<PyArray1<f64>>,
+    /// Phasors of the acceleration in m/s^2 for a force of 1 N at that actuator alone, e^(+j w t): complex128 [actuator, frequency].
+    acceleration_m_s2_per_n: Py<PyArray2<Complex64>>,
+    /// Upper bounds on the error, relative to the largest magnitude on the actuator's curve: float64 [actuator], NaN where there is none.
+    error_bound: Py<PyArray1<f64>>,
+    /// Why bounds are missing; None where all are there.
+    error_bound_missing: Option<&'static str>,
+    /// What was asked for of the bounds; None where a time was.
+    tolerance: Option<f64>,
+    /// Whether all bounds are within it; None where one is missing and none is above it.
+    tolerance_met: Option<bool>,
+    /// Unknowns of the mesh that answered.
+    unknowns: usize,
+}
+
+#[pymethods]
+impl Response {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let (count, (x_m, y_m)) = (self.frequency_hz.bind(py).len()?, self.at_m);
+        Ok(format!("<Response: {} actuators, {count} frequencies at ({x_m}, {y_m}) m>", self.actuators.len()))
+    }
+}
+
+/// Harmonic response of a point to 1 N at each actuator alone.
+///
+/// The same as `era response`, bit for bit.
+///
+/// Parameters
+/// ----------
+/// scene : Scene
+/// at_m : (float, float) or float
+///     The point in m from the top left corner; on a bar x alone will do.
+/// frequency_hz : array_like [frequency]
+///     In Hz, 0 and up.
+/// tolerance : float or {"fast", "balanced", "reference"}, optional
+///     Of the bounds, relative: 1e-8 to 0.1, 1e-3 unless given.
+/// within_s : float, optional
+///     The most accurate answer that fits in this time, in s, instead of a tolerance.
+///
+/// Returns
+/// -------
+/// Response
+///
+/// Raises
+/// ------
+/// RequestError
+///     An argument is out of range, or the scene has no actuator.
+/// ResonanceError
+///     A frequency is that of an undamped mode.
+/// ModelError
+///     Too many unknowns or modes, or matrices that cannot be factored.
+///
+/// Examples
+/// --------
+/// >>> import era, numpy as np
+/// >>> plate = era.Scene.example("plate")
+/// >>> found = era.response(plate, (0.1, 0.05), np.arange(40.0, 401.0))
+/// >>> found.acceleration_m_s2_per_n.shape, found.acceleration_m_s2_per_n.dtype
+/// ((2, 361), dtype('complex128'))
+/// >>> bool((found.error_bound <= 1e-3).all())
+/// True
+#[pyfunction]
+#[pyo3(signature = (scene, at_m, frequency_hz, *, tolerance=None, within_s=None))]
+pub fn response(
+    py: Python<'_>,
+    scene: &PyScene,
+    at_m: Place,
+    frequency_hz: Frequencies,
+    tolerance: Option<Tolerance>,
+    within_s: Option<f64>,
+) -> PyResult<Response> {
+    let scene = scene.scene();
+    let at_m = on(&scene, at_m)?;
+    let frequencies_hz = arguments::frequencies(frequency_hz, 0.0)?;
+    let accuracy = arguments::accuracy(tolerance, within_s)?;
+    need_actuators(&scene)?;
+    warn(py, validity::doubts(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)))?;
+    let actuators = scene.actuators.iter().map(|actuator| actuator.id.clone()).collect();
+    let (found, frequencies_hz) =
+        run(py, move || Ok((bounded_curves(&scene, accuracy, at_m, &frequencies_hz)?, frequencies_hz)))?;
+    let asked = Asked::of(&found.bounds, accuracy);
+    let shape = [found.answer.len(), frequencies_hz.len()];
+    Ok(Response {
+        at_m,
+        actuators,
+        frequency_hz: array(py, frequencies_hz),
+        acceleration_m_s2_per_n: shaped(py, found.answer.concat(), shape)?,
+        error_bound: array(py, bounds_of(&found.bounds)),
+        error_bound_missing: asked.missing,
+        tolerance: asked.tolerance,
+        tolerance_met: asked.is_met,
+        unknowns: found.model.dofs(),
+    })
+}

@@ -1,0 +1,70 @@
+//! What results have in common.
+
+use crate::errors::Raised;
+use era_model::model::{Accuracy, Bound as ErrorBound};
+use numpy::{Element, PyArray, PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+
+/// Bounds as numbers, `NaN` where there is none.
+pub fn bounds_of(bounds: &[ErrorBound]) -> Vec<f64> {
+    bounds.iter().map(|bound| bound.value().unwrap_or(f64::NAN)).collect()
+}
+
+/// Why the first bound that is missing is.
+pub fn reason_of(bounds: &[ErrorBound]) -> Option<&'static str> {
+    bounds.iter().find_map(|bound| bound.reason())
+}
+
+/// What was asked for of the bounds, and what became of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    pub tolerance: Option<f64>,
+    pub is_met: Option<bool>,
+    pub missing: Option<&'static str>,
+}
+
+impl Asked {
+    /// Of bounds.
+    pub fn of(bounds: &[ErrorBound], accuracy: Accuracy) -> Self {
+        Self { tolerance: accuracy.asked(), is_met: ErrorBound::are_met(bounds, accuracy), missing: reason_of(bounds) }
+    }
+}
+
+/// Values as an array that takes them over and cannot be written to.
+pub fn array<T: Element>(py: Python<'_>, values: Vec<T>) -> Py<PyArray1<T>> {
+    let array = PyArray1::from_vec(py, values);
+    locked(&array);
+    array.unbind()
+}
+
+/// The same with more than one index.
+pub fn shaped<T: Element, const N: usize>(
+    py: Python<'_>,
+    values: Vec<T>,
+    shape: [usize; N],
+) -> PyResult<Py<PyArray<T, numpy::ndarray::Dim<[usize; N]>>>>
+where
+    numpy::ndarray::Dim<[usize; N]>: numpy::ndarray::Dimension,
+    [usize; N]: numpy::ndarray::IntoDimension<Dim = numpy::ndarray::Dim<[usize; N]>>,
+{
+    let array = PyArray1::from_vec(py, values).reshape(shape)?;
+    locked(&array);
+    Ok(array.unbind())
+}
+
+/// Results are as they were found: whoever wants to change one takes a copy.
+fn locked<T: Element, D: numpy::ndarray::Dimension>(array: &Bound<'_, PyArray<T, D>>) {
+    // Nobody else has it yet, so that nothing is borrowed.
+    let _ = array.call_method1("setflags", (false,));
+}
+
+/// Values on a grid, `NaN` where there is no surface.
+pub fn on_grid(values: impl IntoIterator<Item = Option<f64>>) -> Vec<f64> {
+    values.into_iter().map(|value| value.unwrap_or(f64::NAN)).collect()
+}
+
+/// The JSON of the command line as Python's objects.
+pub fn from_json<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(value).map_err(|error| Raised::argument("result", &*error.to_string(), "JSON"))?;
+    py.import("json")?.call_method1("loads", (text,))
+}

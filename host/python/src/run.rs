@@ -1,0 +1,95 @@
+//! Work without the interpreter's lock, that Ctrl-C ends.
+//!
+//! The work has a thread of its own, while the caller's waits without the lock and looks for signals. It runs in a pool of this
+//! process: a process that was forked has none of its parent's threads, and would wait for the global pool for ever.
+
+use crate::errors::Raised;
+use era_model::stop::Stop;
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Between two looks for a signal.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// The pool, and the process that it is of.
+static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+
+/// Where work is done, until nobody waits for it.
+pub struct Pool {
+    threads: Arc<ThreadPool>,
+    stop: Stop,
+}
+
+impl Pool {
+    /// Does it.
+    pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        self.threads.install(|| self.stop.during(work))
+    }
+}
+
+/// Runs `work`. What a signal's handler raises, `KeyboardInterrupt` as a rule, is raised within a twentieth of a second. The work
+/// ends where it next looks at its [`Stop`], and what it finds is dropped.
+pub fn run<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> Result<T, Raised> + Send + 'static,
+) -> PyResult<T> {
+    run_beside(py, move |pool| pool.install(work))
+}
+
+/// The same for work that begins in its own thread and goes to the pool by itself. Whatever is locked while the pool works has to be
+/// locked outside: a thread of the pool that waits takes up other work, which may want the same lock.
+pub fn run_beside<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&Pool) -> Result<T, Raised> + Send + 'static,
+) -> PyResult<T> {
+    let failed = |error: &dyn std::fmt::Display| PyRuntimeError::new_err(format!("no thread to compute in: {error}"));
+    let pool = pool().map_err(|error| failed(&error))?;
+    let stop = Stop::default();
+    let (done, mut waiting) = sync_channel(1);
+    let pool = Pool { threads: pool, stop: stop.clone() };
+    let working = move || {
+        let found = catch_unwind(AssertUnwindSafe(|| work(&pool)));
+        // Nobody waits after a signal.
+        let _ = done.send(found);
+    };
+    std::thread::Builder::new().name("era".into()).spawn(working).map_err(|error| failed(&error))?;
+    loop {
+        let found;
+        (waiting, found) = py.detach(move || {
+            let found = waiting.recv_timeout(LOOK);
+            (waiting, found)
+        });
+        match found {
+            Ok(Ok(found)) => return found.map_err(PyErr::from),
+            // A mistake of the program, which Python shows as `PanicException`.
+            Ok(Err(panic)) => resume_unwind(panic),
+            Err(RecvTimeoutError::Disconnected) => return Err(failed(&"it ended without an answer")),
+            Err(RecvTimeoutError::Timeout) => {
+                if let Err(raised) = py.check_signals() {
+                    stop.ask();
+                    return Err(raised);
+                }
+            }
+        }
+    }
+}
+
+/// This process's pool, with as many threads as there are processors, or as `RAYON_NUM_THREADS` says.
+fn pool() -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {
+    let mut kept = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+    let process = std::process::id();
+    if let Some((of, pool)) = kept.as_ref()
+        && *of == process
+    {
+        return Ok(pool.clone());
+    }
+    let pool = Arc::new(ThreadPoolBuilder::new().thread_name(|i| format!("era-{i}")).build()?);
+    // The parent's, whose threads are not here: to drop it would be to wait for them.
+    std::mem::forget(kept.replace((process, pool.clone())));
+    Ok(pool)
+}

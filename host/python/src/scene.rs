@@ -1,0 +1,397 @@
+//! The class `Scene`.
+
+use crate::arguments::Place;
+use crate::document;
+use crate::errors::{Raised, scene_error};
+use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, PixelError, Scene, SurfaceKind};
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyOSError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple, PyType};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::PathBuf;
+use std::sync::Arc;
+use toml::Table;
+
+/// What messages call a scene that was made from keywords.
+const KEYWORDS: &str = "Scene";
+
+/// A panel with everything that holds, loads and drives it; never changes.
+///
+/// The keywords are the tables of a scene file (`docs/src/scene.md`), with its keys and units: mappings for `surface`, `screen` and
+/// `press`, sequences of mappings for the others. Two scenes are equal if they mean the same, whatever they were made from; equal
+/// ones have one hash, and they can be pickled.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     Its name.
+/// surface : mapping
+///     `kind` ("plate" or "bar"), `length_mm`, `width_mm`, `thickness_mm`, `material`, optionally `damping`.
+/// screen, press : mapping, optional
+///     Which pixels lie where; the press that gaps have to bear.
+/// patch, cutout, support, edge, mass, actuator : sequence of mappings, optional
+///     What there is any number of.
+///
+/// Raises
+/// ------
+/// SceneError
+///     With every mistake, in `mistakes`.
+///
+/// Examples
+/// --------
+/// >>> import era
+/// >>> aluminium = {"youngs_modulus_pa": 70e9, "poisson_ratio": 0.33, "density_kg_m3": 2700.0}
+/// >>> beam = era.Scene(
+/// ...     "beam",
+/// ...     {"kind": "bar", "length_mm": 500.0, "width_mm": 30.0, "thickness_mm": 3.0, "material": aluminium},
+/// ...     edge=[{"side": "left", "kind": "clamped"}],
+/// ... )
+/// >>> beam.kind, beam.length_m
+/// ('bar', 0.5)
+/// >>> thick = beam.with_(surface={"thickness_mm": 6.0})
+/// >>> thick == beam, thick.with_(surface={"thickness_mm": 3.0}) == beam
+/// (False, True)
+#[pyclass(frozen, module = "era", name = "Scene")]
+pub struct PyScene {
+    scene: Arc<Scene>,
+    /// What it was read from.
+    text: String,
+    /// Of the SI numbers.
+    hash: u64,
+}
+
+impl PyScene {
+    /// What the crates take.
+    pub fn scene(&self) -> Arc<Scene> {
+        self.scene.clone()
+    }
+
+    fn read(py: Python<'_>, source: &str, text: String, has_lines: bool) -> PyResult<Self> {
+        let scene = Scene::parse(source, &text).map_err(|error| scene_error(py, error, has_lines))?;
+        let hash = hash_of(&scene);
+        Ok(Self { scene: Arc::new(scene), text, hash })
+    }
+
+    fn written(py: Python<'_>, table: &Table) -> PyResult<Self> {
+        let text = toml::to_string(table).map_err(|error| Raised::argument(KEYWORDS, &*error.to_string(), "TOML"))?;
+        Self::read(py, KEYWORDS, text, false)
+    }
+
+    fn document(&self) -> Table {
+        // It was read before.
+        self.text.parse().unwrap_or_default()
+    }
+}
+
+#[pymethods]
+impl PyScene {
+    #[new]
+    #[pyo3(signature = (name, surface, *, screen=None, patch=None, cutout=None, support=None, edge=None, mass=None,
+        actuator=None, press=None))]
+    #[expect(clippy::too_many_arguments, reason = "the tables of a scene file")]
+    fn new<'py>(
+        py: Python<'py>,
+        name: &Bound<'py, PyAny>,
+        surface: &Bound<'py, PyAny>,
+        screen: Option<&Bound<'py, PyAny>>,
+        patch: Option<&Bound<'py, PyAny>>,
+        cutout: Option<&Bound<'py, PyAny>>,
+        support: Option<&Bound<'py, PyAny>>,
+        edge: Option<&Bound<'py, PyAny>>,
+        mass: Option<&Bound<'py, PyAny>>,
+        actuator: Option<&Bound<'py, PyAny>>,
+        press: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        let keywords = PyDict::new(py);
+        let all = [
+            ("name", Some(name)),
+            ("surface", Some(surface)),
+            ("screen", screen),
+            ("patch", patch),
+            ("cutout", cutout),
+            ("support", support),
+            ("edge", edge),
+            ("mass", mass),
+            ("actuator", actuator),
+            ("press", press),
+        ];
+        for (key, value) in all {
+            keywords.set_item(key, value)?;
+        }
+        Self::written(py, &document::from_keywords(&keywords)?)
+    }
+
+    /// A scene from the text of a scene file.
+    ///
+    /// Parameters
+    /// ----------
+    /// text : str
+    ///     TOML.
+    ///
+    /// Returns
+    /// -------
+    /// Scene
+    ///
+    /// Raises
+    /// ------
+    /// SceneError
+    ///     With every mistake and its line.
+    #[classmethod]
+    fn from_toml(_class: &Bound<'_, PyType>, py: Python<'_>, text: String) -> PyResult<Self> {
+        Self::read(py, "scene", text, true)
+    }
+
+    /// A scene from a file.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or os.PathLike
+    ///
+    /// Returns
+    /// -------
+    /// Scene
+    ///
+    /// Raises
+    /// ------
+    /// OSError
+    ///     The file cannot be read.
+    /// SceneError
+    ///     With every mistake and its line.
+    #[classmethod]
+    fn from_file(_class: &Bound<'_, PyType>, py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let text = std::fs::read_to_string(&path)
+            .map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))?;
+        Self::read(py, &path.display().to_string(), text, true)
+    }
+
+    /// An example: the plate or the bar that the program comes with.
+    ///
+    /// Parameters
+    /// ----------
+    /// name : {"plate", "bar"}
+    ///
+    /// Returns
+    /// -------
+    /// Scene
+    ///
+    /// Examples
+    /// --------
+    /// >>> import era
+    /// >>> era.Scene.example("plate").actuator_ids
+    /// ('left', 'right')
+    #[classmethod]
+    fn example(_class: &Bound<'_, PyType>, py: Python<'_>, name: &str) -> PyResult<Self> {
+        let text = match name {
+            "plate" => EXAMPLE_PLATE,
+            "bar" => EXAMPLE_BAR,
+            _ => return Err(Raised::argument("name", name, "\"plate\" or \"bar\"").into()),
+        };
+        Self::read(py, name, text.into(), true)
+    }
+
+    /// A changed copy.
+    ///
+    /// Mappings change the keys that they name and leave the others; entries of lists are named by their index from 0 (-1 is the
+    /// last), actuators also by their `id` and edges by their `side`. `None` takes away. Everything else, a list too, replaces what is there.
+    ///
+    /// Parameters
+    /// ----------
+    /// **changes
+    ///     The keywords of `Scene`.
+    ///
+    /// Returns
+    /// -------
+    /// Scene
+    ///
+    /// Raises
+    /// ------
+    /// SceneError
+    ///     The changed scene is none.
+    /// RequestError
+    ///     An entry of a list is not there.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import era
+    /// >>> plate = era.Scene.example("plate")
+    /// >>> moved = plate.with_(actuator={"left": {"x_mm": 40.0}})
+    /// >>> moved.actuator_xy_m.tolist()[0][0]
+    /// 0.04
+    /// >>> plate.with_(actuator={"right": None}).actuator_ids
+    /// ('left',)
+    #[pyo3(signature = (**changes))]
+    fn with_(&self, py: Python<'_>, changes: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let mut table = self.document();
+        if let Some(changes) = changes {
+            document::change(&mut table, changes)?;
+        }
+        Self::written(py, &table)
+    }
+
+    /// The text that it was read from; that of a scene file for one made from keywords.
+    ///
+    /// Returns
+    /// -------
+    /// str
+    fn to_toml(&self) -> &str {
+        &self.text
+    }
+
+    /// The tables of its file, in the file's units.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        document::to_dict(py, &self.document())
+    }
+
+    /// The place on the surface under a pixel of the screen.
+    ///
+    /// Parameters
+    /// ----------
+    /// x_px, y_px : float
+    ///     From the screen's top left corner.
+    ///
+    /// Returns
+    /// -------
+    /// (float, float)
+    ///     In m.
+    ///
+    /// Raises
+    /// ------
+    /// RequestError
+    ///     The screen, or the surface, has no such place.
+    fn point_m(&self, x_px: f64, y_px: f64) -> Result<(f64, f64), Raised> {
+        match self.scene.place_px(x_px, y_px) {
+            Ok(place) => Ok(place.xy_m()),
+            Err(PixelError::Screen(error)) => {
+                Err(Raised::argument(error.field, error.value, format!("{} to {}", error.min, error.max)))
+            }
+            Err(PixelError::Place(error)) => {
+                let at = self.scene.screen.px_to_surface_m(x_px, y_px).unwrap_or((f64::NAN, f64::NAN));
+                Err(Raised::place("point", at, error))
+            }
+        }
+    }
+
+    /// Its name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.scene.name
+    }
+
+    /// "plate" or "bar".
+    #[getter]
+    fn kind(&self) -> &'static str {
+        match self.scene.surface.kind {
+            SurfaceKind::Plate => "plate",
+            SurfaceKind::Bar => "bar",
+        }
+    }
+
+    /// Side along x in m.
+    #[getter]
+    fn length_m(&self) -> f64 {
+        self.scene.surface.length_m
+    }
+
+    /// Side along y in m.
+    #[getter]
+    fn width_m(&self) -> f64 {
+        self.scene.surface.width_m
+    }
+
+    /// Of the surface, patches apart, in m.
+    #[getter]
+    fn thickness_m(&self) -> f64 {
+        self.scene.surface.thickness_m
+    }
+
+    /// Of the surface without anything that is attached to it, in kg.
+    #[getter]
+    fn mass_kg(&self) -> f64 {
+        self.scene.mass_kg()
+    }
+
+    /// The actuators' ids, in the order of all arrays.
+    #[getter]
+    fn actuator_ids<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.scene.actuators.iter().map(|actuator| &actuator.id))
+    }
+
+    /// Where the actuators are in m: float64 [actuator, 2].
+    #[getter]
+    fn actuator_xy_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        places(py, self.scene.actuators.iter().map(|actuator| [actuator.x_m, actuator.y_m]))
+    }
+
+    /// Where the supports are in m: float64 [support, 2].
+    #[getter]
+    fn support_xy_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        places(py, self.scene.supports.iter().map(|support| [support.x_m, support.y_m]))
+    }
+
+    fn __repr__(&self) -> String {
+        let surface = &self.scene.surface;
+        let [length, width, thickness] = [surface.length_m, surface.width_m, surface.thickness_m].map(|m| m * 1e3);
+        let parts: String = [
+            ("patches", self.scene.patches.len()),
+            ("cut-outs", self.scene.cutouts.len()),
+            ("supports", self.scene.supports.len()),
+            ("edges", self.scene.edges.len()),
+            ("masses", self.scene.masses.len()),
+            ("actuators", self.scene.actuators.len()),
+        ]
+        .into_iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(what, count)| format!(", {what}: {count}"))
+        .collect();
+        format!("<Scene {:?}: {} of {length:.1} x {width:.1} x {thickness:.2} mm{parts}>", self.name(), self.kind())
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| other.get().scene == self.scene)
+    }
+
+    fn __hash__(&self) -> u64 {
+        self.hash
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (&str,))> {
+        Ok((py.get_type::<Self>().getattr("from_toml")?, (&self.text,)))
+    }
+}
+
+/// A place of the surface.
+pub fn on(scene: &Scene, at: Place) -> Result<(f64, f64), Raised> {
+    at.on(scene, "at_m")
+}
+
+fn places<'py>(
+    py: Python<'py>,
+    places: impl ExactSizeIterator<Item = [f64; 2]>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let count = places.len();
+    let flat: Vec<f64> = places.flatten().collect();
+    use numpy::PyArrayMethods;
+    PyArray1::from_vec(py, flat).reshape([count, 2])
+}
+
+/// Equal scenes have equal numbers, so that it is enough to hash these; zeros are equal whatever their sign.
+fn hash_of(scene: &Scene) -> u64 {
+    fn add(value: &serde_json::Value, hasher: &mut DefaultHasher) {
+        match value {
+            serde_json::Value::Number(number) => (number.as_f64().unwrap_or(f64::NAN) + 0.0).to_bits().hash(hasher),
+            serde_json::Value::String(text) => text.hash(hasher),
+            serde_json::Value::Bool(flag) => flag.hash(hasher),
+            serde_json::Value::Null => 0_u8.hash(hasher),
+            serde_json::Value::Array(list) => list.iter().for_each(|value| add(value, hasher)),
+            serde_json::Value::Object(map) => map.values().for_each(|value| add(value, hasher)),
+        }
+    }
+    let mut hasher = DefaultHasher::new();
+    add(&serde_json::to_value(scene).unwrap_or_default(), &mut hasher);
+    hasher.finish()
+}

@@ -1,0 +1,155 @@
+//! `sweep`: responses all over the surface.
+
+use crate::arguments::{self, Frequencies, Tolerance, need_actuators};
+use crate::errors::{Raised, warn};
+use crate::results::{Asked, array, bounds_of, shaped};
+use crate::run::run;
+use crate::scene::PyScene;
+use era_model::model::{Accuracy, Bounded, validity};
+use era_model::response::sweep::{Arithmetic, Sweep as Found};
+use era_model::response::{MOST_SWEEP_VALUES, SINGLE_DOES, bounded_sweep};
+use era_model::scene::Scene;
+use num_complex::Complex;
+use numpy::{Element, PyArray1};
+use pyo3::prelude::*;
+use std::sync::Arc;
+
+/// Harmonic response of a grid of points to each actuator. Arrays are read-only.
+#[pyclass(frozen, module = "era", get_all)]
+pub struct Sweep {
+    /// The actuators' ids.
+    actuators: Vec<String>,
+    /// In Hz: float64 [frequency].
+    frequency_hz: Py<PyArray1<f64>>,
+    /// Columns in m, border to border: float64 [column].
+    x_m: Py<PyArray1<f64>>,
+    /// Rows in m, border to border: float64 [row].
+    y_m: Py<PyArray1<f64>>,
+    /// Phasors of the acceleration in m/s^2 for a force of 1 N at that actuator alone, e^(+j w t): complex64, or complex128 below
+    /// a tolerance of 1e-5, [frequency, actuator, row, column]; 0 in cut-outs.
+    acceleration_m_s2_per_n: Py<PyAny>,
+    /// Upper bounds on the error anywhere, relative to the largest magnitude on that point's curve: float64 [actuator], NaN where
+    /// there is none.
+    error_bound: Py<PyArray1<f64>>,
+    /// Why bounds are missing; None where all are there.
+    error_bound_missing: Option<&'static str>,
+    /// What was asked for of the bounds; None where a time was.
+    tolerance: Option<f64>,
+    /// Whether all bounds are within it; None where one is missing and none is above it.
+    tolerance_met: Option<bool>,
+    /// Unknowns of the mesh that answered.
+    unknowns: usize,
+}
+
+#[pymethods]
+impl Sweep {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let shape = self.acceleration_m_s2_per_n.bind(py).getattr("shape")?;
+        Ok(format!("<Sweep: {shape} (frequency, actuator, row, column)>"))
+    }
+}
+
+/// What was asked for.
+struct Question {
+    scene: Arc<Scene>,
+    accuracy: Accuracy,
+    x_m: Vec<f64>,
+    y_m: Vec<f64>,
+    frequencies_hz: Vec<f64>,
+}
+
+/// Harmonic response of every point of a grid to 1 N at each actuator alone.
+///
+/// The same as `era sweep`, bit for bit.
+///
+/// Parameters
+/// ----------
+/// scene : Scene
+/// frequency_hz : array_like [frequency]
+///     In Hz, above 0.
+/// grid : (int, int), default (49, 33)
+///     Columns and rows, border to border; a bar has one row, its axis.
+/// tolerance : float or {"fast", "balanced", "reference"}, optional
+///     Of the bounds, relative: 1e-8 to 0.1, 1e-3 unless given.
+/// within_s : float, optional
+///     The most accurate answer that fits in this time, in s, instead of a tolerance.
+///
+/// Returns
+/// -------
+/// Sweep
+///
+/// Raises
+/// ------
+/// RequestError
+///     An argument is out of range, there are more than 7e7 values, or the scene has no actuator.
+/// ResonanceError
+///     A frequency is that of an undamped mode.
+/// ModelError
+///     Too many unknowns or modes, or matrices that cannot be factored.
+///
+/// Examples
+/// --------
+/// >>> import era, numpy as np
+/// >>> found = era.sweep(era.Scene.example("plate"), np.arange(100.0, 200.0, 20.0), grid=(7, 5))
+/// >>> found.acceleration_m_s2_per_n.shape, found.acceleration_m_s2_per_n.dtype
+/// ((5, 2, 5, 7), dtype('complex64'))
+#[pyfunction]
+#[pyo3(signature = (scene, frequency_hz, *, grid=(49, 33), tolerance=None, within_s=None))]
+pub fn sweep(
+    py: Python<'_>,
+    scene: &PyScene,
+    frequency_hz: Frequencies,
+    grid: (i64, i64),
+    tolerance: Option<Tolerance>,
+    within_s: Option<f64>,
+) -> PyResult<Sweep> {
+    let scene = scene.scene();
+    let frequencies_hz = arguments::frequencies(frequency_hz, f64::MIN_POSITIVE)?;
+    let accuracy = arguments::accuracy(tolerance, within_s)?;
+    let (x_m, y_m) = scene.grid(arguments::grid(grid)?);
+    need_actuators(&scene)?;
+    check_size(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
+    warn(py, validity::doubts(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)))?;
+    let question = Question { scene, accuracy, x_m, y_m, frequencies_hz };
+    if accuracy.value() >= SINGLE_DOES { asked::<f32>(py, question) } else { asked::<f64>(py, question) }
+}
+
+fn asked<T>(py: Python<'_>, question: Question) -> PyResult<Sweep>
+where
+    T: Arithmetic + Into<f64>,
+    Complex<T>: Element,
+{
+    type Answer<T> = (Bounded<Found<T>>, Vec<Complex<T>>, Question);
+    let work = move |question: Question| -> Result<Answer<T>, Raised> {
+        let Question { scene, accuracy, x_m, y_m, frequencies_hz } = &question;
+        let found = bounded_sweep::<T>(scene, *accuracy, (x_m, y_m), frequencies_hz)?;
+        let values = found.answer.re.iter().zip(&found.answer.im).map(|(re, im)| Complex::new(*re, *im)).collect();
+        Ok((found, values, question))
+    };
+    let (found, values, question) = run(py, move || work(question))?;
+    let Question { scene, accuracy, x_m, y_m, frequencies_hz } = question;
+    let asked = Asked::of(&found.bounds, accuracy);
+    let shape = [frequencies_hz.len(), scene.actuators.len(), y_m.len(), x_m.len()];
+    Ok(Sweep {
+        actuators: scene.actuators.iter().map(|actuator| actuator.id.clone()).collect(),
+        frequency_hz: array(py, frequencies_hz),
+        x_m: array(py, x_m),
+        y_m: array(py, y_m),
+        acceleration_m_s2_per_n: shaped(py, values, shape)?.into_any(),
+        error_bound: array(py, bounds_of(&found.bounds)),
+        error_bound_missing: asked.missing,
+        tolerance: asked.tolerance,
+        tolerance_met: asked.is_met,
+        unknowns: found.model.dofs(),
+    })
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a size to be refused")]
+fn check_size(scene: &Scene, points: usize, frequencies: usize) -> Result<(), Raised> {
+    let values = points as f64 * frequencies as f64 * scene.actuators.len() as f64;
+    if values <= MOST_SWEEP_VALUES {
+        return Ok(());
+    }
+    let allowed = format!("so small that there are at most {MOST_SWEEP_VALUES:e} values, not {values:e}");
+    Err(Raised::argument("points of grid", points, allowed))
+}

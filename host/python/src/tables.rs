@@ -1,0 +1,75 @@
+//! The planner's tables, of which the latest are kept: a panel that is asked again answers at once.
+
+use crate::errors::{Raised, warn};
+use crate::run::{Pool, run_beside};
+use era_model::model::{Accuracy, validity};
+use era_model::scene::{MAX_ACTUATORS, Scene};
+use era_planner::{PlanError, PlanTable, TableOptions, cache};
+use pyo3::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Tables that are kept: some 3 MB for each actuator. Whoever goes through designs asks each a few times and never again.
+const KEPT: usize = 4;
+
+/// A table, for one question at a time: what it works out when it is first asked is waited for by others, and a thread of the pool
+/// that waits takes up other work, which may be the same question.
+pub type Shared = Arc<Mutex<PlanTable>>;
+
+struct Kept {
+    scene: Arc<Scene>,
+    tolerance: f64,
+    table: Shared,
+}
+
+/// The one used last at the end; and the process that they are of: in one that was forked a table may be locked for ever.
+static TABLES: Mutex<(u32, Vec<Kept>)> = Mutex::new((0, Vec::new()));
+
+/// Works with the table of a scene, which is computed if it is not kept. Warns of what is wrong with the panel.
+pub fn with_table<T: Send + 'static>(
+    py: Python<'_>,
+    scene: &Arc<Scene>,
+    accuracy: Accuracy,
+    work: impl FnOnce(&PlanTable) -> Result<T, Raised> + Send + 'static,
+) -> PyResult<T> {
+    if scene.actuators.is_empty() {
+        return Err(Raised::from(PlanError::NoActuators).into());
+    }
+    if scene.actuators.len() > MAX_ACTUATORS {
+        // Before minutes are spent on a table that no plan comes from.
+        return Err(Raised::from(PlanError::Actuators { count: scene.actuators.len() }).into());
+    }
+    warn(py, validity::doubts(scene, TableOptions::default().to_hz))?;
+    let own = scene.clone();
+    let (found, doubts) = run_beside(py, move |pool| {
+        let shared = table(pool, &own, accuracy)?;
+        let table = shared.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok((pool.install(|| work(&table))?, table.press_warnings()))
+    })?;
+    warn(py, doubts)?;
+    Ok(found)
+}
+
+fn table(pool: &Pool, scene: &Arc<Scene>, accuracy: Accuracy) -> Result<Shared, Raised> {
+    let tolerance = accuracy.value();
+    let is_it = |kept: &Kept| kept.tolerance.to_bits() == tolerance.to_bits() && kept.scene == *scene;
+    let mut tables = TABLES.lock().unwrap_or_else(PoisonError::into_inner);
+    if tables.0 != std::process::id() {
+        *tables = (std::process::id(), Vec::new());
+    }
+    let kept = &mut tables.1;
+    if let Some(at) = kept.iter().position(is_it) {
+        let found = kept.remove(at);
+        let table = found.table.clone();
+        kept.push(found);
+        return Ok(table);
+    }
+    // Others look for theirs meanwhile.
+    drop(tables);
+    let prepared = pool.install(|| cache::prepare(None, scene, accuracy, TableOptions::default()))?;
+    let table: Shared = Arc::new(Mutex::new(prepared.table));
+    let kept = &mut TABLES.lock().unwrap_or_else(PoisonError::into_inner).1;
+    kept.push(Kept { scene: scene.clone(), tolerance, table: table.clone() });
+    let more = kept.len().saturating_sub(KEPT);
+    kept.drain(..more);
+    Ok(table)
+}

@@ -1,0 +1,147 @@
+//! `transient`: motion after drives are switched on.
+
+use crate::arguments::{Place, Tolerance, accuracy as asked};
+use crate::errors::{Raised, warn};
+use crate::results::array;
+use crate::run::run;
+use crate::scene::{PyScene, on};
+use era_model::model::validity;
+use era_model::scene::Scene;
+use era_model::transient::panel::{Drive, NO_BOUND, highest_hz, switched_on, times};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use std::f64::consts::FRAC_PI_2;
+
+/// A point's motion from rest. Arrays are read-only.
+#[pyclass(frozen, module = "era", get_all)]
+pub struct Transient {
+    /// The point in m.
+    at_m: (f64, f64),
+    /// In s from switching on: float64 [time].
+    time_s: Py<PyArray1<f64>>,
+    /// In m: float64 [time].
+    displacement_m: Py<PyArray1<f64>>,
+    /// In m/s^2: float64 [time].
+    acceleration_m_s2: Py<PyArray1<f64>>,
+    /// Largest acceleration in m/s^2.
+    peak_m_s2: f64,
+    /// Peak of the steady state in m/s^2: the amplitudes of all drives added up.
+    steady_peak_m_s2: f64,
+    /// From when on a single drive's motion is within 10 % of the steady state, in s; None if that is not told.
+    settled_s: Option<f64>,
+    /// None: a motion from switching on has no bound.
+    error_bound: Option<f64>,
+    /// Why.
+    error_bound_missing: &'static str,
+}
+
+#[pymethods]
+impl Transient {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let (count, (x_m, y_m)) = (self.time_s.bind(py).len()?, self.at_m);
+        Ok(format!("<Transient: {count} times at ({x_m}, {y_m}) m, peak {:.4} m/s^2>", self.peak_m_s2))
+    }
+}
+
+/// A drive as given: actuator, frequency in Hz, amplitude in N, phase of the cosine in rad.
+#[derive(FromPyObject)]
+pub enum DriveGiven {
+    Phased(String, f64, f64, f64),
+    Sine(String, f64, f64),
+}
+
+impl DriveGiven {
+    fn on(self, scene: &Scene, at: usize) -> Result<Drive, Raised> {
+        let (id, frequency_hz, force_n, phase_rad) = match self {
+            DriveGiven::Phased(id, frequency_hz, force_n, phase_rad) => (id, frequency_hz, force_n, phase_rad),
+            // A sine: the force rises from nothing.
+            DriveGiven::Sine(id, frequency_hz, force_n) => (id, frequency_hz, force_n, -FRAC_PI_2),
+        };
+        let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
+        let actuator = scene.actuators.iter().position(|actuator| actuator.id == id);
+        let wrong = || Raised::argument(format!("drives[{at}][0]"), id.as_str(), format!("an actuator: {}", known()));
+        let drive = Drive { actuator: actuator.ok_or_else(wrong)?, frequency_hz, force_n, phase_rad };
+        drive.check()?;
+        if !phase_rad.is_finite() {
+            return Err(Raised::argument(format!("drives[{at}][3]"), phase_rad, "a finite phase in rad"));
+        }
+        Ok(drive)
+    }
+}
+
+/// A point's motion after drives are switched on, from rest.
+///
+/// The same as `era transient`, bit for bit. It has no error bound: switching on excites modes of any frequency.
+///
+/// Parameters
+/// ----------
+/// scene : Scene
+/// at_m : (float, float) or float
+///     The point in m from the top left corner; on a bar x alone will do.
+/// drives : sequence of (str, float, float) or (str, float, float, float)
+///     Of each an actuator's id, frequency in Hz, force amplitude in N, and the phase of the cosine in rad: -pi/2, a sine, unless given.
+/// duration_s : float, default 1.0
+///     How long in s.
+/// step_s : float, default 1e-4
+///     Between two times in s.
+/// tolerance : float or {"fast", "balanced", "reference"}, optional
+///     What the mesh is chosen for: 1e-8 to 0.1, 1e-3 unless given.
+///
+/// Returns
+/// -------
+/// Transient
+///
+/// Raises
+/// ------
+/// RequestError
+///     An argument is out of range, or names no actuator.
+/// ResonanceError
+///     A drive is at the resonance of an undamped mode.
+/// ModelError
+///     Too many unknowns or modes, or matrices that cannot be factored.
+///
+/// Examples
+/// --------
+/// >>> import era
+/// >>> plate = era.Scene.example("plate")
+/// >>> found = era.transient(plate, (0.1, 0.05), [("left", 126.0, 0.1)], duration_s=0.5)
+/// >>> found.time_s.shape, float(found.displacement_m[0]) == 0.0, found.error_bound
+/// ((5001,), True, None)
+#[pyfunction]
+#[pyo3(signature = (scene, at_m, drives, *, duration_s=1.0, step_s=1e-4, tolerance=None))]
+pub fn transient(
+    py: Python<'_>,
+    scene: &PyScene,
+    at_m: Place,
+    drives: Vec<DriveGiven>,
+    duration_s: f64,
+    step_s: f64,
+    tolerance: Option<Tolerance>,
+) -> PyResult<Transient> {
+    let scene = scene.scene();
+    let at_m = on(&scene, at_m)?;
+    let accuracy = asked(tolerance, None)?;
+    let drives =
+        drives.into_iter().enumerate().map(|(at, drive)| drive.on(&scene, at)).collect::<Result<Vec<_>, _>>()?;
+    if drives.is_empty() {
+        return Err(Raised::argument("len(drives)", 0, "1 and above").into());
+    }
+    let grid = times(duration_s, step_s).map_err(Raised::from)?;
+    warn(py, validity::doubts(&scene, highest_hz(&drives)))?;
+    let (motion, settled_s) = run(py, move || {
+        let motion = switched_on(&scene, accuracy, at_m, &drives, grid)?;
+        let settled_s = motion.settled_s(&drives);
+        Ok((motion, settled_s))
+    })?;
+    Ok(Transient {
+        at_m,
+        peak_m_s2: motion.peak_m_per_s2(),
+        steady_peak_m_s2: motion.steady_peak_m_per_s2,
+        settled_s,
+        time_s: array(py, motion.time_s),
+        displacement_m: array(py, motion.displacement_m),
+        acceleration_m_s2: array(py, motion.acceleration_m_per_s2),
+        error_bound: None,
+        error_bound_missing: NO_BOUND,
+    })
+}

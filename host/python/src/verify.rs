@@ -1,0 +1,155 @@
+//! `verify`: prediction against the simulated device.
+
+use crate::arguments::{Place, Tolerance, accuracy as asked};
+use crate::errors::Raised;
+use crate::results::{array, from_json, shaped};
+use crate::scene::PyScene;
+use crate::tables::with_table;
+use era::verify::{Comparison, compare_all, spread_over};
+use era_planner::{DEFAULT_INTENSITY_G, Target};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyList;
+
+/// Most points: a day of simulation.
+const MOST_POINTS: u32 = 100_000;
+
+/// Points, predicted and simulated. Arrays are read-only, relative differences are of the prediction.
+#[pyclass(frozen, module = "era")]
+pub struct Verification {
+    /// The points in m: float64 [point, 2].
+    #[pyo3(get)]
+    xy_m: Py<PyArray2<f64>>,
+    /// Sum of the amplitudes at the drives' frequencies with forces of the moving masses, predicted, in g: float64 [point].
+    #[pyo3(get)]
+    predicted_g: Py<PyArray1<f64>>,
+    /// The same in the record of the simulated device, in g: float64 [point].
+    #[pyo3(get)]
+    simulated_g: Py<PyArray1<f64>>,
+    /// Relative difference of the two: float64 [point].
+    #[pyo3(get)]
+    difference: Py<PyArray1<f64>>,
+    /// Predicted with forces of masses at rest, in g: float64 [point].
+    #[pyo3(get)]
+    linear_g: Py<PyArray1<f64>>,
+    /// Peak of the whole waveform up to 1 kHz, predicted, in g: float64 [point].
+    #[pyo3(get)]
+    predicted_band_g: Py<PyArray1<f64>>,
+    /// The same in the record of the simulated device, in g: float64 [point].
+    #[pyo3(get)]
+    simulated_band_g: Py<PyArray1<f64>>,
+    /// Relative difference of the two: float64 [point].
+    #[pyo3(get)]
+    band_difference: Py<PyArray1<f64>>,
+    /// The plans' upper bounds on the relative error of the model: float64 [point], NaN where there is none.
+    #[pyo3(get)]
+    error_bound: Py<PyArray1<f64>>,
+    /// Largest magnitude of `difference` and `band_difference`.
+    #[pyo3(get)]
+    largest_difference: f64,
+    found: Vec<Comparison>,
+}
+
+#[pymethods]
+impl Verification {
+    /// All that is known of each point, as `era verify --json` prints it, lengths in mm.
+    ///
+    /// Returns
+    /// -------
+    /// list of dict
+    fn to_dicts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        Ok(from_json(py, &self.found)?.cast_into::<PyList>()?)
+    }
+
+    fn __len__(&self) -> usize {
+        self.found.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<Verification: {} points, largest difference {:.2} %>",
+            self.found.len(),
+            self.largest_difference * 100.0
+        )
+    }
+}
+
+/// How many points, or which.
+#[derive(FromPyObject)]
+pub enum Points {
+    Count(u32),
+    Places(Vec<Place>),
+}
+
+/// Plans touches and runs them on the simulated device, faster than real time, and compares.
+///
+/// The same as `era verify`, bit for bit.
+///
+/// Parameters
+/// ----------
+/// scene : Scene
+/// points : int or sequence of (float, float), default 10
+///     How many, spread over the surface, fewer where it has cut-outs; or the points themselves in m.
+/// intensity_g : float, default 0.5
+///     Peak acceleration wanted at each, in g.
+/// tolerance : float or {"fast", "balanced", "reference"}, optional
+///     What the mesh is chosen for, relative: 1e-8 to 0.1, 1e-3 unless given.
+///
+/// Returns
+/// -------
+/// Verification
+///
+/// Raises
+/// ------
+/// RequestError, ModelError
+///     As `plan`.
+/// SimulationError
+///     A plan drives nothing, or the panel does not settle.
+///
+/// Examples
+/// --------
+/// >>> import era
+/// >>> found = era.verify(era.Scene.example("plate"), points=[(0.1, 0.05)], intensity_g=0.2)
+/// >>> found.predicted_g.shape, found.largest_difference < 0.05
+/// ((1,), True)
+#[pyfunction]
+#[pyo3(signature = (scene, *, points=Points::Count(10), intensity_g=DEFAULT_INTENSITY_G, tolerance=None),
+    text_signature = "(scene, *, points=10, intensity_g=0.5, tolerance=None)")]
+pub fn verify(
+    py: Python<'_>,
+    scene: &PyScene,
+    points: Points,
+    intensity_g: f64,
+    tolerance: Option<Tolerance>,
+) -> PyResult<Verification> {
+    let scene = scene.scene();
+    let accuracy = asked(tolerance, None)?;
+    let places = match points {
+        Points::Count(count) if (1..=MOST_POINTS).contains(&count) => spread_over(&scene, count),
+        Points::Count(count) => {
+            return Err(Raised::argument("points", f64::from(count), format!("1 to {MOST_POINTS}")).into());
+        }
+        Points::Places(places) => {
+            let on = |(i, place): (usize, Place)| place.on(&scene, &format!("points[{i}]"));
+            places.into_iter().enumerate().map(on).collect::<Result<_, _>>()?
+        }
+    };
+    let target = |&(x_m, y_m): &(f64, f64)| Target { x_m, y_m, intensity_g: Some(intensity_g) };
+    let targets: Vec<Target> = places.iter().map(target).collect();
+    let found = with_table(py, &scene, accuracy, move |table| Ok(compare_all(table, &targets)?))?;
+    let of = |figure: fn(&Comparison) -> f64| array(py, found.iter().map(figure).collect());
+    let largest = |c: &Comparison| c.difference.abs().max(c.band_difference.abs());
+    Ok(Verification {
+        xy_m: shaped(py, places.iter().flat_map(|(x_m, y_m)| [*x_m, *y_m]).collect(), [places.len(), 2])?,
+        predicted_g: of(|c| c.predicted_g),
+        simulated_g: of(|c| c.simulated_g),
+        difference: of(|c| c.difference),
+        linear_g: of(|c| c.linear_g),
+        predicted_band_g: of(|c| c.predicted_band_g),
+        simulated_band_g: of(|c| c.simulated_band_g),
+        band_difference: of(|c| c.band_difference),
+        error_bound: of(|c| c.error_bound.unwrap_or(f64::NAN)),
+        largest_difference: found.iter().map(largest).fold(0.0, f64::max),
+        found,
+    })
+}

@@ -1,0 +1,179 @@
+"""The command line's numbers, bit for bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import era
+import numpy as np
+import pytest
+from conftest import Ask
+
+AT_MM = (100.0, 50.0)
+AT_M = (AT_MM[0] / 1e3, AT_MM[1] / 1e3)
+AT = f"{AT_MM[0]},{AT_MM[1]}"
+
+
+def numbers(values: Any) -> list[Any]:
+    """As JSON has them: null for what is no number."""
+    return [None if value != value else value for value in np.asarray(values, dtype=float).ravel().tolist()]
+
+
+@pytest.fixture(params=["plate", "bar"])
+def scene(request: pytest.FixtureRequest) -> era.Scene:
+    return era.Scene.example(request.param)
+
+
+@pytest.fixture
+def at(scene: era.Scene) -> tuple[str, tuple[float, float]]:
+    y_mm = AT_MM[1] if scene.kind == "plate" else 10.0
+    return f"{AT_MM[0]},{y_mm}", (AT_MM[0] / 1e3, y_mm / 1e3)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_modes(ask: Ask, scene: era.Scene, tolerance: float, tmp_path: Path) -> None:
+    told = ask(scene, "modes", "--max-hz", 400, "--tolerance", tolerance, "--npy", tmp_path / "m.npy", "--grid", "9,7")
+    found = era.modes(scene, 400.0, tolerance=tolerance, grid=(9, 7))
+    assert len(found) == len(told["modes"]) > 2
+    for name in ("frequency_hz", "damping_ratio", "error_bound"):
+        assert numbers(getattr(found, name)) == [mode[name] for mode in told["modes"]]
+    assert (found.unknowns, found.tolerance, found.tolerance_met) == (told["dofs"], tolerance, told["tolerance_met"])
+    assert found.shape_per_sqrt_kg is not None
+    np.testing.assert_array_equal(np.load(tmp_path / "m.npy"), found.shape_per_sqrt_kg)
+    np.testing.assert_array_equal(np.load(tmp_path / "m.x_m.npy"), np.asarray(found.x_m))
+
+
+def test_response(ask: Ask, scene: era.Scene, at: tuple[str, tuple[float, float]]) -> None:
+    told = ask(scene, "response", "--at", at[0], "--from", 40, "--to", 400, "--step", 2.5)
+    found = era.response(scene, at[1], np.array(told["frequency_hz"]))
+    assert found.actuators == [actuator["id"] for actuator in told["actuators"]] == list(scene.actuator_ids)
+    for curve, bound, actuator in zip(found.acceleration_m_s2_per_n, found.error_bound, told["actuators"]):
+        assert curve.real.tolist() == actuator["acceleration_re"]
+        assert curve.imag.tolist() == actuator["acceleration_im"]
+        assert bound == actuator["error_bound"]
+    assert (found.unknowns, found.tolerance_met) == (told["dofs"], told["tolerance_met"])
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_sweep(ask: Ask, scene: era.Scene, tolerance: float, tmp_path: Path) -> None:
+    file = tmp_path / "sweep.npy"
+    options = ("--grid", "13,9", "--from", 50, "--to", 300, "--step", 10, "--tolerance", tolerance, "--npy", file)
+    told = ask(scene, "sweep", *options)
+    frequency_hz = np.load(tmp_path / "sweep.frequency_hz.npy")
+    found = era.sweep(scene, frequency_hz, grid=(13, 9), tolerance=tolerance)
+    values = np.load(file)
+    assert values.dtype == found.acceleration_m_s2_per_n.dtype
+    np.testing.assert_array_equal(values, found.acceleration_m_s2_per_n)
+    np.testing.assert_array_equal(np.load(tmp_path / "sweep.x_m.npy"), found.x_m)
+    np.testing.assert_array_equal(np.load(tmp_path / "sweep.y_m.npy"), found.y_m)
+    assert found.error_bound.tolist() == [actuator["error_bound"] for actuator in told["actuators"]]
+
+
+def test_transient(ask: Ask, scene: era.Scene, at: tuple[str, tuple[float, float]]) -> None:
+    first, phase_deg = scene.actuator_ids[0], 30.0
+    drives = ("--drive", f"{first}:120:0.1", "--drive", f"{first}:150:0.2:{phase_deg}")
+    told = ask(scene, "transient", "--at", at[0], *drives, "--duration", 0.2)
+    # As Rust has it: degrees times pi / 180.
+    sine, phased = (first, 120.0, 0.1), (first, 150.0, 0.2, phase_deg * (np.pi / 180.0))
+    found = era.transient(scene, at[1], [sine, phased], duration_s=0.2)
+    assert found.time_s.tolist() == told["time_s"]
+    assert found.displacement_m.tolist() == told["displacement_m"]
+    assert found.acceleration_m_s2.tolist() == told["acceleration_m_per_s2"]
+    assert (found.peak_m_s2, found.steady_peak_m_s2) == (told["peak_m_per_s2"], told["steady_peak_m_per_s2"])
+    assert found.settled_s == told["settled_s"] and found.error_bound is None is told["error_bound"]
+
+
+PLANS: list[tuple[tuple[object, ...], dict[str, Any]]] = [
+    ((), {}),
+    (("--intensity-g", 0.3), {"intensity_g": 0.3}),
+    (("--intensity-g", 50), {"intensity_g": 50.0}),
+    (("--intensity-db", 15), {"intensity_db": 15.0}),
+    (("--objective", "power"), {"objective": "power"}),
+    (("--grouping", "shared"), {"grouping": "shared"}),
+    (("--weigh", "felt"), {"weigh": "felt"}),
+]
+
+
+@pytest.mark.parametrize(("options", "keywords"), PLANS)
+def test_plan(
+    ask: Ask, scene: era.Scene, at: tuple[str, tuple[float, float]], options: tuple[object, ...], keywords: Any
+) -> None:
+    told = ask(scene, "plan", "--no-cache", "--unit", "mm", "--at", at[0], *options)
+    compare_plan(era.plan(scene, at[1], **keywords), told)
+
+
+def test_plan_with_more_wishes(ask: Ask, plate: era.Scene) -> None:
+    options = ("--also", "220,140:0.4", "--quiet", "150,100:12:0.02", "--intensity-g", 0.4)
+    told = ask(plate, "plan", "--no-cache", "--unit", "mm", "--at", AT, *options)
+    wishes = {"also": [(0.22, 0.14, 0.4)], "quiet": [(0.15, 0.1, 0.012, 0.02)]}
+    found = era.plan(plate, AT_M, 0.4, **wishes)  # type: ignore[arg-type]
+    assert found.trade is not None and len(found.targets) == 2 and len(found.quiet) == 1
+    compare_plan(found, told)
+    told = ask(plate, "plan", "--no-cache", "--unit", "mm", "--at", AT, "--objective", "reach", "--zone", "0,0,100,80")
+    compare_plan(era.plan(plate, AT_M, objective="reach", zone_m=(0.1, 0.08, 0.0, 0.0)), told)
+    told = ask(plate, "plan", "--no-cache", "--unit", "mm", "--at", AT, "--explain")
+    assert [era.plan(plate, AT_M, explain=True).explanation] == told["explanations"]
+
+
+def compare_plan(found: era.Plan, told: dict[str, Any]) -> None:
+    own = found.to_dict()
+    own.pop("elapsed_us")
+    assert own == {key: told[key] for key in own} and own["drives"]
+    assert (found.details, found.trade) == (told["details"], told.get("trade"))
+    assert (found.tolerance, found.tolerance_met) == (told["tolerance"], told["tolerance_met"])
+    assert (found.error_bound, found.optimality_gap) == (told["error_bound"], told["optimality_gap"])
+    assert found.limited_by == told["limited_by"]
+    for drive, other in zip(found.drives, told["drives"]):
+        assert {name: getattr(drive, name) for name in other} == other
+    assert {name: getattr(found.predicted, name) for name in told["predicted"]} == told["predicted"]
+    for kind in ("targets", "quiet"):
+        own_parts = getattr(found, kind)
+        assert len(own_parts) == len(told[kind])
+        for part, other in zip(own_parts, told[kind]):
+            in_mm = {name: 1e3 * getattr(part, name[:-3] + "_m") for name in other if name.endswith("_mm")}
+            assert {**{name: getattr(part, name) for name in other if name not in in_mm}, **in_mm} == other
+
+
+def test_field(ask: Ask, scene: era.Scene, at: tuple[str, tuple[float, float]]) -> None:
+    told = ask(scene, "field", "--no-cache", "--unit", "mm", "--at", at[0], "--intensity-g", 0.3)
+    found = era.field(scene, at[1], 0.3)
+    assert numbers(found.peak_g) == told["field"]["peak_g"]
+    assert (found.x_m * 1e3).tolist() == told["field"]["x_mm"] and (found.y_m * 1e3).tolist() == told["field"]["y_mm"]
+    assert (found.error_bound, found.tolerance_met) == (told["error_bound"], told["tolerance_met"])
+    assert found.frequency_hz.tolist() == [drive["frequency_hz"] for drive in told["plan"]["drives"]]
+    assert found.contrast_db == told["plan"]["predicted"]["contrast_db"]
+
+
+def test_reach(ask: Ask, scene: era.Scene) -> None:
+    y_mm = 90.0 if scene.kind == "plate" else 5.0
+    told = ask(scene, "field", "--no-cache", "--reach", "--zone", f"0,0,120,{y_mm}", "--from", 60)["maps"]
+    found = era.reach(scene, zone_m=(0.0, 0.0, 0.12, y_mm / 1e3), from_hz=60.0)
+    assert found.actuators == told["actuators"]
+    for name in ("strongest_g", "contrast_db", "error_bound"):
+        assert numbers(getattr(found, name)) == told[name]
+    for name in ("strongest_hz", "contrast_hz"):
+        by_point = getattr(found, name).reshape(len(found.actuators), -1).T
+        assert [None if np.isnan(hz).any() else hz.tolist() for hz in by_point] == told[name]
+
+
+def test_verify(ask: Ask, plate: era.Scene) -> None:
+    told = ask(plate, "verify", "--no-cache", "--points", 3, "--intensity-g", 0.2)
+    found = era.verify(plate, points=3, intensity_g=0.2)
+    assert found.to_dicts() == told["points"] and found.largest_difference == told["largest_difference"]
+    for name in ("predicted_g", "simulated_g", "difference", "linear_g", "predicted_band_g", "simulated_band_g"):
+        assert getattr(found, name).tolist() == [point[name] for point in told["points"]]
+    assert found.band_difference.tolist() == [point["band_difference"] for point in told["points"]]
+    assert numbers(found.error_bound) == [point["error_bound"] for point in told["points"]]
+    assert (found.xy_m * 1e3).tolist() == [[point["x_mm"], point["y_mm"]] for point in told["points"]]
+
+
+def test_tables_that_are_kept_are_the_right_ones(ask: Ask, plate: era.Scene) -> None:
+    """More scenes than are kept, each asked twice, and one at two tolerances."""
+    scenes = [plate.with_(actuator={"left": {"x_mm": 60.0 + i}}) for i in range(6)]
+    first = [era.plan(scene, AT_M).to_dict()["drives"] for scene in scenes]
+    again = [era.plan(scene, AT_M).to_dict()["drives"] for scene in scenes]
+    assert first == again and len({str(drives) for drives in first}) == 6
+    told = ask(plate, "plan", "--no-cache", "--unit", "mm", "--at", AT, "--accuracy", "reference")
+    assert era.plan(plate, AT_M).to_dict()["drives"] != told["drives"]
+    assert era.plan(plate, AT_M, tolerance="reference").to_dict()["drives"] == told["drives"]
