@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::process::run;
-use crate::{crosscheck, dependencies, emulate, firmware, fuzz, house, image, miri, root, setup, waveforms};
+use crate::{crosscheck, dependencies, emulate, firmware, fuzz, house, image, miri, python, root, setup, waveforms};
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
@@ -26,6 +26,7 @@ fn tests() -> Result<(), Error> {
     step("waveforms", || waveforms::command(&waveforms::Options::default()))?;
     step("report from the emulated board", emulate::test)?;
     step("tests", || run(cargo(&root).args(["test", "--workspace"])))?;
+    step("Python package", python::tests)?;
     step("advisories", dependencies::some_advisories)?;
     step("independent reference: its own tests", crosscheck::own_tests)?;
     // Optimised code may keep other roundings and no overflow checks: the extremes hold there too.

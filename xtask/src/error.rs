@@ -15,7 +15,7 @@ pub enum Error {
         /// All that is missing and how it is installed, in lines.
         list: String,
     },
-    /// No environment for the independent reference.
+    /// No environment of Python.
     #[error(transparent)]
     Python(python_environment::Error),
     /// A waveform is not as it must be.

@@ -1,5 +1,5 @@
 //! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `crosscheck`, `bench`,
-//! `soak`, `advisories`, `house`.
+//! `soak`, `advisories`, `house`, `python`.
 
 mod against;
 mod bench;
@@ -17,6 +17,7 @@ mod image;
 mod load;
 mod miri;
 mod process;
+mod python;
 mod setup;
 mod stack;
 mod start;
@@ -55,6 +56,8 @@ enum Command {
     Waveforms(waveforms::Options),
     /// Compare what the program prints with an independent reference in Python, on random scenes
     Crosscheck(crosscheck::Options),
+    /// Build the Python package, then run its tests, its examples and the check of its types
+    Python,
     /// Print how each crate is divided, and fail if files import each other in circles
     House(house::Options),
     /// Look for known vulnerabilities in the crates that this depends on, in a copy of the RustSec advisory database
@@ -75,6 +78,7 @@ fn main() -> ExitCode {
         Command::Fuzz(options) => fuzz::command(&options),
         Command::Waveforms(options) => waveforms::command(&options),
         Command::Crosscheck(options) => crosscheck::command(&options),
+        Command::Python => python::command(),
         Command::House(options) => house::command(options),
         Command::Advisories(options) => dependencies::command(&options),
         Command::Miri => miri::command(),

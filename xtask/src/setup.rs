@@ -33,6 +33,8 @@ pub const TEST: &[Need] = &[Need::Python, Need::Browser, Need::Target];
 /// What `cargo xtask ci` needs.
 pub const CI: &[Need] = &[Need::Python, Need::Browser, Need::Cxx, Need::Systemd, Need::Lints, Need::Target];
 
+/// What `cargo xtask python` needs.
+pub const PYTHON: &[Need] = &[Need::Python];
 /// What `cargo xtask crosscheck` needs.
 pub const CROSSCHECK: &[Need] = &[Need::Python];
 
@@ -46,7 +48,8 @@ impl Need {
     fn describe(self) -> String {
         match self {
             Need::Python => {
-                "python3 with the modules venv and ensurepip, for the emulated board and the independent reference"
+                "python3 with the modules venv and ensurepip, for the emulated board, the independent reference and the \
+                 Python package"
                     .into()
             }
             Need::Browser => format!("a browser ({}), for the tests of the page", BROWSERS.join(", ")),

@@ -1,0 +1,72 @@
+//! `cargo xtask python`: the Python package as a wheel, in an environment of its own, with its tests, types and examples.
+//!
+//! The wheel is built in the profile of the tests, which optimises enough.
+
+use crate::error::Error;
+use crate::process::run;
+use crate::{root, setup};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Where the package is.
+const PACKAGE: &str = "host/python";
+
+/// Sets up what it needs, and the program that the package is compared with, then runs everything.
+///
+/// # Errors
+/// [`Error::Missing`], [`Error::Python`], [`Error::File`], [`Error::Start`], or [`Error::Failed`] with what failed.
+pub fn command() -> Result<(), Error> {
+    setup::ensure("cargo xtask python", setup::PYTHON)?;
+    let root = root()?;
+    // Both packages, so that what the wheel needs is compiled with the same features.
+    let packages = ["-p", "era-host", "-p", "era-python", "--bin", "era"];
+    run(Command::new("cargo").current_dir(&root).args(["build", "--quiet"]).args(packages))?;
+    tests()
+}
+
+/// The same beside the program of the workspace's tests.
+///
+/// # Errors
+/// As [`command`].
+pub fn tests() -> Result<(), Error> {
+    let root = root()?;
+    let folder = root.join(PACKAGE);
+    let environment = root.join("target/python-venv");
+    let python = python_environment::ensure(&folder.join("requirements.txt"), &environment).map_err(Error::Python)?;
+    let wheel = wheel(&root, &python)?;
+    let install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--force-reinstall"];
+    run(Command::new(&python).args(install).arg(&wheel))?;
+    let ask = |arguments: &[&str]| {
+        let mut command = Command::new(&python);
+        command.current_dir(&folder).args(arguments);
+        command.env("ERA_PROGRAM", root.join("target/debug/era")).env("MPLBACKEND", "Agg");
+        // Whatever a wheel lacks must not be found beside it.
+        command.env("PYTHONSAFEPATH", "1").env("PYTHONDONTWRITEBYTECODE", "1");
+        run(&mut command)
+    };
+    let cache = format!("cache_dir={}", root.join("target/python-pytest").display());
+    ask(&["-m", "pytest", "--quiet", "-o", &cache])?;
+    let cache = format!("--cache-dir={}", root.join("target/python-mypy").display());
+    ask(&["-m", "mypy", &cache, "tests", "gallery"])?;
+    ask(&["-m", "mypy.stubtest", "era", "--ignore-disjoint-bases"])
+}
+
+/// Builds the wheel; its file.
+fn wheel(root: &Path, python: &Path) -> Result<PathBuf, Error> {
+    let out = root.join("target/python-wheel");
+    let failed = |what, path: &Path| {
+        let path = path.to_owned();
+        move |source| Error::File { what, path, source }
+    };
+    // Another version's wheel has another name.
+    if out.exists() {
+        std::fs::remove_dir_all(&out).map_err(failed("cannot remove", &out))?;
+    }
+    let mut maturin = Command::new(python);
+    maturin.current_dir(root.join(PACKAGE)).args(["-m", "maturin", "build", "--quiet", "--compatibility", "linux"]);
+    run(maturin.arg("--interpreter").arg(python).arg("--out").arg(&out))?;
+    let entries = std::fs::read_dir(&out).map_err(failed("cannot read", &out))?;
+    let is_wheel = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "whl");
+    let wheel = entries.filter_map(Result::ok).map(|entry| entry.path()).find(is_wheel);
+    wheel.ok_or_else(|| failed("found no wheel in", &out)(std::io::ErrorKind::NotFound.into()))
+}
