@@ -3,7 +3,7 @@
 use crate::arguments::{Place, Tolerance, accuracy as asked};
 use crate::results::{Asked, array, on_grid, shaped};
 use crate::scene::{PyScene, on};
-use crate::tables::with_table;
+use crate::tables::with_touched_table;
 use era_planner::{STANDARD_GRAVITY, Target};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -46,7 +46,7 @@ impl Field {
 
 /// Peak acceleration over the whole surface for a touch.
 ///
-/// The same as `era field`, bit for bit.
+/// The same as `era field`, bit for bit; with the scene's finger on the target, where it has one.
 ///
 /// Parameters
 /// ----------
@@ -86,7 +86,7 @@ pub fn field(
     let accuracy = asked(tolerance, None)?;
     let (x_m, y_m) = on(&scene, at_m)?;
     let target = Target { x_m, y_m, intensity_g };
-    let (plan, values, bound, [x_m, y_m]) = with_table(py, &scene, accuracy, move |table| {
+    let (plan, values, bound, [x_m, y_m]) = with_touched_table(py, &scene, accuracy, vec![(x_m, y_m)], move |table| {
         let plan = table.plan(&[target])?;
         let values = on_grid(table.field(&plan));
         let bound = table.field_bound(&plan);

@@ -1,15 +1,16 @@
 //! `plan`: drives for a touch, or for several.
 
 use crate::arguments::{Place, Tolerance, accuracy as asked};
+use crate::errors::Raised;
 use crate::request::{Also, Corners, Spared, Wishes};
 use crate::results::{Asked, from_json};
 use crate::scene::PyScene;
-use crate::tables::with_table;
+use crate::tables::{with_table, with_touched_table};
 use era_model::model::Bound as ErrorBound;
 use era_planner::effects::at_level;
 use era_planner::explain::Explanation;
 use era_planner::trade::Trade;
-use era_planner::{Plan as Found, Report};
+use era_planner::{Objective, Plan as Found, PlanTable, Report};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -256,7 +257,8 @@ impl Plan {
 
 /// The drives for a touch: who vibrates at what frequency, how strong, and what should be felt.
 ///
-/// The same as `era plan`, bit for bit. Tables of the last panels are kept in memory, so that a second plan takes some ms.
+/// The same as `era plan`, bit for bit; with the scene's finger on the targets, where it has one and the objective is not "reach".
+/// Tables of the last panels are kept in memory, so that a second plan takes some ms.
 ///
 /// Parameters
 /// ----------
@@ -334,7 +336,10 @@ pub fn plan(
     let accuracy = asked(tolerance, None)?;
     let wishes = Wishes { at_m, intensity_g, also, quiet, objective, grouping, weigh, zone_m };
     let request = wishes.request(&scene)?;
-    with_table(py, &scene, accuracy, move |table| {
+    // One setting for touches of any place is of the panel that nothing touches.
+    let is_anywhere = request.objective == Objective::Reach;
+    let places: Vec<(f64, f64)> = request.targets.iter().map(|target| (target.x_m, target.y_m)).collect();
+    let plan_with = move |table: &PlanTable| -> Result<Plan, Raised> {
         let request = at_level(table, request, intensity_db)?;
         let (planned, trade) = table.planned_with_trade(&request)?;
         let report = table.report(&planned);
@@ -342,5 +347,10 @@ pub fn plan(
         let found = planned.plan;
         let bound = found.error_bound.map_or(ErrorBound::Unknown("nothing moves at the target"), ErrorBound::AtMost);
         Ok(Plan { asked: Asked::of(&[bound], accuracy), found, report, trade, explanation })
-    })
+    };
+    if is_anywhere {
+        with_table(py, &scene, accuracy, plan_with)
+    } else {
+        with_touched_table(py, &scene, accuracy, places, plan_with)
+    }
 }

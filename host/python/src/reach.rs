@@ -65,7 +65,7 @@ impl Reach {
 
 /// What can be had at every point of the surface: the strongest peak, and the best contrast.
 ///
-/// The same as `era field --reach`, bit for bit.
+/// The same as `era field --reach`, bit for bit; of the panel that nothing touches.
 ///
 /// Parameters
 /// ----------

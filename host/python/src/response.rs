@@ -44,7 +44,7 @@ impl Response {
 
 /// Harmonic response of a point to 1 N at each actuator alone.
 ///
-/// The same as `era response`, bit for bit.
+/// The same as `era response`, bit for bit; with the scene's finger on the point, where it has one.
 ///
 /// Parameters
 /// ----------
@@ -96,6 +96,8 @@ pub fn response(
     let accuracy = arguments::accuracy(tolerance, within_s)?;
     need_actuators(&scene)?;
     warn(py, validity::doubts(&scene, frequencies_hz.iter().copied().fold(0.0, f64::max)))?;
+    // With the finger on the point, where the scene has one.
+    let scene = scene.touched(&[at_m]);
     let actuators = scene.actuators.iter().map(|actuator| actuator.id.clone()).collect();
     let (found, frequencies_hz) =
         run(py, move || Ok((bounded_curves(&scene, accuracy, at_m, &frequencies_hz)?, frequencies_hz)))?;

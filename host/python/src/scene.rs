@@ -18,8 +18,8 @@ const KEYWORDS: &str = "Scene";
 
 /// A panel with everything that holds, loads and drives it; never changes.
 ///
-/// The keywords are the tables of a scene file (`docs/src/scene.md`), with its keys and units: mappings for `surface`, `screen` and
-/// `press`, sequences of mappings for the others. Two scenes are equal if they mean the same, whatever they were made from; equal
+/// The keywords are the tables of a scene file (`docs/src/scene.md`), with its keys and units: mappings for `surface`, `screen`,
+/// `press`, `finger` and `air`, sequences of mappings for the others. Two scenes are equal if they mean the same, whatever they were made from; equal
 /// ones have one hash, and they can be pickled.
 ///
 /// Parameters
@@ -28,8 +28,8 @@ const KEYWORDS: &str = "Scene";
 ///     Its name.
 /// surface : mapping
 ///     `kind` ("plate" or "bar"), `length_mm`, `width_mm`, `thickness_mm`, `material`, optionally `damping`.
-/// screen, press : mapping, optional
-///     Which pixels lie where; the press that gaps have to bear.
+/// screen, press, finger, air : mapping, optional
+///     Which pixels lie where; the press that gaps have to bear; what rests on the place that is touched; the air around.
 /// patch, cutout, support, edge, mass, actuator : sequence of mappings, optional
 ///     What there is any number of.
 ///
@@ -88,7 +88,7 @@ impl PyScene {
 impl PyScene {
     #[new]
     #[pyo3(signature = (name, surface, *, screen=None, patch=None, cutout=None, support=None, edge=None, mass=None,
-        actuator=None, press=None))]
+        actuator=None, press=None, finger=None, air=None))]
     #[expect(clippy::too_many_arguments, reason = "the tables of a scene file")]
     fn new<'py>(
         py: Python<'py>,
@@ -102,6 +102,8 @@ impl PyScene {
         mass: Option<&Bound<'py, PyAny>>,
         actuator: Option<&Bound<'py, PyAny>>,
         press: Option<&Bound<'py, PyAny>>,
+        finger: Option<&Bound<'py, PyAny>>,
+        air: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         let keywords = PyDict::new(py);
         let all = [
@@ -115,6 +117,8 @@ impl PyScene {
             ("mass", mass),
             ("actuator", actuator),
             ("press", press),
+            ("finger", finger),
+            ("air", air),
         ];
         for (key, value) in all {
             keywords.set_item(key, value)?;

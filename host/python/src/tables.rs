@@ -2,6 +2,7 @@
 
 use crate::errors::{Raised, warn};
 use crate::run::{Pool, run_beside};
+use era_model::model::levels::Levels;
 use era_model::model::{Accuracy, validity};
 use era_model::scene::{MAX_ACTUATORS, Scene};
 use era_planner::{PlanError, PlanTable, TableOptions, cache};
@@ -23,6 +24,24 @@ struct Kept {
 
 /// The one used last at the end; and the process that they are of: in one that was forked a table may be locked for ever.
 static TABLES: Mutex<(u32, Vec<Kept>)> = Mutex::new((0, Vec::new()));
+
+/// Works with the table of a scene with its finger on `places` (m), that of the scene itself where it has none.
+pub fn with_touched_table<T: Send + 'static>(
+    py: Python<'_>,
+    scene: &Arc<Scene>,
+    accuracy: Accuracy,
+    places: Vec<(f64, f64)>,
+    work: impl FnOnce(&PlanTable) -> Result<T, Raised> + Send + 'static,
+) -> PyResult<T> {
+    with_table(py, scene, accuracy, move |table| {
+        if table.scene.finger.is_none() {
+            return work(table);
+        }
+        let (touched, options) = (table.scene.touched(&places), TableOptions::default());
+        let levels = Levels::build(&touched, accuracy, options.to_hz)?;
+        work(&table.touched(&touched, levels, options)?)
+    })
+}
 
 /// Works with the table of a scene, which is computed if it is not kept. Warns of what is wrong with the panel.
 pub fn with_table<T: Send + 'static>(

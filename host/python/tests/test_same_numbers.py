@@ -116,6 +116,21 @@ def test_plan_with_more_wishes(ask: Ask, plate: era.Scene) -> None:
     assert [era.plan(plate, AT_M, explain=True).explanation] == told["explanations"]
 
 
+def test_with_a_finger(ask: Ask, plate: era.Scene) -> None:
+    touched = plate.with_(finger={"mass_g": 5.0, "damping_n_s_per_m": 4.0, "stiffness_n_per_m": 1500.0})
+    told = ask(touched, "response", "--at", AT, "--step", 20)
+    found = era.response(touched, AT_M, told["frequency_hz"])
+    assert found.acceleration_m_s2_per_n[0].real.tolist() == told["actuators"][0]["acceleration_re"]
+    told = ask(touched, "plan", "--no-cache", "--unit", "mm", "--at", AT, "--also", "200,120")
+    compare_plan(era.plan(touched, AT_M, also=[(0.2, 0.12)]), told)
+    told = ask(touched, "plan", "--no-cache", "--unit", "mm", "--at", AT, "--objective", "reach")
+    compare_plan(era.plan(touched, AT_M, objective="reach"), told)
+    told = ask(touched, "field", "--no-cache", "--unit", "mm", "--at", AT)
+    found_field = era.field(touched, AT_M)
+    assert numbers(found_field.peak_g) == told["field"]["peak_g"]
+    assert not np.array_equal(found_field.peak_g, era.field(plate, AT_M).peak_g)
+
+
 def compare_plan(found: era.Plan, told: dict[str, Any]) -> None:
     own = found.to_dict()
     own.pop("elapsed_us")

@@ -54,6 +54,8 @@ class Scene:
         mass: Optional[Sequence[_Table]] = None,
         actuator: Optional[Sequence[_Table]] = None,
         press: Optional[_Table] = None,
+        finger: Optional[_Table] = None,
+        air: Optional[_Table] = None,
     ) -> Scene: ...
     @classmethod
     def from_toml(cls, text: str) -> Scene: ...
