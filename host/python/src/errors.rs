@@ -10,6 +10,10 @@ use era_planner::PlanError;
 use era_planner::cache::PrepareError;
 use era_planner::explain::ExplainError;
 use era_planner::table::{BandError, NoPoint};
+use era_study::result::GatherError;
+use era_study::run::{FolderError, RunError};
+use era_study::written::WriteError;
+use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::ffi::CString;
@@ -31,15 +35,18 @@ enum Kind {
     Model,
     Resonance,
     Simulation,
+    Os,
 }
 
 impl Kind {
-    const fn name(self) -> &'static str {
+    /// The name of ours; `None` for one of Python's own.
+    const fn name(self) -> Option<&'static str> {
         match self {
-            Kind::Request => "RequestError",
-            Kind::Model => "ModelError",
-            Kind::Resonance => "ResonanceError",
-            Kind::Simulation => "SimulationError",
+            Kind::Request => Some("RequestError"),
+            Kind::Model => Some("ModelError"),
+            Kind::Resonance => Some("ResonanceError"),
+            Kind::Simulation => Some("SimulationError"),
+            Kind::Os => None,
         }
     }
 }
@@ -131,6 +138,11 @@ impl Raised {
                 Self::argument(field, (x_m, y_m), format!("on the surface, not in cutout[{cutout}] of the scene"))
             }
         }
+    }
+
+    /// Files and threads that are not to be had.
+    pub fn os(error: impl ToString) -> Self {
+        Self::plain(Kind::Os, &error)
     }
 
     fn plain(kind: Kind, error: &impl ToString) -> Self {
@@ -294,6 +306,46 @@ impl From<VerifyError> for Raised {
     }
 }
 
+impl From<FolderError> for Raised {
+    fn from(error: FolderError) -> Self {
+        match &error {
+            FolderError::Io { .. } => Self::os(error),
+            FolderError::Other { path } => {
+                let path = path.display().to_string();
+                Self::with(Kind::Request, &error, "folder", &*path, Some("a new folder, or one of this study".into()))
+            }
+        }
+    }
+}
+
+impl From<RunError> for Raised {
+    fn from(error: RunError) -> Self {
+        let RunError::Folder(error) = error;
+        error.into()
+    }
+}
+
+impl From<GatherError> for Raised {
+    fn from(error: GatherError) -> Self {
+        match error {
+            GatherError::Folder(error) => error.into(),
+            GatherError::Missing { missing, .. } => {
+                Self::with(Kind::Request, &error, "folder", missing, Some("one without missing designs".into()))
+            }
+        }
+    }
+}
+
+impl From<WriteError> for Raised {
+    fn from(error: WriteError) -> Self {
+        match error {
+            WriteError::Gather(error) => error.into(),
+            WriteError::Folder(error) => error.into(),
+            WriteError::Table(_) | WriteError::Refused(_) => Self::plain(Kind::Model, &error),
+        }
+    }
+}
+
 impl From<Raised> for PyErr {
     fn from(raised: Raised) -> Self {
         Python::attach(|py| exception(py, raised).unwrap_or_else(|error| error))
@@ -302,7 +354,8 @@ impl From<Raised> for PyErr {
 
 fn exception(py: Python<'_>, raised: Raised) -> PyResult<PyErr> {
     let Raised { kind, text, field, value, allowed } = raised;
-    let instance = py.import("era._errors")?.getattr(kind.name())?.call1((text,))?;
+    let Some(name) = kind.name() else { return Ok(PyOSError::new_err(text)) };
+    let instance = py.import("era._errors")?.getattr(name)?.call1((text,))?;
     instance.setattr("field", field)?;
     instance.setattr("value", value)?;
     instance.setattr("allowed", allowed)?;

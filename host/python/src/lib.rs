@@ -1,4 +1,4 @@
-//! The compiled part of the Python package `era`: the crates `era-model` and `era-planner`, and the simulated device of `era-host`,
+//! The compiled part of the Python package `era`: the crates `era-model`, `era-planner` and `era-study`, and the simulated device of `era-host`,
 //! for NumPy.
 //!
 //! [`scene`] is what there is, [`document`] its form as mappings; [`modes`] and the like are a function with its result each.
@@ -18,6 +18,7 @@ mod response;
 mod results;
 mod run;
 mod scene;
+mod study;
 mod sweep;
 mod tables;
 mod transient;
@@ -50,6 +51,8 @@ mod _era {
     use crate::response::{Response, response};
     #[pymodule_export]
     use crate::scene::PyScene;
+    #[pymodule_export]
+    use crate::study::PyStudy;
     #[pymodule_export]
     use crate::sweep::{Sweep, sweep};
     #[pymodule_export]

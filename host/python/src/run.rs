@@ -26,6 +26,11 @@ pub struct Pool {
 }
 
 impl Pool {
+    /// What tells that nobody waits any more.
+    pub fn stop(&self) -> Stop {
+        self.stop.clone()
+    }
+
     /// Does it.
     pub fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         self.threads.install(|| self.stop.during(work))

@@ -67,6 +67,11 @@ impl PyScene {
         self.scene.clone()
     }
 
+    /// The text that it was read from.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     fn read(py: Python<'_>, source: &str, text: String, has_lines: bool) -> PyResult<Self> {
         let scene = Scene::parse(source, &text).map_err(|error| scene_error(py, error, has_lines))?;
         let hash = hash_of(&scene);

@@ -7,6 +7,7 @@ import inspect
 from typing import Any
 
 import era
+import era.study
 import pytest
 
 FUNCTIONS = [name for name in era.__all__ if inspect.isroutine(getattr(era, name))]
@@ -15,7 +16,7 @@ CLASSES = [name for name in era.__all__ if inspect.isclass(getattr(era, name))]
 
 def documented() -> list[tuple[str, Any]]:
     """The package, its public names, and what its classes have."""
-    found: list[tuple[str, Any]] = [("era", era)]
+    found: list[tuple[str, Any]] = [("era", era), ("era.study", era.study), ("era.study.run", era.study.run)]
     for name in FUNCTIONS + CLASSES:
         value = getattr(era, name)
         found.append((name, value))

@@ -2,7 +2,7 @@
 //!
 //! Rooms, in the order in which they use each other: [`spec`] reads a study's file, [`space`] makes scenes of points of the unit cube,
 //! [`evaluate`] knows a scene's figures, [`ways`] chooses the points, [`run`] does the work in tasks that are kept in a folder as they
-//! are done, [`result`] makes a table of them, and [`mod@report`] a page to read.
+//! are done, [`result`] makes a table of them, [`mod@report`] a page to read, and [`written`] puts all of that into the folder.
 
 pub mod evaluate;
 pub mod report;
@@ -11,3 +11,4 @@ pub mod run;
 pub mod space;
 pub mod spec;
 pub mod ways;
+pub mod written;

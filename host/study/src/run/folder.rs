@@ -92,7 +92,7 @@ impl Folder {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(FolderError::Io { doing: "read", path, error }),
         };
-        let rows = self.decoded(&bytes);
+        let rows = decoded(&self.key, &bytes);
         if rows.is_none() {
             tracing::warn!("{} is not whole, and computed again", path.display());
         }
@@ -104,14 +104,22 @@ impl Folder {
     /// # Errors
     /// [`FolderError`]; nothing of them is left then.
     pub fn keep(&self, task: Task, rows: &[Row]) -> Result<(), FolderError> {
+        let encoded = encoded(&self.key, rows);
         let name = format!("{ROWS}/{}", task.file());
-        let body = postcard::to_allocvec(rows).map_err(|error| FolderError::Io {
-            doing: "encode",
-            path: self.path.join(&name),
-            error: io::Error::other(error),
-        })?;
-        let hash: [u8; HASH] = Sha256::digest(&body).into();
-        self.write(&name, &[MAGIC.as_slice(), &self.key, &hash, &body].concat())
+        let failed = |error| FolderError::Io { doing: "encode", path: self.path.join(&name), error };
+        self.write(&name, &encoded.map_err(failed)?)
+    }
+
+    /// Keeps the rows of a task as somebody else has [`encoded`] them; says whether they are rows of this study.
+    ///
+    /// # Errors
+    /// As [`Folder::keep`].
+    pub fn keep_encoded(&self, task: Task, bytes: &[u8]) -> Result<bool, FolderError> {
+        let is_own = decoded(&self.key, bytes).is_some();
+        if is_own {
+            self.write(&format!("{ROWS}/{}", task.file()), bytes)?;
+        }
+        Ok(is_own)
     }
 
     /// Writes a file of the folder, whole or not at all.
@@ -132,16 +140,28 @@ impl Folder {
             FolderError::Io { doing: "write", path, error }
         })
     }
+}
 
-    fn decoded(&self, bytes: &[u8]) -> Option<Vec<Row>> {
-        let rest = bytes.strip_prefix(MAGIC.as_slice())?.strip_prefix(self.key.as_slice())?;
-        let (hash, body) = rest.split_at_checked(HASH)?;
-        let own: [u8; HASH] = Sha256::digest(body).into();
-        if own != hash {
-            return None;
-        }
-        postcard::from_bytes(body).ok()
+/// Rows as their file has them: which study they are of, their hash, and themselves.
+///
+/// # Errors
+/// Rows that postcard does not take, of which there are none.
+pub fn encoded(key: &[u8; HASH], rows: &[Row]) -> io::Result<Vec<u8>> {
+    let body = postcard::to_allocvec(rows).map_err(io::Error::other)?;
+    let hash: [u8; HASH] = Sha256::digest(&body).into();
+    Ok([MAGIC.as_slice(), key, &hash, &body].concat())
+}
+
+/// The rows in a file's bytes, if they are of this study and whole.
+#[must_use]
+pub fn decoded(key: &[u8; HASH], bytes: &[u8]) -> Option<Vec<Row>> {
+    let rest = bytes.strip_prefix(MAGIC.as_slice())?.strip_prefix(key.as_slice())?;
+    let (hash, body) = rest.split_at_checked(HASH)?;
+    let own: [u8; HASH] = Sha256::digest(body).into();
+    if own != hash {
+        return None;
     }
+    postcard::from_bytes(body).ok()
 }
 
 pub(super) fn hex(bytes: &[u8]) -> String {

@@ -7,9 +7,9 @@ mod study;
 mod task;
 mod work;
 
-pub use folder::{Folder, FolderError};
+pub use folder::{Folder, FolderError, decoded, encoded};
 pub use losses::{broken, loss, worst};
 pub use row::{Outcome, Row};
 pub use study::{Study, StudyError};
-pub use task::{Shard, ShardError, Task};
+pub use task::{Shard, ShardError, Task, TaskError};
 pub use work::{Observer, RunError, Stopped, run};

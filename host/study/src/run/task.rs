@@ -26,11 +26,43 @@ impl Task {
     /// The name of its file.
     #[must_use]
     pub fn file(&self) -> String {
+        format!("{self}.rows")
+    }
+}
+
+/// A name that is no task's.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{name:?} is not the name of a task, as base, designs-0000003 or run-0001-generation-00002")]
+pub struct TaskError {
+    name: String,
+}
+
+impl fmt::Display for Task {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Base => "base.rows".into(),
-            Self::Designs { chunk } => format!("designs-{chunk:07}.rows"),
-            Self::Generation { run, generation } => format!("run-{run:04}-generation-{generation:05}.rows"),
+            Self::Base => f.write_str("base"),
+            Self::Designs { chunk } => write!(f, "designs-{chunk:07}"),
+            Self::Generation { run, generation } => write!(f, "run-{run:04}-generation-{generation:05}"),
         }
+    }
+}
+
+impl FromStr for Task {
+    type Err = TaskError;
+
+    fn from_str(name: &str) -> Result<Self, TaskError> {
+        let number = |digits: &str| digits.parse().ok();
+        let task = if let Some(chunk) = name.strip_prefix("designs-") {
+            number(chunk).map(|chunk| Self::Designs { chunk })
+        } else if let Some((run, generation)) =
+            name.strip_prefix("run-").and_then(|rest| rest.split_once("-generation-"))
+        {
+            number(run).zip(number(generation)).map(|(run, generation)| Self::Generation { run, generation })
+        } else {
+            Some(Self::Base)
+        };
+        // One task has one name.
+        task.filter(|task| task.to_string() == name).ok_or_else(|| TaskError { name: name.into() })
     }
 }
 
@@ -100,6 +132,17 @@ mod tests {
         assert!("1/3".parse::<Shard>().is_ok() && "3/3".parse::<Shard>().is_ok());
         for text in ["0/3", "4/3", "1", "1/0", "a/b", "1/2/3", "-1/2"] {
             assert!(text.parse::<Shard>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_task_is_known_by_its_name() {
+        let tasks = [Task::Base, Task::Designs { chunk: 12 }, Task::Generation { run: 3, generation: 123_456 }];
+        for task in tasks {
+            assert_eq!(task.to_string().parse(), Ok(task));
+        }
+        for name in ["", "bases", "designs-12", "designs-0000012.rows", "designs--000001", "run-0001", "run-0001-generation-1"] {
+            assert!(name.parse::<Task>().is_err(), "{name}");
         }
     }
 

@@ -1,0 +1,416 @@
+//! `study`: what may change of a scene, and its work in tasks, for whoever computes them: threads here, or an engine's workers elsewhere.
+
+use crate::errors::{Raised, scene_error};
+use crate::results::{array, from_json};
+use crate::run::{run, run_beside};
+use crate::scene::PyScene;
+use era_study::evaluate::{Evaluator, Quick, Thorough};
+use era_study::result::Table;
+use era_study::run::{Folder, Observer, Row, Shard, Stopped, Study, Task, decoded, encoded};
+use era_study::written::write;
+use pyo3::exceptions::PyOSError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyType};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// What messages call a study and a scene that are not files.
+const STUDY: &str = "study";
+const SCENE: &str = "scene";
+
+/// A scene, what may change in it, and what is wanted; never changes. Its work is a number of tasks, each of which gives the same bytes
+/// whoever computes it, and as often as it is computed.
+///
+/// Parameters
+/// ----------
+/// text : str
+///     A study file's text (`docs/src/studies.md`); the scene that it names is of no account.
+/// scene : Scene
+///     The scene.
+///
+/// Raises
+/// ------
+/// SceneError
+///     With every mistake of the study and its line.
+///
+/// Examples
+/// --------
+/// >>> import era
+/// >>> text = '''
+/// ... version = 1
+/// ... name = "how soft the corners are"
+/// ... scene = "plate.toml"
+/// ... [[variable]]
+/// ... key = "support.*.stiffness_n_per_m"
+/// ... from = 500
+/// ... to = 8000
+/// ... [[wish]]
+/// ... figure = "mass_g"
+/// ... [method]
+/// ... designs = 4
+/// ... '''
+/// >>> study = era.Study(text, era.Scene.example("plate"))
+/// >>> study.designs, study.figures, study.tasks()
+/// (4, ('mass_g',), ('base', 'designs-0000000'))
+#[pyclass(frozen, module = "era", name = "Study")]
+pub struct PyStudy {
+    study: Arc<Study>,
+    evaluator: Arc<dyn Evaluator + Send + Sync>,
+    text: String,
+    scene_text: String,
+}
+
+/// Who may stop work, and wants to know how much is done.
+struct Watched {
+    stop: era_model::stop::Stop,
+    done: Arc<AtomicUsize>,
+}
+
+impl Observer for Watched {
+    fn stops(&self) -> bool {
+        self.stop.is_asked()
+    }
+
+    fn does(&self, designs: usize) {
+        self.done.fetch_add(designs, Ordering::Relaxed);
+    }
+}
+
+impl PyStudy {
+    fn of(study: Study, text: String, scene_text: String) -> Self {
+        let options = study.options();
+        let evaluator: Arc<dyn Evaluator + Send + Sync> =
+            if study.spec.method.thorough { Arc::new(Thorough::new(options)) } else { Arc::new(Quick::new(options)) };
+        Self { study: Arc::new(study), evaluator, text, scene_text }
+    }
+
+    fn rows(&self, field: &str, bytes: &[u8]) -> Result<Vec<Row>, Raised> {
+        let allowed = "what compute() of this study and this version has given";
+        decoded(&self.study.key(), bytes).ok_or_else(|| Raised::argument(field, "other bytes", allowed))
+    }
+
+    fn task(&self, name: &str) -> Result<Task, Raised> {
+        let task = name.parse::<Task>().ok().filter(|task| self.study.size(*task) > 0);
+        task.ok_or_else(|| Raised::argument("task", name, "one of tasks()"))
+    }
+
+    fn folder(&self, folder: PathBuf) -> Result<Folder, Raised> {
+        Ok(Folder::open(&folder, self.study.key())?)
+    }
+}
+
+fn text_of(path: &PathBuf) -> PyResult<String> {
+    std::fs::read_to_string(path).map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))
+}
+
+#[pymethods]
+impl PyStudy {
+    #[new]
+    fn new(py: Python<'_>, text: String, scene: &PyScene) -> PyResult<Self> {
+        let scene_text = scene.text().to_owned();
+        let study =
+            Study::parse(STUDY, &text, SCENE, &scene_text).map_err(|error| scene_error(py, error, true))?;
+        Ok(Self::of(study, text, scene_text))
+    }
+
+    /// A study from its file, with the scene that it names.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : str or os.PathLike
+    ///
+    /// Returns
+    /// -------
+    /// Study
+    ///
+    /// Raises
+    /// ------
+    /// OSError
+    ///     A file cannot be read.
+    /// SceneError
+    ///     With every mistake of the study or the scene, and its line.
+    #[classmethod]
+    fn from_file(_class: &Bound<'_, PyType>, py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let text = text_of(&path)?;
+        let source = path.display().to_string();
+        let spec = era_study::spec::Spec::parse(&source, &text).map_err(|error| scene_error(py, error, true))?;
+        let scene = path.parent().unwrap_or_else(|| "".as_ref()).join(&spec.scene);
+        let scene_text = text_of(&scene)?;
+        let study = Study::parse(&source, &text, &scene.display().to_string(), &scene_text)
+            .map_err(|error| scene_error(py, error, true))?;
+        Ok(Self::of(study, text, scene_text))
+    }
+
+    /// Its name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.study.spec.name
+    }
+
+    /// The text of its file.
+    #[getter]
+    fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The scene as it is.
+    #[getter]
+    fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.get_type::<PyScene>().getattr("from_toml")?.call1((&self.scene_text,))
+    }
+
+    /// How many designs are looked at, the scene as it is not counted.
+    #[getter]
+    fn designs(&self) -> usize {
+        self.study.designs()
+    }
+
+    /// The figures that are computed of every design, as columns are called.
+    #[getter]
+    fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+        pyo3::types::PyTuple::new(py, self.study.figures.iter().map(|wanted| wanted.column()))
+    }
+
+    /// What the study follows from (its file, the scene's, this program), as one number in hexadecimal digits.
+    #[getter]
+    fn key(&self) -> String {
+        use std::fmt::Write;
+        self.study.key().iter().fold(String::new(), |mut text, byte| {
+            let _ = write!(text, "{byte:02x}");
+            text
+        })
+    }
+
+    /// The names of all tasks. `base` is the scene as it is, which searches begin from; `run-I-generation-K` needs the losses of all
+    /// earlier generations of its run; all others can be computed in any order.
+    ///
+    /// Returns
+    /// -------
+    /// tuple of str
+    fn tasks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+        let names: Vec<String> = self.study.tasks().map(|task| task.to_string()).collect();
+        pyo3::types::PyTuple::new(py, names)
+    }
+
+    /// How many designs a task has.
+    ///
+    /// Parameters
+    /// ----------
+    /// task : str
+    ///
+    /// Returns
+    /// -------
+    /// int
+    fn size(&self, task: &str) -> Result<usize, Raised> {
+        Ok(self.study.size(self.task(task)?))
+    }
+
+    /// Computes a task.
+    ///
+    /// Parameters
+    /// ----------
+    /// task : str
+    ///     One of `tasks()`.
+    /// losses : sequence of sequences of float, default ()
+    ///     Of all earlier generations of its run, in their order.
+    /// threads : int, optional
+    ///     As many as there are processors unless given.
+    ///
+    /// Returns
+    /// -------
+    /// bytes
+    ///     The rows as the study's folder keeps them. A design that fails is a row with its reason.
+    #[pyo3(signature = (task, losses=Vec::new(), *, threads=None))]
+    fn compute<'py>(
+        &self,
+        py: Python<'py>,
+        task: &str,
+        losses: Vec<Vec<f64>>,
+        threads: Option<usize>,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        let task = self.task(task)?;
+        if let Task::Generation { generation, .. } = task
+            && losses.len() != generation
+        {
+            let allowed = format!("those of {generation} generations");
+            return Err(Raised::argument("len(losses)", losses.len(), allowed).into());
+        }
+        if threads == Some(0) {
+            return Err(Raised::argument("threads", 0, "1 and above").into());
+        }
+        let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
+        let work = move || study.compute(task, &losses, &*evaluator);
+        let rows = match threads {
+            None => run(py, move || Ok(work()))?,
+            Some(threads) => run_beside(py, move |_| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+                    Raised::os(format!("no thread to compute in: {error}"))
+                })?;
+                Ok(pool.install(work))
+            })?,
+        };
+        let bytes = encoded(&self.study.key(), &rows).map_err(Raised::os)?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// What the designs of a generation are worth to their search; less is better.
+    ///
+    /// Parameters
+    /// ----------
+    /// task : str
+    ///     The generation's name.
+    /// base, rows : bytes
+    ///     What `compute` has given for the task `base`, and for this one.
+    ///
+    /// Returns
+    /// -------
+    /// list of float
+    fn losses(&self, task: &str, base: &[u8], rows: &[u8]) -> Result<Vec<f64>, Raised> {
+        let Task::Generation { run, .. } = self.task(task)? else {
+            return Err(Raised::argument("task", task, "a generation"));
+        };
+        let (base, rows) = (self.rows("base", base)?, self.rows("rows", rows)?);
+        let base = base.first().ok_or_else(|| Raised::argument("base", "no rows", "the scene's row"))?;
+        Ok(self.study.losses(run, base, &rows))
+    }
+
+    /// The rows of a task in a folder; `None` if they are not there, or not whole.
+    ///
+    /// Parameters
+    /// ----------
+    /// folder : str or os.PathLike
+    ///     The study's folder, made if it is not there.
+    /// task : str
+    ///
+    /// Returns
+    /// -------
+    /// bytes or None
+    fn kept<'py>(&self, py: Python<'py>, folder: PathBuf, task: &str) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        let rows = self.folder(folder)?.rows(self.task(task)?).map_err(Raised::from)?;
+        let bytes = rows.map(|rows| encoded(&self.study.key(), &rows)).transpose().map_err(Raised::os)?;
+        Ok(bytes.map(|bytes| PyBytes::new(py, &bytes)))
+    }
+
+    /// Writes rows into the study's folder: beside their place, which they then take, so that they are there whole or not at all.
+    ///
+    /// Parameters
+    /// ----------
+    /// folder : str or os.PathLike
+    ///     Made if it is not there.
+    /// task : str
+    /// rows : bytes
+    ///     What `compute` has given.
+    ///
+    /// Raises
+    /// ------
+    /// OSError
+    ///     They cannot be written.
+    /// RequestError
+    ///     The folder is another study's, or the bytes are none of this one.
+    fn keep(&self, folder: PathBuf, task: &str, rows: &[u8]) -> Result<(), Raised> {
+        let (task, folder) = (self.task(task)?, self.folder(folder)?);
+        if folder.keep_encoded(task, rows)? {
+            return Ok(());
+        }
+        Err(Raised::argument("rows", "other bytes", "what compute() of this study and this version has given"))
+    }
+
+    /// Computes what is not in a folder yet, here.
+    ///
+    /// Parameters
+    /// ----------
+    /// folder : str or os.PathLike
+    ///     Made if it is not there.
+    ///
+    /// Returns
+    /// -------
+    /// int
+    ///     How many designs were computed.
+    fn compute_all(&self, py: Python<'_>, folder: PathBuf) -> PyResult<usize> {
+        let folder = self.folder(folder)?;
+        let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
+        run_beside(py, move |pool| {
+            let watched = Watched { stop: pool.stop(), done: Arc::default() };
+            let ended = pool.install(|| era_study::run::run(&study, &folder, &*evaluator, Shard::ALL, &watched))?;
+            match ended {
+                Stopped::Done => Ok(watched.done.load(Ordering::Relaxed)),
+                // Nobody waits for it.
+                Stopped::Early => Err(Raised::os("stopped")),
+            }
+        })
+    }
+
+    /// Computes the best designs anew and writes the results into a folder that has all tasks: `designs.parquet`, `best-1.toml`, ...,
+    /// `report.html`.
+    ///
+    /// Parameters
+    /// ----------
+    /// folder : str or os.PathLike
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     What `era study --json` prints.
+    ///
+    /// Raises
+    /// ------
+    /// OSError
+    ///     A file cannot be written.
+    /// RequestError
+    ///     Designs are missing.
+    fn write<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyAny>> {
+        let own = self.folder(folder.clone())?;
+        let study = self.study.clone();
+        let summary = run_beside(py, move |pool| {
+            let stop = pool.stop();
+            let written = pool.install(|| write(&study, &own, &|| stop.is_asked()))?;
+            Ok(written.map(|written| written.summary(&study, &folder)))
+        })?;
+        from_json(py, &summary)
+    }
+
+    /// The table of a folder that has all tasks: a row for each design, the first one being the scene as it is.
+    ///
+    /// Parameters
+    /// ----------
+    /// folder : str or os.PathLike
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     `status` (list of str: "kept", "breaks a limit", "failed"), `reason` (list of str or None), `on_front` (list of bool), and for
+    ///     each variable and figure its values: float64 [design], NaN where there is none, or for a choice a list of its names.
+    fn table<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyDict>> {
+        let table = Table::gather(&self.study, &self.folder(folder)?).map_err(Raised::from)?;
+        let rows = || std::iter::once(&table.base).chain(&table.entries);
+        let found = PyDict::new(py);
+        found.set_item("status", rows().map(|own| own.status.name()).collect::<Vec<_>>())?;
+        found.set_item("reason", rows().map(|own| own.reason.as_deref()).collect::<Vec<_>>())?;
+        found.set_item("on_front", rows().map(|own| own.is_on_front).collect::<Vec<_>>())?;
+        for column in &table.columns {
+            if column.words.is_some() {
+                found.set_item(&column.name, rows().map(|own| column.text(&own.row.design)).collect::<Vec<_>>())?;
+            } else {
+                let values = rows().map(|own| column.number(&own.row.design).unwrap_or(f64::NAN)).collect();
+                found.set_item(&column.name, array(py, values))?;
+            }
+        }
+        for (k, wanted) in table.figures.iter().enumerate() {
+            let value = |own: &era_study::result::Entry| {
+                own.row.figures().and_then(|figures| figures.values.get(k).copied()).unwrap_or(f64::NAN)
+            };
+            found.set_item(wanted.column(), array(py, rows().map(value).collect()))?;
+        }
+        Ok(found)
+    }
+
+    fn __repr__(&self) -> String {
+        let spec = &self.study.spec;
+        format!("<Study {:?}: {} designs by {}>", spec.name, self.study.designs(), spec.method.way.name())
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, (String, Bound<'py, PyAny>))> {
+        Ok((py.get_type::<Self>(), (self.text.clone(), self.scene(py)?)))
+    }
+}
