@@ -10,6 +10,7 @@ use serde_json::json;
 use std::net::TcpListener;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 use support::Daemon;
 use support::browser::{Browser, browser_or_skip, serve_page};
 
@@ -401,4 +402,61 @@ fn another_page_cannot_show_the_daemons_in_a_frame() {
     }
     let state = daemon.state();
     assert!(state["plan"].is_null() && state["touches"].as_array().is_none_or(Vec::is_empty), "{state}");
+}
+
+/// A study runs beside the page, its best design opens, and so do files; nothing is driven.
+#[test]
+fn a_study_is_run_and_its_best_designs_are_opened() {
+    with_page(1280, 800, |daemon, browser| {
+        browser.value("document.querySelector('#design').click()");
+        browser.wait_for(READY);
+        browser.value("document.querySelector('#study-run').click()");
+        browser.wait_for(
+            "document.body.dataset.study === 'running' && document.querySelector('#study-progress').value > 0",
+        );
+        save(browser, "study-running");
+        // Some seconds, and many more on a busy machine.
+        for _ in 0..200 {
+            if browser.value("document.body.dataset.study") == "done" {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(500));
+        }
+        browser.wait_for("document.body.dataset.study === 'done'");
+        let words = browser.value("[...document.querySelectorAll('#designs button')].map((own) => own.textContent)");
+        let peaks: Vec<f64> = (words.as_array().unwrap().iter())
+            .map(|words| words.as_str().unwrap().rsplit(' ').next().unwrap().parse().unwrap())
+            .collect();
+        assert_eq!(peaks.len(), 4, "{words}: as it is, and three");
+        assert!(peaks[1] > 2.0 * peaks[0], "{words}");
+        // The study is the daemon's: its answer has the scene that the page then shows.
+        let (status, study) = daemon.get("/v1/study");
+        assert_eq!(status, 200);
+        let best = study["best"][0]["scene_toml"].as_str().unwrap();
+        let best = era::scene::Scene::parse("best", best).unwrap();
+        browser.value("document.querySelectorAll('#designs button')[1].click()");
+        browser.wait_for(&format!(
+            "{READY} && document.querySelector('.handle.actuator').style.left === `${{100 * {} / 300}}%`",
+            best.actuators[0].x_m * 1e3
+        ));
+        save(browser, "study-best");
+        // A file, as the command line writes it, of another size; and back to the daemon's own scene.
+        let file =
+            EXAMPLE_PLATE.replace("length_mm = 300.0", "length_mm = 411.0").replace("x_mm = 300.0", "x_mm = 411.0");
+        let file = json!(format!("# Best 1 of the study \"a\": design 7.\n# weakest_g = 0.9\n\n{file}"));
+        browser.value(&format!(
+            "(() => {{ const input = document.querySelector('#open-scenes'), data = new DataTransfer(); \
+             data.items.add(new File([{file}], 'best-1.toml')); input.files = data.files; \
+             input.dispatchEvent(new Event('change')); }})()"
+        ));
+        browser.wait_for(&format!(
+            "{READY} && document.querySelector('#overlay').getAttribute('viewBox') === '0 0 411 200' && \
+             document.querySelector('#designs').textContent === 'best-1.toml, weakest_g = 0.9'"
+        ));
+        browser.value("document.querySelector('#reset').click()");
+        browser.wait_for(&format!(
+            "{READY} && document.querySelector('#overlay').getAttribute('viewBox') === '0 0 300 200'"
+        ));
+        assert!(daemon.sim.drives_received().is_none(), "nothing was driven");
+    });
 }

@@ -5,6 +5,7 @@ import { Heat } from "./heat.js";
 import { Link, TOKEN, request } from "./link.js";
 import { PanelView } from "./panel.js";
 import { $, Readout, announce, fixed, show } from "./readout.js";
+import { Studies } from "./study.js";
 
 const heat = new Heat($("heat"), $("scale"), $("ticks"));
 const view = new PanelView($("panel"), heat, $("overlay"));
@@ -170,7 +171,13 @@ const design = new Design(view, $("handles"), () => Number($("intensity").value)
     announce($("preview-status").textContent);
   },
   placed: announce,
+  opened(scene) {
+    view.setScene(scene);
+    readout.setScene(scene, view.stretch);
+    show("scene-name", scene.name);
+  },
 });
+const studies = new Studies(design);
 
 function setDesign(on) {
   readout.preview = on;
@@ -184,6 +191,7 @@ function setDesign(on) {
     stop();
     show("preview-status", "Preview, nothing is driven: computing.");
     design.start(driven?.touches[0]);
+    studies.watch();
   } else {
     design.end();
     showPlan(driven?.plan ?? null, driven?.touches ?? [], driven?.field ?? null);

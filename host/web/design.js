@@ -1,5 +1,5 @@
 // Design mode: supports, masses and actuators are dragged, the daemon previews what a touch would then do, and nothing is
-// driven. The scene of the daemon stays; what was moved is kept here and goes with every question.
+// driven. The scene of the daemon stays; what was moved is kept here and goes with every question, as does another scene that was opened.
 import { request } from "./link.js";
 
 // As in a scene file, and as the daemon's JSON calls the lists.
@@ -16,9 +16,12 @@ const stepFor = (length_mm) => 10 ** Math.floor(Math.log10(length_mm / 100));
 
 export class Design {
   // view: the PanelView; layer: the element for the handles; intensity(): the peak wanted in g; handlers: preview(answer,
-  // touch), failed(problem), pending(), placed(words).
+  // touch), failed(problem), pending(), placed(words), opened(scene).
   constructor(view, layer, intensity, handlers) {
     Object.assign(this, { view, layer, intensity, handlers, on: false, scene: null, touch: null, answer: null });
+    this.own = null; // the daemon's scene
+    this.text = null; // the file of another one that is previewed in its stead
+    this.shown = null; // the file of the scene that is shown
     this.moves = new Map(); // name in a scene's messages -> {x_mm, y_mm?}
     this.handles = new Map(); // the same name -> button
     this.wanted = 0; // counts questions
@@ -28,10 +31,10 @@ export class Design {
 
   // The daemon's scene. Moves are kept over a lost link, unless another scene comes back.
   setScene(scene) {
-    if (JSON.stringify(scene) !== JSON.stringify(this.scene)) {
+    if (JSON.stringify(scene) !== JSON.stringify(this.own)) {
       this.moves.clear();
       this.touch = null;
-      this.scene = scene;
+      Object.assign(this, { own: scene, scene, text: null, shown: null });
     }
     if (this.on) this.start(this.touch);
   }
@@ -51,12 +54,30 @@ export class Design {
     this.answer = null;
     this.layer.replaceChildren();
     this.handles.clear();
+    this.become(null, this.own);
     this.view.setAttachments(this.scene);
   }
 
   reset() {
     this.moves.clear();
+    if (this.become(null, this.own)) this.makeHandles();
     this.show();
+  }
+
+  // Previews another scene, by its file's text; it is shown as soon as the daemon has read it.
+  open(text) {
+    this.text = text;
+    this.ask();
+  }
+
+  // The scene with this file (the daemon's: null) is the one to be changed from here on; whether it is another one than before.
+  become(text, scene) {
+    const isOther = text !== this.shown || scene !== this.scene;
+    Object.assign(this, { text, shown: text, scene });
+    if (!isOther) return false;
+    this.moves.clear();
+    this.handlers.opened(scene);
+    return true;
   }
 
   setTouch(touch) {
@@ -87,11 +108,19 @@ export class Design {
     if (this.asking) return;
     this.asking = true;
     while (this.on && this.answered !== this.wanted) {
-      const [now, touch] = [this.wanted, this.touch];
+      const [now, text] = [this.wanted, this.text];
+      const isNew = text !== this.shown;
+      const touch = this.touch;
       try {
-        const body = { ...touch, intensity_g: this.intensity(), moves: Object.fromEntries(this.moves) };
+        const body = { ...touch, intensity_g: this.intensity(), moves: isNew ? {} : Object.fromEntries(this.moves) };
+        if (text !== null) body.scene = text;
         this.answer = await request("POST", "/v1/preview", body, ANSWER_MS);
         this.answered = now;
+        if (isNew && this.on) {
+          this.become(text, this.answer.scene);
+          this.makeHandles();
+          for (const name of this.handles.keys()) this.placeHandle(name);
+        }
         if (this.on) this.handlers.preview(this.answer, touch);
       } catch (problem) {
         if (problem.type?.endsWith(":superseded")) {
@@ -101,6 +130,8 @@ export class Design {
         }
         this.answered = now;
         this.answer = null;
+        // What cannot be previewed is not opened.
+        if (isNew) this.text = this.shown;
         if (this.on) this.handlers.failed(problem);
       }
     }

@@ -109,8 +109,7 @@ impl PyStudy {
     #[new]
     fn new(py: Python<'_>, text: String, scene: &PyScene) -> PyResult<Self> {
         let scene_text = scene.text().to_owned();
-        let study =
-            Study::parse(STUDY, &text, SCENE, &scene_text).map_err(|error| scene_error(py, error, true))?;
+        let study = Study::parse(STUDY, &text, SCENE, &scene_text).map_err(|error| scene_error(py, error, true))?;
         Ok(Self::of(study, text, scene_text))
     }
 
@@ -212,7 +211,7 @@ impl PyStudy {
     /// ----------
     /// task : str
     ///     One of `tasks()`.
-    /// losses : sequence of sequences of float, default ()
+    /// losses : sequence of sequences of float, optional
     ///     Of all earlier generations of its run, in their order.
     /// threads : int, optional
     ///     As many as there are processors unless given.
@@ -221,15 +220,15 @@ impl PyStudy {
     /// -------
     /// bytes
     ///     The rows as the study's folder keeps them. A design that fails is a row with its reason.
-    #[pyo3(signature = (task, losses=Vec::new(), *, threads=None))]
+    #[pyo3(signature = (task, losses=None, *, threads=None))]
     fn compute<'py>(
         &self,
         py: Python<'py>,
         task: &str,
-        losses: Vec<Vec<f64>>,
+        losses: Option<Vec<Vec<f64>>>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyBytes>> {
-        let task = self.task(task)?;
+        let (task, losses) = (self.task(task)?, losses.unwrap_or_default());
         if let Task::Generation { generation, .. } = task
             && losses.len() != generation
         {
@@ -244,9 +243,10 @@ impl PyStudy {
         let rows = match threads {
             None => run(py, move || Ok(work()))?,
             Some(threads) => run_beside(py, move |_| {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
-                    Raised::os(format!("no thread to compute in: {error}"))
-                })?;
+                let pool = rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads)
+                    .build()
+                    .map_err(|error| Raised::os(format!("no thread to compute in: {error}")))?;
                 Ok(pool.install(work))
             })?,
         };

@@ -40,14 +40,15 @@ figure = "weakest_g"
 way = "{way}"
 designs = {designs}
 chunk = {chunk}
-population = 6
-runs = 2
 finalists = 2
 """
 
 
 def places(way: str = "sobol", designs: int = 24, chunk: int = 2) -> era.Study:
-    return era.Study(PLACES.format(way=way, designs=designs, chunk=chunk), era.Scene.example("plate"))
+    text = PLACES.format(way=way, designs=designs, chunk=chunk)
+    if way == "evolution":
+        text = text.replace(f"chunk = {chunk}", "population = 6\nruns = 2")
+    return era.Study(text, era.Scene.example("plate"))
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -81,7 +82,8 @@ def test_a_study_is_that_of_the_command_line(
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert files(tmp_path / "found") == alone[1]
-    assert len(alone[1]) == 12 + 6 - 1  # 12 chunks and the scene itself, key, table, report, two scenes.
+    # 12 chunks and the scene itself; key, table, report, two scenes.
+    assert len(alone[1]) == 13 + 5
 
 
 def test_a_result_is_what_other_functions_say(alone: tuple[era.study.Result, dict[str, bytes]]) -> None:
@@ -203,7 +205,12 @@ def test_a_study_goes_on_after_its_scheduler_has_died(
     try:
         with Client(scheduler_file=str(book), timeout=120) as client:
             client.wait_for_workers(1, timeout=120)
-            killer = threading.Thread(target=lambda: (await_rows(folder, 3), kill_group(scheduler)))
+
+            def kill() -> None:
+                await_rows(folder, 3)
+                kill_group(scheduler)
+
+            killer = threading.Thread(target=kill)
             killer.start()
             with pytest.raises(Exception) as raised:  # noqa: PT011 - Dask's own, of several kinds
                 era.study.run(places(), client, folder=folder)
@@ -222,7 +229,7 @@ def test_a_study_goes_on_after_its_scheduler_has_died(
 
 
 def test_a_poisoned_design_is_a_row_with_its_reason(tmp_path: Path) -> None:
-    text = PLACES.format(way="grid", designs=1, chunk=1).split("[[variable]]")[0] + """
+    text = PLACES.split("[[variable]]")[0] + """
 [[variable]]
 key = "actuator.left.x_mm"
 values = [75.0, 1e4, 80.0]
@@ -289,7 +296,7 @@ def test_what_does_not_belong_is_refused(
             study.compute(task)
         assert (raised.value.field, raised.value.value) == ("task", task)
     with pytest.raises(era.RequestError) as raised:
-        places("evolution").compute("run-0000-generation-00001", [])
+        places("evolution", 48).compute("run-0000-generation-00001", [])
     assert raised.value.field == "len(losses)"
     with pytest.raises(era.RequestError, match="24 designs are not computed yet|of 24 designs"):
         study.write(tmp_path / "empty")

@@ -1,7 +1,8 @@
 //! Arguments of `era field`.
 
 use super::args::{Keep, Panel, Unit};
-use super::values::{Point, parse_finite, parse_png, parse_point};
+use super::values::{Point, parse_finite, parse_png, parse_point, parse_tolerances};
+use crate::design::tolerances::Tolerances;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -43,6 +44,11 @@ pub struct Field {
     /// Highest frequency for --reach and --schemes in Hz [default: all that the planner uses]
     #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite)]
     pub to: Option<f64>,
+    /// For a touch: say what its drives do at the target where the panel is off, by default springs by 20 %, Young's modulus by 10 %, thickness by
+    /// 5 %, places by 1 mm; takes some seconds
+    #[arg(long, value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
+        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, conflicts_with_all = ["reach", "schemes"])]
+    pub tolerances: Option<Tolerances>,
     /// Write a picture, of the type PNG
     #[arg(long, value_name = "FILE.png", value_parser = parse_png)]
     pub png: Option<PathBuf>,

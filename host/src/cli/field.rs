@@ -3,8 +3,10 @@
 use super::args::At;
 use super::args_field::Field;
 use super::panel::{target, tell_missing, tell_plan, touched_table};
+use super::progress::with_progress;
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text, reach};
+use crate::design::tolerances;
 use crate::model::Bound;
 use crate::study;
 use serde_json::json;
@@ -36,11 +38,23 @@ pub fn run(options: &Field) -> Outcome {
     if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {
         std::fs::write(path, field.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
     }
+    let off = options.tolerances.map(|off| {
+        let looked = || tolerances::spread(&table.scene, &plan, off);
+        with_progress("looking at panels that are off", looked).map_err(Failure::failed)
+    });
+    let off = off.transpose()?;
     if options.json {
-        return print_json(&json!({
+        let mut answer = json!({
             "plan": plan, "field": field, "error_bound": bound.value(), "tolerance": accuracy.value(),
             "tolerance_met": Bound::are_met(&[bound], accuracy),
-        }));
+        });
+        if let Some(off) = off {
+            answer["off"] = json!(off);
+        }
+        return print_json(&answer);
+    }
+    if let Some(off) = off {
+        tell!("{}", super::plan::off_text(&off).trim_start());
     }
     if to_output || options.png.is_none() && options.csv.is_none() {
         return print_text(field.csv().trim_end());

@@ -6,8 +6,10 @@ use super::panel::{bounds_of, plan_table, point_of, target, tell_plan, touched_t
 use super::progress::with_progress;
 use super::reach::region;
 use super::told::tell;
+use super::values::parse_tolerances;
 use super::wishes::Wishes;
 use super::{Failure, Outcome, print_json, print_text};
+use crate::design::tolerances::{self, Range, Spread, Tolerances, What};
 use crate::effects::at_level;
 use crate::model::Bound;
 use crate::planner::explain::Explanation;
@@ -39,6 +41,11 @@ pub struct PlanOptions {
     /// For --objective reach: a rectangle in mm instead of the whole surface; on a bar only x counts
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_corners, allow_hyphen_values = true)]
     pub zone: Option<Corners>,
+    /// Say what the plan does where the panel is off, by default springs by 20 %, Young's modulus by 10 %, thickness by 5 %, places by 1 mm;
+    /// takes some seconds
+    #[arg(long, value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
+        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances)]
+    pub tolerances: Option<Tolerances>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -63,6 +70,9 @@ struct Answer {
     trade: Option<Trade>,
     #[serde(skip_serializing_if = "Option::is_none")]
     stretches: Option<Vec<Stretch>>,
+    /// With `--tolerances`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    off: Option<Spread>,
 }
 
 pub fn run(options: &PlanOptions) -> Outcome {
@@ -80,6 +90,10 @@ pub fn run(options: &PlanOptions) -> Outcome {
     let plans = plans(&answer);
     tell_plan(&plans, accuracy, options.panel.explain);
     answer.tolerance_met = Bound::are_met(&bounds_of(&plans), accuracy);
+    if let Some(tolerances) = options.tolerances {
+        let off = || tolerances::spread(&table.scene, &answer.plan, tolerances);
+        answer.off = Some(with_progress("looking at panels that are off", off).map_err(Failure::failed)?);
+    }
     if options.json {
         return print_json(&answer);
     }
@@ -122,6 +136,7 @@ fn answer(
                 tolerance,
                 tolerance_met: None,
                 stretches: None,
+                off: None,
                 explanations,
             })
         }
@@ -150,6 +165,7 @@ fn answer(
                 details: None,
                 trade: None,
                 stretches: Some(all),
+                off: None,
                 explanations,
             })
         }
@@ -229,7 +245,36 @@ fn text(answer: &Answer) -> String {
             }
         }
     }
+    if let Some(off) = &answer.off {
+        text.push_str(&off_text(off));
+    }
     text.trim_end().to_owned()
+}
+
+/// What tolerances do, in words.
+pub(super) fn off_text(off: &Spread) -> String {
+    let Tolerances { springs, youngs_modulus, thickness, places_mm } = off.tolerances;
+    let percent = |part: f64| format!("{} %", (1e4 * part).round() / 1e2);
+    let by = |what: What| match what {
+        What::Springs => percent(springs),
+        What::YoungsModulus => percent(youngs_modulus),
+        What::Thickness => percent(thickness),
+        What::Places => format!("{places_mm} mm"),
+    };
+    let ends = |range: &Range| {
+        format!("{:+.1} to {:+.1} dB, {:+.1} in the middle", range.least_db, range.most_db, range.median_db)
+    };
+    let mut text = format!(
+        "\nif the panel is off, the same drives do {} ({} panels; others may be further off)",
+        ends(&off.range),
+        off.samples
+    );
+    for own in &off.of {
+        if let Some(range) = &own.range {
+            let _ = write!(text, "\n  {} by up to {} alone: {}", own.what.name(), by(own.what), ends(range));
+        }
+    }
+    text
 }
 
 fn plan_text(text: &mut String, plan: &Plan) {

@@ -12,6 +12,7 @@ use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
 use super::record::Recorder;
+use super::studies::Studies;
 use super::thin::Thinned;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
@@ -62,6 +63,8 @@ pub struct App {
     pub(super) trades: tokio::sync::Mutex<()>,
     pub(super) session: Session,
     previews: Previews,
+    /// Small design studies.
+    pub studies: Studies,
     sim: Option<SimControl>,
     /// The last plan and when its drive ends.
     pub(super) active: Mutex<Option<(Arc<Active>, Instant)>>,
@@ -134,7 +137,8 @@ impl App {
             sockets: Arc::new(Semaphore::new(SOCKETS)),
             trades: tokio::sync::Mutex::default(),
             session: Session::start(device, Needs { max_voltages_v }, policy)?,
-            previews: Previews::new(scene_toml),
+            previews: Previews::new(scene_toml.clone()),
+            studies: Studies::new(scene_toml),
             sim,
             active: Mutex::new(None),
             turns: Turns::new(table.decaying_modes()),
@@ -193,6 +197,7 @@ impl App {
     /// Stops the device, before anything else ends; nothing is driven from here on.
     pub async fn close(&self) {
         self.closing.send_replace(true);
+        self.studies.stop();
         if let Err(error) = self.stop().await {
             tracing::warn!(%error, "could not stop the device on leaving; its dead-man timer does it");
         }

@@ -22,6 +22,7 @@ const ASSETS: &[(&str, &str, &str)] = assets! {
     "/link.js" => "link.js", "text/javascript; charset=utf-8";
     "/panel.js" => "panel.js", "text/javascript; charset=utf-8";
     "/readout.js" => "readout.js", "text/javascript; charset=utf-8";
+    "/study.js" => "study.js", "text/javascript; charset=utf-8";
     "/icon.svg" => "icon.svg", "image/svg+xml";
 };
 

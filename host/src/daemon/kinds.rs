@@ -95,6 +95,8 @@ kinds! {
     Superseded = "superseded", CONFLICT, "A newer touch came first";
     /// A newer preview was asked for while this one waited.
     PreviewSuperseded = "superseded", CONFLICT, "Superseded";
+    /// A study is under way already.
+    StudyRuns = "study-runs", CONFLICT, "A study is under way";
     /// The board has latched a fault, and is off until that is cleared.
     DeviceFault = "device-fault", CONFLICT, "The device is in a fault";
     /// A limit of the board, named; a protocol version that is too old; or a self-test that does not end. Where a channel has to
@@ -110,8 +112,8 @@ kinds! {
     NoPlan = "no-plan", UNPROCESSABLE_ENTITY, "This scene has no plan";
     /// The scene cannot be modelled.
     NoModel = "no-model", UNPROCESSABLE_ENTITY, "This scene has no model";
-    /// A previewed scene has more than a preview takes.
-    TooLarge = "too-large", UNPROCESSABLE_ENTITY, "Too large for a preview";
+    /// A previewed scene has more than a preview takes, or a study looks at more than the daemon does.
+    TooLarge = "too-large", UNPROCESSABLE_ENTITY, "Too large for the daemon";
     /// Too many requests wait for the planner, or to arm or to clear a fault: `depth` says how many, `retry_after_ms` and Retry-After when to ask again.
     QueueFull = "busy", TOO_MANY_REQUESTS, "Too many requests";
     /// Too many different wrong tokens came from this address within a minute: until `retry_after_ms` none is looked at from there,

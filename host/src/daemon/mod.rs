@@ -4,7 +4,7 @@
 //! `routes` and `live`
 //! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and does
 //! it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
-//! do, without driving it. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
+//! do, without driving it, `studies` which of many would do it best. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
 //! are. `description` makes the interface's description (OpenAPI) from all of these.
 
 mod access;
@@ -34,6 +34,7 @@ mod routes;
 mod server;
 mod strangers;
 mod stretches;
+mod studies;
 mod tend;
 mod thin;
 mod touch;
@@ -51,6 +52,7 @@ pub use problem::Problem;
 pub use record::Recorder;
 pub use routes::described as description;
 pub use server::{Ended, serve, serve_while_alive};
+pub use studies::{StudyRequest, StudyView};
 pub use touch::TouchRequest;
 pub use view::{FieldView, PlanView};
 

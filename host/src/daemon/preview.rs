@@ -3,6 +3,7 @@
 //! One preview is computed at a time, and at most one waits: a newer request takes the waiting one's place. Work is bounded
 //! by limits on the scene that are checked before anything is built.
 
+use super::answers::scene::SceneView;
 use super::attachments::{Attachments, Place};
 use super::problem::{Kind, Problem};
 use super::view::{FieldView, PlanView};
@@ -56,6 +57,8 @@ pub struct Preview {
     pub plan: PlanView,
     /// Its field.
     pub field: FieldView,
+    /// The scene with the moves, as a page draws it.
+    pub scene: SceneView,
     /// The scene file with the moves; everything else in it stays as it is.
     pub scene_toml: String,
     /// Relative tolerance that the model was made for; `plan.error_bound` says what it is right to.
@@ -137,12 +140,7 @@ fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
     let (x_m, y_m) = scene.place_px(request.x_px, request.y_px)?.xy_m();
     let target = Target { x_m, y_m, intensity_g: request.intensity_g };
     let options = TableOptions::preview();
-    let expected = Levels::expected_unknowns(&scene, ACCURACY, options.to_hz)?;
-    #[expect(clippy::cast_precision_loss, reason = "at most 32")]
-    let most = MAX_UNKNOWNS.min((MAX_PRODUCT / attachments.count().max(1) as f64).floor());
-    if expected > most {
-        return Err(too_large("surface", expected, "unknowns", most, None));
-    }
+    check_unknowns(&scene, attachments.count())?;
     let planned = |levels: Levels| -> Result<_, Problem> {
         let table = PlanTable::with_levels(&scene, levels, options)?;
         let plan = table.plan(&[target])?;
@@ -156,12 +154,29 @@ fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
     }
     let field = FieldView::new(&table, Some(&plan), 0);
     Ok(Preview {
+        scene: SceneView::new(&scene),
         plan: PlanView::new(&table, plan),
         field,
         scene_toml,
         tolerance: ACCURACY.value(),
         elapsed_ms: started.elapsed().as_secs_f64() * 1e3,
     })
+}
+
+/// The same for a scene's text.
+///
+/// # Errors
+/// [`Problem`] that says what is too much.
+pub(super) fn check_size(scene: &Scene, text: &str) -> Result<(), Problem> {
+    check(scene, &Attachments::of(text))?;
+    check_unknowns(scene, scene.supports.len() + scene.masses.len() + scene.actuators.len())
+}
+
+fn check_unknowns(scene: &Scene, attachments: usize) -> Result<(), Problem> {
+    let expected = Levels::expected_unknowns(scene, ACCURACY, TableOptions::preview().to_hz)?;
+    #[expect(clippy::cast_precision_loss, reason = "at most 32")]
+    let most = MAX_UNKNOWNS.min((MAX_PRODUCT / attachments.max(1) as f64).floor());
+    if expected > most { Err(too_large("surface", expected, "unknowns", most, None)) } else { Ok(()) }
 }
 
 /// What no plan can be made of, or too much would have to be computed for, is told with its line before that is tried.

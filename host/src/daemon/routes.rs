@@ -11,6 +11,7 @@ use super::client::Client;
 use super::limits::Limits;
 use super::preview::{MAX_SCENE, Preview, PreviewRequest};
 use super::problem::{Kind, Problem};
+use super::studies::{StudyRequest, StudyView};
 use super::touch::TouchRequest;
 use super::view::FieldView;
 use super::{access, assets, description, live};
@@ -38,6 +39,8 @@ use utoipa_axum::routes;
 const MAX_BODY: usize = 16 * 1024;
 /// The same for a preview: a scene whose every byte is escaped, and what goes with it.
 const MAX_PREVIEW_BODY: usize = 2 * MAX_SCENE + MAX_BODY;
+/// The same for a study, with its own file.
+const MAX_STUDY_BODY: usize = 4 * MAX_SCENE + MAX_BODY;
 /// What a client calls its request, and how the answer calls it.
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// The description of this interface.
@@ -65,6 +68,8 @@ fn declared(time: Duration) -> OpenApiRouter<Arc<App>> {
         .routes(routes!(state))
         .routes(routes!(scene))
         .routes(routes!(field))
+        .routes(routes!(study))
+        .routes(routes!(stop_study))
         .routes(routes!(live::upgrade))
         .routes(routes!(metrics))
         .routes(routes!(openapi));
@@ -75,9 +80,13 @@ fn declared(time: Duration) -> OpenApiRouter<Arc<App>> {
     let large = OpenApiRouter::new()
         .routes(routes!(preview))
         .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), whole_body));
+    let larger = OpenApiRouter::new()
+        .routes(routes!(begin_study))
+        .layer(middleware::from_fn_with_state(most(MAX_STUDY_BODY), whole_body));
     router
         .layer(middleware::from_fn_with_state(most(MAX_BODY), whole_body))
         .merge(large)
+        .merge(larger)
         // Of a stop nothing is read: it counts though its body never comes.
         .routes(routes!(stop))
 }
@@ -211,6 +220,35 @@ async fn preview(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}}"#;
     let request: PreviewRequest = from_body(&headers, &body, wanted)?;
     Ok(Json(app.preview(request).await?).into_response())
+}
+
+/// Begin a small design study, without driving anything
+///
+/// One runs at a time, on half of the processors. What it has found is kept until the next one begins.
+#[utoipa::path(
+    post,
+    path = "/v1/study",
+    request_body = StudyRequest,
+    responses((status = 200, description = "It has begun", body = StudyView)),
+)]
+async fn begin_study(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Result<Response, Problem> {
+    let wanted = r#"{"study": TOML text, "scene"?: TOML text}"#;
+    let request: StudyRequest = from_body(&headers, &body, wanted)?;
+    let view = tokio::task::block_in_place(|| app.studies.begin(&request))?;
+    Ok(Json(view).into_response())
+}
+
+/// How far the study is, and what it has found
+#[utoipa::path(get, path = "/v1/study", responses((status = 200, description = "The study", body = StudyView)))]
+async fn study(State(app): State<Arc<App>>) -> Response {
+    Json(app.studies.view()).into_response()
+}
+
+/// End the study; designs that have begun are ended first
+#[utoipa::path(post, path = "/v1/study/stop", responses((status = 200, description = "The study", body = StudyView)))]
+async fn stop_study(State(app): State<Arc<App>>) -> Response {
+    app.studies.stop();
+    Json(app.studies.view()).into_response()
 }
 
 /// Everything off, session disarmed

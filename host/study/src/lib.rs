@@ -2,7 +2,8 @@
 //!
 //! Rooms, in the order in which they use each other: [`spec`] reads a study's file, [`space`] makes scenes of points of the unit cube,
 //! [`evaluate`] knows a scene's figures, [`ways`] chooses the points, [`run`] does the work in tasks that are kept in a folder as they
-//! are done, [`result`] makes a table of them, [`mod@report`] a page to read, and [`written`] puts all of that into the folder.
+//! are done, [`result`] makes a table of them, [`mod@report`] a page to read, and [`written`] puts all of that into the folder. [`tolerances`] is about one plan instead: what it does on a
+//! panel that is a little off.
 
 pub mod evaluate;
 pub mod report;
@@ -10,5 +11,6 @@ pub mod result;
 pub mod run;
 pub mod space;
 pub mod spec;
+pub mod tolerances;
 pub mod ways;
 pub mod written;

@@ -59,7 +59,9 @@ fn heading(study: &Study, best: &Finalist, rank: usize) -> String {
     format!("{text}\n{}", best.text)
 }
 
-fn figures(study: &Study, own: &Finalist) -> Vec<(String, f64)> {
+/// The figures of a finalist with the names of their columns; none if it failed.
+#[must_use]
+pub fn figures(study: &Study, own: &Finalist) -> Vec<(String, f64)> {
     let names = study.figures.iter().map(|wanted| wanted.column());
     let values = own.verified.as_ref().map(|verified| verified.figures.values.clone()).unwrap_or_default();
     names.zip(values).collect()

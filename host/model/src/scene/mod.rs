@@ -14,6 +14,7 @@ pub mod random;
 mod ranges;
 pub mod read;
 mod rectangles;
+mod scaled;
 mod screen;
 
 pub use actuator::{Actuator, EPS0, Mount};

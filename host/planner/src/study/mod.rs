@@ -11,7 +11,7 @@ pub mod reach;
 pub mod rigid;
 pub mod schemes;
 pub mod shapes;
-mod shared;
+pub mod shared;
 pub mod spread;
 mod text;
 pub mod weakest;

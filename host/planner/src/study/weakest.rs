@@ -1,6 +1,7 @@
 //! The place of a surface where the least can be had, and what driving it takes.
 
 use super::maps::strongest;
+use super::shared::{self, Phases};
 use crate::PlanTable;
 use crate::reach::everywhere::strongest_everywhere;
 use crate::reach::setting::{command, peaks};
@@ -36,6 +37,22 @@ pub fn every_touch(table: &PlanTable, measure: Measure) -> Option<Weakest> {
         power_w: most(&|setting| power_w(table, setting)),
         voltage_v: most(&voltage_v),
     })
+}
+
+/// The same with one frequency for all actuators at each touch, in phase or with phases chosen: the best that a search finds, without a
+/// proof. Power and voltage are not told (NaN). `None` where no frequencies are usable.
+#[must_use]
+pub fn every_touch_at_one_frequency(table: &PlanTable, measure: Measure, phases: Phases) -> Option<Weakest> {
+    let view = View::new(table, None)?;
+    let mut found = shared::strongest(table, &view, measure, phases)?;
+    if phases == Phases::Chosen {
+        // Equal phases are among those that can be chosen, and their search may have come further.
+        found = found.or(&shared::strongest(table, &view, measure, Phases::Equal)?);
+    }
+    let (point, peak) = view.points.iter().zip(&found.each).min_by(|a, b| a.1.total_cmp(b.1).then(a.0.cmp(b.0)))?;
+    let columns = table.grid.x_m.len().max(1);
+    let at_m = (table.grid.x_m[point % columns], table.grid.y_m[point / columns]);
+    Some(Weakest { peak: *peak, at_m, power_w: f64::NAN, voltage_v: f64::NAN })
 }
 
 /// The strongest peak in g that can be had at every point of the table's grid, row by row; `None` in cut-outs. `None` where no

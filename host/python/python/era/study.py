@@ -174,10 +174,19 @@ def _file_name(name: str) -> str:
     return "".join(letter if letter.isalnum() else "-" for letter in name).strip("-") or "study"
 
 
-@functools.lru_cache(maxsize=4)
+# A worker's studies by their files: what they know of a panel is found once. The last few, as a worker may serve many.
+_STUDIES: dict[tuple[str, str], Study] = {}
+_KEPT = 4
+
+
 def _study(text: str, scene: str) -> Study:
-    """A worker's studies: what they know of a panel is found once."""
-    return Study(text, Scene.from_toml(scene))
+    known = _STUDIES.get((text, scene))
+    if known is None:
+        while len(_STUDIES) >= _KEPT:
+            # Another thread may have taken the same one away.
+            _STUDIES.pop(next(iter(_STUDIES)), None)
+        known = _STUDIES[text, scene] = Study(text, Scene.from_toml(scene))
+    return known
 
 
 def _compute(text: str, scene: str, task: str, told: _Told, threads: int) -> bytes:

@@ -1,12 +1,13 @@
 //! Figures of a scene whose plan table is known.
 
 use super::{EvaluateError, Figures};
-use crate::spec::{Figure, Settings, Wanted};
+use crate::spec::{Drives, Figure, Settings, Wanted};
 use era_model::scene::Scene;
 use era_planner::perception::level_db;
 use era_planner::reach::Measure;
 use era_planner::study::rigid;
-use era_planner::study::weakest::{Weakest, every_touch, one_setting};
+use era_planner::study::shared::Phases;
+use era_planner::study::weakest::{Weakest, every_touch, every_touch_at_one_frequency, one_setting};
 use era_planner::{PlanError, PlanTable, Target};
 
 /// Part of what can be had at a place at which its contrast is told: so little that no limit changes it, as in maps.
@@ -19,27 +20,27 @@ const LITTLE_G: f64 = 1e-6;
 pub fn figures(scene: &Scene, table: &PlanTable, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
     let mut known = Known { scene, table, weakest: Vec::new() };
     let values = wanted.iter().map(|wanted| known.figure(wanted)).collect::<Result<_, _>>()?;
-    let first = known.weakest.first().map(|(_, _, weakest)| [weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]);
+    let first = known.weakest.first().map(|(_, _, _, weakest)| [weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]);
     Ok(Figures { values, weakest_mm: first })
 }
 
 struct Known<'a> {
     scene: &'a Scene,
     table: &'a PlanTable,
-    weakest: Vec<(Settings, Measure, Weakest)>,
+    weakest: Vec<(Settings, Drives, Measure, Weakest)>,
 }
 
 impl Known<'_> {
     fn figure(&mut self, wanted: &Wanted) -> Result<f64, EvaluateError> {
         let nothing = |reason| EvaluateError::Figure { figure: wanted.column(), reason };
         Ok(match wanted.figure {
-            Figure::WeakestG => self.weakest(wanted.setting, Measure::G)?.peak,
+            Figure::WeakestG => self.weakest(wanted.setting, wanted.drives, Measure::G)?.peak,
             Figure::WeakestDb => {
-                let peak = self.weakest(wanted.setting, Measure::Thresholds)?.peak;
+                let peak = self.weakest(wanted.setting, wanted.drives, Measure::Thresholds)?.peak;
                 level_db(peak).ok_or_else(|| nothing("nothing moves at the weakest place"))?
             }
-            Figure::PowerW => self.weakest(wanted.setting, Measure::G)?.power_w,
-            Figure::VoltageV => self.weakest(wanted.setting, Measure::G)?.voltage_v,
+            Figure::PowerW => self.weakest(wanted.setting, Drives::Distinct, Measure::G)?.power_w,
+            Figure::VoltageV => self.weakest(wanted.setting, Drives::Distinct, Measure::G)?.voltage_v,
             Figure::ContrastDb => self.plan(wanted)?.predicted.contrast_db,
             Figure::RiseMs => {
                 let plan = self.plan(wanted)?;
@@ -54,20 +55,23 @@ impl Known<'_> {
         })
     }
 
-    fn weakest(&mut self, setting: Settings, measure: Measure) -> Result<&Weakest, EvaluateError> {
-        let at = self.weakest.iter().position(|(own, by, _)| (*own, *by) == (setting, measure));
+    fn weakest(&mut self, setting: Settings, drives: Drives, measure: Measure) -> Result<&Weakest, EvaluateError> {
+        let at = self.weakest.iter().position(|(own, by, unit, _)| (*own, *by, *unit) == (setting, drives, measure));
         let at = match at {
             Some(at) => at,
             None => {
-                let found = match setting {
-                    Settings::EveryTouch => every_touch(self.table, measure),
-                    Settings::One => one_setting(self.table, measure),
+                let together = |phases| every_touch_at_one_frequency(self.table, measure, phases);
+                let found = match (setting, drives) {
+                    (Settings::One, _) => one_setting(self.table, measure),
+                    (Settings::EveryTouch, Drives::Distinct) => every_touch(self.table, measure),
+                    (Settings::EveryTouch, Drives::OneFrequency) => together(Phases::Chosen),
+                    (Settings::EveryTouch, Drives::InPhase) => together(Phases::Equal),
                 };
-                self.weakest.push((setting, measure, found.ok_or(PlanError::NoFrequencies)?));
+                self.weakest.push((setting, drives, measure, found.ok_or(PlanError::NoFrequencies)?));
                 self.weakest.len() - 1
             }
         };
-        Ok(&self.weakest[at].2)
+        Ok(&self.weakest[at].3)
     }
 
     /// The plan for a weak touch at a place.

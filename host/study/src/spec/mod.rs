@@ -15,7 +15,7 @@ pub use method::{Method, Robust, Way};
 pub(crate) use parse::has_few_corners;
 pub use path::{Path, PathError, Step};
 pub use variables::{Apart, Numbers, Scale, Uncertain, Variable, What, Where};
-pub use wishes::{Costs, Figure, Goal, Limit, Settings, Wanted, Wish};
+pub use wishes::{Costs, Drives, Figure, Goal, Limit, Settings, Wanted, Wish};
 
 use era_model::scene::SceneError;
 

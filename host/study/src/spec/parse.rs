@@ -4,7 +4,7 @@ use super::Spec;
 use super::method::{Method, Robust, Way};
 use super::path::Path;
 use super::variables::{Apart, Numbers, Scale, Uncertain, Variable, What, Where};
-use super::wishes::{Costs, Figure, Goal, Limit, Settings, Wanted, Wish};
+use super::wishes::{Costs, Drives, Figure, Goal, Limit, Settings, Wanted, Wish};
 use era_model::scene::SceneError;
 use era_model::scene::read::{self, Allowed, Report, Section};
 use era_planner::TableOptions;
@@ -222,6 +222,13 @@ fn wanted(section: &Section<'_, '_>) -> Option<Wanted> {
     let settings = [("every_touch", Settings::EveryTouch), ("one", Settings::One)];
     let setting =
         if figure.is_of_settings() && section.has("setting") { section.word("setting", &settings) } else { None };
+    let mut drives = Drives::Distinct;
+    if figure.is_of_the_weakest_place() && section.has("drives") {
+        drives = section.word("drives", &Drives::ALL.map(|drives| (drives.name(), drives))).unwrap_or(drives);
+        if drives != Drives::Distinct && setting == Some(Settings::One) {
+            section.wrong("drives", format!("{:?}", drives.name()), "\"distinct\", where setting is \"one\"");
+        }
+    }
     let at_mm = if figure.is_of_a_place() {
         if !section.has("at_mm") {
             section.wrong("at_mm", "missing".into(), "the place, [x, y] in mm");
@@ -232,7 +239,7 @@ fn wanted(section: &Section<'_, '_>) -> Option<Wanted> {
     };
     let is_pressed = figure == Figure::SagUm && section.has("force_n");
     let force_n = is_pressed.then(|| section.number("force_n", Allowed::Within(0.0, era_model::scene::MOST_PRESS_N)));
-    Some(Wanted { figure, setting: setting.unwrap_or(Settings::EveryTouch), at_mm, force_n })
+    Some(Wanted { figure, setting: setting.unwrap_or(Settings::EveryTouch), drives, at_mm, force_n })
 }
 
 fn wish(section: Section<'_, '_>) -> Option<Wish> {
@@ -300,7 +307,9 @@ fn method(file: &Section<'_, '_>, uncertain: &[Uncertain]) -> Method {
     };
     let Some(section) = file.table("method") else { return method };
     let ways = [Way::Grid, Way::LatinHypercube, Way::Sobol, Way::Evolution].map(|way| (way.name(), way));
-    method.way = section.word("way", &ways).unwrap_or(Way::Sobol);
+    if section.has("way") {
+        method.way = section.word("way", &ways).unwrap_or(method.way);
+    }
     let count = |key: &'static str, usual: usize, most: u32| -> usize {
         if section.has(key) { section.count(key, most) as usize } else { usual }
     };

@@ -60,3 +60,24 @@ fn each_figure_is_computed_once_and_has_a_column_of_its_own() {
     assert_eq!(columns, ["weakest_g", "weakest_g_one_setting", "contrast_db_at_10_20.5", "sag_um_10_n"]);
     assert_eq!(spec.wishes[0].goal, Goal::Most);
 }
+
+#[test]
+fn a_weakest_place_is_driven_as_said() {
+    let of = |wish: &str| {
+        format!(
+            "version = 1\nname = \"s\"\nscene = \"x.toml\"\n[[wish]]\nfigure = \"weakest_g\"\n{wish}[method]\nfinalists = 2\n"
+        )
+    };
+    let spec = Spec::parse("s.toml", &of("drives = \"in_phase\"\n")).unwrap();
+    assert_eq!(spec.figures()[0].column(), "weakest_g_in_phase");
+    assert_eq!((spec.method.way, spec.method.finalists), (Way::Sobol, 2));
+    assert!(!spec.figures()[0].is_quick() && Spec::parse("s.toml", &of("")).unwrap().figures()[0].is_quick());
+    let told = |wish: &str| told(&of(wish))[0].1.clone();
+    assert!(told("drives = \"two\"\n").contains("wish[1].drives is \"two\", but must be one of \"distinct\""));
+    let both = told("setting = \"one\"\ndrives = \"one_frequency\"\n");
+    assert!(
+        both.contains("wish[1].drives is \"one_frequency\", but must be \"distinct\", where setting is \"one\""),
+        "{both}"
+    );
+    assert!(Spec::parse("s.toml", &of("").replace("weakest_g\"", "mass_g\"\ndrives = \"distinct\"")).is_err());
+}

@@ -65,6 +65,32 @@ pub enum Settings {
     One,
 }
 
+/// How the actuators' frequencies go together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drives {
+    /// One for each actuator.
+    Distinct,
+    /// One for all of them, with phases.
+    OneFrequency,
+    /// One for all of them, in phase.
+    InPhase,
+}
+
+impl Drives {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Distinct, Self::OneFrequency, Self::InPhase];
+
+    /// The word in the file.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Distinct => "distinct",
+            Self::OneFrequency => "one_frequency",
+            Self::InPhase => "in_phase",
+        }
+    }
+}
+
 impl Figure {
     /// All of them.
     pub const ALL: [Self; 11] = [
@@ -120,6 +146,12 @@ impl Figure {
         matches!(self, Self::WeakestG | Self::WeakestDb | Self::PowerW | Self::VoltageV)
     }
 
+    /// Whether it is a peak at the place where the least can be had.
+    #[must_use]
+    pub const fn is_of_the_weakest_place(self) -> bool {
+        matches!(self, Self::WeakestG | Self::WeakestDb)
+    }
+
     /// Whether it is about a place.
     #[must_use]
     pub const fn is_of_a_place(self) -> bool {
@@ -140,6 +172,8 @@ pub struct Wanted {
     pub figure: Figure,
     /// For figures of settings: which settings.
     pub setting: Settings,
+    /// For the weakest place: how it is driven.
+    pub drives: Drives,
     /// For figures of a place: where, in mm.
     pub at_mm: Option<[f64; 2]>,
     /// For the sag: the press in N; the scene's if `None`.
@@ -151,7 +185,9 @@ impl Wanted {
     #[must_use]
     pub fn is_quick(&self) -> bool {
         match self.figure {
-            Figure::WeakestG | Figure::WeakestDb => self.setting == Settings::EveryTouch,
+            Figure::WeakestG | Figure::WeakestDb => {
+                self.setting == Settings::EveryTouch && self.drives == Drives::Distinct
+            }
             figure => matches!(figure, Figure::MassG | Figure::Cost),
         }
     }
@@ -162,6 +198,10 @@ impl Wanted {
         let mut name = self.figure.name().to_owned();
         if self.figure.is_of_settings() && self.setting == Settings::One {
             name.push_str("_one_setting");
+        }
+        if self.drives != Drives::Distinct {
+            name.push('_');
+            name.push_str(self.drives.name());
         }
         if let Some([x, y]) = self.at_mm {
             name.push_str(&format!("_at_{x}_{y}"));

@@ -1,0 +1,274 @@
+//! Small design studies for the page: one at a time, beside everything else, of the daemon's own scene or one that is sent. Nothing is
+//! driven by them.
+
+use super::preview::MAX_SCENE;
+use super::problem::{Kind, Problem};
+use crate::design::evaluate::Quick;
+use crate::design::result::Finalist;
+use crate::design::run::{Folder, Observer, Shard, Stopped, Study, run};
+use crate::design::written::{figures, write};
+use crate::scene::Scene;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use utoipa::ToSchema;
+
+/// Most designs, each counted as often as it is looked at: half a minute of the example plate on one processor.
+const MOST_LOOKS: usize = 2000;
+/// Most finalists: a second or two each.
+const MOST_FINALISTS: usize = 5;
+/// What messages call what came in a request.
+const STUDY: &str = "study";
+/// What messages call its scene.
+const SCENE: &str = "scene";
+
+/// A study to be run.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[schema(examples(json!({"study": "version = 1\nname = \"corners\"\nscene = \"\"\n[[variable]]\nkey = \"support.*.stiffness_n_per_m\"\nfrom = 500\nto = 8000\n[[wish]]\nfigure = \"weakest_g\"\n[method]\ndesigns = 32\n"})))]
+#[serde(deny_unknown_fields)]
+pub struct StudyRequest {
+    /// A study file (TOML) as text; the scene that it names is of no account.
+    pub study: String,
+    /// A whole scene file (TOML) as text; the daemon's own if not given.
+    pub scene: Option<String>,
+}
+
+/// How far a study is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Stage {
+    /// None has been asked for yet.
+    None,
+    /// Designs are looked at.
+    Running,
+    /// The best are computed anew.
+    Finishing,
+    /// The best are there.
+    Done,
+    /// It was stopped.
+    Stopped,
+    /// It could not go on: `problem` says why.
+    Failed,
+}
+
+/// A study, as far as it is.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Study)]
+pub struct StudyView {
+    /// How far it is.
+    stage: Stage,
+    /// Its name; null if there is none.
+    name: Option<String>,
+    /// Designs that have been looked at.
+    there: usize,
+    /// Of so many.
+    all: usize,
+    /// The scene as it is; null until the study is done.
+    as_it_is: Option<DesignView>,
+    /// The best first; empty until the study is done.
+    best: Vec<DesignView>,
+    /// Why it could not go on.
+    problem: Option<String>,
+}
+
+/// A design that was computed anew.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Design)]
+pub struct DesignView {
+    /// Its number in the study, from 1; 0 for the scene as it is.
+    design: usize,
+    /// What was wanted of it, by the names of a study's columns.
+    figures: BTreeMap<String, f64>,
+    /// Upper bound on the relative error of the weakest place's peak; null where there is none.
+    error_bound: Option<f64>,
+    /// Why it could not be computed anew; null if it could.
+    failed: Option<String>,
+    /// The scene file; `POST /v1/preview` takes it.
+    scene_toml: String,
+}
+
+/// The daemon's study.
+#[derive(Debug)]
+pub struct Studies {
+    /// The daemon's own scene.
+    own: String,
+    current: Mutex<Arc<Running>>,
+}
+
+/// One study, and what is known of it.
+#[derive(Debug)]
+struct Running {
+    name: Option<String>,
+    there: AtomicUsize,
+    all: usize,
+    stops: AtomicBool,
+    found: Mutex<Found>,
+}
+
+#[derive(Debug)]
+struct Found {
+    stage: Stage,
+    as_it_is: Option<DesignView>,
+    best: Vec<DesignView>,
+    problem: Option<String>,
+}
+
+impl Running {
+    fn new(name: Option<String>, all: usize, stage: Stage) -> Self {
+        let found = Found { stage, as_it_is: None, best: Vec::new(), problem: None };
+        Self { name, there: AtomicUsize::new(0), all, stops: AtomicBool::new(false), found: Mutex::new(found) }
+    }
+
+    fn found(&self) -> std::sync::MutexGuard<'_, Found> {
+        self.found.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn is_under_way(&self) -> bool {
+        matches!(self.found().stage, Stage::Running | Stage::Finishing)
+    }
+
+    fn view(&self) -> StudyView {
+        let found = self.found();
+        StudyView {
+            stage: found.stage,
+            name: self.name.clone(),
+            there: self.there.load(Ordering::Relaxed),
+            all: self.all,
+            as_it_is: found.as_it_is.clone(),
+            best: found.best.clone(),
+            problem: found.problem.clone(),
+        }
+    }
+}
+
+impl Observer for Running {
+    fn stops(&self) -> bool {
+        self.stops.load(Ordering::Relaxed)
+    }
+
+    fn does(&self, designs: usize) {
+        self.there.fetch_add(designs, Ordering::Relaxed);
+    }
+}
+
+impl Studies {
+    /// For a daemon whose scene file has this text.
+    #[must_use]
+    pub fn new(own: String) -> Self {
+        Self { own, current: Mutex::new(Arc::new(Running::new(None, 0, Stage::None))) }
+    }
+
+    fn current(&self) -> Arc<Running> {
+        Arc::clone(&self.current.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// How far the newest one is.
+    #[must_use]
+    pub fn view(&self) -> StudyView {
+        self.current().view()
+    }
+
+    /// No other task of it begins.
+    pub fn stop(&self) {
+        self.current().stops.store(true, Ordering::Relaxed);
+    }
+
+    /// Begins one.
+    ///
+    /// # Errors
+    /// [`Problem`]: mistakes in the study or its scene, more than is looked at here, or another one that is under way.
+    pub fn begin(&self, request: &StudyRequest) -> Result<StudyView, Problem> {
+        let scene = request.scene.as_ref().unwrap_or(&self.own);
+        for (field, text) in [(STUDY, &request.study), (SCENE, scene)] {
+            if text.len() > MAX_SCENE {
+                return Err(too_large(field, text.len(), "bytes", MAX_SCENE));
+            }
+        }
+        let study = Study::parse(STUDY, &request.study, SCENE, scene)?;
+        super::preview::check_size(&Scene::parse(SCENE, scene)?, scene)?;
+        let looks = study.designs().saturating_mul(1 + study.scenarios());
+        if looks > MOST_LOOKS {
+            return Err(too_large("method.designs", looks, "looks at designs", MOST_LOOKS));
+        }
+        let method = &study.spec.method;
+        if method.finalists > MOST_FINALISTS {
+            return Err(too_large("method.finalists", method.finalists, "finalists", MOST_FINALISTS));
+        }
+        if method.thorough {
+            let detail = "method.look is \"thorough\", but must be \"quick\" here: `era study` looks thoroughly";
+            let problem = Problem::new(Kind::TooLarge, detail);
+            return Err(problem.at("method.look", "thorough".into(), "\"quick\"".into(), None));
+        }
+        let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
+        if current.is_under_way() {
+            let detail = "a study is under way: POST /v1/study/stop ends it";
+            return Err(Problem::new(Kind::StudyRuns, detail));
+        }
+        let running = Arc::new(Running::new(Some(study.spec.name.clone()), study.designs(), Stage::Running));
+        let own = Arc::clone(&running);
+        let work = move || {
+            let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| computed(&study, &own)));
+            let mut found = own.found();
+            match ended {
+                Ok(Ok(Some((as_it_is, best)))) => {
+                    (found.as_it_is, found.best, found.stage) = (Some(as_it_is), best, Stage::Done);
+                }
+                Ok(Ok(None)) => found.stage = Stage::Stopped,
+                Ok(Err(problem)) => (found.problem, found.stage) = (Some(problem), Stage::Failed),
+                Err(_) => {
+                    let problem = "it ended early; please report it with the study".to_owned();
+                    (found.problem, found.stage) = (Some(problem), Stage::Failed);
+                }
+            }
+        };
+        std::thread::Builder::new()
+            .name("study".into())
+            .spawn(work)
+            .map_err(|error| Problem::new(Kind::PreviewFailed, format!("no thread for the study: {error}")))?;
+        *current = Arc::clone(&running);
+        Ok(running.view())
+    }
+}
+
+type Designs = (DesignView, Vec<DesignView>);
+
+/// Runs a study in a folder that is gone afterwards; `None` if it was stopped.
+fn computed(study: &Study, running: &Running) -> Result<Option<Designs>, String> {
+    let told = |error: &dyn std::fmt::Display| error.to_string();
+    let place = tempfile::tempdir().map_err(|error| told(&error))?;
+    let folder = Folder::open(place.path(), study.key()).map_err(|error| told(&error))?;
+    // Half of the processors stay for touches.
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).div_ceil(2);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| told(&error))?;
+    pool.install(|| {
+        let ended = run(study, &folder, &Quick::new(study.options()), Shard::ALL, running);
+        if ended.map_err(|error| told(&error))? == Stopped::Early {
+            return Ok(None);
+        }
+        running.found().stage = Stage::Finishing;
+        let Some(written) = write(study, &folder, &|| running.stops()).map_err(|error| told(&error))? else {
+            return Ok(None);
+        };
+        let view = |own: &Finalist| view(study, own);
+        Ok(Some((view(&written.finals.base), written.finals.best.iter().map(view).collect())))
+    })
+}
+
+fn view(study: &Study, own: &Finalist) -> DesignView {
+    let verified = own.verified.as_ref();
+    DesignView {
+        design: own.design,
+        figures: figures(study, own).into_iter().filter(|(_, value)| value.is_finite()).collect(),
+        error_bound: verified.ok().and_then(|verified| verified.bound),
+        failed: verified.err().cloned(),
+        scene_toml: own.text.clone(),
+    }
+}
+
+fn too_large(field: &str, value: usize, unit: &str, most: usize) -> Problem {
+    let detail = format!(
+        "{field} comes to {value} {unit}, but a study of the daemon's has at most {most}: `era study` takes more"
+    );
+    Problem::new(Kind::TooLarge, detail).at(field, value.into(), format!("at most {most} {unit}"), None)
+}

@@ -1,0 +1,217 @@
+//! What a plan does on a panel that is not quite the one it was made for: springs, material, thickness and places are never what a
+//! drawing says.
+//!
+//! The drives stay as they are, and the panel is modelled anew for each sample. Forces are those of masses at rest, as in a plan's own
+//! prediction, which is what each sample is compared with.
+
+use crate::ways::latin_hypercube;
+use era_model::model::{Accuracy, ModelError, PanelModel};
+use era_model::response::{Component, ResponseError, acceleration_curves, peak_acceleration};
+use era_model::scene::random::Random;
+use era_model::scene::{EdgeKind, Scene};
+use era_planner::{Drive, Plan};
+use num_complex::Complex64;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Samples with everything off at once.
+const SAMPLES: usize = 64;
+/// Samples of each kind by itself.
+const EACH: usize = 16;
+/// Of random numbers: the same panel has the same answer.
+const SEED: u64 = 1;
+/// Least tolerance of a place that a decibel is told of: below this part of the plan's own peak, -120 dB, a sample counts as this.
+const LEAST_PART: f64 = 1e-6;
+
+/// How far each kind of thing may be off, either way.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Tolerances {
+    /// Stiffness of supports, elastic edges and actuators, each by itself, relative.
+    pub springs: f64,
+    /// Young's modulus, the same everywhere, relative.
+    pub youngs_modulus: f64,
+    /// Thickness, the same everywhere, relative.
+    pub thickness: f64,
+    /// Places of supports, masses and actuators, each coordinate by itself, in mm.
+    pub places_mm: f64,
+}
+
+impl Default for Tolerances {
+    /// What is usual where nobody has measured: moulded or wound springs, a data sheet's modulus, rolled sheet, hand assembly.
+    fn default() -> Self {
+        Self { springs: 0.2, youngs_modulus: 0.1, thickness: 0.05, places_mm: 1.0 }
+    }
+}
+
+/// A kind of thing that may be off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum What {
+    /// [`Tolerances::springs`].
+    Springs,
+    /// [`Tolerances::youngs_modulus`].
+    YoungsModulus,
+    /// [`Tolerances::thickness`].
+    Thickness,
+    /// [`Tolerances::places_mm`].
+    Places,
+}
+
+impl What {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Springs, Self::YoungsModulus, Self::Thickness, Self::Places];
+
+    /// In words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Springs => "springs",
+            Self::YoungsModulus => "Young's modulus",
+            Self::Thickness => "thickness",
+            Self::Places => "places",
+        }
+    }
+}
+
+/// The target's peak over some samples, in dB of what the plan predicts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Range {
+    /// Of the weakest sample.
+    pub least_db: f64,
+    /// Of the middle one.
+    pub median_db: f64,
+    /// Of the strongest one.
+    pub most_db: f64,
+}
+
+/// One kind by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Own {
+    /// Which.
+    pub what: What,
+    /// What it does; `None` where the scene has nothing of it.
+    #[serde(flatten)]
+    pub range: Option<Range>,
+}
+
+/// What tolerances do to a plan's (first) target.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// What may be off.
+    pub tolerances: Tolerances,
+    /// Everything off at once, each by as much as it likes.
+    #[serde(flatten)]
+    pub range: Range,
+    /// How many panels that is of. Others would be off further: the ends are no bounds.
+    pub samples: usize,
+    /// Each kind by itself.
+    pub of: Vec<Own>,
+}
+
+/// Tolerances that cannot be looked at.
+#[derive(Debug, thiserror::Error)]
+pub enum ToleranceError {
+    /// A panel cannot be modelled.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// Its response is unbounded.
+    #[error(transparent)]
+    Response(#[from] ResponseError),
+}
+
+/// What being off does to a plan.
+///
+/// # Errors
+/// [`ToleranceError`].
+pub fn spread(scene: &Scene, plan: &Plan, tolerances: Tolerances) -> Result<Spread, ToleranceError> {
+    let at = (plan.target_m[0], plan.target_m[1]);
+    let meant = peak(scene, &plan.drives, at)?;
+    let level = |scene: &Scene| -> Result<f64, ToleranceError> {
+        let part = if meant > 0.0 { peak(scene, &plan.drives, at)? / meant } else { 1.0 };
+        Ok(20.0 * part.max(LEAST_PART).log10())
+    };
+    let range = |kinds: &[What], samples: usize| -> Result<Option<Range>, ToleranceError> {
+        let count: usize = kinds.iter().map(|what| values(scene, *what)).sum();
+        if count == 0 {
+            return Ok(None);
+        }
+        // A stream of its own for each question: those before it do not change it.
+        let points = latin_hypercube(count, samples, &mut Random::new(SEED, kinds.len() as u64));
+        let levels = points.into_par_iter().map(|point| level(&off(scene, kinds, &point, tolerances)));
+        let mut levels: Vec<f64> = levels.collect::<Result<_, _>>()?;
+        levels.sort_by(f64::total_cmp);
+        let at = |k: usize| levels.get(k).copied().unwrap_or(0.0);
+        Ok(Some(Range { least_db: at(0), median_db: at(samples / 2), most_db: at(samples - 1) }))
+    };
+    let of = What::ALL.into_iter().map(|what| Ok(Own { what, range: range(&[what], EACH)? }));
+    let of = of.collect::<Result<_, ToleranceError>>()?;
+    let nothing = Range { least_db: 0.0, median_db: 0.0, most_db: 0.0 };
+    Ok(Spread { tolerances, range: range(&What::ALL, SAMPLES)?.unwrap_or(nothing), samples: SAMPLES, of })
+}
+
+/// How many numbers of a kind are off by themselves.
+fn values(scene: &Scene, what: What) -> usize {
+    match what {
+        What::Springs => scene.supports.len() + scene.edges.len() + scene.actuators.len(),
+        What::YoungsModulus | What::Thickness => 1,
+        What::Places => 2 * (scene.supports.len() + scene.masses.len() + scene.actuators.len()),
+    }
+}
+
+/// The scene with some kinds off: `point` is in the unit cube, its middle being the scene itself.
+fn off(scene: &Scene, kinds: &[What], point: &[f64], tolerances: Tolerances) -> Scene {
+    let mut scene = scene.clone();
+    let mut parts = point.iter().map(|at| 2.0 * at - 1.0);
+    let mut next = || parts.next().unwrap_or(0.0);
+    for what in kinds {
+        match what {
+            What::Springs => {
+                let mut factor = || 1.0 + tolerances.springs * next();
+                for support in &mut scene.supports {
+                    let factor = factor();
+                    support.stiffness_n_per_m *= factor;
+                    support.rotational_stiffness_n_m_per_rad *= factor;
+                }
+                for edge in &mut scene.edges {
+                    let factor = factor();
+                    if let EdgeKind::Elastic { stiffness, rotational_stiffness, .. } = &mut edge.kind {
+                        *stiffness *= factor;
+                        *rotational_stiffness *= factor;
+                    }
+                }
+                scene.actuators.iter_mut().for_each(|actuator| actuator.stiffness_n_per_m *= factor());
+            }
+            What::YoungsModulus => scene.scale_youngs_modulus(1.0 + tolerances.youngs_modulus * next()),
+            What::Thickness => scene.scale_thickness(1.0 + tolerances.thickness * next()),
+            What::Places => {
+                let (length, width) = (scene.surface.length_m, scene.surface.width_m);
+                let mut move_it = |x_m: &mut f64, y_m: &mut f64| {
+                    for (at, most) in [(x_m, length), (y_m, width)] {
+                        *at = (*at + tolerances.places_mm / 1e3 * next()).clamp(0.0, most);
+                    }
+                };
+                scene.supports.iter_mut().for_each(|own| move_it(&mut own.x_m, &mut own.y_m));
+                scene.masses.iter_mut().for_each(|own| move_it(&mut own.x_m, &mut own.y_m));
+                scene.actuators.iter_mut().for_each(|own| move_it(&mut own.x_m, &mut own.y_m));
+            }
+        }
+    }
+    scene
+}
+
+/// The peak in m/s^2 at a place with these drives.
+fn peak(scene: &Scene, drives: &[Drive], (x_m, y_m): (f64, f64)) -> Result<f64, ToleranceError> {
+    let frequencies: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
+    let Some(most_hz) = frequencies.iter().copied().reduce(f64::max) else { return Ok(0.0) };
+    let model = PanelModel::build(scene, Accuracy::FAST, most_hz)?.reduce(most_hz, &[(x_m, y_m)])?;
+    let curves = acceleration_curves(&model, &model.shape_at(x_m, y_m), &frequencies)?;
+    let components: Vec<Component> = drives
+        .iter()
+        .enumerate()
+        .map(|(k, drive)| Component {
+            frequency_hz: drive.frequency_hz,
+            phasor: curves[k][k] * Complex64::from_polar(drive.force_n, drive.phase_rad),
+        })
+        .collect();
+    Ok(peak_acceleration(&components))
+}

@@ -1,0 +1,153 @@
+// Design mode's studies: a small one of the scene at hand, run by the daemon, and the best designs of any study, opened from their files.
+import { request } from "./link.js";
+import { $, announce, fixed, show } from "./readout.js";
+
+// Between two looks how far a study is.
+const LOOK_MS = 400;
+// Of the page's own study: some seconds on half of two processors.
+const DESIGNS = 256;
+// From the edge to where an actuator's middle may be, as a part of the shorter side.
+const MARGIN = 0.05;
+// Between two electrodes, in mm.
+const CLEARANCE_MM = 2;
+
+const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+const underWay = (study) => study.stage === "running" || study.stage === "finishing";
+
+// The study file for: where do the actuators go, so that the weakest place is as strong as can be?
+export function placement(scene) {
+  const isBar = scene.kind === "bar";
+  const margin = MARGIN * Math.min(scene.length_mm, isBar ? scene.length_mm : scene.width_mm);
+  const [right, bottom] = [scene.length_mm - margin, scene.width_mm - margin].map((mm) => Number(mm.toFixed(6)));
+  const from = Number(margin.toFixed(6));
+  const parts = ['version = 1', 'name = "where the actuators go"', 'scene = ""'];
+  for (const { id } of scene.actuators) {
+    const path = `actuator.${id}`;
+    parts.push("", "[[variable]]");
+    if (isBar) parts.push(`key = '${path}.x_mm'`, `from = ${from}`, `to = ${right}`);
+    else parts.push(`place = '${path}'`, `within_mm = [${from}, ${from}, ${right}, ${bottom}]`);
+  }
+  if (scene.actuators.length > 1) {
+    const widest = Math.max(...scene.actuators.map((actuator) => actuator.electrode_diameter_mm ?? 0));
+    // So far apart that there is room for all of them.
+    const most = 0.4 * (isBar ? scene.length_mm / scene.actuators.length : Math.min(scene.length_mm, scene.width_mm));
+    const distance = Math.min(widest + CLEARANCE_MM, most);
+    parts.push("", "[[apart]]", 'places = ["actuator.*"]', `distance_mm = ${Number(distance.toFixed(6))}`);
+  }
+  parts.push("", "[[wish]]", 'figure = "weakest_g"', "", "[method]", 'way = "sobol"', `designs = ${DESIGNS}`, "");
+  return parts.join("\n");
+}
+
+export class Studies {
+  // design: the Design.
+  constructor(design) {
+    this.design = design;
+    this.watching = false;
+    $("study-run").addEventListener("click", () => this.run());
+    $("study-stop").addEventListener("click", () => this.stop());
+    $("open-scenes").addEventListener("change", (event) => this.openFiles(event.target));
+  }
+
+  // Of the scene at hand with everything that was moved: the page's own study, or the file that was chosen.
+  async run() {
+    const [file] = $("study-file").files;
+    const body = { study: file ? await file.text() : placement(this.design.scene) };
+    const text = this.design.toml ?? this.design.text;
+    if (text) body.scene = text;
+    try {
+      this.show(await request("POST", "/v1/study", body));
+    } catch (problem) {
+      this.tell(`No study. ${problem.title}: ${problem.detail ?? ""}`);
+      return;
+    }
+    this.watch();
+  }
+
+  async stop() {
+    try {
+      this.show(await request("POST", "/v1/study/stop"));
+    } catch (problem) {
+      this.tell(`The study is not stopped: ${problem.detail ?? problem.title}`);
+    }
+  }
+
+  // Shows how far the daemon's study is until it ends; somebody else may have begun it.
+  async watch() {
+    if (this.watching) return;
+    this.watching = true;
+    try {
+      for (;;) {
+        const study = await request("GET", "/v1/study");
+        this.show(study);
+        if (!underWay(study)) break;
+        await sleep(LOOK_MS);
+      }
+    } catch (problem) {
+      this.tell(`How far the study is, is not known: ${problem.detail ?? problem.title}`);
+    }
+    this.watching = false;
+  }
+
+  show(study) {
+    const isOn = underWay(study);
+    $("study-run").disabled = isOn;
+    $("study-stop").disabled = !isOn;
+    $("study-progress").hidden = !isOn;
+    Object.assign($("study-progress"), { max: study.all || 1, value: study.there });
+    const words = {
+      none: "",
+      running: `${study.name}: ${study.there} of ${study.all} designs`,
+      finishing: `${study.name}: computing the best anew`,
+      done: `${study.name}: ${study.all} designs, the best are below`,
+      stopped: `${study.name}: stopped`,
+      failed: `${study.name}: ${study.problem}`,
+    }[study.stage];
+    document.body.dataset.study = study.stage;
+    if (isOn) show("study-status", words);
+    else if (words !== $("study-status").textContent) this.tell(words);
+    if (study.stage !== "done") return;
+    const all = [["as it is", study.as_it_is], ...study.best.map((own, k) => [`best ${k + 1}`, own])];
+    this.list(all.map(([name, own]) => [`${name}: ${this.figures(own)}`, own.scene_toml]));
+  }
+
+  figures(own) {
+    if (own.failed) return `failed: ${own.failed}`;
+    return Object.entries(own.figures)
+      .map(([name, value]) => `${name} ${fixed(value, 3)}`)
+      .join(", ");
+  }
+
+  // Buttons that open scenes: [words, file] each.
+  list(scenes) {
+    const buttons = scenes.map(([words, text]) => {
+      const button = Object.assign(document.createElement("button"), { type: "button", textContent: words });
+      button.addEventListener("click", () => this.design.open(text));
+      const entry = document.createElement("li");
+      entry.append(button);
+      return entry;
+    });
+    $("designs").replaceChildren(...buttons);
+  }
+
+  // Files of scenes, the best-1.toml, best-2.toml, ... of a study among them, whose first lines say what they are.
+  async openFiles(input) {
+    const scenes = await Promise.all(
+      [...input.files].map(async (file) => {
+        const text = await file.text();
+        const told = text
+          .split("\n")
+          .filter((line) => /^# \S+ = /.test(line))
+          .map((line) => line.slice(2));
+        return [[file.name, ...told].join(", "), text];
+      }),
+    );
+    this.list(scenes);
+    if (scenes.length) this.design.open(scenes[0][1]);
+    input.value = ""; // the same files can be opened again after they have changed
+  }
+
+  tell(words) {
+    show("study-status", words);
+    announce(words);
+  }
+}
