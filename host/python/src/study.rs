@@ -61,6 +61,9 @@ pub struct PyStudy {
     scene_text: String,
 }
 
+/// What one is made from.
+type Made<'py> = (String, Bound<'py, PyAny>);
+
 /// Who may stop work, and wants to know how much is done.
 struct Watched {
     stop: era_model::stop::Stop,
@@ -410,7 +413,7 @@ impl PyStudy {
         format!("<Study {:?}: {} designs by {}>", spec.name, self.study.designs(), spec.method.way.name())
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, (String, Bound<'py, PyAny>))> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyType>, Made<'py>)> {
         Ok((py.get_type::<Self>(), (self.text.clone(), self.scene(py)?)))
     }
 }
