@@ -77,7 +77,9 @@ class Program:
 
     def run(self, command, *arguments):
         """Runs a subcommand on the scene and returns (standard output, standard error)."""
-        line = [self.binary, command, "--scene", str(self.scene_path), *map(str, arguments)]
+        return self._run([self.binary, command, "--scene", str(self.scene_path), *map(str, arguments)])
+
+    def _run(self, line):
         limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (TIME_LIMIT_S, TIME_LIMIT_S + 5))
         options = {"capture_output": True, "text": True, "env": self._environment(), "check": False, "preexec_fn": limit}
         try:
@@ -93,6 +95,10 @@ class Program:
     def json(self, command, *arguments):
         """What a subcommand prints with --json."""
         return json.loads(self.run(command, *arguments, "--json")[0])
+
+    def json_alone(self, command, *arguments):
+        """The same of a subcommand whose scene is named elsewhere."""
+        return json.loads(self._run([self.binary, command, *map(str, arguments), "--json"])[0])
 
     @contextlib.contextmanager
     def serve(self, *arguments):

@@ -1,5 +1,5 @@
-"""Fields of a touch: `era field` as JSON and CSV, `GET /v1/field` of a daemon, for the drives that `era plan` prints; and the
-contrast printed beside it, from own mean squares."""
+"""Fields of a touch: `era field` as JSON and CSV, `GET /v1/field` of a daemon, for the drives that are printed beside them; and the
+contrast printed there, from own mean squares."""
 
 import csv
 import io
@@ -10,12 +10,13 @@ from ..harness import Result, change_all, not_comparable
 from ..reference.planner import Motion, drives_of
 from .plan import CONTRAST_TOLERANCE
 
-QUANTITIES = ("field", "field as CSV", "field over HTTP", "field: contrast")
+QUANTITIES = ("field", "field as CSV", "field over HTTP", "field: contrast", "field: drives")
 PLANTS = {
     "field": change_all("actuator", "x_mm", 1.01),
     "field as CSV": "answer",
     "field over HTTP": "answer",
     "field: contrast": change_all("actuator", "x_mm", 1.03),
+    "field: drives": "answer",
 }
 EVERY = 3
 MAX_HZ = 400.0
@@ -24,6 +25,8 @@ STANDARD_GRAVITY = 9.80665
 USEFUL = 5e-3
 # What CSV and HTTP may round away: six decimals of a g, and a like share of the largest value.
 DECIMALS_G = 1e-6
+# Drives of two commands that both have the proven best.
+SAME_DRIVES = 1e-9
 
 
 def run(context):
@@ -58,7 +61,9 @@ def run(context):
         table[-1, 2] = table[-1, 2] * 1.01 + 1e-3
     there = np.array([scene.has_surface(*point) for point in points])
     places = points[there]
-    wanted, own = peak_field(context.panel(MAX_HZ), plan["drives"], places)
+    # A touch's search ends sooner than that of `era plan`, and may have other drives than it: the field's are those printed with it.
+    drives = said["plan"]["drives"]
+    wanted, own = peak_field(context.panel(MAX_HZ), drives, places)
     top = wanted.max()
     results = []
     same_size = len(json_g) == len(points) == nx * ny
@@ -79,8 +84,23 @@ def run(context):
     given = table[~np.isnan(table[:, 2])]
     shifted = np.nan if len(given) != there.sum() else np.abs(given[:, :2] * 1e-3 - places).max()
     results.append(Result("field as CSV", name, max(np.abs(given[:, 2] - json_g[there]).max() if shifted < 2e-6 else np.inf, 0), allowed))
-    results.append(contrast(context, plan["drives"], said["plan"]))
+    results.append(contrast(context, drives, said["plan"]))
+    results.append(same_drives(context, plan, said["plan"]))
     return results
+
+
+def same_drives(context, plan, said):
+    """What both commands say is the best, they say alike."""
+    name, quantity = context.name, "field: drives"
+    if said["optimality_gap"] > 0 or plan["optimality_gap"] > 0:
+        return not_comparable(quantity, name, f"gaps {said['optimality_gap']:.1e} and {plan['optimality_gap']:.1e}")
+    if context.planted(quantity):
+        said["drives"][0]["frequency_hz"] += 1.0
+    worst = 0.0
+    for own, other in zip(said["drives"], plan["drives"], strict=True):
+        for key in ("frequency_hz", "force_n"):
+            worst = max(worst, abs(own[key] - other[key]) / max(abs(other[key]), 1e-300) if own[key] != other[key] else 0.0)
+    return Result(quantity, name, worst, SAME_DRIVES)
 
 
 def contrast(context, drives, said):

@@ -317,12 +317,17 @@ def related(first_hz, second_hz):
     return np.any([np.abs(high - n * low) <= 0.5 for n in (3, 5, 7)], axis=0)
 
 
-def apart(first_hz, second_hz):
+def unrelated(first_hz, second_hz):
+    """The same where harmonics are no matter: in maps and settings of what can be had (docs/src/reach.md)."""
+    return np.zeros(np.broadcast(first_hz, second_hz).shape, dtype=bool)
+
+
+def apart(first_hz, second_hz, meets=related):
     """Whether two frequencies may be driven together."""
-    return (np.abs(first_hz - second_hz) >= LEAST_DISTANCE_HZ) & ~related(first_hz, second_hz)
+    return (np.abs(first_hz - second_hz) >= LEAST_DISTANCE_HZ) & ~meets(first_hz, second_hz)
 
 
-def best_sum(worth, frequencies):
+def best_sum(worth, frequencies, meets=related):
     """Greatest sum of worth[frequency, actuator] over one frequency for each actuator, all of them `apart`.
 
     Exhaustive: every pair for two actuators. For more: for every order of the actuators along the band a table over the
@@ -334,7 +339,7 @@ def best_sum(worth, frequencies):
         k = int(np.argmax(worth[:, 0]))
         return worth[k, 0], (k,)
     if actuators == 2:
-        sums = np.where(apart(frequencies[:, None], frequencies[None, :]), worth[:, None, 0] + worth[None, :, 1], -np.inf)
+        sums = np.where(apart(frequencies[:, None], frequencies[None, :], meets), worth[:, None, 0] + worth[None, :, 1], -np.inf)
         k = np.unravel_index(np.argmax(sums), sums.shape)
         return sums[k], tuple(int(i) for i in k)
     best, chosen = -np.inf, None
@@ -344,7 +349,7 @@ def best_sum(worth, frequencies):
         found, places = _best_ordered(allowed, frequencies)
         if found <= best:
             continue
-        pairs = [(i, j) for i in range(actuators) for j in range(i) if related(frequencies[places[i]], frequencies[places[j]])]
+        pairs = [(i, j) for i in range(actuators) for j in range(i) if meets(frequencies[places[i]], frequencies[places[j]])]
         if not pairs:
             best, chosen = found, places
             continue

@@ -85,7 +85,30 @@ class _Maker:
             part = rng.uniform(0.1, 0.8)
             for actuator in scene["actuator"]:
                 actuator["stop_um"] = part * actuator["air_gap_um"]
+        self._losses(scene)
+        self._air(scene)
         return {key: value for key, value in scene.items() if value != []}
+
+    def _losses(self, scene):
+        """Loss factors of supports and elastic edges: tape and rubber have 0.1 to 1. One for all, or one for each."""
+        springs = scene["support"] + [edge for edge in scene["edge"] if edge["kind"] == "elastic"]
+        if not springs or not self.chance(0.4):
+            return
+        factor, is_same = log_uniform(self.rng, 0.02, 1.5), self.symmetric or self.chance(0.5)
+        for spring in springs:
+            spring["loss_factor"] = factor
+            if not is_same:
+                factor = 0.0 if self.chance(0.2) else log_uniform(self.rng, 0.02, 1.5)
+
+    def _air(self, scene):
+        """Air that is shut in, as stiff as what holds a panel, and air that moves along."""
+        if not self.chance(0.2):
+            return
+        area = self.length * self.width * 1e-6
+        depth = 1.4 * 101325.0 * area / (self.weight_kg * (2 * np.pi * log_uniform(self.rng, 10, 300)) ** 2)
+        scene["air"] = {"sealed_depth_mm": float(np.clip(depth * 1e3, 0.01, 1e4))}
+        if self.chance(0.5):
+            scene["air"]["added_mass_kg_per_m2"] = self.weight_kg / area * log_uniform(self.rng, 0.01, 0.5)
 
     def _damping(self):
         kind = self.rng.integers(4)
