@@ -181,6 +181,25 @@ fn responses_of_pinned_panels_on_air() {
     }
 }
 
+/// Where the surface loses much and stiff air nothing, modes are coupled through the air's force, those left out of the reduced model too: what
+/// they do is in a shape of its own.
+#[test]
+fn modes_left_out_take_part_through_the_air() {
+    let eta = 0.3;
+    let scene = SceneText::bar(0.25).edge("left", "pinned").edge("right", "pinned").damping("loss_factor", eta);
+    let scene = scene.force(0.3, 0.5);
+    let series = Series::bar(&scene, [0.3, 0.71]);
+    let model = PanelModel::build(&sealed(scene, 0.5).scene(), Accuracy::BALANCED, 400.0).unwrap();
+    let reduced = model.reduce(400.0, &[(0.71 * 0.25, 0.01)]).unwrap();
+    let (stiffness, shape) = (BULK_PA * 0.005 / 0.5e-3, reduced.shape_at(0.71 * 0.25, 0.01));
+    for hz in [23.0, 110.0, 287.0, 400.0] {
+        let (found, wanted) =
+            (dot(&shape, &modal_coordinates(&reduced, hz).unwrap()[0]), series.compliance(stiffness, eta, TAU * hz));
+        let off = (found - wanted).norm() / wanted.norm();
+        assert!(off < 1e-5, "{hz} Hz: {off:e}");
+    }
+}
+
 /// Air that moves along is weight: frequencies fall by the root of 1 + added / (rho h), whatever else there is but other masses.
 #[test]
 fn air_that_moves_along_is_weight() {

@@ -1,7 +1,7 @@
 //! Studies computed with a figure that is known: stopped and resumed, in shares, with any number of workers.
 
 use era_model::scene::{EXAMPLE_PLATE, Scene};
-use era_study::evaluate::{EvaluateError, Evaluator, Figures};
+use era_study::evaluate::{EvaluateError, Evaluator, Figures, Quick};
 use era_study::result::{GatherError, Status, Table, finalists, write_parquet};
 use era_study::run::{Folder, Observer, Outcome, Shard, Stopped, Study, Task, run};
 use era_study::spec::Wanted;
@@ -219,4 +219,18 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
         seen += 1;
     }
     assert!(seen > 50, "{seen}");
+}
+
+/// A study may change the air behind a panel, which is a part of what the quick look solves once. Seen to fail with panels told apart by
+/// their surface, patches, cut-outs and edges alone.
+#[test]
+fn panels_on_other_air_are_other_panels() {
+    let on_air = |depth_mm: f64| {
+        Scene::parse("plate.toml", &format!("{EXAMPLE_PLATE}\n[air]\nsealed_depth_mm = {depth_mm:?}\n")).unwrap()
+    };
+    let study = study("");
+    let quick = Quick::new(study.options());
+    let weakest = |depth_mm: f64| quick.evaluate(&on_air(depth_mm), &study.figures).unwrap().values[0];
+    let (shallow, deep) = (weakest(5.0), weakest(50.0));
+    assert!(shallow > 0.0 && (shallow / deep - 1.0).abs() > 1e-3, "{shallow} {deep}");
 }

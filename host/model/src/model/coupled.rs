@@ -195,6 +195,12 @@ impl BarePanel {
         Ok(ReducedModel::new(lambda, all, damping, &attached, Arc::clone(grid)))
     }
 
+    /// Whether a scene is a design of this panel.
+    #[must_use]
+    pub fn is_of(&self, scene: &Scene) -> bool {
+        self.check(scene).is_ok()
+    }
+
     fn check(&self, scene: &Scene) -> Result<(), ModelError> {
         let own = &self.scene;
         let parts = [

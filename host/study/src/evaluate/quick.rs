@@ -18,7 +18,7 @@ const KEPT: usize = 16;
 pub struct Quick {
     options: TableOptions,
     /// Those used last at the end.
-    panels: Mutex<Vec<(Scene, Arc<QuickPanel>)>>,
+    panels: Mutex<Vec<Arc<QuickPanel>>>,
 }
 
 impl Quick {
@@ -30,18 +30,11 @@ impl Quick {
 
     /// The panel of a scene, whatever is attached to it.
     fn panel(&self, scene: &Scene) -> Result<Arc<QuickPanel>, EvaluateError> {
-        let is_own = |known: &Scene| {
-            known.surface == scene.surface
-                && known.patches == scene.patches
-                && known.cutouts == scene.cutouts
-                && known.edges == scene.edges
-        };
         let mut panels = self.panels.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(at) = panels.iter().position(|(known, _)| is_own(known)) {
+        if let Some(at) = panels.iter().position(|known| known.bare().is_of(scene)) {
             let found = panels.remove(at);
-            let panel = Arc::clone(&found.1);
-            panels.push(found);
-            return Ok(panel);
+            panels.push(Arc::clone(&found));
+            return Ok(found);
         }
         // Others may build the same at the same time, which gives the same.
         drop(panels);
@@ -50,7 +43,7 @@ impl Quick {
         if panels.len() >= KEPT {
             panels.remove(0);
         }
-        panels.push((scene.clone(), Arc::clone(&panel)));
+        panels.push(Arc::clone(&panel));
         Ok(panel)
     }
 }

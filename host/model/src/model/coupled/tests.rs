@@ -94,6 +94,18 @@ fn a_design_on_rubber_is_too() {
     }
 }
 
+/// What is as good as rigid loses nothing, however much of its energy is lost: against elements that know of no stiffest spring.
+#[test]
+fn a_rigid_point_of_rubber_loses_nothing() {
+    for stiffness in [1e9, 1e18] {
+        let mut scene = odd_plate("loss_factor = 0.017", 111.1);
+        let firm = Support { stiffness_n_per_m: stiffness, loss_factor: 0.9, x_m: 0.2, y_m: 0.1, ..scene.supports[0] };
+        scene.supports.push(firm);
+        let off = difference(&scene, Accuracy::REFERENCE).unwrap();
+        assert!(off < 4e-3, "{stiffness}: {off:e}");
+    }
+}
+
 /// Sealed air is a part of the bare panel, and what it does not lose is taken out of the surface's losses.
 #[test]
 fn a_design_on_sealed_air_is_too() {
