@@ -45,6 +45,7 @@ pub mod grid;
 pub mod levels;
 pub mod mesh;
 mod neighbours;
+mod orthotropic;
 pub mod panel;
 mod placement;
 pub mod points;

@@ -6,7 +6,7 @@ use super::read::{Allowed, Section};
 use super::{Side, SurfaceKind};
 
 /// Largest thickness in mm; beyond it someone has mixed up units.
-const MAX_THICKNESS_MM: f64 = 100.0;
+pub(super) const MAX_THICKNESS_MM: f64 = 100.0;
 pub(super) const THICKNESS_MM: Allowed = Allowed::Within(1e-3, MAX_THICKNESS_MM);
 /// Thermodynamics allows down to -1, incompressible materials have 0.5.
 pub(super) const POISSON_RATIO: Allowed = Allowed::Between(-1.0, 0.5);
