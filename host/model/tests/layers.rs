@@ -127,15 +127,15 @@ fn layers_of_one_material_are_one_surface() {
     let uniform = format!(
         "thickness_mm = 1.7\n[surface.material]\nyoungs_modulus_pa = 70e9\npoisson_ratio = 0.22\ndensity_kg_m3 = 2500\n{more}"
     );
-    let plain = frequencies(&scene("plate", 271.0, 333.0, &[uniform]), 600.0);
+    let plain = frequencies(&scene("plate", 271.0, 333.0, &[uniform]), 350.0);
     assert!(plain.len() > 5);
-    same(&frequencies(&scene("plate", 271.0, 333.0, &[three.clone(), more.clone()]), 600.0), &plain, 1e-9);
+    same(&frequencies(&scene("plate", 271.0, 333.0, &[three.clone(), more.clone()]), 350.0), &plain, 1e-9);
     // The thickness may be given again; nothing changes.
     let again = format!("thickness_mm = 1.7\n{three}{more}");
-    same(&frequencies(&scene("plate", 271.0, 333.0, &[again]), 600.0), &plain, 1e-9);
+    same(&frequencies(&scene("plate", 271.0, 333.0, &[again]), 350.0), &plain, 1e-9);
     // The same with axes along which nothing differs, but for digits: the other functions of point forces.
     let nearly = layer(1.7, [70e9, 70e9 * (1.0 - 1e-9), 70e9 / 2.44, 0.22, 2500.0], "");
-    same(&frequencies(&scene("plate", 271.0, 333.0, &[nearly, more]), 600.0), &plain, 1e-6);
+    same(&frequencies(&scene("plate", 271.0, 333.0, &[nearly, more]), 350.0), &plain, 1e-6);
 }
 
 #[test]
@@ -278,7 +278,8 @@ fn random_panel(random: &mut Random) -> Scene {
     scene("plate", length, width, &[parts])
 }
 
-/// What is printed beside modes and responses holds: against a solution at a hundred times the tolerance.
+/// What is printed beside modes and responses holds: against a solution at a hundredth of the tolerance. `ERA_LAYERS_BOUNDS` says how many panels,
+/// `ERA_LAYERS_FIRST` from which on, `ERA_LAYERS_TELL` prints them.
 #[test]
 fn bounds_hold() {
     let count = std::env::var("ERA_LAYERS_BOUNDS").ok().and_then(|text| text.parse().ok()).unwrap_or(6);
@@ -286,7 +287,7 @@ fn bounds_hold() {
     for stream in first..first + count {
         let scene = random_panel(&mut Random::new(7, stream));
         let coarse = bounded_modes(&scene, Accuracy::FAST, 400.0).unwrap();
-        let fine = bounded_modes(&scene, Accuracy::tolerance(1e-5).unwrap(), 400.0).unwrap();
+        let fine = bounded_modes(&scene, Accuracy::tolerance(1e-4).unwrap(), 400.0).unwrap();
         let (mut worst, modes) = (0.0_f64, fine.answer.len());
         for ((a, bound), (b, finer)) in
             coarse.answer.iter().zip(&coarse.bounds).zip(fine.answer.iter().zip(&fine.bounds))
@@ -299,7 +300,7 @@ fn bounds_hold() {
         let hz = [37.0, 113.0, 241.0, 389.0];
         let at = (0.61 * scene.surface.length_m, 0.83 * scene.surface.width_m);
         let coarse = bounded_curves(&scene, Accuracy::FAST, at, &hz).unwrap();
-        let fine = bounded_curves(&scene, Accuracy::tolerance(1e-5).unwrap(), at, &hz).unwrap();
+        let fine = bounded_curves(&scene, Accuracy::tolerance(1e-4).unwrap(), at, &hz).unwrap();
         let mut worst_curve = 0.0_f64;
         for ((a, bound), (b, finer)) in
             coarse.answer.iter().zip(&coarse.bounds).zip(fine.answer.iter().zip(&fine.bounds))

@@ -58,6 +58,7 @@ pub mod singular;
 pub mod sparse;
 pub mod stored;
 mod surroundings;
+mod wave;
 
 pub use accuracy::Accuracy;
 pub use bound::Bound;

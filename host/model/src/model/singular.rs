@@ -6,7 +6,7 @@
 //! to zero where an edge demands it. What is left for the elements begins with r^6 log r. On and near an edge it is the
 //! half-plane's solution, with its mirror image; at a corner a force only twists the plate.
 
-use super::orthotropic::Wave;
+use super::wave::Wave;
 use crate::scene::Side;
 
 /// Functions about one centre.

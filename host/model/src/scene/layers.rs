@@ -2,8 +2,7 @@
 
 use super::SurfaceKind;
 use super::laminate::{Elastic, Ply};
-use super::parse::LOSS_FACTOR;
-use super::ranges::{DENSITY_KG_M3, MAX_THICKNESS_MM, POISSON_RATIO, THICKNESS_MM, YOUNGS_MODULUS_PA};
+use super::ranges::{DENSITY_KG_M3, LOSS_FACTOR, MAX_THICKNESS_MM, POISSON_RATIO, THICKNESS_MM, YOUNGS_MODULUS_PA};
 use super::read::{Allowed, Section};
 
 /// Part by which a surface's thickness may differ from the sum of its layers': nobody writes more digits.

@@ -4,7 +4,7 @@ use super::laminate::{Laminate, Ply};
 use super::layers::{layers, thickness_m};
 use super::layout::Layout;
 use super::place::ROUNDING;
-use super::ranges::{DENSITY_KG_M3, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MODULUS_PA, side_range};
+use super::ranges::{DENSITY_KG_M3, LOSS_FACTOR, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MODULUS_PA, side_range};
 use super::read::{self, Allowed, Report, SceneError, Section};
 use super::rectangles::{cutouts, patches};
 use super::{
@@ -21,8 +21,6 @@ const MOST_MASS_G: f64 = 1e12;
 const MASS_G: Allowed = Allowed::Within(0.0, MOST_MASS_G);
 /// All springs, in N/m, N m/rad and per metre: the model is tested up to 1e18.
 const STIFFNESS: Allowed = Allowed::Within(0.0, 1e20);
-/// All loss factors: the dampest rubbers have 1 to 2.
-pub(super) const LOSS_FACTOR: Allowed = Allowed::Within(0.0, 2.0);
 /// All dashpots, in N s/m.
 const DAMPING: Allowed = Allowed::Within(0.0, 1e12);
 /// A finger, in g, N s/m and N/m: a hundred times what is measured on fingertips, which is more than a whole arm. Beyond it someone has mixed up
