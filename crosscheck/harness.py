@@ -231,6 +231,21 @@ def change_all(kind, key, factor):
     return plant
 
 
+def change_layers(key, factor):
+    """Multiplies a key of every layer, or of its material."""
+
+    def plant(table):
+        changed = False
+        for layer in table.get("layer", []):
+            for item in (layer, layer["material"]):
+                if item.get(key):
+                    item[key] *= factor
+                    changed = True
+        return changed
+
+    return plant
+
+
 def move_actuator(distance_mm):
     """Moves the first actuator along x, inwards."""
 

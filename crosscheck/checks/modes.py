@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from ..harness import Result, change, change_all, either, not_comparable
+from ..harness import Result, change, change_all, change_layers, either, not_comparable
 
 QUANTITIES = ("mode frequency", "mode damping ratio", "number of modes", "rigid modes")
 PLANTS = {
-    "mode frequency": change(("surface", "material", "youngs_modulus_pa"), 1.01),
+    "mode frequency": either(change(("surface", "material", "youngs_modulus_pa"), 1.01), change_layers("ex_pa", 1.05)),
     "mode damping ratio": either(
         change(("surface", "damping", "loss_factor"), 2.0),
         change(("surface", "damping", "modal_ratio"), 2.0),
+        change_layers("loss_factor", 2.0),
         change_all("actuator", "damping_n_s_per_m", 1.05),
     ),
     "number of modes": "answer",

@@ -15,6 +15,8 @@ def part_of(scene, x):
     for patch in scene.patches:
         if patch.x < x < patch.x + patch.length:
             width, thickness, material = patch.width, patch.thickness, patch.material
+    if scene.laminate:
+        return scene.laminate.bending[0] * width, (scene.laminate.weight + scene.added_mass) * width
     return material.youngs_modulus_pa * width * thickness**3 / 12, (material.density_kg_m3 * thickness + scene.added_mass) * width
 
 

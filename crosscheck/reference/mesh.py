@@ -1,7 +1,7 @@
 """A Kirchhoff plate in bicubic Hermite rectangles (Bogner, Fox and Schmit 1965), on lines that need not be regular.
 
 Unknowns of a node: w, w_x, w_y, w_xy, slopes in units of the node's own scales. Energy:
-D/2 [w_xx^2 + w_yy^2 + 2 nu w_xx w_yy + 2 (1 - nu) w_xy^2] (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells).
+1/2 [D11 w_xx^2 + D22 w_yy^2 + 2 D12 w_xx w_yy + 4 D66 w_xy^2] (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells).
 """
 
 import numpy as np
@@ -20,13 +20,13 @@ def factor(matrix):
 class Mesh:
     """A plate on the given lines.
 
-    `rigidity`, `poisson`, `weight` (D in N m, nu, mass per area in kg/m^2) are per cell, [nx, ny]; a cell of weight 0 is
+    `bending` [nx, ny, 4] (D11, D12, D22, D66 in N m) and `weight` [nx, ny] (mass per area in kg/m^2) are per cell; a cell of weight 0 is
     not there. `edges` maps a side to (kind, stiffness, rotational stiffness, loss factor).
     """
 
-    def __init__(self, x, y, rigidity, poisson, weight, edges):
+    def __init__(self, x, y, bending, weight, edges):
         self.x, self.y = np.asarray(x), np.asarray(y)
-        self.rigidity, self.poisson, self.weight, self.edges = rigidity, poisson, weight, edges
+        self.bending, self.weight, self.edges = bending, weight, edges
         self.there = weight > 0
         self.nx, self.ny = len(self.x) - 1, len(self.y) - 1
         self._number()
@@ -86,12 +86,12 @@ class Mesh:
         x = {key: hermite.cell_matrices(self.x, *key)[i] for key in ((0, 0), (1, 1), (2, 2), (0, 2), (2, 0))}
         y = {key: hermite.cell_matrices(self.y, *key)[j] for key in ((0, 0), (1, 1), (2, 2), (0, 2), (2, 0))}
         product = lambda p, q: np.einsum("nac,nbd->nabcd", p, q).reshape(len(i), 16, 16)
-        d, nu = self.rigidity[i, j][:, None, None], self.poisson[i, j][:, None, None]
-        stiffness = product(x[2, 2], y[0, 0]) + product(x[0, 0], y[2, 2])
-        stiffness += nu * (product(x[2, 0], y[0, 2]) + product(x[0, 2], y[2, 0]))
-        stiffness += 2 * (1 - nu) * product(x[1, 1], y[1, 1])
+        d11, d12, d22, d66 = self.bending[i, j].T[:, :, None, None]
+        stiffness = d11 * product(x[2, 2], y[0, 0]) + d22 * product(x[0, 0], y[2, 2])
+        stiffness += d12 * (product(x[2, 0], y[0, 2]) + product(x[0, 2], y[2, 0]))
+        stiffness += 4 * d66 * product(x[1, 1], y[1, 1])
         unknowns = self._cell_unknowns(i, j)
-        self.stiffness = self._sum(unknowns, d * stiffness)
+        self.stiffness = self._sum(unknowns, stiffness)
         self.mass = self._sum(unknowns, self.weight[i, j][:, None, None] * product(x[0, 0], y[0, 0]))
         # The mean deflection: every function's integral over the cells that are there.
         ones = np.array([1.0, 0.0, 1.0, 0.0])

@@ -9,7 +9,7 @@ shape, and its work a local compliance in series with the attachment.
 import numpy as np
 import scipy.sparse as sp
 
-from . import hermite
+from . import hermite, laminate
 from .mesh import Mesh, factor
 
 # Cells per wave: 15 where figures are held against the program's bounds, the band of the drives; beyond it, where harmonics are
@@ -35,16 +35,18 @@ COARSENING, SMALL, COARSEST = 1.5, 6000, 0.44
 
 
 def part_of(scene, x, y):
-    """(D, nu, mass per area) of the surface at a place; the weight is 0 in a cut-out."""
+    """(D11, D12, D22, D66, mass per area) of the surface at a place; the weight is 0 in a cut-out."""
     thickness, material = scene.thickness, scene.material
     for patch in scene.patches:
         if patch.x < x < patch.x + patch.length and patch.y < y < patch.y + patch.width:
             thickness, material = patch.thickness, patch.material
     if scene.in_cutout(x, y):
-        return 1.0, 0.0, 0.0
+        return 1.0, 0.0, 1.0, 0.5, 0.0
+    if scene.laminate:
+        return *scene.laminate.bending, scene.laminate.weight + scene.added_mass
     nu = material.poisson_ratio
     rigidity = material.youngs_modulus_pa * thickness**3 / (12 * (1 - nu**2))
-    return rigidity, nu, material.density_kg_m3 * thickness + scene.added_mass
+    return *laminate.isotropic(rigidity, nu), material.density_kg_m3 * thickness + scene.added_mass
 
 
 def shortest_wavelength(scene, max_hz):
@@ -52,6 +54,8 @@ def shortest_wavelength(scene, max_hz):
     parts = [(scene.thickness, scene.material)] + [(patch.thickness, patch.material) for patch in scene.patches]
     omega = 2 * np.pi * max_hz
     lengths = []
+    if scene.laminate:
+        return 2 * np.pi * (scene.laminate.softest(False) / (scene.laminate.weight * omega**2)) ** 0.25
     for thickness, m in parts:
         rigidity = m.youngs_modulus_pa * thickness**3 / (12 * (1 - m.poisson_ratio**2))
         lengths.append(2 * np.pi * (rigidity / (m.density_kg_m3 * thickness * omega**2)) ** 0.25)
@@ -94,14 +98,15 @@ class Plate:
         middle_x, middle_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
         parts = np.array([[part_of(scene, u, v) for v in middle_y] for u in middle_x])
         edges = {edge.side: (edge.kind, edge.stiffness, edge.rotational_stiffness, edge.loss_factor) for edge in scene.edges}
-        self.mesh = Mesh(x, y, parts[:, :, 0], parts[:, :, 1], parts[:, :, 2], edges)
+        self.mesh = Mesh(x, y, parts[:, :, :4], parts[:, :, 4], edges)
         self.size = self.mesh.size
 
     def mode_count(self, hz):
-        """About how many modes lie below a frequency (Weyl): area times omega sqrt(mu / D) / (4 pi)."""
+        """About how many modes lie below a frequency (Weyl): area times omega sqrt(mu / D) / (4 pi), D^-1/2 the mean over all directions."""
         mesh = self.mesh
         area = np.diff(mesh.x)[:, None] * np.diff(mesh.y)[None, :]
-        return float((area * np.sqrt(mesh.weight / mesh.rigidity)).sum() * hz / 2)
+        slowness = (1 / np.sqrt(laminate.along(mesh.bending, laminate.directions()))).mean(-1)
+        return float((area * np.sqrt(mesh.weight) * slowness).sum() * hz / 2)
 
     @property
     def stiffness(self):
@@ -188,7 +193,7 @@ class Window:
         of_x = np.searchsorted(x, (fine_x[1:] + fine_x[:-1]) / 2) - 1
         of_y = np.searchsorted(y, (fine_y[1:] + fine_y[:-1]) / 2) - 1
         pick = np.ix_(i0 + of_x, j0 + of_y)
-        self.fine = Mesh(fine_x, fine_y, mesh.rigidity[pick], mesh.poisson[pick], mesh.weight[pick], edges)
+        self.fine = Mesh(fine_x, fine_y, mesh.bending[pick], mesh.weight[pick], edges)
 
         prolonged, free = self._prolongation(mesh, inner)
         loads = np.zeros((self.fine.size, len(points)))

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from . import laminate as layered
+
 VACUUM_PERMITTIVITY_F_PER_M = 8.8541878128e-12
 
 
@@ -176,6 +178,8 @@ class Scene:
     # Sealed air behind the panel, in m, and mass of air that moves with it, in kg/m^2.
     sealed_depth: float | None = None
     added_mass: float = 0.0
+    # What its layers are together, where it has some; thickness and material are then of their height, weight and mean stiffness.
+    laminate: layered.Laminate | None = None
 
     @property
     def air_stiffness(self):
@@ -247,9 +251,21 @@ def parse(text):
     data = tomllib.loads(text)
     surface = data["surface"]
     mm = lambda table, key, default=None: float(table[key] if default is None else table.get(key, default)) * 1e-3
-    length, width, thickness = (mm(surface, key) for key in ("length_mm", "width_mm", "thickness_mm"))
+    length, width = (mm(surface, key) for key in ("length_mm", "width_mm"))
     bar = surface["kind"] == "bar"
-    material = _material(surface["material"])
+    damping = _damping(surface.get("damping", {}))
+    laminate = None
+    if "layer" in data:
+        layers = [layered.read(table) for table in data["layer"]]
+        laminate = layered.Laminate.of(layers, bar)
+        thickness = laminate.thickness
+        # For scales only.
+        material = Material(12 * laminate.softest(bar) / thickness**3, laminate.weight / thickness)
+        if any(layer.loss_factor > 0 for layer in layers):
+            damping = Damping("loss_factor", laminate.loss_factor)
+    else:
+        thickness = mm(surface, "thickness_mm")
+        material = _material(surface["material"])
     place = lambda table: {"x": mm(table, "x_mm"), "y": width / 2 if bar else mm(table, "y_mm")}
 
     screen = data.get("screen")
@@ -315,7 +331,7 @@ def parse(text):
         width=width,
         thickness=thickness,
         material=material,
-        damping=_damping(surface.get("damping", {})),
+        damping=damping,
         screen=screen,
         patches=tuple(patches),
         cutouts=tuple(cutouts),
@@ -327,6 +343,7 @@ def parse(text):
         finger=_finger(data.get("finger")),
         sealed_depth=float(air["sealed_depth_mm"]) * 1e-3 if "sealed_depth_mm" in air else None,
         added_mass=float(air.get("added_mass_kg_per_m2", 0.0)),
+        laminate=laminate,
     )
 
 

@@ -27,10 +27,11 @@ const KEYWORDS: &str = "Scene";
 /// name : str
 ///     Its name.
 /// surface : mapping
-///     `kind` ("plate" or "bar"), `length_mm`, `width_mm`, `thickness_mm`, `material`, optionally `damping`.
+///     `kind` ("plate" or "bar"), `length_mm`, `width_mm`, `thickness_mm`, `material` (both left out where there are
+///     layers), optionally `damping`.
 /// screen, press, finger, air : mapping, optional
 ///     Which pixels lie where; the press that gaps have to bear; what rests on the place that is touched; the air around.
-/// patch, cutout, support, edge, mass, actuator : sequence of mappings, optional
+/// layer, patch, cutout, support, edge, mass, actuator : sequence of mappings, optional
 ///     What there is any number of.
 ///
 /// Raises
@@ -92,7 +93,7 @@ impl PyScene {
 #[pymethods]
 impl PyScene {
     #[new]
-    #[pyo3(signature = (name, surface, *, screen=None, patch=None, cutout=None, support=None, edge=None, mass=None,
+    #[pyo3(signature = (name, surface, *, screen=None, layer=None, patch=None, cutout=None, support=None, edge=None, mass=None,
         actuator=None, press=None, finger=None, air=None))]
     #[expect(clippy::too_many_arguments, reason = "the tables of a scene file")]
     fn new<'py>(
@@ -100,6 +101,7 @@ impl PyScene {
         name: &Bound<'py, PyAny>,
         surface: &Bound<'py, PyAny>,
         screen: Option<&Bound<'py, PyAny>>,
+        layer: Option<&Bound<'py, PyAny>>,
         patch: Option<&Bound<'py, PyAny>>,
         cutout: Option<&Bound<'py, PyAny>>,
         support: Option<&Bound<'py, PyAny>>,
@@ -115,6 +117,7 @@ impl PyScene {
             ("name", Some(name)),
             ("surface", Some(surface)),
             ("screen", screen),
+            ("layer", layer),
             ("patch", patch),
             ("cutout", cutout),
             ("support", support),

@@ -33,6 +33,7 @@ fn modelled(scene: &Scene) -> String {
     let lossy = lossy.chain(scene.edges.iter().map(|edge| edge.kind.loss_factor())).filter(|loss| *loss > 0.0).count();
     let biased = scene.actuators.iter().filter(|actuator| actuator.bias_voltage_v > 0.0).count();
     let parts = [
+        (surface.layers.len(), "layers (classical laminate theory)"),
         (scene.patches.len(), "patches of other thickness or material"),
         (scene.cutouts.len(), "cut-outs"),
         (scene.supports.len(), "point supports"),

@@ -7,7 +7,7 @@ use super::progress::{with_cost, with_progress};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text, reach};
 use crate::model::{Bound, Mode, bounded_modes};
-use crate::scene::Scene;
+use crate::scene::{Laminate, Rigidities, Scene, SurfaceKind};
 use crate::study::shapes::ModeShapes;
 use crate::study::{mode_sheet, npy};
 use serde_json::json;
@@ -48,13 +48,45 @@ pub fn run(options: &Options) -> Outcome {
                 })
             })
             .collect();
-        return print_json(&json!({
+        let mut answer = json!({
             "dofs": dofs, "elapsed_ms": elapsed_ms, "tolerance": accuracy.asked(),
             "tolerance_met": Bound::are_met(&found.bounds, accuracy), "modes": list,
-        }));
+        });
+        if let Some(laminate) = scene.surface.laminate() {
+            answer["layers"] = layers_json(&scene, &laminate);
+        }
+        return print_json(&answer);
     }
-    let heading = format!("{}: {dofs} unknowns, {elapsed_ms:.0} ms", scene.name);
+    let layers = scene.surface.laminate().map_or_else(String::new, |laminate| layers_text(&scene, &laminate));
+    let heading = format!("{}: {dofs} unknowns, {elapsed_ms:.0} ms{layers}", scene.name);
     print_text(&table(&heading, modes()))
+}
+
+/// What a scene's layers are together.
+fn layers_json(scene: &Scene, laminate: &Laminate) -> serde_json::Value {
+    let Laminate { thickness_m, per_area_kg_m2, rigidities: Rigidities { d11, d12, d22, d66 }, .. } = laminate;
+    let mut layers = match scene.surface.kind {
+        SurfaceKind::Plate => json!({ "d11_n_m": d11, "d12_n_m": d12, "d22_n_m": d22, "d66_n_m": d66 }),
+        SurfaceKind::Bar => json!({ "bending_stiffness_n_m2": d11 * scene.surface.width_m }),
+    };
+    layers["thickness_mm"] = json!(thickness_m * 1e3);
+    layers["mass_kg_per_m2"] = json!(per_area_kg_m2);
+    layers["loss_factor"] = json!(laminate.loss_factor);
+    layers
+}
+
+/// The same as a line below the heading.
+fn layers_text(scene: &Scene, laminate: &Laminate) -> String {
+    let Laminate { thickness_m, per_area_kg_m2, rigidities: Rigidities { d11, d12, d22, d66 }, .. } = laminate;
+    let stiffness = match scene.surface.kind {
+        SurfaceKind::Plate => format!("D11 {d11:.4e}, D12 {d12:.4e}, D22 {d22:.4e}, D66 {d66:.4e} N m"),
+        SurfaceKind::Bar => format!("E I {:.4e} N m^2", d11 * scene.surface.width_m),
+    };
+    format!(
+        "\n{} layers, {:.4} mm: {stiffness}, {per_area_kg_m2:.4} kg/m^2",
+        scene.surface.layers.len(),
+        thickness_m * 1e3
+    )
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a size to be refused")]

@@ -4,7 +4,7 @@
 //! corners (Bogner, Fox, Schmit 1965). With the one-dimensional matrices A (bend), B (mixed), G (slope), M (mass) of
 //! [`super::shape`], the
 //! thin plate's energy D/2 * integral of w_xx^2 + w_yy^2 + 2 nu w_xx w_yy + 2 (1 - nu) w_xy^2 is assembled from
-//! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G]. Across a line between two thicknesses the functions make
+//! D [A(x)M + M(x)A + nu (B(x)B' + B'(x)B) + 2 (1 - nu) G(x)G], and that of layers likewise ([`super::sections::Bending`]). Across a line between two thicknesses the functions make
 //! w, both slopes and, at the line's nodes, w_xy continuous, as they are in the plate (w_x is, and so is its derivative along
 //! the line); w_xx across it is free to jump, as it must where the rigidity does.
 
@@ -14,7 +14,7 @@ use super::enriched::{EdgeSprings, add_singular};
 use super::fineness::Fineness;
 use super::grid::{Derivative, Grid};
 use super::mesh::Lines;
-use super::sections::Section;
+use super::sections::{Bending, Section};
 use super::shape::{CellMatrices, gauss};
 use super::sparse::{Entries, SparseVector, Symmetric};
 use crate::scene::{EdgeKind, Scene, Side};
@@ -221,13 +221,10 @@ fn surface_matrices(grid: &Grid) -> (Entries, Entries) {
             let in_y = cells(grid, y);
             for (cell_y, my) in in_y.iter().enumerate() {
                 for (cell_x, mx) in in_x.iter().enumerate() {
-                    let Some(Section { rigidity, per_area, poisson }) = grid.sections.at(cell_x, cell_y) else {
-                        continue;
-                    };
+                    let Some(section) = grid.sections.at(cell_x, cell_y) else { continue };
                     let numbers: Vec<_> = (0..n * n)
                         .map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n)))
                         .collect();
-                    let section = Section { rigidity, per_area, poisson };
                     add_plate_cell((mx, my), section, &numbers, &mut stiffness, &mut mass);
                 }
             }
@@ -246,16 +243,17 @@ fn add_plate_cell(
     mass: &mut Entries,
 ) {
     let n = x.mass.nrows();
-    let Section { rigidity, per_area, poisson } = section;
+    let Section { rigidity, per_area, bending: Bending { x: along_x, y: along_y, poisson, twist } } = section;
     for (a, rows) in numbers.chunks_exact(n).enumerate() {
         for (c, columns) in numbers.chunks_exact(n).enumerate() {
-            let (bend, slope, own) = (x.bend[(a, c)], 2.0 * (1.0 - poisson) * x.slope[(a, c)], x.mass[(a, c)]);
+            let (bend, slope, own) = (along_x * x.bend[(a, c)], twist * x.slope[(a, c)], x.mass[(a, c)]);
+            let across = along_y * own;
             let mixed = [poisson * x.mixed[(a, c)], poisson * x.mixed[(c, a)]];
             for (b, row) in rows.iter().enumerate() {
                 for (d, column) in columns.iter().enumerate() {
                     let (Some(row), Some(column)) = (row, column) else { continue };
                     let energy = bend * y.mass[(b, d)]
-                        + own * y.bend[(b, d)]
+                        + across * y.bend[(b, d)]
                         + mixed[0] * y.mixed[(d, b)]
                         + mixed[1] * y.mixed[(b, d)]
                         + slope * y.slope[(b, d)];

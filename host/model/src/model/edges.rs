@@ -30,7 +30,9 @@ const THIN: f64 = 0.02;
 /// What stiffnesses are held against.
 struct Scale {
     is_plate: bool,
+    /// The least, which springs are held against, and the largest, which says how much they give way.
     rigidity: f64,
+    stiffest: f64,
     length: f64,
 }
 
@@ -39,12 +41,17 @@ impl Scale {
         let surface = &scene.surface;
         let is_plate = surface.kind == SurfaceKind::Plate;
         let length = if is_plate { surface.length_m.min(surface.width_m) } else { surface.length_m };
-        Self { is_plate, rigidity: Waves::of(scene).softest, length }
+        let waves = Waves::of(scene);
+        Self { is_plate, rigidity: waves.softest, stiffest: waves.stiffest, length }
     }
 
     /// b / L, and on a bar EI / (k L^3).
     fn deflection(&self, stiffness: f64) -> f64 {
-        let part = self.rigidity / (stiffness * self.length.powi(3));
+        self.part(self.rigidity, stiffness)
+    }
+
+    fn part(&self, rigidity: f64, stiffness: f64) -> f64 {
+        let part = rigidity / (stiffness * self.length.powi(3));
         if self.is_plate { part.cbrt() } else { part }
     }
 
@@ -90,7 +97,7 @@ pub fn unresolved(scene: &Scene) -> f64 {
         if stiffness <= scale.rigid() {
             return slope;
         }
-        let part = scale.deflection(stiffness);
+        let part = scale.part(scale.stiffest, stiffness);
         slope + if scale.is_plate { GIVES_WAY * part * part } else { END_GIVES_WAY * part }
     };
     scene.edges.iter().map(|edge| part(&edge.kind)).sum()

@@ -6,6 +6,7 @@
 
 use super::grid::Grid;
 use super::mesh::Lines;
+use super::sections::Bending;
 use super::shape::gauss;
 use super::singular::{Jet, Singular};
 use super::sparse::Entries;
@@ -49,7 +50,7 @@ pub(super) fn add_singular(grid: &Grid, y: &Lines, stiffness: &mut Entries, mass
                 let part = part.bounds;
                 let x = Along::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
                 let y = Along::new(grid, y, cell_y, [part[2], part[3]], rule);
-                block.add(&x, &y, &active, section.poisson);
+                block.add(&x, &y, &active, section.bending);
             }
             let numbers: Vec<_> =
                 (0..n * n).map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n))).collect();
@@ -164,7 +165,7 @@ impl Block {
         [self.among[0][at], self.among[1][at]]
     }
 
-    fn add(&mut self, x: &Along, y: &Along, active: &[(usize, &Singular)], poisson: f64) {
+    fn add(&mut self, x: &Along, y: &Along, active: &[(usize, &Singular)], bending: Bending) {
         let (n, count) = (self.n, active.len());
         let zeros = || vec![0.0; count];
         let mut jets = Jets { value: zeros(), xx: zeros(), yy: zeros(), xy: zeros() };
@@ -178,9 +179,7 @@ impl Block {
                 for (e, (_, f)) in active.iter().enumerate() {
                     let Jet { value: own, xx, yy, xy, .. } = f.at(*x_m, *y_m);
                     (jets.value[e], jets.xx[e], jets.yy[e], jets.xy[e]) = (own, xx, yy, xy);
-                    let bend_x = weight * (xx + poisson * yy);
-                    let bend_y = weight * (yy + poisson * xx);
-                    let twist = weight * 2.0 * (1.0 - poisson) * xy;
+                    let [bend_x, bend_y, twist] = bending.moments(xx, yy, xy).map(|moment| weight * moment);
                     let inertia = weight * own;
                     for (a, sum) in along_x[e * n..(e + 1) * n].iter_mut().enumerate() {
                         sum[0] += second[a] * bend_x;
@@ -189,7 +188,7 @@ impl Block {
                         sum[3] += value[a] * inertia;
                     }
                 }
-                Arch::new().dispatch(AddAmong(&jets, weight, poisson, &mut self.among));
+                Arch::new().dispatch(AddAmong(&jets, weight, bending, &mut self.among));
             }
             let [value, first, second] = &y.functions[at_y];
             for (sum, out) in along_x.iter().zip(self.with_cell.chunks_exact_mut(n)) {
@@ -202,17 +201,16 @@ impl Block {
     }
 }
 
-kernel!(AddAmong<'a>(jets: &'a Jets, weight: f64, poisson: f64, sums: &'a mut [Vec<f64>; 2]) -> () = add_among);
+kernel!(AddAmong<'a>(jets: &'a Jets, weight: f64, bending: Bending, sums: &'a mut [Vec<f64>; 2]) -> () = add_among);
 
 /// Adds a point to the lower half of the functions' integrals among themselves: with hundreds of functions' rectangles times
 /// their squared number, most of the work.
 #[inline(always)]
-fn add_among(jets: &Jets, weight: f64, poisson: f64, [bend, inertia]: &mut [Vec<f64>; 2]) {
+fn add_among(jets: &Jets, weight: f64, bending: Bending, [bend, inertia]: &mut [Vec<f64>; 2]) {
     let count = jets.value.len();
     for e in 0..count {
-        let along_x = weight * (jets.xx[e] + poisson * jets.yy[e]);
-        let along_y = weight * (jets.yy[e] + poisson * jets.xx[e]);
-        let twist = weight * 2.0 * (1.0 - poisson) * jets.xy[e];
+        let moments = bending.moments(jets.xx[e], jets.yy[e], jets.xy[e]);
+        let [along_x, along_y, twist] = moments.map(|moment| weight * moment);
         let own = weight * jets.value[e];
         let (row, others) = (e * count..e * count + e + 1, ..=e);
         let curvatures = jets.xx[others].iter().zip(&jets.yy[others]).zip(&jets.xy[others]);

@@ -46,6 +46,7 @@ pub mod grid;
 pub mod levels;
 pub mod mesh;
 mod neighbours;
+mod orthotropic;
 pub mod panel;
 mod placement;
 pub mod points;
@@ -59,6 +60,7 @@ pub mod sparse;
 pub mod stored;
 mod surroundings;
 pub mod validity;
+mod wave;
 
 pub use accuracy::Accuracy;
 pub use bound::Bound;

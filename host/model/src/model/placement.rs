@@ -6,8 +6,9 @@ use super::corners::{Corner, Kind, corners, layers};
 use super::fineness::Fineness;
 use super::mesh::{Forced, Lines, MERGE};
 use super::neighbours::{Clusters, NEAR, distance, places};
-use super::sections::Waves;
-use super::singular::{Singular, Source, clamped_edge, free_edge};
+use super::orthotropic::Medium;
+use super::sections::{Section, Waves};
+use super::singular::{Singular, Source};
 use super::surroundings::{Border, SIDES, Surroundings};
 use crate::scene::{Layout, Scene, Side, SurfaceKind};
 
@@ -179,8 +180,10 @@ pub fn unresolved(scene: &Scene, fineness: Fineness) -> f64 {
     let spaces = Spaces::new(scene, &layout, fineness);
     let places = places(scene);
     if spaces.is_bar_like {
-        let part = narrow_strip(scene, fineness).unwrap_or(0.0);
-        return if places.is_empty() { 0.0 } else { GIVES_WAY * part.powi(3) };
+        let (part, waves) = (narrow_strip(scene, fineness).unwrap_or(0.0), Waves::of(scene));
+        // What gives way at a point may be softer than what bends along the strip.
+        let softer = waves.stiffest / waves.softest;
+        return if places.is_empty() { 0.0 } else { GIVES_WAY * softer * part.powi(3) };
     }
     let near = NEAR * spaces.cell_m;
     let rigidity = Waves::of(scene).softest;
@@ -320,12 +323,13 @@ impl Images {
     }
 
     fn sources(&self, around: &Surroundings, scale: f64) -> Vec<Source> {
+        let medium = Medium::of(Section::of(SurfaceKind::Plate, &around.layer).bending);
         let inside = Source::inside(around.at);
         let image = |side: Side| (inside.mirrored(side, around.end(side)).centre, around.distance(side) / scale);
-        let mut sources = vec![inside];
+        let mut sources = medium.inside(around.at);
         for side in &self.free {
             let (image, distance) = image(*side);
-            sources.push(free_edge(*side, image, distance, around.layer.material.poisson_ratio));
+            sources.extend(medium.free_edge(*side, image, distance, scale));
         }
         for side in &self.pinned {
             let mirrored: Vec<_> = sources.iter().map(|source| source.mirrored(*side, around.end(*side))).collect();
@@ -333,7 +337,7 @@ impl Images {
         }
         if let Some(side) = self.clamped {
             let (image, distance) = image(side);
-            sources.push(clamped_edge(side, image, distance));
+            sources.extend(medium.clamped_edge(side, image, distance, scale));
         }
         sources
     }

@@ -1,18 +1,76 @@
 //! What each cell is made of, and what the whole surface's waves are like.
 
 use super::mesh::Lines;
-use crate::scene::{Layer, Layout, Scene, SurfaceKind};
+use crate::scene::{Layer, Layout, Rigidities, Scene, SurfaceKind};
 
 /// What a cell is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// Flexural rigidity in N m (plate), E h^3 / (12 (1 - nu^2)), or bending stiffness in N m^2 (bar), E b h^3 / 12.
+    /// Flexural rigidity in N m (plate), E h^3 / (12 (1 - nu^2)), or bending stiffness in N m^2 (bar), E b h^3 / 12. Of layers that
+    /// differ along x and y the geometric mean of D11 and D22.
     pub rigidity: f64,
     /// Mass per area (plate) or length (bar), in kg/m^2 or kg/m.
     pub per_area: f64,
-    /// Poisson's ratio.
-    pub poisson: f64,
+    /// How a plate bends in the one direction and in the other.
+    pub bending: Bending,
 }
+
+/// A plate's rigidities over one of them: with w_xx, w_yy and w_xy twice its energy is x w_xx^2 + y w_yy^2 + 2 poisson w_xx w_yy +
+/// twist w_xy^2 times that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bending {
+    /// D11.
+    pub x: f64,
+    /// D22.
+    pub y: f64,
+    /// D12; Poisson's ratio of an isotropic plate.
+    pub poisson: f64,
+    /// 4 D66: 2 (1 - nu) of an isotropic plate.
+    pub twist: f64,
+}
+
+impl Bending {
+    /// Of a plate that is the same in all directions.
+    #[must_use]
+    pub const fn isotropic(poisson: f64) -> Self {
+        Self { x: 1.0, y: 1.0, poisson, twist: 2.0 * (1.0 - poisson) }
+    }
+
+    /// Of rigidities over one of them.
+    fn over(rigidity: f64, of: &Rigidities) -> Self {
+        let Rigidities { d11, d12, d22, d66 } = of;
+        Self { x: d11 / rigidity, y: d22 / rigidity, poisson: d12 / rigidity, twist: 4.0 * d66 / rigidity }
+    }
+
+    /// Whether it is that of an isotropic plate.
+    #[must_use]
+    pub fn is_isotropic(&self) -> bool {
+        *self == Self::isotropic(self.poisson)
+    }
+
+    /// The moments of curvatures: about the one axis, about the other, and twice the twisting one.
+    #[inline(always)]
+    pub fn moments(&self, xx: f64, yy: f64, xy: f64) -> [f64; 3] {
+        [self.x * xx + self.poisson * yy, self.y * yy + self.poisson * xx, self.twist * xy]
+    }
+
+    fn rigidities(&self) -> Rigidities {
+        Rigidities { d11: self.x, d12: self.poisson, d22: self.y, d66: 0.25 * self.twist }
+    }
+
+    /// The rigidity of the isotropic plate with as many modes: by Weyl's law a plate's count goes with the mean of 1 over its square root.
+    fn mean(&self) -> f64 {
+        let rigidities = self.rigidities();
+        let part = |k: u32| {
+            let angle = std::f64::consts::FRAC_PI_2 * (f64::from(k) + 0.5) / f64::from(DIRECTIONS);
+            1.0 / rigidities.along(angle.cos().powi(2)).sqrt()
+        };
+        ((0..DIRECTIONS).map(part).sum::<f64>() / f64::from(DIRECTIONS)).powi(-2)
+    }
+}
+
+/// Directions of a quarter turn that means are over: what is smooth around the circle converges as a power of their number.
+const DIRECTIONS: u32 = 48;
 
 impl Section {
     /// Of a layer.
@@ -20,14 +78,28 @@ impl Section {
     pub fn of(kind: SurfaceKind, layer: &Layer) -> Self {
         let nu = layer.material.poisson_ratio;
         let slab = layer.material.youngs_modulus_pa * layer.thickness_m.powi(3) / 12.0;
+        let per_area = layer.per_area_kg_m2();
         match kind {
             SurfaceKind::Plate => {
-                Self { rigidity: slab / (1.0 - nu * nu), per_area: layer.per_area_kg_m2(), poisson: nu }
+                let rigidity = slab / (1.0 - nu * nu);
+                let bending = layer.orthotropic.as_ref().map(|of| Bending::over(rigidity, of));
+                Self { rigidity, per_area, bending: bending.unwrap_or(Bending::isotropic(nu)) }
             }
-            SurfaceKind::Bar => {
-                Self { rigidity: slab * layer.width_m, per_area: layer.per_area_kg_m2() * layer.width_m, poisson: nu }
-            }
+            SurfaceKind::Bar => Self {
+                rigidity: slab * layer.width_m,
+                per_area: per_area * layer.width_m,
+                bending: Bending::isotropic(nu),
+            },
         }
+    }
+
+    /// The least rigidity against waves in any direction, the mean, and the largest.
+    fn of_waves(&self) -> [f64; 3] {
+        if self.bending.is_isotropic() {
+            return [self.rigidity; 3];
+        }
+        let [least, largest] = self.bending.rigidities().range();
+        [least, self.bending.mean(), largest].map(|part| part * self.rigidity)
     }
 }
 
@@ -77,6 +149,8 @@ pub struct Waves {
     pub slowest: f64,
     /// The least rigidity.
     pub softest: f64,
+    /// The largest.
+    pub stiffest: f64,
 }
 
 impl Waves {
@@ -85,17 +159,25 @@ impl Waves {
     pub fn of(scene: &Scene) -> Self {
         let kind = scene.surface.kind;
         let layout = scene.layout();
-        let all: Vec<(f64, Section)> = layout.layers().map(|(size, layer)| (size, Section::of(kind, &layer))).collect();
-        let least = all.iter().map(|(_, s)| s.rigidity / s.per_area).fold(f64::INFINITY, f64::min);
-        let softest = all.iter().map(|(_, s)| s.rigidity).fold(f64::INFINITY, f64::min);
-        let heaviest = all.iter().map(|(_, s)| s.per_area).fold(0.0, f64::max);
+        let all: Vec<(f64, f64, [f64; 3])> = layout
+            .layers()
+            .map(|(size, layer)| {
+                let section = Section::of(kind, &layer);
+                (size, section.per_area, section.of_waves())
+            })
+            .collect();
+        let least = all.iter().map(|(_, mass, [least, ..])| least / mass).fold(f64::INFINITY, f64::min);
+        let softest = all.iter().map(|(.., [least, ..])| *least).fold(f64::INFINITY, f64::min);
+        let stiffest = all.iter().map(|(.., [.., largest])| *largest).fold(0.0, f64::max);
+        let heaviest = all.iter().map(|(_, mass, _)| *mass).fold(0.0, f64::max);
         let (size, power) = match kind {
             SurfaceKind::Plate => (scene.surface.length_m * scene.surface.width_m, 0.5),
             SurfaceKind::Bar => (scene.surface.length_m, 0.25),
         };
         // Relative to the least, so that one layer alone loses no digit.
-        let weighted: f64 = all.iter().map(|(size, s)| size * (least * s.per_area / s.rigidity).powf(power)).sum();
-        Self { least, mean: least * (size / weighted).powf(1.0 / power), slowest: softest / heaviest, softest }
+        let weighted: f64 = all.iter().map(|(size, mass, [_, mean, _])| size * (least * mass / mean).powf(power)).sum();
+        let mean = least * (size / weighted).powf(1.0 / power);
+        Self { least, mean, slowest: softest / heaviest, softest, stiffest }
     }
 }
 

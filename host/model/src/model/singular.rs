@@ -6,6 +6,7 @@
 //! to zero where an edge demands it. What is left for the elements begins with r^6 log r. On and near an edge it is the
 //! half-plane's solution, with its mirror image; at a corner a force only twists the plate.
 
+use super::wave::Wave;
 use crate::scene::Side;
 
 /// Functions about one centre.
@@ -28,16 +29,33 @@ pub struct Jet {
     pub yy: f64,
 }
 
-/// Functions about one centre, z = n + j t = r e^(j angle) with n into the plate and t along an edge, by their parts:
-/// r^2 log r, Re(z^2 log z), Re(z log z), Re(z* log z), log r, n and 1.
+/// Functions about one centre, with n into the plate and t along an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Source {
     /// Where it is singular (m): at the attachment, or at its mirror image behind a border.
     pub centre: (f64, f64),
     /// The edge that n and t belong to.
     pub side: Side,
-    /// Parts of these functions.
-    pub parts: [f64; PARTS],
+    /// What they are.
+    pub terms: Terms,
+}
+
+/// Functions about one centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Terms {
+    /// Of isotropic plates: parts of r^2 log r, Re(z^2 log z), Re(z log z), Re(z* log z), log r, n and 1, z = n + j t = r e^(j angle).
+    Round([f64; PARTS]),
+    /// Of others.
+    Wave(Wave),
+}
+
+impl Terms {
+    fn times(self, factor: f64) -> Self {
+        match self {
+            Self::Round(parts) => Self::Round(parts.map(|part| factor * part)),
+            Self::Wave(wave) => Self::Wave(Wave { factor: factor * wave.factor, ..wave }),
+        }
+    }
 }
 
 /// Where a function lives along one direction: one at the centre, coming to zero at the ends that are blended.
@@ -116,7 +134,7 @@ pub fn free_edge(side: Side, image: (f64, f64), distance: f64, poisson: f64) -> 
     Source {
         centre: image,
         side,
-        parts: [beta, beta - alpha, slope, slope, 4.0 * beta * distance * distance, 0.0, 0.0],
+        terms: Terms::Round([beta, beta - alpha, slope, slope, 4.0 * beta * distance * distance, 0.0, 0.0]),
     }
 }
 
@@ -128,7 +146,8 @@ pub fn free_edge(side: Side, image: (f64, f64), distance: f64, poisson: f64) -> 
 pub fn clamped_edge(side: Side, image: (f64, f64), distance: f64) -> Source {
     // r^2 = |z|^2 - 4 d (n + d) + 4 d^2, and n log |z| as in `free_edge`.
     let (slope, square) = (2.0 * distance, distance * distance);
-    Source { centre: image, side, parts: [-1.0, 0.0, slope, slope, -4.0 * square, 2.0 * distance, -2.0 * square] }
+    let parts = [-1.0, 0.0, slope, slope, -4.0 * square, 2.0 * distance, -2.0 * square];
+    Source { centre: image, side, terms: Terms::Round(parts) }
 }
 
 impl Source {
@@ -140,7 +159,12 @@ impl Source {
             Side::Left | Side::Right => ((2.0 * at - x, y), across_x(self.side)),
             Side::Top | Side::Bottom => ((x, 2.0 * at - y), across_y(self.side)),
         };
-        Self { centre, side, parts: self.parts.map(|part| -part) }
+        // Mirrored across its edge n goes along, mirrored along it t is turned round.
+        let terms = match self.terms {
+            Terms::Wave(wave) if side == self.side => Terms::Wave(wave.turned()),
+            terms => terms,
+        };
+        Self { centre, side, terms: terms.times(-1.0) }
     }
 }
 
@@ -212,13 +236,13 @@ impl Source {
     /// The function that an attachment inside the plate has.
     #[must_use]
     pub fn inside(centre: (f64, f64)) -> Self {
-        Self { centre, side: Side::Left, parts: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] }
+        Self { centre, side: Side::Left, terms: Terms::Round([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) }
     }
 
     /// The same times a number.
     #[must_use]
     pub fn times(&self, factor: f64) -> Self {
-        Self { parts: self.parts.map(|part| factor * part), ..*self }
+        Self { terms: self.terms.times(factor), ..*self }
     }
 
     /// Its value at a distance from the centre in units of the scale; 0 with all derivatives at the centre.
@@ -233,55 +257,10 @@ impl Source {
             Side::Top => (y, x),
             Side::Bottom => (-y, x),
         };
-        let [round, edge, slope, turned, single, straight, constant] = self.parts;
-        let log = 0.5 * square.ln();
-        let angle = if edge == 0.0 && slope == 0.0 && turned == 0.0 { 0.0 } else { t.atan2(n) };
-        let (n2, t2) = (n * n / square, t * t / square);
-        // Each with w, w_n, w_t, w_nn, w_nt, w_tt. For w = Re W: w_n = Re W', w_t = -Im W', w_nn = -w_tt = Re W''; and the
-        // angle's derivatives are -t / r^2 and n / r^2.
-        let twice = 2.0 * log + 1.0;
-        let mut w = [
-            round * square * log,
-            round * n * twice,
-            round * t * twice,
-            round * (twice + 2.0 * n2),
-            round * 2.0 * n * t / square,
-            round * (twice + 2.0 * t2),
-        ];
-        let mut add = |part: f64, values: [f64; 6]| {
-            if part != 0.0 {
-                w.iter_mut().zip(values).for_each(|(sum, value)| *sum += part * value);
-            }
+        let [value, dn, dt, dnn, dnt, dtt] = match &self.terms {
+            Terms::Round(parts) => round_at(parts, n, t),
+            Terms::Wave(wave) => wave.at(n, t),
         };
-        let curvature = 2.0 * log + 3.0;
-        add(
-            edge,
-            [
-                (n * n - t * t) * log - 2.0 * n * t * angle,
-                n * twice - 2.0 * t * angle,
-                -t * twice - 2.0 * n * angle,
-                curvature,
-                -2.0 * angle,
-                -curvature,
-            ],
-        );
-        let (over_n, over_t) = (n / square, t / square);
-        add(slope, [n * log - t * angle, log + 1.0, -angle, over_n, over_t, -over_n]);
-        add(
-            turned,
-            [
-                n * log + t * angle,
-                log + n2 - t2,
-                angle + 2.0 * n * over_t,
-                over_n * (n2 + 5.0 * t2),
-                over_t * (t2 - 3.0 * n2),
-                over_n * (3.0 * n2 - t2),
-            ],
-        );
-        add(single, [log, over_n, over_t, (t2 - n2) / square, -2.0 * over_n * over_t, (n2 - t2) / square]);
-        add(straight, [n, 1.0, 0.0, 0.0, 0.0, 0.0]);
-        add(constant, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let [value, dn, dt, dnn, dnt, dtt] = w;
         match self.side {
             Side::Left => Jet { value, x: dn, y: dt, xx: dnn, xy: dnt, yy: dtt },
             Side::Right => Jet { value, x: -dn, y: dt, xx: dnn, xy: -dnt, yy: dtt },
@@ -289,6 +268,60 @@ impl Source {
             Side::Bottom => Jet { value, x: dt, y: -dn, xx: dtt, xy: -dnt, yy: dnn },
         }
     }
+}
+
+/// The functions of [`Terms::Round`]: value, w_n, w_t, w_nn, w_nt, w_tt; not at their centre.
+fn round_at(parts: &[f64; PARTS], n: f64, t: f64) -> [f64; 6] {
+    let square = n * n + t * t;
+    let [round, edge, slope, turned, single, straight, constant] = *parts;
+    let log = 0.5 * square.ln();
+    let angle = if edge == 0.0 && slope == 0.0 && turned == 0.0 { 0.0 } else { t.atan2(n) };
+    let (n2, t2) = (n * n / square, t * t / square);
+    // Each with w, w_n, w_t, w_nn, w_nt, w_tt. For w = Re W: w_n = Re W', w_t = -Im W', w_nn = -w_tt = Re W''; and the
+    // angle's derivatives are -t / r^2 and n / r^2.
+    let twice = 2.0 * log + 1.0;
+    let mut w = [
+        round * square * log,
+        round * n * twice,
+        round * t * twice,
+        round * (twice + 2.0 * n2),
+        round * 2.0 * n * t / square,
+        round * (twice + 2.0 * t2),
+    ];
+    let mut add = |part: f64, values: [f64; 6]| {
+        if part != 0.0 {
+            w.iter_mut().zip(values).for_each(|(sum, value)| *sum += part * value);
+        }
+    };
+    let curvature = 2.0 * log + 3.0;
+    add(
+        edge,
+        [
+            (n * n - t * t) * log - 2.0 * n * t * angle,
+            n * twice - 2.0 * t * angle,
+            -t * twice - 2.0 * n * angle,
+            curvature,
+            -2.0 * angle,
+            -curvature,
+        ],
+    );
+    let (over_n, over_t) = (n / square, t / square);
+    add(slope, [n * log - t * angle, log + 1.0, -angle, over_n, over_t, -over_n]);
+    add(
+        turned,
+        [
+            n * log + t * angle,
+            log + n2 - t2,
+            angle + 2.0 * n * over_t,
+            over_n * (n2 + 5.0 * t2),
+            over_t * (t2 - 3.0 * n2),
+            over_n * (3.0 * n2 - t2),
+        ],
+    );
+    add(single, [log, over_n, over_t, (t2 - n2) / square, -2.0 * over_n * over_t, (n2 - t2) / square]);
+    add(straight, [n, 1.0, 0.0, 0.0, 0.0, 0.0]);
+    add(constant, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    w
 }
 
 #[cfg(test)]
@@ -305,7 +338,7 @@ mod tests {
         for (k, side, x_from, y_from) in sources {
             let mut parts = [0.0; PARTS];
             parts[k] = 1.0;
-            let sources = vec![Source { centre: (0.0, 0.0), side, parts }];
+            let sources = vec![Source { centre: (0.0, 0.0), side, terms: Terms::Round(parts) }];
             let f = Singular {
                 x: reach(0.0, x_from, 0.9),
                 y: reach(0.0, y_from, 1.1),
@@ -335,7 +368,7 @@ mod tests {
         for k in 0..PARTS {
             let mut parts = [0.0; PARTS];
             parts[k] = 1.0;
-            let source = Source { centre: (0.0, 0.0), side: Side::Bottom, parts };
+            let source = Source { centre: (0.0, 0.0), side: Side::Bottom, terms: Terms::Round(parts) };
             let laplacian = |x: f64, y: f64| {
                 let jet = source.at(x, y);
                 jet.xx + jet.yy

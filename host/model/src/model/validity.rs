@@ -47,7 +47,8 @@ fn span_m(scene: &Scene) -> f64 {
 }
 
 /// About how much too high thin-plate theory has a frequency, relative: (k h)^2 (1/12 + S) / 2 for the wavenumber k, S =
-/// (1 + nu) / (6 kappa) for a bar's shear and 1 / (6 kappa (1 - nu)) for a plate's, kappa = 5/6 (Mindlin 1951, first order).
+/// (1 + nu) / (6 kappa) for a bar's shear and 1 / (6 kappa (1 - nu)) for a plate's, kappa = 5/6 (Mindlin 1951, first order). What layers have
+/// in place of h^2 / 12 and S h^2 follows from how shear is handed from one to the next; the softest of them counts most.
 fn too_high_by(scene: &Scene, max_hz: f64) -> f64 {
     let (surface, material) = (&scene.surface, &scene.surface.material);
     let (h, nu) = (surface.thickness_m, material.poisson_ratio);
@@ -57,6 +58,14 @@ fn too_high_by(scene: &Scene, max_hz: f64) -> f64 {
     };
     // k^4 = 12 rho w^2 / (E h^2), a plate's less by 1 - nu^2.
     let omega = std::f64::consts::TAU * max_hz;
+    if let Some(laminate) = surface.laminate() {
+        let least = match surface.kind {
+            SurfaceKind::Plate => laminate.rigidities.range()[0],
+            SurfaceKind::Bar => laminate.rigidities.d11,
+        };
+        let square = omega * (laminate.per_area_kg_m2 / least).sqrt();
+        return 0.5 * square * (laminate.turning_m2 + laminate.shear_m2);
+    }
     let square = h * h * omega * (12.0 * material.density_kg_m3 / (material.youngs_modulus_pa * h * h)).sqrt();
     0.5 * square * (1.0 / 12.0 + shear)
 }

@@ -14,6 +14,8 @@ pub struct Layer {
     pub width_m: f64,
     /// What it is made of.
     pub material: super::Material,
+    /// What a plate of layers resists bending with, where no such material does.
+    pub orthotropic: Option<super::Rigidities>,
     /// Mass of the air that moves with it, in kg/m^2.
     pub added_kg_m2: f64,
 }
@@ -72,6 +74,7 @@ impl Layout {
             thickness_m: surface.thickness_m,
             width_m: surface.width_m,
             material: surface.material,
+            orthotropic: surface.orthotropic(),
             added_kg_m2: surface.added_mass_kg_per_m2,
         };
         let along = |side: f64, spans: &mut dyn Iterator<Item = [f64; 2]>| {
@@ -326,6 +329,7 @@ mod tests {
             width_m: 2.0,
             thickness_m: 1e-3,
             material: GLASS,
+            layers: Vec::new(),
             damping: SurfaceDamping::None,
             added_mass_kg_per_m2: 0.0,
         };

@@ -6,6 +6,8 @@
 mod actuator;
 mod air;
 mod finger;
+mod laminate;
+mod layers;
 mod layout;
 mod parse;
 mod patch;
@@ -20,6 +22,7 @@ mod screen;
 pub use actuator::{Actuator, EPS0, Mount};
 pub use air::BULK_MODULUS_PA;
 pub use finger::Finger;
+pub use laminate::{Elastic, Laminate, Ply, Rigidities};
 pub use layout::{Layer, Layout, SAME_PLACE, Vertex};
 pub use patch::{Cutout, Patch};
 pub use place::{PlaceError, ROUNDING, SurfacePoint, along_side, evenly};
@@ -94,8 +97,10 @@ pub struct Surface {
     pub width_m: f64,
     /// In m.
     pub thickness_m: f64,
-    /// What it is made of.
+    /// What it is made of; of layers the uniform material of their weight and stiffness, [`Laminate::uniform`].
     pub material: Material,
+    /// Its layers from the bottom to the top, where it is not of one piece.
+    pub layers: Vec<Ply>,
     /// Its own damping.
     pub damping: SurfaceDamping,
     /// Mass of the air that moves with it, in kg/m^2.

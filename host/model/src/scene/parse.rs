@@ -1,8 +1,10 @@
 //! The scene file's keys and what they may be.
 
+use super::laminate::{Laminate, Ply};
+use super::layers::{layers, thickness_m};
 use super::layout::Layout;
 use super::place::ROUNDING;
-use super::ranges::{DENSITY_KG_M3, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MODULUS_PA, side_range};
+use super::ranges::{DENSITY_KG_M3, LOSS_FACTOR, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MODULUS_PA, side_range};
 use super::read::{self, Allowed, Report, SceneError, Section};
 use super::rectangles::{cutouts, patches};
 use super::{
@@ -19,8 +21,6 @@ const MOST_MASS_G: f64 = 1e12;
 const MASS_G: Allowed = Allowed::Within(0.0, MOST_MASS_G);
 /// All springs, in N/m, N m/rad and per metre: the model is tested up to 1e18.
 const STIFFNESS: Allowed = Allowed::Within(0.0, 1e20);
-/// All loss factors: the dampest rubbers have 1 to 2.
-const LOSS_FACTOR: Allowed = Allowed::Within(0.0, 2.0);
 /// All dashpots, in N s/m.
 const DAMPING: Allowed = Allowed::Within(0.0, 1e12);
 /// A finger, in g, N s/m and N/m: a hundred times what is measured on fingertips, which is more than a whole arm. Beyond it someone has mixed up
@@ -53,7 +53,8 @@ pub(super) fn scene(source: &str, text: &str) -> Result<Scene, SceneError> {
 fn whole(file: &Section<'_, '_>) -> Option<Scene> {
     file.number("version", Allowed::Within(VERSION, VERSION));
     let name = file.text("name");
-    let mut surface = file.required_table("surface").map(|section| surface(section));
+    let plies = file.tables("layer");
+    let mut surface = file.required_table("surface").map(|section| surface(section, plies));
     let (sealed_depth_m, added_mass) = file.table("air").map_or((None, 0.0), air);
     if let Some(surface) = &mut surface {
         surface.added_mass_kg_per_m2 = added_mass;
@@ -88,13 +89,27 @@ fn whole(file: &Section<'_, '_>) -> Option<Scene> {
     })
 }
 
-fn surface(section: Section<'_, '_>) -> Surface {
+fn surface(section: Section<'_, '_>, plies: Vec<Section<'_, '_>>) -> Surface {
     let kind =
         section.word("kind", &[("plate", SurfaceKind::Plate), ("bar", SurfaceKind::Bar)]).unwrap_or(SurfaceKind::Plate);
     let side = |key| section.number(key, Allowed::Within(1.0, MAX_SIDE_MM)) / 1e3;
     let (length_m, width_m) = (side("length_mm"), side("width_mm"));
-    let thickness_m = section.number("thickness_mm", THICKNESS_MM) / 1e3;
-    let material = section.required_table("material").map(|table| {
+    let layers = layers(plies, kind);
+    let own_damping = section.table("damping").map_or(SurfaceDamping::None, damping);
+    let (thickness_m, material, damping) = if layers.is_empty() {
+        (section.number("thickness_mm", THICKNESS_MM) / 1e3, material(&section, kind), own_damping)
+    } else {
+        let laminate = Laminate::of(kind, &layers);
+        let damping = damping_of_layers(&section, &layers, laminate.loss_factor, own_damping);
+        (thickness_m(&section, &layers), laminate.uniform(kind), damping)
+    };
+    section.close();
+    Surface { kind, length_m, width_m, thickness_m, material, layers, damping, added_mass_kg_per_m2: 0.0 }
+}
+
+fn material(surface: &Section<'_, '_>, kind: SurfaceKind) -> Material {
+    let nothing = Material { youngs_modulus_pa: f64::NAN, poisson_ratio: f64::NAN, density_kg_m3: f64::NAN };
+    surface.required_table("material").map_or(nothing, |table| {
         let material = Material {
             youngs_modulus_pa: table.number("youngs_modulus_pa", YOUNGS_MODULUS_PA),
             poisson_ratio: match kind {
@@ -105,19 +120,26 @@ fn surface(section: Section<'_, '_>) -> Surface {
         };
         table.close();
         material
-    });
-    let damping = section.table("damping").map_or(SurfaceDamping::None, damping);
-    section.close();
-    let nothing = Material { youngs_modulus_pa: f64::NAN, poisson_ratio: f64::NAN, density_kg_m3: f64::NAN };
-    Surface {
-        kind,
-        length_m,
-        width_m,
-        thickness_m,
-        material: material.unwrap_or(nothing),
-        damping,
-        added_mass_kg_per_m2: 0.0,
+    })
+}
+
+/// The damping of a surface whose layers may have losses, which are `loss_factor` together: of these or of the surface's own.
+fn damping_of_layers(
+    surface: &Section<'_, '_>,
+    plies: &[Ply],
+    loss_factor: f64,
+    own: SurfaceDamping,
+) -> SurfaceDamping {
+    if plies.iter().all(|ply| ply.loss_factor == 0.0) {
+        return own;
     }
+    if own != SurfaceDamping::None {
+        let text = String::from(
+            "surface.damping and loss_factor of a [[layer]] are given, but at most one of them is allowed: the layers' are the surface's",
+        );
+        surface.report().add(&surface.place("damping"), text);
+    }
+    SurfaceDamping::LossFactor(loss_factor)
 }
 
 fn damping(section: Section<'_, '_>) -> SurfaceDamping {

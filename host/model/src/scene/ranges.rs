@@ -6,7 +6,7 @@ use super::read::{Allowed, Section};
 use super::{Side, SurfaceKind};
 
 /// Largest thickness in mm; beyond it someone has mixed up units.
-const MAX_THICKNESS_MM: f64 = 100.0;
+pub(super) const MAX_THICKNESS_MM: f64 = 100.0;
 pub(super) const THICKNESS_MM: Allowed = Allowed::Within(1e-3, MAX_THICKNESS_MM);
 /// Thermodynamics allows down to -1, incompressible materials have 0.5.
 pub(super) const POISSON_RATIO: Allowed = Allowed::Between(-1.0, 0.5);
@@ -14,6 +14,8 @@ pub(super) const POISSON_RATIO: Allowed = Allowed::Between(-1.0, 0.5);
 pub(super) const YOUNGS_MODULUS_PA: Allowed = Allowed::Within(1.0, 1e18);
 /// Aerogel is near 1 kg/m^3, osmium at 2.3e4 kg/m^3; some fold a panel's dead weight into its density.
 pub(super) const DENSITY_KG_M3: Allowed = Allowed::Within(1e-3, 1e7);
+/// All loss factors: the dampest rubbers have 1 to 2.
+pub(super) const LOSS_FACTOR: Allowed = Allowed::Within(0.0, 2.0);
 
 /// What positions are checked against; not a number where the size itself is wrong.
 pub(super) struct Size {

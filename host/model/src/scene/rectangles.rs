@@ -29,6 +29,13 @@ fn span(section: &Section<'_, '_>, keys: [&'static str; 2], side_m: f64) -> (f64
 
 /// All `[[patch]]`.
 pub(super) fn patches(sections: Vec<Section<'_, '_>>, surface: Option<&Surface>, size: &Size) -> Vec<Patch> {
+    if let Some(section) = sections.first().filter(|_| surface.is_some_and(|surface| !surface.layers.is_empty())) {
+        // Which layers go on beneath it, and about which plane, it does not say.
+        let text =
+            format!("{}: a surface of [[layer]] has no [[patch]]; leave out the one or the other", section.path());
+        section.report().add(&section.place("x_mm"), text);
+        return Vec::new();
+    }
     sections.into_iter().map(|section| patch(section, surface, size)).collect()
 }
 

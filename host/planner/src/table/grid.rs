@@ -128,7 +128,10 @@ fn cell_m(scene: &Scene, max_hz: f64) -> f64 {
 pub(super) fn bending_wave_m(scene: &Scene, frequency_hz: f64) -> f64 {
     let omega = std::f64::consts::TAU * frequency_hz;
     let ratio = |layer: &Layer| {
-        layer.material.youngs_modulus_pa * layer.thickness_m.powi(2) / (12.0 * layer.material.density_kg_m3)
+        let material = &layer.material;
+        let uniform = material.youngs_modulus_pa * layer.thickness_m.powi(2) / (12.0 * material.density_kg_m3);
+        let weight = material.density_kg_m3 * layer.thickness_m;
+        layer.orthotropic.map_or(uniform, |rigidities| rigidities.range()[0] / weight)
     };
     let ratio = scene.layout().layers().map(|(_, layer)| ratio(&layer)).fold(f64::INFINITY, f64::min);
     std::f64::consts::TAU * (ratio / (omega * omega)).powf(0.25)

@@ -48,6 +48,7 @@ class Scene:
         surface: _Table,
         *,
         screen: Optional[_Table] = None,
+        layer: Optional[Sequence[_Table]] = None,
         patch: Optional[Sequence[_Table]] = None,
         cutout: Optional[Sequence[_Table]] = None,
         support: Optional[Sequence[_Table]] = None,
