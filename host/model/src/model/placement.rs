@@ -326,7 +326,7 @@ impl Images {
         let medium = Medium::of(Section::of(SurfaceKind::Plate, &around.layer).bending);
         let inside = Source::inside(around.at);
         let image = |side: Side| (inside.mirrored(side, around.end(side)).centre, around.distance(side) / scale);
-        let mut sources = medium.inside(around.at);
+        let mut sources = medium.inside(around.at, self.clamped.unwrap_or(Side::Left));
         for side in &self.free {
             let (image, distance) = image(*side);
             sources.extend(medium.free_edge(*side, image, distance, scale));
