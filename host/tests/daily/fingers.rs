@@ -1,6 +1,6 @@
 //! Fingers on a page: taps are felt, effects begin once.
 
-use crate::line::Ear;
+use crate::line::{CALM, Ear};
 use crate::support::Daemon;
 use crate::support::described::described;
 use era::device::timing::REAL_TIME;
@@ -48,7 +48,7 @@ pub fn next(socket: &mut Socket, kind: &str) -> Value {
 
 #[test]
 fn every_tap_vibrates() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let (daemon, _line) = crate::line::daemon(CALM);
     let mut socket = live(&daemon, "?send=plan");
     for i in 0..20 {
         say(&mut socket, &touch(&json!([{"id": 1, "x_px": 100 + 80 * i, "y_px": 500.0}])));
@@ -93,7 +93,7 @@ fn driven_at(ear: &Ear) -> Vec<Instant> {
 #[test]
 fn taps_that_follow_each_other_are_all_felt() {
     for stays in [json!([]), json!([{"id": 7, "x_px": 100, "y_px": 900.0}])] {
-        let (daemon, line) = crate::line::daemon(REAL_TIME);
+        let (daemon, line) = crate::line::daemon(CALM);
         let mut socket = live(&daemon, "?send=plan");
         let mut with = stays.as_array().unwrap().clone();
         if !with.is_empty() {

@@ -8,7 +8,7 @@ use era::device::client::Transport;
 use era::device::port::Port;
 use era::device::session::policy::Policy;
 use era::device::sim::{SimControl, SimDevice};
-use era::device::timing::Timing;
+use era::device::timing::{Patience, REAL_TIME, Timing};
 use era::scene::EXAMPLE_PLATE;
 use era_shared::link::{Decoder, Kind};
 use era_shared::protocol::Request;
@@ -16,6 +16,8 @@ use std::io::{ErrorKind, Read, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+/// Of one that is never late: for what is not about lateness, on a machine that may be busy.
+pub const CALM: Timing = Timing { patience: Patience::even(Duration::from_secs(10)), ..REAL_TIME };
 /// How long is waited for what comes at once.
 const WAIT: Duration = Duration::from_secs(30);
 
