@@ -90,7 +90,7 @@ fn several_targets_quiet_zones_and_options_are_taken() {
     }
     let body = r#"{"x_px": 1, "y_px": 1, "effect": "click", "to_ms": 50}"#;
     let (status, _, problem) = daemon.post("/v1/touch", body);
-    assert_eq!((status, &problem["field"]), (400, &json!("from_ms")), "{problem}");
+    assert_eq!((status, &problem["field"]), (400, &json!("to_ms")), "{problem}");
 }
 
 /// Commands, requests, their description and what a wrong request is told know the same objectives.

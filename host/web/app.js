@@ -42,6 +42,8 @@ const link = new Link({
   },
   state: showState,
   plan(message) {
+    // That one is over is seen by the state.
+    if (!message.plan) return;
     $("error").hidden = true;
     driven = message;
     showEffect(message.effect);
@@ -68,7 +70,8 @@ function showEffect(effect) {
 
 function showState(state) {
   readout.showState(state);
-  for (const channel of state.telemetry?.channels ?? []) view.setActive(channel.actuator, channel.active);
+  if (state.telemetry) for (const channel of state.telemetry.channels) view.setActive(channel.actuator, channel.active);
+  else view.setAllInactive();
   // Only a stop takes a plan away; one that has ended stays to be read.
   const played = driven?.effect && ["armed", "running"].includes(state.device.state);
   if (!state.plan && driven && !played) {

@@ -42,6 +42,10 @@ export class PanelView {
     this.draw();
   }
 
+  setAllInactive() {
+    for (const actuator of this.active.keys()) this.setActive(actuator, false);
+  }
+
   setActive(actuator, active) {
     if (this.active.get(actuator) === active) return;
     this.active.set(actuator, active);

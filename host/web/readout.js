@@ -136,6 +136,8 @@ export class Readout {
     document.body.dataset.state = "unknown";
     show("state", "device unknown");
     show("measured-g", "–");
+    this.channels = null;
+    this.showChannels();
   }
 
   showState(state) {
@@ -145,11 +147,12 @@ export class Readout {
     document.body.dataset.state = this.state;
     const words = device.connected ? (STATE_WORDS[device.state] ?? device.state ?? "device unknown") : "device not connected";
     show("state", words);
-    this.channels = telemetry?.channels ?? [];
+    this.channels = telemetry?.channels ?? null;
     this.showChannels();
     const measured = telemetry?.acceleration_peak_g ?? NaN;
     show("measured-g", fixed(measured, 3, " g"));
-    this.addToHistory(measured);
+    // The curve stops with what is known.
+    if (this.state !== "unknown") this.addToHistory(measured);
     show("kind", device.kind ?? "–");
     show("port", device.port ?? "–");
     show("firmware", device.firmware ?? "–");
@@ -170,14 +173,15 @@ export class Readout {
   }
 
   showChannels() {
-    for (const channel of this.channels ?? []) {
-      const row = $("plan-table").querySelector(`tr[data-actuator="${CSS.escape(channel.actuator ?? "")}"]`);
-      if (!row) continue;
-      const text = channel.active ? "on" : "off";
-      const under = channel.active ? `${channel.voltage_v.toFixed(0)} V` : "";
+    for (const row of $("plan-table").querySelectorAll("tr[data-actuator]")) {
+      const channel = this.channels?.find((channel) => channel.actuator === row.dataset.actuator);
+      // Of a device that is gone nobody knows what it does.
+      if (this.channels && !channel) continue;
+      const text = !channel ? "unknown" : channel.active ? "on" : "off";
+      const under = channel?.active ? `${channel.voltage_v.toFixed(0)} V` : "";
       const old = row.lastElementChild;
       if (old.dataset.shown === text + under) continue;
-      const fresh = cell(text, under, channel.active ? "on" : "");
+      const fresh = cell(text, under, channel?.active ? "on" : "");
       fresh.dataset.shown = text + under;
       old.replaceWith(fresh);
     }

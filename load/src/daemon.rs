@@ -25,6 +25,8 @@ pub struct Plan {
     pub socket: PathBuf,
     /// Where it keeps its tables.
     pub cache: PathBuf,
+    /// Whether the next touch clears a silence that the board has latched: where such are made on purpose.
+    pub clears_silence: bool,
 }
 
 /// A running daemon; it is killed when this is dropped.
@@ -54,7 +56,10 @@ impl Daemon {
     /// [`Error::System`], [`Error::NoDaemon`].
     pub fn start(plan: &Plan) -> Result<Self, Error> {
         let mut command = Command::new(&plan.program);
-        command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast", "--clear-silence"]);
+        command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", "fast"]);
+        if plan.clears_silence {
+            command.arg("--clear-silence");
+        }
         // There is no person: the next touch arms a board that was away.
         command.args(["--after-outage", "touch"]);
         command.arg("--device").arg(&plan.device).arg("--socket").arg(&plan.socket);

@@ -31,6 +31,8 @@ pub struct Answer {
     pub status: u16,
     /// As it came.
     pub body: Vec<u8>,
+    /// Whether the connection ends with it.
+    pub closes: bool,
 }
 
 impl Answer {
@@ -86,7 +88,7 @@ impl Http {
             stream.get_mut().write_all(format!("{head}Content-Length: {length}\r\n\r\n{body}").as_bytes())?;
             answer(stream)
         });
-        if result.is_err() {
+        if result.as_ref().map_or(true, |answer| answer.closes) {
             self.stream = None;
         }
         result
@@ -128,7 +130,7 @@ fn answer(stream: &mut impl BufRead) -> io::Result<Answer> {
         return Err(ErrorKind::UnexpectedEof.into());
     }
     let status = line.split(' ').nth(1).and_then(|status| status.parse().ok()).ok_or_else(|| bad("no status line"))?;
-    let mut length = 0;
+    let (mut length, mut closes) = (0, false);
     loop {
         line.clear();
         if stream.read_line(&mut line)? == 0 {
@@ -138,13 +140,14 @@ fn answer(stream: &mut impl BufRead) -> io::Result<Answer> {
         if name.eq_ignore_ascii_case("content-length") {
             length = value.trim().parse().map_err(|_| bad("no content length"))?;
         }
+        closes |= name.eq_ignore_ascii_case("connection") && value.trim().eq_ignore_ascii_case("close");
     }
     if length > MOST_BYTES {
         return Err(bad("a body that is too long"));
     }
     let mut body = vec![0; length];
     stream.read_exact(&mut body)?;
-    Ok(Answer { status, body })
+    Ok(Answer { status, body, closes })
 }
 
 /// The value of a metric in Prometheus text.

@@ -147,6 +147,7 @@ pub fn run(options: &Options) -> Result<(), Error> {
         device: link,
         socket: socket.clone(),
         cache: folder.path().join("cache"),
+        clears_silence: true,
     };
     let echo = Echo::start(folder.path().join("echo.sock"))?;
     let daemon = Daemon::start(&plan)?;

@@ -372,6 +372,14 @@ mod tests {
     }
 
     #[test]
+    fn of_a_board_that_is_gone_nothing_is_told_as_if_it_were_there() {
+        let device =
+            json!({"kind": "serial", "port": "/dev/ttyACM0", "state": null, "connected": false, "problem": "silent"});
+        let text = state_text(&json!({"device": device, "telemetry": null}));
+        assert_eq!(text, "device serial at /dev/ttyACM0: unknown (not connected: silent)");
+    }
+
+    #[test]
     fn an_effect_is_told_with_its_own_drives() {
         let drive = |volts: f64| json!([{"actuator": "left", "frequency_hz": 268.0, "voltage_v": volts}]);
         let mut answer = json!({

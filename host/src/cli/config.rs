@@ -2,6 +2,7 @@
 
 use super::args::Serve;
 use super::config_keys::{Given, KEYS, Key};
+use super::serve;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::device::Target;
 use clap::{Args, Subcommand};
@@ -188,6 +189,16 @@ impl ConfigFile {
         joined
     }
 
+    /// What keeps the daemon from starting with this file alone, with the lines that it is about.
+    #[must_use]
+    pub fn start_mistakes(&self) -> Vec<Mistake> {
+        let of = |(key, text): (&str, String)| {
+            let line = self.settings.iter().find(|setting| setting.key.name == key).map_or(0, |setting| setting.line);
+            Mistake { line, text }
+        };
+        serve::mistakes(&self.under(&Serve::default())).into_iter().map(of).collect()
+    }
+
     /// That the file leads to the simulated device, if it does.
     #[must_use]
     pub fn simulated(&self) -> Option<&'static str> {
@@ -309,6 +320,7 @@ fn check(options: &ConfigCheck) -> Outcome {
                 file.settings.iter().find(|setting| setting.key.name == "scene").map_or(0, |setting| setting.line);
             found.mistakes.push(Mistake { line, text });
         }
+        found.mistakes.extend(found.file.start_mistakes());
         found.sound()
     });
     let file = match found {

@@ -1,7 +1,7 @@
 //! `era doctor`: finds out, judges, and prints.
 
 use super::args::Serve;
-use super::client::{patient_agent, token_in};
+use super::client::{patient_agent, token_in, trusted};
 use super::config::ConfigFile;
 use super::values::parse_url;
 use super::{Failure, Outcome, print_json, print_text};
@@ -125,6 +125,7 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
         realtime: machine::realtime(root),
         chosen,
         address: url.split_once("://").map_or(url.as_str(), |(_, place)| place).to_owned(),
+        is_address_named: options.url.is_some(),
         daemon,
         config,
         scene,
@@ -141,8 +142,8 @@ fn ask(options: &Doctor, serve: &Serve) -> Result<(String, Daemon), Failure> {
         .unwrap_or_else(|| format!("{}://{}", if speaks_tls { "https" } else { "http" }, daemon::reached(listen)));
     let made = serve.tls_dir.as_ref().map(|folder| folder.join(CERTIFICATE));
     let configured = made.or_else(|| serve.tls_cert.clone());
-    // A certificate of the configuration that is not there, or not for this user, need not be: it is said what is missing.
-    let ca = options.ca.clone().or_else(|| configured.filter(|file| std::fs::File::open(file).is_ok()));
+    // A certificate of the configuration that is not there, not for this user, or none need not be: it is said what is missing.
+    let ca = options.ca.clone().or_else(|| configured.filter(|file| trusted(Some(file)).is_ok()));
     let agent = patient_agent(ca.as_deref(), daemon::ANSWER)?;
     let token = match (&options.token_file, &serve.token_file) {
         (Some(named), _) => token_in(Some(named))?,
@@ -164,7 +165,10 @@ fn is_same(a: &str, b: &str) -> bool {
 fn configuration(options: &Doctor) -> (Option<File>, Serve) {
     let Some(path) = &options.config else { return (None, Serve::default()) };
     let (mistake, serve) = match ConfigFile::read(path) {
-        Ok(file) => (None, file.under(&Serve::default())),
+        Ok(file) => {
+            let mistakes: Vec<String> = file.start_mistakes().into_iter().map(|mistake| mistake.text).collect();
+            ((!mistakes.is_empty()).then(|| mistakes.join("; ")), file.under(&Serve::default()))
+        }
         Err(error) => (Some(error.to_string()), Serve::default()),
     };
     (Some(File { path: path.display().to_string(), mistake }), serve)

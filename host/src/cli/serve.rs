@@ -11,9 +11,12 @@ use crate::device::{OpenDevice, SessionError, Target};
 use crate::planner::cache::{Origin, Prepared};
 use crate::planner::{Plan, PlanTable, Target as TouchTarget};
 use crate::private_file;
+use std::io::ErrorKind;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use tokio::net::TcpListener;
 
 /// Name of the daemon's socket in the user's folder for such.
 const SOCKET: &str = "era.sock";
@@ -24,10 +27,15 @@ const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 pub fn run(options: &Serve, started: Instant) -> Outcome {
     let options = &config::joined(options)?;
     let (scene, text) = options.panel.load_text()?;
+    // Before anything is written.
+    if let Some((_, mistake)) = mistakes(options).into_iter().next() {
+        return Err(Failure::Usage(mistake));
+    }
     let access = access(options)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::failed)?;
-    // A port in use is told before the panel is computed.
-    let listeners = runtime.block_on(listeners(options, &access))?;
+    // A port in use is told before the panel is computed, or a certificate made.
+    let has_tokens = !access.tokens.is_empty();
+    let port = runtime.block_on(Listener::port(address(options)?, has_tls(options), has_tokens)).map_err(refused)?;
     let recorder = match &options.record {
         None => None,
         Some(path) => Some(Recorder::start(path, &scene.name).map_err(|error| {
@@ -35,6 +43,8 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
             Failure::Usage(format!("--record {}: {error}; {advice}", path.display()))
         })?),
     };
+    // In the runtime, in which sockets are opened.
+    let listeners = runtime.block_on(async { listeners(options, port) })?;
     let urls: Vec<String> = listeners.iter().map(|listener| usable(&listener.url(), &options.allow_host)).collect();
     let prepared = prepared_table(&options.panel, options.keep, &scene)?;
     tracing::info!("{}", account(&prepared));
@@ -119,14 +129,54 @@ fn access(options: &Serve) -> Result<Access, Failure> {
     Ok(Access { origins, hosts, tokens, ..Access::default() })
 }
 
-/// Where to listen.
-async fn listeners(options: &Serve, access: &Access) -> Result<Vec<Listener>, Failure> {
-    let refused = |error: ListenError| match error {
+fn refused(error: ListenError) -> Failure {
+    match error {
         ListenError::Open { .. } | ListenError::Tls { .. } => Failure::Usage(error.to_string()),
         _ => Failure::failed(error),
+    }
+}
+
+fn address(options: &Serve) -> Result<SocketAddr, Failure> {
+    options.listen.map_or_else(|| DEFAULT_LISTEN.parse().map_err(Failure::failed), Ok)
+}
+
+const fn has_tls(options: &Serve) -> bool {
+    options.tls_dir.is_some() || (options.tls_cert.is_some() && options.tls_key.is_some())
+}
+
+/// What keeps the daemon from starting with these options, each with its key: all that can be told without listening or writing anything.
+/// Of files that are not for this user nothing is said: a service may be given them by its manager.
+pub fn mistakes(options: &Serve) -> Vec<(&'static str, String)> {
+    let mut all = Vec::new();
+    let is_anothers =
+        |path: &Path| std::fs::File::open(path).is_err_and(|error| error.kind() == ErrorKind::PermissionDenied);
+    if options.token_file.as_ref().is_some_and(|path| !is_anothers(path))
+        && let Err(Failure::Usage(text) | Failure::Failed(text)) = access(options)
+    {
+        all.push(("token_file", text));
+    }
+    let files = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
+        (Some(certificate), Some(key), _) => Ok(Some(TlsFiles { certificate: certificate.clone(), key: key.clone() })),
+        (.., Some(folder)) => TlsFiles::found_in(folder),
+        _ => Ok(None),
     };
-    let address = options.listen.map_or_else(|| DEFAULT_LISTEN.parse().map_err(Failure::failed), Ok)?;
-    let has_tokens = !access.tokens.is_empty();
+    let usable = files.and_then(|files| match files {
+        Some(files) if ![&files.certificate, &files.key].into_iter().any(|path| is_anothers(path)) => files.check(),
+        _ => Ok(()),
+    });
+    if let Err(error) = usable {
+        all.push((if options.tls_dir.is_some() { "tls_dir" } else { "tls_cert" }, error.to_string()));
+    }
+    let open = address(options).map(|address| Listener::check(address, has_tls(options), options.token_file.is_some()));
+    if let Ok(Err(error)) = open {
+        all.push(("listen", error.to_string()));
+    }
+    all
+}
+
+/// Where to listen, beside the port that there is.
+fn listeners(options: &Serve, port: TcpListener) -> Result<Vec<Listener>, Failure> {
+    let address = address(options)?;
     let tls = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => {
             let files = TlsFiles { certificate: certificate.clone(), key: key.clone() };
@@ -147,7 +197,7 @@ async fn listeners(options: &Serve, access: &Access) -> Result<Vec<Listener>, Fa
         }
         _ => None,
     };
-    let mut all = vec![Listener::tcp(address, tls.as_ref(), has_tokens).await.map_err(refused)?];
+    let mut all = vec![Listener::over(port, tls.as_ref()).map_err(refused)?];
     #[cfg(unix)]
     match &options.socket {
         Some(path) if path.as_os_str() == "none" => {}

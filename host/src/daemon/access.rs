@@ -59,6 +59,10 @@ impl Role {
 #[derive(Clone, Copy, Debug)]
 pub struct Owner;
 
+/// What the listener speaks over which a request has come, as origins name it.
+#[derive(Clone, Copy, Debug)]
+pub struct Scheme(pub &'static str);
+
 /// A secret and what it opens.
 #[derive(Clone)]
 pub struct Token {
@@ -162,7 +166,12 @@ impl Access {
     }
 
     /// Whether the request comes from where it may.
-    fn check_source(&self, method: &Method, headers: &HeaderMap) -> Result<Option<HeaderValue>, Problem> {
+    fn check_source(
+        &self,
+        method: &Method,
+        headers: &HeaderMap,
+        scheme: Option<Scheme>,
+    ) -> Result<Option<HeaderValue>, Problem> {
         let host = text(headers, &header::HOST)?;
         // A name that someone else's DNS may point here is not ours, whatever page it comes from ("DNS rebinding").
         if let Some(host) = host
@@ -185,7 +194,10 @@ impl Access {
             if self.origins.iter().any(|known| known.eq_ignore_ascii_case(origin)) {
                 return Ok(headers.get(header::ORIGIN).cloned());
             }
-            if origin.split_once("://").is_none_or(|(_, authority)| Some(authority) != host) {
+            let is_own = |(scheme_of, authority): (&str, &str)| {
+                Some(authority) == host && scheme.is_none_or(|Scheme(own)| scheme_of.eq_ignore_ascii_case(own))
+            };
+            if !origin.split_once("://").is_some_and(is_own) {
                 self.strangers.tell(origin);
                 return Err(foreign(&format!("pages of {origin}")));
             }
@@ -265,7 +277,7 @@ impl Access {
 
 /// Lets a request through, or says why not.
 pub async fn check(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
-    let origin = match access.check_source(request.method(), request.headers()) {
+    let origin = match access.check_source(request.method(), request.headers(), request.extensions().get().copied()) {
         Ok(origin) => origin,
         Err(problem) => return problem.into_response(),
     };
@@ -433,7 +445,7 @@ mod tests {
             for (name, value) in headers {
                 map.append(*name, HeaderValue::from_bytes(value).unwrap());
             }
-            access.check_source(method, &map)
+            access.check_source(method, &map, Some(Scheme("http")))
         };
         let good: &[&[(&'static str, &[u8])]] = &[
             &[("host", b"127.0.0.1:7878")],
@@ -450,6 +462,7 @@ mod tests {
             &[("host", b"elsewhere.example")],
             &[("host", b"localhost.elsewhere.example:7878")],
             &[("host", b"127.0.0.1:7878"), ("origin", b"http://127.0.0.1:9999")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"https://127.0.0.1:7878")],
             &[("host", b"127.0.0.1:7878"), ("origin", b"null")],
             &[("host", b"127.0.0.1:7878"), ("origin", b"https://kiosk.example.evil")],
             &[("host", b"127.0.0.1:7878"), ("sec-fetch-site", b"cross-site")],

@@ -50,6 +50,8 @@ pub enum Update {
     Plan(Arc<Active>),
     /// Everything was stopped.
     Stopped,
+    /// The plan ends sooner than it was to.
+    Ends,
 }
 
 /// What a touch has led to.
@@ -76,13 +78,22 @@ impl Touched {
     }
 }
 
+/// What a touch was asked for under: none of that may have happened when it is driven.
+#[derive(Clone, Copy, Debug)]
+pub struct Since {
+    /// `Session::stops` at its arrival.
+    pub stops: u64,
+    /// `Snapshot::breaks` then, for what begins later or goes on anew.
+    pub breaks: Option<u64>,
+}
+
 /// An even drive that is looked after for as long as it is held.
 #[derive(Clone, Debug)]
 pub struct Held {
     /// Its drives are the last that have begun for as long as this is what `Turn::drives` said.
     pub begun: u64,
-    /// `Session::stops` when it was asked for.
-    pub stops: u64,
+    /// When it was asked for.
+    pub since: Since,
     /// The plan first made.
     pub whole: Plan,
     /// The part of its forces that the channels' credit allows ([`super::thin`]).

@@ -25,6 +25,8 @@ const RETRY_MS: u64 = 20;
 const MOST_BY_HAND: usize = 8;
 /// When to come again with one of these, in ms: one more is done by then.
 const BY_HAND_RETRY_MS: u64 = 100;
+/// Most that may wait for what can be had instead: one is worked out at a time, for up to some seconds.
+const MOST_TRADES: usize = 4;
 /// Requests whose outcome is kept.
 const KEPT: usize = 256;
 /// Longest name that a client may give to a request.
@@ -36,6 +38,7 @@ pub struct Admission {
     last_id: AtomicU64,
     planner: Arc<Places>,
     by_hand: Arc<Places>,
+    trades: Arc<Places>,
     refused: AtomicU64,
     known: Mutex<VecDeque<Known>>,
 }
@@ -61,6 +64,7 @@ impl Default for Admission {
             last_id: AtomicU64::new(0),
             planner: Places::new(AT_ONCE, MOST_WAITING),
             by_hand: Places::new(1, MOST_BY_HAND),
+            trades: Places::new(1, MOST_TRADES),
             refused: AtomicU64::new(0),
             known: Mutex::new(VecDeque::with_capacity(KEPT)),
         }
@@ -101,6 +105,11 @@ impl Admission {
     pub async fn place_by_hand(&self, client: Client) -> Result<Place, Problem> {
         let wait = "wait to arm or to clear a fault";
         self.by_hand.take(client).await.map_err(|full| self.full(full, wait, BY_HAND_RETRY_MS))
+    }
+
+    /// A place for working out what can be had instead; `None` if too many wait.
+    pub async fn place_for_trade(&self, client: Client) -> Option<Place> {
+        self.trades.take(client).await.ok()
     }
 
     fn full(&self, Full { waiting }: Full, wait: &str, retry_ms: u64) -> Problem {

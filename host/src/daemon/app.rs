@@ -1,12 +1,13 @@
 //! What a touch needs, and what it does.
 
 use super::access::Access;
-use super::active::{Active, Held, Touched, Update};
+use super::active::{Held, Since, Touched, Update};
 use super::admission::Admission;
 use super::answers::scene::SceneView;
-use super::answers::touched::{Achieved, PlayedEffect};
+use super::answers::touched::Achieved;
 use super::asked::Asked;
 use super::client::Client;
+use super::current::Shown;
 use super::limits::Limits;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
@@ -16,7 +17,7 @@ use super::studies::Studies;
 use super::thin::Thinned;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
-use super::view::{PlanView, TouchView};
+use super::view::TouchView;
 use crate::device::convert::to_wire;
 use crate::device::session::policy::{Needs, Policy};
 use crate::device::sim::SimControl;
@@ -35,6 +36,10 @@ use tokio::sync::{Semaphore, broadcast, watch};
 
 /// Pages' sockets at once.
 pub const SOCKETS: usize = 64;
+/// Between two looks whether the session that is to answer still lives.
+const LOOK: Duration = Duration::from_millis(250);
+/// Longest wait for the last stop's answer: a board that is silent has been told by then.
+const LAST_STOP: Duration = Duration::from_secs(1);
 /// Events kept for a slow page before it misses some.
 const EVENTS: usize = 16;
 
@@ -59,20 +64,18 @@ pub struct App {
     pub admission: Admission,
     /// Places for pages' sockets.
     pub sockets: Arc<Semaphore>,
-    /// Held by whoever looks for what can be had instead.
-    pub(super) trades: tokio::sync::Mutex<()>,
     pub(super) session: Session,
     previews: Previews,
     /// Small design studies.
     pub studies: Studies,
     sim: Option<SimControl>,
-    /// The last plan and when its drive ends.
-    pub(super) active: Mutex<Option<(Arc<Active>, Instant)>>,
+    /// The last plan.
+    pub(super) active: Mutex<Option<Shown>>,
     pub(super) turns: Turns,
     /// What is looked after ([`super::tend`]).
     pub(super) held: watch::Sender<Option<Held>>,
     pub(super) tends: AtomicBool,
-    updates: broadcast::Sender<Update>,
+    pub(super) updates: broadcast::Sender<Update>,
     closing: watch::Sender<bool>,
 }
 
@@ -135,7 +138,6 @@ impl App {
             limits: Limits::default(),
             admission: Admission::default(),
             sockets: Arc::new(Semaphore::new(SOCKETS)),
-            trades: tokio::sync::Mutex::default(),
             session: Session::start(device, Needs { max_voltages_v }, policy)?,
             previews: Previews::new(scene_toml.clone()),
             studies: Studies::new(scene_toml),
@@ -154,6 +156,24 @@ impl App {
     #[must_use]
     pub fn device(&self) -> watch::Receiver<Snapshot> {
         self.session.snapshots()
+    }
+
+    /// What is known of the device now.
+    #[must_use]
+    pub fn known(&self) -> Snapshot {
+        self.session.known()
+    }
+
+    /// Waits for the session's answer, and no longer than its thread shows that it lives.
+    async fn answered<T>(&self, answer: impl Future<Output = Result<T, SessionError>>) -> Result<T, SessionError> {
+        let mut answer = std::pin::pin!(answer);
+        loop {
+            match tokio::time::timeout(LOOK, &mut answer).await {
+                Ok(answer) => return answer,
+                Err(_) if self.session.hangs() => return Err(SessionError::Hangs),
+                Err(_) => {}
+            }
+        }
     }
 
     /// Writes a line down, where that is wanted.
@@ -198,22 +218,13 @@ impl App {
     pub async fn close(&self) {
         self.closing.send_replace(true);
         self.studies.stop();
-        if let Err(error) = self.stop().await {
+        let problem = match tokio::time::timeout(LAST_STOP, self.stop()).await {
+            Ok(result) => result.err(),
+            Err(_) => Some(SessionError::Hangs),
+        };
+        if let Some(error) = problem {
             tracing::warn!(%error, "could not stop the device on leaving; its dead-man timer does it");
         }
-    }
-
-    /// The plan that is being driven.
-    #[must_use]
-    pub fn active(&self) -> Option<Arc<Active>> {
-        self.active_until().map(|(plan, _)| plan)
-    }
-
-    /// The same with when it ends.
-    fn active_until(&self) -> Option<(Arc<Active>, Instant)> {
-        let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
-        active.take_if(|(_, until)| Instant::now() >= *until);
-        active.clone()
     }
 
     /// [`Turns::again`].
@@ -235,6 +246,11 @@ impl App {
     #[must_use]
     pub fn stops(&self) -> u64 {
         self.session.stops()
+    }
+
+    /// [`Snapshot::breaks`].
+    pub fn breaks(&self) -> u64 {
+        self.session.snapshots().borrow().breaks
     }
 
     /// Plans for a touch, the request `id` of `client`, with all that belongs to it, and drives it unless everything was
@@ -289,6 +305,7 @@ impl App {
         if *self.closing.borrow() {
             return Err(SessionError::Closed.into());
         }
+        let breaks = self.breaks();
         let place = self.admission.place(client).await?;
         // Whoever has waited may not be wanted any more.
         self.turns.check(id)?;
@@ -296,12 +313,14 @@ impl App {
             return Err(SessionError::Stopped.into());
         }
         if let Some(spans) = &asked.spans {
-            return self.in_stretches(place, id, asked, spans.clone(), stops).await;
+            let since = Since { stops, breaks: Some(breaks) };
+            return self.in_stretches(client, place, id, asked, spans.clone(), since).await;
         }
         let plan = tokio::task::block_in_place(|| self.plan(asked, &asked.request))?;
         drop(place);
-        let driven = self.driven(id, stops, plan.clone(), &asked.touches, asked.manner).await?;
-        let trade = self.trade(asked, &asked.request, &plan).await;
+        let since = Since { stops, breaks: None };
+        let driven = self.driven(id, since, plan.clone(), &asked.touches, asked.manner).await?;
+        let trade = self.trade(client, id, asked, &asked.request, &plan).await;
         Ok(Touched { trade, ..driven })
     }
 
@@ -309,7 +328,7 @@ impl App {
     pub(super) async fn driven(
         self: &Arc<Self>,
         id: u64,
-        stops: u64,
+        since: Since,
         plan: Plan,
         touches: &[TouchView],
         manner: Manner,
@@ -317,7 +336,7 @@ impl App {
         // One at a time, and what has been driven is not overtaken by a stretch of something older.
         let board = || board(&self.session.snapshots().borrow());
         let release = |older: u64| self.release(older, Instant::now());
-        let is_stopped = || self.session.stops() != stops;
+        let is_stopped = || self.session.stops() != since.stops;
         let whole = plan.clone();
         let (thin, (plan, prepared)) = tokio::task::block_in_place(|| {
             let prepared = self.prepared(&plan, 1.0, manner)?;
@@ -329,13 +348,17 @@ impl App {
         if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
             sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
         }
-        let Begun { device, until, begun } = self.begun(&turn, stops, &plan, &prepared).await?;
+        let breaks = since.breaks.or_else(|| Some(self.breaks()));
+        let Begun { device, until, begun } = self.begun(&turn, since, &plan, &prepared).await?;
         let device = device.delayed(turn.delayed());
         drop(turn);
         let active = self.shown(id, plan, touches, device.effect().cloned(), Thinned::by_credit(thin));
-        let is_shown = self.activate(&active, until, stops)?;
+        let is_shown = self.activate(&active, until, since.stops).inspect_err(|_| {
+            // The stop came after the board's answer: what was entered since then is not driven.
+            self.turns.end_of(id, Instant::now());
+        })?;
         if matches!(manner, Manner::Hold(_)) && is_shown {
-            self.tend(Held { begun, stops, whole, thin, part, active: Arc::clone(&active) });
+            self.tend(Held { begun, since: Since { breaks, ..since }, whole, thin, part, active: Arc::clone(&active) });
         }
         Ok(Touched { active, device, stretches: None, trade: None, is_shown })
     }
@@ -344,31 +367,32 @@ impl App {
     pub(super) async fn begun(
         &self,
         turn: &Turn<'_>,
-        stops: u64,
+        since: Since,
         plan: &Plan,
         prepared: &Prepared,
     ) -> Result<Begun, Problem> {
         let Prepared { motion, kind } = prepared;
         let planned = prepared.drives(plan);
-        let id = turn.id();
+        let (id, Since { stops, breaks }) = (turn.id(), since);
         let begun = match kind {
             Kind::Hold(hold) => {
                 let drives = on_channels(&plan.drives).iter().map(to_wire).collect();
-                let order = DriveOrder { id, stops, drives, hold: *hold, from_zero: turn.is_soft() };
-                let mut driven = self.session.drive(order.clone()).await;
+                let order = DriveOrder { id, stops, breaks, drives, hold: *hold, from_zero: turn.is_soft() };
+                let mut driven = self.answered(self.session.drive(order.clone())).await;
                 // A burst of before this daemon's time, or of drives that it does not look after.
                 if let Err(SessionError::Link(LinkError::Refused(Refusal::Duty { wait_ms, .. }))) = &driven
                     && *wait_ms <= REST_MS
                 {
                     tokio::time::sleep(Duration::from_millis(u64::from(*wait_ms) + 1)).await;
-                    driven = self.session.drive(order).await;
+                    driven = self.answered(self.session.drive(order)).await;
                 }
                 driven.map(|driven| (Achieved::new(plan, &driven.achieved), Instant::now() + *hold))
             }
             Kind::Effect(design) => {
                 let drives = design.wire_drives().iter().map(to_wire).collect();
                 let effects = design.drives.iter().map(|drive| drive.effect.clone()).collect();
-                let played = self.session.play(EffectOrder { id, stops, drives, effects, start: None }).await;
+                let order = EffectOrder { id, stops, drives, effects, start: None };
+                let played = self.answered(self.session.play(order)).await;
                 played.map(|played| (Achieved::played(plan, design, &played), played.start + played.length))
             }
         };
@@ -399,68 +423,7 @@ impl App {
         }
     }
 
-    /// A plan as it is shown.
-    pub(super) fn shown(
-        &self,
-        id: u64,
-        plan: Plan,
-        touches: &[TouchView],
-        effect: Option<PlayedEffect>,
-        thinned: Option<Thinned>,
-    ) -> Arc<Active> {
-        tokio::task::block_in_place(|| {
-            let plan = PlanView::new(&self.table, plan).thinned(thinned);
-            Arc::new(Active::new(id, plan, touches.to_vec(), effect))
-        })
-    }
-
-    /// Shows a plan as the current one, unless everything was stopped or something newer was driven meanwhile; says whether it did.
-    pub(super) fn activate(&self, plan: &Arc<Active>, until: Instant, stops: u64) -> Result<bool, SessionError> {
-        {
-            let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
-            // Under the lock: `stop` counts first and takes the plan away afterwards.
-            if self.session.stops() != stops {
-                return Err(SessionError::Stopped);
-            }
-            if active.as_ref().is_some_and(|(known, _)| known.id > plan.id) {
-                return Ok(false);
-            }
-            *active = Some((Arc::clone(plan), until));
-        }
-        // Nobody listening is no error.
-        let _ = self.updates.send(Update::Plan(Arc::clone(plan)));
-        Ok(true)
-    }
-
-    /// When what is shown ends; `None` if it has ended or something else is shown.
-    pub(super) fn until(&self, shown: &Arc<Active>) -> Option<Instant> {
-        self.active_until().filter(|(active, _)| Arc::ptr_eq(active, shown)).map(|(_, until)| until)
-    }
-
-    /// Shows `newer` in place of what is shown, until the same time; `None` if that has ended or something else is shown.
-    pub(super) fn replace(&self, shown: &Arc<Active>, newer: &Arc<Active>) -> Option<Instant> {
-        let until = {
-            let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
-            let (active, until) = active.as_mut().filter(|(active, _)| Arc::ptr_eq(active, shown))?;
-            *active = Arc::clone(newer);
-            *until
-        };
-        let _ = self.updates.send(Update::Plan(Arc::clone(newer)));
-        Some(until)
-    }
-
-    /// Ends the drive of plan `id` at `when`: its fingers have been lifted.
-    pub fn release(&self, id: u64, when: Instant) {
-        if let Some((plan, until)) = self.active.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
-            && plan.id == id
-        {
-            *until = (*until).min(when);
-        }
-        self.session.end_at(id, when);
-        self.turns.end_of(id, when);
-    }
-
-    /// Everything off.
+    /// Everything off. What is asked for once this has been polled comes after it.
     ///
     /// # Errors
     /// [`SessionError`]; the board was told to all the same where there was a port, and goes off 250 ms after the last frame that it heard.
@@ -469,13 +432,15 @@ impl App {
         let mut stopping = std::pin::pin!(self.session.stop());
         let at_once = std::future::poll_fn(|context| Poll::Ready(stopping.as_mut().poll(context))).await;
         self.turns.stop();
+        self.turns.drop_waiting();
         let result = match at_once {
             Poll::Ready(result) => result,
-            Poll::Pending => stopping.await,
+            Poll::Pending => self.answered(stopping).await,
         };
         self.note("stopped", || serde_json::json!({"problem": result.as_ref().err().map(ToString::to_string)}));
-        self.turns.drop_waiting();
-        *self.active.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        // One that was asked for after it stays.
+        let is_older = |shown: &mut Shown| shown.stops != self.session.stops();
+        self.active.lock().unwrap_or_else(PoisonError::into_inner).take_if(is_older);
         let _ = self.updates.send(Update::Stopped);
         result
     }
@@ -491,7 +456,7 @@ impl App {
         if *self.closing.borrow() {
             return Err(SessionError::Closed.into());
         }
-        Ok(self.session.arm(stops, asked).await?)
+        Ok(self.answered(self.session.arm(stops, asked)).await?)
     }
 
     /// Clears the device's latched fault.
@@ -500,7 +465,7 @@ impl App {
     /// [`Problem`].
     pub async fn clear_faults(&self, client: Client) -> Result<(), Problem> {
         let _place = self.admission.place_by_hand(client).await?;
-        Ok(self.session.clear_faults().await?)
+        Ok(self.answered(self.session.clear_faults()).await?)
     }
 }
 

@@ -117,6 +117,19 @@ impl TouchRequest {
         manner: Manner,
         name: impl Fn(usize) -> Option<String>,
     ) -> Result<Option<Vec<Span>>, Problem> {
+        if matches!(manner, Manner::Effect(_)) {
+            // Before their values are looked at: an effect has no end that could stand for one that is not given.
+            let given = |(t, (from_ms, to_ms)): (usize, &(Option<f64>, Option<f64>))| {
+                Some((t, from_ms.map(|ms| ("from_ms", ms)).or(to_ms.map(|ms| ("to_ms", ms)))?))
+            };
+            return match ends.iter().enumerate().find_map(given) {
+                None => Ok(None),
+                Some((t, (field, ms))) => {
+                    let detail = format!("{field} is {ms}, but is for even drives: an effect has its own length");
+                    Err(Problem::body(detail).at(field, ms.into(), "absent with an effect".into(), None).of(name(t)))
+                }
+            };
+        }
         let latest_ms = ends.iter().filter_map(|(_, to_ms)| *to_ms).fold(f64::NAN, f64::max);
         let hold_ms = match manner {
             Manner::Hold(hold) if self.duration_ms.is_some() || latest_ms.is_nan() => hold.as_secs_f64() * 1e3,
@@ -126,13 +139,8 @@ impl TouchRequest {
         for (t, (from_ms, to_ms)) in ends.iter().enumerate() {
             windows.push(window(*from_ms, *to_ms, hold_ms).map_err(|problem| problem.of(name(t)))?);
         }
-        let Some((t, given)) = windows.iter().enumerate().find_map(|(t, window)| Some((t, (*window)?))) else {
+        if windows.iter().all(Option::is_none) {
             return Ok(None);
-        };
-        if matches!(manner, Manner::Effect(_)) {
-            let detail = "from_ms and to_ms are for even drives: an effect has its own length";
-            let problem = Problem::body(detail.into());
-            return Err(problem.at("from_ms", given.from_ms.into(), "absent with an effect".into(), None).of(name(t)));
         }
         let all = Window { from_ms: 0.0, to_ms: hold_ms };
         let windows: Vec<Window> = windows.into_iter().map(|window| window.unwrap_or(all)).collect();

@@ -59,13 +59,19 @@ pub fn name(headers: &HeaderMap) -> Result<Option<String>, Problem> {
 /// A request from JSON; `wanted` says in a message what it should look like.
 ///
 /// # Errors
-/// [`Problem`] with the field, its value and what is allowed where one of them has the wrong type, `also[0].x_px` say.
+/// [`Problem`] with the field, `also[0].x_px` say, where one of them is wrong, not known or missing.
 pub fn from_json<T: DeserializeOwned>(text: &[u8], wanted: &str) -> Result<T, Problem> {
-    objects(text, wanted)?;
+    // First: what is no JSON is told so, and not of which type of this program a part of it is not.
+    let whole: Value = serde_json::from_slice(text)
+        .map_err(|error| Problem::body(format!("the body is no JSON: {error}; expected {wanted}")))?;
+    objects(&whole, wanted)?;
     let mut deserializer = serde_json::Deserializer::from_slice(text);
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let (path, what) = (error.path(), error.inner().to_string());
-        match expected(&what).zip(found(text, path)) {
+        if let Some(problem) = field_of(&what, path, wanted) {
+            return problem;
+        }
+        match expected(&what).zip(found(&whole, path)) {
             Some((allowed, value)) if path.iter().next().is_some() => {
                 let detail = format!("{path} is {value}, but must be {allowed}; expected {wanted}");
                 Problem::body(detail).at(&path.to_string(), value, allowed, None)
@@ -73,13 +79,32 @@ pub fn from_json<T: DeserializeOwned>(text: &[u8], wanted: &str) -> Result<T, Pr
             _ => Problem::body(format!("{what}; expected {wanted}")),
         }
     })?;
-    deserializer.end().map_err(|error| Problem::body(format!("{error}; expected {wanted}")))?;
     Ok(value)
 }
 
+/// The problem that a message of serde's ("missing field `y_px` at line 1 column 9") is about a field that is not there, or that should
+/// not be, of what is at this path.
+fn field_of(message: &str, path: &Path, wanted: &str) -> Option<Problem> {
+    let kinds = [
+        ("missing field `", "is missing"),
+        ("unknown field `", "is not known"),
+        ("duplicate field `", "is there twice"),
+    ];
+    let (rest, what) = kinds.iter().find_map(|(begin, what)| Some((message.strip_prefix(begin)?, *what)))?;
+    let (name, _) = rest.split_once('`')?;
+    let at = path.to_string();
+    let field = match path.iter().next_back() {
+        None => name.to_owned(),
+        // A key may be in the path already.
+        Some(Segment::Map { key }) if key == name => at,
+        Some(_) => format!("{at}.{name}"),
+    };
+    Some(Problem::body(format!("{field} {what}; expected {wanted}")).about(field))
+}
+
 /// Refuses lists in place of objects, which serde takes for the fields in their order: requests are objects, and so is every
-/// entry of their lists. What is no JSON at all is told by who reads it.
-fn objects(text: &[u8], wanted: &str) -> Result<(), Problem> {
+/// entry of their lists.
+fn objects(whole: &Value, wanted: &str) -> Result<(), Problem> {
     fn check(value: &Value, path: &str, wanted: &str) -> Result<(), Problem> {
         let inside = |name: String| if path.is_empty() { name } else { format!("{path}.{name}") };
         match value {
@@ -98,12 +123,9 @@ fn objects(text: &[u8], wanted: &str) -> Result<(), Problem> {
             _ => Ok(()),
         }
     }
-    match serde_json::from_slice::<Value>(text) {
-        Ok(value @ Value::Object(_)) => check(&value, "", wanted),
-        Ok(value) => {
-            Err(Problem::body(format!("the body is {}, but must be an object; expected {wanted}", kind(&value))))
-        }
-        Err(_) => Ok(()),
+    match whole {
+        Value::Object(_) => check(whole, "", wanted),
+        other => Err(Problem::body(format!("the body is {}, but must be an object; expected {wanted}", kind(other)))),
     }
 }
 
@@ -139,15 +161,14 @@ fn expected(message: &str) -> Option<String> {
     })
 }
 
-/// The value at a path, if there is one: all of the body is known by the time that something is found to be wrong with it.
-fn found(text: &[u8], path: &Path) -> Option<Value> {
-    let body: Value = serde_json::from_slice(text).ok()?;
-    let step = |value: Value, segment: &Segment| match segment {
+/// The value at a path, if there is one.
+fn found(whole: &Value, path: &Path) -> Option<Value> {
+    let step = |value: &'_ Value, segment: &Segment| match segment {
         Segment::Seq { index } => value.get(index).cloned(),
         Segment::Map { key } => value.get(key).cloned(),
-        Segment::Enum { .. } | Segment::Unknown => Some(value),
+        Segment::Enum { .. } | Segment::Unknown => Some(value.clone()),
     };
-    path.iter().try_fold(body, step)
+    path.iter().try_fold(whole.clone(), |value, segment| step(&value, segment))
 }
 
 /// How long a body may be in bytes, and in time.
@@ -208,10 +229,29 @@ mod tests {
             assert!(json["allowed"].as_str().unwrap().contains(allowed), "{json}");
             assert!(problem.detail().starts_with(&format!("{field} is {value}, but must be ")), "{json}");
         }
-        // What is not there, not known, or no JSON has no value to tell of.
-        for text in [r#"{"x_px": 1}"#, r#"{"x_px": 1, "y_px": 2, "z": 3}"#, "{", "[]", r#"{"x_px": 1, "y_px": 2} x"#] {
+        // What is not there, or not known, is named.
+        for (text, field, what) in [
+            (r#"{"x_px": 1}"#, "y_px", "is missing"),
+            (r#"{"x_px": 1, "y_px": 2, "z": 3}"#, "z", "is not known"),
+            (r#"{"x_px": 1, "y_px": 2, "y_px": 3}"#, "y_px", "is there twice"),
+            (r#"{"x_px": 1, "y_px": 2, "also": [{"x_px": 3}]}"#, "also[0].y_px", "is missing"),
+            (r#"{"x_px": 1, "y_px": 2, "also": [{"x_px": 3, "y_px": 4, "z": 5}]}"#, "also[0].z", "is not known"),
+            (
+                r#"{"x_px": 1, "y_px": 2, "quiet": [{"x_px": 3, "y_px": 4, "radius_mm": 5}]}"#,
+                "quiet[0].at_most_g",
+                "is missing",
+            ),
+        ] {
+            let problem = from_json::<TouchRequest>(text.as_bytes(), "a touch").unwrap_err();
+            let json = serde_json::to_value(&problem).unwrap();
+            assert_eq!(json["field"], field, "{json}");
+            assert!(problem.detail().starts_with(&format!("{field} {what}; expected a touch")), "{json}");
+        }
+        // What is no JSON has no field, and no types of this program, though a part before that has the wrong one.
+        for text in ["{", "[]", r#"{"x_px": 1, "y_px": 2} x"#, r#"{"x_px": [1, 2}"#] {
             let problem = from_json::<TouchRequest>(text.as_bytes(), "a touch").unwrap_err();
             assert!(serde_json::to_value(&problem).unwrap().get("field").is_none(), "{text}");
+            assert!(!problem.detail().contains("f64") && !problem.detail().contains("struct"), "{}", problem.detail());
         }
         // Nothing is what an absent field is.
         let null = br#"{"x_px": 1, "y_px": 2, "intensity_g": null}"#;

@@ -89,7 +89,7 @@ kinds! {
     NoWebsocketUpgrade = "no-websocket", UPGRADE_REQUIRED, "A WebSocket is served here";
     /// The body was not complete in time.
     SlowBody = "slow-body", REQUEST_TIMEOUT, "The request took too long";
-    /// Everything was stopped while this was on its way.
+    /// Everything was stopped, or the board went off, while this was on its way.
     Stopped = "stopped", CONFLICT, "Stopped meanwhile";
     /// A newer touch was driven first.
     Superseded = "superseded", CONFLICT, "A newer touch came first";
@@ -133,6 +133,8 @@ kinds! {
     DeviceLate = "device-late", SERVICE_UNAVAILABLE, "The device does not answer just now";
     /// The session with the board has ended, and with it the daemon does.
     SessionEnded = "session-ended", SERVICE_UNAVAILABLE, "The session with the device has ended";
+    /// The session with the board does nothing any more.
+    SessionHangs = "session-hangs", GATEWAY_TIMEOUT, "The session with the device hangs";
     /// The daemon is shutting down.
     Closing = "closing", SERVICE_UNAVAILABLE, "The daemon is shutting down";
 }

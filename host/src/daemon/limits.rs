@@ -5,10 +5,14 @@ use std::time::Duration;
 /// What connections may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Connections at once at each place to listen. A page takes one or two, each task some 20 kB.
+    /// Connections at once at each place to listen, of those places apart. A page takes one or two, each task some 20 kB.
     pub connections: usize,
-    /// Connections beside them on which only `POST /v1/stop` is taken, so that nobody can keep a stop out by opening many.
+    /// Connections beside them on which only `POST /v1/stop` is taken, so that nobody can keep a stop out by opening many. The oldest
+    /// that has said nothing makes way for one more.
     pub stop_connections: usize,
+    /// The handshake and the headers of these, instead of the times below: whoever comes for a stop says so at once, and nobody keeps
+    /// the place from others for longer. One segment may be lost.
+    pub stop_headers: Duration,
     /// For a TLS handshake: two round trips and some ms of arithmetic, with three segments lost (1 + 2 + 4 s until they are sent again).
     pub handshake: Duration,
     /// From a connection's start, or the end of its last answer, to the last byte of the next request's headers. So it is also how
@@ -36,6 +40,7 @@ impl Default for Limits {
         Self {
             connections: 256,
             stop_connections: 32,
+            stop_headers: Duration::from_secs(2),
             handshake: Duration::from_secs(10),
             headers: Duration::from_secs(30),
             body: Duration::from_secs(5),

@@ -101,20 +101,73 @@ pub struct TlsFiles {
     pub key: PathBuf,
 }
 
+impl TlsFiles {
+    /// Those that are made in a folder.
+    fn of(folder: &Path) -> Self {
+        Self { certificate: folder.join("era-cert.pem"), key: folder.join("era-key.pem") }
+    }
+
+    /// Whether they can be used.
+    ///
+    /// # Errors
+    /// [`ListenError::Tls`].
+    pub fn check(&self) -> Result<(), ListenError> {
+        acceptor(self).map(drop)
+    }
+
+    /// Those in a folder; `None` if neither is there.
+    ///
+    /// # Errors
+    /// [`ListenError::Tls`]: one of them alone.
+    pub fn found_in(folder: &Path) -> Result<Option<Self>, ListenError> {
+        let files = Self::of(folder);
+        let (there, missing) = match (files.certificate.exists(), files.key.exists()) {
+            (true, true) => return Ok(Some(files)),
+            (false, false) => return Ok(None),
+            (true, false) => (&files.certificate, &files.key),
+            (false, true) => (&files.key, &files.certificate),
+        };
+        Err(ListenError::Tls {
+            file: missing.display().to_string(),
+            reason: format!("is missing, and {} is there: move that away, and both are made anew", there.display()),
+        })
+    }
+}
+
 impl Listener {
     /// Listens on an address; anything but loopback only with TLS and where tokens are asked for.
     ///
     /// # Errors
     /// [`ListenError`].
     pub async fn tcp(address: SocketAddr, tls: Option<&TlsFiles>, has_tokens: bool) -> Result<Self, ListenError> {
-        if !address.ip().is_loopback() && (tls.is_none() || !has_tokens) {
-            return Err(ListenError::Open { address });
-        }
-        let acceptor = tls.map(acceptor).transpose()?;
-        let listener = TcpListener::bind(address).await.map_err(|source| ListenError::Port { address, source })?;
-        Ok(match acceptor {
-            Some(acceptor) => Self::Tls(listener, acceptor),
-            None => Self::Tcp(listener),
+        Self::over(Self::port(address, tls.is_some(), has_tokens).await?, tls)
+    }
+
+    /// Whether an address may be listened on so.
+    ///
+    /// # Errors
+    /// [`ListenError::Open`].
+    pub fn check(address: SocketAddr, has_tls: bool, has_tokens: bool) -> Result<(), ListenError> {
+        if address.ip().is_loopback() || (has_tls && has_tokens) { Ok(()) } else { Err(ListenError::Open { address }) }
+    }
+
+    /// The port of [`Self::tcp`], before any file has to be there; on which nobody is let in yet.
+    ///
+    /// # Errors
+    /// [`ListenError`].
+    pub async fn port(address: SocketAddr, has_tls: bool, has_tokens: bool) -> Result<TcpListener, ListenError> {
+        Self::check(address, has_tls, has_tokens)?;
+        TcpListener::bind(address).await.map_err(|source| ListenError::Port { address, source })
+    }
+
+    /// Over a port.
+    ///
+    /// # Errors
+    /// [`ListenError::Tls`].
+    pub fn over(port: TcpListener, tls: Option<&TlsFiles>) -> Result<Self, ListenError> {
+        Ok(match tls.map(acceptor).transpose()? {
+            Some(acceptor) => Self::Tls(port, acceptor),
+            None => Self::Tcp(port),
         })
     }
 
@@ -240,19 +293,10 @@ pub fn lacking<'n>(files: &TlsFiles, names: &'n [String]) -> Vec<&'n str> {
 /// # Errors
 /// [`ListenError`].
 pub fn first_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, ListenError> {
-    let files = TlsFiles { certificate: folder.join("era-cert.pem"), key: folder.join("era-key.pem") };
-    match (files.certificate.exists(), files.key.exists()) {
-        (true, true) => return Ok(files),
-        (false, false) => {}
-        (has_certificate, _) => {
-            let (there, missing) =
-                if has_certificate { (&files.certificate, &files.key) } else { (&files.key, &files.certificate) };
-            return Err(ListenError::Tls {
-                file: missing.display().to_string(),
-                reason: format!("is missing, and {} is there: move that away, and both are made anew", there.display()),
-            });
-        }
+    if let Some(files) = TlsFiles::found_in(folder)? {
+        return Ok(files);
     }
+    let files = TlsFiles::of(folder);
     let wrong =
         |reason: &dyn fmt::Display| ListenError::Tls { file: folder.display().to_string(), reason: reason.to_string() };
     let mut all: Vec<String> = ["localhost", "127.0.0.1", "::1"].map(String::from).to_vec();

@@ -1,9 +1,9 @@
 //! The daemon: HTTP and WebSocket in front of one device session.
 //!
-//! `server` accepts connections and gives every request a task of its own; `access` says who may do what, `guesses` how often;
+//! `server` accepts connections and gives every request a task of its own, `guests` keeps a way in for stops; `access` says who may do what, `guesses` how often;
 //! `routes` and `live`
 //! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and does
-//! it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
+//! it, `current` is what is driven of it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
 //! do, without driving it, `studies` which of many would do it best. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
 //! are. `description` makes the interface's description (OpenAPI) from all of these.
 
@@ -18,8 +18,10 @@ mod attachments;
 mod body;
 mod burst;
 mod client;
+mod current;
 mod description;
 mod guesses;
+mod guests;
 mod kinds;
 mod limits;
 pub mod listener;

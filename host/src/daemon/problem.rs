@@ -110,6 +110,13 @@ impl Problem {
         self
     }
 
+    /// With the field that it is about, which has no value.
+    #[must_use]
+    pub fn about(mut self, field: String) -> Self {
+        self.0.field = Some(field);
+        self
+    }
+
     /// To be asked again after so many ms; so many wait before it.
     #[must_use]
     pub fn retry(mut self, after_ms: u64, depth: Option<usize>) -> Self {
@@ -280,13 +287,19 @@ impl From<SessionError> for Problem {
             }
             SessionError::Link(_) | SessionError::Disconnected { .. } => Self::new(Kind::DeviceLost, detail),
             SessionError::Late { .. } => Self::new(Kind::DeviceLate, detail).retry(LATE_AGAIN_MS, None),
-            SessionError::Away { .. } => {
-                Self::new(Kind::NotArmed, format!("{detail} (`era arm`, or POST /v1/arm, arms it)"))
+            SessionError::Away { is_faulty, .. } => {
+                let first = if is_faulty {
+                    "it has latched a fault besides: first `era clear`, or POST /v1/faults/clear, clears that; then "
+                } else {
+                    ""
+                };
+                Self::new(Kind::NotArmed, format!("{detail} ({first}`era arm`, or POST /v1/arm, arms it)"))
             }
             SessionError::Unfit { .. } => Self::new(Kind::DeviceUnfit, detail),
-            SessionError::Stopped => Self::new(Kind::Stopped, detail),
+            SessionError::Stopped | SessionError::Broken => Self::new(Kind::Stopped, detail),
             SessionError::Closed => Self::new(Kind::Closing, detail),
             SessionError::Ended => Self::new(Kind::SessionEnded, detail),
+            SessionError::Hangs => Self::new(Kind::SessionHangs, detail),
         }
     }
 }

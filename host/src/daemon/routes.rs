@@ -126,7 +126,16 @@ pub fn stop_only(app: Arc<App>) -> Router {
         .route("/v1/stop", post(stop))
         .fallback(busy)
         .layer(middleware::from_fn_with_state(Arc::clone(&app.access), access::check))
+        .layer(middleware::map_response(closes))
         .with_state(app)
+}
+
+/// Whoever is not stopped by this connection is to come again on another, which may have all paths by then.
+async fn closes(mut response: Response) -> Response {
+    if !response.status().is_success() {
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
+    response
 }
 
 async fn busy() -> Problem {
@@ -339,9 +348,7 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
     responses((status = 200, description = "The counters", body = String, content_type = "text/plain")),
 )]
 async fn metrics(State(app): State<Arc<App>>) -> Response {
-    // Before the device's snapshot is held.
-    let heard_ago = app.heard_ago();
-    let text = app.metrics.text(&app.device().borrow(), heard_ago, &app.admission);
+    let text = app.metrics.text(&app.known(), app.heard_ago(), &app.admission);
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 
@@ -361,6 +368,18 @@ async fn not_found(uri: Uri) -> Problem {
 }
 
 async fn wrong_method(method: Method, uri: Uri) -> Problem {
-    let detail = format!("{} does not take {method}; see /openapi.json", uri.path());
+    let detail =
+        format!("{} does not take {method}, but {}; see /openapi.json", uri.path(), methods(uri.path()).join(", "));
     Problem::new(Kind::WrongMethod, detail)
+}
+
+/// The methods that a path takes.
+fn methods(path: &str) -> Vec<String> {
+    let of = |template: &str| match template.split_once('{') {
+        Some((begin, _)) => path.starts_with(begin),
+        None => path == template,
+    };
+    let description: Value = serde_json::from_str(described()).unwrap_or_default();
+    let found = description["paths"].as_object().into_iter().flatten().find(|(template, _)| of(template));
+    found.and_then(|(_, item)| item.as_object()).into_iter().flatten().map(|(name, _)| name.to_uppercase()).collect()
 }

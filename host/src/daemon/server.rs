@@ -3,9 +3,10 @@
 //! Every request runs in a task of its own from its last header byte on. A sender that hangs up ends its connection and
 //! nothing else: a stop is carried out, and a touch is driven, shown and counted, whoever still listens for the answer.
 
-use super::access::Owner;
+use super::access::{Owner, Scheme};
 use super::app::{App, closed};
 use super::client::Peer;
+use super::guests::{Guest, Guests};
 use super::limits::Limits;
 use super::listener::{Incoming, Listener};
 use super::problem::{Kind, Problem};
@@ -20,7 +21,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;
 use tokio_io_timeout::TimeoutStream;
 use tower_service::Service;
@@ -102,6 +103,7 @@ struct Doors {
     stop_only: Router,
     places: Arc<Semaphore>,
     stop_places: Arc<Semaphore>,
+    guests: Guests,
     limits: Limits,
     closing: watch::Receiver<bool>,
 }
@@ -113,6 +115,7 @@ impl Doors {
             stop_only: routes::stop_only(Arc::clone(app)),
             places: Arc::new(Semaphore::new(app.limits.connections)),
             stop_places: Arc::new(Semaphore::new(app.limits.stop_connections)),
+            guests: Guests::default(),
             limits: app.limits,
             closing: app.closing(),
         }
@@ -121,47 +124,54 @@ impl Doors {
     /// Serves a connection in a task of its own, or drops it where there is no place.
     fn enter(&self, incoming: Incoming, tasks: &mut JoinSet<()>) {
         let place = |places: &Arc<Semaphore>| Arc::clone(places).try_acquire_owned().ok();
-        let (router, place) = match place(&self.places) {
-            Some(place) => (self.all.clone(), place),
-            None => match place(&self.stop_places) {
-                Some(place) => (self.stop_only.clone(), place),
+        let mut limits = self.limits;
+        let (router, guest) = match place(&self.places) {
+            Some(place) => (self.all.clone(), Arc::new(Guest::new(place))),
+            None => match place(&self.stop_places).or_else(|| self.guests.make_way()) {
+                Some(place) => {
+                    limits.handshake = limits.handshake.min(limits.stop_headers);
+                    limits.headers = limits.headers.min(limits.stop_headers);
+                    let guest = Arc::new(Guest::new(place));
+                    self.guests.add(&guest);
+                    (self.stop_only.clone(), guest)
+                }
                 None => return tracing::warn!("too many connections; one is refused"),
             },
         };
-        let (closing, limits) = (self.closing.clone(), self.limits);
+        let closing = self.closing.clone();
         match incoming {
             Incoming::Tcp(stream) => {
-                let peer = Peer::of(stream.peer_addr());
-                tasks.spawn(connection(stream, peer, router, place, limits, closing))
+                let (peer, stream) = (Peer::of(stream.peer_addr()), guest.listened(stream));
+                let router = router.layer(axum::Extension(Scheme("http")));
+                tasks.spawn(async move { guest.served(connection(stream, peer, router, limits, closing)).await })
             }
             #[cfg(unix)]
             Incoming::Unix(stream) => {
                 // The file's permissions have asked already.
                 let router = router.layer(axum::Extension(Owner));
                 let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
-                tasks.spawn(connection(stream, peer, router, place, limits, closing))
+                let stream = guest.listened(stream);
+                tasks.spawn(async move { guest.served(connection(stream, peer, router, limits, closing)).await })
             }
-            Incoming::Tls(stream, acceptor) => tasks.spawn(async move {
-                let peer = Peer::of(stream.peer_addr());
-                match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
-                    Ok(Ok(stream)) => connection(stream, peer, router, place, limits, closing).await,
-                    Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
-                    Err(_) => tracing::debug!("a handshake took too long"),
-                }
-            }),
+            Incoming::Tls(stream, acceptor) => {
+                let (peer, stream) = (Peer::of(stream.peer_addr()), guest.listened(stream));
+                let router = router.layer(axum::Extension(Scheme("https")));
+                let serving = async move {
+                    match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
+                        Ok(Ok(stream)) => connection(stream, peer, router, limits, closing).await,
+                        Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
+                        Err(_) => tracing::debug!("a handshake took too long"),
+                    }
+                };
+                tasks.spawn(async move { guest.served(serving).await })
+            }
         };
     }
 }
 
 /// One connection to its end.
-async fn connection<S>(
-    stream: S,
-    peer: Peer,
-    router: Router,
-    _place: OwnedSemaphorePermit,
-    limits: Limits,
-    mut closing: watch::Receiver<bool>,
-) where
+async fn connection<S>(stream: S, peer: Peer, router: Router, limits: Limits, mut closing: watch::Receiver<bool>)
+where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
     // Of answers that nobody takes; hyper has limits for what comes in only.

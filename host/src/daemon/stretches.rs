@@ -1,10 +1,11 @@
 //! Touches with time windows: planned all at once, driven one stretch after the other at their times.
 
-use super::active::Touched;
+use super::active::{Since, Touched};
 use super::admission::Place;
 use super::answers::touched::Achieved;
 use super::app::App;
 use super::asked::Asked;
+use super::client::Client;
 use super::problem::Problem;
 use super::touch::Manner;
 use super::view::TouchView;
@@ -27,14 +28,16 @@ struct Act {
 }
 
 impl App {
-    /// Plans all spans, begins with what is to be felt at once, and leaves the rest to a task. A stop or a newer touch ends it.
+    /// Plans all spans, begins with what is to be felt at once, and leaves the rest to a task. A stop or a newer touch ends it, and so
+    /// does a board that has gone off, faulted or been away: whoever makes it ready again does not do so for a touch of before.
     pub(super) async fn in_stretches(
         self: &Arc<Self>,
+        client: Client,
         place: Place,
         id: u64,
         asked: &Asked,
         spans: Vec<Span>,
-        stops: u64,
+        since: Since,
     ) -> Result<Touched, Problem> {
         let mut all =
             tokio::task::block_in_place(|| stretches(spans, |targets| self.plan(asked, &asked.request.only(targets))))?;
@@ -46,18 +49,18 @@ impl App {
         let (mut at_once, later): (Vec<Act>, Vec<Act>) = acts.into_iter().partition(|act| act.from.is_zero());
         let device = match at_once.pop() {
             Some(Act { hold, plan, touches, .. }) => {
-                self.driven(id, stops, plan, &touches, Manner::Hold(hold)).await?.device
+                self.driven(id, since, plan, &touches, Manner::Hold(hold)).await?.device
             }
             None => {
                 self.make_way(id).await;
                 Achieved::nothing()
             }
         };
-        tokio::spawn(drive_later(Arc::downgrade(self), id, stops, begun, later));
+        tokio::spawn(drive_later(Arc::downgrade(self), id, since, begun, later));
         for stretch in &mut all {
             if let Some(plan) = &stretch.plan {
                 stretch.times = Some(self.table.times(plan));
-                stretch.trade = self.trade(asked, &asked.request.only(&stretch.span.targets), plan).await;
+                stretch.trade = self.trade(client, id, asked, &asked.request.only(&stretch.span.targets), plan).await;
             }
         }
         let active = self.shown(id, shown, &asked.touches, None, None);
@@ -81,11 +84,11 @@ fn acts(all: &[Stretch], touches: &[TouchView]) -> Vec<Act> {
 }
 
 /// Holds the daemon only while it drives, so that it can end in between.
-async fn drive_later(app: Weak<App>, id: u64, stops: u64, begun: Instant, acts: Vec<Act>) {
+async fn drive_later(app: Weak<App>, id: u64, since: Since, begun: Instant, acts: Vec<Act>) {
     for Act { from, hold, plan, touches } in acts {
         tokio::time::sleep_until(begun + from).await;
         let Some(app) = app.upgrade() else { return };
-        if let Err(problem) = app.driven(id, stops, plan, &touches, Manner::Hold(hold)).await {
+        if let Err(problem) = app.driven(id, since, plan, &touches, Manner::Hold(hold)).await {
             tracing::info!(plan = id, from_ms = from.as_secs_f64() * 1e3, "not driven: {}", problem.detail());
             return;
         }

@@ -42,13 +42,13 @@ impl App {
         // Looked at before the plan is locked: one that is held while the device's thread waits to publish would wait for it too.
         let is_driven = board(&self.session.snapshots().borrow()) == Board::Driving;
         let mut active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some((plan, end)) = active.as_mut().filter(|(plan, end)| plan.id == id && Instant::now() < *end) else {
+        let Some(shown) = active.as_mut().filter(|shown| shown.plan.id == id && Instant::now() < shown.until) else {
             return false;
         };
-        if is_driven || plan.plan.rests() {
-            *end = until.max(*end);
-            self.session.hold_until(id, *end);
-            self.turns.prolong(id, *end);
+        if is_driven || shown.plan.plan.rests() {
+            shown.until = until.max(shown.until);
+            self.session.hold_until(id, shown.until);
+            self.turns.prolong(id, shown.until);
         }
         true
     }
@@ -146,7 +146,7 @@ impl App {
         let shown = self.shown(id, plan.clone(), &held.active.touches, None, Thinned::by_credit(held.thin));
         // A finger may have been lifted meanwhile; from here to the new drives' end it is looked at again below.
         self.until(&held.active)?;
-        match self.begun(&turn, held.stops, &plan, &prepared).await {
+        match self.begun(&turn, held.since, &plan, &prepared).await {
             Ok(Begun { begun, .. }) => held.begun = begun,
             Err(problem) => {
                 tracing::info!(plan = id, "is not driven anew: {}", problem.detail());

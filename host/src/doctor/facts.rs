@@ -238,6 +238,8 @@ pub struct Facts {
     pub chosen: Option<Chosen>,
     /// The address where a daemon was looked for.
     pub address: String,
+    /// Whether it was named, so that somebody is expected there.
+    pub is_address_named: bool,
     /// What is there.
     pub daemon: Daemon,
     /// The configuration file, if one is named.

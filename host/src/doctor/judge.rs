@@ -129,6 +129,12 @@ fn judge_modem_manager(facts: &Facts) -> Finding {
 fn judge_daemon(facts: &Facts) -> Finding {
     let address = &facts.address;
     match &facts.daemon {
+        Daemon::Absent if facts.is_address_named => Finding::problem(
+            "daemon",
+            format!("nobody answers at {address}"),
+            "see that the daemon runs (`era serve`, `systemctl status era`), that the address is that of its --listen, and that no \
+             firewall is in between",
+        ),
         Daemon::Absent => Finding::ok("daemon", format!("none runs at {address}")),
         Daemon::Stranger(answer) => Finding::problem(
             "daemon",

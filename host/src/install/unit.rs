@@ -57,10 +57,11 @@ impl Unit<'_> {
             (system_part(self.group) + &credentials, options)
         };
         let wanted = if self.is_user { "default.target" } else { "multi-user.target" };
+        let manager = if self.is_user { "systemctl --user" } else { "systemctl" };
         let after = if self.is_user { "" } else { "After=network.target\n" };
         Ok(format!(
             "{MARK}\n\
-             # `systemctl edit {NAME}` changes settings beside this file, and they stay.\n\
+             # `{manager} edit {NAME}` changes settings beside this file, and they stay.\n\
              [Unit]\n\
              Description=ERA haptics daemon\n\
              {after}# A board may be plugged in at any time: starts are not counted.\n\

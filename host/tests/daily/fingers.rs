@@ -1,7 +1,8 @@
 //! Fingers on a page: taps are felt, effects begin once.
 
-use crate::line::Ear;
+use crate::line::{CALM, Ear};
 use crate::support::Daemon;
+use crate::support::described::described;
 use era::device::timing::REAL_TIME;
 use era::scene::EXAMPLE_PLATE;
 use era_shared::protocol::Request;
@@ -29,7 +30,7 @@ fn touch(touches: &Value) -> Value {
     json!({"type": "touch", "touches": touches, "intensity_g": 0.1})
 }
 
-/// The next message of a kind; an error is none.
+/// The next message of a kind; an error is none, nor is that a plan is over.
 pub fn next(socket: &mut Socket, kind: &str) -> Value {
     let begun = Instant::now();
     loop {
@@ -38,7 +39,7 @@ pub fn next(socket: &mut Socket, kind: &str) -> Value {
         if let Message::Text(text) = socket.read().unwrap() {
             let message: Value = serde_json::from_str(&text).unwrap();
             assert_ne!(message["type"], "error", "{message}");
-            if message["type"] == kind {
+            if message["type"] == kind && !(kind == "plan" && message["plan"].is_null()) {
                 return message;
             }
         }
@@ -47,7 +48,7 @@ pub fn next(socket: &mut Socket, kind: &str) -> Value {
 
 #[test]
 fn every_tap_vibrates() {
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let (daemon, _line) = crate::line::daemon(CALM);
     let mut socket = live(&daemon, "?send=plan");
     for i in 0..20 {
         say(&mut socket, &touch(&json!([{"id": 1, "x_px": 100 + 80 * i, "y_px": 500.0}])));
@@ -79,6 +80,42 @@ fn a_tap_vibrates_for_its_least_time() {
     let ear = line.wait_for(|ear| drives(ear, false).is_some());
     let took = drives(&ear, false).unwrap() - drives(&ear, true).unwrap();
     assert!(took >= Duration::from_millis(400), "{took:?}");
+}
+
+/// When the line took what drives.
+fn driven_at(ear: &Ear) -> Vec<Instant> {
+    let drives = |request: &Request| matches!(request, Request::SetDrives { drives } if !drives.is_empty());
+    ear.asked.iter().zip(&ear.at).filter(|(request, _)| drives(request)).map(|(_, at)| *at).collect()
+}
+
+/// Taps that come faster than they can be felt, of one finger and of one beside another that stays: each has the panel to itself for a
+/// while.
+#[test]
+fn taps_that_follow_each_other_are_all_felt() {
+    for stays in [json!([]), json!([{"id": 7, "x_px": 100, "y_px": 900.0}])] {
+        let (daemon, line) = crate::line::daemon(CALM);
+        let mut socket = live(&daemon, "?send=plan");
+        let mut with = stays.as_array().unwrap().clone();
+        if !with.is_empty() {
+            say(&mut socket, &touch(&stays));
+            next(&mut socket, "plan");
+        }
+        let before = driven_at(&line.ear()).len();
+        for i in 0..5 {
+            with.push(json!({"id": 1, "x_px": f64::from(300 + 200 * i), "y_px": 500.0}));
+            say(&mut socket, &touch(&json!(with)));
+            with.pop();
+            say(&mut socket, &touch(&stays));
+        }
+        for i in 0..5 {
+            while next(&mut socket, "plan")["touches"].as_array().unwrap().last().unwrap()["x_px"]
+                != f64::from(300 + 200 * i)
+            {}
+        }
+        let at = driven_at(&line.wait_for(|ear| driven_at(ear).len() >= before + 5));
+        let apart: Vec<_> = at[before..].windows(2).map(|pair| pair[1] - pair[0]).collect();
+        assert!(apart.iter().all(|apart| *apart >= Duration::from_millis(40)), "{apart:?}");
+    }
 }
 
 #[test]
@@ -193,4 +230,50 @@ fn a_socket_tells_only_what_it_is_asked_for() {
         say(socket, &json!({"type": "dance"}));
         while !matches!(socket.read().unwrap(), Message::Text(text) if text.contains("\"type\":\"error\"")) {}
     }
+}
+
+/// A page that stops and touches again at once, in one write: the touch comes after the stop, is driven, and stays shown.
+#[test]
+fn a_touch_right_after_a_stop_is_driven() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut socket = live(&daemon, "?send=plan");
+    for i in 0..20 {
+        let x_px = f64::from(200 + 20 * i);
+        socket.write(Message::text(json!({"type": "stop"}).to_string())).unwrap();
+        socket.write(Message::text(touch(&json!([{"id": 1, "x_px": x_px, "y_px": 500.0}])).to_string())).unwrap();
+        socket.flush().unwrap();
+        while next(&mut socket, "plan")["touches"][0]["x_px"] != x_px {}
+        daemon.wait_for(|state| state["device"]["state"] == "running");
+        assert_eq!(daemon.state()["touches"][0]["x_px"], x_px);
+        say(&mut socket, &touch(&json!([])));
+    }
+}
+
+/// Who is told of plans alone is told of their ends, too: by themselves, by a stop, by a finger that is lifted.
+#[test]
+fn a_page_is_told_that_a_plan_is_over() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut socket = live(&daemon, "?send=plan");
+    let mut other = live(&daemon, "?send=");
+    let begun = Instant::now();
+    let mut told = || loop {
+        // Questions for a sign of life end a wait for nothing.
+        assert!(begun.elapsed() < Duration::from_secs(30), "not told");
+        if let Message::Text(text) = socket.read().unwrap() {
+            let message: Value = serde_json::from_str(&text).unwrap();
+            assert_eq!(message["type"], "plan", "{message}");
+            assert!(described().schema("/components/schemas/LiveOut").is_valid(&message), "{message}");
+            break (message["plan"].is_object(), message["touches"].as_array().unwrap().len());
+        }
+    };
+    daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 100}"#);
+    assert_eq!((told(), told()), ((true, 1), (false, 0)));
+    daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#);
+    assert_eq!(told(), (true, 1));
+    daemon.post("/v1/stop", "");
+    assert_eq!(told(), (false, 0));
+    say(&mut other, &touch(&json!([{"id": 1, "x_px": 900, "y_px": 500.0}])));
+    assert_eq!(told(), (true, 1));
+    say(&mut other, &touch(&json!([])));
+    assert_eq!(told(), (false, 0));
 }

@@ -23,6 +23,7 @@ fn none() -> Limits {
     Limits {
         handshake: FAR,
         headers: FAR,
+        stop_headers: FAR,
         body: FAR,
         answer: FAR,
         silence: FAR,
@@ -204,18 +205,25 @@ fn a_page_that_takes_nothing_is_let_go() {
     }
 }
 
-/// 256 for all, 32 for stops, and the one after them is closed; when one of the 288 goes its place is free.
+/// 256 for all, 32 for stops, of which each has said something, and the one after them is closed; when one of the 288 goes its place is free.
 #[test]
 fn more_connections_than_there_may_be_are_closed() {
     let daemon = Limited::start(none(), None);
     let (stop, busy) = (post("/v1/stop", ""), "HTTP/1.1 503");
     let mut crowd: Vec<_> = (0..256).map(|_| daemon.connect()).collect();
     for _ in 0..32 {
+        // So it is there, and has a place for stops; and it is not kept.
         let mut stream = daemon.connect();
         stream.write_all(post("/v1/arm", "").as_bytes()).unwrap();
+        let answer = String::from_utf8_lossy(&until_closed(&mut stream)).to_lowercase();
+        assert!(answer.starts_with(&busy.to_lowercase()) && answer.contains("connection: close"), "{answer}");
+    }
+    for _ in 0..32 {
+        let mut stream = daemon.connect();
+        stream.write_all(stop.as_bytes()).unwrap();
         let mut answer = [0; 12];
         stream.read_exact(&mut answer).unwrap();
-        assert_eq!(&answer, busy.as_bytes());
+        assert_eq!(&answer, b"HTTP/1.1 200");
         crowd.push(stream);
     }
     for _ in 0..3 {
@@ -228,4 +236,32 @@ fn more_connections_than_there_may_be_are_closed() {
     }
     // The places for everything are still taken.
     assert!(daemon.answer(&post("/v1/arm", "")).starts_with(busy));
+}
+
+/// Nobody keeps a stop out by opening connections and saying nothing: the oldest makes way.
+#[test]
+fn connections_that_say_nothing_keep_no_stop_out() {
+    let daemon = Limited::start(none(), None);
+    let mut crowd: Vec<_> = (0..288).map(|_| daemon.connect()).collect();
+    for _ in 0..3 {
+        let answer = daemon.answer(&post("/v1/stop", ""));
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    }
+    // Those that have all paths stay.
+    let stop = post("/v1/stop", "");
+    crowd[0].write_all(stop.as_bytes()).unwrap();
+    let mut answer = [0; 12];
+    crowd[0].read_exact(&mut answer).unwrap();
+    assert_eq!(&answer, b"HTTP/1.1 200");
+}
+
+/// Who says half of something in a place for stops has little time for the rest.
+#[test]
+fn places_for_stops_are_not_held_for_long() {
+    let daemon = Limited::start(Limits { stop_headers: SHORT, ..none() }, None);
+    let crowd: Vec<_> = (0..256).map(|_| daemon.connect()).collect();
+    let mut half = daemon.connect();
+    half.write_all(b"POST /v1/st").unwrap();
+    until_closed(&mut half);
+    drop(crowd);
 }

@@ -8,7 +8,7 @@ use era::device::client::Transport;
 use era::device::port::Port;
 use era::device::session::policy::Policy;
 use era::device::sim::{SimControl, SimDevice};
-use era::device::timing::Timing;
+use era::device::timing::{Patience, REAL_TIME, Timing};
 use era::scene::EXAMPLE_PLATE;
 use era_shared::link::{Decoder, Kind};
 use era_shared::protocol::Request;
@@ -16,6 +16,8 @@ use std::io::{ErrorKind, Read, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+/// Of one that is never late: for what is not about lateness, on a machine that may be busy.
+pub const CALM: Timing = Timing { patience: Patience::even(Duration::from_secs(10)), ..REAL_TIME };
 /// How long is waited for what comes at once.
 const WAIT: Duration = Duration::from_secs(30);
 
@@ -130,17 +132,26 @@ impl Line {
 /// What a daemon serves at the end of a line to the board of the example plate. The line comes last, as in all that makes one, so that it is dropped
 /// first: whoever it kept waiting then ends.
 pub fn plate(timing: Timing) -> (App, Line) {
+    plate_with(timing, Policy::default())
+}
+
+fn plate_with(timing: Timing, policy: Policy) -> (App, Line) {
     let table = table(EXAMPLE_PLATE);
     let (panel, volts) = panel_of(&table);
     let line = Line::to(SimDevice::start(panel, volts).unwrap());
     let device = line.device(timing);
-    let app = App::with(table, device, EXAMPLE_PLATE.to_owned(), Policy::default(), Access::default()).unwrap();
+    let app = App::with(table, device, EXAMPLE_PLATE.to_owned(), policy, Access::default()).unwrap();
     (app, line)
 }
 
 /// The same with a daemon that serves it, once the board answers.
 pub fn daemon(timing: Timing) -> (Daemon, Line) {
-    let (app, line) = plate(timing);
+    daemon_with(timing, Policy::default())
+}
+
+/// The same with what it does without being asked.
+pub fn daemon_with(timing: Timing, policy: Policy) -> (Daemon, Line) {
+    let (app, line) = plate_with(timing, policy);
     let background = Background::start(app).unwrap();
     let daemon =
         Daemon { url: format!("http://{}", background.address()), sim: line.sim(), background: Some(background) };

@@ -1,7 +1,8 @@
 //! A board that falls silent is told of before it is given up, and one that was only late is not given up.
 
-use crate::line::{daemon, plate};
+use crate::line::{Ear, daemon, daemon_with, plate};
 use era::device::Client;
+use era::device::session::policy::Policy;
 use era::device::sim::Knobs;
 use era::device::timing::{Patience, REAL_TIME, Timing};
 use era_shared::link::{Decoder, Kind, MAX_ENCODED, encode};
@@ -11,7 +12,7 @@ use serde_json::json;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 200}"#;
 const LONG_TOUCH: &str = r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#;
@@ -37,6 +38,10 @@ fn a_board_that_is_late_is_told_of_and_not_given_up() {
         let device = &state["device"];
         let told = (&device["connected"], &device["outages"], device["doubts"].as_u64().unwrap() >= doubts);
         assert_eq!(told, (&json!(false), &json!(0), true), "{device}");
+        // What was seen of it before is not told as if it were so now.
+        for gone in [&device["state"], &device["supply"], &state["telemetry"]] {
+            assert!(gone.is_null(), "{state}");
+        }
         assert!(device["problem"].as_str().unwrap().contains("nothing was heard of it for"), "{device}");
         let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
         assert_eq!((status, &problem["type"]), (503, &json!("urn:era:problem:device-late")), "{problem}");
@@ -53,6 +58,10 @@ fn a_board_that_is_late_is_told_of_and_not_given_up() {
         assert_eq!(
             (&device["in_doubt"], &device["problem"], &device["outages"]),
             (&json!(false), &json!(null), &json!(0))
+        );
+        assert!(
+            device["state"].is_string() && device["supply"].is_object() && state["telemetry"].is_object(),
+            "{state}"
         );
     }
     assert_eq!(line.ear().opened, 1, "the line was opened anew");
@@ -177,5 +186,98 @@ fn a_board_that_hears_and_is_not_heard_is_stopped() {
     let state = daemon.wait_for(|state| state["device"]["connected"] == true);
     // Told in time, so that there is no silence to latch.
     assert_eq!((&state["device"]["fault"], &state["device"]["outages"]), (&json!(null), &json!(0)), "{state}");
+    assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200);
+}
+
+/// A touch with a stretch that is due after this.
+const LATER: &str = r#"{"x_px": 300, "y_px": 900, "from_ms": 0, "to_ms": 1000, "also": [{"x_px": 1500, "y_px": 900, "from_ms": 3000, "to_ms": 4000}]}"#;
+/// When its end is due as well.
+const LATER_OVER: Duration = Duration::from_millis(4200);
+
+/// The daemon does not run for a while, so that the board goes off and latches the silence. Whoever clears that makes it ready for
+/// what is asked for then, and not for what is left of a touch of before, also where silences are cleared by policy.
+#[test]
+fn what_is_left_of_a_touch_is_not_driven_after_a_fault() {
+    for clears_silence in [false, true] {
+        let policy = Policy { clears_silence, arms_after_outage: true, ..Policy::default() };
+        let (daemon, line) = daemon_with(FOREVER, policy);
+        let begun = Instant::now();
+        assert_eq!(daemon.post("/v1/touch", LATER).0, 200);
+        let since = line.mark(|ear| ear.is_held = true);
+        line.goes_off();
+        line.set(|ear| ear.is_held = false);
+        daemon.wait_for(|state| state["device"]["fault"]["name"] == "host-silent");
+        if !clears_silence {
+            assert_eq!(daemon.post("/v1/faults/clear", "").0, 200);
+        }
+        std::thread::sleep((begun + LATER_OVER).saturating_duration_since(Instant::now()));
+        let drives = |request: &&Request| {
+            matches!(request, Request::Arm { .. } | Request::ArmWith { .. })
+                || matches!(request, Request::SetDrives { drives } if !drives.is_empty())
+        };
+        assert_eq!(line.ear().asked[since..].iter().find(drives), None, "{clears_silence}");
+        // What is asked for from here on is driven.
+        let (status, _, told) = daemon.post("/v1/touch", TOUCH);
+        assert_eq!(status, 200, "{told}");
+    }
+}
+
+/// Nothing has come between: the board has rested by order meanwhile, and is armed for it.
+#[test]
+fn what_is_left_of_a_touch_is_driven_after_a_pause() {
+    let policy = Policy { idle: Duration::from_millis(500), ..Policy::default() };
+    let (daemon, line) = daemon_with(FOREVER, policy);
+    assert_eq!(daemon.post("/v1/touch", LATER).0, 200);
+    let arms = |ear: &Ear| ear.asked.iter().filter(|request| matches!(request, Request::ArmWith { .. })).count();
+    drop(line.wait_for(|ear| arms(ear) == 2));
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+}
+
+/// The session's thread neither ends nor does anything: in a driver, say. Whoever asks is answered, everybody is told, and the daemon ends when
+/// it is asked to.
+#[test]
+fn a_session_that_hangs_is_told_and_does_not_keep_the_daemon() {
+    let (mut daemon, line) = daemon(REAL_TIME);
+    line.set(|ear| ear.is_held = true);
+    drop(line.wait_for(|ear| ear.waiting > 0));
+    std::thread::scope(|threads| {
+        for (path, body) in [("/v1/touch", TOUCH), ("/v1/stop", ""), ("/v1/arm", ""), ("/v1/faults/clear", "")] {
+            let daemon = &daemon;
+            threads.spawn(move || {
+                let (status, _, problem) = daemon.post(path, body);
+                let told = (status, &problem["type"]);
+                assert_eq!(told, (504, &json!("urn:era:problem:session-hangs")), "{path}: {problem}");
+            });
+        }
+    });
+    let state = daemon.state();
+    assert_eq!((&state["device"]["connected"], &state["device"]["state"]), (&json!(false), &json!(null)), "{state}");
+    assert!(state["device"]["problem"].as_str().unwrap().contains("hangs"), "{state}");
+    assert!(daemon.get_text("/metrics").contains("era_device_connected 0"));
+    // Ends while the thread is still held: the line lets it go only when it is dropped itself.
+    drop(daemon.background.take());
+    assert!(line.ear().waiting > 0);
+}
+
+/// The board has gone off by its dead-man timer, and was away: what is told is what it takes, all of it, in its order.
+#[test]
+fn a_line_that_is_lost_while_driving_takes_two_steps_which_are_told() {
+    let (daemon, line) = daemon(REAL_TIME);
+    assert_eq!(daemon.post("/v1/touch", LONG_TOUCH).0, 200);
+    daemon.wait_for(|state| state["device"]["state"] == "running");
+    // Deaf both ways.
+    line.sim().set_knobs(silent(true));
+    daemon.wait_for(|state| state["device"]["outages"] == 1);
+    line.sim().set_knobs(silent(false));
+    daemon.wait_for(|state| state["device"]["connected"] == true);
+    let fault = daemon.state()["device"]["fault"]["name"].clone();
+    let (status, _, problem) = daemon.post("/v1/touch", TOUCH);
+    assert_eq!((status, &problem["type"]), (409, &json!("urn:era:problem:not-armed")), "{problem}");
+    let detail = problem["detail"].as_str().unwrap();
+    assert_eq!(detail.contains("`era clear`"), fault.is_string(), "{fault}: {problem}");
+    assert!(fault == "host-silent" && detail.find("`era clear`") < detail.find("`era arm`"), "{problem}");
+    assert_eq!(daemon.post("/v1/arm", "").0, 409);
+    assert_eq!(daemon.post("/v1/faults/clear", "").0, 200);
+    assert_eq!(daemon.post("/v1/arm", "").0, 200);
     assert_eq!(daemon.post("/v1/touch", TOUCH).0, 200);
 }

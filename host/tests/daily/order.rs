@@ -170,3 +170,42 @@ fn turns_go_round_between_clients() {
     let at = answered.lock().unwrap().iter().position(|name| *name == "other").unwrap();
     assert!(at < CROWD / 2, "{at} of a crowd of {CROWD} were served before");
 }
+
+/// Senders that ask for what takes seconds, and go: those that come after them wait for one of these at most, and are driven at once.
+#[test]
+fn what_can_be_had_instead_is_not_worked_out_for_a_crowd() {
+    const MOST: usize = 4;
+    let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
+    let (served, url) = Served::at_a_port(&app, None);
+    let mut device = app.device();
+    served.runtime.block_on(async { device.wait_for(|snapshot| snapshot.connected).await.map(drop) }).unwrap();
+    // Somebody's is being worked out for as long as the test likes.
+    let place = served.runtime.block_on(app.admission.place_for_trade(Default::default())).unwrap();
+    let touch = r#"{"x_px": 300, "y_px": 600, "intensity_g": 1000, "duration_ms": 9000, "trade": true}"#;
+    let answers = Mutex::new(Vec::new());
+    std::thread::scope(|threads| {
+        for number in 0..=MOST {
+            assert!(answers.lock().unwrap().is_empty(), "{number}");
+            threads.spawn(|| {
+                let mut answer = Daemon::agent().post(format!("{url}/v1/touch")).send(touch).unwrap();
+                let told: serde_json::Value = answer.body_mut().read_json().unwrap();
+                answers.lock().unwrap().push((answer.status().as_u16(), told));
+            });
+            let deadline = Instant::now() + Duration::from_secs(30);
+            while app.active().is_none_or(|active| active.id <= number as u64) {
+                assert!(Instant::now() < deadline, "it is not driven");
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        let deadline = Instant::now() + Duration::from_secs(30);
+        while answers.lock().unwrap().is_empty() {
+            assert!(Instant::now() < deadline, "all of them wait");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        drop(place);
+    });
+    // Nor for those that waited: there is a newer touch.
+    for (status, told) in answers.into_inner().unwrap() {
+        assert!(status == 200 && told["trade"].is_null(), "{told}");
+    }
+}

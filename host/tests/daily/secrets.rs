@@ -88,12 +88,13 @@ fn a_credential_of_the_service_manager_may_have_its_lists_mask() {
 fn a_certificate_that_lacks_a_name_is_kept_and_told() {
     let folder = tempfile::tempdir().unwrap();
     let tls = folder.path().join("tls");
-    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = taken.local_addr().unwrap().to_string();
-    // The port is taken, so that the daemon ends once it has its certificate.
+    let socket = folder.path().join("taken.sock");
+    let _taken = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+    // The socket is taken, so that the daemon ends once it has its certificate.
     let serve = |more: &[&str]| {
-        let (code, said) = era(&[&["serve", "--listen", &address], more].concat());
-        assert!(code == 1 && said.contains("cannot listen on"), "{more:?}: {code} {said}");
+        let (code, said) =
+            era(&[&["serve", "--listen", "127.0.0.1:0", "--socket", socket.to_str().unwrap()], more].concat());
+        assert!(code == 1 && said.contains("another daemon listens on the socket"), "{more:?}: {code} {said}");
         said
     };
     let of_dir = |names: &[&str]| {

@@ -74,7 +74,7 @@ fn drives() -> Vec<ChannelDrive> {
 
 fn drive(session: &Session) -> impl Future<Output = Result<era::device::session::Driven, SessionError>> + '_ {
     let hold = Duration::from_secs(9);
-    session.drive(DriveOrder { id: 1, stops: session.stops(), drives: drives(), hold, from_zero: false })
+    session.drive(DriveOrder { id: 1, stops: session.stops(), breaks: None, drives: drives(), hold, from_zero: false })
 }
 
 /// The same, once the board drives.

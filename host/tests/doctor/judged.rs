@@ -47,6 +47,7 @@ fn well() -> Facts {
             answer: Answer::Heard(well_heard()),
         }),
         address: "127.0.0.1:7878".into(),
+        is_address_named: false,
         daemon: Daemon::Absent,
         config: Some(File { path: "/etc/era/era.toml".into(), mistake: None }),
         scene: Some(File { path: "panel.toml".into(), mistake: None }),

@@ -79,3 +79,61 @@ fn serve_takes_the_file_and_the_command_line_before_it() {
     assert!(output.status.code() == Some(1) && told.contains(&format!("cannot listen on {address}")), "{told}");
     assert!(told.contains("listen as on the command line") && told.contains("device = \"/dev/none\""), "{told}");
 }
+
+/// With what `era serve` does not start, `era config check` and `era doctor` do not call good; and what does not start leaves nothing behind.
+#[cfg(unix)]
+#[test]
+fn what_serve_refuses_check_and_doctor_refuse() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let write = |name: &str, text: &str, mode: u32| {
+        std::fs::write(path(name), text).unwrap();
+        std::fs::set_permissions(path(name), std::fs::Permissions::from_mode(mode)).unwrap();
+    };
+    let secret = "A".repeat(24);
+    write("good", &format!("arm {secret}\n"), 0o600);
+    write("open", &format!("arm {secret}\n"), 0o644);
+    write("short", "arm short\n", 0o600);
+    write("role", &format!("boss {secret}\n"), 0o600);
+    std::fs::create_dir(path("alone")).unwrap();
+    write("alone/era-cert.pem", "", 0o600);
+    let outside = "listen = \"0.0.0.0:0\"\n";
+    for (more, line, words) in [
+        (outside.to_owned(), 3, "is not loopback"),
+        (format!("{outside}tls_dir = \"tls\"\n"), 3, "is not loopback"),
+        (format!("{outside}token_file = \"good\"\n"), 3, "is not loopback"),
+        ("token_file = \"none\"\n".into(), 3, "none: "),
+        ("token_file = \"open\"\n".into(), 3, "its mode is 0644"),
+        ("token_file = \"short\"\n".into(), 3, "line 1: a secret must have"),
+        ("token_file = \"role\"\ntls_dir = \"tls\"\n".into(), 3, "line 1: the first word must be a role"),
+        ("tls_dir = \"alone\"\n".into(), 3, "is missing, and"),
+        ("tls_cert = \"none.pem\"\ntls_key = \"good\"\n".into(), 3, "none.pem"),
+    ] {
+        let file = path("era.toml");
+        std::fs::write(&file, format!("version = 1\nsocket = \"none\"\n{more}")).unwrap();
+        let name = file.to_str().unwrap();
+        let served = run(&["serve", "--config", name]);
+        let told = text(&served.stderr);
+        assert!(served.status.code() == Some(2) && told.contains(words), "{more}: {told}");
+        let checked = run(&["config", "check", name]);
+        let told = text(&checked.stderr);
+        let place = format!("{name}:{line}: ");
+        assert!(checked.status.code() == Some(2) && told.contains(&place) && told.contains(words), "{more}: {told}");
+        let doctor = run(&["doctor", "--config", name, "--device", "sim", "--json"]);
+        let found: Value = serde_json::from_slice(&doctor.stdout).unwrap();
+        let config = found["findings"].as_array().unwrap().iter().find(|finding| finding["check"] == "config").unwrap();
+        assert!(config["verdict"] == "problem" && config["found"].as_str().unwrap().contains(words), "{config}");
+        assert!(!path("tls").exists(), "{more}: a certificate was made");
+    }
+}
+
+/// A daemon that somebody names is expected to answer.
+#[test]
+fn a_named_daemon_that_is_not_there_is_a_problem() {
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let output = run(&["doctor", "--device", "sim", "--json", "--url", &free]);
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let daemon = found["findings"].as_array().unwrap().iter().find(|finding| finding["check"] == "daemon").unwrap();
+    assert!(daemon["verdict"] == "problem" && output.status.code() == Some(1), "{found}");
+}

@@ -55,6 +55,8 @@ pub struct Faults<'a> {
     pub random: Rng,
     /// Outages of the link that daemons before this one have counted.
     pub outages: u64,
+    /// Faults latched by the board that these have counted.
+    pub faults: u64,
     /// What the last of them took before it was killed.
     pub before_kill: Option<Takes>,
 }
@@ -298,7 +300,8 @@ impl Faults<'_> {
 
     fn kill(&mut self) -> Result<(), Error> {
         let driven = self.drive();
-        self.outages += self.counted_outages();
+        self.outages += self.counted("era_device_outages_total");
+        self.faults += self.counted("era_device_faults_total");
         self.before_kill = Some(self.daemon.takes());
         self.world.ends();
         self.daemon.kill();
@@ -309,11 +312,11 @@ impl Faults<'_> {
         Ok(())
     }
 
-    /// Outages of the link that the present daemon has counted.
+    /// What the present daemon has counted of something.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-    pub fn counted_outages(&self) -> u64 {
-        metric(&self.metrics(), "era_device_outages_total").unwrap_or(0.0) as u64
+    pub fn counted(&self, name: &str) -> u64 {
+        metric(&self.metrics(), name).unwrap_or(0.0) as u64
     }
 }
 

@@ -13,17 +13,20 @@ use era::device::sim::{Knobs, Mistakes};
 use era::device::{OpenDevice, Target};
 use era::scene::EXAMPLE_PLATE;
 use fastrand::Rng;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, LazyLock, OnceLock};
 use std::time::{Duration, Instant};
 
 /// How long a board may take to do what it must not.
 const WAIT: Duration = Duration::from_secs(20);
 /// As strong as it can be, where the masses travel farthest.
 const STRONG: &str = r#"{"x_px": 300, "y_px": 300, "duration_ms": 3000, "intensity_g": 1000, "objective": "reach"}"#;
+
+static OPTIONS: LazyLock<Options> =
+    LazyLock::new(|| Options { minutes: 1.0, faults: false, seed: 1, program: PathBuf::new() });
 
 /// A program that says it serves at `address`, and then does `then`.
 fn program(folder: &Path, address: SocketAddr, then: &str) -> PathBuf {
@@ -36,7 +39,7 @@ fn program(folder: &Path, address: SocketAddr, then: &str) -> PathBuf {
 
 fn plan(folder: &Path, program: PathBuf) -> Plan {
     let [device, socket, cache] = ["board", "era.sock", "cache"].map(|name| folder.join(name));
-    Plan { program, device, socket, cache }
+    Plan { program, device, socket, cache, clears_silence: true }
 }
 
 /// The verdict on a board with `mistakes` after `act`, behind a daemon in this process. What is started as the daemon only sleeps.
@@ -68,10 +71,10 @@ fn judged(folder: &Path, bench: Bench, address: SocketAddr, act: impl FnOnce(&mu
     let (world, at_start) = (World::default(), daemon.takes());
     world.begins(daemon.address);
     let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
-    let mut faults = Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, before_kill: None };
+    let mut faults =
+        Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, faults: 0, before_kill: None };
     act(&mut faults);
-    let tally = Tally { sent: 1, ..Tally::default() };
-    let report = report(1, Instant::now(), at_start, tally, faults);
+    let report = report(&OPTIONS, Instant::now(), at_start, Tally::one_driven(), faults);
     println!("{}", report.text());
     report.verdict()
 }
@@ -194,6 +197,51 @@ fn a_loss_that_is_told_late_is_named() {
     assert!(found.as_ref().is_some_and(|found| found.contains(named)), "{found:?}");
 }
 
+/// Has a board that has latched a fault, and refuses every touch; ends the world after some.
+fn refusing(world: Arc<World>) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        for (asked, mut stream) in listener.incoming().map_while(Result::ok).enumerate() {
+            let mut first = String::new();
+            let mut reader = BufReader::new(stream.try_clone().unwrap());
+            let _ = reader.read_line(&mut first);
+            let (mut line, mut length) = (String::from(" "), 0);
+            while !line.trim().is_empty() {
+                line.clear();
+                let _ = reader.read_line(&mut line);
+                length =
+                    line.strip_prefix("Content-Length: ").and_then(|text| text.trim().parse().ok()).unwrap_or(length);
+            }
+            // What is closed unread takes its answer with it.
+            let _ = reader.read_exact(&mut vec![0; length]);
+            let (status, text) = match first.starts_with("GET /metrics") {
+                true => ("200 OK", "era_device_connected 1\nera_device_faults_total 1\n"),
+                false => ("409 Conflict", r#"{"type": "urn:era:problem:device-fault", "detail": "a fault"}"#),
+            };
+            let head = format!("HTTP/1.1 {status}\r\nConnection: close\r\nContent-Length: {}\r\n\r\n", text.len());
+            let _ = stream.write_all(format!("{head}{text}").as_bytes());
+            if asked >= 20 {
+                world.finish();
+            }
+        }
+    });
+    address
+}
+
+#[test]
+fn a_daemon_that_refuses_every_touch_is_named() {
+    let world = Arc::new(World::default());
+    let address = refusing(Arc::clone(&world));
+    world.begins(address);
+    let tally = clients::http(&world, None, 0, Rng::with_seed(1));
+    let found = super::report::tests::of(tally).verdict().unwrap();
+    assert!(found.contains("no touch was driven") && found.contains("with 409 device-fault"), "{found}");
+    // Its board's fault is counted whatever became of touches.
+    let found = verdict_on(address, |_| {}).unwrap();
+    assert!(found.contains("the board has latched 1 faults, and 0 were injected"), "{found}");
+}
+
 /// Not a test: run by [`growing`] as the daemon. Takes what is asked for by a file of that name in the present folder.
 #[test]
 #[ignore = "is a daemon that takes more and more, for the tests beside it"]
@@ -231,12 +279,13 @@ fn growing(what: &str) -> Option<String> {
     let warm = daemon.takes();
     let (world, bench) = (World::default(), Bench::new(path.join("board")).unwrap());
     let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
-    let faults = Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, before_kill: None };
+    let faults =
+        Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, faults: 0, before_kill: None };
     std::fs::write(path.join("asked"), what).unwrap();
     // Whole at once.
     std::fs::rename(path.join("asked"), path.join(GROW)).unwrap();
     until(WAIT, || path.join(GROWN).exists()).expect("it has grown");
-    report(1, Instant::now(), warm, Tally { sent: 1, ..Tally::default() }, faults).verdict()
+    report(&OPTIONS, Instant::now(), warm, Tally::one_driven(), faults).verdict()
 }
 
 #[test]
@@ -306,12 +355,11 @@ fn a_daemon_that_ends_by_itself_is_named() {
     let daemon = Daemon::start(&plan).unwrap();
     let world = World::default();
     let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
-    let mut faults = Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, before_kill: None };
+    let mut faults =
+        Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, faults: 0, before_kill: None };
     until(WAIT, || faults.daemon.has_ended() && faults.daemon.log().contains("out of")).expect("its last words");
-    let options = Options { minutes: 1.0, faults: false, seed: 1, program: PathBuf::new() };
-    let error = load(&options, Instant::now(), &mut faults).unwrap_err().to_string();
+    let error = load(&OPTIONS, Instant::now(), &mut faults).unwrap_err().to_string();
     assert!(error.contains("the daemon has ended by itself") && error.contains("out of everything"), "{error}");
-    let tally = Tally { sent: 1, ..Tally::default() };
-    let found = report(1, Instant::now(), Takes::default(), tally, faults).verdict().unwrap();
+    let found = report(&OPTIONS, Instant::now(), Takes::default(), Tally::one_driven(), faults).verdict().unwrap();
     assert!(found.contains("the daemon has ended by itself") && found.contains("out of everything"), "{found}");
 }

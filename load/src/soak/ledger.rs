@@ -99,6 +99,14 @@ impl Ledger {
         }
     }
 
+    /// Faults that the board may have latched for what was injected: one for each time that it, or the daemon, may have heard nothing.
+    #[must_use]
+    pub fn may_have_latched(&self) -> u64 {
+        let is_of_clients =
+            |kind: &Kind| matches!(kind, Kind::SlowNothing | Kind::SlowHeader | Kind::SlowBody | Kind::SlowReader);
+        self.counts.iter().filter(|(kind, _)| !is_of_clients(kind)).map(|(_, count)| count.injected).sum()
+    }
+
     /// All kinds together.
     #[must_use]
     pub fn total(&self) -> Count {

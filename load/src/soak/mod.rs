@@ -67,6 +67,7 @@ pub fn run(options: &Options) -> Result<(), Error> {
         device: folder.path().join("board"),
         socket: folder.path().join("era.sock"),
         cache: folder.path().join("cache"),
+        clears_silence: options.faults,
     };
     let daemon = Daemon::start(&plan)?;
     daemon.await_device()?;
@@ -82,6 +83,7 @@ pub fn run(options: &Options) -> Result<(), Error> {
         ledger: Ledger::default(),
         random: random.fork(),
         outages: 0,
+        faults: 0,
         before_kill: None,
     };
     eprintln!("{} serves on {}", options.program.display(), faults.daemon.address);
@@ -109,7 +111,7 @@ pub fn run(options: &Options) -> Result<(), Error> {
     }
     result?;
     std::thread::sleep(REST);
-    let report = report(options.seed, begun, at_start, tally, faults);
+    let report = report(options, begun, at_start, tally, faults);
     println!("{}", report.text());
     match report.verdict() {
         None => Ok(()),
@@ -118,15 +120,18 @@ pub fn run(options: &Options) -> Result<(), Error> {
 }
 
 /// What has become of all.
-fn report(seed: u64, begun: Instant, at_start: Takes, tally: Tally, faults: Faults<'_>) -> Report {
-    let outages = faults.outages + faults.counted_outages();
+fn report(options: &Options, begun: Instant, at_start: Takes, tally: Tally, faults: Faults<'_>) -> Report {
+    let outages = faults.outages + faults.counted("era_device_outages_total");
+    let latched = faults.faults + faults.counted("era_device_faults_total");
     let Faults { bench, mut daemon, ledger, before_kill, .. } = faults;
     Report {
-        seed,
+        seed: options.seed,
+        injects: options.faults,
         lasted: begun.elapsed(),
         tally,
         ledger,
         outages,
+        latched,
         at_start,
         before_kill,
         at_end: daemon.takes(),

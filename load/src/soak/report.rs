@@ -10,6 +10,8 @@ use std::time::Duration;
 
 /// Travel from which on one electrode alone can pull a mass in, as a part of its gap.
 const PULL_IN: f64 = 1.0 / 3.0;
+/// One answer in so many may be a refusal that nothing in the run asks for.
+const UNEXPECTED: u64 = 100;
 /// Longest from the loss of the board until it is told, in ms.
 const LOSS_TOLD_MS: f64 = 100.0;
 
@@ -18,6 +20,8 @@ const LOSS_TOLD_MS: f64 = 100.0;
 pub struct Report {
     /// Of the random choices.
     pub seed: u64,
+    /// Whether faults were injected.
+    pub injects: bool,
     /// From the first client to the last.
     pub lasted: Duration,
     /// What clients counted.
@@ -26,6 +30,8 @@ pub struct Report {
     pub ledger: Ledger,
     /// Outages of the link to the board.
     pub outages: u64,
+    /// Faults that the board has latched, as the daemons have counted them.
+    pub latched: u64,
     /// What the first daemon took when it was warm.
     pub at_start: Takes,
     /// What the last one that was killed took before that, after a round of faults.
@@ -66,6 +72,26 @@ impl Report {
         ))
     }
 
+    /// Touches that were not driven though they should have been, in words.
+    fn refusals(&self) -> Vec<String> {
+        let (tally, mut found) = (&self.tally, Vec::new());
+        if tally.sent > 0 && tally.driven() == 0 {
+            found.push("no touch was driven".into());
+        }
+        let (count, kinds) = tally.unexpected(self.injects);
+        if count * UNEXPECTED > tally.all_answered() {
+            found.push(format!("{count} touches were refused for what nothing here asks for: {}", kinds.join(", ")));
+        }
+        found
+    }
+
+    /// Faults that nobody has injected, in words.
+    fn faults(&self) -> Option<String> {
+        let injected = self.ledger.may_have_latched();
+        let Self { latched, .. } = self;
+        (*latched > injected).then(|| format!("the board has latched {latched} faults, and {injected} were injected"))
+    }
+
     /// What the daemon takes more and more of, in words. One that has ended by itself takes nothing.
     fn growth(&self) -> Vec<String> {
         let mut grown = Vec::new();
@@ -88,6 +114,8 @@ impl Report {
         if self.tally.sent == 0 {
             wrong.push("no touch was sent".into());
         }
+        wrong.extend(self.refusals());
+        wrong.extend(self.faults());
         wrong.extend(self.ledger.misses.iter().cloned());
         wrong.extend(self.late_losses());
         wrong.extend(self.growth());
@@ -120,6 +148,7 @@ impl Report {
         row("stops and looks at the state", tally.others.to_string());
         row("reconnects of clients", tally.reconnects.to_string());
         row("outages of the link to the board", self.outages.to_string());
+        row("faults latched by the board", self.latched.to_string());
         let (start, end) = (self.at_start, self.at_end);
         let mut takes = |name: &str, unit: &str, of: fn(Takes) -> u64| {
             let killed =
@@ -169,10 +198,12 @@ pub mod tests {
     fn report() -> Report {
         Report {
             seed: 1,
+            injects: false,
             lasted: Duration::from_secs(1),
-            tally: Tally { sent: 1, ..Tally::default() },
+            tally: Tally::one_driven(),
             ledger: Ledger::default(),
             outages: 0,
+            latched: 0,
             at_start: TAKES,
             before_kill: None,
             at_end: TAKES,
@@ -202,7 +233,14 @@ pub mod tests {
         let leaked = Report { before_kill: Some(Takes { memory_kb: 90_000, ..TAKES }), ..report() };
         let mut untold = report();
         untold.ledger.losses.add(Duration::from_millis(101));
-        for report in [lost, missed, far, both, late, leaking, leaked, untold] {
+        let faulted = Report { latched: 1, ..report() };
+        let undriven = of(Tally { sent: 1, ..Tally::default() });
+        let mut refused = report();
+        refused.tally.answered.insert("503 device-late".into(), 1);
+        let with_faults = Report { injects: true, tally: refused.tally, ..report() };
+        assert_eq!(with_faults.verdict(), None);
+        let refused = Report { injects: false, ..with_faults };
+        for report in [lost, missed, far, both, late, leaking, leaked, untold, faulted, undriven, refused] {
             assert!(report.verdict().is_some() && !report.text().is_empty());
         }
     }

@@ -38,6 +38,11 @@ impl Answered {
     }
 }
 
+/// Refusals that every run has: touches that are wrong on purpose, stops, newer touches, channels that have to rest, a full queue.
+const EXPECTED: [&str; 5] = ["400 out-of-range", "409 stopped", "409 superseded", "409 device-refused", "429 busy"];
+/// Those that faults come with besides: a board that is away, late, or has latched a silence.
+const OF_FAULTS: [&str; 3] = ["409 device-fault", "502 device-lost", "503 device-late"];
+
 /// What became of touches.
 #[derive(Debug, Default)]
 pub struct Tally {
@@ -106,9 +111,34 @@ impl Tally {
         self.others += other.others;
     }
 
+    /// Touches that were driven.
+    #[must_use]
+    pub fn driven(&self) -> u64 {
+        ["200", "shown"].iter().filter_map(|kind| self.answered.get(*kind)).sum()
+    }
+
+    /// Refusals of kinds that nothing in the run asks for, in words, and how many they are.
+    #[must_use]
+    pub fn unexpected(&self, has_faults: bool) -> (u64, Vec<String>) {
+        let is_expected = |kind: &str| {
+            ["200", "shown"].contains(&kind) || EXPECTED.contains(&kind) || (has_faults && OF_FAULTS.contains(&kind))
+        };
+        let others: Vec<_> = self.answered.iter().filter(|(kind, _)| !is_expected(kind)).collect();
+        let told = others.iter().map(|(kind, count)| format!("{count} with {kind}")).collect();
+        (others.iter().map(|(_, count)| **count).sum(), told)
+    }
+
     /// Touches that were answered.
     #[must_use]
     pub fn all_answered(&self) -> u64 {
         self.answered.values().sum()
+    }
+}
+
+#[cfg(test)]
+impl Tally {
+    /// One touch, which was driven.
+    pub fn one_driven() -> Self {
+        Self { sent: 1, answered: BTreeMap::from([("200".into(), 1)]), ..Self::default() }
     }
 }

@@ -24,7 +24,7 @@ pub struct DeviceView {
     in_doubt: bool,
     /// Why it does not; null if it does.
     problem: Option<String>,
-    /// Its safety state; null if it has not told any.
+    /// Its safety state; null while it is not connected, or if it has not told any.
     #[schema(schema_with = states)]
     state: Option<&'static str>,
     /// The fault that it has latched.
@@ -57,7 +57,8 @@ pub struct DeviceView {
     mismatch: Option<String>,
     /// Whether it was away and waits for POST /v1/arm.
     waits_to_be_armed: bool,
-    /// What the board measures of its supply and loops, and what each channel may still drive; null with protocol version 1.
+    /// What the board measures of its supply and loops, and what each channel may still drive; null while it is not connected, and with
+    /// protocol version 1.
     supply: Option<SupplyView>,
     /// How well the board's clock is known.
     clock: Option<ClockView>,
@@ -155,7 +156,7 @@ fn kinds() -> Object {
 }
 
 fn states() -> Object {
-    let text = "Its safety state as last seen; null if it has not told any.";
+    let text = "Its safety state; null while it is not connected, or if it has not told any.";
     one_of(State::ALL.map(State::name), true, text)
 }
 
@@ -180,7 +181,8 @@ impl DeviceView {
             connected: device.connected,
             in_doubt: device.in_doubt,
             problem: device.problem.clone(),
-            state: status.map(|status| status.state.name()),
+            // Of a board that is gone, or may be, nobody knows.
+            state: status.filter(|_| device.connected).map(|status| status.state.name()),
             fault: status.and_then(|status| status.fault).zip(device.link_at_fault).map(FaultView::new),
             firmware: identity.map(Identity::firmware_text),
             image: identity.map(|known| known.image.clone()),
@@ -196,7 +198,7 @@ impl DeviceView {
             silences_cleared: device.cleared,
             mismatch: device.mismatch.clone(),
             waits_to_be_armed: device.waits_to_be_armed,
-            supply: SupplyView::new(device),
+            supply: SupplyView::new(device).filter(|_| device.connected),
             clock: device.clock.map(ClockView::new),
         }
     }

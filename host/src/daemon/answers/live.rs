@@ -19,7 +19,7 @@ pub enum Message {
     Scene(Box<SceneView>),
     /// The state, whenever it changes.
     State(Box<StateView>),
-    /// A plan that is driven.
+    /// A plan that is driven, or that none is any more.
     Plan(Box<PlanMessage>),
     /// What is wrong with something that the page has said or done.
     Error(ErrorMessage),
@@ -28,8 +28,8 @@ pub enum Message {
 /// A plan that is driven.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct PlanMessage {
-    /// The plan.
-    plan: PlanView,
+    /// The plan; null when the one that was told before is over, by its end or by a stop.
+    plan: Option<PlanView>,
     /// Its field, where the page has asked for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
@@ -52,11 +52,17 @@ impl Message {
     #[must_use]
     pub fn plan(active: &Active, table: Option<&PlanTable>) -> Self {
         Self::Plan(Box::new(PlanMessage {
-            plan: active.plan.clone(),
+            plan: Some(active.plan.clone()),
             field: table.map(|table| active.field(table).clone()),
             touches: active.touches.clone(),
             effect: active.effect.clone(),
         }))
+    }
+
+    /// That no plan is driven any more.
+    #[must_use]
+    pub fn no_plan() -> Self {
+        Self::Plan(Box::new(PlanMessage { plan: None, field: None, touches: Vec::new(), effect: None }))
     }
 
     /// What is wrong.

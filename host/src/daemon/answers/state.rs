@@ -24,7 +24,7 @@ pub struct StateView {
     plan_id: Option<u64>,
     /// The fingers or targets that it is for.
     touches: Vec<TouchView>,
-    /// What the device measures; null until it has told.
+    /// What the device measures; null while it is not connected, and until it has told.
     telemetry: Option<TelemetryView>,
     /// The link to the device.
     link: LinkView,
@@ -96,17 +96,14 @@ impl StateView {
     /// Everything there is to know now.
     #[must_use]
     pub fn new(app: &App) -> Self {
-        // Before the device's snapshot is held: whoever has the plan may be about to look at the device, and the device's
-        // thread waits to publish.
         let (active, heard_ago) = (app.active(), app.heard_ago());
-        let receiver = app.device();
-        let device = receiver.borrow();
+        let device = app.known();
         Self {
             device: DeviceView::new(&device),
             plan: active.as_ref().map(|active| active.plan.clone()),
             plan_id: active.as_ref().map(|active| active.id),
             touches: active.as_ref().map(|active| active.touches.clone()).unwrap_or_default(),
-            telemetry: TelemetryView::new(app, &device),
+            telemetry: TelemetryView::new(app, &device).filter(|_| device.connected),
             link: LinkView::new(&device, heard_ago),
             daemon: DaemonView { version: env!("CARGO_PKG_VERSION"), uptime_s: app.started.elapsed().as_secs_f64() },
         }

@@ -38,6 +38,7 @@ fn own(path: &str) -> &'static [Kind] {
             Kind::DeviceLost,
             Kind::DeviceLate,
             Kind::SessionEnded,
+            Kind::SessionHangs,
             Kind::Closing,
         ],
         "/v1/preview" => &[
@@ -55,13 +56,21 @@ fn own(path: &str) -> &'static [Kind] {
         "/v1/field" => {
             &[Kind::BadQuery, Kind::OutOfRange, Kind::InCutout, Kind::NoPlan, Kind::QueueFull, Kind::Closing]
         }
-        "/v1/stop" => &[Kind::DeviceRefused, Kind::DeviceLost, Kind::DeviceLate, Kind::SessionEnded, Kind::Closing],
+        "/v1/stop" => &[
+            Kind::DeviceRefused,
+            Kind::DeviceLost,
+            Kind::DeviceLate,
+            Kind::SessionEnded,
+            Kind::SessionHangs,
+            Kind::Closing,
+        ],
         "/v1/faults/clear" => &[
             Kind::QueueFull,
             Kind::DeviceRefused,
             Kind::DeviceLost,
             Kind::DeviceLate,
             Kind::SessionEnded,
+            Kind::SessionHangs,
             Kind::Closing,
         ],
         "/v1/arm" => &[
@@ -73,6 +82,7 @@ fn own(path: &str) -> &'static [Kind] {
             Kind::DeviceLost,
             Kind::DeviceLate,
             Kind::SessionEnded,
+            Kind::SessionHangs,
             Kind::Closing,
         ],
         "/v1/live" => {

@@ -3,6 +3,7 @@
 use super::error_message;
 use crate::daemon::app::App;
 use crate::daemon::client::Client;
+use crate::daemon::problem::Problem;
 use crate::daemon::touch::{Feel, MAX_DURATION_MS, Manner};
 use crate::daemon::turns::superseded;
 use crate::daemon::view::TouchView;
@@ -14,11 +15,14 @@ use tokio::sync::{Notify, mpsc};
 
 /// Least time for which a tap vibrates, however short the finger was down.
 const TAP: Duration = Duration::from_millis(400);
+/// Least time that a tap has to itself before the next one takes its place: some periods of any drive and all of a click, so that it is
+/// felt, and shorter than fingers tap after each other (a trill of two has some 60 ms), so that nobody's taps fall behind.
+const LEAST: Duration = Duration::from_millis(40);
 /// Between two looks whether a touch that nobody wants any more has begun to wait for its turn.
 const AGAIN: Duration = Duration::from_millis(10);
 /// Between two looks at a finger that rests: well before its drive ends ([`MAX_DURATION_MS`]).
 const RENEW: Duration = Duration::from_secs(1);
-/// Most taps that wait to be driven: more than ten fingers make while one is planned.
+/// Most taps that wait to be driven: the last of them for some 1.3 s ([`LEAST`]). More than ten fingers make at once.
 const MOST_STEPS: usize = 32;
 
 /// Fingers that went down or moved, and whether they have been lifted since.
@@ -49,7 +53,11 @@ pub struct Fingers {
 
 impl Fingers {
     /// All fingers that are down now, none if they are lifted.
-    pub fn are(&self, touches: Vec<TouchView>, feel: Feel, stops: u64) {
+    ///
+    /// # Errors
+    /// [`Problem`]: too many taps wait, of which the oldest is not driven any more.
+    pub fn are(&self, touches: Vec<TouchView>, feel: Feel, stops: u64) -> Result<(), Problem> {
+        let mut dropped = None;
         let ids: Vec<i64> = touches.iter().map(|touch| touch.id).collect();
         let mut steps = self.steps();
         let before = std::mem::replace(&mut *self.down.lock().unwrap_or_else(PoisonError::into_inner), ids.clone());
@@ -65,36 +73,59 @@ impl Fingers {
                 last.is_tap |= last.came.iter().any(|id| !ids.contains(id));
             }
             // A device slower than the page skips what came in between.
-            if (steps.len() >= MOST_STEPS || steps.back().is_some_and(|last| !last.lifted && !last.is_tap))
+            if steps.back().is_some_and(|last| !last.lifted && !last.is_tap)
                 && let Some(skipped) = steps.pop_back()
             {
                 came.extend(skipped.came.into_iter().filter(|id| ids.contains(id)));
+            }
+            if steps.len() >= MOST_STEPS {
+                dropped = steps.pop_front().filter(|step| !step.touches.is_empty());
             }
             steps.push_back(Step { touches, feel, lifted: false, came, is_tap: false, stops });
         }
         drop(steps);
         self.changed.notify_one();
+        dropped.map_or(Ok(()), |_| Err(superseded()))
+    }
+
+    fn are_lifted(&self) {
+        // What is lifted takes nobody's place.
+        let _ = self.are(Vec::new(), Feel::default(), 0);
     }
 
     /// Whatever they have done is not wanted any more.
     pub fn forget(&self) {
         self.steps().clear();
-        self.are(Vec::new(), Feel::default(), 0);
+        self.are_lifted();
     }
 
     /// The page has gone away: its fingers are lifted.
     pub fn go(&self) {
-        self.are(Vec::new(), Feel::default(), 0);
+        self.are_lifted();
         *self.gone.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.changed.notify_one();
     }
 
-    /// The next step; `None` once the page is gone and all is done.
-    async fn next(&self) -> Option<Step> {
+    /// The next step, once it is `due`; `None` once the page is gone and all is done.
+    async fn next(&self, due: impl Fn(&Step) -> Option<Instant>) -> Option<Step> {
         loop {
             let changed = self.changed.notified();
-            if let Some(step) = self.steps().pop_front() {
-                return Some(step);
+            let waits = self.steps().front().map(|step| due(step).filter(|due| Instant::now() < *due));
+            match waits {
+                // Looked at again then: a stop may have taken it away.
+                Some(Some(due)) => {
+                    tokio::select! {
+                        () = changed => {}
+                        () = tokio::time::sleep_until(due.into()) => {}
+                    }
+                    continue;
+                }
+                Some(None) => {
+                    if let Some(step) = self.steps().pop_front() {
+                        return Some(step);
+                    }
+                }
+                None => {}
             }
             if *self.gone.lock().unwrap_or_else(PoisonError::into_inner) {
                 return None;
@@ -118,7 +149,7 @@ pub async fn drive(app: Arc<App>, client: Client, fingers: Arc<Fingers>, replies
     let mut hand = Hand { client, ..Hand::default() };
     loop {
         let step = tokio::select! {
-            step = fingers.next() => step,
+            step = fingers.next(|step| hand.due(step)) => step,
             () = tokio::time::sleep(RENEW), if hand.still.is_some() => {
                 hand.renew(&app, &fingers, &replies).await;
                 continue;
@@ -150,9 +181,20 @@ struct Hand {
     held: Option<(Instant, u64)>,
     /// What it was driven for, if that goes on for as long as they are.
     still: Option<Step>,
+    /// [`App::breaks`] when that began.
+    breaks: u64,
+    /// Since when the newest of the fingers is felt for which something was driven last.
+    came: Option<Instant>,
 }
 
 impl Hand {
+    /// When a step may be driven: not before a finger that is lifted by then has been felt for a while.
+    fn due(&self, step: &Step) -> Option<Instant> {
+        let is_down = |id: &i64| step.touches.iter().any(|touch| touch.id == *id) && !step.came.contains(id);
+        let goes_on = step.touches.is_empty() || (!self.down.is_empty() && self.down.iter().all(is_down));
+        self.came.filter(|_| !goes_on).map(|came| came + LEAST)
+    }
+
     /// Whether an effect has been played for all of these fingers: it is not begun again by one that moves.
     fn has_played(&self, step: &Step) -> bool {
         let Step { touches, feel, came, .. } = step;
@@ -165,7 +207,7 @@ impl Hand {
     async fn renew(&mut self, app: &Arc<App>, fingers: &Fingers, replies: &mpsc::Sender<Value>) {
         let Some((step, (_, plan))) = self.still.clone().zip(self.held) else { return };
         let until = Instant::now() + Duration::from_millis(u64::from(MAX_DURATION_MS));
-        if app.stops() != step.stops || app.is_off() {
+        if app.stops() != step.stops || app.breaks() != self.breaks || app.is_off() {
             self.still = None;
         } else if !app.prolong(plan, until)
             && app.active().is_none()
@@ -184,14 +226,14 @@ impl Hand {
         self.down.retain(|id| touches.iter().any(|touch| touch.id == *id));
     }
 
-    async fn drive(&mut self, app: &Arc<App>, fingers: &Fingers, step: Step) -> Result<(), crate::daemon::Problem> {
+    async fn drive(&mut self, app: &Arc<App>, fingers: &Fingers, step: Step) -> Result<(), Problem> {
         let is_even = step.feel.effect.is_none() && step.feel.duration_ms.is_none();
         let again = (is_even && !step.lifted).then(|| Step { came: Vec::new(), is_tap: false, ..step.clone() });
-        let Step { touches, feel, lifted, is_tap, stops, .. } = step;
+        let Step { touches, feel, lifted, came, is_tap, stops } = step;
         let is_tap = lifted || is_tap;
         let (intensity, manner) = feel.check(MAX_DURATION_MS)?;
         let ids = touches.iter().map(|touch| touch.id).collect();
-        let id = app.admission.number();
+        let (id, breaks) = (app.admission.number(), app.breaks());
         let mut touch = std::pin::pin!(app.touch_all(self.client, id, stops, touches, intensity, manner));
         // To its end in any case, but without waiting for its turn once newer fingers stand in its place.
         let done = loop {
@@ -211,7 +253,10 @@ impl Hand {
         });
         match done {
             Ok(done) => {
-                (self.down, self.feel, self.still) = (ids, feel, again);
+                (self.down, self.feel, self.still, self.breaks) = (ids, feel, again, breaks);
+                if !came.is_empty() {
+                    self.came = Some(Instant::now());
+                }
                 self.held = match manner {
                     // An effect ends by itself, whatever the fingers do meanwhile.
                     Manner::Effect(_) => None,
@@ -254,7 +299,7 @@ mod tests {
     #[test]
     fn a_finger_that_comes_again_is_another_one() {
         let fingers = Fingers::default();
-        let say = |ids: &[i64], x_px| fingers.are(at(ids, x_px), Feel::default(), 0);
+        let say = |ids: &[i64], x_px| fingers.are(at(ids, x_px), Feel::default(), 0).unwrap();
         say(&[1], 0.0);
         say(&[1, 2], 1.0);
         assert_eq!(steps(&fingers), [(vec![2, 1], false, 1.0)]);
@@ -268,6 +313,25 @@ mod tests {
         say(&[1, 2], 6.0);
         say(&[1, 2], 7.0);
         assert_eq!(steps(&fingers), [(vec![3], true, 5.0), (vec![], false, 7.0)]);
+    }
+
+    /// So many that nobody can have made them: the newest are driven, and the page is told of the others.
+    #[test]
+    fn of_too_many_taps_the_oldest_make_way() {
+        let fingers = Fingers::default();
+        let tap = |x_px: f64| {
+            let result = fingers.are(at(&[1], x_px), Feel::default(), 0);
+            fingers.are(Vec::new(), Feel::default(), 0).unwrap();
+            result.is_ok()
+        };
+        let most = f64::from(u8::try_from(MOST_STEPS).unwrap());
+        for i in 0..MOST_STEPS {
+            assert!(tap(f64::from(u8::try_from(i).unwrap())));
+        }
+        assert!(!tap(most));
+        let left = steps(&fingers);
+        assert_eq!((left.len(), left[0].2, left[MOST_STEPS - 1].2), (MOST_STEPS, 1.0, most));
+        assert!(left.iter().all(|(_, is_tap, _)| *is_tap));
     }
 
     #[test]

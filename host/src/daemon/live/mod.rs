@@ -19,7 +19,7 @@ use axum::extract::{Query, State};
 use axum::http::Uri;
 use axum::response::{IntoResponse, Response};
 use fingers::Fingers;
-use futures_util::StreamExt;
+use futures_util::{FutureExt, StreamExt};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -206,22 +206,25 @@ fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc
                 || json!({"socket": page, "message": serde_json::from_str::<Value>(text).unwrap_or_default()}),
             );
             let feel = Feel { intensity_g, intensity_db, duration_ms, effect, count, period_ms };
-            fingers.are(touches, feel, app.stops());
-            None
+            fingers.are(touches, feel, app.stops()).err()
         }
         Ok(Incoming { kind: Said::Touch, touches: None, .. }) => {
-            Some(Problem::body(format!("missing field `touches`; expected {wanted}")))
+            Some(Problem::body(format!("touches is missing; expected {wanted}")).about("touches".into()))
         }
         Ok(Incoming { kind: Said::Stop, .. }) => {
             app.note("stop", || json!({"socket": page}));
             fingers.forget();
-            // Of its own, so that the next message is read whatever the device does.
             let (app, replies) = (Arc::clone(app), replies.clone());
-            tokio::spawn(async move {
+            let mut stopping = Box::pin(async move {
                 if let Err(error) = app.stop().await {
                     let _ = replies.try_send(error_message(&error.into()));
                 }
             });
+            // Counted and on its way here, so that what the page says next comes after it; the answer is waited for in a task of its own, so
+            // that the next message is read whatever the device does.
+            if (&mut stopping).now_or_never().is_none() {
+                tokio::spawn(stopping);
+            }
             None
         }
         Err(problem) => Some(problem),

@@ -75,7 +75,9 @@ pub async fn write(
     let mut first = Vec::new();
     first.extend(wants.scene.then(|| json!(Told::Scene(Box::new(app.scene.clone())))));
     first.extend(wants.state.then(|| state_message(&app)));
-    first.extend(app.active().filter(|_| wants.plan).map(|active| wants.plan_message(&app, &active)));
+    // The plan that the page knows of.
+    let mut known = app.active().filter(|_| wants.plan);
+    first.extend(known.as_ref().map(|active| wants.plan_message(&app, active)));
     for message in first {
         if !send(&mut sink, text(&message), limit).await {
             return;
@@ -93,15 +95,26 @@ pub async fn write(
                 Err(_) => break,
             },
             update = updates.recv() => match update {
-                Ok(Update::Plan(active)) => wants.plan.then(|| text(&wants.plan_message(&app, &active))),
+                Ok(Update::Plan(active)) if wants.plan => {
+                    known = Some(Arc::clone(&active));
+                    Some(text(&wants.plan_message(&app, &active)))
+                }
+                // It is looked at below.
+                Ok(Update::Plan(_) | Update::Ends) => None,
                 Ok(Update::Stopped) => wants.state.then(|| text(&state_message(&app))),
                 // Some were missed; the newest is what counts.
                 Err(RecvError::Lagged(_)) => {
                     updates = updates.resubscribe();
-                    app.active().filter(|_| wants.plan).map(|active| text(&wants.plan_message(&app, &active)))
+                    let newest = app.active().filter(|_| wants.plan);
+                    known = newest.clone().or(known);
+                    newest.map(|active| text(&wants.plan_message(&app, &active)))
                 }
                 Err(RecvError::Closed) => break,
             },
+            () = over(&app, known.as_ref().map_or(0, |known| known.id)), if known.is_some() => {
+                known = None;
+                Some(text(&json!(Told::no_plan())))
+            }
             () = closed(&mut closing) => break,
         };
         if let Some(message) = message
@@ -111,6 +124,13 @@ pub async fn write(
         }
     }
     let _ = tokio::time::timeout(limit, sink.close()).await;
+}
+
+/// Until the plan that the page knows of is over. A newer one is told before: that is no end.
+async fn over(app: &App, id: u64) {
+    while let Some(until) = app.end_of(id) {
+        tokio::time::sleep_until(until.into()).await;
+    }
 }
 
 fn state_message(app: &App) -> Value {

@@ -41,9 +41,15 @@ impl Worker {
             return Err(SessionError::Unfit { reason });
         }
         match self.away.clone() {
-            Some(reason) => Err(SessionError::Away { reason }),
+            Some(reason) => Err(SessionError::Away { reason, is_faulty: self.has_lasting_fault() }),
             None => Ok(()),
         }
+    }
+
+    /// Whether a fault is latched that arming does not clear.
+    fn has_lasting_fault(&self) -> bool {
+        let fault = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
+        fault.is_some_and(|fault| !(self.policy.clears_silence && fault.code == FaultCode::HostSilent))
     }
 
     /// From here on a person has to arm it, if that is the policy.
@@ -52,6 +58,11 @@ impl Worker {
             self.away = Some(reason.to_owned());
             self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = true);
         }
+    }
+
+    /// What was asked for before this is not begun after it.
+    pub(super) fn broke(&self) {
+        self.publish.send_modify(|snapshot| snapshot.breaks += 1);
     }
 
     /// Whether the device is live though nobody here has armed it: before this program began, or by a mistake.

@@ -57,8 +57,6 @@ impl Worker {
     pub(super) fn keep_alive(&mut self) -> Result<(), LinkError> {
         let Reply::Alive { state } = self.ask(&Request::KeepAlive)? else { return Err(unexpected("keep-alive")) };
         if self.armed && !state.is_live() {
-            self.armed = false;
-            self.drive_until = None;
             return self.look();
         }
         if self.is_live_unasked(state) {
@@ -128,6 +126,7 @@ impl Worker {
         let at_fault = faulted.map(|fault| self.report(&fault, round_trips, link));
         self.silence = Duration::ZERO;
         let has_fault = status.fault.is_some();
+        let has_broken = faulted.is_some() || restarted || (self.armed && !status.state.is_live());
         if !status.state.is_live() {
             self.armed = false;
             self.drive_until = None;
@@ -143,6 +142,7 @@ impl Worker {
             snapshot.link_at_fault = at_fault.or(snapshot.link_at_fault).filter(|_| has_fault);
             snapshot.restarts += u32::from(restarted);
             snapshot.faults += u32::from(faulted.is_some());
+            snapshot.breaks += u64::from(has_broken);
         });
         if restarted {
             tracing::warn!("the device has restarted");

@@ -73,6 +73,8 @@ pub enum SessionError {
     Away {
         /// What had happened.
         reason: String,
+        /// Whether it has latched a fault besides, which arming does not clear.
+        is_faulty: bool,
     },
     /// The device is not made for this scene.
     #[error("the device does not fit the scene: {reason}")]
@@ -83,6 +85,9 @@ pub enum SessionError {
     /// Everything was stopped after this drive had been asked for.
     #[error("everything was stopped while this was being planned")]
     Stopped,
+    /// The device went off, faulted or was away after this drive had been asked for.
+    #[error("the device has gone off, faulted or been away since this was asked for")]
+    Broken,
     /// The session has ended.
     #[error("the daemon is shutting down")]
     Closed,
@@ -91,6 +96,11 @@ pub enum SessionError {
         "{ENDED}: nothing is driven any more, and the board has gone off by itself; the daemon has to be started again"
     )]
     Ended,
+    /// Its thread hangs, by a mistake in this program or of the system's driver.
+    #[error(
+        "{HANGS}: nothing is driven any more, and the board has gone off by itself; the daemon has to be started again"
+    )]
+    Hangs,
 }
 
 impl From<LinkError> for SessionError {
@@ -104,6 +114,11 @@ impl From<LinkError> for SessionError {
 
 /// What is said of a device whose session is no more.
 const ENDED: &str = "the session with the device has ended";
+
+/// What is said of one whose thread does nothing any more.
+const HANGS: &str = "the session with the device hangs";
+/// Time for its thread to end beside what a request to the device may take.
+const LEAVE: Duration = Duration::from_millis(300);
 
 /// What a drive command did.
 #[derive(Clone, Debug)]
@@ -170,6 +185,8 @@ pub struct Snapshot {
     pub faults: u32,
     /// Latched silences of the host that were cleared by policy.
     pub cleared: u32,
+    /// How often it went off unasked, faulted, was cleared, or was away: what was asked for before that is not begun after it.
+    pub breaks: u64,
     /// Longest time between two signs of life while armed.
     pub longest_gap: Duration,
     /// What of the board does not go with the scene.
@@ -208,6 +225,8 @@ pub struct DriveOrder {
     pub id: u64,
     /// [`Session::stops`] as it was when the drive was asked for: a stop since then refuses it.
     pub stops: u64,
+    /// [`Snapshot::breaks`] as it was then, for what begins later than it was asked for: anything of that kind since then refuses it.
+    pub breaks: Option<u64>,
     /// What every channel does.
     pub drives: Vec<ChannelDrive>,
     /// How long.
@@ -252,6 +271,8 @@ pub struct Session {
     heard: Arc<Beat>,
     /// Longest time without a sign of life of the thread.
     longest: Duration,
+    /// The same for its end.
+    leaves: Duration,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -293,6 +314,7 @@ impl Session {
         let stops = Arc::new(AtomicU64::new(0));
         let beat = Arc::new(Beat::new());
         let longest = Duration::from_secs(5) + device.timing().patience.longest() * 2;
+        let leaves = device.timing().patience.longest().saturating_add(LEAVE);
         let heard = Arc::new(Beat::new());
         let clocks = [Arc::clone(&beat), Arc::clone(&heard)];
         let worker = Worker::new(device, needs, policy, publish, Arc::clone(&stops), clocks);
@@ -300,7 +322,7 @@ impl Session {
             priority::raise();
             worker.run(&inbox);
         })?;
-        Ok(Self { commands, snapshot, stops, beat, heard, longest, thread: Some(thread) })
+        Ok(Self { commands, snapshot, stops, beat, heard, longest, leaves, thread: Some(thread) })
     }
 
     /// What is known of the device, kept up to date.
@@ -314,6 +336,24 @@ impl Session {
     #[must_use]
     pub fn is_alive(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) && self.beat.age() < self.longest
+    }
+
+    /// Whether it does nothing any more though it has not ended.
+    #[must_use]
+    pub fn hangs(&self) -> bool {
+        !self.is_alive() && self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// What is known of the device now: of one whose session hangs, that nobody hears it.
+    #[must_use]
+    pub fn known(&self) -> Snapshot {
+        let hangs = self.hangs();
+        let mut snapshot = self.snapshot.borrow().clone();
+        if hangs {
+            (snapshot.connected, snapshot.in_doubt) = (false, false);
+            snapshot.problem = Some(HANGS.into());
+        }
+        snapshot
     }
 
     /// How long ago the device last answered, to a sign of life if to nothing else; or the session began, if it never did.
@@ -403,6 +443,9 @@ impl Session {
 
     /// What would wait for a device that may be gone is refused at once, as it may be driven when nobody expects it any more. Stops are not.
     fn not_in_doubt(&self) -> Result<(), SessionError> {
+        if self.hangs() {
+            return Err(SessionError::Hangs);
+        }
         let snapshot = self.snapshot.borrow();
         if snapshot.in_doubt {
             let reason = snapshot.problem.clone().unwrap_or_default();
@@ -419,8 +462,15 @@ impl Session {
 impl Drop for Session {
     fn drop(&mut self) {
         let _ = self.commands.send(Command::Close);
-        if let Some(thread) = self.thread.take() {
+        let Some(thread) = self.thread.take() else { return };
+        // One that hangs is left behind: with the process it ends anyway, and the board goes off by its dead-man timer.
+        while !thread.is_finished() && self.beat.age() < self.leaves {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        if thread.is_finished() {
             let _ = thread.join();
+        } else {
+            tracing::error!("{HANGS}; it is left behind");
         }
     }
 }

@@ -238,11 +238,12 @@ impl Worker {
     }
 
     fn try_drive(&mut self, order: DriveOrder) -> Result<Driven, SessionError> {
-        let DriveOrder { id, stops, drives, hold, from_zero } = order;
-        if stops != self.stops.load(Ordering::SeqCst) {
-            return Err(SessionError::Stopped);
-        }
+        let DriveOrder { id, stops, breaks, drives, hold, from_zero } = order;
+        self.check_stops(stops)?;
         self.connected()?;
+        if breaks.is_some_and(|breaks| breaks != self.publish.borrow().breaks) {
+            return Err(SessionError::Broken);
+        }
         if from_zero && self.armed {
             self.ask(&Request::Disarm)?;
             self.armed = false;
@@ -332,6 +333,8 @@ impl Worker {
     fn clear(&mut self) -> Result<(), SessionError> {
         self.connected()?;
         self.ask(&Request::ClearFaults)?;
+        // Before a fault that came and went unseen.
+        self.broke();
         Ok(self.look()?)
     }
 
@@ -384,6 +387,7 @@ impl Worker {
         if let Err(LinkError::Halted { by_order, .. }) = &reply {
             self.obeyed = if *by_order { seen.get() } else { self.obeyed };
             (self.armed, self.drive_until, self.next_status) = (false, None, Instant::now());
+            self.broke();
         } else if let Err(error) = reply {
             return Err(error);
         }
@@ -436,6 +440,7 @@ impl Worker {
         self.drive_until = None;
         self.next_open = Instant::now() + REOPEN;
         self.was_away(&text);
+        self.broke();
         self.publish.send_modify(|snapshot| {
             snapshot.outages += u32::from(snapshot.connected || snapshot.in_doubt);
             (snapshot.connected, snapshot.in_doubt) = (false, false);

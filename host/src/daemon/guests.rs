@@ -1,0 +1,111 @@
+//! Connections in the places that are kept for stops: who has said nothing there makes way for whoever comes.
+
+use std::collections::VecDeque;
+use std::io;
+use std::pin::Pin;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::task::{Context, Poll};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::sync::{Notify, OwnedSemaphorePermit};
+
+/// A connection's place, for as long as it has it.
+#[derive(Debug)]
+pub struct Guest {
+    place: Mutex<Option<OwnedSemaphorePermit>>,
+    has_spoken: Arc<AtomicBool>,
+    leaves: Notify,
+}
+
+impl Guest {
+    /// In this place.
+    pub fn new(place: OwnedSemaphorePermit) -> Self {
+        let has_spoken = Arc::new(AtomicBool::new(false));
+        Self { place: Mutex::new(Some(place)), has_spoken, leaves: Notify::new() }
+    }
+
+    /// Its connection, listened to.
+    pub fn listened<S>(&self, stream: S) -> Listened<S> {
+        Listened { stream, has_spoken: Arc::clone(&self.has_spoken) }
+    }
+
+    /// Serves it until it is done or has to make way.
+    pub async fn served(&self, serving: impl Future<Output = ()>) {
+        tokio::select! {
+            () = self.leaves.notified() => tracing::debug!("a connection that said nothing makes way"),
+            () = serving => {}
+        }
+    }
+}
+
+/// Guests in their order.
+#[derive(Debug, Default)]
+pub struct Guests(Mutex<VecDeque<Weak<Guest>>>);
+
+impl Guests {
+    /// One more.
+    pub fn add(&self, guest: &Arc<Guest>) {
+        let mut guests = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        guests.retain(|known| known.strong_count() > 0);
+        guests.push_back(Arc::downgrade(guest));
+    }
+
+    /// The place of the oldest that has said nothing, which is sent away.
+    pub fn make_way(&self) -> Option<OwnedSemaphorePermit> {
+        let guests = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let silent = |guest: &Arc<Guest>| !guest.has_spoken.load(Ordering::SeqCst);
+        guests.iter().filter_map(Weak::upgrade).filter(silent).find_map(|guest| {
+            let place = guest.place.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+            guest.leaves.notify_one();
+            Some(place)
+        })
+    }
+}
+
+/// A connection of which is known whether anything has come over it.
+#[derive(Debug)]
+pub struct Listened<S> {
+    stream: S,
+    has_spoken: Arc<AtomicBool>,
+}
+
+impl<S: AsyncRead + Unpin> AsyncRead for Listened<S> {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let before = buffer.filled().len();
+        let read = Pin::new(&mut self.stream).poll_read(context, buffer);
+        if buffer.filled().len() > before {
+            self.has_spoken.store(true, Ordering::SeqCst);
+        }
+        read
+    }
+}
+
+impl<S: AsyncWrite + Unpin> AsyncWrite for Listened<S> {
+    fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        parts: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write_vectored(context, parts)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+}
