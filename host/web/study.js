@@ -20,7 +20,7 @@ export function placement(scene) {
   const margin = MARGIN * Math.min(scene.length_mm, isBar ? scene.length_mm : scene.width_mm);
   const [right, bottom] = [scene.length_mm - margin, scene.width_mm - margin].map((mm) => Number(mm.toFixed(6)));
   const from = Number(margin.toFixed(6));
-  const parts = ['version = 1', 'name = "where the actuators go"', 'scene = ""'];
+  const parts = ['version = 1', 'name = "where the actuators go"', 'scene = "page"'];
   for (const { id } of scene.actuators) {
     const path = `actuator.${id}`;
     parts.push("", "[[variable]]");
@@ -113,7 +113,7 @@ export class Studies {
   figures(own) {
     if (own.failed) return `failed: ${own.failed}`;
     return Object.entries(own.figures)
-      .map(([name, value]) => `${name} ${fixed(value, 3)}`)
+      .map(([name, value]) => `${name} ${fixed(value, 3, "")}`)
       .join(", ");
   }
 

@@ -112,8 +112,7 @@ impl PyStudy {
     #[new]
     fn new(py: Python<'_>, text: String, scene: &PyScene) -> PyResult<Self> {
         let scene_text = scene.text().to_owned();
-        let study =
-            Study::parse(STUDY, &text, SCENE, &scene_text).map_err(|error| scene_error(py, error, true))?;
+        let study = Study::parse(STUDY, &text, SCENE, &scene_text).map_err(|error| scene_error(py, error, true))?;
         Ok(Self::of(study, text, scene_text))
     }
 
@@ -247,9 +246,10 @@ impl PyStudy {
         let rows = match threads {
             None => run(py, move || Ok(work()))?,
             Some(threads) => run_beside(py, move |_| {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
-                    Raised::os(format!("no thread to compute in: {error}"))
-                })?;
+                let pool = rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads)
+                    .build()
+                    .map_err(|error| Raised::os(format!("no thread to compute in: {error}")))?;
                 Ok(pool.install(work))
             })?,
         };

@@ -25,7 +25,7 @@ const SCENE: &str = "scene";
 
 /// A study to be run.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
-#[schema(examples(json!({"study": "version = 1\nname = \"corners\"\nscene = \"\"\n[[variable]]\nkey = \"support.*.stiffness_n_per_m\"\nfrom = 500\nto = 8000\n[[wish]]\nfigure = \"weakest_g\"\n[method]\ndesigns = 32\n"})))]
+#[schema(examples(json!({"study": "version = 1\nname = \"corners\"\nscene = \"plate.toml\"\n[[variable]]\nkey = \"support.*.stiffness_n_per_m\"\nfrom = 500\nto = 8000\n[[wish]]\nfigure = \"weakest_g\"\n[method]\ndesigns = 32\n"})))]
 #[serde(deny_unknown_fields)]
 pub struct StudyRequest {
     /// A study file (TOML) as text; the scene that it names is of no account.

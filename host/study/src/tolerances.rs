@@ -20,6 +20,9 @@ const SAMPLES: usize = 64;
 const EACH: usize = 16;
 /// Of random numbers: the same panel has the same answer.
 const SEED: u64 = 1;
+/// Nearer to the border than this part of a side what is off lies on it: that changes nothing that is felt, and between the border and a point
+/// that is hardly off it cells are so small that their stiffness drowns the rest in rounding.
+const AT_THE_BORDER: f64 = 2e-3;
 /// Least tolerance of a place that a decibel is told of: below this part of the plan's own peak, -120 dB, a sample counts as this.
 const LEAST_PART: f64 = 1e-6;
 
@@ -187,7 +190,7 @@ fn off(scene: &Scene, kinds: &[What], point: &[f64], tolerances: Tolerances) -> 
                 let (length, width) = (scene.surface.length_m, scene.surface.width_m);
                 let mut move_it = |x_m: &mut f64, y_m: &mut f64| {
                     for (at, most) in [(x_m, length), (y_m, width)] {
-                        *at = (*at + tolerances.places_mm / 1e3 * next()).clamp(0.0, most);
+                        *at = placed(*at + tolerances.places_mm / 1e3 * next(), most);
                     }
                 };
                 scene.supports.iter_mut().for_each(|own| move_it(&mut own.x_m, &mut own.y_m));
@@ -197,6 +200,17 @@ fn off(scene: &Scene, kinds: &[What], point: &[f64], tolerances: Tolerances) -> 
         }
     }
     scene
+}
+
+/// A coordinate on a side of some length.
+fn placed(at_m: f64, most_m: f64) -> f64 {
+    if at_m < AT_THE_BORDER * most_m {
+        0.0
+    } else if at_m > (1.0 - AT_THE_BORDER) * most_m {
+        most_m
+    } else {
+        at_m
+    }
 }
 
 /// The peak in m/s^2 at a place with these drives.

@@ -189,6 +189,7 @@ fn this_repository_is_read_whole() {
             "era-host",
             "era-model",
             "era-planner",
+            "era-python",
             "era-study",
             "era-shared",
             "hil-tests",

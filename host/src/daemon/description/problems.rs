@@ -52,6 +52,9 @@ fn own(path: &str) -> &'static [Kind] {
             Kind::PreviewSuperseded,
             Kind::PreviewFailed,
         ],
+        "/v1/study" => {
+            &[Kind::ContentType, Kind::BadScene, Kind::NoModel, Kind::TooLarge, Kind::StudyRuns, Kind::PreviewFailed]
+        }
         "/v1/requests/{id}" => &[Kind::BadPath, Kind::NotFound],
         "/v1/field" => {
             &[Kind::BadQuery, Kind::OutOfRange, Kind::InCutout, Kind::NoPlan, Kind::QueueFull, Kind::Closing]

@@ -141,7 +141,9 @@ mod tests {
         for task in tasks {
             assert_eq!(task.to_string().parse(), Ok(task));
         }
-        for name in ["", "bases", "designs-12", "designs-0000012.rows", "designs--000001", "run-0001", "run-0001-generation-1"] {
+        for name in
+            ["", "bases", "designs-12", "designs-0000012.rows", "designs--000001", "run-0001", "run-0001-generation-1"]
+        {
             assert!(name.parse::<Task>().is_err(), "{name}");
         }
     }
