@@ -436,8 +436,8 @@ fn a_study_is_run_and_its_best_designs_are_opened() {
         let best = era::scene::Scene::parse("best", best).unwrap();
         browser.value("document.querySelectorAll('#designs button')[1].click()");
         browser.wait_for(&format!(
-            "{READY} && document.querySelector('.handle.actuator').style.left === `${{100 * {} / 300}}%`",
-            best.actuators[0].x_m * 1e3
+            "{READY} && Math.abs(parseFloat(document.querySelector('.handle.actuator').style.left) - {}) < 0.01",
+            100.0 * best.actuators[0].x_m / 0.3
         ));
         save(browser, "study-best");
         // A file, as the command line writes it, of another size; and back to the daemon's own scene.

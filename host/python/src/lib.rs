@@ -1,8 +1,8 @@
 //! The compiled part of the Python package `era`: the crates `era-model`, `era-planner` and `era-study`, and the simulated device of `era-host`,
 //! for NumPy.
 //!
-//! [`scene`] is what there is, [`document`] its form as mappings; [`modes`] and the like are a function with its result each.
-//! What they share: [`arguments`] in, [`results`] out, [`errors`] as exceptions, [`run`] for work without the interpreter's lock.
+//! `scene` is what there is, `document` its form as mappings; `modes` and the like are a function with its result each.
+//! What they share: `arguments` in, `results` out, `errors` as exceptions, `run` for work without the interpreter's lock.
 
 use pyo3::prelude::*;
 
