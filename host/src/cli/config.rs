@@ -12,9 +12,6 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Told where nothing says which device: a service without its board would look as if all were well.
-pub const SIMULATED: &str = "drives the simulated device: set device = \"auto\" to drive a board";
-
 /// The version of configuration files that is read.
 const VERSION: f64 = 1.0;
 
@@ -202,7 +199,7 @@ impl ConfigFile {
     /// That the file leads to the simulated device, if it does.
     #[must_use]
     pub fn simulated(&self) -> Option<&'static str> {
-        matches!(self.under(&Serve::default()).device, None | Some(Target::Sim)).then_some(SIMULATED)
+        matches!(self.under(&Serve::default()).device, None | Some(Target::Sim)).then_some(serve::SIMULATED)
     }
 
     /// Every key with its value and where that comes from, for `options` on the command line.

@@ -135,7 +135,7 @@ fn run(arguments: command::Arguments, started: Instant) -> Outcome {
     match arguments.command {
         // Without a command the main job runs: daemon, example plate, simulated device, web page.
         None => serve::run(&args::Serve::default(), started),
-        Some(Command::Serve(options)) => serve::run(&options, started),
+        Some(Command::Serve(options)) => config::joined(&options).and_then(|options| serve::run(&options, started)),
         Some(Command::Touch(options)) => client::touch(&options),
         Some(Command::Stop(options)) => client::stop(&options),
         Some(Command::Clear(options)) => client::clear(&options),

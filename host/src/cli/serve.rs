@@ -2,7 +2,7 @@
 
 use super::args::{AfterOutage, Serve};
 use super::panel::prepared_table;
-use super::{Failure, Outcome, config, notify};
+use super::{Failure, Outcome, notify};
 use crate::daemon::listener::{ListenError, TlsFiles, first_certificate, lacking};
 use crate::daemon::{Access, App, DEFAULT_LISTEN, Ended, Listener, Recorder, serve_while_alive};
 use crate::device::session::policy::Policy;
@@ -23,9 +23,11 @@ const SOCKET: &str = "era.sock";
 /// Where the first plan is tried, in parts of the way to the screen's middle.
 const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 
-/// Serves; `started` is when the program was.
+/// Told where nothing says which device: a service without its board would look as if all were well.
+pub const SIMULATED: &str = "drives the simulated device: set device = \"auto\" to drive a board";
+
+/// Serves, with what a configuration file says among the options; `started` is when the program was.
 pub fn run(options: &Serve, started: Instant) -> Outcome {
-    let options = &config::joined(options)?;
     let (scene, text) = options.panel.load_text()?;
     // Before anything is written.
     if let Some((_, mistake)) = mistakes(options).into_iter().next() {
@@ -74,7 +76,7 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     );
     if target == Target::Sim && options.device.is_none() {
         match &options.config {
-            Some(path) => tracing::warn!("{} {}", path.display(), config::SIMULATED),
+            Some(path) => tracing::warn!("{} {}", path.display(), SIMULATED),
             None => tracing::info!("this daemon drives the simulated device: --device auto drives a board"),
         }
     }

@@ -6,6 +6,17 @@ use crate::planner::schedule::Stretch;
 use crate::planner::trade::Trade;
 use crate::planner::{Plan, PlanTable};
 use std::sync::{Arc, OnceLock};
+use std::time::Instant;
+
+/// A plan as the current one.
+#[derive(Clone, Debug)]
+pub(super) struct Shown {
+    pub(super) plan: Arc<Active>,
+    /// When its drive ends.
+    pub(super) until: Instant,
+    /// `App::stops` when it was asked for.
+    pub(super) stops: u64,
+}
 
 /// The current plan and what goes with it.
 #[derive(Clone, Debug)]

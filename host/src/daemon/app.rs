@@ -1,13 +1,12 @@
 //! What a touch needs, and what it does.
 
 use super::access::Access;
-use super::active::{Held, Since, Touched, Update};
+use super::active::{Held, Shown, Since, Touched, Update};
 use super::admission::Admission;
 use super::answers::scene::SceneView;
 use super::answers::touched::Achieved;
 use super::asked::Asked;
 use super::client::Client;
-use super::current::Shown;
 use super::limits::Limits;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};

@@ -1,6 +1,6 @@
 //! The plan that is shown as the current one, and when it ends.
 
-use super::active::{Active, Update};
+use super::active::{Active, Shown, Update};
 use super::answers::touched::PlayedEffect;
 use super::app::App;
 use super::thin::Thinned;
@@ -9,16 +9,6 @@ use crate::device::SessionError;
 use crate::planner::Plan;
 use std::sync::{Arc, PoisonError};
 use std::time::Instant;
-
-/// A plan as the current one.
-#[derive(Clone, Debug)]
-pub(super) struct Shown {
-    pub(super) plan: Arc<Active>,
-    /// When its drive ends.
-    pub(super) until: Instant,
-    /// [`App::stops`] when it was asked for.
-    pub(super) stops: u64,
-}
 
 impl App {
     /// The plan that is being driven.
