@@ -192,7 +192,8 @@ fn check(scene: &Scene, attachments: &Attachments<'_>) -> Result<(), Problem> {
     Ok(())
 }
 
-fn too_large<T: std::fmt::Display + Into<serde_json::Value>>(
+/// More than is computed here; `line` is that of the scene's text.
+pub(super) fn too_large<T: std::fmt::Display + Into<serde_json::Value>>(
     field: &str,
     value: T,
     unit: &str,
@@ -200,7 +201,8 @@ fn too_large<T: std::fmt::Display + Into<serde_json::Value>>(
     line: Option<usize>,
 ) -> Problem {
     let place = line.map_or_else(String::new, |line| format!("{SOURCE}:{line}: "));
-    let detail = format!("{place}{field} has {value} {unit}, but a preview takes at most {most}");
+    let detail =
+        format!("{place}{field} has {value} {unit}, but the daemon takes at most {most} for what is not driven");
     let allowed = format!("at most {most} {unit}");
     Problem::new(Kind::TooLarge, detail).at(field, value.into(), allowed, line)
 }

@@ -1,7 +1,7 @@
 //! Small design studies for the page: one at a time, beside everything else, of the daemon's own scene or one that is sent. Nothing is
 //! driven by them.
 
-use super::preview::MAX_SCENE;
+use super::preview::{MAX_SCENE, check_size, too_large};
 use super::problem::{Kind, Problem};
 use crate::design::evaluate::Quick;
 use crate::design::result::Finalist;
@@ -182,18 +182,18 @@ impl Studies {
         let scene = request.scene.as_ref().unwrap_or(&self.own);
         for (field, text) in [(STUDY, &request.study), (SCENE, scene)] {
             if text.len() > MAX_SCENE {
-                return Err(too_large(field, text.len(), "bytes", MAX_SCENE));
+                return Err(too_large(field, text.len(), "bytes", MAX_SCENE, None));
             }
         }
         let study = Study::parse(STUDY, &request.study, SCENE, scene)?;
-        super::preview::check_size(&Scene::parse(SCENE, scene)?, scene)?;
+        check_size(&Scene::parse(SCENE, scene)?, scene)?;
         let looks = study.designs().saturating_mul(1 + study.scenarios());
         if looks > MOST_LOOKS {
-            return Err(too_large("method.designs", looks, "looks at designs", MOST_LOOKS));
+            return Err(too_large("method.designs", looks, "looks at designs", MOST_LOOKS, None));
         }
         let method = &study.spec.method;
         if method.finalists > MOST_FINALISTS {
-            return Err(too_large("method.finalists", method.finalists, "finalists", MOST_FINALISTS));
+            return Err(too_large("method.finalists", method.finalists, "finalists", MOST_FINALISTS, None));
         }
         if method.thorough {
             let detail = "method.look is \"thorough\", but must be \"quick\" here: `era study` looks thoroughly";
@@ -264,11 +264,4 @@ fn view(study: &Study, own: &Finalist) -> DesignView {
         failed: verified.err().cloned(),
         scene_toml: own.text.clone(),
     }
-}
-
-fn too_large(field: &str, value: usize, unit: &str, most: usize) -> Problem {
-    let detail = format!(
-        "{field} comes to {value} {unit}, but a study of the daemon's has at most {most}: `era study` takes more"
-    );
-    Problem::new(Kind::TooLarge, detail).at(field, value.into(), format!("at most {most} {unit}"), None)
 }

@@ -23,7 +23,7 @@ const SEED: u64 = 1;
 /// Nearer to the border than this part of a side what is off lies on it: that changes nothing that is felt, and between the border and a point
 /// that is hardly off it cells are so small that their stiffness drowns the rest in rounding.
 const AT_THE_BORDER: f64 = 2e-3;
-/// Least tolerance of a place that a decibel is told of: below this part of the plan's own peak, -120 dB, a sample counts as this.
+/// Least part of the plan's own peak, -120 dB, that a sample's peak is told as: on a node line there is none.
 const LEAST_PART: f64 = 1e-6;
 
 /// How far each kind of thing may be off, either way.
@@ -133,23 +133,23 @@ pub fn spread(scene: &Scene, plan: &Plan, tolerances: Tolerances) -> Result<Spre
         let part = if meant > 0.0 { peak(scene, &plan.drives, at)? / meant } else { 1.0 };
         Ok(20.0 * part.max(LEAST_PART).log10())
     };
-    let range = |kinds: &[What], samples: usize| -> Result<Option<Range>, ToleranceError> {
+    // A stream of random numbers for each question: none changes with those before it.
+    let range = |kinds: &[What], samples: usize, stream: u64| -> Result<Option<Range>, ToleranceError> {
         let count: usize = kinds.iter().map(|what| values(scene, *what)).sum();
         if count == 0 {
             return Ok(None);
         }
-        // A stream of its own for each question: those before it do not change it.
-        let points = latin_hypercube(count, samples, &mut Random::new(SEED, kinds.len() as u64));
+        let points = latin_hypercube(count, samples, &mut Random::new(SEED, stream));
         let levels = points.into_par_iter().map(|point| level(&off(scene, kinds, &point, tolerances)));
         let mut levels: Vec<f64> = levels.collect::<Result<_, _>>()?;
         levels.sort_by(f64::total_cmp);
         let at = |k: usize| levels.get(k).copied().unwrap_or(0.0);
         Ok(Some(Range { least_db: at(0), median_db: at(samples / 2), most_db: at(samples - 1) }))
     };
-    let of = What::ALL.into_iter().map(|what| Ok(Own { what, range: range(&[what], EACH)? }));
+    let of = (1..).zip(What::ALL).map(|(stream, what)| Ok(Own { what, range: range(&[what], EACH, stream)? }));
     let of = of.collect::<Result<_, ToleranceError>>()?;
     let nothing = Range { least_db: 0.0, median_db: 0.0, most_db: 0.0 };
-    Ok(Spread { tolerances, range: range(&What::ALL, SAMPLES)?.unwrap_or(nothing), samples: SAMPLES, of })
+    Ok(Spread { tolerances, range: range(&What::ALL, SAMPLES, 0)?.unwrap_or(nothing), samples: SAMPLES, of })
 }
 
 /// How many numbers of a kind are off by themselves.

@@ -1,62 +1,20 @@
 //! Figures of real models against what follows without one: Newton, Hooke, and the frequencies of a free bar.
 
+mod support;
+
 use era_model::scene::{EXAMPLE_PLATE, Scene};
 use era_planner::TableOptions;
 use era_study::evaluate::{Evaluator, Quick, Thorough};
 use era_study::spec::{Drives, Figure, Settings, Wanted};
 use std::f64::consts::TAU;
+use support::{LENGTH_M, WIDTH_M, bar};
 
-const LENGTH_M: f64 = 0.137;
-const WIDTH_M: f64 = 0.041;
-const DENSITY: f64 = 7850.0;
+/// Of steel in kg/m^3.
+const DENSITY_KG_M3: f64 = 7850.0;
+/// Of steel in Pa.
 const YOUNG_PA: f64 = 200e9;
+/// Of each of its two springs.
 const SPRING_N_PER_M: f64 = 900.0;
-
-/// A bar of steel on two springs at its ends, with an actuator so light and soft that it is hardly there.
-fn bar(thickness_mm: f64) -> Scene {
-    let text = format!(
-        r#"
-version = 1
-name = "a bar on two springs"
-[surface]
-kind = "bar"
-length_mm = 137.0
-width_mm = 41.0
-thickness_mm = {thickness_mm}
-[surface.material]
-youngs_modulus_pa = 200e9
-poisson_ratio = 0.3
-density_kg_m3 = 7850.0
-[surface.damping]
-loss_factor = 0.01
-[screen]
-width_px = 1000
-height_px = 300
-[[support]]
-x_mm = 0.0
-y_mm = 20.5
-stiffness_n_per_m = 900.0
-damping_n_s_per_m = 0.05
-[[support]]
-x_mm = 137.0
-y_mm = 20.5
-stiffness_n_per_m = 900.0
-damping_n_s_per_m = 0.05
-[[actuator]]
-id = "only"
-x_mm = 41.0
-y_mm = 20.5
-mount = "grounded"
-moving_mass_g = 0.05
-stiffness_n_per_m = 0.5
-damping_n_s_per_m = 0.001
-electrode_area_mm2 = 1963.5
-air_gap_um = 500.0
-max_voltage_v = 2000.0
-"#
-    );
-    Scene::parse("bar", &text).unwrap()
-}
 
 const fn wanted(figure: Figure) -> Wanted {
     Wanted { figure, setting: Settings::EveryTouch, drives: Drives::Distinct, at_mm: None, force_n: None }
@@ -73,7 +31,7 @@ fn near(found: f64, expected: f64, part: f64) {
 /// A stiff bar on springs at its ends: bounce at sqrt(2 k / m), pitch at sqrt(3) times that; and pressed at an end it hangs on one spring.
 #[test]
 fn a_stiff_bar_bounces_pitches_and_yields_as_a_body_does() {
-    let mass_kg = DENSITY * LENGTH_M * WIDTH_M * 9e-3;
+    let mass_kg = DENSITY_KG_M3 * LENGTH_M * WIDTH_M * 9e-3;
     let found = of(&bar(9.0), &[wanted(Figure::RigidModeHz), Wanted { force_n: Some(3.0), ..wanted(Figure::SagUm) }]);
     near(found[0], (3.0 * 2.0 * SPRING_N_PER_M / mass_kg).sqrt() / TAU, 0.005);
     near(found[1], 3.0 / SPRING_N_PER_M * 1e6, 0.005);
@@ -83,7 +41,7 @@ fn a_stiff_bar_bounces_pitches_and_yields_as_a_body_does() {
 /// quotient each end, where the shape is largest, adds k w^2 to the energy.
 #[test]
 fn a_thin_bar_bends_as_a_free_one_does() {
-    let (thickness_m, line_kg) = (1.5e-3, DENSITY * WIDTH_M * 1.5e-3);
+    let (thickness_m, line_kg) = (1.5e-3, DENSITY_KG_M3 * WIDTH_M * 1.5e-3);
     let bending = YOUNG_PA * WIDTH_M * f64::powi(thickness_m, 3) / 12.0;
     let free = 4.730_041_f64.powi(4) * bending / (line_kg * LENGTH_M.powi(4));
     // The mean square of a free bar's shape is a quarter of the square at its ends.

@@ -1,56 +1,21 @@
 //! What being off does to a plan, against what follows from mechanics without a model.
 
+mod support;
+
 use era_model::model::Accuracy;
 use era_model::model::levels::Levels;
 use era_model::scene::{EXAMPLE_PLATE, Scene};
 use era_planner::{Plan, PlanTable, TableOptions, Target};
 use era_study::tolerances::{Spread, Tolerances, What, spread};
+use support::{LENGTH_M, WIDTH_M, bar};
 
 const NOTHING: Tolerances = Tolerances { springs: 0.0, youngs_modulus: 0.0, thickness: 0.0, places_mm: 0.0 };
 
-/// A short thick bar on soft springs: in the band it moves as a whole, a mass and nothing else.
-const BLOCK: &str = r#"
-version = 1
-name = "a block"
-[surface]
-kind = "bar"
-length_mm = 137.0
-width_mm = 41.0
-thickness_mm = 9.0
-[surface.material]
-youngs_modulus_pa = 200e9
-poisson_ratio = 0.3
-density_kg_m3 = 7850.0
-[surface.damping]
-loss_factor = 0.01
-[screen]
-width_px = 1000
-height_px = 300
-[[support]]
-x_mm = 0.0
-y_mm = 20.5
-stiffness_n_per_m = 900.0
-damping_n_s_per_m = 0.5
-[[support]]
-x_mm = 137.0
-y_mm = 20.5
-stiffness_n_per_m = 900.0
-damping_n_s_per_m = 0.5
-[[actuator]]
-id = "only"
-x_mm = 68.5
-y_mm = 20.5
-mount = "grounded"
-moving_mass_g = 1.0
-stiffness_n_per_m = 300.0
-damping_n_s_per_m = 0.05
-electrode_area_mm2 = 1963.5
-air_gap_um = 500.0
-max_voltage_v = 2000.0
-"#;
+fn plate() -> Scene {
+    Scene::parse("plate", EXAMPLE_PLATE).unwrap()
+}
 
-fn planned(text: &str, at_m: (f64, f64)) -> (Scene, Plan) {
-    let scene = Scene::parse("scene", text).unwrap();
+fn planned(scene: Scene, at_m: (f64, f64)) -> (Scene, Plan) {
     let options = TableOptions { from_hz: 250.0, ..TableOptions::default() };
     let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
     let table = PlanTable::with_levels(&scene, levels, options).unwrap();
@@ -63,11 +28,11 @@ fn own(spread: &Spread, what: What) -> (f64, f64) {
     (range.least_db, range.most_db)
 }
 
-/// Newton's second law: the acceleration of a body far above its springs goes with one over its mass, and its mass with its thickness; how
+/// A short thick bar moves as a whole in the band. Newton's second law: the acceleration of a body far above its springs goes with one over its mass, and its mass with its thickness; how
 /// stiff the body, its springs are, and where they are, is of no account.
 #[test]
 fn a_block_is_off_by_its_mass() {
-    let (scene, plan) = planned(BLOCK, (0.0685, 0.0205));
+    let (scene, plan) = planned(bar(9.0), (0.5 * LENGTH_M, 0.5 * WIDTH_M));
     let off = spread(&scene, &plan, Tolerances::default()).unwrap();
     let (least, most) = own(&off, What::Thickness);
     // The outermost of 16 samples are within a sixteenth of the ends, 5 % thicker and 5 % thinner.
@@ -83,7 +48,7 @@ fn a_block_is_off_by_its_mass() {
 
 #[test]
 fn nothing_that_is_off_changes_nothing() {
-    let (scene, plan) = planned(EXAMPLE_PLATE, (0.083, 0.061));
+    let (scene, plan) = planned(plate(), (0.083, 0.061));
     let off = spread(&scene, &plan, NOTHING).unwrap();
     assert_eq!((off.range.least_db, off.range.median_db, off.range.most_db), (0.0, 0.0, 0.0));
 }
@@ -92,7 +57,7 @@ fn nothing_that_is_off_changes_nothing() {
 #[test]
 fn a_panel_that_is_off_does_what_a_panel_that_is_made_so_does() {
     let at_m = (0.083, 0.061);
-    let (scene, plan) = planned(EXAMPLE_PLATE, at_m);
+    let (scene, plan) = planned(plate(), at_m);
     let by = |part: f64| {
         let text = EXAMPLE_PLATE.replace("thickness_mm = 2.0", &format!("thickness_mm = {}", 2.0 * (1.0 + part)));
         let made = Scene::parse("made", &text).unwrap();

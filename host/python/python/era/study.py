@@ -287,8 +287,7 @@ class _Work:
 
     @staticmethod
     def _result(future: Future) -> bytes:
-        rows = future.result()
-        assert isinstance(rows, bytes)
+        rows: bytes = future.result()
         future.release()
         return rows
 
