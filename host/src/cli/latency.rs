@@ -59,7 +59,7 @@ pub fn run(options: &Latency) -> Outcome {
             continue;
         }
         let answer: serde_json::Value = answer.body_mut().read_json().map_err(Failure::failed)?;
-        if let Some(ms) = answer["device"]["delayed_ms"].as_f64() {
+        if let Some(ms) = answer["device"]["delayed_ms"].as_f64().filter(|_| i >= WARM_UP) {
             delayed += 1;
             longest_ms = longest_ms.max(ms);
         }

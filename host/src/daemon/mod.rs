@@ -26,6 +26,7 @@ mod kinds;
 mod limits;
 pub mod listener;
 mod live;
+mod measured;
 mod metrics;
 mod parts;
 mod planned;

@@ -1,5 +1,6 @@
 //! Who is let in: the threats of docs/src/safety.md, one by one.
 
+use crate::fingers::{Socket, live, next, say};
 use crate::raw::{connect, send_and_listen};
 use crate::secrets::write_secret;
 use crate::support::Daemon;
@@ -11,6 +12,7 @@ use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Command, Stdio};
 use std::time::Duration;
+use tungstenite::Message;
 
 fn request(
     daemon: &Daemon,
@@ -122,6 +124,34 @@ fn tokens_open_what_their_role_allows() {
     let problem: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(problem["type"], json!("urn:era:problem:token"));
     assert!(!text.contains(&view) && problem["detail"].as_str().unwrap().contains("Bearer"));
+}
+
+/// Who may look gets the plans and the state on a live socket, and nothing that is said there is done; with the role to touch, it is.
+#[test]
+fn a_socket_that_may_only_look_is_told_and_does_nothing() {
+    let [view, touch] = ["V", "T"].map(|letter| letter.repeat(32));
+    let tokens = Access::tokens(&format!("view {view}\ntouch {touch}\n")).unwrap();
+    let daemon = Daemon::start_guarded(EXAMPLE_PLATE, Access { tokens, ..Access::default() });
+    let mut watching = live(&daemon, &format!("?send=plan&token={view}"));
+    let mut touching = live(&daemon, &format!("?send=plan&token={touch}"));
+    let finger = json!({"type": "touch", "touches": [{"id": 1, "x_px": 400, "y_px": 500}], "intensity_g": 0.1});
+    let refused = |socket: &mut Socket| loop {
+        if let Message::Text(text) = socket.read().unwrap() {
+            let message: Value = serde_json::from_str(&text).unwrap();
+            assert_eq!(message["type"], "error", "{message}");
+            return message["problem"]["type"].clone();
+        }
+    };
+    say(&mut watching, &finger);
+    assert_eq!(refused(&mut watching), "urn:era:problem:role");
+    say(&mut touching, &finger);
+    let plan = next(&mut touching, "plan");
+    // The first plan that the other one is told is this one: its own finger was not planned for.
+    assert_eq!(next(&mut watching, "plan")["plan"]["drives"], plan["plan"]["drives"]);
+    say(&mut watching, &json!({"type": "stop"}));
+    assert_eq!(refused(&mut watching), "urn:era:problem:role");
+    say(&mut touching, &json!({"type": "touch", "touches": [{"id": 1, "x_px": 900, "y_px": 500}], "intensity_g": 0.1}));
+    assert_ne!(next(&mut touching, "plan")["plan"]["drives"], plan["plan"]["drives"], "it was not stopped");
 }
 
 pub fn era(arguments: &[&str]) -> (i32, String) {

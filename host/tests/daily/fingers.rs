@@ -277,3 +277,29 @@ fn a_page_is_told_that_a_plan_is_over() {
     say(&mut other, &touch(&json!([])));
     assert_eq!(told(), (false, 0));
 }
+
+/// Whatever a page says that cannot be done is answered, and it can go on.
+#[test]
+fn what_a_page_cannot_say_is_answered() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut socket = live(&daemon, "?send=plan");
+    let twice = json!([{"id": 3, "x_px": 400, "y_px": 500}, {"id": 4, "x_px": 1, "y_px": 1}, {"id": 3, "x_px": 900, "y_px": 500}]);
+    let long = json!({"type": "touch", "touches": [], "padding": "x".repeat(17_000)}).to_string();
+    let wrong = [
+        (Message::binary(r#"{"type": "stop"}"#), "binary"),
+        (Message::text(long), "may have 16384"),
+        (Message::text(touch(&twice).to_string()), "touches[2].id is 3"),
+    ];
+    for (message, wanted) in wrong {
+        socket.send(message).unwrap();
+        let told: Value = loop {
+            if let Message::Text(text) = socket.read().unwrap() {
+                break serde_json::from_str(&text).unwrap();
+            }
+        };
+        let detail = told["problem"]["detail"].as_str().unwrap_or_default();
+        assert!(told["type"] == "error" && detail.contains(wanted), "{told}");
+    }
+    say(&mut socket, &touch(&json!([{"id": 3, "x_px": 400, "y_px": 500}])));
+    next(&mut socket, "plan");
+}

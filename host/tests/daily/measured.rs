@@ -6,16 +6,40 @@ use serde_json::{Value, json};
 use std::process::Command;
 use std::time::Instant;
 
+/// Waits for what is left of touches before are counted and told apart, as they are no latency, and refused touches end nothing. Weak touches
+/// wait for nothing, and strong ones that follow each other all over the panel do.
 #[test]
 fn the_latency_of_weak_touches_is_measured() {
-    let out = Command::new(env!("CARGO_BIN_EXE_era"))
-        .args(["latency", "--touches", "40", "--intensity-g", "0.1", "--accuracy", "fast", "--no-cache", "--json"])
-        .output()
-        .unwrap();
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-    let told: Value = serde_json::from_slice(&out.stdout).unwrap();
-    assert!(told["to_device_ms"]["median"].as_f64().unwrap() > 0.0, "{told}");
-    assert!(told["refused"].is_array() && told["delayed"].is_u64(), "{told}");
+    let told = |touches: &str, intensity_g: &str| -> Value {
+        let out = Command::new(env!("CARGO_BIN_EXE_era"))
+            .args([
+                "latency",
+                "--touches",
+                "40",
+                "--intensity-g",
+                intensity_g,
+                "--accuracy",
+                "fast",
+                "--no-cache",
+                "--json",
+            ])
+            .output()
+            .unwrap();
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        serde_json::from_slice(&out.stdout).unwrap()
+    };
+    let (weak, strong) = (told("40", "0.1"), told("200", "0.5"));
+    assert_eq!((&weak["refused"], &weak["delayed"], &weak["delayed_ms_longest"]), (&json!([]), &json!(0), &json!(0.0)));
+    assert!(strong["delayed"].as_u64() > Some(0), "{strong}");
+    let ms = |told: &Value, path: &str| told.pointer(path).and_then(Value::as_f64).unwrap();
+    for told in [&weak, &strong] {
+        // The frame leaves before the answer comes, and no touch waits longer for its frame than the longest.
+        assert!(ms(told, "/to_device_ms/median") <= ms(told, "/to_answer_ms/median"), "{told}");
+        assert!(ms(told, "/to_device_ms/median") <= ms(told, "/to_device_ms/max"), "{told}");
+        assert!(ms(told, "/to_device_ms/median") > 0.0, "{told}");
+    }
+    let longest = ms(&strong, "/to_device_ms/max");
+    assert!(longest >= ms(&strong, "/delayed_ms_longest"), "what is waited for is in its touch's time: {strong}");
 }
 
 /// A look at the board's state is four requests, which the next touch would have to wait for: touches that follow each other quickly have

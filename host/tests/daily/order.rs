@@ -5,7 +5,7 @@ use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::Access;
 use era::scene::EXAMPLE_PLATE;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::sync::{Arc, Mutex};
@@ -115,6 +115,31 @@ fn arming_ahead_is_harmless_and_lasts_for_the_idle_time() {
     daemon.wait_for(|state| state["device"]["state"] == "armed");
     // Five seconds later.
     daemon.wait_for(|state| state["device"]["state"] == "safe");
+}
+
+/// The first click after arming waits for no soft start: its rails are up before it comes, and no channel has driven for that.
+#[test]
+fn arming_ahead_brings_the_rails_up() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let before = daemon.state();
+    assert_eq!(daemon.post("/v1/arm", "").0, 200);
+    let rails = |state: &Value| -> Vec<f64> {
+        let rails = state["device"]["supply"]["rail_v"].as_array();
+        rails.map(|rails| rails.iter().filter_map(Value::as_f64).collect()).unwrap_or_default()
+    };
+    // The example's actuators take 2 kV, one on each rail; clicks take less.
+    let state = daemon.wait_for(|state| rails(state).iter().all(|volts| *volts > 1900.0) && rails(state).len() == 2);
+    assert_eq!(state["device"]["state"], "armed", "{state}");
+    assert_eq!(state["plan"], Value::Null);
+    assert_eq!(state["device"]["supply"]["credit_s"], before["device"]["supply"]["credit_s"], "nothing was driven");
+    let click = r#"{"x_px": 300, "y_px": 900, "effect": "click"}"#;
+    assert_eq!(daemon.post("/v1/touch", click).0, 200);
+    // Once more after the click, which has let them down to its own voltage.
+    daemon.wait_for(|state| state["device"]["state"] == "armed");
+    assert_eq!(daemon.post("/v1/arm", "").0, 200);
+    daemon.wait_for(|state| rails(state).iter().all(|volts| *volts > 1900.0));
+    // Nor for ever.
+    daemon.wait_for(|state| state["device"]["state"] == "safe" && rails(state).iter().all(|volts| *volts < 60.0));
 }
 
 /// A field for one place, on a connection of its own, by a program of that name.

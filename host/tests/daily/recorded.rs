@@ -5,6 +5,7 @@ use crate::secrets::write_secret;
 use crate::support::Daemon;
 use crate::support::served::Served;
 use era::daemon::{Access, Recorder, listener};
+use era::device::sim::Knobs;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::process::Command;
@@ -78,6 +79,40 @@ fn a_recording_is_replayed_with_the_same_answers() {
         .unwrap();
     let said = String::from_utf8_lossy(&out.stderr).into_owned();
     assert!(out.status.code() == Some(2) && said.contains("line 1"), "{said}");
+}
+
+/// What was measured stands beside what was driven: the sensor's peak and the rails while the board is on, and every change of its
+/// state.
+#[test]
+fn what_the_board_measures_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("day.jsonl");
+    {
+        let daemon = Daemon::recording(EXAMPLE_PLATE, Recorder::start(&file, "example plate").unwrap());
+        let touch = r#"{"x_px": 900, "y_px": 600, "intensity_g": 0.1, "duration_ms": 600}"#;
+        assert_eq!(daemon.post("/v1/touch", touch).0, 200);
+        daemon.wait_for(|state| state["device"]["state"] == "armed");
+        daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
+        daemon.wait_for(|state| state["device"]["connected"] == false);
+    }
+    let text = std::fs::read_to_string(&file).unwrap();
+    let lines: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let measured: Vec<&Value> = lines.iter().filter(|line| line["kind"] == "measured").collect();
+    let running: Vec<&&Value> = measured.iter().filter(|line| line["state"] == "running").collect();
+    let peak = |line: &Value| line["telemetry"]["acceleration_peak_g"].as_f64().unwrap_or(0.0);
+    let highest_v =
+        |line: &Value| line["rail_v"][0].as_f64().unwrap_or(0.0).max(line["rail_v"][1].as_f64().unwrap_or(0.0));
+    assert!(running.iter().any(|line| peak(line) > 0.001 && highest_v(line) > 60.0), "{measured:?}");
+    assert!(running.iter().any(|line| line["telemetry"]["channels"][0]["frequency_hz"].is_f64()), "{running:?}");
+    let states: Vec<&Value> = measured.iter().map(|line| &line["state"]).collect();
+    let first = |name: &str| states.iter().position(|state| *state == name);
+    assert!(first("safe").is_some() && first("safe") < first("running"), "{states:?}");
+    assert!(first("running") < states.iter().rposition(|state| *state == "armed"), "{states:?}");
+    // Of a board that is away nothing is measured.
+    let away = measured.last().unwrap();
+    assert!(away["connected"] == false && away["rail_v"].is_null() && away["telemetry"].is_null(), "{away}");
+    // Ten times a second at most, but for changes.
+    assert!(measured.len() < 60, "{}", measured.len());
 }
 
 /// What pages' fingers did is replayed with the same certificate and token as everything else, and comes through as it was.

@@ -73,14 +73,13 @@ impl Daemon {
 
     /// The daemon on a scene, writing down what is asked of it, once its device answers.
     pub fn recording(scene: &str, recorder: Recorder) -> Self {
-        let mut app = Self::app(scene, Access::default());
+        let table = served_table(scene);
+        let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
+        let sim = device.sim().unwrap();
+        let mut app = App::with(table, device, scene.to_owned(), Policy::default(), Access::default()).unwrap();
         app.record = Some(recorder);
         let background = Background::start(app).unwrap();
-        let daemon = Self {
-            url: format!("http://{}", background.address()),
-            sim: SimControl::default(),
-            background: Some(background),
-        };
+        let daemon = Self { url: format!("http://{}", background.address()), sim, background: Some(background) };
         daemon.wait_for(|state| state["device"]["connected"] == true);
         daemon
     }

@@ -8,6 +8,7 @@ use crate::device::Snapshot;
 use crate::device::convert::from_wire;
 use crate::planner::STANDARD_GRAVITY;
 use era_shared::protocol::{ChannelStatus, StatusReply};
+use era_shared::safety::State;
 use serde::Serialize;
 use std::time::Duration;
 use utoipa::ToSchema;
@@ -30,6 +31,21 @@ pub struct StateView {
     link: LinkView,
     /// The daemon itself.
     daemon: DaemonView,
+}
+
+/// What a recording keeps of the device.
+#[derive(Clone, Debug, Serialize)]
+pub struct MeasuredView {
+    connected: bool,
+    in_doubt: bool,
+    /// Null while it is not connected.
+    state: Option<&'static str>,
+    fault: Option<&'static str>,
+    outages: u32,
+    restarts: u32,
+    /// Measured voltage of each rail in V; null while it is not connected, and of a device that does not tell.
+    rail_v: Option<Vec<f64>>,
+    telemetry: Option<TelemetryView>,
 }
 
 /// What the device measures.
@@ -106,6 +122,29 @@ impl StateView {
             telemetry: TelemetryView::new(app, &device).filter(|_| device.connected),
             link: LinkView::new(&device, heard_ago),
             daemon: DaemonView { version: env!("CARGO_PKG_VERSION"), uptime_s: app.started.elapsed().as_secs_f64() },
+        }
+    }
+}
+
+impl MeasuredView {
+    /// What is known of it in `device`.
+    #[must_use]
+    pub fn new(app: &App, device: &Snapshot) -> Self {
+        let here = device.connected;
+        let volts = |millivolts: &u32| f64::from(*millivolts) / 1e3;
+        Self {
+            connected: here,
+            in_doubt: device.in_doubt,
+            state: device.state().filter(|_| here).map(State::name),
+            fault: device.status.as_ref().and_then(|status| status.fault).map(|fault| fault.code.name()),
+            outages: device.outages,
+            restarts: device.restarts,
+            rail_v: device
+                .details
+                .as_ref()
+                .filter(|_| here)
+                .map(|known| known.rail_millivolts.iter().map(volts).collect()),
+            telemetry: TelemetryView::new(app, device).filter(|_| here),
         }
     }
 }

@@ -6,6 +6,7 @@
 mod fingers;
 mod writer;
 
+use super::access::Role;
 use super::answers::live::Message as Told;
 use super::app::{App, SOCKETS};
 use super::client::Client;
@@ -13,6 +14,7 @@ use super::problem::{Kind, Problem};
 use super::touch::Feel;
 use super::view::TouchView;
 use crate::effects::NamedEffect;
+use axum::Extension;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
@@ -31,6 +33,8 @@ use writer::Wants;
 
 /// Longest message in bytes: ten fingers take under 1 kB.
 const MAX_MESSAGE: usize = 16 * 1024;
+/// A longer one than this ends the socket; one between is answered.
+const MOST_READ: usize = 16 * MAX_MESSAGE;
 /// Answers that may wait for a slow page.
 const REPLIES: usize = 32;
 
@@ -109,6 +113,7 @@ struct LiveQuery {
 pub async fn upgrade(
     State(app): State<Arc<App>>,
     client: Client,
+    role: Option<Extension<Role>>,
     uri: Uri,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
@@ -133,17 +138,19 @@ pub async fn upgrade(
         let detail = format!("{SOCKETS} sockets are open, which is as many as there may be");
         Problem::new(Kind::SocketsFull, detail).retry(1000, Some(SOCKETS))
     })?;
+    // Without tokens everybody may do all.
+    let role = role.map_or(Role::Arm, |Extension(role)| role);
     let serve = async move |socket| {
-        serve(app, client, socket, wants).await;
+        serve(app, client, role, socket, wants).await;
         drop(place);
     };
-    Ok(upgrade.max_message_size(MAX_MESSAGE).on_upgrade(serve).into_response())
+    Ok(upgrade.max_message_size(MOST_READ).on_upgrade(serve).into_response())
 }
 
-async fn serve(app: Arc<App>, client: Client, socket: WebSocket, wants: Wants) {
+async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wants: Wants) {
     // Names the page in recordings.
     static PAGES: AtomicU64 = AtomicU64::new(0);
-    let page = PAGES.fetch_add(1, Ordering::Relaxed) + 1;
+    let page = Page { number: PAGES.fetch_add(1, Ordering::Relaxed) + 1, role };
     let (sink, mut stream) = socket.split();
     let (letters, inbox) = mpsc::channel::<Letter>(1);
     let (replies, outbox) = mpsc::channel::<Value>(REPLIES);
@@ -158,6 +165,10 @@ async fn serve(app: Arc<App>, client: Client, socket: WebSocket, wants: Wants) {
                 Some(Ok(message)) => {
                     heard = Instant::now();
                     match message {
+                        Message::Binary(_) => {
+                            let problem = Problem::body("a message must be text, of JSON, and this one is binary".into());
+                            let _ = replies.try_send(error_message(&problem));
+                        }
                         Message::Text(text) => {
                             if let Some(problem) = take(&app, page, text.as_str(), &fingers, &replies) {
                                 // A page that reads nothing misses what is wrong with what it says.
@@ -181,13 +192,29 @@ async fn serve(app: Arc<App>, client: Client, socket: WebSocket, wants: Wants) {
             _ = &mut writer => break,
         }
     }
-    app.note("gone", || json!({"socket": page}));
+    app.note("gone", || json!({"socket": page.number}));
     fingers.go();
     drop(letters);
 }
 
+/// Who is at the other end.
+#[derive(Clone, Copy, Debug)]
+struct Page {
+    /// In recordings.
+    number: u64,
+    /// What its token opens.
+    role: Role,
+}
+
 /// Carries out what a page said; what is wrong with it, if anything is.
-fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Value>) -> Option<Problem> {
+fn take(app: &Arc<App>, page: Page, text: &str, fingers: &Fingers, replies: &mpsc::Sender<Value>) -> Option<Problem> {
+    if page.role < Role::Touch {
+        return Some(page.role.lacks(Role::Touch));
+    }
+    if text.len() > MAX_MESSAGE {
+        return Some(Problem::body(format!("the message has {} bytes, and may have {MAX_MESSAGE}", text.len())));
+    }
+    let page = page.number;
     let wanted = r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"#;
     match super::body::from_json(text.as_bytes(), wanted) {
         Ok(Incoming {
@@ -200,6 +227,9 @@ fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc
             count,
             period_ms,
         }) => {
+            if let Some(problem) = same_ids(&touches) {
+                return Some(problem);
+            }
             let effect = effect.or_else(|| touches.iter().find_map(|touch| touch.effect));
             app.note(
                 "fingers",
@@ -229,6 +259,17 @@ fn take(app: &Arc<App>, page: u64, text: &str, fingers: &Fingers, replies: &mpsc
         }
         Err(problem) => Some(problem),
     }
+}
+
+/// That two fingers have the same number: nobody could say then which of them was lifted.
+fn same_ids(touches: &[TouchView]) -> Option<Problem> {
+    let (t, id) = touches.iter().enumerate().find_map(|(t, touch)| {
+        let is_known = touches.iter().take(t).any(|before| before.id == touch.id);
+        is_known.then_some((t, touch.id))
+    })?;
+    let detail = format!("touches[{t}].id is {id}, as that of a finger before it, but must be another one");
+    let allowed = "numbers that differ".into();
+    Some(Problem::new(Kind::OutOfRange, detail).at(&format!("touches[{t}].id"), id.into(), allowed, None).finger(id))
 }
 
 fn error_message(problem: &Problem) -> Value {

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 impl Worker {
-    /// As [`Self::arm`], whatever the device was away for.
+    /// As [`Self::arm`], whatever the device was away for, and with rails that rise for the first touch.
     pub(super) fn arm_by_hand(&mut self, stops: u64) -> Result<(), SessionError> {
         if stops != self.stops.load(Ordering::SeqCst) {
             return Err(SessionError::Stopped);
@@ -23,6 +23,7 @@ impl Worker {
             true => self.await_armed(stops),
             false => Ok(()),
         });
+        let armed = armed.and_then(|()| self.raise_rails());
         self.idle_since = Instant::now();
         if let Err(error) = &armed {
             self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = was_away.is_some());

@@ -1,6 +1,10 @@
 //! What a session does without being asked, and what a scene needs of a board.
 
+use crate::device::convert::to_wire;
 use crate::device::identity::Identity;
+use crate::planner::drive::SiDrive;
+use era_shared::MAX_CHANNELS;
+use era_shared::protocol::{ChannelDrive, ChannelLimits};
 use std::time::Duration;
 
 /// What a session does without being asked.
@@ -34,6 +38,9 @@ pub struct Needs {
     pub max_voltages_v: Vec<f64>,
 }
 
+/// In the middle of what boards do, in Hz.
+const SILENT_HZ: f64 = 100.0;
+
 /// How a board goes with a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fit {
@@ -46,6 +53,18 @@ pub enum Fit {
 }
 
 impl Needs {
+    /// Drives with the most voltage that this board may need, to be prepared and not played.
+    #[must_use]
+    pub fn silent(&self, board: &Identity) -> heapless::Vec<ChannelDrive, MAX_CHANNELS> {
+        let drive = |((channel, limits), volts): ((u8, &ChannelLimits), &f64)| {
+            let silent =
+                SiDrive { channel, frequency_hz: SILENT_HZ, pulse_width: 0.5, phase_rad: 0.0, voltage_v: *volts };
+            let wire = to_wire(&silent);
+            ChannelDrive { voltage_millivolts: wire.voltage_millivolts.min(limits.max_voltage_millivolts), ..wire }
+        };
+        (0..).zip(&board.channels).zip(&self.max_voltages_v).map(drive).take(MAX_CHANNELS).collect()
+    }
+
     /// How a board goes with these.
     #[must_use]
     pub fn fit(&self, board: &Identity) -> Fit {

@@ -1,0 +1,62 @@
+//! What the device measures, for a recording: whenever its state changes, and every tenth of a second while it is on.
+
+use super::answers::state::MeasuredView;
+use super::app::{App, closed};
+use crate::device::Snapshot;
+use era_shared::safety::State;
+use serde_json::json;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Between two lines of a device that is on. Its sensor tells the peak since it was last asked, some ten times a second.
+const BETWEEN: Duration = Duration::from_millis(100);
+
+/// What makes a line of its own at once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Condition {
+    connected: bool,
+    in_doubt: bool,
+    state: Option<State>,
+    fault: Option<u16>,
+    boot_id: Option<u32>,
+}
+
+impl Condition {
+    fn of(device: &Snapshot) -> Self {
+        let fault = device.status.as_ref().and_then(|status| status.fault);
+        Self {
+            connected: device.connected,
+            in_doubt: device.in_doubt,
+            state: device.state().filter(|_| device.connected),
+            fault: fault.map(|fault| u16::from(fault.code.number())),
+            boot_id: device.identity.as_ref().map(|identity| identity.boot_id),
+        }
+    }
+
+    fn is_on(&self) -> bool {
+        self.state.is_some_and(|state| !matches!(state, State::Boot | State::Safe | State::Fault))
+    }
+}
+
+/// Notes what the device measures until the daemon ends.
+pub async fn note(app: Arc<App>) {
+    let (mut snapshots, mut closing) = (app.device(), app.closing());
+    let mut last: Option<(Condition, Instant)> = None;
+    loop {
+        {
+            let device = snapshots.borrow_and_update().clone();
+            let (condition, now) = (Condition::of(&device), Instant::now());
+            let is_due = last.as_ref().is_none_or(|(before, noted)| {
+                *before != condition || (condition.is_on() && now.duration_since(*noted) >= BETWEEN)
+            });
+            if is_due {
+                app.note("measured", || json!(MeasuredView::new(&app, &device)));
+                last = Some((condition, now));
+            }
+        }
+        tokio::select! {
+            changed = snapshots.changed() => if changed.is_err() { break },
+            () = closed(&mut closing) => break,
+        }
+    }
+}
