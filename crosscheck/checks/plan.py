@@ -64,9 +64,6 @@ SOFTENING = 0.05
 # zero, it is off by (h k)^2 / 12 = 2.3 % of half a wave at worst, if a point is on it, and by half that the other way between two; on
 # several half waves, and on the rows of a plate, kinks fall differently.
 MEAN_TOLERANCE, CONTRAST_TOLERANCE = 0.01, 0.05
-# Harmonics lie above the band of the bound, on the same mesh. Where its bound says that the mesh does not have the resonances to the
-# plan's tolerance, it has those above, which are as sharp, no better (docs/src/planner.md, "What a plan says"); else the bound is 1e-3.
-HARMONICS_TOLERANCE = 0.02
 # The plan's forces are scaled down in steps of a thousandth until the supply delivers enough: current goes with the force's root.
 SUPPLY_LEFT = 2e-3
 # A crest of a quiet zone may lie between the points that the program looks at (docs/src/planner.md, "Quiet zones").
@@ -219,14 +216,18 @@ def figures(context, wish, plan, target):
     results += found
     details = plan.get("details")
     harmonics, rough_harmonics = (motion.harmonics_g([target])[0] for motion in (fine, coarse))
+    # Harmonics have a bound of their own: they lie above the band of the plan's.
+    their_bound = details["harmonics_error_bound"] if details is not None else None
     if details is not None and harmonics > 1e-6 * peak:
-        allowed = (HARMONICS_TOLERANCE + bound) * harmonics
-        compare(HARMONICS, harmonics, rough_harmonics, details["harmonics_g"], allowed, harmonics)
-        compare_lines(context, fine, coarse, target, details, bound, results, note)
-    if details is not None and soft is not None:
+        if their_bound is None:
+            results.append(not_comparable(HARMONICS, name, "no bound"))
+        else:
+            compare(HARMONICS, harmonics, rough_harmonics, details["harmonics_g"], their_bound * harmonics, harmonics)
+        compare_lines(context, fine, coarse, target, details, results, note)
+    if details is not None and soft is not None and (their_bound is not None or harmonics <= 1e-6 * peak):
         own, other, off = soft
         whole = own + harmonics
-        off += (HARMONICS_TOLERANCE + bound) * harmonics
+        off += (their_bound or 0.0) * harmonics
         # From below: in moving gaps the springs pulsate and add to the third and fifth harmonic, at a resonance as much as there is
         # of the rest. What is said to be the most is held in time, too (`travel.py`).
         compare(WAVEFORM, whole, other + rough_harmonics, min(details["waveform_peak_g"], whole), off, whole)
@@ -281,7 +282,7 @@ def softened(context, fine, coarse, target, said, bound, compare, note):
     return [Result(TRAVEL, context.name, worst, 1.0 + bound + 1e-3, True, f"{note}; {where}")], (own, other, allowed)
 
 
-def compare_lines(context, fine, coarse, target, details, bound, results, note):
+def compare_lines(context, fine, coarse, target, details, results, note):
     """Level of the strongest odd harmonic up to 1 kHz above the threshold at its own frequency, in dB."""
     levels = []
     for motion in (fine, coarse):
@@ -292,11 +293,11 @@ def compare_lines(context, fine, coarse, target, details, bound, results, note):
     if own < NOTHING_DB and (printed is None or printed < NOTHING_DB):
         results.append(not_comparable(STRONGEST, context.name, "nothing but rounding"))
         return
-    if abs(own - other) > 1.0 or bound > 0.1:
-        results.append(not_comparable(STRONGEST, context.name, f"own error {abs(own - other):.1e} dB, bound {bound:.1e}"))
+    bound_db = details["strongest_harmonic_error_db"]
+    if abs(own - other) > 1.0 or bound_db is None:
+        results.append(not_comparable(STRONGEST, context.name, f"own error {abs(own - other):.1e} dB, bound {bound_db} dB"))
         return
-    # The harmonics' tolerance as a level, of one of them as of their sum: it is the strongest as it is felt, not as it moves.
-    allowed = 8.69 * (HARMONICS_TOLERANCE + bound) + 2 * abs(own - other) + 8.69 * FLOOR
+    allowed = bound_db + 2 * abs(own - other) + 8.69 * FLOOR
     difference = abs(own - printed) if printed is not None else np.inf
     results.append(Result(STRONGEST, context.name, difference, allowed, True, f"{note}; {printed} for {own:.4g} dB"))
 

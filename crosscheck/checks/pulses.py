@@ -12,9 +12,6 @@ EVERY, FIRST = 6, 1
 # `pulses as achieved` starts a daemon.
 DAEMON_EVERY, DAEMON_FIRST = 18, 7
 MAX_HZ = 1000.0
-# No bound is printed: the program's tolerance, 1e-3 of a curve's largest value, may be this much of a value beside a peak. Where the
-# plan's own bound says that its mesh does not have the resonances to that, it has those of harmonics, which are as sharp, no better.
-HARMONICS = 0.02
 G = 9.80665
 # Accelerations in m/s^2 below this are rounding, the program's and the reference's: a ten-thousandth of what is felt at best (1e-3 g).
 NOTHING = 1e-6
@@ -125,10 +122,10 @@ def run(context):
     floor = max(1e-9 * plan["predicted"]["target_peak_g"] * G, NOTHING)
     if own <= floor and printed <= floor:
         results.append(not_comparable("harmonics of a plan", name, "none"))
-    elif plan["error_bound"] is None:
+    elif plan["details"]["harmonics_error_bound"] is None:
         results.append(not_comparable("harmonics of a plan", name, "no bound"))
     else:
-        allowed = HARMONICS + plan["error_bound"] + error / own
+        allowed = plan["details"]["harmonics_error_bound"] + error / own
         results.append(Result("harmonics of a plan", name, abs(printed - own) / own, allowed, note=where))
     if context.index % DAEMON_EVERY == DAEMON_FIRST or context.planted("pulses as achieved"):
         results.append(_achieved(context, rng))

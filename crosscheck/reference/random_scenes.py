@@ -87,6 +87,9 @@ class _Maker:
                 actuator["stop_um"] = part * actuator["air_gap_um"]
         self._losses(scene)
         self._air(scene)
+        if not scene["patch"] and self.chance(0.3):
+            del surface["thickness_mm"], surface["material"]
+            scene["layer"] = self._layers((e, rho, nu), "damping" not in surface)
         return {key: value for key, value in scene.items() if value != []}
 
     def _losses(self, scene):
@@ -109,6 +112,30 @@ class _Maker:
         scene["air"] = {"sealed_depth_mm": float(np.clip(depth * 1e3, 0.01, 1e4))}
         if self.chance(0.5):
             scene["air"]["added_mass_kg_per_m2"] = self.weight_kg / area * log_uniform(self.rng, 0.01, 0.5)
+
+    def _layers(self, material, may_lose):
+        """One to four layers as thick as the panel was to be, of its material and of others with axes."""
+        rng = self.rng
+        e, rho, nu = material
+        parts = rng.dirichlet(np.full(rng.integers(1, 5), 2.0)) * 0.9 + 0.02
+        layers = []
+        for part in parts:
+            density = rho * log_uniform(rng, 0.6, 1.6)
+            if self.chance(0.4):
+                own = {"youngs_modulus_pa": e * log_uniform(rng, 0.3, 1.5), "density_kg_m3": density, "poisson_ratio": nu}
+            else:
+                ex, ey = e * log_uniform(rng, 0.5, 1.5), e * log_uniform(rng, 0.1, 1.5)
+                shear = np.sqrt(ex * ey) * rng.uniform(0.06, 0.5)
+                own = {"ex_pa": ex, "ey_pa": ey, "g_pa": shear, "density_kg_m3": density, "poisson_ratio": float(rng.uniform(0.0, 0.5) * np.sqrt(ex / ey))}
+            layer = {"thickness_mm": self.thickness * part, "material": own}
+            if self.chance(0.3):
+                layer["angle_deg"] = 90
+            if layers and self.chance(0.2):
+                layer["bond"] = "slips"
+            if may_lose and self.chance(0.5):
+                layer["loss_factor"] = log_uniform(rng, 1e-3, 0.2)
+            layers.append(layer)
+        return layers
 
     def _damping(self):
         kind = self.rng.integers(4)

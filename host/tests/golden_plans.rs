@@ -160,7 +160,7 @@ fn is_same(field: &str, a: f64, b: f64) -> bool {
         // Phases go round.
         "phase_rad" => (apart - TAU * (apart / TAU).round()).abs() <= RELATIVE,
         "optimality_gap" => apart <= RELATIVE && (a == 0.0) == (b == 0.0),
-        "error_bound" => apart <= BOUND * a,
+        "error_bound" | "harmonics_error_bound" | "strongest_harmonic_error_db" => apart <= BOUND * a,
         name if name.ends_with("_db") => apart <= DB,
         _ => relative(RELATIVE),
     }

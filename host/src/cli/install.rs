@@ -67,6 +67,9 @@ struct Wanted {
 }
 
 pub fn run(options: &Install) -> Outcome {
+    // Paths of the configuration are absolute, and are cut by this one.
+    let root = options.root.as_deref().map(std::path::absolute).transpose().map_err(Failure::failed)?;
+    let options = &Install { root, ..options.clone() };
     if !cfg!(target_os = "linux") {
         return Err(Failure::usage("udev rules and systemd units are for Linux"));
     }
@@ -78,6 +81,7 @@ pub fn run(options: &Install) -> Outcome {
     if options.print {
         let files: Vec<String> =
             wanted.iter().map(|file| format!("# {}\n{}", file.path.display(), file.text)).collect();
+        warn_of(options, &config, &wanted);
         return print_text(files.join("\n").trim_end());
     }
     // All or nothing, as far as it can be known beforehand.
@@ -130,8 +134,7 @@ fn wanted(options: &Install, config: &Path) -> Result<Vec<Wanted>, Failure> {
 
 /// What `era serve` would use of the configuration, as far as it can be read; paths as the service sees them.
 fn configured(options: &Install, config: &Path) -> Option<Serve> {
-    let root = root(options);
-    let there = root.join(config.strip_prefix("/").unwrap_or(config));
+    let (root, there) = (root(options), below_root(options, config));
     let mut serve = config::joined(&Serve { config: Some(there), ..Serve::default() }).ok()?;
     for path in [&mut serve.token_file, &mut serve.tls_cert, &mut serve.tls_key, &mut serve.tls_dir, &mut serve.record]
     {
@@ -170,6 +173,11 @@ fn unlink(unit: &Path) {
     }
 }
 
+/// Where a path of the service is now.
+fn below_root(options: &Install, path: &Path) -> PathBuf {
+    root(options).join(path.strip_prefix("/").unwrap_or(path))
+}
+
 fn root(options: &Install) -> &Path {
     options.root.as_deref().unwrap_or(Path::new("/"))
 }
@@ -201,24 +209,22 @@ fn users_configuration() -> Result<PathBuf, Failure> {
 /// What will not work as it is.
 fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
     let Some(service) = wanted.iter().find(|file| file.part == Part::Service) else { return };
-    if options.root.is_some() {
-        return;
-    }
-    if config.exists() {
-        match ConfigFile::read(config) {
+    let there = below_root(options, config);
+    if there.exists() {
+        match ConfigFile::read(&there) {
             Err(error) => tell!("the service will not start with this configuration:\n{error}"),
             Ok(file) => {
                 if let Some(note) = file.simulated() {
-                    tell!("with {} the service {note}", config.display());
+                    tell!("with {} the service {note}", there.display());
                 }
             }
         }
-    } else {
+    } else if options.root.is_none() {
         tell!("{} is not there yet: without it the service does not start", config.display());
     }
     if let Some(serve) = configured(options, config).filter(|_| !options.user) {
         for path in serve.token_file.iter().chain(&serve.tls_key) {
-            if let Err(error) = private_file::read(path) {
+            if let Err(error) = private_file::read(&below_root(options, path)) {
                 tell!("{}: {error}", path.display());
             }
         }
@@ -227,6 +233,10 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
                 tell!("{key} is {}, where the service may not write: {} is its own", path.display(), unit::STATE);
             }
         }
+    }
+    if options.root.is_some() {
+        // The program is not where it will be.
+        return;
     }
     let run = service.text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap_or_default();
     if let Ok(program) = program(options)
@@ -269,6 +279,7 @@ fn steps(options: &Install, changed: &[Part], config: &Path) -> Vec<String> {
     }
     if changed.contains(&Part::Service) {
         if options.remove {
+            // Its link is gone already, so that there is nothing to disable.
             steps.push(format!("{manager} stop {}", unit::NAME));
             steps.push(format!("{manager} daemon-reload"));
             return steps;

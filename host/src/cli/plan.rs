@@ -344,7 +344,11 @@ fn details_text(text: &mut String, plan: &Plan, details: &Report) {
     let _ = write!(text, ", {}", level(plan.predicted.above_threshold_db, "the threshold of feeling"));
     let _ = write!(text, "; with harmonics at most {:.3} g", details.waveform_peak_g);
     if details.harmonics_g > 0.0 {
-        let _ = write!(text, " (the strongest {})", level(details.strongest_harmonic_db, "its threshold"));
+        let _ = write!(text, " (the strongest {}", level(details.strongest_harmonic_db, "its threshold"));
+        match details.harmonics_error_bound {
+            Some(bound) => _ = write!(text, "; theirs within {:.1e} of it)", bound),
+            None => text.push_str("; how wrong theirs may be is not known)"),
+        }
     }
     times_text(text, &details.times);
     if plan.optimality_gap > 0.0 {

@@ -211,7 +211,9 @@ async fn request(State(app): State<Arc<App>>, key: Result<Path<String>, PathReje
 #[utoipa::path(post, path = "/v1/arm", responses((status = 200, description = "The state afterwards", body = StateView)))]
 async fn arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.note("arm", || json!({}));
-    app.arm(client).await?;
+    let armed = app.arm(client).await;
+    app.note("armed", || json!({"problem": armed.as_ref().err()}));
+    armed?;
     Ok(Json(StateView::new(&app)).into_response())
 }
 
@@ -278,7 +280,9 @@ async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
 )]
 async fn clear_faults(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
     app.note("clear", || json!({}));
-    app.clear_faults(client).await?;
+    let cleared = app.clear_faults(client).await;
+    app.note("cleared", || json!({"problem": cleared.as_ref().err()}));
+    cleared?;
     Ok(Json(StateView::new(&app)).into_response())
 }
 

@@ -90,14 +90,20 @@ fn what_the_board_measures_is_recorded() {
     {
         let daemon = Daemon::recording(EXAMPLE_PLATE, Recorder::start(&file, "example plate").unwrap());
         let touch = r#"{"x_px": 900, "y_px": 600, "intensity_g": 0.1, "duration_ms": 600}"#;
+        assert_eq!(daemon.post("/v1/arm", "").0, 200);
         assert_eq!(daemon.post("/v1/touch", touch).0, 200);
         daemon.wait_for(|state| state["device"]["state"] == "armed");
         daemon.sim.set_knobs(Knobs { silent: true, ..Knobs::default() });
-        daemon.wait_for(|state| state["device"]["connected"] == false);
+        daemon.wait_for(|state| state["device"]["connected"] == false && state["device"]["in_doubt"] == false);
+        assert_ne!(daemon.post("/v1/faults/clear", "").0, 200);
     }
     let text = std::fs::read_to_string(&file).unwrap();
     let lines: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let measured: Vec<&Value> = lines.iter().filter(|line| line["kind"] == "measured").collect();
+    // What was asked by hand has its outcome, too.
+    let only = |kind: &str| lines.iter().filter(|line| line["kind"] == kind).collect::<Vec<_>>();
+    assert!(only("armed").len() == 1 && only("armed")[0]["problem"].is_null(), "{lines:?}");
+    assert_eq!(only("cleared")[0]["problem"]["type"], "urn:era:problem:device-lost");
     let running: Vec<&&Value> = measured.iter().filter(|line| line["state"] == "running").collect();
     let peak = |line: &Value| line["telemetry"]["acceleration_peak_g"].as_f64().unwrap_or(0.0);
     let highest_v =

@@ -208,3 +208,28 @@ fn systemd_takes_the_units_and_finds_them_fenced_in() {
     std::fs::write(&unit, wrong).unwrap();
     assert!(text(&analyze(&["verify", "--man=no"], &unit).unwrap().stderr).contains("era.service"));
 }
+
+/// A folder for a package, named from where one stands: what the unit says is as it will be on the machine that gets it, and what will not
+/// work there is told.
+#[test]
+fn a_package_is_staged_below_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let etc = folder.path().join("stage/etc/era");
+    std::fs::create_dir_all(&etc).unwrap();
+    std::fs::write(etc.join("era.toml"), "version = 1\ntoken_file = \"tokens\"\ntls_dir = \"/home/me/tls\"\n").unwrap();
+    std::fs::write(etc.join("tokens"), format!("arm {}\n", "A".repeat(32))).unwrap();
+    for more in [&[][..], &["--print"]] {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
+        command.current_dir(folder.path()).args(["install", "--root", "stage", "--program", "/usr/bin/era"]).args(more);
+        let output = command.output().unwrap();
+        let told = text(&output.stderr);
+        assert!(output.status.success(), "{told}");
+        assert!(told.contains("tls_dir is /home/me/tls, where the service may not write"), "{told}");
+        assert!(told.contains("simulated"), "{told}");
+        let unit = match more {
+            [] => std::fs::read_to_string(folder.path().join("stage/etc/systemd/system/era.service")).unwrap(),
+            _ => text(&output.stdout),
+        };
+        assert!(unit.contains("LoadCredential=tokens:/etc/era/tokens\n"), "{unit}");
+    }
+}

@@ -2,6 +2,7 @@
 
 pub(crate) mod closer;
 pub(crate) mod harmonics;
+pub(crate) mod harmonics_at;
 pub mod plan_motion;
 pub(crate) mod quieted;
 pub mod residual;

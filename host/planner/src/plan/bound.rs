@@ -12,8 +12,8 @@ use num_complex::Complex64;
 
 /// Why there is no bound on what nothing moves, or what was not asked for.
 const UNMOVED: &str = "nothing moves at the target";
-const NO_LEVELS: &str = "no coarser model was made to compare with";
-const UNBOUNDED: &str = "a coarser model is at an undamped resonance";
+pub(crate) const NO_LEVELS: &str = "no coarser model was made to compare with";
+pub(crate) const UNBOUNDED: &str = "a coarser model is at an undamped resonance";
 
 /// The bound on a peak from its drives' phasors on three levels, the finest last: differences are added up as the peak adds
 /// magnitudes.

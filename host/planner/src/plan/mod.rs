@@ -1,6 +1,6 @@
 //! The plan for a touch.
 
-mod bound;
+pub(crate) mod bound;
 pub mod limitation;
 mod nearest;
 mod weaker;

@@ -1,6 +1,6 @@
 //! What is told of a plan besides its drives, by those who have the time: harmonics, rise and decay.
 
-use crate::perception::{level_db, threshold_m_per_s2};
+use crate::perception::level_db;
 use crate::plan::{Plan, Planned};
 use crate::table::PlanTable;
 use crate::transient::panel::Drive;
@@ -15,9 +15,13 @@ pub struct Report {
     pub waveform_peak_g: f64,
     /// The harmonics' part of it, in g.
     pub harmonics_g: f64,
+    /// Bound on the relative error of `harmonics_g`, which lie above the band of the plan's own bound; `null` where it is not known.
+    pub harmonics_error_bound: Option<f64>,
     /// How far the strongest of the harmonics, drives at one frequency together, is above the threshold of feeling, in dB; negative below it, `null` where nothing
     /// moves but rounding.
     pub strongest_harmonic_db: Option<f64>,
+    /// What it may be off by, up or down, in dB; `null` where that is not known.
+    pub strongest_harmonic_error_db: Option<f64>,
     /// When it is there, and gone.
     #[serde(flatten)]
     pub times: Times,
@@ -64,19 +68,32 @@ impl PlanTable {
         let shape = planned.shapes.first();
         let motions = self.harmonics(&planned.drives, &planned.settled);
         let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
-        let harmonics_m_per_s2: f64 = harmonics.iter().map(|(_, peak)| peak).sum();
         // What comes to them in moving gaps.
         let moving = shape.and_then(|shape| self.moving_harmonics(&planned.drives, &planned.settled, shape));
         let at_rest = |hz: f64| harmonics.iter().filter(|(own, _)| *own == hz).map(|(_, peak)| peak).sum::<f64>();
         let felt = moving.iter().flatten().filter(|(hz, _)| *hz <= HIGHEST_FELT_HZ);
         let more_m_per_s2: f64 = felt.map(|(hz, peak)| (peak - at_rest(*hz)).max(0.0)).sum();
-        let together = shape.map(|shape| motions.together(shape)).unwrap_or_default();
-        let over = together.iter().map(|(hz, peak)| peak / threshold_m_per_s2(*hz)).fold(0.0, f64::max);
+        let target = planned.plan.targets.first();
+        let at = target.map(|target| {
+            self.harmonics_at(
+                &planned.drives,
+                &planned.settled,
+                (target.x_m, target.y_m),
+                target.peak_g * STANDARD_GRAVITY,
+            )
+        });
+        let sum_m_per_s2 = at.map_or(0.0, |at| at.sum_m_per_s2);
+        let bound_db = |part: f64| -20.0 * (1.0 - part).log10();
         Report {
-            waveform_peak_g: planned.plan.predicted.softened_peak_g
-                + (harmonics_m_per_s2 + more_m_per_s2) / STANDARD_GRAVITY,
-            harmonics_g: harmonics_m_per_s2 / STANDARD_GRAVITY,
-            strongest_harmonic_db: level_db(over),
+            waveform_peak_g: planned.plan.predicted.softened_peak_g + (sum_m_per_s2 + more_m_per_s2) / STANDARD_GRAVITY,
+            harmonics_g: sum_m_per_s2 / STANDARD_GRAVITY,
+            harmonics_error_bound: at.and_then(|at| at.sum_bound.value()),
+            strongest_harmonic_db: at.and_then(|at| level_db(at.strongest)),
+            // A level goes further down than up by the same part; where all of it may be wrong, by any amount.
+            strongest_harmonic_error_db: at
+                .and_then(|at| at.strongest_bound.value())
+                .filter(|part| *part < 1.0)
+                .map(bound_db),
             times: self.times(&planned.plan),
         }
     }
