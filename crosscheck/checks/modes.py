@@ -87,5 +87,9 @@ def _ratios(name, rigid, ratios, bounds, wanted, damping, own, own_damping):
             off = (bounds[group] + own[group]).max()
             tolerance = RATIO_TOLERANCE + 20 * off + own_damping[group].sum() / total
             tolerance += _mixed(group, bounds + own[: len(bounds)], wanted, damping)
+            if np.isnan(tolerance):
+                # A mode beside it without a bound may be mixed into it by any amount.
+                results.append(not_comparable("mode damping ratio", name, f"{note}, beside one without a bound"))
+                continue
             results.append(Result("mode damping ratio", name, abs(ratios[group].sum() / total - 1), tolerance, True, note))
     return results
