@@ -63,6 +63,8 @@ pub struct App {
     pub admission: Admission,
     /// Places for pages' sockets.
     pub sockets: Arc<Semaphore>,
+    /// The same for those whose token only looks: they take no place from those that touch.
+    pub watchers: Arc<Semaphore>,
     pub(super) session: Session,
     previews: Previews,
     /// Small design studies.
@@ -127,7 +129,7 @@ impl App {
         access: Access,
     ) -> std::io::Result<Self> {
         let max_voltages_v = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-        let sim = device.sim();
+        let (sim, ready_v) = (device.sim(), table.ready_v());
         Ok(Self {
             scene: SceneView::new(&table.scene),
             metrics: Metrics::default(),
@@ -137,7 +139,8 @@ impl App {
             limits: Limits::default(),
             admission: Admission::default(),
             sockets: Arc::new(Semaphore::new(SOCKETS)),
-            session: Session::start(device, Needs { max_voltages_v }, policy)?,
+            watchers: Arc::new(Semaphore::new(SOCKETS)),
+            session: Session::start(device, Needs { max_voltages_v, ready_v }, policy)?,
             previews: Previews::new(scene_toml.clone()),
             studies: Studies::new(scene_toml),
             sim,

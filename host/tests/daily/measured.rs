@@ -15,7 +15,7 @@ fn the_latency_of_weak_touches_is_measured() {
             .args([
                 "latency",
                 "--touches",
-                "40",
+                touches,
                 "--intensity-g",
                 intensity_g,
                 "--accuracy",

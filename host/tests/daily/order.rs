@@ -127,8 +127,11 @@ fn arming_ahead_brings_the_rails_up() {
         let rails = state["device"]["supply"]["rail_v"].as_array();
         rails.map(|rails| rails.iter().filter_map(Value::as_f64).collect()).unwrap_or_default()
     };
-    // The example's actuators take 2 kV, one on each rail; clicks take less.
-    let state = daemon.wait_for(|state| rails(state).iter().all(|volts| *volts > 1900.0) && rails(state).len() == 2);
+    // The example's actuators take 2 kV, one on each rail, and their gaps under a press 1.79 kV (85 % of breakdown): no plan has more. The
+    // supply is within 5 %.
+    let is_ready =
+        |state: &Value| rails(state).len() == 2 && rails(state).iter().all(|volts| (1700.0..1880.0).contains(volts));
+    let state = daemon.wait_for(is_ready);
     assert_eq!(state["device"]["state"], "armed", "{state}");
     assert_eq!(state["plan"], Value::Null);
     assert_eq!(state["device"]["supply"]["credit_s"], before["device"]["supply"]["credit_s"], "nothing was driven");
@@ -137,9 +140,39 @@ fn arming_ahead_brings_the_rails_up() {
     // Once more after the click, which has let them down to its own voltage.
     daemon.wait_for(|state| state["device"]["state"] == "armed");
     assert_eq!(daemon.post("/v1/arm", "").0, 200);
-    daemon.wait_for(|state| rails(state).iter().all(|volts| *volts > 1900.0));
+    daemon.wait_for(is_ready);
     // Nor for ever.
     daemon.wait_for(|state| state["device"]["state"] == "safe" && rails(state).iter().all(|volts| *volts < 60.0));
+}
+
+/// Rails that stand ready, or were left by a stronger touch, do not make the next one stronger than it is meant: its first windows are as narrow
+/// as what is measured asks for.
+#[test]
+fn a_weak_touch_on_high_rails_is_weak() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let touch = |intensity_g: f64| {
+        let body = json!({"x_px": 960, "y_px": 640, "intensity_g": intensity_g, "duration_ms": 250}).to_string();
+        assert_eq!(daemon.post("/v1/touch", &body).0, 200);
+        let mut most = 0.0_f64;
+        daemon.wait_for(|state| {
+            most = most.max(state["telemetry"]["acceleration_peak_g"].as_f64().unwrap_or(0.0));
+            state["device"]["state"] == "armed"
+        });
+        most
+    };
+    for round in 0..6 {
+        assert_eq!(daemon.post("/v1/stop", "").0, 200);
+        daemon.wait_for(|state| state["device"]["state"] == "safe");
+        assert_eq!(daemon.post("/v1/arm", "").0, 200);
+        daemon.wait_for(|state| state["device"]["supply"]["rail_v"][0].as_f64() > Some(1500.0));
+        // 0.02 g wanted, up to as much again from switching on, and 6 % of harmonics; at full width it was 0.4 g.
+        let peak = touch(0.02);
+        assert!(peak < 0.06, "round {round}: {peak} g");
+    }
+    touch(0.5);
+    std::thread::sleep(Duration::from_millis(500));
+    let peak = touch(0.02);
+    assert!(peak < 0.06, "after a stronger touch: {peak} g");
 }
 
 /// A field for one place, on a connection of its own, by a program of that name.

@@ -155,7 +155,7 @@ impl Daemon {
     }
 
     /// Waits until the state is as wanted.
-    pub fn wait_for(&self, wanted: impl Fn(&Value) -> bool) -> Value {
+    pub fn wait_for(&self, mut wanted: impl FnMut(&Value) -> bool) -> Value {
         let deadline = Instant::now() + Duration::from_secs(30);
         loop {
             let state = self.state();

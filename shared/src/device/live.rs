@@ -40,6 +40,7 @@ impl Device {
 
     fn tick(&mut self, board: &mut impl Board, now_us: u64) -> Result<(), Finding> {
         let senses = board.sense();
+        self.measured_millivolts = senses.rail_millivolts;
         if let Some(finding) = senses.trip {
             return Err(finding);
         }
@@ -151,15 +152,12 @@ impl Device {
         board.check_timers()?;
         self.supply = self.rails.step(now_us, senses);
         board.set_supply(&self.supply);
+        let there = self.rails_there();
         let Some(sequencer) = &mut self.sequencer else { return Err((FaultCode::ArmFailed, 0)) };
         for channel in 0..MAX_CHANNELS {
             let Some(goal) = sequencer.goal(channel) else { continue };
-            let rail = rail_of(channel);
-            let number = |values: [u32; RAILS]| values.get(rail).copied().unwrap_or(0);
-            let (aim, measured) = (number(self.rails.aims()), number(senses.rail_millivolts));
-            let excess = measured > aim.saturating_add(aim / 100 * RAIL_EXCESS_PERCENT);
-            sequencer
-                .set_strength(channel, strength(goal.program.voltage_millivolts, if excess { measured } else { aim }));
+            let there = there.get(rail_of(channel)).copied().unwrap_or(0);
+            sequencer.set_strength(channel, strength(goal.program.voltage_millivolts, there));
         }
         let wanted = (0..MAX_CHANNELS).any(|channel| sequencer.goal(channel).is_some());
         if self.state() == State::Running && !wanted {
@@ -224,7 +222,6 @@ impl Device {
     }
 
     fn apply(&mut self, board: &mut impl Board, goals: &Goals, now_us: u64) -> Result<(), Finding> {
-        let sequencer = self.sequencer.as_mut().ok_or((FaultCode::DriveFailed, 0))?;
         // A rail that feeds nobody stays charged, so that the next touch need not wait for its soft start.
         let mut aims = self.rails.aims();
         for (rail, aim) in aims.iter_mut().enumerate() {
@@ -233,11 +230,14 @@ impl Device {
             *aim = highest.unwrap_or(*aim);
         }
         self.rails.aim(aims);
+        // From the first period on, which may begin before the next look: a rail that was higher is let down in some ms.
+        let there = self.rails_there();
+        let sequencer = self.sequencer.as_mut().ok_or((FaultCode::DriveFailed, 0))?;
         sequencer.set_goals(goals, now_us);
         for (channel, goal) in goals.iter().enumerate() {
             if let Some(goal) = goal {
-                let aim = aims.get(rail_of(channel)).copied().unwrap_or(0);
-                sequencer.set_strength(channel, strength(goal.program.voltage_millivolts, aim));
+                let there = there.get(rail_of(channel)).copied().unwrap_or(0);
+                sequencer.set_strength(channel, strength(goal.program.voltage_millivolts, there));
             }
         }
         if goals.iter().any(Option::is_some) && !self.connected {
@@ -246,6 +246,17 @@ impl Device {
         }
         self.show(goals);
         self.sequence(board)
+    }
+
+    /// What the windows' widths have to reckon with: the voltages that the rails go to, or what was measured of those that are still above.
+    fn rails_there(&self) -> [u32; RAILS] {
+        let mut there = self.rails.aims();
+        for (aim, measured) in there.iter_mut().zip(self.measured_millivolts) {
+            if measured > aim.saturating_add(*aim / 100 * RAIL_EXCESS_PERCENT) {
+                *aim = measured;
+            }
+        }
+        there
     }
 
     fn show(&mut self, goals: &Goals) {

@@ -59,6 +59,8 @@ pub struct Device {
     rails: RailControl,
     /// What the supply was last told.
     supply: Supply,
+    /// The rails as they were last measured.
+    measured_millivolts: [u32; crate::supply::RAILS],
     watch: Watch,
     budget: Budget,
     active: [Option<AchievedDrive>; MAX_CHANNELS],
@@ -91,6 +93,7 @@ impl Device {
                 discharge: [true; crate::supply::RAILS],
                 set_point_millivolts: [0; crate::supply::RAILS],
             },
+            measured_millivolts: [0; crate::supply::RAILS],
             watch: Watch::new(),
             budget: Budget::new(),
             active: [None; MAX_CHANNELS],

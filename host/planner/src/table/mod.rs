@@ -33,6 +33,7 @@ use crate::physics::rise::{Onset, RiseTimes};
 use crate::physics::softening::{Transducer, static_receptance};
 use crate::response::ResponseError;
 use crate::scene::{MAX_ACTUATORS, Scene};
+use era_shared::supply::rail_of;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use press::Pressed;
@@ -163,6 +164,18 @@ impl PlanTable {
         table.coarser_rows = levels.coarser.each_ref().map(|model| build::rows(model, &table.frequencies_hz));
         table.coarser = Some((levels.coarser, levels.estimator));
         Ok(table)
+    }
+
+    /// For each actuator the voltage in V at which its rail may stand ready before a touch: what the scene allows and every gap on that
+    /// rail holds under a press, its mass at rest. Plans have no more, as their masses move besides.
+    #[must_use]
+    pub fn ready_v(&self) -> Vec<f64> {
+        let holds_v = |electrodes: &Electrodes| electrodes.max_voltage_v.min(electrodes.holds_v(0.0)).max(0.0);
+        let of_rail = |i: usize| {
+            let fed = self.electrodes.iter().enumerate().filter(|(other, _)| rail_of(*other) == rail_of(i));
+            fed.map(|(_, electrodes)| holds_v(electrodes)).fold(f64::INFINITY, f64::min)
+        };
+        (0..self.electrodes.len()).map(of_rail).collect()
     }
 
     /// The table of what was computed, or kept from when it was.

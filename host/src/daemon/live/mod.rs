@@ -134,12 +134,13 @@ pub async fn upgrade(
             bad(detail).at("send", text.as_str().into(), Wants::NAMES.into(), None)
         })?,
     };
-    let place = Arc::clone(&app.sockets).try_acquire_owned().map_err(|_| {
+    // Without tokens everybody may do all.
+    let role = role.map_or(Role::Arm, |Extension(role)| role);
+    let places = if role < Role::Touch { &app.watchers } else { &app.sockets };
+    let place = Arc::clone(places).try_acquire_owned().map_err(|_| {
         let detail = format!("{SOCKETS} sockets are open, which is as many as there may be");
         Problem::new(Kind::SocketsFull, detail).retry(1000, Some(SOCKETS))
     })?;
-    // Without tokens everybody may do all.
-    let role = role.map_or(Role::Arm, |Extension(role)| role);
     let serve = async move |socket| {
         serve(app, client, role, socket, wants).await;
         drop(place);

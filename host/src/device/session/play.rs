@@ -79,21 +79,17 @@ impl Worker {
         Ok(Played { achieved: achieved.to_vec(), start_us, start, length })
     }
 
-    /// Has the rails rise to the most that the scene's drives need, so that a first effect does not wait for their soft start. Silent
-    /// drives bring them up, and a rail that feeds nobody stays charged: no electrode is on meanwhile, and they come down when the idle
-    /// time ends. Rails that drives are on are left alone.
+    /// Has the rails rise to where they stand ready, so that a first effect does not wait for their soft start. Silent drives bring them up,
+    /// and a rail that feeds nobody stays charged: no electrode is on meanwhile, and they come down when the idle time ends. Rails that
+    /// drives are on are left alone.
     pub(super) fn raise_rails(&mut self) -> Result<(), SessionError> {
         if !self.is_modern() || self.drive_until.is_some() {
             return Ok(());
         }
         let drives = self.publish.borrow().identity.as_ref().map(|board| self.needs.silent(board)).unwrap_or_default();
-        let raised = self.ask(&Request::Prepare { drives }).and_then(|_| self.rest());
-        match raised {
-            // Channels that rest, for one; a touch is told so itself.
-            Err(LinkError::Refused(refusal)) => {
-                tracing::debug!(?refusal, "the rails rise with the first touch");
-                Ok(())
-            }
+        match self.ask(&Request::Prepare { drives }).and_then(|_| self.rest()) {
+            // Channels have to rest: they rise with the first touch.
+            Err(LinkError::Refused(Refusal::Duty { .. })) => Ok(()),
             raised => Ok(raised?),
         }
     }

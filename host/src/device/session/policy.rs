@@ -36,6 +36,8 @@ impl Default for Policy {
 pub struct Needs {
     /// Most voltage of every actuator in V: actuator i is on channel i.
     pub max_voltages_v: Vec<f64>,
+    /// Voltage in V of every actuator's rail that may stand there before a touch: no more than any plan has.
+    pub ready_v: Vec<f64>,
 }
 
 /// In the middle of what boards do, in Hz.
@@ -53,7 +55,7 @@ pub enum Fit {
 }
 
 impl Needs {
-    /// Drives with the most voltage that this board may need, to be prepared and not played.
+    /// Drives at the voltages at which rails stand ready, to be prepared and not played.
     #[must_use]
     pub fn silent(&self, board: &Identity) -> heapless::Vec<ChannelDrive, MAX_CHANNELS> {
         let drive = |((channel, limits), volts): ((u8, &ChannelLimits), &f64)| {
@@ -62,7 +64,7 @@ impl Needs {
             let wire = to_wire(&silent);
             ChannelDrive { voltage_millivolts: wire.voltage_millivolts.min(limits.max_voltage_millivolts), ..wire }
         };
-        (0..).zip(&board.channels).zip(&self.max_voltages_v).map(drive).take(MAX_CHANNELS).collect()
+        (0..).zip(&board.channels).zip(&self.ready_v).map(drive).take(MAX_CHANNELS).collect()
     }
 
     /// How a board goes with these.
