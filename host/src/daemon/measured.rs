@@ -3,6 +3,7 @@
 use super::answers::state::MeasuredView;
 use super::app::{App, closed};
 use crate::device::Snapshot;
+use era_shared::protocol::FaultCode;
 use era_shared::safety::State;
 use serde_json::json;
 use std::sync::Arc;
@@ -17,7 +18,7 @@ struct Condition {
     connected: bool,
     in_doubt: bool,
     state: Option<State>,
-    fault: Option<u16>,
+    fault: Option<FaultCode>,
     boot_id: Option<u32>,
 }
 
@@ -28,13 +29,14 @@ impl Condition {
             connected: device.connected,
             in_doubt: device.in_doubt,
             state: device.state().filter(|_| device.connected),
-            fault: fault.map(|fault| u16::from(fault.code.number())),
+            fault: fault.map(|fault| fault.code),
             boot_id: device.identity.as_ref().map(|identity| identity.boot_id),
         }
     }
 
+    /// Whether its rails may be up.
     fn is_on(&self) -> bool {
-        self.state.is_some_and(|state| !matches!(state, State::Boot | State::Safe | State::Fault))
+        self.state.is_some_and(|state| state.is_live() || state == State::Discharging)
     }
 }
 

@@ -152,13 +152,8 @@ impl Device {
         board.check_timers()?;
         self.supply = self.rails.step(now_us, senses);
         board.set_supply(&self.supply);
-        let there = self.rails_there();
         let Some(sequencer) = &mut self.sequencer else { return Err((FaultCode::ArmFailed, 0)) };
-        for channel in 0..MAX_CHANNELS {
-            let Some(goal) = sequencer.goal(channel) else { continue };
-            let there = there.get(rail_of(channel)).copied().unwrap_or(0);
-            sequencer.set_strength(channel, strength(goal.program.voltage_millivolts, there));
-        }
+        set_strengths(sequencer, self.rails.aims(), self.measured_millivolts);
         let wanted = (0..MAX_CHANNELS).any(|channel| sequencer.goal(channel).is_some());
         if self.state() == State::Running && !wanted {
             let _ = self.step(board, Event::Rest, &Goals::default());
@@ -230,16 +225,10 @@ impl Device {
             *aim = highest.unwrap_or(*aim);
         }
         self.rails.aim(aims);
-        // From the first period on, which may begin before the next look: a rail that was higher is let down in some ms.
-        let there = self.rails_there();
         let sequencer = self.sequencer.as_mut().ok_or((FaultCode::DriveFailed, 0))?;
         sequencer.set_goals(goals, now_us);
-        for (channel, goal) in goals.iter().enumerate() {
-            if let Some(goal) = goal {
-                let there = there.get(rail_of(channel)).copied().unwrap_or(0);
-                sequencer.set_strength(channel, strength(goal.program.voltage_millivolts, there));
-            }
-        }
+        // From the first period on, which may begin before the next look: a rail that was higher is let down in some ms.
+        set_strengths(sequencer, aims, self.measured_millivolts);
         if goals.iter().any(Option::is_some) && !self.connected {
             board.connect_electrodes(true).map_err(|code| (code, 0))?;
             self.connected = true;
@@ -248,19 +237,21 @@ impl Device {
         self.sequence(board)
     }
 
-    /// What the windows' widths have to reckon with: the voltages that the rails go to, or what was measured of those that are still above.
-    fn rails_there(&self) -> [u32; RAILS] {
-        let mut there = self.rails.aims();
-        for (aim, measured) in there.iter_mut().zip(self.measured_millivolts) {
-            if measured > aim.saturating_add(*aim / 100 * RAIL_EXCESS_PERCENT) {
-                *aim = measured;
-            }
-        }
-        there
-    }
-
     fn show(&mut self, goals: &Goals) {
         self.active = goals.map(|goal| goal.map(|goal| goal.program.achieved));
+    }
+}
+
+/// Sets the strengths of all drives for rails that go to `aims` and have `measured`, both in mV: of a rail that is still above, what was
+/// measured counts.
+fn set_strengths(sequencer: &mut Sequencer, aims: [u32; RAILS], measured: [u32; RAILS]) {
+    for channel in 0..MAX_CHANNELS {
+        let Some(goal) = sequencer.goal(channel) else { continue };
+        let of_rail = |values: [u32; RAILS]| values.get(rail_of(channel)).copied().unwrap_or(0);
+        let (aim, measured) = (of_rail(aims), of_rail(measured));
+        let excess = measured > aim.saturating_add(aim / 100 * RAIL_EXCESS_PERCENT);
+        let there = if excess { measured } else { aim };
+        sequencer.set_strength(channel, strength(goal.program.voltage_millivolts, there));
     }
 }
 

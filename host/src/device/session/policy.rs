@@ -36,7 +36,7 @@ impl Default for Policy {
 pub struct Needs {
     /// Most voltage of every actuator in V: actuator i is on channel i.
     pub max_voltages_v: Vec<f64>,
-    /// Voltage in V of every actuator's rail that may stand there before a touch: no more than any plan has.
+    /// Voltage in V at which the rail of every actuator may stand before a touch: what the gaps on it hold under a press, which no plan goes beyond.
     pub ready_v: Vec<f64>,
 }
 
