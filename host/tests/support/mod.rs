@@ -73,10 +73,7 @@ impl Daemon {
 
     /// The daemon on a scene, writing down what is asked of it, once its device answers.
     pub fn recording(scene: &str, recorder: Recorder) -> Self {
-        let table = served_table(scene);
-        let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
-        let sim = device.sim().unwrap();
-        let mut app = App::with(table, device, scene.to_owned(), Policy::default(), Access::default()).unwrap();
+        let (mut app, sim) = Self::app_and_sim(scene, Access::default());
         app.record = Some(recorder);
         let background = Background::start(app).unwrap();
         let daemon = Self { url: format!("http://{}", background.address()), sim, background: Some(background) };
@@ -86,17 +83,19 @@ impl Daemon {
 
     /// What a daemon serves, for who serves it otherwise.
     pub fn app(scene: &str, access: Access) -> App {
+        Self::app_and_sim(scene, access).0
+    }
+
+    fn app_and_sim(scene: &str, access: Access) -> (App, SimControl) {
         let table = served_table(scene);
         let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
-        App::with(table, device, scene.to_owned(), Policy::default(), access).unwrap()
+        let sim = device.sim().unwrap();
+        (App::with(table, device, scene.to_owned(), Policy::default(), access).unwrap(), sim)
     }
 
     /// The same behind tokens, once its device answers.
     pub fn start_guarded(scene: &str, access: Access) -> Self {
-        let table = served_table(scene);
-        let device = OpenDevice::open(&Target::Sim, || panel_of(&table)).unwrap();
-        let sim = device.sim().unwrap();
-        let app = App::with(table, device, scene.to_owned(), Policy::default(), access).unwrap();
+        let (app, sim) = Self::app_and_sim(scene, access);
         let deadline = Instant::now() + Duration::from_secs(30);
         while !app.device().borrow().connected {
             assert!(Instant::now() < deadline, "its device does not answer");
