@@ -452,6 +452,9 @@ pub struct Latency {
     /// Number of touches
     #[arg(long, value_name = "N", default_value_t = 1000)]
     pub touches: u32,
+    /// Time N clicks instead, each the first of a board whose rails are down, and as many after `POST /v1/arm`
+    #[arg(long, value_name = "N", conflicts_with = "touches", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub first_clicks: Option<u32>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,

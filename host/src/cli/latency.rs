@@ -1,5 +1,7 @@
 //! Time from `POST /v1/touch` to the last byte of the drive's frame at the simulated device.
 
+mod first;
+
 use super::args::Latency;
 use super::panel::plan_table;
 use super::serve::open_device;
@@ -29,6 +31,9 @@ pub fn run(options: &Latency) -> Outcome {
         .build()
         .into();
     wait_for_device(&agent, &base)?;
+    if let Some(clicks) = options.first_clicks {
+        return first::run(options, clicks, &scene, &agent, &base);
+    }
 
     let screen = scene.screen;
     let mut points = spread(WARM_UP + options.touches, f64::from(screen.width_px), f64::from(screen.height_px));
@@ -89,6 +94,11 @@ pub fn run(options: &Latency) -> Outcome {
 }
 
 fn wait_for_device(agent: &ureq::Agent, base: &str) -> Outcome {
+    wait_for(agent, base, "answer", |device| device["connected"] == true)
+}
+
+/// Waits until the simulated device is as wanted, by the state that the daemon tells.
+fn wait_for(agent: &ureq::Agent, base: &str, what: &str, is_so: impl Fn(&serde_json::Value) -> bool) -> Outcome {
     let deadline = Instant::now() + Duration::from_secs(10);
     while Instant::now() < deadline {
         let state: serde_json::Value = agent
@@ -98,12 +108,12 @@ fn wait_for_device(agent: &ureq::Agent, base: &str) -> Outcome {
             .body_mut()
             .read_json()
             .map_err(Failure::failed)?;
-        if state["device"]["connected"] == true {
+        if is_so(&state["device"]) {
             return Ok(());
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    Err(Failure::failed("the simulated device did not answer within 10 s"))
+    Err(Failure::failed(format!("the simulated device did not {what} within 10 s")))
 }
 
 struct Figures {

@@ -16,7 +16,7 @@ const LOOK: Duration = Duration::from_millis(20);
 const PAUSE_MS: u64 = 150;
 /// How long the outcome of an unanswered touch is asked for.
 const ASK: Duration = Duration::from_secs(5);
-/// One request in so many is a stop, and as many are looks at the state.
+/// One request in so many is a stop, as many are looks at the state, and as many arm the board by hand.
 const STOPS: u64 = 40;
 /// Most places that a finger goes by before it is lifted.
 const MOST_MOVES: u64 = 6;
@@ -82,8 +82,15 @@ pub fn http(world: &World, socket: Option<&Path>, client: usize, mut random: Rng
         };
         let opened = http.opened;
         match random.u64(0..STOPS) {
-            0 => other(&mut tally, http.post("/v1/stop", "")),
+            0 => {
+                other(&mut tally, http.post("/v1/stop", ""));
+                // Rails that come up while nothing is driven, and then a touch that finds them up.
+                if random.bool() {
+                    arm(&mut tally, &http.post("/v1/arm", ""));
+                }
+            }
             1 => other(&mut tally, http.get("/v1/state")),
+            2 => arm(&mut tally, &http.post("/v1/arm", "")),
             _ => {
                 tally.sent += 1;
                 let name = format!("client{client}.{}", tally.sent);
@@ -107,6 +114,13 @@ pub fn http(world: &World, socket: Option<&Path>, client: usize, mut random: Rng
 
 fn other(tally: &mut Tally, answer: io::Result<Answer>) {
     tally.others += u64::from(answer.is_ok());
+}
+
+/// An answer to `POST /v1/arm`. One that did not come is no loss: arming again does no harm.
+fn arm(tally: &mut Tally, answer: &io::Result<Answer>) {
+    if let Ok(answer) = answer {
+        tally.armed(&Answered::of(answer.status, &answer.json()));
+    }
 }
 
 /// Asks what became of a touch that was not answered.

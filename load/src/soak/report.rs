@@ -78,9 +78,12 @@ impl Report {
         if tally.sent > 0 && tally.driven() == 0 {
             found.push("no touch was driven".into());
         }
+        if !tally.arming.is_empty() && !tally.arming.contains_key("200") {
+            found.push("nothing armed the board by hand".into());
+        }
         let (count, kinds) = tally.unexpected(self.injects);
         if count * UNEXPECTED > tally.all_answered() {
-            found.push(format!("{count} touches were refused for what nothing here asks for: {}", kinds.join(", ")));
+            found.push(format!("{count} requests were refused for what nothing here asks for: {}", kinds.join(", ")));
         }
         found
     }
@@ -145,6 +148,9 @@ impl Report {
         row("  lost", tally.lost.to_string());
         row("HTTP, answer p50 / p99 / max", tally.times.told());
         row("live, shown p50 / p99 / max", tally.live_times.told());
+        for (with, count) in &tally.arming {
+            row(&format!("arming by hand: {with}"), count.to_string());
+        }
         row("stops and looks at the state", tally.others.to_string());
         row("reconnects of clients", tally.reconnects.to_string());
         row("outages of the link to the board", self.outages.to_string());
@@ -237,10 +243,12 @@ pub mod tests {
         let undriven = of(Tally { sent: 1, ..Tally::default() });
         let mut refused = report();
         refused.tally.answered.insert("503 device-late".into(), 1);
+        let mut unarmed = report();
+        unarmed.tally.arming.insert("429 busy".into(), 1);
         let with_faults = Report { injects: true, tally: refused.tally, ..report() };
         assert_eq!(with_faults.verdict(), None);
         let refused = Report { injects: false, ..with_faults };
-        for report in [lost, missed, far, both, late, leaking, leaked, untold, faulted, undriven, refused] {
+        for report in [lost, missed, far, both, late, leaking, leaked, untold, faulted, undriven, refused, unarmed] {
             assert!(report.verdict().is_some() && !report.text().is_empty());
         }
     }

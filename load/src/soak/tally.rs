@@ -66,6 +66,8 @@ pub struct Tally {
     pub live_times: Times,
     /// Connections that had to be opened again to the same daemon.
     pub reconnects: u64,
+    /// Requests to arm by hand, by what they were answered with.
+    pub arming: BTreeMap<String, u64>,
     /// Other requests: stops and looks at the state.
     pub others: u64,
 }
@@ -82,6 +84,11 @@ impl Tally {
         *self.answered.entry(kind).or_default() += 1;
     }
 
+    /// A request to arm was answered.
+    pub fn armed(&mut self, with: &Answered) {
+        *self.arming.entry(with.kind.clone()).or_default() += 1;
+    }
+
     /// A touch was lost.
     pub fn lost(&mut self, what: String) {
         eprintln!("lost: {what}");
@@ -96,6 +103,9 @@ impl Tally {
         self.sent += other.sent;
         for (with, count) in other.answered {
             *self.answered.entry(with).or_default() += count;
+        }
+        for (with, count) in other.arming {
+            *self.arming.entry(with).or_default() += count;
         }
         for (kind, detail) in other.details {
             self.details.entry(kind).or_insert(detail);
@@ -117,13 +127,13 @@ impl Tally {
         ["200", "shown"].iter().filter_map(|kind| self.answered.get(*kind)).sum()
     }
 
-    /// Refusals of kinds that nothing in the run asks for, in words, and how many they are.
+    /// Refusals of touches and of arming of kinds that nothing in the run asks for, in words, and how many they are.
     #[must_use]
     pub fn unexpected(&self, has_faults: bool) -> (u64, Vec<String>) {
         let is_expected = |kind: &str| {
             ["200", "shown"].contains(&kind) || EXPECTED.contains(&kind) || (has_faults && OF_FAULTS.contains(&kind))
         };
-        let others: Vec<_> = self.answered.iter().filter(|(kind, _)| !is_expected(kind)).collect();
+        let others: Vec<_> = self.answered.iter().chain(&self.arming).filter(|(kind, _)| !is_expected(kind)).collect();
         let told = others.iter().map(|(kind, count)| format!("{count} with {kind}")).collect();
         (others.iter().map(|(_, count)| **count).sum(), told)
     }

@@ -1,0 +1,67 @@
+//! First clicks of an idle board: how long until one is answered, with its rails down and after it was armed ahead.
+
+use super::{Figures, wait_for};
+use crate::cli::args::Latency;
+use crate::cli::{Failure, Outcome, print_json, print_text};
+use crate::scene::Scene;
+use crate::verify::spread;
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// Voltage in V below which rails count as down: what a stop waits for.
+const DOWN_V: f64 = 60.0;
+/// From the answer to `POST /v1/arm` to the click: a hand that comes near, and rails that rise within 100 ms meanwhile.
+const AHEAD: Duration = Duration::from_millis(200);
+
+/// Times `clicks` of them in both ways, by turns, so that a busy moment of the machine meets both.
+pub fn run(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, base: &str) -> Outcome {
+    let mut points = spread(clicks, f64::from(scene.screen.width_px), f64::from(scene.screen.height_px));
+    points.retain(|(x_px, y_px)| scene.place_px(*x_px, *y_px).is_ok());
+    let (mut armed, mut unarmed) = (Vec::new(), Vec::new());
+    for (x_px, y_px) in points {
+        for (arms, times) in [(true, &mut armed), (false, &mut unarmed)] {
+            post(agent, &format!("{base}/v1/stop"), &Value::Null)?;
+            wait_for(agent, base, "come to rest", |device| {
+                let rails = device["supply"]["rail_v"].as_array();
+                device["state"] == "safe"
+                    && rails.is_some_and(|rails| rails.iter().all(|rail| rail.as_f64().is_some_and(|v| v < DOWN_V)))
+            })?;
+            if arms {
+                post(agent, &format!("{base}/v1/arm"), &Value::Null)?;
+                std::thread::sleep(AHEAD);
+            }
+            let mut click = json!({"x_px": x_px, "y_px": y_px, "effect": "click"});
+            if let Some(intensity_g) = options.intensity_g {
+                click["intensity_g"] = intensity_g.into();
+            }
+            let begun = Instant::now();
+            post(agent, &format!("{base}/v1/touch"), &click)?;
+            times.push(begun.elapsed());
+        }
+    }
+    let (counted, armed, unarmed) = (armed.len(), Figures::of(armed), Figures::of(unarmed));
+    if options.json {
+        return print_json(&json!({
+            "first_clicks": counted, "armed_ms": armed.json(), "rails_down_ms": unarmed.json(),
+        }));
+    }
+    print_text(&format!(
+        "{counted} first clicks of an idle board on {}, daemon and simulated device in one process, planning included\n\
+         from POST /v1/touch to the answer  median      p99      max\n\
+         after POST /v1/arm              {armed}\n\
+         with the rails down             {unarmed}",
+        scene.name
+    ))
+}
+
+fn post(agent: &ureq::Agent, url: &str, body: &Value) -> Outcome {
+    let request = agent.post(url);
+    let answer = if body.is_null() { request.send_empty() } else { request.send_json(body) };
+    let mut answer = answer.map_err(Failure::failed)?;
+    if answer.status().is_success() {
+        return Ok(());
+    }
+    let problem: Value = answer.body_mut().read_json().unwrap_or_default();
+    let detail = problem["detail"].as_str().unwrap_or("no reason given");
+    Err(Failure::failed(format!("{url} was refused with {}: {detail}", answer.status())))
+}
