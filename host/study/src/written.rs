@@ -1,9 +1,10 @@
 //! What a study leaves in its folder, and what is said of it: the same whoever has computed it.
 
 use crate::report::{report, shown};
-use crate::result::{Finalist, Finals, GatherError, Status, Table, TableError, write_parquet};
+use crate::result::{Entry, Finalist, Finals, GatherError, Status, Table, TableError, write_parquet};
 use crate::run::{Folder, FolderError, Study};
 use crate::space::Refused;
+use crate::spec::Figure;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -67,9 +68,25 @@ pub fn figures(study: &Study, own: &Finalist) -> Vec<(String, f64)> {
     names.zip(values).collect()
 }
 
+/// Bounds on the relative errors of a finalist's figures with the names of their columns; `None` where none is known.
+#[must_use]
+pub fn bounds(study: &Study, own: &Finalist) -> Vec<(String, Option<f64>)> {
+    let names = study.figures.iter().map(|wanted| wanted.column());
+    let values = own.verified.as_ref().map(|verified| verified.bounds.clone()).unwrap_or_default();
+    names.zip(values).collect()
+}
+
 impl Written {
     fn count(&self, status: Status) -> usize {
         self.table.entries.iter().filter(|entry| entry.status == status).count()
+    }
+
+    /// What a design's variables are set to.
+    fn settings(&self, entry: &Entry) -> String {
+        let columns = self.table.columns.iter();
+        let values =
+            columns.filter_map(|column| Some(format!("{} = {}", column.name, column.text(&entry.row.design)?)));
+        values.collect::<Vec<_>>().join(", ")
     }
 
     /// For programs.
@@ -82,6 +99,7 @@ impl Written {
                 "figures": figures(study, own).into_iter().collect::<BTreeMap<_, _>>(),
                 "weakest_mm": verified.ok().and_then(|verified| verified.figures.weakest_mm),
                 "error_bound": verified.ok().and_then(|verified| verified.bound),
+                "error_bounds": bounds(study, own).into_iter().collect::<BTreeMap<_, _>>(),
                 "failed": verified.err(),
             })
         };
@@ -90,6 +108,7 @@ impl Written {
             "study": study.spec.name, "folder": path, "designs": table.entries.len(), "kept": self.count(Status::Kept),
             "broken": self.count(Status::Broken), "failed": self.count(Status::Failed),
             "on_front": table.entries.iter().filter(|entry| entry.is_on_front).count(),
+            "nearest": table.nearest().map(|k| json!({"design": k + 1, "reason": table.entries.get(k).and_then(|entry| entry.reason.clone())})),
             "tolerance": finals.tolerance, "as_it_is": told(&finals.base),
             "best": finals.best.iter().map(told).collect::<Vec<_>>(),
         })
@@ -134,20 +153,28 @@ impl Written {
             "\n(computed anew with models for a tolerance of {:.0e}; the error is that of the weakest place's peak)\n",
             finals.tolerance
         );
+        if let Some(place) = study.figures.iter().position(|wanted| wanted.figure == Figure::SagUm) {
+            let of = |own: &Finalist| {
+                own.verified.as_ref().ok().and_then(|found| found.bounds.get(place).copied().flatten())
+            };
+            let most = std::iter::once(&finals.base).chain(&finals.best).filter_map(of).reduce(f64::max);
+            let most = most.map_or_else(|| "by an unknown part".into(), |most| format!("by {most:.0e} at most"));
+            let _ = writeln!(text, "(sags are off {most})");
+        }
         for (k, own) in finals.best.iter().enumerate() {
             let entry = table.entries.get(own.design.saturating_sub(1));
-            let values = table
-                .columns
-                .iter()
-                .filter_map(|column| Some(format!("{} = {}", column.name, column.text(&entry?.row.design)?)));
-            let _ = write!(text, "\nbest {}: {}", k + 1, values.collect::<Vec<_>>().join(", "));
+            let _ = write!(text, "\nbest {}: {}", k + 1, entry.map(|entry| self.settings(entry)).unwrap_or_default());
             if let Err(reason) = &own.verified {
                 let _ = write!(text, " (failed: {reason})");
             }
         }
         if finals.best.is_empty() {
             text.push_str("\nNo design keeps all limits.");
-            if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_ref()) {
+            let nearest = table.nearest().and_then(|k| Some((k, table.entries.get(k)?)));
+            if let Some((k, entry)) = nearest {
+                let reason = entry.reason.as_deref().unwrap_or_default();
+                let _ = write!(text, " Design {} comes nearest: {reason}\ndesign {0}: {}", k + 1, self.settings(entry));
+            } else if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_ref()) {
                 let _ = write!(text, " The first: {reason}");
             }
         }

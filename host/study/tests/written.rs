@@ -5,6 +5,7 @@ use era_study::evaluate::Figures;
 use era_study::report::report;
 use era_study::result::{Finals, Table, write_parquet};
 use era_study::run::{Outcome, Row, Study};
+use era_study::written::Written;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 
@@ -116,4 +117,34 @@ fn the_report_stands_alone() {
     assert_eq!(data["rows"][1], serde_json::json!([2, [2, 150.0, 100.0, 1.0, 0.6, 300.0]]));
     assert_eq!(data["wishes"][1], serde_json::json!({"name": "mass_g", "column": 5, "most": false}));
     assert!(html.contains("no such thing"));
+}
+
+/// Where no design keeps the limits it is told which comes nearest, in parts of each limit, and what it breaks.
+#[test]
+fn where_no_design_keeps_the_limits_the_nearest_is_told() {
+    let strict = STUDY.replace(
+        "[[uncertain]]",
+        "[[limit]]\nfigure = \"weakest_g\"\nleast = 0.7\n[[limit]]\nfigure = \"mass_g\"\nmost = 250\n[[uncertain]]",
+    );
+    let strict = Study::parse("s.toml", &strict, "plate.toml", EXAMPLE_PLATE).unwrap();
+    let mut strictly = table(&strict);
+    // Of 0.7 g there are 0.3, 0.5 and 0.4 g, and 250 g are exceeded by 150, 50 and 250 g.
+    assert_eq!(strictly.nearest(), Some(1));
+    let reason = strictly.entries[1].reason.clone().unwrap();
+    assert!(reason.contains("0.5000") && reason.contains("300.0000"), "{reason}");
+    let base =
+        era_study::result::Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
+    let finals = Finals { base, best: Vec::new(), tolerance: 1e-3 };
+    let page = report(&strict, &strictly, &finals);
+    assert!(page.contains(&format!("Design 2 comes nearest: {reason}")), "it is in the report");
+    let written = Written { table: strictly.clone(), finals };
+    let place = std::path::Path::new("here");
+    let text = written.text(&strict, place);
+    assert!(text.contains(&format!("Design 2 comes nearest: {reason}\ndesign 2: actuator.left")), "{text}");
+    assert_eq!(written.summary(&strict, place)["nearest"], serde_json::json!({"design": 2, "reason": reason}));
+    // One that failed is near to nothing, and where a design keeps the limits none is needed.
+    strictly.entries.retain(|entry| entry.row.figures().is_none());
+    assert_eq!(strictly.nearest(), None);
+    let study = study();
+    assert_eq!(table(&study).nearest(), None);
 }

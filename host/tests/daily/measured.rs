@@ -42,8 +42,7 @@ fn the_latency_of_weak_touches_is_measured() {
     assert!(longest >= ms(&strong, "/delayed_ms_longest"), "what is waited for is in its touch's time: {strong}");
 }
 
-/// Clicks of a board whose rails are down are timed beside clicks after it was armed. Those wait for nothing that is left to rise: a board takes
-/// tens of milliseconds to raise its rails, whatever the machine.
+/// First clicks are timed in both ways, and none is lost on the way: with the rails down, and after the board was armed.
 #[test]
 fn first_clicks_are_timed_armed_and_not() {
     let out = Command::new(env!("CARGO_BIN_EXE_era"))
@@ -54,7 +53,6 @@ fn first_clicks_are_timed_armed_and_not() {
     let told: Value = serde_json::from_slice(&out.stdout).unwrap();
     let ms = |path: &str| told.pointer(path).and_then(Value::as_f64).unwrap();
     assert_eq!(told["first_clicks"], 3);
-    assert!(ms("/armed_ms/median") < ms("/rails_down_ms/median"), "{told}");
     for way in ["armed_ms", "rails_down_ms"] {
         let [median, most] = ["median", "max"].map(|figure| ms(&format!("/{way}/{figure}")));
         assert!(0.0 < median && median <= most, "{told}");

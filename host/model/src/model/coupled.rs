@@ -8,6 +8,10 @@
 //!
 //! A point's shapes depend on nothing but the point, and are kept: supports that stay where they are cost nothing.
 
+mod compliance;
+
+pub use compliance::Yields;
+
 use super::assembly::{AttachedVectors, Attachment};
 use super::damping::Damping;
 use super::eigen::{Eigen, Modes};
@@ -35,8 +39,11 @@ const KEPT: usize = 32 << 20;
 const FREE: f64 = 1e-12;
 /// How much lower the order of the other mesh is.
 const LOWER: usize = 4;
-/// Of a point force's deflection the elements' order p misses a part that falls as (p - SHORT)^-2.
+/// Of a point force's deflection the elements' order p misses a part that falls as (p - SHORT)^-FALLS on a plate, ...
 const SHORT: f64 = 1.3;
+const FALLS: i32 = 2;
+/// ... and faster on a bar, where it is the third derivative that jumps.
+const FALLS_ON_BARS: i32 = 3;
 /// Frequency of what is missing there, as a multiple of the highest asked for.
 const LOCAL: f64 = 20.0;
 
@@ -53,6 +60,8 @@ pub struct BarePanel {
     /// What the surface's losses leave unbalanced along its edges, whatever the design.
     along_edges: Vec<SparseVector>,
     points: Mutex<HashMap<Key, Arc<Shapes>>>,
+    /// Of the grid whose yield was asked for last.
+    yields: Mutex<Option<Arc<compliance::Points>>>,
 }
 
 /// Where a load is and what it pushes: its entries, bit by bit.
@@ -110,7 +119,17 @@ impl BarePanel {
         let modes = model.modes_to_reduce(max_hz)?;
         let mass_modes = model.operator().mass.times(&modes.vectors);
         let along_edges = model.unbalanced(&modes, max_hz);
-        Ok(Self { scene: bare, model, lower, max_hz, modes, mass_modes, along_edges, points: Mutex::default() })
+        Ok(Self {
+            scene: bare,
+            model,
+            lower,
+            max_hz,
+            modes,
+            mass_modes,
+            along_edges,
+            points: Mutex::default(),
+            yields: Mutex::default(),
+        })
     }
 
     /// Unknowns of its mesh.
@@ -136,18 +155,18 @@ impl BarePanel {
         let mut attached = AttachedVectors::of(grid, scene);
         let free = self.dofs();
         let basis = Basis::new(self.loads(&attached.attachments, free), self.model.shift());
-        let local = self.local(&attached, scene, &basis);
+        let local = self.local(&attached, scene, &basis.loads);
         let (modes, residual, carried) = (self.modes(), basis.sums.ncols(), attached.unknowns - free);
         let size = modes + residual + carried + local.ncols();
         // What elements miss where a force acts: an unknown of its own at each place.
         for vector in attached.vectors_mut() {
-            let own = basis.position(vector, free);
+            let own = position(&basis.loads, vector, free);
             vector.extend(own.map(|k| (free + carried + k, 1.0)));
         }
         attached.unknowns += basis.loads.len();
         let along = |vector: &SparseVector| {
             let mut out = DVector::zeros(size);
-            if let Some(load) = basis.position(vector, free).map(|k| &basis.loads[k]) {
+            if let Some(load) = position(&basis.loads, vector, free).map(|k| &basis.loads[k]) {
                 out.rows_mut(0, modes).copy_from(&load.modes);
                 out.rows_mut(modes, residual).copy_from(&basis.along(load));
             }
@@ -218,41 +237,53 @@ impl BarePanel {
     }
 
     /// What the mesh misses of the deflection that forces at the loads' places make there, as mass-normalised motions of
-    /// [`Self::local_lambda`]: loads x motions. Extrapolated from two orders of the elements.
-    #[expect(clippy::cast_precision_loss, reason = "orders of elements")]
-    fn local(&self, attached: &AttachedVectors, scene: &Scene, basis: &Basis) -> DMatrix<f64> {
-        let (n, free, lower_free) = (basis.loads.len(), self.dofs(), self.lower.dofs());
-        let nothing = DMatrix::zeros(n, 0);
-        if scene.surface.kind == SurfaceKind::Bar || self.lower.order() >= self.model.order() {
-            return nothing;
+    /// [`Self::local_lambda`]: loads x motions.
+    fn local(&self, attached: &AttachedVectors, scene: &Scene, loads: &[Arc<Shapes>]) -> DMatrix<f64> {
+        let nothing = DMatrix::zeros(loads.len(), 0);
+        let Some(missing) = self.missing(attached, scene, loads) else { return nothing };
+        let Some(eigen) = Eigen::of(&(0.5 * (&missing + missing.transpose()))) else { return nothing };
+        let most = eigen.values.amax();
+        let kept: Vec<usize> = (0..loads.len()).filter(|k| eigen.values[*k] > DEPENDENT * most).collect();
+        let mut motions = eigen.vectors.select_columns(&kept);
+        for (mut column, k) in motions.column_iter_mut().zip(&kept) {
+            column.scale_mut((eigen.values[*k] * self.local_lambda()).sqrt());
         }
+        motions
+    }
+
+    /// What the mesh misses of the deflection at the loads' places under forces there, in m/N: loads x loads. Extrapolated from two orders of
+    /// the elements; `None` on a bar, whose elements miss nothing to speak of.
+    fn missing(&self, attached: &AttachedVectors, scene: &Scene, of: &[Arc<Shapes>]) -> Option<DMatrix<f64>> {
+        let (n, free, lower_free) = (of.len(), self.dofs(), self.lower.dofs());
+        let part = self.extrapolated().filter(|_| self.scene.surface.kind == SurfaceKind::Plate)?;
         let lower = AttachedVectors::of(self.lower.grid(), scene);
         if lower.attachments.len() != attached.attachments.len() {
-            return nothing;
+            return None;
         }
         let mut loads = DMatrix::zeros(lower_free, n);
         for (own, below) in attached.attachments.iter().zip(&lower.attachments).filter(|(own, _)| !own.is_slope) {
-            if let Some(k) = basis.position(&own.vector, free) {
+            if let Some(k) = position(of, &own.vector, free) {
                 loads.column_mut(k).fill(0.0);
                 let on_surface = below.vector.iter().filter(|(unknown, _)| *unknown < lower_free);
                 on_surface.for_each(|(unknown, value)| loads[(*unknown, k)] = *value);
             }
         }
         let below = loads.tr_mul(&self.lower.operator().factor.solve(&loads));
-        let steps = [self.lower.order(), self.model.order()].map(|order| (order as f64 - SHORT).powi(-2));
-        let part = steps[1] / (steps[0] - steps[1]);
-        let missing = DMatrix::from_fn(n, n, |i, j| {
+        Some(DMatrix::from_fn(n, n, |i, j| {
             let is_known = loads.column(i).amax() > 0.0 && loads.column(j).amax() > 0.0;
-            if is_known { part * (self.static_at(&basis.loads[i], &basis.loads[j]) - below[(i, j)]) } else { 0.0 }
-        });
-        let Some(eigen) = Eigen::of(&(0.5 * (&missing + missing.transpose()))) else { return nothing };
-        let most = eigen.values.amax();
-        let kept: Vec<usize> = (0..n).filter(|k| eigen.values[*k] > DEPENDENT * most).collect();
-        let mut motions = eigen.vectors.select_columns(&kept);
-        for (mut column, k) in motions.column_iter_mut().zip(&kept) {
-            column.scale_mut((eigen.values[*k] * self.local_lambda()).sqrt());
+            if is_known { part * (self.static_at(&of[i], &of[j]) - below[(i, j)]) } else { 0.0 }
+        }))
+    }
+
+    /// What the finer mesh misses of a point force's deflection, over the difference between the meshes; `None` if there is one mesh only.
+    #[expect(clippy::cast_precision_loss, reason = "orders of elements")]
+    fn extrapolated(&self) -> Option<f64> {
+        if self.lower.order() >= self.model.order() {
+            return None;
         }
-        motions
+        let power = if self.scene.surface.kind == SurfaceKind::Bar { FALLS_ON_BARS } else { FALLS };
+        let [below, own] = [self.lower.order(), self.model.order()].map(|order| (order as f64 - SHORT).powi(-power));
+        Some(own / (below - own))
     }
 
     /// Deflection at one load's place for the other, of the bare panel with its shift, static.
@@ -264,7 +295,7 @@ impl BarePanel {
 
     /// Static flexibility of the bare panel, shifted, at what moves an attachment; of one that is not on the surface, 0.
     fn flexibility(&self, vector: &SparseVector, free: usize, basis: &Basis) -> f64 {
-        basis.position(vector, free).map_or(0.0, |k| self.static_at(&basis.loads[k], &basis.loads[k]))
+        position(&basis.loads, vector, free).map_or(0.0, |k| self.static_at(&basis.loads[k], &basis.loads[k]))
     }
 
     /// The shapes of everything that pushes the surface, each load once: those of attachments first.
@@ -347,17 +378,17 @@ impl Basis {
         Self { loads, sums, stiffness }
     }
 
-    /// Which load pushes the surface as a vector does; none for one that is not on the surface.
-    fn position(&self, vector: &SparseVector, free: usize) -> Option<usize> {
-        let on_surface = || vector.iter().filter(|(unknown, _)| *unknown < free);
-        self.loads.iter().position(|load| load.load.iter().eq(on_surface()))
-    }
-
     /// The residual shapes' deflections where a load is.
     fn along(&self, load: &Shapes) -> DVector<f64> {
         let each = self.loads.iter().flat_map(|other| (0..SHAPES).map(|k| dot(&load.load, &other.shapes, k)));
         self.sums.tr_mul(&DVector::from_iterator(SHAPES * self.loads.len(), each))
     }
+}
+
+/// Which load pushes the surface as a vector does; none for one that is not on the surface.
+fn position(loads: &[Arc<Shapes>], vector: &SparseVector, free: usize) -> Option<usize> {
+    let on_surface = || vector.iter().filter(|(unknown, _)| *unknown < free);
+    loads.iter().position(|load| load.load.iter().eq(on_surface()))
 }
 
 /// K x = lambda M x for symmetric matrices, M positive definite: ascending, vectors M-orthonormal.

@@ -65,7 +65,7 @@ mod wave;
 pub use accuracy::Accuracy;
 pub use bound::Bound;
 pub use bounded::Bounded;
-pub use coupled::BarePanel;
+pub use coupled::{BarePanel, Yields};
 pub use error::ModelError;
 pub use fineness::Fineness;
 pub use panel::{Mode, PanelModel, Parts};

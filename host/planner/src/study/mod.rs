@@ -9,6 +9,7 @@ pub mod mode_sheet;
 pub mod npy;
 pub mod reach;
 pub mod rigid;
+pub mod sag;
 pub mod schemes;
 pub mod shapes;
 pub mod shared;

@@ -31,7 +31,7 @@ from __future__ import annotations
 import functools
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Callable, Optional, Union
@@ -65,6 +65,8 @@ class Best:
     """The weakest place, if a figure is of it."""
     error_bound: Optional[float]
     """Upper bound on the relative error of the peak there; `None` where there is none."""
+    error_bounds: dict[str, Optional[float]]
+    """The same of every figure; `None` where none is known, which is of all but the weakest place and sags."""
     failed: Optional[str]
     """Why it could not be computed anew; figures are missing then."""
 
@@ -75,7 +77,7 @@ class Result:
 
     folder: Path
     """Where `report.html`, `designs.parquet`, `best-1.toml`, ... are."""
-    table: dict[str, Any]
+    table: dict[str, Any] = field(repr=False)
     """Column by column, a row for each design, the first one being the scene as it is: see `Study.table`."""
     base: Best
     """The scene as it is."""
@@ -89,6 +91,8 @@ class Result:
     """Designs that break one."""
     failed: int
     """Designs that have no figures: `table["reason"]` says why."""
+    nearest: Optional[tuple[int, str]]
+    """Where none keeps all limits, the design that is least beyond them, and what it breaks."""
 
 
 def run(
@@ -144,6 +148,7 @@ def run(
         _Work(study, place, progress).by(client)
     summary = study.write(place)
     table = study.table(place)
+    nearest = summary["nearest"]
 
     def best(told: dict[str, Any], path: Optional[Path]) -> Best:
         text = study.scene.to_toml() if path is None else path.read_text(encoding="utf-8")
@@ -154,6 +159,7 @@ def run(
             figures=told["figures"],
             weakest_m=None if at_mm is None else (at_mm[0] / 1e3, at_mm[1] / 1e3),
             error_bound=told["error_bound"],
+            error_bounds=told["error_bounds"],
             failed=told["failed"],
         )
 
@@ -166,6 +172,7 @@ def run(
         kept=summary["kept"],
         broken=summary["broken"],
         failed=summary["failed"],
+        nearest=None if nearest is None else (nearest["design"], nearest["reason"]),
     )
 
 

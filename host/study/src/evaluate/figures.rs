@@ -2,7 +2,6 @@
 
 use super::{EvaluateError, Figures};
 use crate::spec::{Drives, Figure, Settings, Wanted};
-use era_model::scene::Scene;
 use era_planner::perception::level_db;
 use era_planner::reach::Measure;
 use era_planner::study::rigid;
@@ -13,19 +12,18 @@ use era_planner::{PlanError, PlanTable, Target};
 /// Part of what can be had at a place at which its contrast is told: so little that no limit changes it, as in maps.
 const LITTLE_G: f64 = 1e-6;
 
-/// The figures of a scene, in the order in which they are wanted. Those of [`super::parts`] are NaN.
+/// The figures of a scene, in the order in which they are wanted. Those of [`super::parts`] and sags are NaN.
 ///
 /// # Errors
 /// [`EvaluateError`].
-pub fn figures(scene: &Scene, table: &PlanTable, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
-    let mut known = Known { scene, table, weakest: Vec::new() };
+pub fn figures(table: &PlanTable, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
+    let mut known = Known { table, weakest: Vec::new() };
     let values = wanted.iter().map(|wanted| known.figure(wanted)).collect::<Result<_, _>>()?;
     let first = known.weakest.first().map(|(_, _, _, weakest)| [weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]);
     Ok(Figures { values, weakest_mm: first })
 }
 
 struct Known<'a> {
-    scene: &'a Scene,
     table: &'a PlanTable,
     weakest: Vec<(Settings, Drives, Measure, Weakest)>,
 }
@@ -50,8 +48,7 @@ impl Known<'_> {
             Figure::RigidModeHz => rigid::last_rigid_hz(self.table).unwrap_or(0.0),
             Figure::BendingModeHz => rigid::first_bending_hz(self.table)
                 .ok_or_else(|| nothing("no mode bends the panel within the model"))?,
-            Figure::SagUm => self.sag_m(wanted.force_n.unwrap_or(self.scene.press_n)) * 1e6,
-            Figure::MassG | Figure::Cost => f64::NAN,
+            Figure::SagUm | Figure::MassG | Figure::Cost => f64::NAN,
         })
     }
 
@@ -79,17 +76,5 @@ impl Known<'_> {
         let [x_mm, y_mm] = wanted.at_mm.unwrap_or_default();
         let touch = Target { x_m: x_mm / 1e3, y_m: y_mm / 1e3, intensity_g: Some(LITTLE_G) };
         Ok(self.table.plan(&[touch])?)
-    }
-
-    /// How far the softest place yields to a steady force there, through the model's modes: the dimple that a fingertip makes in
-    /// the panel right below it is not in them.
-    fn sag_m(&self, force_n: f64) -> f64 {
-        let table = self.table;
-        let softest =
-            table.grid.shapes.row_iter().zip(&table.grid.there).filter(|(_, there)| **there).map(|(shape, _)| {
-                let terms = shape.iter().zip(table.model.lambda.iter());
-                terms.map(|(shape, lambda)| if *shape == 0.0 { 0.0 } else { shape * shape / lambda }).sum::<f64>()
-            });
-        force_n * softest.fold(0.0, f64::max)
     }
 }

@@ -6,6 +6,7 @@
 mod figures;
 pub mod parts;
 mod quick;
+mod sag;
 mod thorough;
 
 pub use figures::figures;

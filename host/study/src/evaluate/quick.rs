@@ -1,6 +1,6 @@
 //! Designs of a panel that stays the same: what changes is coupled to it.
 
-use super::{EvaluateError, Evaluator, Figures, figures};
+use super::{EvaluateError, Evaluator, Figures, figures, sag};
 use crate::spec::{Figure, Wanted};
 use era_model::scene::Scene;
 use era_planner::perception::level_db;
@@ -51,32 +51,40 @@ impl Quick {
 impl Evaluator for Quick {
     fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
         let panel = self.panel(scene)?;
-        if !wanted.iter().all(Wanted::is_quick) {
-            let table = PlanTable::build(scene, panel.bare().coupled(scene)?, self.options)?;
-            return figures(scene, &table, wanted);
-        }
-        let mut found = Figures { values: Vec::with_capacity(wanted.len()), weakest_mm: None };
-        for wanted in wanted {
-            let measure = match wanted.figure {
-                Figure::WeakestG => Measure::G,
-                Figure::WeakestDb => Measure::Thresholds,
-                _ => {
-                    found.values.push(f64::NAN);
-                    continue;
-                }
-            };
-            let weakest = panel.weakest(scene, measure)?;
-            found.weakest_mm = found.weakest_mm.or(Some([weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]));
-            found.values.push(match measure {
-                Measure::G => weakest.peak,
-                Measure::Thresholds => level_db(weakest.peak).ok_or_else(|| EvaluateError::Figure {
-                    figure: wanted.column(),
-                    reason: "nothing moves at the weakest place",
-                })?,
-            });
+        let mut found = match wanted.iter().all(Wanted::is_quick) {
+            true => quick_figures(&panel, scene, wanted)?,
+            false => figures(&PlanTable::build(scene, panel.bare().coupled(scene)?, self.options)?, wanted)?,
+        };
+        if sag::is_wanted(wanted) {
+            sag::fill(&mut found, wanted, scene, self.options.to_hz, panel.bare())?;
         }
         Ok(found)
     }
+}
+
+/// Figures that need no plan table; sags and those of [`super::parts`] are NaN.
+fn quick_figures(panel: &QuickPanel, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
+    let mut found = Figures { values: Vec::with_capacity(wanted.len()), weakest_mm: None };
+    for wanted in wanted {
+        let measure = match wanted.figure {
+            Figure::WeakestG => Measure::G,
+            Figure::WeakestDb => Measure::Thresholds,
+            _ => {
+                found.values.push(f64::NAN);
+                continue;
+            }
+        };
+        let weakest = panel.weakest(scene, measure)?;
+        found.weakest_mm = found.weakest_mm.or(Some([weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]));
+        found.values.push(match measure {
+            Measure::G => weakest.peak,
+            Measure::Thresholds => level_db(weakest.peak).ok_or_else(|| EvaluateError::Figure {
+                figure: wanted.column(),
+                reason: "nothing moves at the weakest place",
+            })?,
+        });
+    }
+    Ok(found)
 }
 
 impl From<QuickError> for EvaluateError {

@@ -1,9 +1,9 @@
 //! Designs with the whole scene's own elements, in three levels, and a bound on what is most wanted.
 
-use super::{EvaluateError, Evaluator, Figures, figures};
-use crate::spec::Wanted;
-use era_model::model::Accuracy;
+use super::{EvaluateError, Evaluator, Figures, figures, sag};
+use crate::spec::{Drives, Figure, Settings, Wanted};
 use era_model::model::levels::Levels;
+use era_model::model::{Accuracy, BarePanel};
 use era_model::scene::Scene;
 use era_planner::{PlanTable, TableOptions, Target};
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,9 @@ pub struct Verified {
     pub figures: Figures,
     /// Bound on the relative error of the peak at the weakest place; `None` where there is none.
     pub bound: Option<f64>,
+    /// Bounds on the relative errors of the figures, in their order: of the peak at the weakest place where each touch has a setting of its own,
+    /// and of sags; `None` of all others, and where there is none.
+    pub bounds: Vec<Option<f64>>,
     /// At every point of a grid the strongest peak in g, row by row; `None` in cut-outs.
     pub strongest_g: Vec<Option<f64>>,
     /// Columns of that grid in mm.
@@ -51,13 +54,31 @@ impl Thorough {
         Ok(PlanTable::with_levels(scene, levels, self.options)?)
     }
 
+    /// The figures of a scene with this table, and the bound on the relative error of its sags.
+    fn figures(
+        &self,
+        scene: &Scene,
+        table: &PlanTable,
+        wanted: &[Wanted],
+    ) -> Result<(Figures, Option<f64>), EvaluateError> {
+        let mut found = figures(table, wanted)?;
+        let bound = match sag::is_wanted(wanted) {
+            true => {
+                let panel = BarePanel::build(scene, self.accuracy, self.options.to_hz)?;
+                sag::fill(&mut found, wanted, scene, self.options.to_hz, &panel)?
+            }
+            false => None,
+        };
+        Ok((found, bound))
+    }
+
     /// The figures of a scene, a bound, and the map of what can be had.
     ///
     /// # Errors
     /// [`EvaluateError`].
     pub fn verified(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Verified, EvaluateError> {
         let table = self.table(scene)?;
-        let figures = figures(scene, &table, wanted)?;
+        let (figures, sag_bound) = self.figures(scene, &table, wanted)?;
         let map = era_planner::study::weakest::map_g(&table).ok_or(era_planner::PlanError::NoFrequencies)?;
         let columns = table.grid.x_m.len().max(1);
         let least = map.iter().enumerate().filter_map(|(point, peak)| Some((point, (*peak)?)));
@@ -69,14 +90,23 @@ impl Thorough {
             intensity_g: Some(ALL_THERE_IS_G),
         };
         let bound = table.plan(&[touch])?.error_bound;
+        let is_bounded = |wanted: &Wanted| {
+            matches!(wanted.figure, Figure::WeakestG | Figure::WeakestDb)
+                && (wanted.setting, wanted.drives) == (Settings::EveryTouch, Drives::Distinct)
+        };
+        let bounds = wanted.iter().map(|wanted| match wanted.figure {
+            Figure::SagUm => sag_bound,
+            _ => bound.filter(|_| is_bounded(wanted)),
+        });
+        let bounds = bounds.collect();
         let mm = |lines: &[f64]| lines.iter().map(|line| line * 1e3).collect();
         let (x_mm, y_mm) = (mm(&table.grid.x_m), mm(&table.grid.y_m));
-        Ok(Verified { figures, bound, strongest_g: map, x_mm, y_mm })
+        Ok(Verified { figures, bound, bounds, strongest_g: map, x_mm, y_mm })
     }
 }
 
 impl Evaluator for Thorough {
     fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
-        figures(scene, &self.table(scene)?, wanted)
+        Ok(self.figures(scene, &self.table(scene)?, wanted)?.0)
     }
 }

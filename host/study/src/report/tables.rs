@@ -81,7 +81,12 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
     }
     html.push_str("</table>\n");
     if finals.best.is_empty() {
-        html.push_str("<p>No design keeps all limits.</p>\n");
+        html.push_str("<p>No design keeps all limits.");
+        if let Some((k, near)) = table.nearest().and_then(|k| Some((k, table.entries.get(k)?))) {
+            let reason = escaped(near.reason.as_deref().unwrap_or_default());
+            let _ = write!(html, " Design {} comes nearest: {reason}.", k + 1);
+        }
+        html.push_str("</p>\n");
     } else {
         html.push_str("<p>The best designs are beside this report as <code>best-1.toml</code> and so on, for <code>era serve --scene</code>.</p>\n");
     }
@@ -106,7 +111,7 @@ fn entry<'t>(table: &'t Table, own: &Finalist) -> Option<&'t Entry> {
 pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
     let mut html = format!(
         "<p>All designs were looked at {}; the scene itself and the best were computed anew with models made for a relative \
-         tolerance of {:.0e}. The last column bounds the relative error of the peak at the weakest place, of the model.</p>\n\
+         tolerance of {:.0e}. The last column bounds the relative error that the model makes in the peak at the weakest place and in sags; for others it is not known.</p>\n\
          <table>\n<tr><th>design</th><th>figure</th><th>at first</th><th>computed anew</th><th>difference</th><th>error at most</th></tr>\n",
         if study.spec.method.thorough { "thoroughly" } else { "quickly" },
         finals.tolerance
@@ -122,10 +127,9 @@ pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
             } else {
                 format!("{:+.2} %", 100.0 * (first / anew - 1.0))
             };
-            let bound = match (k, verified.bound) {
-                (0, Some(bound)) => format!("{bound:.0e}"),
-                (0, None) => "unknown".into(),
-                _ => String::new(),
+            let bound = match verified.bounds.get(k).copied().flatten() {
+                Some(bound) => format!("{bound:.0e}"),
+                None => "unknown".into(),
             };
             let _ = writeln!(
                 html,

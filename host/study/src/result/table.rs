@@ -41,6 +41,8 @@ pub struct Entry {
     pub wishes: Vec<f64>,
     /// Whether no other design surpasses it.
     pub is_on_front: bool,
+    /// By how much it breaks limits, in parts of each; zero if it keeps them, infinite if it failed.
+    pub beyond: f64,
 }
 
 /// All designs of a study.
@@ -93,6 +95,16 @@ impl Table {
         Ok(Self::of(study, base, rows))
     }
 
+    /// Where no design keeps all limits, the one that is least beyond them, the first of equals; none if all have failed.
+    #[must_use]
+    pub fn nearest(&self) -> Option<usize> {
+        if self.entries.iter().any(|entry| entry.status == Status::Kept) {
+            return None;
+        }
+        let broken = (0..self.entries.len()).filter(|k| self.entries[*k].status == Status::Broken);
+        broken.min_by(|a, b| self.entries[*a].beyond.total_cmp(&self.entries[*b].beyond))
+    }
+
     /// The table of rows.
     #[must_use]
     pub fn of(study: &Study, base: Row, rows: Vec<Row>) -> Self {
@@ -115,13 +127,15 @@ pub(super) fn losses(study: &Study, entry: &Entry) -> Vec<f64> {
 
 fn entry(study: &Study, row: Row) -> Entry {
     let wishes: Option<Vec<f64>> = study.spec.wishes.iter().map(|wish| worst(&row, &study.figures, wish)).collect();
-    let (status, reason) = match (&row.outcome, broken(&row, &study.figures, &study.spec.limits)) {
+    let beyond = broken(&row, &study.figures, &study.spec.limits);
+    let (status, reason) = match (&row.outcome, beyond) {
         (Outcome::Failed(reason), _) => (Status::Failed, Some(reason.clone())),
         (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (Status::Kept, None),
         (_, Some(0.0)) => (Status::Failed, Some("a wish's figure is not a finite number".into())),
         _ => (Status::Broken, Some(limits(study, &row))),
     };
-    Entry { row, status, reason, wishes: wishes.unwrap_or_default(), is_on_front: false }
+    let beyond = beyond.filter(|_| status != Status::Failed).unwrap_or(f64::INFINITY);
+    Entry { row, status, reason, wishes: wishes.unwrap_or_default(), is_on_front: false, beyond }
 }
 
 /// Which limits a design breaks, with its figure.

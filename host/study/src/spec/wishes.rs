@@ -188,7 +188,7 @@ impl Wanted {
             Figure::WeakestG | Figure::WeakestDb => {
                 self.setting == Settings::EveryTouch && self.drives == Drives::Distinct
             }
-            figure => matches!(figure, Figure::MassG | Figure::Cost),
+            figure => matches!(figure, Figure::SagUm | Figure::MassG | Figure::Cost),
         }
     }
 

@@ -1,0 +1,191 @@
+//! How far the surface of a design yields to a steady force, where the force is.
+//!
+//! Of a bare panel with modes phi (all up to several times the highest frequency) and, beside these, the residual flexibility R, a steady
+//! force of 1 N at p and forces -g of what holds the panel at points v move it by w = phi q + R (force), with
+//!
+//! Lambda q = phi_p - Phi_v g,  v = Phi_v' q + R_vp - R_vv g,  g = k v,
+//!
+//! so that with S = 1/k + R_vv: (Lambda + Phi_v S^-1 Phi_v') q = phi_p - Phi_v S^-1 R_vp, and the yield is phi_p . q + R_pp - R_pv g. Nothing is
+//! truncated: what a sum over a model's modes misses at the force's own place, 1 % or so, is in R. No mass and no damping has part in it:
+//! what hangs on springs of its own follows.
+//!
+//! R is what (K + s M)^-1 has beside the modes, whose squared frequencies are far above s: too small by a part s / lambda_next. What the mesh
+//! misses right at a point force is extrapolated from two orders, as it is for what is attached.
+
+use super::{BarePanel, Shapes, dot, position};
+use crate::model::ModelError;
+use crate::model::assembly::AttachedVectors;
+use crate::model::eigen::Eigen;
+use crate::model::grid::Derivative;
+use crate::model::panel::PanelModel;
+use crate::model::sparse::SparseVector;
+use crate::scene::Scene;
+use nalgebra::{DMatrix, DVector};
+use std::sync::{Arc, PoisonError};
+
+/// Points that are solved for at once.
+const BLOCK: usize = 32;
+/// Part of a number that is left of it after elimination where rounding is all that is left: a motion that nothing holds.
+const LEFT: f64 = 1e-12;
+/// Part of the largest below which a principal flexibility of what holds the panel counts as none: points that are one.
+const SAME: f64 = 1e-12;
+/// Part of what is extrapolated for the mesh by which that may be wrong.
+const UNSURE: f64 = 1.0;
+
+/// How far points of a surface yield.
+#[derive(Clone, Debug)]
+pub struct Yields {
+    /// To 1 N at the point itself, in m; infinite where nothing holds the panel. Columns first; NaN where there is no surface.
+    pub m_per_n: Vec<f64>,
+    /// What they may be off by, in m/N.
+    pub error_m_per_n: Vec<f64>,
+}
+
+/// What is known of the points of a grid on the bare panel.
+#[derive(Debug)]
+pub(super) struct Points {
+    x_m: Vec<f64>,
+    y_m: Vec<f64>,
+    rows: Vec<SparseVector>,
+    /// Modes x points.
+    modes: DMatrix<f64>,
+    /// R_pp in m/N, what the mesh misses included.
+    residual: Vec<f64>,
+    error: Vec<f64>,
+}
+
+impl BarePanel {
+    /// How far the points of a grid (m, columns and rows) yield to a steady force on each, in the design `scene` of this panel.
+    ///
+    /// # Errors
+    /// As [`Self::coupled`].
+    pub fn yields(&self, scene: &Scene, x_m: &[f64], y_m: &[f64]) -> Result<Yields, ModelError> {
+        self.check(scene)?;
+        let points = self.points_of(x_m, y_m);
+        let attached = AttachedVectors::of(self.model.grid(), scene);
+        let (free, modes) = (self.dofs(), self.modes());
+        let all = self.loads(&attached.attachments, free);
+        let missing = self.missing(&attached, scene, &all);
+        // What holds the panel: springs to the ground. One to a mass that nothing else holds bears nothing.
+        let mut stiffness = vec![0.0; all.len()];
+        for attachment in
+            attached.attachments.iter().filter(|own| own.vector.iter().all(|(unknown, _)| *unknown < free))
+        {
+            if let Some(k) = position(&all, &attachment.vector, free) {
+                stiffness[k] += attachment.stiffness;
+            }
+        }
+        let held: Vec<usize> = (0..all.len()).filter(|k| stiffness[*k] > 0.0).collect();
+        let loads: Vec<&Shapes> = held.iter().map(|k| &*all[*k]).collect();
+        let flexible = DMatrix::from_fn(loads.len(), loads.len(), |i, j| {
+            let missing = missing.as_ref().map_or(0.0, |missing| missing[(held[i], held[j])]);
+            let spring = if i == j { 1.0 / stiffness[held[i]] } else { 0.0 };
+            spring + missing + dot(&loads[i].load, &loads[j].shapes, 0)
+        });
+        let stiff = inverse(&flexible)?;
+        let at_loads = DMatrix::from_fn(modes, loads.len(), |mode, k| loads[k].modes[mode]);
+        let between =
+            DMatrix::from_fn(loads.len(), points.rows.len(), |k, p| dot(&points.rows[p], &loads[k].shapes, 0));
+        let pull = &stiff * &between;
+        let mut hold = &at_loads * &stiff * at_loads.transpose();
+        for (k, lambda) in self.modes.lambda.iter().enumerate() {
+            hold[(k, k)] += lambda;
+        }
+        let diagonal = hold.diagonal();
+        let right = &points.modes - &at_loads * &pull;
+        // A motion that nothing holds has no steady state.
+        let factor = hold.cholesky().filter(|factor| {
+            let left = factor.l_dirty().diagonal();
+            left.iter().zip(diagonal.iter()).all(|(left, own)| left * left > LEFT * own)
+        });
+        let solved = factor.map(|factor| factor.solve(&right));
+        let yields = (0..points.rows.len()).map(|p| {
+            if points.rows[p].is_empty() {
+                return if self.is_there(&points, p) { 0.0 } else { f64::NAN };
+            }
+            // With g = S^-1 (Phi_v' q + R_vp) the yield is right . q + R_pp - R_pv S^-1 R_vp.
+            let own = points.residual[p] - between.column(p).dot(&pull.column(p));
+            solved.as_ref().map_or(f64::INFINITY, |solved| right.column(p).dot(&solved.column(p)) + own)
+        });
+        Ok(Yields { m_per_n: yields.collect(), error_m_per_n: points.error.clone() })
+    }
+
+    fn is_there(&self, points: &Points, p: usize) -> bool {
+        let columns = points.x_m.len();
+        self.scene.layout().at(points.x_m[p % columns], points.y_m[p / columns]).is_some()
+    }
+
+    fn points_of(&self, x_m: &[f64], y_m: &[f64]) -> Arc<Points> {
+        let known = self.yields.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        if let Some(known) = known.filter(|known| known.x_m == x_m && known.y_m == y_m) {
+            return known;
+        }
+        let found = Arc::new(Points::new(self, x_m, y_m));
+        *self.yields.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&found));
+        found
+    }
+}
+
+impl Points {
+    fn new(panel: &BarePanel, x_m: &[f64], y_m: &[f64]) -> Self {
+        let rows_of = |model: &PanelModel| -> Vec<SparseVector> {
+            let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));
+            points.map(|(x, y)| model.grid().row_at(x, y, Derivative::Value)).collect()
+        };
+        let rows = rows_of(&panel.model);
+        let (shift, lambda) = (panel.model.shift(), &panel.modes.lambda);
+        let modes = {
+            let mut modes = DMatrix::zeros(lambda.len(), rows.len());
+            for (mut column, row) in modes.column_iter_mut().zip(&rows) {
+                for (unknown, value) in row {
+                    column.axpy(*value, &panel.modes.vectors.row(*unknown).transpose(), 1.0);
+                }
+            }
+            modes
+        };
+        let own = flexibility(&panel.model, &rows);
+        let below = panel.extrapolated().map(|part| (part, flexibility(&panel.lower, &rows_of(&panel.lower))));
+        let highest = lambda.iter().copied().fold(0.0, f64::max);
+        let (mut residual, mut error) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
+        for (p, own) in own.iter().enumerate() {
+            let in_modes: f64 =
+                modes.column(p).iter().zip(lambda).map(|(shape, lambda)| shape * shape / (lambda + shift)).sum();
+            let beside = own - in_modes;
+            let missing = below.as_ref().map_or(0.0, |(part, below)| part * (own - below[p]));
+            residual.push(beside + missing);
+            error.push(UNSURE * missing.abs() + beside.abs() * shift / highest.max(shift));
+        }
+        Self { x_m: x_m.to_vec(), y_m: y_m.to_vec(), rows, modes, residual, error }
+    }
+}
+
+/// r (K + s M)^-1 r' of each row.
+fn flexibility(model: &PanelModel, rows: &[SparseVector]) -> Vec<f64> {
+    let mut found = Vec::with_capacity(rows.len());
+    for rows in rows.chunks(BLOCK) {
+        let mut right = DMatrix::zeros(model.dofs(), rows.len());
+        for (mut column, row) in right.column_iter_mut().zip(rows) {
+            row.iter().for_each(|(unknown, value)| column[*unknown] += value);
+        }
+        let solved = model.operator().factor.solve(&right);
+        found.extend(right.column_iter().zip(solved.column_iter()).map(|(right, solved)| right.dot(&solved)));
+    }
+    found
+}
+
+/// The inverse of a symmetric matrix of flexibilities, over what of it is not rounding.
+fn inverse(flexible: &DMatrix<f64>) -> Result<DMatrix<f64>, ModelError> {
+    let n = flexible.nrows();
+    if n == 0 {
+        return Ok(DMatrix::zeros(0, 0));
+    }
+    // Slopes are in other units than deflections.
+    let scale = DVector::from_fn(n, |i, _| 1.0 / flexible[(i, i)].abs().max(f64::MIN_POSITIVE).sqrt());
+    let scaled = DMatrix::from_fn(n, n, |i, j| 0.5 * (flexible[(i, j)] + flexible[(j, i)]) * scale[i] * scale[j]);
+    let eigen = Eigen::of(&scaled)
+        .ok_or_else(|| ModelError::Factorisation { reason: "flexibility at what holds the panel".to_owned() })?;
+    let most = eigen.values.amax();
+    let part = DVector::from_fn(n, |k, _| if eigen.values[k] > SAME * most { 1.0 / eigen.values[k] } else { 0.0 });
+    let inverse = &eigen.vectors * DMatrix::from_diagonal(&part) * eigen.vectors.transpose();
+    Ok(DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] * scale[i] * scale[j]))
+}

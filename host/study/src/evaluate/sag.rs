@@ -1,0 +1,35 @@
+//! How far a panel yields where it is pressed.
+
+use super::{EvaluateError, Figures};
+use crate::spec::{Figure, Wanted};
+use era_model::model::BarePanel;
+use era_model::scene::Scene;
+use era_planner::study::sag::{Sag, softest};
+
+/// Whether any sag is wanted.
+pub(super) fn is_wanted(wanted: &[Wanted]) -> bool {
+    wanted.iter().any(is_sag)
+}
+
+fn is_sag(wanted: &Wanted) -> bool {
+    wanted.figure == Figure::SagUm
+}
+
+/// Fills in the sags that are wanted of a design of `panel`. Returns the bound on their relative error; `None` where the panel yields without
+/// end.
+///
+/// # Errors
+/// [`EvaluateError::Model`].
+pub(super) fn fill(
+    found: &mut Figures,
+    wanted: &[Wanted],
+    scene: &Scene,
+    max_hz: f64,
+    panel: &BarePanel,
+) -> Result<Option<f64>, EvaluateError> {
+    let Sag { m_per_n, error_m_per_n, .. } = softest(panel, scene, max_hz)?;
+    for (value, wanted) in found.values.iter_mut().zip(wanted).filter(|(_, wanted)| is_sag(wanted)) {
+        *value = m_per_n * wanted.force_n.unwrap_or(scene.press_n) * 1e6;
+    }
+    Ok((m_per_n > 0.0 && m_per_n.is_finite()).then_some(error_m_per_n / m_per_n))
+}
