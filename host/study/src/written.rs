@@ -1,6 +1,6 @@
 //! What a study leaves in its folder, and what is said of it: the same whoever has computed it.
 
-use crate::report::{report, shown};
+use crate::report::{report, rounded_up, shown};
 use crate::result::{Entry, Finalist, Finals, GatherError, Status, Table, TableError, write_parquet};
 use crate::run::{Folder, FolderError, Study};
 use crate::space::Refused;
@@ -72,8 +72,8 @@ pub fn figures(study: &Study, own: &Finalist) -> Vec<(String, f64)> {
 #[must_use]
 pub fn bounds(study: &Study, own: &Finalist) -> Vec<(String, Option<f64>)> {
     let names = study.figures.iter().map(|wanted| wanted.column());
-    let values = own.verified.as_ref().map(|verified| verified.bounds.clone()).unwrap_or_default();
-    names.zip(values).collect()
+    let bounds = own.verified.as_ref().map(|verified| verified.bounds.as_slice()).unwrap_or_default();
+    names.enumerate().map(|(k, name)| (name, bounds.get(k).copied().flatten())).collect()
 }
 
 impl Written {
@@ -145,7 +145,7 @@ impl Written {
                 Err(_) => vec!["failed".to_owned(); names.len()],
             };
             let bound = own.verified.as_ref().ok().and_then(|verified| verified.bound);
-            let bound = bound.map_or_else(|| "unknown".into(), |bound| format!("{bound:.0e}"));
+            let bound = bound.map_or_else(|| "unknown".into(), rounded_up);
             let _ = writeln!(text, "| {name} | {} | {} | {bound} |", own.design, cells.join(" | "));
         }
         let _ = write!(
@@ -154,11 +154,11 @@ impl Written {
             finals.tolerance
         );
         if let Some(place) = study.figures.iter().position(|wanted| wanted.figure == Figure::SagUm) {
-            let of = |own: &Finalist| {
-                own.verified.as_ref().ok().and_then(|found| found.bounds.get(place).copied().flatten())
-            };
-            let most = std::iter::once(&finals.base).chain(&finals.best).filter_map(of).reduce(f64::max);
-            let most = most.map_or_else(|| "by an unknown part".into(), |most| format!("by {most:.0e} at most"));
+            let told = std::iter::once(&finals.base).chain(&finals.best).filter_map(|own| own.verified.as_ref().ok());
+            let bounds: Option<Vec<f64>> = told.map(|found| found.bounds.get(place).copied().flatten()).collect();
+            let most = bounds.and_then(|bounds| bounds.into_iter().reduce(f64::max));
+            let most =
+                most.map_or_else(|| "by an unknown part".into(), |most| format!("by {} at most", rounded_up(most)));
             let _ = writeln!(text, "(sags are off {most})");
         }
         for (k, own) in finals.best.iter().enumerate() {

@@ -38,11 +38,11 @@ fn a_stiff_bar_bounces_pitches_and_yields_as_a_body_does() {
 }
 
 /// The example plate on corners of 8 and 40 kN/m under 10 N, by Ritz solutions with products of 20 to 44 Legendre polynomials each way, which
-/// grow towards these figures as the inverse square of that number (at 44: 1434.89 and 1093.81). The quick look and the thorough one say the same, and the bound of the thorough one holds.
+/// grow towards these figures as the inverse square of that number (at 44: 3252.43, 1434.89 and 1093.81). On the softest springs a corner yields most. The quick look and the thorough one say the same, and the bound of the thorough one holds.
 #[test]
 fn the_example_plate_sags_as_a_ritz_solution_says() {
     let sag = [Wanted { force_n: Some(10.0), ..wanted(Figure::SagUm) }];
-    for (stiffness, ritz_um) in [(8e3, 1435.30), (40e3, 1094.22)] {
+    for (stiffness, ritz_um) in [(2e3, 3252.447), (8e3, 1435.29), (40e3, 1094.21)] {
         let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
         scene.supports.iter_mut().for_each(|own| own.stiffness_n_per_m = stiffness);
         let found = Thorough::new(TableOptions::default()).verified(&scene, &sag).unwrap();
@@ -50,7 +50,7 @@ fn the_example_plate_sags_as_a_ritz_solution_says() {
         let quick = Quick::new(TableOptions::default()).evaluate(&scene, &sag).unwrap().values[0];
         println!("{stiffness}: {um} quick {quick}, Ritz {ritz_um}, bound {bound:.1e}");
         assert!(bound < 5e-3, "{bound}");
-        near(um, ritz_um, bound + 5e-5);
+        near(um, ritz_um, bound + 1e-5);
         near(quick, um, 2e-3);
     }
 }

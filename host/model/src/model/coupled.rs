@@ -252,7 +252,8 @@ impl BarePanel {
     }
 
     /// What the mesh misses of the deflection at the loads' places under forces there, in m/N: loads x loads. Extrapolated from two orders of
-    /// the elements; `None` on a bar, whose elements miss nothing to speak of.
+    /// the elements; `None` on a bar, whose elements miss too little to be told in a
+    /// response.
     fn missing(&self, attached: &AttachedVectors, scene: &Scene, of: &[Arc<Shapes>]) -> Option<DMatrix<f64>> {
         let (n, free, lower_free) = (of.len(), self.dofs(), self.lower.dofs());
         let part = self.extrapolated().filter(|_| self.scene.surface.kind == SurfaceKind::Plate)?;

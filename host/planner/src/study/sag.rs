@@ -9,7 +9,8 @@ use era_model::scene::Scene;
 pub struct Sag {
     /// How far it yields to 1 N there, in m; infinite where nothing holds the panel.
     pub m_per_n: f64,
-    /// What that may be off by, in m/N.
+    /// What that may be off by, in m/N, of the model; what lies between the grid's points is not in it. Infinite with cut-outs, whose borders are no
+    /// lines of the grid and where a panel may be softest.
     pub error_m_per_n: f64,
     /// The point of the grid next to it, in m.
     pub at_m: (f64, f64),
@@ -35,9 +36,10 @@ pub fn softest(panel: &BarePanel, scene: &Scene, max_hz: f64) -> Result<Sag, Mod
     };
     let along_x = beyond(column.checked_sub(1).map(|_| softest - 1), (column + 1 < columns).then_some(softest + 1));
     let along_y = beyond(softest.checked_sub(columns), (row + 1 < rows).then_some(softest + columns));
+    let error = error_m_per_n.get(softest).copied().filter(|_| scene.cutouts.is_empty());
     Ok(Sag {
         m_per_n: most + along_x + along_y,
-        error_m_per_n: error_m_per_n.get(softest).copied().unwrap_or(f64::INFINITY),
+        error_m_per_n: error.unwrap_or(f64::INFINITY),
         at_m: (grid.x_m.get(column).copied().unwrap_or_default(), grid.y_m.get(row).copied().unwrap_or_default()),
     })
 }

@@ -17,8 +17,12 @@ const AHEAD: Duration = Duration::from_millis(200);
 pub fn run(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, base: &str) -> Outcome {
     let mut points = spread(clicks, f64::from(scene.screen.width_px), f64::from(scene.screen.height_px));
     points.retain(|(x_px, y_px)| scene.place_px(*x_px, *y_px).is_ok());
+    let Some(first) = points.first().copied() else {
+        return Err(Failure::failed("no place that was looked at is on the surface"));
+    };
     let (mut armed, mut unarmed) = (Vec::new(), Vec::new());
-    for (x_px, y_px) in points {
+    // The first round is not counted, while caches and connections warm up.
+    for (round, (x_px, y_px)) in std::iter::once(first).chain(points).enumerate() {
         for (arms, times) in [(true, &mut armed), (false, &mut unarmed)] {
             post(agent, &format!("{base}/v1/stop"), &Value::Null)?;
             wait_for(agent, base, "come to rest", |device| {
@@ -36,7 +40,9 @@ pub fn run(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, b
             }
             let begun = Instant::now();
             post(agent, &format!("{base}/v1/touch"), &click)?;
-            times.push(begun.elapsed());
+            if round > 0 {
+                times.push(begun.elapsed());
+            }
         }
     }
     let (counted, armed, unarmed) = (armed.len(), Figures::of(armed), Figures::of(unarmed));

@@ -16,7 +16,7 @@ fn is_sag(wanted: &Wanted) -> bool {
 }
 
 /// Fills in the sags that are wanted of a design of `panel`. Returns the bound on their relative error; `None` where the panel yields without
-/// end.
+/// end, and with cut-outs.
 ///
 /// # Errors
 /// [`EvaluateError::Model`].
@@ -31,5 +31,6 @@ pub(super) fn fill(
     for (value, wanted) in found.values.iter_mut().zip(wanted).filter(|(_, wanted)| is_sag(wanted)) {
         *value = m_per_n * wanted.force_n.unwrap_or(scene.press_n) * 1e6;
     }
-    Ok((m_per_n > 0.0 && m_per_n.is_finite()).then_some(error_m_per_n / m_per_n))
+    let bound = error_m_per_n / m_per_n;
+    Ok(bound.is_finite().then_some(bound))
 }

@@ -25,8 +25,8 @@ pub struct Verified {
     pub figures: Figures,
     /// Bound on the relative error of the peak at the weakest place; `None` where there is none.
     pub bound: Option<f64>,
-    /// Bounds on the relative errors of the figures, in their order: of the peak at the weakest place where each touch has a setting of its own,
-    /// and of sags; `None` of all others, and where there is none.
+    /// Bounds on the relative errors of the figures, in their order: of the peak in g at the weakest place where each touch has a setting of its
+    /// own, and of sags; `None` of all others, and where there is none.
     pub bounds: Vec<Option<f64>>,
     /// At every point of a grid the strongest peak in g, row by row; `None` in cut-outs.
     pub strongest_g: Vec<Option<f64>>,
@@ -91,7 +91,7 @@ impl Thorough {
         };
         let bound = table.plan(&[touch])?.error_bound;
         let is_bounded = |wanted: &Wanted| {
-            matches!(wanted.figure, Figure::WeakestG | Figure::WeakestDb)
+            wanted.figure == Figure::WeakestG
                 && (wanted.setting, wanted.drives) == (Settings::EveryTouch, Drives::Distinct)
         };
         let bounds = wanted.iter().map(|wanted| match wanted.figure {

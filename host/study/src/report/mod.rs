@@ -53,6 +53,14 @@ fn escaped(text: &str) -> String {
     out
 }
 
+/// A bound with one digit, no less than it is.
+#[must_use]
+pub fn rounded_up(bound: f64) -> String {
+    let unit = 10.0_f64.powf(bound.log10().floor());
+    let up = (bound / unit * (1.0 - 1e-9)).ceil() * unit;
+    if up.is_finite() { format!("{up:.0e}") } else { format!("{bound:.0e}") }
+}
+
 /// Four digits.
 #[must_use]
 pub fn shown(value: f64) -> String {
@@ -67,6 +75,12 @@ pub fn shown(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bounds_are_never_told_smaller() {
+        let told = [1.4e-3, 1e-3, 9.5e-5, 0.0, f64::INFINITY].map(rounded_up);
+        assert_eq!(told, ["2e-3", "1e-3", "1e-4", "0e0", "inf"]);
+    }
 
     #[test]
     fn numbers_have_four_digits_and_text_no_tags() {

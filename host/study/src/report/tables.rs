@@ -1,6 +1,6 @@
 //! The report's tables: what was found, how sure it is, what failed.
 
-use super::{escaped, shown};
+use super::{escaped, rounded_up, shown};
 use crate::result::{Entry, Finalist, Finals, Status, Table};
 use crate::run::Study;
 use crate::space::described;
@@ -128,7 +128,7 @@ pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
                 format!("{:+.2} %", 100.0 * (first / anew - 1.0))
             };
             let bound = match verified.bounds.get(k).copied().flatten() {
-                Some(bound) => format!("{bound:.0e}"),
+                Some(bound) => rounded_up(bound),
                 None => "unknown".into(),
             };
             let _ = writeln!(

@@ -5,8 +5,8 @@
 //!
 //! Lambda q = phi_p - Phi_v g,  v = Phi_v' q + R_vp - R_vv g,  g = k v,
 //!
-//! so that with S = 1/k + R_vv: (Lambda + Phi_v S^-1 Phi_v') q = phi_p - Phi_v S^-1 R_vp, and the yield is phi_p . q + R_pp - R_pv g. Nothing is
-//! truncated: what a sum over a model's modes misses at the force's own place, 1 % or so, is in R. No mass and no damping has part in it:
+//! so that with S = 1/k + R_vv: (Lambda + Phi_v S^-1 Phi_v') q = phi_p - Phi_v S^-1 R_vp, and the yield is phi_p . q + R_pp - R_pv g. No mode is
+//! left out: what a sum over a model's modes misses at the force's own place, 1 % or so, is in R. No mass and no damping has part in it:
 //! what hangs on springs of its own follows.
 //!
 //! R is what (K + s M)^-1 has beside the modes, whose squared frequencies are far above s: too small by a part s / lambda_next. What the mesh
@@ -35,7 +35,7 @@ const UNSURE: f64 = 1.0;
 /// How far points of a surface yield.
 #[derive(Clone, Debug)]
 pub struct Yields {
-    /// To 1 N at the point itself, in m; infinite where nothing holds the panel. Columns first; NaN where there is no surface.
+    /// To 1 N at the point itself, in m; infinite where nothing holds the panel. Row by row, x first; NaN where there is no surface.
     pub m_per_n: Vec<f64>,
     /// What they may be off by, in m/N.
     pub error_m_per_n: Vec<f64>,
@@ -49,9 +49,10 @@ pub(super) struct Points {
     rows: Vec<SparseVector>,
     /// Modes x points.
     modes: DMatrix<f64>,
-    /// R_pp in m/N, what the mesh misses included.
+    /// R_pp in m/N on the mesh, ...
     residual: Vec<f64>,
-    error: Vec<f64>,
+    /// ... and what the mesh misses of it.
+    missing: Vec<f64>,
 }
 
 impl BarePanel {
@@ -99,15 +100,36 @@ impl BarePanel {
             left.iter().zip(diagonal.iter()).all(|(left, own)| left * left > LEFT * own)
         });
         let solved = factor.map(|factor| factor.solve(&right));
-        let yields = (0..points.rows.len()).map(|p| {
-            if points.rows[p].is_empty() {
-                return if self.is_there(&points, p) { 0.0 } else { f64::NAN };
-            }
-            // With g = S^-1 (Phi_v' q + R_vp) the yield is right . q + R_pp - R_pv S^-1 R_vp.
-            let own = points.residual[p] - between.column(p).dot(&pull.column(p));
-            solved.as_ref().map_or(f64::INFINITY, |solved| right.column(p).dot(&solved.column(p)) + own)
-        });
-        Ok(Yields { m_per_n: yields.collect(), error_m_per_n: points.error.clone() })
+        // What the pressed point and each place that holds are in doubt by: for the mesh, and, as a part of R, for the shift.
+        let most = points.missing.iter().fold(0.0, |most: f64, own| most.max(own.abs()));
+        let missing_at = |k: usize| missing.as_ref().map_or(most, |missing| missing[(held[k], held[k])].abs());
+        let residual_at = |k: usize| dot(&loads[k].load, &loads[k].shapes, 0).abs();
+        let shift = self.model.shift();
+        let of_shift = shift / self.modes.lambda.iter().copied().fold(shift, f64::max);
+        let (mut m_per_n, mut error_m_per_n) = (Vec::new(), Vec::new());
+        for p in 0..points.rows.len() {
+            let (found, error) = match &solved {
+                _ if points.rows[p].is_empty() => (if self.is_there(&points, p) { 0.0 } else { f64::NAN }, 0.0),
+                None => (f64::INFINITY, f64::INFINITY),
+                Some(solved) => {
+                    let q = solved.column(p);
+                    // With g = S^-1 (Phi_v' q + R_vp) the yield is right . q + R_pp - R_pv S^-1 R_vp.
+                    let own = points.residual[p] + points.missing[p] - between.column(p).dot(&pull.column(p));
+                    let holds = &stiff * at_loads.tr_mul(&q) + pull.column(p);
+                    let all = |own: f64, at: &dyn Fn(usize) -> f64| {
+                        let held: f64 = holds.iter().enumerate().map(|(k, g)| g.abs() * at(k).sqrt()).sum();
+                        (own.abs().sqrt() + held).powi(2)
+                    };
+                    let error =
+                        UNSURE * all(points.missing[p], &missing_at) + of_shift * all(points.residual[p], &residual_at);
+                    (right.column(p).dot(&q) + own, error)
+                }
+            };
+            m_per_n.push(found);
+            // Edges on springs so stiff that they were taken for supports: stiffness goes with the square of a frequency.
+            error_m_per_n.push(error + 2.0 * self.model.unresolved() * found.abs());
+        }
+        Ok(Yields { m_per_n, error_m_per_n })
     }
 
     fn is_there(&self, points: &Points, p: usize) -> bool {
@@ -145,17 +167,14 @@ impl Points {
         };
         let own = flexibility(&panel.model, &rows);
         let below = panel.extrapolated().map(|part| (part, flexibility(&panel.lower, &rows_of(&panel.lower))));
-        let highest = lambda.iter().copied().fold(0.0, f64::max);
-        let (mut residual, mut error) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
+        let (mut residual, mut missing) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
         for (p, own) in own.iter().enumerate() {
             let in_modes: f64 =
                 modes.column(p).iter().zip(lambda).map(|(shape, lambda)| shape * shape / (lambda + shift)).sum();
-            let beside = own - in_modes;
-            let missing = below.as_ref().map_or(0.0, |(part, below)| part * (own - below[p]));
-            residual.push(beside + missing);
-            error.push(UNSURE * missing.abs() + beside.abs() * shift / highest.max(shift));
+            residual.push(own - in_modes);
+            missing.push(below.as_ref().map_or(0.0, |(part, below)| part * (own - below[p])));
         }
-        Self { x_m: x_m.to_vec(), y_m: y_m.to_vec(), rows, modes, residual, error }
+        Self { x_m: x_m.to_vec(), y_m: y_m.to_vec(), rows, modes, residual, missing }
     }
 }
 
