@@ -164,3 +164,49 @@ fn previews_at_once_are_answered_or_superseded() {
     }
     assert_eq!(daemon.state()["device"]["state"], "safe");
 }
+
+/// A study of the thickness, with a limit and a method.
+fn study(limit: &str, method: &str) -> String {
+    let text = format!(
+        "version = 1\nname = \"thickness\"\nscene = \"plate.toml\"\n\
+         [[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 2.0\nto = 4.0\n\
+         [[wish]]\nfigure = \"sag_um\"\nforce_n = 10\n{limit}[method]\n{method}\n"
+    );
+    json!({ "study": text }).to_string()
+}
+
+/// The lightest of the plates, the one of 2 mm, weighs 324 g and 20 g of ERAs more; none is within 100 g, and it comes nearest.
+#[test]
+fn a_study_in_which_no_design_keeps_the_limits_tells_the_nearest() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let limit = "[[limit]]\nfigure = \"mass_g\"\nmost = 100\n";
+    let (status, _, begun) = daemon.post("/v1/study", &study(limit, "way = \"grid\""));
+    assert_eq!(status, 200, "{begun}");
+    let done = loop {
+        let (_, told) = daemon.get("/v1/study");
+        match told["stage"].as_str() {
+            Some("running" | "finishing") => std::thread::sleep(std::time::Duration::from_millis(50)),
+            _ => break told,
+        }
+    };
+    assert_eq!((&done["stage"], &done["best"]), (&json!("done"), &json!([])), "{done}");
+    assert_eq!(done["nearest"]["design"], 1, "{done}");
+    let reason = done["nearest"]["reason"].as_str().unwrap();
+    assert!(reason.contains("mass_g is 344.0") && reason.contains("at most 100"), "{reason}");
+}
+
+/// What is too much for a daemon that has touches to answer is refused with what is allowed, and nothing begins.
+#[test]
+fn studies_that_are_too_much_are_refused() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    for (method, field) in [
+        ("way = \"grid\"\nlook = \"thorough\"", "method.look"),
+        ("way = \"sobol\"\ndesigns = 1000000", "method.designs"),
+        ("way = \"sobol\"\ndesigns = 8\nfinalists = 100", "method.finalists"),
+    ] {
+        let (status, _, problem) = daemon.post("/v1/study", &study("", method));
+        assert!((400..500).contains(&status), "{field}: {problem}");
+        assert!(problem["detail"].as_str().unwrap().contains(field), "{problem}");
+    }
+    assert_eq!(daemon.get("/v1/study").1["stage"], "none");
+}

@@ -98,7 +98,7 @@ export class Studies {
       none: "",
       running: `${study.name}: ${study.there} of ${study.all} designs`,
       finishing: `${study.name}: computing the best anew`,
-      done: `${study.name}: ${study.all} designs, the best are below`,
+      done: `${study.name}: ${study.all} designs, ${this.outcome(study)}`,
       stopped: `${study.name}: stopped`,
       failed: `${study.name}: ${study.problem}`,
     }[study.stage];
@@ -108,6 +108,12 @@ export class Studies {
     if (study.stage !== "done") return;
     const all = [["as it is", study.as_it_is], ...study.best.map((own, k) => [`best ${k + 1}`, own])];
     this.list(all.map(([name, own]) => [`${name}: ${this.figures(own)}`, own.scene_toml]));
+  }
+
+  outcome({ best, nearest }) {
+    if (best.length) return "the best are below";
+    const near = nearest ? `; design ${nearest.design} comes nearest: ${nearest.reason}` : "";
+    return `none of which keeps all limits${near}`;
   }
 
   figures(own) {

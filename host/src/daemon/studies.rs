@@ -68,8 +68,20 @@ pub struct StudyView {
     as_it_is: Option<DesignView>,
     /// The best first; empty until the study is done.
     best: Vec<DesignView>,
+    /// Where no design keeps all limits, the one that is least beyond them; null elsewhere, until the study is done, and if all have failed.
+    nearest: Option<NearestView>,
     /// Why it could not go on.
     problem: Option<String>,
+}
+
+/// A design that is nearer to the limits than all others, none of which keeps them.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Nearest)]
+pub struct NearestView {
+    /// Its number in the study, from 1.
+    design: usize,
+    /// Which limits it breaks, with its figures.
+    reason: String,
 }
 
 /// A design that was computed anew.
@@ -111,12 +123,13 @@ struct Found {
     stage: Stage,
     as_it_is: Option<DesignView>,
     best: Vec<DesignView>,
+    nearest: Option<NearestView>,
     problem: Option<String>,
 }
 
 impl Running {
     fn new(name: Option<String>, all: usize, stage: Stage) -> Self {
-        let found = Found { stage, as_it_is: None, best: Vec::new(), problem: None };
+        let found = Found { stage, as_it_is: None, best: Vec::new(), nearest: None, problem: None };
         Self { name, there: AtomicUsize::new(0), all, stops: AtomicBool::new(false), found: Mutex::new(found) }
     }
 
@@ -137,6 +150,7 @@ impl Running {
             all: self.all,
             as_it_is: found.as_it_is.clone(),
             best: found.best.clone(),
+            nearest: found.nearest.clone(),
             problem: found.problem.clone(),
         }
     }
@@ -211,8 +225,9 @@ impl Studies {
             let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| computed(&study, &own)));
             let mut found = own.found();
             match ended {
-                Ok(Ok(Some((as_it_is, best)))) => {
-                    (found.as_it_is, found.best, found.stage) = (Some(as_it_is), best, Stage::Done);
+                Ok(Ok(Some(Designs { as_it_is, best, nearest }))) => {
+                    (found.as_it_is, found.best, found.nearest) = (Some(as_it_is), best, nearest);
+                    found.stage = Stage::Done;
                 }
                 Ok(Ok(None)) => found.stage = Stage::Stopped,
                 Ok(Err(problem)) => (found.problem, found.stage) = (Some(problem), Stage::Failed),
@@ -231,7 +246,12 @@ impl Studies {
     }
 }
 
-type Designs = (DesignView, Vec<DesignView>);
+/// What a study has found.
+struct Designs {
+    as_it_is: DesignView,
+    best: Vec<DesignView>,
+    nearest: Option<NearestView>,
+}
 
 /// Runs a study in a folder that is gone afterwards; `None` if it was stopped.
 fn computed(study: &Study, running: &Running) -> Result<Option<Designs>, String> {
@@ -251,7 +271,12 @@ fn computed(study: &Study, running: &Running) -> Result<Option<Designs>, String>
             return Ok(None);
         };
         let view = |own: &Finalist| view(study, own);
-        Ok(Some((view(&written.finals.base), written.finals.best.iter().map(view).collect())))
+        let nearest = written
+            .table
+            .nearest()
+            .map(|(design, entry)| NearestView { design, reason: entry.reason.clone().unwrap_or_default() });
+        let (as_it_is, best) = (view(&written.finals.base), written.finals.best.iter().map(view).collect());
+        Ok(Some(Designs { as_it_is, best, nearest }))
     })
 }
 

@@ -108,7 +108,7 @@ impl Written {
             "study": study.spec.name, "folder": path, "designs": table.entries.len(), "kept": self.count(Status::Kept),
             "broken": self.count(Status::Broken), "failed": self.count(Status::Failed),
             "on_front": table.entries.iter().filter(|entry| entry.is_on_front).count(),
-            "nearest": table.nearest().map(|k| json!({"design": k + 1, "reason": table.entries.get(k).and_then(|entry| entry.reason.clone())})),
+            "nearest": table.nearest().map(|(design, entry)| json!({"design": design, "reason": entry.reason})),
             "tolerance": finals.tolerance, "as_it_is": told(&finals.base),
             "best": finals.best.iter().map(told).collect::<Vec<_>>(),
         })
@@ -170,10 +170,10 @@ impl Written {
         }
         if finals.best.is_empty() {
             text.push_str("\nNo design keeps all limits.");
-            let nearest = table.nearest().and_then(|k| Some((k, table.entries.get(k)?)));
-            if let Some((k, entry)) = nearest {
+            if let Some((design, entry)) = table.nearest() {
                 let reason = entry.reason.as_deref().unwrap_or_default();
-                let _ = write!(text, " Design {} comes nearest: {reason}\ndesign {0}: {}", k + 1, self.settings(entry));
+                let _ =
+                    write!(text, " Design {design} comes nearest: {reason}\ndesign {design}: {}", self.settings(entry));
             } else if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_ref()) {
                 let _ = write!(text, " The first: {reason}");
             }

@@ -82,9 +82,9 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
     html.push_str("</table>\n");
     if finals.best.is_empty() {
         html.push_str("<p>No design keeps all limits.");
-        if let Some((k, near)) = table.nearest().and_then(|k| Some((k, table.entries.get(k)?))) {
+        if let Some((design, near)) = table.nearest() {
             let reason = escaped(near.reason.as_deref().unwrap_or_default());
-            let _ = write!(html, " Design {} comes nearest: {reason}.", k + 1);
+            let _ = write!(html, " Design {design} comes nearest: {reason}.");
         }
         html.push_str("</p>\n");
     } else {

@@ -95,14 +95,14 @@ impl Table {
         Ok(Self::of(study, base, rows))
     }
 
-    /// Where no design keeps all limits, the one that is least beyond them, the first of equals; none if all have failed.
+    /// Where no design keeps all limits, the one that is least beyond them, the first of equals, with its number from 1; none if all have failed.
     #[must_use]
-    pub fn nearest(&self) -> Option<usize> {
+    pub fn nearest(&self) -> Option<(usize, &Entry)> {
         if self.entries.iter().any(|entry| entry.status == Status::Kept) {
             return None;
         }
-        let broken = (0..self.entries.len()).filter(|k| self.entries[*k].status == Status::Broken);
-        broken.min_by(|a, b| self.entries[*a].beyond.total_cmp(&self.entries[*b].beyond))
+        let broken = (1..).zip(&self.entries).filter(|(_, entry)| entry.status == Status::Broken);
+        broken.min_by(|(_, a), (_, b)| a.beyond.total_cmp(&b.beyond))
     }
 
     /// The table of rows.
