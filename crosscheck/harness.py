@@ -211,7 +211,9 @@ def change(keys, factor):
             table = table[key]
         if not table.get(keys[-1]):
             return False
-        table[keys[-1]] *= factor
+        value = table[keys[-1]]
+        # Pairs of a frequency and a number.
+        table[keys[-1]] = [[hz, own * factor] for hz, own in value] if isinstance(value, list) else value * factor
         return True
 
     return plant

@@ -142,7 +142,13 @@ class _Maker:
         if kind == 1:
             return {"loss_factor": log_uniform(self.rng, 1e-3, 0.1)}
         if kind == 2:
-            return {"modal_ratio": log_uniform(self.rng, 1e-3, 0.05)}
+            ratio = log_uniform(self.rng, 1e-3, 0.05)
+            # A stream of its own, so that scenes are otherwise what they were.
+            own = np.random.default_rng(int(ratio * 1e12))
+            if own.random() < 0.5:
+                return {"modal_ratio": ratio}
+            hz = np.sort(own.choice(np.arange(10, 800), int(own.integers(2, 6)), replace=False))
+            return {"modal_ratio": [[float(at), log_uniform(own, 1e-3, 0.05)] for at in hz]}
         if kind == 3:
             return {"rayleigh_alpha": log_uniform(self.rng, 0.1, 20), "rayleigh_beta": log_uniform(self.rng, 1e-7, 1e-5)}
         return {}
@@ -307,6 +313,8 @@ def _value(value):
         return f'"{value}"'
     if isinstance(value, (int, np.integer)):
         return str(int(value))
+    if isinstance(value, list):
+        return f"[{', '.join(_value(item) for item in value)}]"
     return repr(float(value))
 
 

@@ -268,7 +268,11 @@ class Reduced:
             # C = M sum(2 zeta omega_n phi_n phi_n^T) M over the modes of the held surface.
             omega, phi = self._eigen(self.held_mass, self.held_stiffness, self.surface_part.stop + self.local_part.stop - self.local_part.start)
             weighted = self.held_mass[:, : phi.shape[0]] @ phi
-            self.viscous += 2 * damping.modal_ratio * (weighted * omega) @ weighted.T
+            ratio = damping.modal_ratio
+            if isinstance(ratio, tuple):
+                # By each mode's own frequency: straight between the pairs, constant beyond them.
+                ratio = np.interp(omega / (2 * np.pi), *zip(*ratio))
+            self.viscous += 2 * (weighted * ratio * omega) @ weighted.T
         self.hysteretic = damping.loss_factor * self.surface_stiffness + self.losses
 
     def _eigen(self, mass, stiffness, size):

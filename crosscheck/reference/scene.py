@@ -21,11 +21,11 @@ class Material:
 
 @dataclass(frozen=True)
 class Damping:
-    """Of the surface's own material. `kind` is none, loss_factor, modal_ratio or rayleigh."""
+    """Of the surface's own material. `kind` is none, loss_factor, modal_ratio or rayleigh; a modal ratio is one number, or pairs of a frequency in Hz and one."""
 
     kind: str = "none"
     loss_factor: float = 0.0
-    modal_ratio: float = 0.0
+    modal_ratio: float | tuple[tuple[float, float], ...] = 0.0
     rayleigh_alpha: float = 0.0
     rayleigh_beta: float = 0.0
 
@@ -229,7 +229,8 @@ def _material(table, base=None):
 
 
 def _damping(table):
-    numbers = {key: float(value) for key, value in table.items()}
+    number = lambda value: tuple((float(hz), float(ratio)) for hz, ratio in value) if isinstance(value, list) else float(value)
+    numbers = {key: number(value) for key, value in table.items()}
     if "loss_factor" in numbers:
         return Damping("loss_factor", **numbers)
     if "modal_ratio" in numbers:

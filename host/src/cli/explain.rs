@@ -57,7 +57,8 @@ fn modelled(scene: &Scene) -> String {
     text.push_str(match surface.damping {
         SurfaceDamping::None => ", no damping of the surface",
         SurfaceDamping::LossFactor(_) => ", hysteretic damping of the surface",
-        SurfaceDamping::ModalRatio(_) => ", the same damping ratio on every mode of the surface",
+        SurfaceDamping::ModalRatio(ratio) if ratio.is_same() => ", the same damping ratio on every mode of the surface",
+        SurfaceDamping::ModalRatio(_) => ", a damping ratio by its frequency on every mode of the surface",
         SurfaceDamping::Rayleigh { .. } => ", Rayleigh damping of the surface",
     });
     text

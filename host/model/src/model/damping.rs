@@ -1,10 +1,11 @@
-//! Damping over a basis, and the one kind that needs modes of its own: the same ratio on every mode.
+//! Damping over a basis, and the one kind that needs modes of its own: a ratio on every mode.
 
 use super::assembly::{Assembled, AttachedVectors, Attachment, EdgeStiffness};
 use super::eigen::Modes;
 use super::sparse::{SparseVector, Symmetric, row_times};
-use crate::scene::{Scene, SurfaceDamping};
+use crate::scene::{ModalRatio, Scene, SurfaceDamping};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use std::f64::consts::TAU;
 
 /// Part of a vector's modal mass below which what the modes leave of it is rounding.
 const NOTHING_LEFT: f64 = 1e-10;
@@ -127,7 +128,7 @@ impl Damping {
             }
         }
         if let SurfaceDamping::ModalRatio(ratio) = surface {
-            damping.viscous += same_ratio(ratio, lambda, vectors, attached.of_actuators());
+            damping.viscous += by_modes(ratio, lambda, vectors, attached.of_actuators());
         }
         damping
     }
@@ -263,13 +264,13 @@ impl Structured {
     }
 }
 
-/// Damping of the viscous ratio `ratio` on every mode of the panel without its ERAs, over mass-normalised `vectors` of the squared
+/// Damping of the viscous `ratio` on every mode of the panel without its ERAs, by that mode's frequency, over mass-normalised `vectors` of the squared
 /// frequencies `lambda` of the panel with them; `actuators` is what the ERAs attach.
 ///
-/// On each such mode it is 2 zeta omega, so that it is 2 zeta M # K, the geometric mean of mass and stiffness: of what they are
+/// On each such mode it is 2 zeta omega, so that with one zeta for all it is 2 zeta M # K, the geometric mean of mass and stiffness: of what they are
 /// over the vectors, M = I - sum of m_i b_i b_i' and K = Lambda - sum of k_i b_i b_i'. The modes without the ERAs are in the
 /// span of the modes with them and of the shapes of forces at the ERAs, as exactly as the answers are.
-fn same_ratio(ratio: f64, lambda: &[f64], vectors: &DMatrix<f64>, actuators: &[Attachment]) -> DMatrix<f64> {
+fn by_modes(ratio: ModalRatio, lambda: &[f64], vectors: &DMatrix<f64>, actuators: &[Attachment]) -> DMatrix<f64> {
     let mut mass = DMatrix::identity(lambda.len(), lambda.len());
     let mut stiffness = DMatrix::from_diagonal(&DVector::from_column_slice(lambda));
     for Attachment { vector, stiffness: spring, mass: own, .. } in actuators {
@@ -277,16 +278,16 @@ fn same_ratio(ratio: f64, lambda: &[f64], vectors: &DMatrix<f64>, actuators: &[A
         mass.ger(-own, &along, &along, 1.0);
         stiffness.ger(-spring, &along, &along, 1.0);
     }
-    2.0 * ratio * geometric_mean(&mass, &stiffness, lambda)
+    2.0 * weighted_mean(&mass, &stiffness, lambda, |lambda| ratio.at(lambda.sqrt() / TAU))
 }
 
 /// A # B = A^1/2 (A^-1/2 B A^-1/2)^1/2 A^1/2 for symmetric semidefinite A and B that are at most the identity and the diagonal
-/// `largest`; zero where both are.
+/// `largest`; zero where both are. What it is in each direction in which B x = lambda A x is multiplied by `weight(lambda)`.
 ///
-/// In the basis in which s A + B is the identity, A = diag(a) and B = 1 - s a commute, and A # B is diag(sqrt(a (1 - s a))). With
+/// In the basis in which s A + B is the identity, A = diag(a) and B = 1 - s a commute, and A # B is diag(sqrt(a (1 - s a))), lambda = 1 / a - s. With
 /// s of the size of the slow modes, a is of the size of one for these and goes to zero for stiff ones: points held all but
 /// rigidly have lambda a million million times those of the modes, and rounding in sums with those would be all that is left of the modes.
-fn geometric_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64]) -> DMatrix<f64> {
+fn weighted_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64], weight: impl Fn(f64) -> f64) -> DMatrix<f64> {
     let n = a.nrows();
     let Some(between) = median_of_positive(largest) else { return DMatrix::zeros(n, n) };
     let scale: Vec<f64> = largest.iter().map(|lambda| (lambda + between).sqrt()).collect();
@@ -305,7 +306,12 @@ fn geometric_mean(a: &DMatrix<f64>, b: &DMatrix<f64>, largest: &[f64]) -> DMatri
         0.5 * (inner[(i, j)] + inner[(j, i)]) / (lengths[i] * lengths[j])
     });
     let of_a = SymmetricEigen::new(inner);
-    let root = of_a.eigenvalues.map(|part| (part.clamp(0.0, 1.0) * (1.0 - part.clamp(0.0, 1.0)) / between).sqrt());
+    let root = of_a.eigenvalues.map(|part| {
+        let part = part.clamp(0.0, 1.0);
+        // Infinite where there is no mass, which has no part in the product.
+        let lambda = between * (1.0 - part) / part.max(f64::MIN_POSITIVE);
+        weight(lambda) * (part * (1.0 - part) / between).sqrt()
+    });
     let middle = &of_a.eigenvectors * DMatrix::from_diagonal(&root) * of_a.eigenvectors.transpose();
     let half = DMatrix::from_diagonal(&DVector::from_vec(scale)) * axes * DMatrix::from_diagonal(&lengths);
     &half * middle * half.transpose()
@@ -321,7 +327,7 @@ mod tests {
     fn the_geometric_mean_solves_its_equation() {
         let a = DMatrix::from_row_slice(3, 3, &[4.0, 1.0, 0.5, 1.0, 3.0, 0.2, 0.5, 0.2, 2.0]) / 8.0;
         let b = DMatrix::from_row_slice(3, 3, &[9.0, -2.0, 1.0, -2.0, 5.0, 0.3, 1.0, 0.3, 70.0]);
-        let x = geometric_mean(&a, &b, &[20.0, 20.0, 80.0]);
+        let x = weighted_mean(&a, &b, &[20.0, 20.0, 80.0], |_| 1.0);
         let back = &x * a.try_inverse().unwrap() * &x;
         assert!((back - b).amax() < 1e-11, "{x}");
     }
@@ -354,7 +360,7 @@ mod tests {
         let (mut a, mut b) = (DMatrix::identity(4, 4), DMatrix::from_diagonal(&DVector::from_row_slice(&lambda)));
         a.ger(-0.3, &along, &along, 1.0);
         b.ger(-2e3, &along, &along, 1.0);
-        let x = geometric_mean(&a, &b, &lambda);
+        let x = weighted_mean(&a, &b, &lambda, |_| 1.0);
         let back = &x * a.try_inverse().unwrap() * &x;
         let off = DMatrix::from_fn(4, 4, |i, j| (back[(i, j)] - b[(i, j)]) / (lambda[i] * lambda[j]).sqrt());
         assert!(off.amax() < 1e-6, "{off}");

@@ -9,6 +9,7 @@ mod finger;
 mod laminate;
 mod layers;
 mod layout;
+mod modal_ratio;
 mod parse;
 mod patch;
 mod place;
@@ -24,6 +25,7 @@ pub use air::BULK_MODULUS_PA;
 pub use finger::Finger;
 pub use laminate::{Elastic, Laminate, Ply, Rigidities};
 pub use layout::{Layer, Layout, SAME_PLACE, Vertex};
+pub use modal_ratio::ModalRatio;
 pub use patch::{Cutout, Patch};
 pub use place::{PlaceError, ROUNDING, SurfacePoint, along_side, evenly};
 pub use read::{Mistake, SceneError};
@@ -126,8 +128,8 @@ pub enum SurfaceDamping {
     None,
     /// Hysteretic: the surface's stiffness times 1 + j eta.
     LossFactor(f64),
-    /// The same viscous ratio on every mode of the surface with its supports and masses, ERAs left out.
-    ModalRatio(f64),
+    /// A viscous ratio on every mode of the surface with its supports and masses, ERAs left out: the same on all, or by its frequency.
+    ModalRatio(ModalRatio),
     /// C = alpha M + beta K of the surface's own matrices.
     Rayleigh {
         /// In 1/s.

@@ -3,6 +3,7 @@
 use super::laminate::{Laminate, Ply};
 use super::layers::{layers, thickness_m};
 use super::layout::Layout;
+use super::modal_ratio::{MOST_POINTS, ModalRatio};
 use super::place::ROUNDING;
 use super::ranges::{DENSITY_KG_M3, LOSS_FACTOR, POISSON_RATIO, Size, THICKNESS_MM, YOUNGS_MODULUS_PA, side_range};
 use super::read::{self, Allowed, Report, SceneError, Section};
@@ -28,6 +29,10 @@ const DAMPING: Allowed = Allowed::Within(0.0, 1e12);
 const FINGER_MASS_G: Allowed = Allowed::Within(0.0, 1000.0);
 const FINGER_DAMPING: Allowed = Allowed::Within(0.0, 1000.0);
 const FINGER_STIFFNESS: Allowed = Allowed::Within(0.0, 1e6);
+/// Damping ratios of modes; from 1 on they do not swing.
+const MODAL_RATIO: Allowed = Allowed::Within(0.0, 10.0);
+/// Frequencies that such a ratio is told for, in Hz: what can be computed, and beyond.
+const MODE_HZ: Allowed = Allowed::Within(0.0, 1e6);
 /// Sealed air behind the panel: from a film of it to a room.
 const SEALED_DEPTH_MM: Allowed = Allowed::Within(0.01, MAX_SIDE_MM);
 /// Air that moves with the surface, in kg/m^2: a hundred times what a piston as large as any panel moves.
@@ -149,11 +154,11 @@ fn damping(section: Section<'_, '_>) -> SurfaceDamping {
         section.has("rayleigh_alpha") | section.has("rayleigh_beta"),
     ];
     let loss_factor = section.number_or("loss_factor", 0.0, LOSS_FACTOR);
-    let modal_ratio = section.number_or("modal_ratio", 0.0, Allowed::Within(0.0, 10.0));
+    let modal_ratio = modal_ratio(&section);
     let alpha = section.number_or("rayleigh_alpha", 0.0, Allowed::Within(0.0, 1e6));
     let beta = section.number_or("rayleigh_beta", 0.0, Allowed::Within(0.0, 1.0));
     // A kind that is there but zero is as good as not there.
-    let chosen = [loss_factor != 0.0, modal_ratio != 0.0, alpha != 0.0 || beta != 0.0];
+    let chosen = [loss_factor != 0.0, modal_ratio != ModalRatio::same(0.0), alpha != 0.0 || beta != 0.0];
     if chosen.iter().filter(|chosen| **chosen).count() > 1 {
         let kinds = ["loss_factor", "modal_ratio", "rayleigh_alpha/rayleigh_beta"];
         let given: Vec<_> = kinds.into_iter().zip(has).filter(|(_, has)| *has).map(|(kind, _)| kind).collect();
@@ -172,6 +177,22 @@ fn damping(section: Section<'_, '_>) -> SurfaceDamping {
         [.., true] => SurfaceDamping::Rayleigh { alpha, beta },
         _ => SurfaceDamping::None,
     }
+}
+
+/// One number for all modes, or pairs of frequency and number.
+fn modal_ratio(section: &Section<'_, '_>) -> ModalRatio {
+    const KEY: &str = "modal_ratio";
+    if !section.is_list(KEY) {
+        return ModalRatio::same(section.number_or(KEY, 0.0, MODAL_RATIO));
+    }
+    let pairs = section.pairs(KEY, MODE_HZ, MODAL_RATIO);
+    pairs.as_deref().and_then(ModalRatio::table).unwrap_or_else(|| {
+        let wanted = format!(
+            "a number {MODAL_RATIO}, or 1 to {MOST_POINTS} pairs of a frequency in Hz {MODE_HZ}, each higher than the one before, and such a number"
+        );
+        section.wrong_list(KEY, &wanted);
+        ModalRatio::same(0.0)
+    })
 }
 
 fn screen(section: Option<Section<'_, '_>>, size: &Size) -> Screen {

@@ -324,6 +324,31 @@ impl<'r, 't> Section<'r, 't> {
         numbers
     }
 
+    /// Whether a key's value is a list.
+    #[must_use]
+    pub fn is_list(&self, key: &'static str) -> bool {
+        self.value(key).is_some_and(DeValue::is_array)
+    }
+
+    /// Pairs of numbers in a list; `None` if it is none of these, or a number is not allowed.
+    pub fn pairs(&self, key: &'static str, first: Allowed, second: Allowed) -> Option<Vec<(f64, f64)>> {
+        let pair = |entry: &Spanned<DeValue<'_>>| {
+            let pair = entry.get_ref().as_array().filter(|pair| pair.len() == 2)?;
+            let number = |at: usize, allowed: Allowed| {
+                as_number(pair.get(at)?.get_ref()).filter(|number| allowed.holds(*number))
+            };
+            Some((number(0, first)?, number(1, second)?))
+        };
+        self.value(key)?.as_array()?.iter().map(pair).collect()
+    }
+
+    /// A key's value, which is told as it is written, is not what is wanted.
+    pub fn wrong_list(&self, key: &'static str, wanted: &str) {
+        if let Some(value) = self.value(key) {
+            self.wrong(key, written(value), wanted);
+        }
+    }
+
     /// A text, or a list of texts; `None` if the key is not there, or wrong.
     pub fn texts(&self, key: &'static str) -> Option<Vec<String>> {
         let value = self.value(key)?;
