@@ -29,6 +29,9 @@ const FLAGS: &str = "--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer
 /// Memory that one engine may take, in MiB; it needs about 30, the rest is for the corpus.
 const MEMORY_LIMIT_MIB: u32 = 1_024;
 
+/// How long one input may take in s: the longest that are allowed take milliseconds. libFuzzer itself would wait for 20 minutes.
+const LONGEST_INPUT_S: u32 = 20;
+
 /// Options of `cargo xtask fuzz`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
@@ -140,6 +143,7 @@ impl Run {
             .arg(format!("-max_total_time={seconds}"))
             .arg(format!("-max_len={longest}"))
             .arg(format!("-rss_limit_mb={MEMORY_LIMIT_MIB}"))
+            .arg(format!("-timeout={LONGEST_INPUT_S}"))
             .arg(format!("-artifact_prefix={}/", found.display()))
             .arg("-print_final_stats=1")
             .env("RUST_BACKTRACE", "0")

@@ -1,6 +1,6 @@
 //! `cargo xtask python`: the Python package as a wheel, in an environment of its own, with its tests, types and examples.
 //!
-//! The wheel is built in the profile of the tests, which optimises enough.
+//! The wheel is built in release mode, as the tests are.
 
 use crate::error::Error;
 use crate::process::run;
@@ -20,7 +20,7 @@ pub fn command() -> Result<(), Error> {
     let root = root()?;
     // Both packages, so that what the wheel needs is compiled with the same features.
     let packages = ["-p", "era-host", "-p", "era-python", "--bin", "era"];
-    run(Command::new("cargo").current_dir(&root).args(["build", "--quiet"]).args(packages))?;
+    run(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet"]).args(packages))?;
     tests()
 }
 
@@ -39,7 +39,7 @@ pub fn tests() -> Result<(), Error> {
     let ask = |arguments: &[&str]| {
         let mut command = Command::new(&python);
         command.current_dir(&folder).args(arguments);
-        command.env("ERA_PROGRAM", root.join("target/debug/era")).env("MPLBACKEND", "Agg");
+        command.env("ERA_PROGRAM", root.join("target/release/era")).env("MPLBACKEND", "Agg");
         // Whatever a wheel lacks must not be found beside it.
         command.env("PYTHONSAFEPATH", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         run(&mut command)
@@ -63,7 +63,15 @@ fn wheel(root: &Path, python: &Path) -> Result<PathBuf, Error> {
         std::fs::remove_dir_all(&out).map_err(failed("cannot remove", &out))?;
     }
     let mut maturin = Command::new(python);
-    maturin.current_dir(root.join(PACKAGE)).args(["-m", "maturin", "build", "--quiet", "--compatibility", "linux"]);
+    maturin.current_dir(root.join(PACKAGE)).args([
+        "-m",
+        "maturin",
+        "build",
+        "--release",
+        "--quiet",
+        "--compatibility",
+        "linux",
+    ]);
     run(maturin.arg("--interpreter").arg(python).arg("--out").arg(&out))?;
     let entries = std::fs::read_dir(&out).map_err(failed("cannot read", &out))?;
     let is_wheel = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "whl");

@@ -19,7 +19,7 @@ Ask = Callable[..., Any]
 @pytest.fixture(scope="session")
 def program() -> Path:
     """The command line's program: what `ERA_PROGRAM` names, or cargo's."""
-    program = Path(os.environ.get("ERA_PROGRAM", ROOT / "target/debug/era"))
+    program = Path(os.environ.get("ERA_PROGRAM", ROOT / "target/release/era"))
     assert program.exists(), f"{program} is not there: build it, or name another in ERA_PROGRAM"
     return program
 
