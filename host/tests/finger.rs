@@ -1,10 +1,13 @@
 //! A scene's finger: against the rank-one change of the receptance that it is, with receptances of the panel that nothing touches;
-//! against the same panel written with a mass and a support; and what more of it must do.
+//! against the same panel written with a mass and a support; and what more of it must do. What can be reached with it, against plans of single
+//! places.
 
 mod support;
 
 use era::model::levels::Levels;
-use era::model::{Accuracy, PanelModel};
+use era::model::{Accuracy, BarePanel, PanelModel};
+use era::planner::study::Maps;
+use era::planner::table::touched::Touched;
 use era::planner::{PlanTable, TableOptions, Target};
 use era::response::bounded_curves;
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
@@ -84,15 +87,73 @@ fn examples() -> [(Scene, (f64, f64)); 2] {
     [(pressless(EXAMPLE_PLATE), (0.21, 0.07)), (pressless(EXAMPLE_BAR), (0.17, 0.01))]
 }
 
+/// Few enough frequencies that tests are done in seconds.
+fn few() -> TableOptions {
+    TableOptions { step_hz: 4.0, ..TableOptions::default() }
+}
+
+fn table_for(scene: &Scene, accuracy: Accuracy) -> PlanTable {
+    let options = few();
+    PlanTable::with_levels(scene, Levels::build(scene, accuracy, options.to_hz).unwrap(), options).unwrap()
+}
+
 fn table(scene: &Scene) -> PlanTable {
-    let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
-    PlanTable::with_levels(scene, Levels::build(scene, Accuracy::FAST, options.to_hz).unwrap(), options).unwrap()
+    table_for(scene, Accuracy::FAST)
+}
+
+fn touched_for(untouched: &PlanTable, place: (f64, f64), accuracy: Accuracy) -> PlanTable {
+    let (scene, options) = (untouched.scene.touched(&[place]), few());
+    untouched.touched(&scene, Levels::build(&scene, accuracy, options.to_hz).unwrap(), options).unwrap()
 }
 
 fn touched(untouched: &PlanTable, place: (f64, f64)) -> PlanTable {
-    let scene = untouched.scene.touched(&[place]);
-    let options = TableOptions { step_hz: 4.0, ..TableOptions::default() };
-    untouched.touched(&scene, Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap(), options).unwrap()
+    touched_for(untouched, place, Accuracy::FAST)
+}
+
+/// Peaks at resonances are a hundred times as wrong as these are.
+fn reach(scene: &Scene) -> (PlanTable, Maps) {
+    let table = table_for(scene, Accuracy::BALANCED);
+    let panel = BarePanel::build(scene, Accuracy::BALANCED, few().to_hz).unwrap();
+    let maps = Maps::touched(&table, None, Touched::new(&panel, scene, &table), Accuracy::BALANCED, few()).unwrap();
+    (table, maps)
+}
+
+/// What plans of single places reach, each on a panel that was computed with the finger there; these refine frequencies between those of the
+/// table, by which they may do up to some percent more.
+#[test]
+fn what_can_be_reached_under_a_finger_is_what_plans_reach() {
+    for (scene, _) in examples() {
+        let (table, maps) = reach(&scene);
+        let least = maps.strongest_g.iter().enumerate().filter_map(|(at, peak)| Some((at, (*peak)?)));
+        let (weakest, _) = least.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        for point in [weakest, 7, maps.strongest_g.len() / 2 + 5] {
+            let (x_m, y_m) = table.grid.place_m(point);
+            let touched = touched_for(&table, (x_m, y_m), Accuracy::BALANCED);
+            let plan = touched.plan(&[Target { x_m, y_m, intensity_g: Some(1e6) }]).unwrap();
+            let (found, wanted) = (maps.strongest_g[point].unwrap(), plan.predicted.target_peak_g);
+            assert!(found < wanted * 1.003 && found > wanted * 0.93, "{}, {point}: {found} {wanted}", scene.name);
+        }
+        assert!(maps.error_bound[weakest].is_some_and(|bound| bound < 1e-2));
+        assert!(maps.error_bound.iter().flatten().count() < 10);
+        let plain = Maps::of(&table, None).unwrap();
+        let changed =
+            |(found, plain): (&Option<f64>, &Option<f64>)| (found.unwrap() / plain.unwrap() - 1.0).abs() > 0.1;
+        assert!(maps.strongest_g.iter().zip(&plain.strongest_g).filter(|pair| changed(*pair)).count() > 10);
+        assert!(maps.contrast_db.iter().all(Option::is_none) && plain.error_bound.iter().all(Option::is_some));
+    }
+}
+
+/// A finger of nothing leaves what can be reached as it is.
+#[test]
+fn under_a_finger_of_nothing_nothing_changes() {
+    for (scene, _) in examples() {
+        let (table, maps) = reach(&Scene { finger: Some(era::scene::Finger::default()), ..scene });
+        let plain = Maps::of(&table, None).unwrap();
+        for (found, plain) in maps.strongest_g.iter().zip(&plain.strongest_g) {
+            let (found, plain) = (found.unwrap(), plain.unwrap());
+            assert!((found / plain - 1.0).abs() < 1e-2, "{found} {plain}");
+        }
+    }
 }
 
 /// To the last bit. Seen to fail with a gram more.

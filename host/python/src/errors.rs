@@ -9,6 +9,7 @@ use era_model::transient::panel::{MotionError, TimesError};
 use era_planner::PlanError;
 use era_planner::cache::PrepareError;
 use era_planner::explain::ExplainError;
+use era_planner::quick::QuickError;
 use era_planner::table::{BandError, NoPoint};
 use era_study::result::GatherError;
 use era_study::run::{FolderError, RunError};
@@ -204,6 +205,16 @@ impl From<PrepareError> for Raised {
         match error {
             PrepareError::Model(error) => error.into(),
             PrepareError::Response(error) => error.into(),
+        }
+    }
+}
+
+impl From<QuickError> for Raised {
+    fn from(error: QuickError) -> Self {
+        match error {
+            QuickError::Model(error) => error.into(),
+            QuickError::Response(error) => error.into(),
+            QuickError::Plan(error) => error.into(),
         }
     }
 }

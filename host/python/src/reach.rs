@@ -5,8 +5,11 @@ use crate::request::{Corners, zone};
 use crate::results::{array, on_grid, shaped};
 use crate::scene::PyScene;
 use crate::tables::with_table;
+use era_model::model::BarePanel;
+use era_planner::TableOptions;
 use era_planner::study::Maps;
 use era_planner::table::View;
+use era_planner::table::touched::Touched;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use std::borrow::Cow;
@@ -65,7 +68,8 @@ impl Reach {
 
 /// What can be had at every point of the surface: the strongest peak, and the best contrast.
 ///
-/// The same as `era field --reach`, bit for bit; of the panel that nothing touches.
+/// The same as `era field --reach`, bit for bit. With the scene's finger, where it has one, on each point while it is looked at: then there are no
+/// contrasts (NaN), and of the weakest point alone an error bound.
 ///
 /// Parameters
 /// ----------
@@ -114,7 +118,14 @@ pub fn reach(
             _ => Cow::Owned(table.clone().in_band(from_hz, to_hz)?),
         };
         View::checked(&table, region)?;
-        let maps = Maps::of(&table, region)?;
+        let maps = match table.scene.finger {
+            None => Maps::of(&table, region)?,
+            Some(_) => {
+                let options = TableOptions::default();
+                let panel = BarePanel::build(&table.scene, accuracy, options.to_hz)?;
+                Maps::touched(&table, region, Touched::new(&panel, &table.scene, &table), accuracy, options)?
+            }
+        };
         Ok((maps, [table.grid.x_m.clone(), table.grid.y_m.clone()]))
     })?;
     let shape = [y_m.len(), x_m.len()];

@@ -10,6 +10,7 @@ use crate::model::bounded::Step;
 use crate::model::levels::Levels;
 use crate::model::{Accuracy, Bound, ModelError, validity};
 use crate::planner::cache::{self, PrepareError, Prepared};
+use crate::planner::quick::QuickError;
 use crate::planner::{Plan, PlanError, PlanTable, TableOptions, Target};
 use crate::response;
 use crate::scene::{Finger, MAX_ACTUATORS, Scene};
@@ -49,6 +50,16 @@ impl From<PrepareError> for Failure {
         match error {
             PrepareError::Model(error) => error.into(),
             PrepareError::Response(error) => Failure::failed(error),
+        }
+    }
+}
+
+impl From<QuickError> for Failure {
+    fn from(error: QuickError) -> Self {
+        match error {
+            QuickError::Model(error) => error.into(),
+            QuickError::Response(error) => Failure::failed(error),
+            QuickError::Plan(error) => error.into(),
         }
     }
 }

@@ -5,11 +5,13 @@ use super::panel::{need_actuators, plan_table};
 use super::progress::with_progress;
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
+use crate::model::BarePanel;
 use crate::planner::perception::level_db;
 use crate::planner::reach::Measure;
 use crate::planner::study::{Maps, Scheme, SchemeReach, Spread, rigid, schemes};
+use crate::planner::table::touched::Touched;
 use crate::planner::table::{Region, View};
-use crate::planner::{MIN_SPACING_HZ, PlanTable};
+use crate::planner::{MIN_SPACING_HZ, PlanTable, TableOptions};
 use crate::scene::Scene;
 use crate::study::reach as pictures;
 use serde_json::json;
@@ -26,7 +28,10 @@ type Shown = fn(&SchemeReach) -> (&Spread, f64);
 /// Maps of the strongest and the most contrasted reachable at every point.
 pub fn maps(options: &Field) -> Outcome {
     let (scene, table, region) = prepared(options)?;
-    let maps = with_progress("computing what can be reached", || Maps::of(&table, region))?;
+    let maps = match scene.finger {
+        None => with_progress("computing what can be reached", || Maps::of(&table, region))?,
+        Some(_) => touched_maps(options, &scene, &table, region)?,
+    };
     if let Some(path) = &options.png {
         tell_written(path, pictures::write_maps(path, &scene, &maps).map_err(Failure::failed)?);
     }
@@ -36,7 +41,9 @@ pub fn maps(options: &Field) -> Outcome {
     let spread = |values: &[Option<f64>]| {
         Spread::of(&table.grid, values).ok_or_else(|| Failure::failed("the grid has no point on the surface"))
     };
-    let (strongest, contrast) = (spread(&maps.strongest_g)?, spread(&maps.contrast_db)?);
+    let strongest = spread(&maps.strongest_g)?;
+    // With a finger there is none.
+    let contrast = scene.finger.is_none().then(|| spread(&maps.contrast_db)).transpose()?;
     if options.json {
         return print_json(&json!({"strongest_g": strongest, "contrast_db": contrast, "maps": maps}));
     }
@@ -52,18 +59,35 @@ pub fn maps(options: &Field) -> Outcome {
             end(spread.most, spread.most_at_mm)
         )
     };
-    print_text(&format!(
-        "{}, {}\n{}\n{}",
-        scene.name,
-        searched(&table, options),
-        line("strongest peak", "g", &strongest, &maps.strongest_hz),
-        line("contrast of the quietest drive", "dB", &contrast, &maps.contrast_hz)
-    ))
+    let mut text = format!("{}, {}\n", scene.name, searched(&table, options));
+    text.push_str(&line("strongest peak", "g", &strongest, &maps.strongest_hz));
+    if let Some(bound) = maps.error_bound.iter().flatten().next().filter(|_| scene.finger.is_some()) {
+        let _ = write!(text, " (the least within {bound:.1e}, others without a bound)");
+    }
+    if let Some(contrast) = contrast {
+        let _ = write!(text, "\n{}", line("contrast of the quietest drive", "dB", &contrast, &maps.contrast_hz));
+    }
+    print_text(&text)
+}
+
+/// The maps with the scene's finger on each point while it is looked at.
+fn touched_maps(options: &Field, scene: &Scene, table: &PlanTable, region: Option<Region>) -> Result<Maps, Failure> {
+    tell!(
+        "the scene's [finger] is on each point while it is looked at; contrasts, of which each would be a plan for a panel of its own, are left out"
+    );
+    let (accuracy, grid) = (options.panel.accuracy()?, TableOptions::default());
+    with_progress("computing what can be reached with a finger on each point", || -> Result<Maps, Failure> {
+        let panel = BarePanel::build(scene, accuracy, grid.to_hz)?;
+        Ok(Maps::touched(table, region, Touched::new(&panel, scene, table), accuracy, grid)?)
+    })
 }
 
 /// The three ways to drive, side by side.
 pub fn compare(options: &Field) -> Outcome {
     let (scene, table, region) = prepared(options)?;
+    if scene.finger.is_some() {
+        tell!("the scene's [finger] is left out: ways to drive are compared on the panel that nothing touches");
+    }
     let measure = if options.felt { Measure::Thresholds } else { Measure::G };
     let schemes = with_progress("comparing the ways to drive", || schemes::compare(&table, region, measure))?;
     if let Some(path) = &options.png {
@@ -223,9 +247,6 @@ fn nearest(table: &PlanTable, hz: &[Option<Vec<f64>>], [x_mm, y_mm]: [f64; 2]) -
 fn prepared(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failure> {
     let scene = options.panel.load()?;
     need_actuators(&scene)?;
-    if scene.finger.is_some() {
-        tell!("the scene's [finger] is left out: what can be reached is of the panel that nothing touches");
-    }
     let region = region(&scene, options.zone)?;
     let table = restricted(plan_table(&options.panel, options.keep, &scene)?, options)?;
     View::checked(&table, region).map_err(|error| Failure::usage(format!("--zone: {error}")))?;

@@ -2,9 +2,10 @@
 
 mod support;
 
-use era_model::scene::{EXAMPLE_PLATE, Scene};
+use era_model::scene::{EXAMPLE_PLATE, Finger, Scene};
 use era_planner::TableOptions;
 use era_study::evaluate::{Evaluator, Quick, Thorough};
+use era_study::run::Study;
 use era_study::spec::{Drives, Figure, Settings, Wanted};
 use std::f64::consts::TAU;
 use support::{LENGTH_M, WIDTH_M, bar};
@@ -93,4 +94,47 @@ fn more_freedom_is_no_worse() {
     for (quick, thorough) in quick.iter().zip(&found) {
         near(*quick, *thorough, 0.03);
     }
+}
+
+/// A finger is on whatever place is looked at: quickly and thoroughly, and with one actuator however it is driven. Contrast at a place is that of a panel
+/// with a mass and a support there.
+#[test]
+fn a_finger_is_on_the_place_that_is_looked_at() {
+    let second = EXAMPLE_PLATE.rfind("[[actuator]]").unwrap();
+    let untouched = Scene { press_n: 0.0, ..Scene::parse("one", &EXAMPLE_PLATE[..second]).unwrap() };
+    let finger = Finger { mass_kg: 3e-3, damping_n_s_per_m: 4.0, stiffness_n_per_m: 1500.0 };
+    let scene = Scene { finger: Some(finger), ..untouched.clone() };
+    let each = Drives::ALL.map(|drives| Wanted { drives, ..wanted(Figure::WeakestG) });
+    let quick = Quick::new(TableOptions { step_hz: 4.0, ..TableOptions::default() });
+    let found = quick.evaluate(&scene, &each).unwrap().values;
+    near(found[1], found[0], 0.02);
+    near(found[2], found[0], 0.02);
+    let thorough = Thorough::new(TableOptions::default()).verified(&scene, &each[..1]).unwrap();
+    let looked = Quick::new(TableOptions::default()).evaluate(&scene, &each[..1]).unwrap();
+    near(looked.values[0], thorough.figures.values[0], 0.03);
+    assert!(thorough.bounds[0].is_some_and(|bound| bound < 1e-2), "{:?}", thorough.bounds);
+    let plain = Quick::new(TableOptions::default()).evaluate(&untouched, &each[..1]).unwrap();
+    assert!((looked.values[0] / plain.values[0] - 1.0).abs() > 0.1, "{looked:?} {plain:?}");
+    let [x_mm, y_mm] = [113.0, 71.0];
+    let contrast = [Wanted { at_mm: Some([x_mm, y_mm]), ..wanted(Figure::ContrastDb) }];
+    let written = scene.touched(&[(x_mm * 1e-3, y_mm * 1e-3)]);
+    let [under, alone] = [&scene, &written].map(|scene| of(scene, &contrast)[0]);
+    assert!((under - alone).abs() < 0.05, "{under} {alone}");
+    assert!((alone - of(&untouched, &contrast)[0]).abs() > 0.5);
+}
+
+/// One setting serves all places, and a finger would be on all of them.
+#[test]
+fn one_setting_for_a_surface_does_not_go_with_a_finger() {
+    let study = |setting: &str| {
+        format!(
+            "version = 1\nname = \"s\"\nscene = \"s.toml\"\n[[variable]]\nkey = \"support[1].stiffness_n_per_m\"\nfrom = 1e3\nto = 1e4\n\
+             [[wish]]\nfigure = \"weakest_g\"\nsetting = \"{setting}\"\n[method]\nway = \"sobol\"\n"
+        )
+    };
+    let touched = format!("{EXAMPLE_PLATE}\n[finger]\nmass_g = 3.0\n");
+    let of = |setting: &str, scene: &str| Study::parse("s.toml", &study(setting), "plate.toml", scene);
+    let error = of("one", &touched).unwrap_err().to_string();
+    assert!(error.contains("weakest_g_one_setting") && error.contains("[finger]"), "{error}");
+    assert!(of("one", EXAMPLE_PLATE).is_ok() && of("every_touch", &touched).is_ok());
 }

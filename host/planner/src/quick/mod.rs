@@ -6,6 +6,7 @@
 //! - The panel is solved once; supports, masses and ERAs are coupled to it ([`BarePanel`]).
 //! - Frequencies lie close together only where a resonance is (`frequencies`).
 //! - Points are on every second of the grid's lines, and on all of them around the weakest (`points`).
+//! - With a finger each point is a panel of its own, with the finger on it; what follows is not needed there, as each has its own optimum.
 //! - At a point the best frequencies without the limits that actuators share are found first. Where these limits leave them alone, that is the
 //!   optimum; elsewhere it is a bound from above, and the same drives within the limits are one from below. The exact search looks at those
 //!   points alone whose lower bound leaves them in question (`weakest`).
@@ -23,6 +24,7 @@ pub use weakest::Weakest;
 
 use crate::reach::Measure;
 use crate::table::PlanTable;
+use crate::table::touched::{Touched, TouchedError};
 use crate::{PlanError, TableOptions};
 use era_model::model::{Accuracy, BarePanel, ModelError};
 use era_model::response::ResponseError;
@@ -41,6 +43,15 @@ pub enum QuickError {
     /// It cannot be driven.
     #[error(transparent)]
     Plan(#[from] PlanError),
+}
+
+impl From<TouchedError> for QuickError {
+    fn from(error: TouchedError) -> Self {
+        match error {
+            TouchedError::Model(error) => error.into(),
+            TouchedError::Response(error) => error.into(),
+        }
+    }
 }
 
 /// A panel of which many designs are looked at: all that share its surface, patches, cut-outs and edges.
@@ -71,7 +82,8 @@ impl QuickPanel {
         self.panel.dofs()
     }
 
-    /// The weakest place of a design of this panel: where the strongest drive, chosen for that place, is the weakest.
+    /// The weakest place of a design of this panel: where the strongest drive, chosen for that place, is the weakest. With a finger in the scene
+    /// it is on the place that is looked at, each time.
     ///
     /// # Errors
     /// [`QuickError`], also where the design is one of another panel.
@@ -85,6 +97,9 @@ impl QuickPanel {
         let hz = frequencies::of(&model, self.options);
         let grid = coarse_grid(scene, &model, self.options.to_hz);
         let table = PlanTable::for_strongest(scene, model, hz, grid)?;
-        Ok(weakest::of(&table, measure, self.options.to_hz).ok_or(PlanError::NoFrequencies)?)
+        match scene.finger {
+            None => weakest::of(&table, measure, self.options.to_hz),
+            Some(_) => weakest::touched(Touched::new(&self.panel, scene, &table), &table, measure, self.options),
+        }
     }
 }

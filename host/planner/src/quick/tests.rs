@@ -1,7 +1,7 @@
 use super::*;
 use crate::STANDARD_GRAVITY;
 use crate::scene::random::scene_text;
-use crate::study::weakest::every_touch;
+use crate::study::weakest::{every_touch, every_touch_touched};
 use era_model::model::PanelModel;
 use era_model::response::acceleration_curves;
 use era_model::scene::{Actuator, EXAMPLE_BAR, EXAMPLE_PLATE};
@@ -70,6 +70,41 @@ fn designs_at_random_are_too() {
     }
     off.sort_by(f64::total_cmp);
     assert!(off.len() > 3 && off[off.len() / 2] < 0.02 && off[off.len() - 1] < 0.1, "{off:?}");
+}
+
+/// With a finger, the least of all points, each with the finger on it; on its panel, and as a panel with a mass and a support at the place that is
+/// told.
+#[test]
+fn with_a_finger_it_is_the_least_of_all_places_that_are_touched() {
+    for places in [vec![(0.25, 0.5), (0.75, 0.5)], vec![(0.13, 0.87), (0.71, 0.29)]] {
+        let untouched = Scene { press_n: 0.0, ..odd_plate(&places) };
+        let finger = era_model::scene::Finger { mass_kg: 4e-3, damping_n_s_per_m: 3.0, stiffness_n_per_m: 1200.0 };
+        let scene = Scene { finger: Some(finger), ..untouched.clone() };
+        let (found, plain) = (quick(&scene), quick(&untouched));
+        let panel = BarePanel::build(&scene, Accuracy::BALANCED, OPTIONS.to_hz).unwrap();
+        let options = TableOptions { step_hz: 2.0, ..OPTIONS };
+        let table = PlanTable::build(&scene, panel.coupled(&scene).unwrap(), options).unwrap();
+        let touched = Touched::new(&panel, &scene, &table);
+        let wanted = every_touch_touched(&table, touched, Measure::G).unwrap().unwrap();
+        assert!((found.peak / wanted.peak - 1.0).abs() < 0.03, "{found:?} for {wanted:?}");
+        assert!((found.peak / plain.peak - 1.0).abs() > 0.05, "{found:?} {plain:?}");
+        let (x_m, y_m) = found.at_m;
+        let mut written = untouched;
+        written.masses.push(era_model::scene::Mass { x_m, y_m, mass_kg: 4e-3 });
+        written.supports.push(era_model::scene::Support {
+            x_m,
+            y_m,
+            stiffness_n_per_m: 1200.0,
+            damping_n_s_per_m: 3.0,
+            rotational_stiffness_n_m_per_rad: 0.0,
+            loss_factor: 0.0,
+        });
+        let model = PanelModel::build(&written, Accuracy::BALANCED, OPTIONS.to_hz).unwrap().reduce(OPTIONS.to_hz, &[]);
+        let table = PlanTable::build(&written, model.unwrap(), OPTIONS).unwrap();
+        let plan = table.plan(&[crate::Target { x_m, y_m, intensity_g: Some(1e6) }]).unwrap();
+        let peak = plan.predicted.target_peak_g;
+        assert!((found.peak / peak - 1.0).abs() < 0.03, "{found:?} for {peak}");
+    }
 }
 
 /// Equation 23 with the responses of the scene's own elements, at the place that is told.

@@ -1,13 +1,16 @@
 //! The weakest of some points, with bounds for all and the exact search for few.
 
 use super::points::around;
-use crate::MIN_SPACING_HZ;
+use super::{QuickError, frequencies};
 use crate::assignment::{Assignment, lags};
 use crate::drive::Drive;
+use crate::model::ReducedModel;
 use crate::reach::setting::command;
 use crate::reach::{Measure, Space, search};
 use crate::request::Work;
 use crate::table::PlanTable;
+use crate::table::touched::Touched;
+use crate::{MIN_SPACING_HZ, PlanError, TableOptions};
 use nalgebra::DMatrix;
 use std::collections::{HashMap, HashSet};
 
@@ -38,18 +41,74 @@ struct Known {
     least: f64,
 }
 
-/// The weakest place of a table's points and of those around the weakest of these. `None` without usable frequencies.
-pub(super) fn of(table: &PlanTable, measure: Measure, max_hz: f64) -> Option<Weakest> {
+/// The weakest place of a table's points and of those around the weakest of these.
+pub(super) fn of(table: &PlanTable, measure: Measure, max_hz: f64) -> Result<Weakest, QuickError> {
+    let there = there(table);
+    let places = there.iter().map(|(_, place)| *place).collect();
+    let of_grid: Vec<usize> = there.iter().map(|(point, _)| *point).collect();
+    let shapes = table.grid.shapes.select_rows(&of_grid);
+    let mut coarse = Points::new(table, measure, places, &shapes).ok_or(PlanError::NoFrequencies)?;
+    let first = coarse.weakest(table, f64::INFINITY).ok_or(PlanError::NoFrequencies)?;
+    let found = refined(table, max_hz, first, &coarse.known, &of_grid, |fine, below| {
+        let mut shapes = DMatrix::zeros(fine.len(), table.model.order());
+        for (mut row, (x_m, y_m)) in shapes.row_iter_mut().zip(&fine) {
+            row.tr_copy_from(&table.model.shape_at(*x_m, *y_m));
+        }
+        Ok(Points::new(table, measure, fine, &shapes).ok_or(PlanError::NoFrequencies)?.weakest(table, below))
+    })?;
+    Ok(Weakest { frequencies: table.frequencies_hz.len(), ..found })
+}
+
+/// The same with a finger on each place while it is looked at; `table` is that of the panel that nothing touches.
+pub(super) fn touched(
+    touched: Touched<'_>,
+    table: &PlanTable,
+    measure: Measure,
+    options: TableOptions,
+) -> Result<Weakest, QuickError> {
+    let look = |places: &[(f64, f64)]| -> Result<Vec<Weakest>, QuickError> {
+        let hz = |model: &ReducedModel| frequencies::of(model, options);
+        let ask = |table: &PlanTable| {
+            let (grid, place) = (&table.grid, (table.grid.x_m[0], table.grid.y_m[0]));
+            let found = Points::new(table, measure, vec![place], &grid.shapes)?.weakest(table, f64::INFINITY)?;
+            Some(Weakest { frequencies: table.frequencies_hz.len(), ..found })
+        };
+        let each: Option<Vec<Weakest>> = touched.each(places, hz, ask)?.into_iter().collect();
+        Ok(each.ok_or(PlanError::NoFrequencies)?)
+    };
+    let least = |all: Vec<Weakest>| all.into_iter().reduce(|a, b| if b.peak < a.peak { b } else { a });
+    let there = there(table);
+    let coarse = look(&there.iter().map(|(_, place)| *place).collect::<Vec<_>>())?;
+    let known: Vec<Known> = coarse.iter().map(|own| Known { place_m: own.at_m, least: own.peak }).collect();
+    let first = least(coarse).ok_or(PlanError::NoFrequencies)?;
+    let of_grid: Vec<usize> = there.iter().map(|(point, _)| *point).collect();
+    refined(table, options.to_hz, first, &known, &of_grid, |fine, below| {
+        Ok(least(look(&fine)?).filter(|found| found.peak < below))
+    })
+}
+
+/// The points of a table's grid where there is surface, with their places in m.
+fn there(table: &PlanTable) -> Vec<(usize, (f64, f64))> {
     let grid = &table.grid;
     let columns = grid.x_m.len().max(1);
-    let there: Vec<usize> = (0..grid.there.len()).filter(|point| grid.there[*point]).collect();
-    let places = there.iter().map(|point| (grid.x_m[point % columns], grid.y_m[point / columns])).collect();
-    let mut coarse = Points::new(table, measure, places, &grid.shapes.select_rows(&there))?;
-    let first = coarse.weakest(table, f64::INFINITY)?;
+    let there = (0..grid.there.len()).filter(|point| grid.there[*point]);
+    there.map(|point| (point, (grid.x_m[point % columns], grid.y_m[point / columns]))).collect()
+}
+
+/// The weakest of the points around the weak ones of a coarse grid, then of those around that, and so on. `look` tells the weakest of some
+/// places (m), if it is weaker than `below`.
+fn refined(
+    table: &PlanTable,
+    max_hz: f64,
+    first: Weakest,
+    coarse: &[Known],
+    there: &[usize],
+    mut look: impl FnMut(Vec<(f64, f64)>, f64) -> Result<Option<Weakest>, QuickError>,
+) -> Result<Weakest, QuickError> {
     let mut points = there.len();
     let mut found = first;
     let mut seen: HashSet<(u64, u64)> = HashSet::new();
-    let mut centres = weak_places(&coarse.known, columns, &there);
+    let mut centres = weak_places(coarse, table.grid.x_m.len().max(1), there);
     for _ in 0..ROUNDS {
         let fine: Vec<(f64, f64)> = around(table, max_hz, &centres)
             .into_iter()
@@ -59,17 +118,11 @@ pub(super) fn of(table: &PlanTable, measure: Measure, max_hz: f64) -> Option<Wea
             break;
         }
         points += fine.len();
-        let mut shapes = DMatrix::zeros(fine.len(), table.model.order());
-        for (mut row, (x_m, y_m)) in shapes.row_iter_mut().zip(&fine) {
-            row.tr_copy_from(&table.model.shape_at(*x_m, *y_m));
-        }
-        let Some(weaker) = Points::new(table, measure, fine, &shapes)?.weakest(table, found.peak) else { break };
+        let Some(weaker) = look(fine, found.peak)? else { break };
         centres = vec![weaker.at_m];
         found = weaker;
     }
-    found.points = points;
-    found.frequencies = table.frequencies_hz.len();
-    Some(found)
+    Ok(Weakest { points, ..found })
 }
 
 /// The weakest of the points `there` of a grid that are weaker than all those beside them, in m.

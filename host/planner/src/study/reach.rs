@@ -47,13 +47,14 @@ pub fn write_maps(path: &Path, scene: &Scene, maps: &Maps) -> Result<(u32, u32),
         unit,
         weak_below: None,
     };
-    let sheets = [
-        sheet("strongest peak", "peak in g", &maps.strongest_g),
-        sheet("contrast of the quietest drive", "contrast in dB", &maps.contrast_db),
-    ];
+    let strongest = sheet("strongest peak", "peak in g", &maps.strongest_g);
+    // With a finger there are no contrasts.
+    let contrast = maps.contrast_db.iter().any(Option::is_some);
+    let contrast = contrast.then(|| sheet("contrast of the quietest drive", "contrast in dB", &maps.contrast_db));
+    let sheets = [strongest].into_iter().chain(contrast);
     let rows: Vec<Vec<Sheet>> = match scene.surface.kind {
-        SurfaceKind::Bar => sheets.into_iter().map(|sheet| vec![sheet]).collect(),
-        SurfaceKind::Plate => vec![sheets.into_iter().collect()],
+        SurfaceKind::Bar => sheets.map(|sheet| vec![sheet]).collect(),
+        SurfaceKind::Plate => vec![sheets.collect()],
     };
     write_sheets(path, scene, &format!("{}: what can be reached at every point", scene.name), &rows)
 }

@@ -1,11 +1,12 @@
 //! The place of a surface where the least can be had, and what driving it takes.
 
-use super::maps::strongest;
+use super::maps::{Strongest, strongest, strongest_touched};
 use super::shared::{self, Phases};
 use crate::PlanTable;
 use crate::reach::everywhere::strongest_everywhere;
 use crate::reach::setting::{command, peaks};
 use crate::reach::{Measure, Space};
+use crate::table::touched::{Touched, TouchedError};
 use crate::table::{Part, View};
 
 /// The weakest place.
@@ -26,14 +27,31 @@ pub struct Weakest {
 pub fn every_touch(table: &PlanTable, measure: Measure) -> Option<Weakest> {
     let view = View::new(table, None)?;
     let space = Space::of(table, &view.shapes, |hz| measure.weight(hz));
-    let touches: Vec<_> = strongest(table, &space).into_iter().collect::<Option<_>>()?;
+    let touches = strongest(table, &space).into_iter().collect::<Option<Vec<_>>>()?;
+    weakest_of(table, &view, &touches)
+}
+
+/// The same with the scene's finger on each place while it is looked at; `table` is that of the panel that nothing touches.
+///
+/// # Errors
+/// [`TouchedError`].
+pub fn every_touch_touched(
+    table: &PlanTable,
+    touched: Touched<'_>,
+    measure: Measure,
+) -> Result<Option<Weakest>, TouchedError> {
+    let Some(view) = View::new(table, None) else { return Ok(None) };
+    let touches = strongest_touched(table, touched, &view, measure)?;
+    Ok(touches.and_then(|touches| weakest_of(table, &view, &touches)))
+}
+
+fn weakest_of(table: &PlanTable, view: &View, touches: &[Strongest]) -> Option<Weakest> {
     let (point, weakest) =
-        view.points.iter().zip(&touches).min_by(|a, b| a.1.peak.total_cmp(&b.1.peak).then(a.0.cmp(b.0)))?;
-    let columns = table.grid.x_m.len().max(1);
+        view.points.iter().zip(touches).min_by(|a, b| a.1.peak.total_cmp(&b.1.peak).then(a.0.cmp(b.0)))?;
     let most = |of: &dyn Fn(&[Part]) -> f64| touches.iter().map(|touch| of(&touch.setting)).fold(0.0, f64::max);
     Some(Weakest {
         peak: weakest.peak,
-        at_m: (table.grid.x_m[point % columns], table.grid.y_m[point / columns]),
+        at_m: table.grid.place_m(*point),
         power_w: most(&|setting| power_w(table, setting)),
         voltage_v: most(&voltage_v),
     })
@@ -44,25 +62,64 @@ pub fn every_touch(table: &PlanTable, measure: Measure) -> Option<Weakest> {
 #[must_use]
 pub fn every_touch_at_one_frequency(table: &PlanTable, measure: Measure, phases: Phases) -> Option<Weakest> {
     let view = View::new(table, None)?;
-    let mut found = shared::strongest(table, &view, measure, phases)?;
-    if phases == Phases::Chosen {
-        // Equal phases are among those that can be chosen, and their search may have come further.
-        found = found.or(&shared::strongest(table, &view, measure, Phases::Equal)?);
-    }
-    let (point, peak) = view.points.iter().zip(&found.each).min_by(|a, b| a.1.total_cmp(b.1).then(a.0.cmp(b.0)))?;
-    let columns = table.grid.x_m.len().max(1);
-    let at_m = (table.grid.x_m[point % columns], table.grid.y_m[point / columns]);
-    Some(Weakest { peak: *peak, at_m, power_w: f64::NAN, voltage_v: f64::NAN })
+    let found = at_one_frequency(table, &view, measure, phases)?;
+    weakest_peak(table, &view, &found.each)
 }
 
-/// The strongest peak in g that can be had at every point of the table's grid, row by row; `None` in cut-outs. `None` where no
-/// frequencies are usable.
-#[must_use]
-pub fn map_g(table: &PlanTable) -> Option<Vec<Option<f64>>> {
-    let view = View::new(table, None)?;
-    let space = Space::of(table, &view.shapes, |hz| Measure::G.weight(hz));
-    let touches: Vec<_> = strongest(table, &space).into_iter().collect::<Option<_>>()?;
-    Some(view.on_grid(table, touches.iter().map(|touch| touch.peak)))
+/// The same with the scene's finger on each place while it is looked at; `table` is that of the panel that nothing touches.
+///
+/// # Errors
+/// [`TouchedError`].
+pub fn every_touch_at_one_frequency_touched(
+    table: &PlanTable,
+    touched: Touched<'_>,
+    measure: Measure,
+    phases: Phases,
+) -> Result<Option<Weakest>, TouchedError> {
+    let Some(view) = View::new(table, None) else { return Ok(None) };
+    let ask = |table: &PlanTable| {
+        let own = View::new(table, None)?;
+        at_one_frequency(table, &own, measure, phases)?.each.first().copied()
+    };
+    let each = touched.each(&view.grid_places_m(table), |_| table.frequencies_hz.clone(), ask)?;
+    let each = each.into_iter().collect::<Option<Vec<f64>>>();
+    Ok(each.and_then(|each| weakest_peak(table, &view, &each)))
+}
+
+fn at_one_frequency(
+    table: &PlanTable,
+    view: &View,
+    measure: Measure,
+    phases: Phases,
+) -> Option<shared::StrongestSetting> {
+    let found = shared::strongest(table, view, measure, phases)?;
+    match phases {
+        Phases::Equal => Some(found),
+        // Equal phases are among those that can be chosen, and their search may have come further.
+        Phases::Chosen => Some(found.or(&shared::strongest(table, view, measure, Phases::Equal)?)),
+    }
+}
+
+fn weakest_peak(table: &PlanTable, view: &View, each: &[f64]) -> Option<Weakest> {
+    let (point, peak) = view.points.iter().zip(each).min_by(|a, b| a.1.total_cmp(b.1).then(a.0.cmp(b.0)))?;
+    Some(Weakest { peak: *peak, at_m: table.grid.place_m(*point), power_w: f64::NAN, voltage_v: f64::NAN })
+}
+
+/// The strongest peak in g that can be had at every point of the table's grid, row by row, with the finger on each where there is one; `None` in
+/// cut-outs. `None` where no frequencies are usable.
+///
+/// # Errors
+/// [`TouchedError`].
+pub fn map_g(table: &PlanTable, touched: Option<Touched<'_>>) -> Result<Option<Vec<Option<f64>>>, TouchedError> {
+    let Some(view) = View::new(table, None) else { return Ok(None) };
+    let touches = match touched {
+        Some(touched) => strongest_touched(table, touched, &view, Measure::G)?,
+        None => {
+            let space = Space::of(table, &view.shapes, |hz| Measure::G.weight(hz));
+            strongest(table, &space).into_iter().collect()
+        }
+    };
+    Ok(touches.map(|touches| view.on_grid(table, touches.iter().map(|touch| touch.peak))))
 }
 
 /// With one setting for the whole surface, that with the largest minimum. `None` where no frequencies are usable.

@@ -62,19 +62,20 @@ pub(super) fn table(
     Ok(PlanTable::of(scene, computed))
 }
 
-/// A table for the strongest drives, and nothing else, at these frequencies and with these points.
+/// A table for the strongest drives, and nothing else, at these frequencies and with these points; `known` as for [`table`].
 pub(super) fn strongest(
     scene: &Scene,
     model: ReducedModel,
     frequencies_hz: Vec<f64>,
     grid: SurfaceGrid,
+    known: Option<&[Pressed]>,
 ) -> Result<PlanTable, ResponseError> {
     let mut weighted = grid.shapes.clone();
     for (mut row, weight) in weighted.row_iter_mut().zip(&grid.weights) {
         row *= *weight;
     }
     let products = grid.shapes.tr_mul(&weighted);
-    let computed = computed(scene, model, frequencies_hz, (grid, products), Purpose::Strongest, None)?;
+    let computed = computed(scene, model, frequencies_hz, (grid, products), Purpose::Strongest, known)?;
     Ok(PlanTable::of(scene, computed))
 }
 

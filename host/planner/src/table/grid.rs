@@ -60,6 +60,12 @@ impl SurfaceGrid {
         Self { x_m, y_m, shapes, weights, there }
     }
 
+    /// One point of the surface, in m, which stands for all of it.
+    pub(super) fn at(model: &ReducedModel, (x_m, y_m): (f64, f64)) -> Self {
+        let (x_m, y_m) = (vec![x_m], vec![y_m]);
+        Self { shapes: model.shapes_on(&x_m, &y_m), x_m, y_m, weights: vec![1.0], there: vec![true] }
+    }
+
     /// The points alone.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
     pub(crate) fn without_shapes(scene: &Scene, max_hz: f64) -> Self {
@@ -87,6 +93,16 @@ impl SurfaceGrid {
     pub(super) fn steps_m(&self) -> (f64, f64) {
         let step = |line: &[f64]| line.get(1).zip(line.first()).map_or(f64::INFINITY, |(b, a)| b - a);
         (step(&self.x_m), step(&self.y_m))
+    }
+
+    /// Where a point is, in m.
+    ///
+    /// # Panics
+    /// If there is no such point.
+    #[must_use]
+    pub fn place_m(&self, point: usize) -> (f64, f64) {
+        let columns = self.x_m.len().max(1);
+        (self.x_m[point % columns], self.y_m[point / columns])
     }
 
     /// How many points the grid of a scene has for frequencies up to `max_hz`.

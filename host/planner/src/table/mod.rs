@@ -12,6 +12,7 @@ mod quadrature;
 mod rough;
 pub(crate) mod shared_limits;
 pub(super) mod stored;
+pub mod touched;
 mod view;
 
 pub use band::BandError;
@@ -224,7 +225,7 @@ impl PlanTable {
         frequencies_hz: Vec<f64>,
         grid: SurfaceGrid,
     ) -> Result<Self, ResponseError> {
-        build::strongest(scene, model, frequencies_hz, grid)
+        build::strongest(scene, model, frequencies_hz, grid, None)
     }
 
     /// The table of those of its frequencies that lie between two; `None` if none does.

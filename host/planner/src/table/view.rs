@@ -93,6 +93,12 @@ impl View {
         })
     }
 
+    /// Where [`View::points`] are, in m.
+    #[must_use]
+    pub fn grid_places_m(&self, table: &PlanTable) -> Vec<(f64, f64)> {
+        self.points.iter().map(|point| table.grid.place_m(*point)).collect()
+    }
+
     /// Values at [`View::points`] as values at all points of the grid.
     #[must_use]
     pub fn on_grid<T: Clone>(&self, table: &PlanTable, values: impl IntoIterator<Item = T>) -> Vec<Option<T>> {

@@ -6,18 +6,27 @@ use era_planner::perception::level_db;
 use era_planner::reach::Measure;
 use era_planner::study::rigid;
 use era_planner::study::shared::Phases;
-use era_planner::study::weakest::{Weakest, every_touch, every_touch_at_one_frequency, one_setting};
-use era_planner::{PlanError, PlanTable, Target};
+use era_planner::study::weakest::{
+    Weakest, every_touch, every_touch_at_one_frequency, every_touch_at_one_frequency_touched, every_touch_touched,
+    one_setting,
+};
+use era_planner::table::touched::Touched;
+use era_planner::{PlanError, PlanTable, TableOptions, Target};
+use std::borrow::Cow;
 
 /// Part of what can be had at a place at which its contrast is told: so little that no limit changes it, as in maps.
 const LITTLE_G: f64 = 1e-6;
 
-/// The figures of a scene, in the order in which they are wanted. Those of [`super::parts`] and sags are NaN.
+/// A scene whose finger is on the place that a figure is about, and the frequencies of plans.
+pub type Fingered<'a> = (Touched<'a>, TableOptions);
+
+/// The figures of a scene, in the order in which they are wanted. Those of [`super::parts`] and sags are NaN. `table` is that of the panel that
+/// nothing touches.
 ///
 /// # Errors
 /// [`EvaluateError`].
-pub fn figures(table: &PlanTable, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
-    let mut known = Known { table, weakest: Vec::new() };
+pub fn figures(table: &PlanTable, fingered: Option<Fingered<'_>>, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
+    let mut known = Known { table, fingered, weakest: Vec::new() };
     let values = wanted.iter().map(|wanted| known.figure(wanted)).collect::<Result<_, _>>()?;
     let first = known.weakest.first().map(|(_, _, _, weakest)| [weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]);
     Ok(Figures { values, weakest_mm: first })
@@ -25,6 +34,7 @@ pub fn figures(table: &PlanTable, wanted: &[Wanted]) -> Result<Figures, Evaluate
 
 struct Known<'a> {
     table: &'a PlanTable,
+    fingered: Option<Fingered<'a>>,
     weakest: Vec<(Settings, Drives, Measure, Weakest)>,
 }
 
@@ -39,10 +49,10 @@ impl Known<'_> {
             }
             Figure::PowerW => self.weakest(wanted.setting, Drives::Distinct, Measure::G)?.power_w,
             Figure::VoltageV => self.weakest(wanted.setting, Drives::Distinct, Measure::G)?.voltage_v,
-            Figure::ContrastDb => self.plan(wanted)?.predicted.contrast_db,
+            Figure::ContrastDb => self.plan(wanted)?.1.predicted.contrast_db,
             Figure::RiseMs => {
-                let plan = self.plan(wanted)?;
-                let rise = self.table.times(&plan).reaches_90_ms;
+                let (table, plan) = self.plan(wanted)?;
+                let rise = table.times(&plan).reaches_90_ms;
                 rise.ok_or_else(|| nothing("the motion never settles, or cannot be followed"))?
             }
             Figure::RigidModeHz => rigid::last_rigid_hz(self.table).unwrap_or(0.0),
@@ -57,12 +67,20 @@ impl Known<'_> {
         let at = match at {
             Some(at) => at,
             None => {
-                let together = |phases| every_touch_at_one_frequency(self.table, measure, phases);
-                let found = match (setting, drives) {
-                    (Settings::One, _) => one_setting(self.table, measure),
-                    (Settings::EveryTouch, Drives::Distinct) => every_touch(self.table, measure),
-                    (Settings::EveryTouch, Drives::OneFrequency) => together(Phases::Chosen),
-                    (Settings::EveryTouch, Drives::InPhase) => together(Phases::Equal),
+                let phases = match drives {
+                    Drives::Distinct => None,
+                    Drives::OneFrequency => Some(Phases::Chosen),
+                    Drives::InPhase => Some(Phases::Equal),
+                };
+                let (table, touched) = (self.table, self.fingered.map(|(touched, _)| touched));
+                let found = match (setting, phases, touched) {
+                    (Settings::One, ..) => one_setting(table, measure),
+                    (Settings::EveryTouch, None, None) => every_touch(table, measure),
+                    (Settings::EveryTouch, None, Some(touched)) => every_touch_touched(table, touched, measure)?,
+                    (Settings::EveryTouch, Some(phases), None) => every_touch_at_one_frequency(table, measure, phases),
+                    (Settings::EveryTouch, Some(phases), Some(touched)) => {
+                        every_touch_at_one_frequency_touched(table, touched, measure, phases)?
+                    }
                 };
                 self.weakest.push((setting, drives, measure, found.ok_or(PlanError::NoFrequencies)?));
                 self.weakest.len() - 1
@@ -71,10 +89,15 @@ impl Known<'_> {
         Ok(&self.weakest[at].3)
     }
 
-    /// The plan for a weak touch at a place.
-    fn plan(&self, wanted: &Wanted) -> Result<era_planner::Plan, EvaluateError> {
+    /// The plan for a weak touch at a place, and the table that it is of.
+    fn plan(&self, wanted: &Wanted) -> Result<(Cow<'_, PlanTable>, era_planner::Plan), EvaluateError> {
         let [x_mm, y_mm] = wanted.at_mm.unwrap_or_default();
         let touch = Target { x_m: x_mm / 1e3, y_m: y_mm / 1e3, intensity_g: Some(LITTLE_G) };
-        Ok(self.table.plan(&[touch])?)
+        let table = match self.fingered {
+            None => Cow::Borrowed(self.table),
+            Some((touched, options)) => Cow::Owned(touched.table((touch.x_m, touch.y_m), options)?),
+        };
+        let plan = table.plan(&[touch])?;
+        Ok((table, plan))
     }
 }

@@ -9,7 +9,7 @@ mod quick;
 mod sag;
 mod thorough;
 
-pub use figures::figures;
+pub use figures::{Fingered, figures};
 pub use quick::Quick;
 pub use thorough::{Thorough, Verified};
 
@@ -17,6 +17,7 @@ use crate::spec::Wanted;
 use era_model::model::ModelError;
 use era_model::scene::Scene;
 use era_planner::PlanError;
+use era_planner::table::touched::TouchedError;
 use serde::{Deserialize, Serialize};
 
 /// The figures of a scene.
@@ -48,6 +49,15 @@ pub enum EvaluateError {
         /// Why.
         reason: &'static str,
     },
+}
+
+impl From<TouchedError> for EvaluateError {
+    fn from(error: TouchedError) -> Self {
+        match error {
+            TouchedError::Model(error) => error.into(),
+            TouchedError::Response(error) => error.into(),
+        }
+    }
 }
 
 /// Whoever knows the figures of scenes. Called from many threads at once; the same scene always has the same figures, bit for bit.

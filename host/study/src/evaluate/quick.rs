@@ -6,6 +6,7 @@ use era_model::scene::Scene;
 use era_planner::perception::level_db;
 use era_planner::quick::{QuickError, QuickPanel};
 use era_planner::reach::Measure;
+use era_planner::table::touched::Touched;
 use era_planner::{PlanTable, TableOptions};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -53,7 +54,11 @@ impl Evaluator for Quick {
         let panel = self.panel(scene)?;
         let mut found = match wanted.iter().all(Wanted::is_quick) {
             true => quick_figures(&panel, scene, wanted)?,
-            false => figures(&PlanTable::build(scene, panel.bare().coupled(scene)?, self.options)?, wanted)?,
+            false => {
+                let table = PlanTable::build(scene, panel.bare().coupled(scene)?, self.options)?;
+                let fingered = scene.finger.map(|_| (Touched::new(panel.bare(), scene, &table), self.options));
+                figures(&table, fingered, wanted)?
+            }
         };
         if sag::is_wanted(wanted) {
             sag::fill(&mut found, wanted, scene, self.options.to_hz, panel.bare())?;

@@ -5,6 +5,7 @@ use crate::spec::{Drives, Figure, Settings, Wanted};
 use era_model::model::levels::Levels;
 use era_model::model::{Accuracy, BarePanel};
 use era_model::scene::Scene;
+use era_planner::table::touched::Touched;
 use era_planner::{PlanTable, TableOptions, Target};
 use serde::{Deserialize, Serialize};
 
@@ -54,20 +55,26 @@ impl Thorough {
         Ok(PlanTable::with_levels(scene, levels, self.options)?)
     }
 
+    /// The panel alone, for what is coupled to it: sags, and a finger on one place after the other. `None` where neither is asked for.
+    fn bare(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Option<BarePanel>, EvaluateError> {
+        let is_needed = scene.finger.is_some() || sag::is_wanted(wanted);
+        let build = || BarePanel::build(scene, self.accuracy, self.options.to_hz);
+        Ok(is_needed.then(build).transpose()?)
+    }
+
     /// The figures of a scene with this table, and the bound on the relative error of its sags.
     fn figures(
         &self,
         scene: &Scene,
         table: &PlanTable,
+        bare: Option<&BarePanel>,
         wanted: &[Wanted],
     ) -> Result<(Figures, Option<f64>), EvaluateError> {
-        let mut found = figures(table, wanted)?;
-        let bound = match sag::is_wanted(wanted) {
-            true => {
-                let panel = BarePanel::build(scene, self.accuracy, self.options.to_hz)?;
-                sag::fill(&mut found, wanted, scene, self.options.to_hz, &panel)?
-            }
-            false => None,
+        let fingered = touched(scene, table, bare).map(|touched| (touched, self.options));
+        let mut found = figures(table, fingered, wanted)?;
+        let bound = match bare.filter(|_| sag::is_wanted(wanted)) {
+            Some(panel) => sag::fill(&mut found, wanted, scene, self.options.to_hz, panel)?,
+            None => None,
         };
         Ok((found, bound))
     }
@@ -78,18 +85,20 @@ impl Thorough {
     /// [`EvaluateError`].
     pub fn verified(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Verified, EvaluateError> {
         let table = self.table(scene)?;
-        let (figures, sag_bound) = self.figures(scene, &table, wanted)?;
-        let map = era_planner::study::weakest::map_g(&table).ok_or(era_planner::PlanError::NoFrequencies)?;
-        let columns = table.grid.x_m.len().max(1);
+        let bare = self.bare(scene, wanted)?;
+        let (figures, sag_bound) = self.figures(scene, &table, bare.as_ref(), wanted)?;
+        let touched = touched(scene, &table, bare.as_ref());
+        let map = era_planner::study::weakest::map_g(&table, touched)?;
+        let map = map.ok_or(era_planner::PlanError::NoFrequencies)?;
         let least = map.iter().enumerate().filter_map(|(point, peak)| Some((point, (*peak)?)));
         let weakest = least.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(point, _)| point);
         // The strongest drive there is the plan for more than there is.
-        let touch = Target {
-            x_m: table.grid.x_m[weakest % columns],
-            y_m: table.grid.y_m[weakest / columns],
-            intensity_g: Some(ALL_THERE_IS_G),
+        let place_m = table.grid.place_m(weakest);
+        let touch = Target { x_m: place_m.0, y_m: place_m.1, intensity_g: Some(ALL_THERE_IS_G) };
+        let bound = match touched {
+            None => table.plan(&[touch])?.error_bound,
+            Some(touched) => touched.bounded(place_m, self.accuracy, self.options)?.plan(&[touch])?.error_bound,
         };
-        let bound = table.plan(&[touch])?.error_bound;
         let is_bounded = |wanted: &Wanted| {
             wanted.figure == Figure::WeakestG
                 && (wanted.setting, wanted.drives) == (Settings::EveryTouch, Drives::Distinct)
@@ -107,6 +116,12 @@ impl Thorough {
 
 impl Evaluator for Thorough {
     fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
-        Ok(self.figures(scene, &self.table(scene)?, wanted)?.0)
+        let bare = self.bare(scene, wanted)?;
+        Ok(self.figures(scene, &self.table(scene)?, bare.as_ref(), wanted)?.0)
     }
+}
+
+/// The panel with the scene's finger, where it has one, on one place after the other.
+fn touched<'a>(scene: &'a Scene, table: &'a PlanTable, bare: Option<&'a BarePanel>) -> Option<Touched<'a>> {
+    bare.filter(|_| scene.finger.is_some()).map(|panel| Touched::new(panel, scene, table))
 }

@@ -23,6 +23,8 @@ const FORMAT: u32 = 1;
 const CHUNK_S: f64 = 1.0;
 /// About what a design takes in s where only the weakest place is wanted, where a plan table is needed, and thoroughly.
 const LOOK_S: [f64; 3] = [0.015, 0.15, 2.0];
+/// The same with a finger, which makes each place a panel of its own.
+const FINGER_S: [f64; 3] = [2.0, 10.0, 20.0];
 /// Most chunks: schedulers have trouble beyond 10^5 tasks.
 const MOST_CHUNKS: usize = 100_000;
 
@@ -99,6 +101,14 @@ impl Study {
             let count = scene.actuators.len();
             return Err(refuse(format!("the scene has {count} actuators, but a study needs 1 to {MAX_ACTUATORS}")));
         }
+        if scene.finger.is_some()
+            && let Some(one) = figures.iter().find(|wanted| wanted.is_of_one_setting())
+        {
+            return Err(refuse(format!(
+                "{} is wanted with one setting for the whole surface, which does not know where the scene's [finger] is: leave out one of the two",
+                one.column()
+            )));
+        }
         let off = space.uncertain_values();
         if spec.method.robust == Robust::Corners && !has_few_corners(off) {
             return Err(refuse(format!(
@@ -119,7 +129,8 @@ impl Study {
             None if dimensions.is_empty() => return Err(refuse("an evolution needs a variable".into())),
             None => Points::Evolving(Evolution::new(&spec.method, dimensions.len())),
         };
-        let chunk = spec.method.chunk.unwrap_or_else(|| chunk(&spec, &figures, scenarios.0.len()));
+        let chunk =
+            spec.method.chunk.unwrap_or_else(|| chunk(&spec, scene.finger.is_some(), &figures, scenarios.0.len()));
         let key = key(&scene, &spec, text, scene_text);
         Ok(Self { spec, space, figures, points, scenarios, chunk, key })
     }
@@ -281,12 +292,13 @@ impl Study {
     clippy::cast_precision_loss,
     reason = "small counts"
 )]
-fn chunk(spec: &Spec, figures: &[Wanted], scenarios: usize) -> usize {
+fn chunk(spec: &Spec, has_finger: bool, figures: &[Wanted], scenarios: usize) -> usize {
     let is_quick = figures.iter().all(|wanted| wanted.is_quick());
+    let [quick_s, table_s, thorough_s] = if has_finger { FINGER_S } else { LOOK_S };
     let each_s = match (spec.method.thorough, is_quick) {
-        (true, _) => LOOK_S[2],
-        (false, false) => LOOK_S[1],
-        (false, true) => LOOK_S[0],
+        (true, _) => thorough_s,
+        (false, false) => table_s,
+        (false, true) => quick_s,
     };
     let fitting = (CHUNK_S / (each_s * (1 + scenarios) as f64)).floor().max(1.0) as usize;
     fitting.max(spec.method.designs.div_ceil(MOST_CHUNKS))

@@ -192,11 +192,17 @@ impl Wanted {
         }
     }
 
+    /// Whether it is about one setting for the whole surface.
+    #[must_use]
+    pub fn is_of_one_setting(&self) -> bool {
+        self.figure.is_of_settings() && self.setting == Settings::One
+    }
+
     /// What tables call it.
     #[must_use]
     pub fn column(&self) -> String {
         let mut name = self.figure.name().to_owned();
-        if self.figure.is_of_settings() && self.setting == Settings::One {
+        if self.is_of_one_setting() {
             name.push_str("_one_setting");
         }
         if self.drives != Drives::Distinct {
