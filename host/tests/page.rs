@@ -12,7 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 use support::Daemon;
-use support::browser::{Browser, browser_or_skip, serve_page};
+use support::browser::{Browser, browser_or_skip, save, serve_page};
 
 /// Browsers take turns, as between six of them the simulated board's link would often get no processor for a while.
 static TURN: Mutex<()> = Mutex::new(());
@@ -37,13 +37,6 @@ fn with_page(width: u32, height: u32, test: impl Fn(&Daemon, &mut Browser)) {
             resume_unwind(failure);
         }
         eprintln!("the machine stood still for longer than the dead-man time: once more");
-    }
-}
-
-fn save(browser: &mut Browser, name: &str) {
-    if let Some(folder) = std::env::var_os("ERA_SCREENSHOTS") {
-        let path = std::path::Path::new(&folder).join(format!("{name}.png.base64"));
-        std::fs::write(path, browser.screenshot()).unwrap();
     }
 }
 

@@ -6,10 +6,12 @@ import { Link, TOKEN, request } from "./link.js";
 import { PanelView } from "./panel.js";
 import { $, Readout, announce, fixed, show } from "./readout.js";
 import { Studies } from "./study.js";
+import { Tolerances } from "./tolerances.js";
 
 const heat = new Heat($("heat"), $("scale"), $("ticks"));
 const view = new PanelView($("panel"), heat, $("overlay"));
 const readout = new Readout(clearFault, arm);
+const tolerances = new Tolerances();
 const fingers = new Map(); // pointer id -> {x_px, y_px}
 let driven = null; // the last plan that was driven, with its touches and field
 let hover = null; // the pointer's place in mm
@@ -52,11 +54,12 @@ const link = new Link({
   error: showProblem,
 });
 
-function showPlan(plan, touches, field) {
+function showPlan(plan, touches, field, question = null) {
   heat.setField(field);
   show("max-g", field ? fixed(field.max_g, 3, " g") : "0 g");
   view.setPlan(plan, touches);
   readout.showPlan(plan);
+  tolerances.setPlan(plan, question);
   showUnder();
 }
 
@@ -161,10 +164,10 @@ const design = new Design(view, $("handles"), () => Number($("intensity").value)
     $("copy").disabled = true;
     $("scene-toml").hidden = true; // it would be that of another state
   },
-  preview({ plan, field, tolerance, elapsed_ms }, touch) {
+  preview({ plan, field, tolerance, elapsed_ms }, question) {
     document.body.dataset.preview = design.toml === null ? "pending" : "ready";
     $("copy").disabled = design.toml === null;
-    showPlan(plan, [touch], field);
+    showPlan(plan, [question], field, question);
     readout.showPreview(plan, tolerance, elapsed_ms);
     $("preview-status").dataset.previews = Number($("preview-status").dataset.previews) + 1;
   },
@@ -187,7 +190,7 @@ function setDesign(on) {
   document.body.dataset.design = on ? "on" : "";
   document.body.dataset.preview = "";
   $("design").setAttribute("aria-pressed", String(on));
-  for (const id of ["design-tools", "design-help"]) $(id).hidden = !on;
+  for (const id of ["design-tools", "design-help", "tolerances"]) $(id).hidden = !on;
   $("help").hidden = on;
   panel.setAttribute("aria-label", PANEL_LABEL[on ? "design" : "touch"]);
   if (on) {

@@ -1,5 +1,6 @@
 // Design mode: supports, masses and actuators are dragged, the daemon previews what a touch would then do, and nothing is
 // driven. The scene of the daemon stays; what was moved is kept here and goes with every question, as does another scene that was opened.
+import { sleep } from "./job.js";
 import { request } from "./link.js";
 
 // As in a scene file, and as the daemon's JSON calls the lists.
@@ -9,14 +10,12 @@ const ANSWER_MS = 30_000;
 // Before asking again where another page's question was newer; the daemon computes one at a time.
 const AGAIN_MS = 150;
 
-const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
-
 // Key steps in mm: a power of ten, between a hundredth and a thousandth of the surface's length.
 const stepFor = (length_mm) => 10 ** Math.floor(Math.log10(length_mm / 100));
 
 export class Design {
   // view: the PanelView; layer: the element for the handles; intensity(): the peak wanted in g; handlers: preview(answer,
-  // touch), failed(problem), pending(), placed(words), opened(scene).
+  // question), failed(problem), pending(), placed(words), opened(scene).
   constructor(view, layer, intensity, handlers) {
     Object.assign(this, { view, layer, intensity, handlers, on: false, scene: null, touch: null, answer: null });
     this.own = null; // the daemon's scene
@@ -110,9 +109,8 @@ export class Design {
     while (this.on && this.answered !== this.wanted) {
       const [now, text] = [this.wanted, this.text];
       const isNew = text !== this.shown;
-      const touch = this.touch;
       try {
-        const body = { ...touch, intensity_g: this.intensity(), moves: isNew ? {} : Object.fromEntries(this.moves) };
+        const body = { ...this.touch, intensity_g: this.intensity(), moves: isNew ? {} : Object.fromEntries(this.moves) };
         if (text !== null) body.scene = text;
         this.answer = await request("POST", "/v1/preview", body, ANSWER_MS);
         this.answered = now;
@@ -121,7 +119,7 @@ export class Design {
           this.makeHandles();
           for (const name of this.handles.keys()) this.placeHandle(name);
         }
-        if (this.on) this.handlers.preview(this.answer, touch);
+        if (this.on) this.handlers.preview(this.answer, body);
       } catch (problem) {
         if (problem.type?.endsWith(":superseded")) {
           // Jitter: two pages must not keep pushing each other out.

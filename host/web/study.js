@@ -1,18 +1,14 @@
 // Design mode's studies: a small one of the scene at hand, run by the daemon, and the best designs of any study, opened from their files.
+import { follow, showProgress, underWay } from "./job.js";
 import { request } from "./link.js";
 import { $, announce, fixed, show } from "./readout.js";
 
-// Between two looks how far a study is.
-const LOOK_MS = 400;
 // Of the page's own study: some seconds on half of two processors.
 const DESIGNS = 256;
 // From the edge to where an actuator's middle may be, as a part of the shorter side.
 const MARGIN = 0.05;
 // Between two electrodes, in mm.
 const CLEARANCE_MM = 2;
-
-const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
-const underWay = (study) => study.stage === "running" || study.stage === "finishing";
 
 // The study file for: where do the actuators go, so that the weakest place is as strong as can be?
 export function placement(scene) {
@@ -76,12 +72,7 @@ export class Studies {
     if (this.watching) return;
     this.watching = true;
     try {
-      for (;;) {
-        const study = await request("GET", "/v1/study");
-        this.show(study);
-        if (!underWay(study)) break;
-        await sleep(LOOK_MS);
-      }
+      await follow("/v1/study", (study) => this.show(study));
     } catch (problem) {
       this.tell(`How far the study is, is not known: ${problem.detail ?? problem.title}`);
     }
@@ -92,8 +83,7 @@ export class Studies {
     const isOn = underWay(study);
     $("study-run").disabled = isOn;
     $("study-stop").disabled = !isOn;
-    $("study-progress").hidden = !isOn;
-    Object.assign($("study-progress"), { max: study.all || 1, value: study.there });
+    showProgress($("study-progress"), study);
     const words = {
       none: "",
       running: `${study.name}: ${study.there} of ${study.all} designs`,

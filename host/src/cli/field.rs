@@ -54,7 +54,7 @@ pub fn run(options: &Field) -> Outcome {
         return print_json(&answer);
     }
     if let Some(off) = off {
-        tell!("{}", super::plan::off_text(&off).trim_start());
+        tell!("{}", off.words());
     }
     if to_output || options.png.is_none() && options.csv.is_none() {
         return print_text(field.csv().trim_end());

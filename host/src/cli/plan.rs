@@ -9,7 +9,7 @@ use super::told::tell;
 use super::values::parse_tolerances;
 use super::wishes::Wishes;
 use super::{Failure, Outcome, print_json, print_text};
-use crate::design::tolerances::{self, Range, Spread, Tolerances, What};
+use crate::design::tolerances::{self, Spread, Tolerances};
 use crate::effects::at_level;
 use crate::model::Bound;
 use crate::planner::explain::Explanation;
@@ -246,35 +246,9 @@ fn text(answer: &Answer) -> String {
         }
     }
     if let Some(off) = &answer.off {
-        text.push_str(&off_text(off));
+        let _ = write!(text, "\n{}", off.words());
     }
     text.trim_end().to_owned()
-}
-
-/// What tolerances do, in words.
-pub(super) fn off_text(off: &Spread) -> String {
-    let Tolerances { springs, youngs_modulus, thickness, places_mm } = off.tolerances;
-    let percent = |part: f64| format!("{} %", (1e4 * part).round() / 1e2);
-    let by = |what: What| match what {
-        What::Springs => percent(springs),
-        What::YoungsModulus => percent(youngs_modulus),
-        What::Thickness => percent(thickness),
-        What::Places => format!("{places_mm} mm"),
-    };
-    let ends = |range: &Range| {
-        format!("{:+.1} to {:+.1} dB, {:+.1} in the middle", range.least_db, range.most_db, range.median_db)
-    };
-    let mut text = format!(
-        "\nif the panel is off, the same drives do {} ({} panels; others may be further off)",
-        ends(&off.range),
-        off.samples
-    );
-    for own in &off.of {
-        if let Some(range) = &own.range {
-            let _ = write!(text, "\n  {} by up to {} alone: {}", own.what.name(), by(own.what), ends(range));
-        }
-    }
-    text
 }
 
 fn plan_text(text: &mut String, plan: &Plan) {

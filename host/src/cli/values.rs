@@ -1,6 +1,6 @@
 //! Numbers, places and names of files as the command line takes them.
 
-use crate::design::tolerances::Tolerances;
+use crate::design::tolerances::{MOST_MM, MOST_PART, Tolerances};
 use crate::scene::MOST_PRESS_N;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -91,14 +91,13 @@ pub fn parse_url(text: &str) -> Result<String, String> {
 /// # Errors
 /// What is allowed.
 pub fn parse_tolerances(text: &str) -> Result<Tolerances, String> {
-    let allowed = "four numbers: parts of springs, Young's modulus and thickness from 0 to 0.9, and 0 to 100 mm";
-    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
-    let [springs, youngs_modulus, thickness, places_mm] = numbers[..] else {
-        return Err(format!("must be {allowed}"));
+    let allowed = || {
+        format!(
+            "must be four numbers: parts of springs, Young's modulus and thickness from 0 to {MOST_PART}, and 0 to {MOST_MM} mm"
+        )
     };
-    let are_parts = [springs, youngs_modulus, thickness].iter().all(|part| (0.0..=0.9).contains(part));
-    if text.split(',').count() != 4 || !are_parts || !(0.0..=100.0).contains(&places_mm) {
-        return Err(format!("must be {allowed}"));
-    }
-    Ok(Tolerances { springs, youngs_modulus, thickness, places_mm })
+    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
+    let [springs, youngs_modulus, thickness, places_mm] = numbers[..] else { return Err(allowed()) };
+    let tolerances = Tolerances { springs, youngs_modulus, thickness, places_mm };
+    if text.split(',').count() != 4 || tolerances.check().is_err() { Err(allowed()) } else { Ok(tolerances) }
 }

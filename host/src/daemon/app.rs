@@ -6,6 +6,7 @@ use super::admission::Admission;
 use super::answers::scene::SceneView;
 use super::answers::touched::Achieved;
 use super::asked::Asked;
+use super::background::Place;
 use super::client::Client;
 use super::limits::Limits;
 use super::metrics::Metrics;
@@ -14,6 +15,7 @@ use super::problem::Problem;
 use super::record::Recorder;
 use super::studies::Studies;
 use super::thin::Thinned;
+use super::tolerances::Looks;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
 use super::view::TouchView;
@@ -66,9 +68,11 @@ pub struct App {
     /// The same for those whose token only looks: they take no place from those that touch.
     pub watchers: Arc<Semaphore>,
     pub(super) session: Session,
-    previews: Previews,
+    pub(super) previews: Previews,
     /// Small design studies.
     pub studies: Studies,
+    /// What tolerances do to plans.
+    pub looks: Looks,
     sim: Option<SimControl>,
     /// The last plan.
     pub(super) active: Mutex<Option<Shown>>,
@@ -130,6 +134,7 @@ impl App {
     ) -> std::io::Result<Self> {
         let max_voltages_v = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
         let (sim, ready_v) = (device.sim(), table.ready_v());
+        let place = Place::default();
         Ok(Self {
             scene: SceneView::new(&table.scene),
             metrics: Metrics::default(),
@@ -142,7 +147,8 @@ impl App {
             watchers: Arc::new(Semaphore::new(SOCKETS)),
             session: Session::start(device, Needs { max_voltages_v, ready_v }, policy)?,
             previews: Previews::new(scene_toml.clone()),
-            studies: Studies::new(scene_toml),
+            studies: Studies::new(scene_toml, place.clone()),
+            looks: Looks::new(place),
             sim,
             active: Mutex::new(None),
             turns: Turns::new(table.decaying_modes()),
@@ -220,6 +226,7 @@ impl App {
     pub async fn close(&self) {
         self.closing.send_replace(true);
         self.studies.stop();
+        self.looks.stop();
         let problem = match tokio::time::timeout(LAST_STOP, self.stop()).await {
             Ok(result) => result.err(),
             Err(_) => Some(SessionError::Hangs),

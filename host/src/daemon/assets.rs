@@ -19,10 +19,12 @@ const ASSETS: &[(&str, &str, &str)] = assets! {
     "/app.js" => "app.js", "text/javascript; charset=utf-8";
     "/design.js" => "design.js", "text/javascript; charset=utf-8";
     "/heat.js" => "heat.js", "text/javascript; charset=utf-8";
+    "/job.js" => "job.js", "text/javascript; charset=utf-8";
     "/link.js" => "link.js", "text/javascript; charset=utf-8";
     "/panel.js" => "panel.js", "text/javascript; charset=utf-8";
     "/readout.js" => "readout.js", "text/javascript; charset=utf-8";
     "/study.js" => "study.js", "text/javascript; charset=utf-8";
+    "/tolerances.js" => "tolerances.js", "text/javascript; charset=utf-8";
     "/icon.svg" => "icon.svg", "image/svg+xml";
 };
 

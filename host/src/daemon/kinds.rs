@@ -95,8 +95,10 @@ kinds! {
     Superseded = "superseded", CONFLICT, "A newer touch came first";
     /// A newer preview was asked for while this one waited.
     PreviewSuperseded = "superseded", CONFLICT, "Superseded";
-    /// A study is under way already.
+    /// A study is under way already, and there is one such piece of work at a time.
     StudyRuns = "study-runs", CONFLICT, "A study is under way";
+    /// Panels that are off are looked at already, and there is one such piece of work at a time.
+    TolerancesRun = "tolerances-run", CONFLICT, "Tolerances are looked at";
     /// The board has latched a fault, and is off until that is cleared.
     DeviceFault = "device-fault", CONFLICT, "The device is in a fault";
     /// A limit of the board, named; a protocol version that is too old; or a self-test that does not end. Where a channel has to

@@ -4,7 +4,8 @@
 //! `routes` and `live`
 //! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and does
 //! it, `current` is what is driven of it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
-//! do, without driving it, `studies` which of many would do it best. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
+//! do, without driving it, `studies` which of many would do it best, `tolerances` what a plan does on a panel that is a little off; the last two are the one
+//! `background` work that there may be at a time. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
 //! are. `description` makes the interface's description (OpenAPI) from all of these.
 
 mod access;
@@ -15,6 +16,7 @@ mod app;
 mod asked;
 mod assets;
 mod attachments;
+mod background;
 mod body;
 mod burst;
 mod client;
@@ -40,6 +42,7 @@ mod stretches;
 mod studies;
 mod tend;
 mod thin;
+mod tolerances;
 mod touch;
 mod turns;
 mod view;
@@ -56,6 +59,7 @@ pub use record::Recorder;
 pub use routes::described as description;
 pub use server::{Ended, serve, serve_while_alive};
 pub use studies::{StudyRequest, StudyView};
+pub use tolerances::{TolerancesRequest, TolerancesView};
 pub use touch::TouchRequest;
 pub use view::{FieldView, PlanView};
 

@@ -1,12 +1,15 @@
-//! Plans for what is asked for, and what can be had instead.
+//! Plans for what is asked for, what can be had instead, and what tolerances do to them.
 
 use super::app::App;
 use super::asked::Asked;
 use super::client::Client;
+use super::preview::{Planned, PreviewRequest};
 use super::problem::Problem;
+use super::tolerances::{TolerancesRequest, TolerancesView};
+use crate::device::SessionError;
 use crate::effects::plan_with;
 use crate::planner::trade::Trade;
-use crate::planner::{Plan, Request};
+use crate::planner::{Plan, Request, Target};
 
 impl App {
     /// The plan for some or all of what is asked for.
@@ -41,5 +44,33 @@ impl App {
                 None
             }
         }
+    }
+
+    /// Begins to look at what tolerances do to the plan for a touch; drives nothing.
+    ///
+    /// # Errors
+    /// [`Problem`]: a touch, tolerance, scene or move that cannot be used, a scene without a plan, or work that is under way.
+    pub async fn begin_tolerances(
+        &self,
+        client: Client,
+        request: TolerancesRequest,
+    ) -> Result<TolerancesView, Problem> {
+        let tolerances = request.checked()?;
+        if *self.closing().borrow() {
+            return Err(SessionError::Closed.into());
+        }
+        // First: whoever comes while another is under way costs nothing.
+        let taken = self.looks.take()?;
+        let TolerancesRequest { x_px, y_px, intensity_g, scene, moves, .. } = request;
+        if scene.is_none() && moves.is_none() {
+            let (x_m, y_m) = self.table.scene.place_px(x_px, y_px)?.xy_m();
+            let place = self.admission.place(client).await?;
+            let plan = tokio::task::block_in_place(|| self.table.plan(&[Target { x_m, y_m, intensity_g }]))?;
+            drop(place);
+            return self.looks.begin(taken, &self.table, plan, tolerances);
+        }
+        let request = PreviewRequest { x_px, y_px, intensity_g, scene, moves: moves.unwrap_or_default() };
+        let Planned { table, plan, .. } = self.previews.planned(request).await?;
+        self.looks.begin(taken, &table, plan, tolerances)
     }
 }

@@ -9,7 +9,7 @@ use super::problem::{Kind, Problem};
 use super::view::{FieldView, PlanView};
 use crate::model::Accuracy;
 use crate::model::levels::Levels;
-use crate::planner::{PlanTable, TableOptions, Target};
+use crate::planner::{Plan, PlanTable, TableOptions, Target};
 use crate::scene::{MAX_ACTUATORS, Scene};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -102,17 +102,36 @@ impl Previews {
             turn = Arc::clone(&self.turn).lock_owned() => turn,
             () = newer(&mut newest, mine) => return Err(superseded()),
         };
-        let text = request.scene.clone().unwrap_or_else(|| self.own.clone());
-        let computed = tokio::task::spawn_blocking(move || {
+        let text = self.text(&request);
+        beside(move || {
             // Until the work is done, also if nobody waits for it any more.
             let _turn = turn;
             compute(&request, &text)
-        });
-        computed.await.map_err(|error| {
-            let detail = format!("the preview ended early: {error}");
-            Problem::new(Kind::PreviewFailed, detail)
-        })?
+        })
+        .await
     }
+
+    /// The plan of a preview, without waiting for its turn: for work that there is one of at a time.
+    ///
+    /// # Errors
+    /// [`Problem`]: what is wrong with the request.
+    pub async fn planned(&self, request: PreviewRequest) -> Result<Planned, Problem> {
+        let text = self.text(&request);
+        beside(move || planned(&request, &text)).await
+    }
+
+    /// The scene that a request is of.
+    fn text(&self, request: &PreviewRequest) -> String {
+        request.scene.clone().unwrap_or_else(|| self.own.clone())
+    }
+}
+
+/// Computes in a thread of its own, so that nothing else of the daemon waits for it.
+async fn beside<T: Send + 'static>(work: impl FnOnce() -> Result<T, Problem> + Send + 'static) -> Result<T, Problem> {
+    tokio::task::spawn_blocking(work).await.map_err(|error| {
+        let detail = format!("the preview ended early: {error}");
+        Problem::new(Kind::PreviewFailed, detail)
+    })?
 }
 
 /// Resolves when there is a newer request than `mine`.
@@ -128,8 +147,18 @@ fn superseded() -> Problem {
     Problem::new(Kind::PreviewSuperseded, detail)
 }
 
-fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
-    let started = Instant::now();
+/// A changed scene with the plan for a touch.
+#[derive(Debug)]
+pub struct Planned {
+    /// Its table, with the scene.
+    pub table: PlanTable,
+    /// The plan.
+    pub plan: Plan,
+    /// The scene file with the moves.
+    scene_toml: String,
+}
+
+fn planned(request: &PreviewRequest, text: &str) -> Result<Planned, Problem> {
     if text.len() > MAX_SCENE {
         return Err(too_large("scene", text.len(), "bytes", MAX_SCENE, None));
     }
@@ -152,9 +181,15 @@ fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
     if plan.error_bound.is_none_or(|bound| bound > ACCURACY.value()) {
         (table, plan) = planned(Levels::build(&scene, ACCURACY, options.to_hz)?)?;
     }
+    Ok(Planned { table, plan, scene_toml })
+}
+
+fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
+    let started = Instant::now();
+    let Planned { table, plan, scene_toml } = planned(request, text)?;
     let field = FieldView::new(&table, Some(&plan), 0);
     Ok(Preview {
-        scene: SceneView::new(&scene),
+        scene: SceneView::new(&table.scene),
         plan: PlanView::new(&table, plan),
         field,
         scene_toml,

@@ -12,6 +12,7 @@ use super::limits::Limits;
 use super::preview::{MAX_SCENE, Preview, PreviewRequest};
 use super::problem::{Kind, Problem};
 use super::studies::{StudyRequest, StudyView};
+use super::tolerances::{TolerancesRequest, TolerancesView};
 use super::touch::TouchRequest;
 use super::view::FieldView;
 use super::{access, assets, description, live};
@@ -70,6 +71,8 @@ fn declared(time: Duration) -> OpenApiRouter<Arc<App>> {
         .routes(routes!(field))
         .routes(routes!(study))
         .routes(routes!(stop_study))
+        .routes(routes!(tolerances))
+        .routes(routes!(stop_tolerances))
         .routes(routes!(live::upgrade))
         .routes(routes!(metrics))
         .routes(routes!(openapi));
@@ -79,6 +82,7 @@ fn declared(time: Duration) -> OpenApiRouter<Arc<App>> {
     let most = |bytes: usize| Most { bytes, time };
     let large = OpenApiRouter::new()
         .routes(routes!(preview))
+        .routes(routes!(begin_tolerances))
         .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), whole_body));
     let larger = OpenApiRouter::new()
         .routes(routes!(begin_study))
@@ -260,6 +264,49 @@ async fn study(State(app): State<Arc<App>>) -> Response {
 async fn stop_study(State(app): State<Arc<App>>) -> Response {
     app.studies.stop();
     Json(app.studies.view()).into_response()
+}
+
+/// Begin to look at what tolerances do to a plan, without driving anything
+///
+/// The plan's drives stay as they are, and 128 panels are modelled whose springs, material, thickness and places are off: 64 with all of that at
+/// once, 16 with each by itself. One runs at a time, on half of the processors, and no study beside it. What it has found is kept until
+/// the next one begins.
+#[utoipa::path(
+    post,
+    path = "/v1/tolerances",
+    request_body = TolerancesRequest,
+    responses((status = 200, description = "It has begun", body = TolerancesView)),
+)]
+async fn begin_tolerances(
+    State(app): State<Arc<App>>,
+    client: Client,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}, "tolerances"?: {"springs"?: number, "youngs_modulus"?: number, "thickness"?: number, "places_mm"?: number}}"#;
+    let request: TolerancesRequest = from_body(&headers, &body, wanted)?;
+    Ok(Json(app.begin_tolerances(client, request).await?).into_response())
+}
+
+/// How far the look at tolerances is, and what it has found
+#[utoipa::path(
+    get,
+    path = "/v1/tolerances",
+    responses((status = 200, description = "The plan and what tolerances do to it", body = TolerancesView)),
+)]
+async fn tolerances(State(app): State<Arc<App>>) -> Response {
+    Json(app.looks.view()).into_response()
+}
+
+/// End the look at tolerances; panels that have begun are ended first
+#[utoipa::path(
+    post,
+    path = "/v1/tolerances/stop",
+    responses((status = 200, description = "What is known of it", body = TolerancesView)),
+)]
+async fn stop_tolerances(State(app): State<Arc<App>>) -> Response {
+    app.looks.stop();
+    Json(app.looks.view()).into_response()
 }
 
 /// Everything off, session disarmed

@@ -1,6 +1,7 @@
 //! Small design studies for the page: one at a time, beside everything else, of the daemon's own scene or one that is sent. Nothing is
 //! driven by them.
 
+use super::background::{Job, Newest, Place, Stage, Told, Work};
 use super::preview::{MAX_SCENE, check_size, too_large};
 use super::problem::{Kind, Problem};
 use crate::design::evaluate::Quick;
@@ -10,8 +11,6 @@ use crate::design::written::{figures, write};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use utoipa::ToSchema;
 
 /// Most designs, each counted as often as it is looked at: half a minute of the example plate on one processor.
@@ -32,24 +31,6 @@ pub struct StudyRequest {
     pub study: String,
     /// A whole scene file (TOML) as text; the daemon's own if not given.
     pub scene: Option<String>,
-}
-
-/// How far a study is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Stage {
-    /// None has been asked for yet.
-    None,
-    /// Designs are looked at.
-    Running,
-    /// The best are computed anew.
-    Finishing,
-    /// The best are there.
-    Done,
-    /// It was stopped.
-    Stopped,
-    /// It could not go on: `problem` says why.
-    Failed,
 }
 
 /// A study, as far as it is.
@@ -105,93 +86,49 @@ pub struct DesignView {
 pub struct Studies {
     /// The daemon's own scene.
     own: String,
-    current: Mutex<Arc<Running>>,
+    place: Place,
+    newest: Newest<Found>,
 }
 
-/// One study, and what is known of it.
-#[derive(Debug)]
-struct Running {
-    name: Option<String>,
-    there: AtomicUsize,
-    all: usize,
-    stops: AtomicBool,
-    found: Mutex<Found>,
-}
-
-#[derive(Debug)]
+/// What is known of a study.
+#[derive(Clone, Debug, Default)]
 struct Found {
-    stage: Stage,
+    name: Option<String>,
     as_it_is: Option<DesignView>,
     best: Vec<DesignView>,
     nearest: Option<NearestView>,
-    problem: Option<String>,
 }
 
-impl Running {
-    fn new(name: Option<String>, all: usize, stage: Stage) -> Self {
-        let found = Found { stage, as_it_is: None, best: Vec::new(), nearest: None, problem: None };
-        Self { name, there: AtomicUsize::new(0), all, stops: AtomicBool::new(false), found: Mutex::new(found) }
-    }
-
-    fn found(&self) -> std::sync::MutexGuard<'_, Found> {
-        self.found.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn is_under_way(&self) -> bool {
-        matches!(self.found().stage, Stage::Running | Stage::Finishing)
-    }
-
-    fn view(&self) -> StudyView {
-        let found = self.found();
-        StudyView {
-            stage: found.stage,
-            name: self.name.clone(),
-            there: self.there.load(Ordering::Relaxed),
-            all: self.all,
-            as_it_is: found.as_it_is.clone(),
-            best: found.best.clone(),
-            nearest: found.nearest.clone(),
-            problem: found.problem.clone(),
-        }
-    }
-}
-
-impl Observer for Running {
-    fn stops(&self) -> bool {
-        self.stops.load(Ordering::Relaxed)
-    }
-
-    fn does(&self, designs: usize) {
-        self.there.fetch_add(designs, Ordering::Relaxed);
+impl From<Told<Found>> for StudyView {
+    fn from(told: Told<Found>) -> Self {
+        let Told { stage, there, all, found, problem } = told;
+        let Found { name, as_it_is, best, nearest } = found;
+        Self { stage, name, there, all, as_it_is, best, nearest, problem }
     }
 }
 
 impl Studies {
     /// For a daemon whose scene file has this text.
     #[must_use]
-    pub fn new(own: String) -> Self {
-        Self { own, current: Mutex::new(Arc::new(Running::new(None, 0, Stage::None))) }
-    }
-
-    fn current(&self) -> Arc<Running> {
-        Arc::clone(&self.current.lock().unwrap_or_else(PoisonError::into_inner))
+    pub fn new(own: String, place: Place) -> Self {
+        Self { own, place, newest: Newest::none(Found::default()) }
     }
 
     /// How far the newest one is.
     #[must_use]
     pub fn view(&self) -> StudyView {
-        self.current().view()
+        self.newest.told().into()
     }
 
     /// No other task of it begins.
     pub fn stop(&self) {
-        self.current().stops.store(true, Ordering::Relaxed);
+        self.newest.stop();
     }
 
     /// Begins one.
     ///
     /// # Errors
-    /// [`Problem`]: mistakes in the study or its scene, more than is looked at here, or another one that is under way.
+    /// [`Problem`]: mistakes in the study or its scene, more than is looked at here, or other work that is under way.
     pub fn begin(&self, request: &StudyRequest) -> Result<StudyView, Problem> {
         let scene = request.scene.as_ref().unwrap_or(&self.own);
         for (field, text) in [(STUDY, &request.study), (SCENE, scene)] {
@@ -214,70 +151,33 @@ impl Studies {
             let problem = Problem::new(Kind::TooLarge, detail);
             return Err(problem.at("method.look", "thorough".into(), "\"quick\"".into(), None));
         }
-        let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
-        if current.is_under_way() {
-            let detail = "a study is under way: POST /v1/study/stop ends it";
-            return Err(Problem::new(Kind::StudyRuns, detail));
-        }
-        let running = Arc::new(Running::new(Some(study.spec.name.clone()), study.designs(), Stage::Running));
-        let own = Arc::clone(&running);
-        let work = move || {
-            let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| computed(&study, &own)));
-            let mut found = own.found();
-            match ended {
-                Ok(Ok(Some(Designs { as_it_is, best, nearest }))) => {
-                    (found.as_it_is, found.best, found.nearest) = (Some(as_it_is), best, nearest);
-                    found.stage = Stage::Done;
-                }
-                Ok(Ok(None)) => found.stage = Stage::Stopped,
-                Ok(Err(problem)) => (found.problem, found.stage) = (Some(problem), Stage::Failed),
-                Err(_) => {
-                    let problem = "it ended early; please report it with the study".to_owned();
-                    (found.problem, found.stage) = (Some(problem), Stage::Failed);
-                }
-            }
-        };
-        std::thread::Builder::new()
-            .name("study".into())
-            .spawn(work)
-            .map_err(|error| Problem::new(Kind::PreviewFailed, format!("no thread for the study: {error}")))?;
-        *current = Arc::clone(&running);
-        Ok(running.view())
+        let taken = self.place.take(Work::Study)?;
+        let found = Found { name: Some(study.spec.name.clone()), ..Found::default() };
+        let (all, work) = (study.designs(), move |job: &Job<Found>| computed(&study, job));
+        Ok(self.newest.begin(taken, all, found, work)?.into())
     }
 }
 
-/// What a study has found.
-struct Designs {
-    as_it_is: DesignView,
-    best: Vec<DesignView>,
-    nearest: Option<NearestView>,
-}
-
 /// Runs a study in a folder that is gone afterwards; `None` if it was stopped.
-fn computed(study: &Study, running: &Running) -> Result<Option<Designs>, String> {
+fn computed(study: &Study, job: &Job<Found>) -> Result<Option<Found>, String> {
     let told = |error: &dyn std::fmt::Display| error.to_string();
     let place = tempfile::tempdir().map_err(|error| told(&error))?;
     let folder = Folder::open(place.path(), study.key()).map_err(|error| told(&error))?;
-    // Half of the processors stay for touches.
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).div_ceil(2);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| told(&error))?;
-    pool.install(|| {
-        let ended = run(study, &folder, &Quick::new(study.options()), Shard::ALL, running);
-        if ended.map_err(|error| told(&error))? == Stopped::Early {
-            return Ok(None);
-        }
-        running.found().stage = Stage::Finishing;
-        let Some(written) = write(study, &folder, &|| running.stops()).map_err(|error| told(&error))? else {
-            return Ok(None);
-        };
-        let view = |own: &Finalist| view(study, own);
-        let nearest = written
-            .table
-            .nearest()
-            .map(|(design, entry)| NearestView { design, reason: entry.reason.clone().unwrap_or_default() });
-        let (as_it_is, best) = (view(&written.finals.base), written.finals.best.iter().map(view).collect());
-        Ok(Some(Designs { as_it_is, best, nearest }))
-    })
+    let ended = run(study, &folder, &Quick::new(study.options()), Shard::ALL, job);
+    if ended.map_err(|error| told(&error))? == Stopped::Early {
+        return Ok(None);
+    }
+    job.finishes();
+    let Some(written) = write(study, &folder, &|| job.stops()).map_err(|error| told(&error))? else {
+        return Ok(None);
+    };
+    let view = |own: &Finalist| view(study, own);
+    let nearest = written
+        .table
+        .nearest()
+        .map(|(design, entry)| NearestView { design, reason: entry.reason.clone().unwrap_or_default() });
+    let (as_it_is, best) = (Some(view(&written.finals.base)), written.finals.best.iter().map(view).collect());
+    Ok(Some(Found { name: Some(study.spec.name.clone()), as_it_is, best, nearest }))
 }
 
 fn view(study: &Study, own: &Finalist) -> DesignView {

@@ -4,6 +4,7 @@
 //! The drives stay as they are, and the panel is modelled anew for each sample. Forces are those of masses at rest, as in a plan's own
 //! prediction, which is what each sample is compared with.
 
+use crate::run::Observer;
 use crate::ways::latin_hypercube;
 use era_model::model::{Accuracy, ModelError, PanelModel};
 use era_model::response::{Component, ResponseError, acceleration_curves, peak_acceleration};
@@ -13,6 +14,7 @@ use era_planner::{Drive, Plan};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::fmt::Write;
 
 /// Samples with everything off at once.
 const SAMPLES: usize = 64;
@@ -23,11 +25,19 @@ const SEED: u64 = 1;
 /// Nearer to the border than this part of a side what is off lies on it: that changes nothing that is felt, and between the border and a point
 /// that is hardly off it cells are so small that their stiffness drowns the rest in rounding.
 const AT_THE_BORDER: f64 = 2e-3;
+/// Most that springs, Young's modulus and thickness may be off, as a part of themselves: there is something left of each.
+pub const MOST_PART: f64 = 0.9;
+/// Most that places may be off, in mm.
+pub const MOST_MM: f64 = 100.0;
+/// The fields of [`Tolerances`], with the most that each may be; the least is 0.
+pub const MOST: [(&str, f64); 4] =
+    [("springs", MOST_PART), ("youngs_modulus", MOST_PART), ("thickness", MOST_PART), ("places_mm", MOST_MM)];
 /// Least part of the plan's own peak, -120 dB, that a sample's peak is told as: on a node line there is none.
 const LEAST_PART: f64 = 1e-6;
 
 /// How far each kind of thing may be off, either way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Tolerances {
     /// Stiffness of supports, elastic edges and actuators, each by itself, relative.
     pub springs: f64,
@@ -46,8 +56,23 @@ impl Default for Tolerances {
     }
 }
 
+impl Tolerances {
+    /// Whether it can be looked at.
+    ///
+    /// # Errors
+    /// [`RangeError`] of the first one that is negative, too much or no number.
+    pub fn check(&self) -> Result<(), RangeError> {
+        let values = [self.springs, self.youngs_modulus, self.thickness, self.places_mm];
+        match MOST.into_iter().zip(values).find(|((_, most), value)| !(0.0..=*most).contains(value)) {
+            Some(((field, most), value)) => Err(RangeError { field, value, most }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// A kind of thing that may be off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum What {
     /// [`Tolerances::springs`].
@@ -78,6 +103,7 @@ impl What {
 
 /// The target's peak over some samples, in dB of what the plan predicts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = PeakRange))]
 pub struct Range {
     /// Of the weakest sample.
     pub least_db: f64,
@@ -89,16 +115,18 @@ pub struct Range {
 
 /// One kind by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = OneTolerance))]
 pub struct Own {
     /// Which.
     pub what: What,
-    /// What it does; `None` where the scene has nothing of it.
+    /// What it does.
     #[serde(flatten)]
-    pub range: Option<Range>,
+    pub range: Range,
 }
 
 /// What tolerances do to a plan's (first) target.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Spread {
     /// What may be off.
     pub tolerances: Tolerances,
@@ -107,13 +135,56 @@ pub struct Spread {
     pub range: Range,
     /// How many panels that is of. Others would be off further: the ends are no bounds.
     pub samples: usize,
-    /// Each kind by itself.
+    /// Each kind by itself that the scene has something of.
     pub of: Vec<Own>,
+}
+
+impl Spread {
+    /// It in words: a line for everything at once, and one for each kind by itself.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let Tolerances { springs, youngs_modulus, thickness, places_mm } = self.tolerances;
+        let percent = |part: f64| format!("{} %", (1e4 * part).round() / 1e2);
+        let by = |what: What| match what {
+            What::Springs => percent(springs),
+            What::YoungsModulus => percent(youngs_modulus),
+            What::Thickness => percent(thickness),
+            What::Places => format!("{places_mm} mm"),
+        };
+        let ends = |range: &Range| {
+            format!("{:+.1} to {:+.1} dB, {:+.1} in the middle", range.least_db, range.most_db, range.median_db)
+        };
+        let (all, samples) = (ends(&self.range), self.samples);
+        let mut text =
+            format!("if the panel is off, the same drives do {all} ({samples} panels; others may be further off)");
+        for Own { what, range } in &self.of {
+            let _ = write!(text, "\n  {} by up to {} alone: {}", what.name(), by(*what), ends(range));
+        }
+        text
+    }
+}
+
+/// A tolerance that is not in its range.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{field} is {value}, but must be in 0 to {most}")]
+pub struct RangeError {
+    /// Its name in [`Tolerances`].
+    pub field: &'static str,
+    /// Its value, in the field's unit.
+    pub value: f64,
+    /// Most that is allowed, in the same.
+    pub most: f64,
 }
 
 /// Tolerances that cannot be looked at.
 #[derive(Debug, thiserror::Error)]
 pub enum ToleranceError {
+    /// One of them is not in its range.
+    #[error(transparent)]
+    Range(#[from] RangeError),
+    /// Whoever watched wanted no more of it.
+    #[error("stopped before all panels were looked at")]
+    Stopped,
     /// A panel cannot be modelled.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -127,10 +198,35 @@ pub enum ToleranceError {
 /// # Errors
 /// [`ToleranceError`].
 pub fn spread(scene: &Scene, plan: &Plan, tolerances: Tolerances) -> Result<Spread, ToleranceError> {
+    watched_spread(scene, plan, tolerances, &())
+}
+
+/// How many panels [`spread`] looks at for this scene.
+#[must_use]
+pub fn panels(scene: &Scene) -> usize {
+    let kinds = What::ALL.iter().filter(|what| values(scene, **what) > 0).count();
+    EACH * kinds + if kinds > 0 { SAMPLES } else { 0 }
+}
+
+/// The same as [`spread`], for an observer that is told of every panel and may stop it.
+///
+/// # Errors
+/// [`ToleranceError`].
+pub fn watched_spread(
+    scene: &Scene,
+    plan: &Plan,
+    tolerances: Tolerances,
+    observer: &dyn Observer,
+) -> Result<Spread, ToleranceError> {
+    tolerances.check()?;
     let at = (plan.target_m[0], plan.target_m[1]);
     let meant = peak(scene, &plan.drives, at)?;
     let level = |scene: &Scene| -> Result<f64, ToleranceError> {
+        if observer.stops() {
+            return Err(ToleranceError::Stopped);
+        }
         let part = if meant > 0.0 { peak(scene, &plan.drives, at)? / meant } else { 1.0 };
+        observer.does(1);
         Ok(20.0 * part.max(LEAST_PART).log10())
     };
     // A stream of random numbers for each question: none changes with those before it.
@@ -146,8 +242,10 @@ pub fn spread(scene: &Scene, plan: &Plan, tolerances: Tolerances) -> Result<Spre
         let at = |k: usize| levels.get(k).copied().unwrap_or(0.0);
         Ok(Some(Range { least_db: at(0), median_db: at(samples / 2), most_db: at(samples - 1) }))
     };
-    let of = (1..).zip(What::ALL).map(|(stream, what)| Ok(Own { what, range: range(&[what], EACH, stream)? }));
-    let of = of.collect::<Result<_, ToleranceError>>()?;
+    let mut of = Vec::new();
+    for (stream, what) in (1..).zip(What::ALL) {
+        of.extend(range(&[what], EACH, stream)?.map(|range| Own { what, range }));
+    }
     let nothing = Range { least_db: 0.0, median_db: 0.0, most_db: 0.0 };
     Ok(Spread { tolerances, range: range(&What::ALL, SAMPLES, 0)?.unwrap_or(nothing), samples: SAMPLES, of })
 }

@@ -24,7 +24,7 @@ fn planned(scene: Scene, at_m: (f64, f64)) -> (Scene, Plan) {
 }
 
 fn own(spread: &Spread, what: What) -> (f64, f64) {
-    let range = spread.of.iter().find(|own| own.what == what).unwrap().range.unwrap();
+    let range = spread.of.iter().find(|own| own.what == what).unwrap().range;
     (range.least_db, range.most_db)
 }
 

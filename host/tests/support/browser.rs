@@ -41,6 +41,14 @@ pub fn browser_or_skip() -> Option<&'static str> {
     program
 }
 
+/// Keeps a picture of the page if `ERA_SCREENSHOTS` names a folder.
+pub fn save(browser: &mut Browser, name: &str) {
+    if let Some(folder) = std::env::var_os("ERA_SCREENSHOTS") {
+        let path = std::path::Path::new(&folder).join(format!("{name}.png.base64"));
+        std::fs::write(path, browser.screenshot()).unwrap();
+    }
+}
+
 /// Serves one page, whatever is asked for, and tells where.
 pub fn serve_page(listener: TcpListener, html: String) -> String {
     let url = format!("http://{}", listener.local_addr().unwrap());

@@ -52,9 +52,29 @@ fn own(path: &str) -> &'static [Kind] {
             Kind::PreviewSuperseded,
             Kind::PreviewFailed,
         ],
-        "/v1/study" => {
-            &[Kind::ContentType, Kind::BadScene, Kind::NoModel, Kind::TooLarge, Kind::StudyRuns, Kind::PreviewFailed]
-        }
+        "/v1/study" => &[
+            Kind::ContentType,
+            Kind::BadScene,
+            Kind::NoModel,
+            Kind::TooLarge,
+            Kind::StudyRuns,
+            Kind::TolerancesRun,
+            Kind::PreviewFailed,
+        ],
+        "/v1/tolerances" => &[
+            Kind::ContentType,
+            Kind::OutOfRange,
+            Kind::InCutout,
+            Kind::BadScene,
+            Kind::NoPlan,
+            Kind::NoModel,
+            Kind::TooLarge,
+            Kind::QueueFull,
+            Kind::StudyRuns,
+            Kind::TolerancesRun,
+            Kind::PreviewFailed,
+            Kind::Closing,
+        ],
         "/v1/requests/{id}" => &[Kind::BadPath, Kind::NotFound],
         "/v1/field" => {
             &[Kind::BadQuery, Kind::OutOfRange, Kind::InCutout, Kind::NoPlan, Kind::QueueFull, Kind::Closing]

@@ -5,6 +5,7 @@ use crate::daemon::admission::MAX_NAME;
 use crate::daemon::attachments::TABLES;
 use crate::daemon::preview::MAX_SCENE;
 use crate::daemon::touch::{MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS};
+use crate::design::tolerances::MOST;
 use crate::effects::intensity::{MAX_DB, MIN_DB};
 use crate::effects::named::{COUNTS, PERIODS_MS};
 use crate::planner::MAX_QUIET_ZONES;
@@ -16,7 +17,7 @@ use serde_json::{Value, json};
 fn numbers() -> Vec<(&'static str, f64, f64)> {
     let (least_ms, most_ms) = (f64::from(MIN_DURATION_MS), f64::from(MAX_DURATION_MS));
     let no_most = f64::INFINITY;
-    vec![
+    let mut all = vec![
         ("intensity_g", 0.0, MAX_INTENSITY_G),
         ("intensity_db", MIN_DB, MAX_DB),
         ("duration_ms", least_ms, most_ms),
@@ -28,12 +29,16 @@ fn numbers() -> Vec<(&'static str, f64, f64)> {
         ("y_px", 0.0, no_most),
         ("radius_mm", 0.0, MAX_QUIET_RADIUS_M * 1e3),
         ("at_most_g", 0.0, no_most),
-    ]
+    ];
+    all.extend(MOST.map(|(name, most)| (name, 0.0, most)));
+    all
 }
 
 /// Puts the ranges into the schemas of requests.
 pub fn put(document: &mut Value) {
-    for name in ["Touch", "Also", "QuietZone", "PreviewRequest", "LiveIn", "Finger"] {
+    let requests =
+        ["Touch", "Also", "QuietZone", "PreviewRequest", "TolerancesRequest", "WantedTolerances", "LiveIn", "Finger"];
+    for name in requests {
         let properties = schema(document, name).and_then(|schema| schema.get_mut("properties"));
         let Some(properties) = properties.and_then(Value::as_object_mut) else { continue };
         for (field, least, most) in numbers() {
