@@ -22,6 +22,7 @@ __all__ = [
     "TargetResult",
     "Transient",
     "Verification",
+    "__version__",
     "field",
     "modes",
     "plan",
@@ -31,6 +32,8 @@ __all__ = [
     "transient",
     "verify",
 ]
+
+__version__: str
 
 _Tolerance = Union[float, Literal["fast", "balanced", "reference"]]
 _Place = Union[tuple[float, float], Sequence[float], float]
