@@ -147,3 +147,25 @@ fn the_example_study_finds_better_places_and_tells_the_best_first() {
     assert!(best.len() == 3 && best.is_sorted_by(|a, b| a >= b), "{best:?}");
     assert!(best[0] > 2.5 * weakest(&summary["as_it_is"]), "{summary}");
 }
+
+/// What other commands say of a scene whose ERAs lack stops is said of a study's, word for word and once, however many designs there are.
+#[test]
+fn stops_that_are_missing_are_told_once() {
+    let (place, study) = prepared(SOBOL);
+    let bar = place.path().join("bar.toml");
+    let warned = |arguments: &[&str]| {
+        let output = era(arguments);
+        assert!(output.status.success(), "{}", told(&output));
+        let text = told(&output);
+        // The logger's time stands before the words.
+        let own = text.lines().filter_map(|line| Some(line[line.find("a press of")?..].to_owned()));
+        own.collect::<Vec<String>>()
+    };
+    let out = |name: &str| place.path().join(name).display().to_string();
+    assert!(warned(&["study", &study, "--out", &out("with")]).is_empty());
+    let without: Vec<&str> = era::scene::EXAMPLE_BAR.lines().filter(|line| !line.starts_with("stop_um")).collect();
+    fs::write(&bar, without.join("\n")).unwrap();
+    let wanted = warned(&["plan", "--at", "480,100", "--no-cache", "--scene", &bar.display().to_string()]);
+    assert!(!wanted.is_empty() && wanted.iter().all(|line| line.contains("stop_um = ")), "{wanted:?}");
+    assert_eq!(warned(&["study", &study, "--out", &out("without")]), wanted);
+}

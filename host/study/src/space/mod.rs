@@ -132,6 +132,14 @@ impl Space {
         self.scene(&nothing, off)
     }
 
+    /// The same, whether or not it keeps what designs have to keep (`[[apart]]`).
+    ///
+    /// # Errors
+    /// As [`Space::base`].
+    pub fn unchanged(&self) -> Result<Scene, Refused> {
+        document::scene(&self.source, &self.base)
+    }
+
     /// How many values may be off by themselves.
     #[must_use]
     pub fn uncertain_values(&self) -> usize {
