@@ -1,4 +1,4 @@
-//! The examples of `docs/src/http.md`, as they stand there, against daemons; only ports are others.
+//! The examples of `docs/src/http.md`, as they stand there, against daemons; only ports are others. Those of `docs/src/studies.md`, as studies.
 
 mod support;
 
@@ -18,9 +18,14 @@ use support::browser::{Browser, browser_or_skip, serve_page};
 const HERE: &str = "127.0.0.1:7878";
 const ELSEWHERE: &str = "panel.local:7878";
 
-/// Every piece of code in the page: its language, and its lines.
-fn code() -> Vec<(String, String)> {
-    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src/http.md")).unwrap();
+/// A file of the repository.
+fn file(path: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)).unwrap()
+}
+
+/// Every piece of code in a page of the manual: its language, and its lines.
+fn code(page: &str) -> Vec<(String, String)> {
+    let page = file(&format!("docs/src/{page}"));
     // Between the marks, text and code take turns.
     let pieces = page.split("\n```").skip(1).step_by(2);
     pieces.map(|piece| piece.split_once('\n').unwrap()).map(|(kind, text)| (kind.to_owned(), text.to_owned())).collect()
@@ -28,7 +33,7 @@ fn code() -> Vec<(String, String)> {
 
 /// The only piece of that language that has these words in it.
 fn example(language: &str, words: &str) -> String {
-    let mut found = code().into_iter().filter(|(kind, text)| kind == language && text.contains(words));
+    let mut found = code("http.md").into_iter().filter(|(kind, text)| kind == language && text.contains(words));
     let (_, text) = found.next().unwrap_or_else(|| panic!("no {language} with {words:?}"));
     assert!(found.next().is_none(), "several {language} with {words:?}");
     text
@@ -65,9 +70,9 @@ fn is_off(state: &str) -> bool {
 /// A new example wants a test here.
 #[test]
 fn every_example_is_one_that_is_run() {
-    let count = |language: &str| code().iter().filter(|(kind, _)| kind == language).count();
+    let count = |language: &str| code("http.md").iter().filter(|(kind, _)| kind == language).count();
     assert_eq!((count("python"), count("html"), count("javascript"), count("js")), (3, 1, 0, 0));
-    assert!(code().iter().all(|(kind, _)| ["python", "html", "console"].contains(&kind.as_str())));
+    assert!(code("http.md").iter().all(|(kind, _)| ["python", "html", "console"].contains(&kind.as_str())));
 }
 
 /// Plain Python, when all is well and when it is not.
@@ -226,4 +231,18 @@ fn a_page_of_another_origin_touches() {
     let told = told.expect("the board is late for ever");
     assert!(told.strip_prefix("200, plan ").is_some_and(|id| id.parse::<u64>().is_ok()), "{told}");
     assert!(daemon.sim.drives_received().is_some());
+}
+
+/// The manual's first study is the one that comes with the program, with which its figures were found; all are studies of the example plate.
+#[test]
+fn the_studies_of_the_manual_are_studies() {
+    let studies: Vec<String> =
+        code("studies.md").into_iter().filter(|(kind, _)| kind == "toml").map(|(_, text)| text).collect();
+    let example = file("examples/studies/placement.toml");
+    assert_eq!(studies.first().map(|text| text.trim_end()), Some(example.trim_end()));
+    assert!(studies.len() >= 2, "{}", studies.len());
+    for text in studies {
+        let study = era::design::run::Study::parse("studies.md", &text, "plate.toml", EXAMPLE_PLATE);
+        assert!(study.is_ok(), "{}", study.unwrap_err());
+    }
 }

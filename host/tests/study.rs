@@ -1,10 +1,14 @@
-//! `era study` as it is called: stopped by a signal and gone on with, in shares, refused; what it writes is what other commands compute.
+//! `era study` as it is called: stopped by a signal and gone on with, in shares, refused; what it writes is what other commands compute. Its
+//! report in Chromium (`ERA_NO_BROWSER=1` skips).
+
+mod support;
 
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use support::browser::{Browser, browser_or_skip};
 
 /// One ERA of the bar moves, the springs change: little work, and two panels.
 const STUDY: &str = "version = 1\nname = \"bar\"\nscene = \"bar.toml\"\n\
@@ -146,4 +150,74 @@ fn the_example_study_finds_better_places_and_tells_the_best_first() {
     let best: Vec<f64> = summary["best"].as_array().unwrap().iter().map(weakest).collect();
     assert!(best.len() == 3 && best.is_sorted_by(|a, b| a >= b), "{best:?}");
     assert!(best[0] > 2.5 * weakest(&summary["as_it_is"]), "{summary}");
+}
+
+/// What other commands say of a scene whose ERAs lack stops is said of a study's, word for word and once, however many designs there are.
+#[test]
+fn stops_that_are_missing_are_told_once() {
+    let (place, study) = prepared(SOBOL);
+    let bar = place.path().join("bar.toml");
+    let warned = |arguments: &[&str]| {
+        let output = era(arguments);
+        assert!(output.status.success(), "{}", told(&output));
+        let text = told(&output);
+        // The logger's time stands before the words.
+        let own = text.lines().filter_map(|line| Some(line[line.find("a press of")?..].to_owned()));
+        own.collect::<Vec<String>>()
+    };
+    let out = |name: &str| place.path().join(name).display().to_string();
+    assert!(warned(&["study", &study, "--out", &out("with")]).is_empty());
+    let without: Vec<&str> = era::scene::EXAMPLE_BAR.lines().filter(|line| !line.starts_with("stop_um")).collect();
+    fs::write(&bar, without.join("\n")).unwrap();
+    let wanted = warned(&["plan", "--at", "480,100", "--no-cache", "--scene", &bar.display().to_string()]);
+    assert!(!wanted.is_empty() && wanted.iter().all(|line| line.contains("stop_um = ")), "{wanted:?}");
+    assert_eq!(warned(&["study", &study, "--out", &out("without")]), wanted);
+}
+
+/// Pairs of texts of a picture that lie on each other, and texts that stand out over its sides.
+const COLLIDING: &str = "[...document.querySelectorAll('svg')].flatMap((svg) => {
+    const own = svg.getBoundingClientRect();
+    const all = [...svg.querySelectorAll('text')].filter((text) => text.textContent !== '')
+        .map((text) => ({ word: text.textContent, box: text.getBoundingClientRect() }));
+    const out = all.filter(({ box }) => box.left < own.left || box.right > own.right || box.top < own.top || box.bottom > own.bottom);
+    const meets = (a, b) => a.left < b.right - .5 && b.left < a.right - .5 && a.top < b.bottom - .5 && b.top < a.bottom - .5;
+    const pairs = all.flatMap((one, k) => all.slice(k + 1).filter((other) => meets(one.box, other.box)).map((other) => [one.word, other.word]));
+    return [...out.map(({ word }) => [word, 'the side']), ...pairs];
+})";
+
+/// The best designs are named in the plot, texts do not lie on each other, and what does not meet a limit is marked.
+#[test]
+fn the_reports_texts_do_not_meet_and_what_breaks_a_limit_is_marked() {
+    let Some(program) = browser_or_skip() else { return };
+    let (place, study) = prepared(
+        "[[variable]]\nname = \"metal\"\nkey = \"surface.material.density_kg_m3\"\nvalues = [2700.0, 7800.0, 8900.0]\n\
+         names = [\"aluminium of the usual alloy\", \"steel\", \"copper\"]\n\
+         [[limit]]\nfigure = \"mass_g\"\nleast = 50\n[method]\nway = \"sobol\"\ndesigns = 32\nseed = 3\n",
+    );
+    let out = place.path().join("out");
+    let done = era(&["study", &study, "--out", &out.display().to_string()]);
+    assert!(done.status.success(), "{}", told(&done));
+    let mut browser = Browser::start(program, 1200, 2600);
+    browser.open(&format!("file://{}", out.join("report.html").display()));
+    browser.wait_for("document.querySelector('#parallel svg')");
+    let texts = browser.value("[...document.querySelectorAll('#scatter text.mark')].map((text) => text.textContent)");
+    let head = browser.value("[...document.querySelector('table tr').cells].slice(1).map((cell) => cell.textContent)");
+    let names = head.as_array().unwrap();
+    assert!(names.len() >= 3, "{head}");
+    assert!(names.iter().all(|name| texts.as_array().unwrap().contains(name)), "{head} {texts}");
+    // Of all columns, each against each.
+    let columns = browser.value("document.getElementById('up').options.length").as_u64().unwrap();
+    for (across, up) in (0..columns).flat_map(|across| (0..columns).map(move |up| (across, up))) {
+        let collides = browser.value(&format!(
+            "[['across', {across}], ['up', {up}]].forEach(([id, value]) => {{ const list = document.getElementById(id); list.value = value; \
+             list.dispatchEvent(new Event('change')); }}); {COLLIDING}"
+        ));
+        assert_eq!(collides, serde_json::json!([]), "across {across}, up {up}");
+    }
+    let blank = browser.value(
+        "[...document.querySelector('table').rows].filter((row) => [...row.cells].slice(1).some((cell) => cell.textContent === '')).length",
+    );
+    assert_eq!(blank, 0);
+    let marked = browser.value("[...document.querySelectorAll('td.unmet')].map((cell) => cell.textContent)");
+    assert!(marked.as_array().unwrap().iter().any(|text| text == "not met"), "{marked}");
 }

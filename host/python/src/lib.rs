@@ -34,6 +34,7 @@ mod _era {
     /// for a mistake.
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.py().import("numpy")?;
         PyArray1::<f64>::zeros(module.py(), 1, false);
         Ok(())

@@ -52,6 +52,16 @@ pub fn run_beside<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Pool) -> Result<T, Raised> + Send + 'static,
 ) -> PyResult<T> {
+    run_told(py, |_| Ok(()), work)
+}
+
+/// The same with `tell`, which is called in the caller's thread between two looks for a signal, and once more when the work is done. What
+/// it raises ends the work, as a signal does.
+pub fn run_told<T: Send + 'static>(
+    py: Python<'_>,
+    mut tell: impl FnMut(Python<'_>) -> PyResult<()>,
+    work: impl FnOnce(&Pool) -> Result<T, Raised> + Send + 'static,
+) -> PyResult<T> {
     let failed = |error: &dyn std::fmt::Display| PyRuntimeError::new_err(format!("no thread to compute in: {error}"));
     let pool = pool().map_err(|error| failed(&error))?;
     let stop = Stop::default();
@@ -70,12 +80,16 @@ pub fn run_beside<T: Send + 'static>(
             (waiting, found)
         });
         match found {
-            Ok(Ok(found)) => return found.map_err(PyErr::from),
+            Ok(Ok(found)) => {
+                let found = found?;
+                tell(py)?;
+                return Ok(found);
+            }
             // A mistake of the program, which Python shows as `PanicException`.
             Ok(Err(panic)) => resume_unwind(panic),
             Err(RecvTimeoutError::Disconnected) => return Err(failed(&"it ended without an answer")),
             Err(RecvTimeoutError::Timeout) => {
-                if let Err(raised) = py.check_signals() {
+                if let Err(raised) = py.check_signals().and_then(|()| tell(py)) {
                     stop.ask();
                     return Err(raised);
                 }

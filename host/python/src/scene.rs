@@ -5,7 +5,7 @@ use crate::document;
 use crate::errors::{Raised, scene_error};
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, PixelError, Scene, SurfaceKind};
 use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::PyOSError;
+use pyo3::exceptions::{PyOSError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -15,6 +15,9 @@ use toml::Table;
 
 /// What messages call a scene that was made from keywords.
 const KEYWORDS: &str = "Scene";
+/// What is said to whoever gives no surface: most have the text of a file, or its path.
+const NO_SURFACE: &str = "Scene() is made of a scene's tables, and its argument surface is missing: Scene.from_toml takes the text of \
+                          a scene file, Scene.from_file its path, Scene.example \"plate\" or \"bar\"";
 
 /// A panel with everything that holds, loads and drives it; never changes.
 ///
@@ -38,6 +41,8 @@ const KEYWORDS: &str = "Scene";
 /// ------
 /// SceneError
 ///     With every mistake, in `mistakes`.
+/// TypeError
+///     There is no surface. `Scene.from_toml` takes a file's text.
 ///
 /// Examples
 /// --------
@@ -93,13 +98,18 @@ impl PyScene {
 #[pymethods]
 impl PyScene {
     #[new]
-    #[pyo3(signature = (name, surface, *, screen=None, layer=None, patch=None, cutout=None, support=None, edge=None, mass=None,
-        actuator=None, press=None, finger=None, air=None))]
+    // The surface has a default here, so that its lack is told in words that help; to those who ask for the signature it has none.
+    #[pyo3(
+        signature = (name, surface=None, *, screen=None, layer=None, patch=None, cutout=None, support=None, edge=None, mass=None,
+            actuator=None, press=None, finger=None, air=None),
+        text_signature = "(name, surface, *, screen=None, layer=None, patch=None, cutout=None, support=None, edge=None, mass=None, \
+            actuator=None, press=None, finger=None, air=None)"
+    )]
     #[expect(clippy::too_many_arguments, reason = "the tables of a scene file")]
     fn new<'py>(
         py: Python<'py>,
         name: &Bound<'py, PyAny>,
-        surface: &Bound<'py, PyAny>,
+        surface: Option<&Bound<'py, PyAny>>,
         screen: Option<&Bound<'py, PyAny>>,
         layer: Option<&Bound<'py, PyAny>>,
         patch: Option<&Bound<'py, PyAny>>,
@@ -112,10 +122,13 @@ impl PyScene {
         finger: Option<&Bound<'py, PyAny>>,
         air: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
+        if surface.is_none() {
+            return Err(PyTypeError::new_err(NO_SURFACE));
+        }
         let keywords = PyDict::new(py);
         let all = [
             ("name", Some(name)),
-            ("surface", Some(surface)),
+            ("surface", surface),
             ("screen", screen),
             ("layer", layer),
             ("patch", patch),

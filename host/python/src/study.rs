@@ -2,7 +2,7 @@
 
 use crate::errors::{Raised, scene_error};
 use crate::results::{array, from_json};
-use crate::run::{run, run_beside};
+use crate::run::{run, run_beside, run_told};
 use crate::scene::PyScene;
 use era_study::evaluate::{Evaluator, Quick, Thorough};
 use era_study::result::Table;
@@ -14,6 +14,7 @@ use pyo3::types::{PyBytes, PyDict, PyType};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Sender, channel};
 
 /// What messages call a study and a scene that are not files.
 const STUDY: &str = "study";
@@ -67,7 +68,16 @@ type Made<'py> = (String, Bound<'py, PyAny>);
 /// Who may stop work, and wants to know how much is done.
 struct Watched {
     stop: era_model::stop::Stop,
-    done: Arc<AtomicUsize>,
+    done: AtomicUsize,
+    /// To whoever wants to know how many more are there.
+    more: Sender<usize>,
+}
+
+impl Watched {
+    fn tell(&self, designs: usize) {
+        // Nobody listens after a signal.
+        let _ = self.more.send(designs);
+    }
 }
 
 impl Observer for Watched {
@@ -75,8 +85,19 @@ impl Observer for Watched {
         self.stop.is_asked()
     }
 
+    fn begins(&self, there: usize, _all: usize) {
+        if there > 0 {
+            self.tell(there);
+        }
+    }
+
+    fn finds(&self, designs: usize) {
+        self.tell(designs);
+    }
+
     fn does(&self, designs: usize) {
         self.done.fetch_add(designs, Ordering::Relaxed);
+        self.tell(designs);
     }
 }
 
@@ -325,16 +346,30 @@ impl PyStudy {
     /// ----------
     /// folder : str or os.PathLike
     ///     Made if it is not there.
+    /// progress : callable, optional
+    ///     Called in this thread with the number of designs that are there, and of all, as they come. What it raises ends the work.
     ///
     /// Returns
     /// -------
     /// int
     ///     How many designs were computed.
-    fn compute_all(&self, py: Python<'_>, folder: PathBuf) -> PyResult<usize> {
+    #[pyo3(signature = (folder, progress=None))]
+    fn compute_all(&self, py: Python<'_>, folder: PathBuf, progress: Option<&Bound<'_, PyAny>>) -> PyResult<usize> {
         let folder = self.folder(folder)?;
         let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
-        run_beside(py, move |pool| {
-            let watched = Watched { stop: pool.stop(), done: Arc::default() };
+        let (more, coming) = channel();
+        let (mut there, all) = (0, self.study.designs());
+        let tell = |_: Python<'_>| {
+            for designs in coming.try_iter() {
+                there += designs;
+                if let Some(progress) = progress {
+                    progress.call1((there, all))?;
+                }
+            }
+            Ok(())
+        };
+        run_told(py, tell, move |pool| {
+            let watched = Watched { stop: pool.stop(), done: AtomicUsize::new(0), more };
             let ended = pool.install(|| era_study::run::run(&study, &folder, &*evaluator, Shard::ALL, &watched))?;
             match ended {
                 Stopped::Done => Ok(watched.done.load(Ordering::Relaxed)),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import importlib.metadata
+import inspect
 import pickle
 from pathlib import Path
 from typing import Any
@@ -139,3 +141,14 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         era.Scene.from_file(tmp_path / "nothing.toml")
     with pytest.raises(era.RequestError, match="name"):
         era.Scene.example("disc")  # type: ignore[arg-type]
+
+
+def test_the_version_is_the_packages() -> None:
+    assert era.__version__ == importlib.metadata.version("era")
+
+
+def test_the_text_of_a_file_is_not_taken_for_a_name(plate: era.Scene) -> None:
+    with pytest.raises(TypeError, match=r"surface is missing: Scene\.from_toml takes the text"):
+        era.Scene(plate.to_toml())  # type: ignore[call-arg]
+    # To those who ask, it is still an argument that has to be there.
+    assert inspect.signature(era.Scene).parameters["surface"].default is inspect.Parameter.empty

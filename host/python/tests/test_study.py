@@ -114,6 +114,37 @@ def test_the_table_is_read_by_others(alone: tuple[era.study.Result, dict[str, by
     np.testing.assert_allclose(left + right, 300.0)
 
 
+def test_progress_is_told_without_a_client(alone: tuple[era.study.Result, dict[str, bytes]], tmp_path: Path) -> None:
+    seen: list[tuple[int, int]] = []
+    threads: set[int] = set()
+
+    def progress(there: int, of: int) -> None:
+        seen.append((there, of))
+        threads.add(threading.get_ident())
+
+    # What is there already is told as one.
+    for name in ("base", "designs-0000000", "designs-0000003"):
+        places().keep(tmp_path, name, alone[1][f"rows/{name}.rows"])
+    era.study.run(places(), folder=tmp_path, progress=progress)
+    assert files(tmp_path) == alone[1]
+    assert seen == [(2 * k, 24) for k in range(2, 13)]
+    assert threads == {threading.get_ident()}
+
+
+def test_what_progress_raises_ends_a_study_which_goes_on_later(
+    alone: tuple[era.study.Result, dict[str, bytes]], tmp_path: Path
+) -> None:
+    def progress(there: int, _: int) -> None:
+        if there >= 4:
+            raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        era.study.run(places(), folder=tmp_path, progress=progress)
+    assert not (tmp_path / "report.html").exists()
+    era.study.run(places(), folder=tmp_path)
+    assert files(tmp_path) == alone[1]
+
+
 @pytest.mark.parametrize("workers", [1, 2, 4])
 def test_any_number_of_workers_finds_the_same_bytes(
     workers: int, alone: tuple[era.study.Result, dict[str, bytes]], tmp_path: Path
@@ -141,6 +172,11 @@ def test_a_search_finds_the_same_bytes_and_goes_on(searched: dict[str, bytes], t
     seen: list[int] = []
     with dask(2) as client:
         era.study.run(study, client, folder=tmp_path, progress=lambda there, _: seen.append(there))
+    assert files(tmp_path) == searched
+    assert seen == [6 * k for k in range(1, 9)]
+    # The same without a client: all is there, of each search in its turn.
+    seen.clear()
+    era.study.run(study, folder=tmp_path, progress=lambda there, _: seen.append(there))
     assert files(tmp_path) == searched
     assert seen == [6 * k for k in range(1, 9)]
 
@@ -321,7 +357,7 @@ import era, era.study, sys
 study = era.Study(open(sys.argv[1]).read(), era.Scene.example("plate"))
 print("started", flush=True)
 try:
-    era.study.run(study, folder=sys.argv[2])
+    era.study.run(study, folder=sys.argv[2], progress=lambda there, of: None)
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """

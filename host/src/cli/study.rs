@@ -1,12 +1,15 @@
 //! The command `study`: a study computed, or a share of it, and its results written.
 
+use super::args::{Keep, Panel};
 use super::args_study::Study as Options;
+use super::panel::plan_table;
 use super::progress_of::{Shown, stop_on_signals};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::design::evaluate::{Evaluator, Quick, Thorough};
 use crate::design::result::GatherError;
 use crate::design::run::{self, Folder, FolderError, RunError, Shard, Stopped, Study, StudyError};
 use crate::design::written::{WriteError, write};
+use crate::scene::Mount;
 use std::path::{Path, PathBuf};
 
 impl From<StudyError> for Failure {
@@ -50,6 +53,7 @@ pub fn run(options: &Options) -> Outcome {
     let study = Study::load(&options.study)?;
     let path = options.out.clone().unwrap_or_else(|| usual_folder(&options.study));
     let folder = Folder::open(&path, study.key())?;
+    warn_of_press(&study);
     let stops = stop_on_signals();
     let shard = options.shard.unwrap_or(Shard::ALL);
     if !options.gather {
@@ -93,6 +97,17 @@ pub fn run(options: &Options) -> Outcome {
         return print_json(&written.summary(&study, &path));
     }
     print_text(&written.text(&study, &path))
+}
+
+/// Says of the study's scene what other commands say when they load it: which actuators do not bear its press. Not of each design, as there
+/// are many, which lack the same stops.
+fn warn_of_press(study: &Study) {
+    let Ok(scene) = study.space.unchanged() else { return };
+    // A table takes a second or two, and with all stops there is nothing to say.
+    if scene.actuators.iter().any(|own| own.mount == Mount::Grounded && own.stop_m.is_none()) {
+        // Where there is none, the scene's own row of the results says why.
+        let _ = plan_table(&Panel::default(), Keep { no_cache: true }, &scene);
+    }
 }
 
 /// The study's name with `-results`, in the current directory.

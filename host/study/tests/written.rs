@@ -1,9 +1,9 @@
 //! What is written of a study, read back: the table by Parquet's reader and by its bytes, the report as a page.
 
 use era_model::scene::EXAMPLE_PLATE;
-use era_study::evaluate::Figures;
+use era_study::evaluate::{Figures, Verified};
 use era_study::report::report;
-use era_study::result::{Finals, Table, write_parquet};
+use era_study::result::{Finalist, Finals, Table, write_parquet};
 use era_study::run::{Outcome, Row, Study};
 use era_study::written::Written;
 use parquet::file::reader::{FileReader, SerializedFileReader};
@@ -99,9 +99,8 @@ fn the_table_is_read_back() {
 fn the_report_stands_alone() {
     let study = study();
     let table = table(&study);
-    let base =
-        era_study::result::Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
-    let best = era_study::result::Finalist { design: 2, ..base.clone() };
+    let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
+    let best = Finalist { design: 2, ..base.clone() };
     let html = report(&study, &table, &Finals { base, best: vec![best], tolerance: 1e-3 });
     assert_eq!(html.matches("</script>").count(), 2, "the data's, and the script's");
     for outside in ["src=", "href=", "@import", "url(", "fetch(", "http-equiv"] {
@@ -117,6 +116,40 @@ fn the_report_stands_alone() {
     assert_eq!(data["rows"][1], serde_json::json!([2, [2, 150.0, 100.0, 1.0, 0.6, 300.0]]));
     assert_eq!(data["wishes"][1], serde_json::json!({"name": "mass_g", "column": 5, "most": false}));
     assert!(html.contains("no such thing"));
+    // The scene as it is has its own values of what may change: of the first actuator, and of the choice that its density is.
+    assert_eq!(data["base"], serde_json::json!([1, [0, 75.0, 100.0, 0.0, 0.3, 350.0]]));
+    for row in ["actuator.left.x_mm</th><td>75</td><td>150</td>", "metal</th><td>light</td><td>&lt;/script&gt;</td>"] {
+        assert!(html.contains(row), "{row}");
+    }
+}
+
+/// What does not keep a limit is marked, be it the scene as it is or one of the best once it is computed anew.
+#[test]
+fn what_does_not_meet_a_limit_is_marked_in_the_report() {
+    let limited =
+        STUDY.replace("[[uncertain]]", "[[limit]]\nfigure = \"mass_g\"\nleast = 301\nmost = 349\n[[uncertain]]");
+    let limited = Study::parse("s.toml", &limited, "plate.toml", EXAMPLE_PLATE).unwrap();
+    let verified = |mass: f64| Verified {
+        figures: Figures { values: vec![0.5, mass], weakest_mm: None },
+        bound: None,
+        bounds: vec![None; 2],
+        strongest_g: Vec::new(),
+        x_mm: Vec::new(),
+        y_mm: Vec::new(),
+    };
+    let own = |design: usize, mass: f64| Finalist { design, text: EXAMPLE_PLATE.into(), verified: Ok(verified(mass)) };
+    let finals = Finals { base: own(0, 350.0), best: vec![own(2, 300.0), own(1, 310.0)], tolerance: 1e-3 };
+    let table = table(&limited);
+    let html = report(&limited, &table, &finals);
+    for row in [
+        "<th>mass_g</th><td class=\"unmet\" title=\"at most 349\">350.0 (not met)</td>\
+         <td class=\"unmet\" title=\"at least 301\">300.0 (not met)</td><td>310.0</td></tr>",
+        "<th>limits</th><td class=\"unmet\" title=\"mass_g is 350.0000, but must be at most 349\">not met</td>",
+    ] {
+        assert!(html.contains(row), "{row} in {html}");
+    }
+    // Without limits nothing is said of them.
+    assert!(!report(&study(), &table, &finals).contains("<th>limits</th>"));
 }
 
 /// Where no design keeps the limits it is told which comes nearest, in parts of each limit, and what it breaks.
@@ -132,8 +165,7 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
     assert_eq!(strictly.nearest().map(|(design, _)| design), Some(2));
     let reason = strictly.entries[1].reason.clone().unwrap();
     assert!(reason.contains("0.5000") && reason.contains("300.0000"), "{reason}");
-    let base =
-        era_study::result::Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
+    let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
     let finals = Finals { base, best: Vec::new(), tolerance: 1e-3 };
     let page = report(&strict, &strictly, &finals);
     assert!(page.contains(&format!("Design 2 comes nearest: {reason}")), "it is in the report");

@@ -1,6 +1,6 @@
 """Types of the compiled part."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal, Optional, Union, final
 
@@ -22,6 +22,7 @@ __all__ = [
     "TargetResult",
     "Transient",
     "Verification",
+    "__version__",
     "field",
     "modes",
     "plan",
@@ -31,6 +32,8 @@ __all__ = [
     "transient",
     "verify",
 ]
+
+__version__: str
 
 _Tolerance = Union[float, Literal["fast", "balanced", "reference"]]
 _Place = Union[tuple[float, float], Sequence[float], float]
@@ -162,7 +165,9 @@ class Study:
     def losses(self, task: str, base: bytes, rows: bytes) -> list[float]: ...
     def kept(self, folder: Union[str, PathLike[str]], task: str) -> Optional[bytes]: ...
     def keep(self, folder: Union[str, PathLike[str]], task: str, rows: bytes) -> None: ...
-    def compute_all(self, folder: Union[str, PathLike[str]]) -> int: ...
+    def compute_all(
+        self, folder: Union[str, PathLike[str]], progress: Optional[Callable[[int, int], object]] = None
+    ) -> int: ...
     def write(self, folder: Union[str, PathLike[str]]) -> dict[str, Any]: ...
     def table(self, folder: Union[str, PathLike[str]]) -> dict[str, Any]: ...
 

@@ -48,7 +48,7 @@ __all__ = ["Best", "Result", "Study", "run"]
 _AHEAD = 3
 
 _Told = tuple[tuple[float, ...], ...]
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int], object]
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,8 @@ def run(
     folder : str or os.PathLike, optional
         Made if it is not there; the study's name with ``-results``, in the current directory, unless given.
     progress : callable, optional
-        Called with the number of designs that are there, and of all, as they come; with a client only.
+        Called in this thread with the number of designs that are there, and of all, as they come. What it raises ends the work; what was
+        computed before is kept.
 
     Returns
     -------
@@ -143,7 +144,7 @@ def run(
         study = Study.from_file(study)
     place = Path(f"{_file_name(study.name)}-results" if folder is None else folder)
     if client is None:
-        study.compute_all(place)
+        study.compute_all(place, progress)
     else:
         _Work(study, place, progress).by(client)
     summary = study.write(place)

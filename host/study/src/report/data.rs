@@ -2,6 +2,7 @@
 
 use crate::result::{Entry, Finals, Status, Table};
 use crate::run::Study;
+use crate::space::Design;
 use crate::spec::Goal;
 use serde_json::{Value, json};
 
@@ -11,18 +12,23 @@ const MOST: usize = 5000;
 /// The plots' places.
 pub(super) fn plots(study: &Study, table: &Table) -> String {
     let what = if study.spec.wishes.len() > 1 {
-        "Rings are designs that no other surpasses in all wishes."
+        "Large dots are designs that no other surpasses in all wishes; red rings are the best, with their numbers."
     } else {
-        "The ring is the best design."
+        "The large dot has the best figure; red rings are the best once computed anew, with their numbers."
     };
     let all = table.entries.len();
     let shown =
         if all > MOST { format!(" {MOST} of {all} are shown: the best, and others evenly.") } else { String::new() };
+    let lines = if table.entries.iter().any(|entry| entry.status == Status::Kept) {
+        "A line for each design that meets the limits"
+    } else {
+        "No design meets the limits: a line for each that has figures"
+    };
     format!(
-        "<p>{what} Point at one to read it; crosses break a limit.{shown}</p>\n\
+        "<p>{what} Crosses do not meet the limits; the diamond is the scene as it is. Point at one to read it.{shown}</p>\n\
          <p class=\"axes\"><label>across <select id=\"across\"></select></label> <label>up <select id=\"up\"></select></label></p>\n\
          <div id=\"scatter\"></div>\n<p id=\"told\" aria-live=\"polite\"></p>\n\
-         <h3>Side by side</h3>\n<p>A line for each design, the best ones light. Drag along an axis to see only those that go \
+         <h3>Side by side</h3>\n<p>{lines}, the best ones light. Drag along an axis to see only those that go \
          through there; click it to see all.</p>\n<div id=\"parallel\"></div>\n"
     )
 }
@@ -51,11 +57,12 @@ pub(super) fn json(study: &Study, table: &Table, finals: &Finals) -> String {
     let rows: Vec<Value> = chosen(study, table, &finalists)
         .into_iter()
         .map(|number| {
-            let entry = if number == 0 { &table.base } else { &table.entries[number - 1] };
-            json!([state(entry), values(table, entry, number)])
+            let entry = &table.entries[number - 1];
+            json!([state(entry), values(table, entry, &entry.row.design, number)])
         })
         .collect();
-    let data = json!({"columns": columns, "wishes": goals, "best": finalists, "rows": rows});
+    let base = json!([state(&table.base), values(table, &table.base, &study.space.as_it_is(), 0)]);
+    let data = json!({"columns": columns, "wishes": goals, "best": finalists, "rows": rows, "base": base});
     // Nothing of it ends the script that it stands in.
     data.to_string().replace('<', "\\u003c")
 }
@@ -70,10 +77,10 @@ fn state(entry: &Entry) -> u8 {
 }
 
 /// A row's numbers, to six digits, in the columns' order. Figures are the worst of what may be off where they are wished for.
-fn values(table: &Table, entry: &Entry, number: usize) -> Vec<Value> {
+fn values(table: &Table, entry: &Entry, design: &Design, number: usize) -> Vec<Value> {
     let rounded = |value: f64| format!("{value:.5e}").parse::<f64>().map_or(Value::Null, Value::from);
     let mut values = vec![Value::from(number)];
-    values.extend(table.columns.iter().map(|column| column.number(&entry.row.design).map_or(Value::Null, rounded)));
+    values.extend(table.columns.iter().map(|column| column.number(design).map_or(Value::Null, rounded)));
     let figures = entry.row.figures();
     values.extend(
         (0..table.figures.len())

@@ -9,9 +9,13 @@ use crate::spec::Way;
 use std::fmt::Write;
 
 /// Width and height of a panel in pixels.
-const PANEL: (f64, f64) = (184.0, 120.0);
+const PANEL: (f64, f64) = (196.0, 120.0);
 /// Room for the numbers left of a panel's axis, in pixels.
 const BESIDE: f64 = 44.0;
+/// About the width of a character of the pictures' text, in pixels.
+const CHARACTER: f64 = 5.8;
+/// Least room between two texts, in pixels.
+const GAP: f64 = 3.0;
 /// Pairs that are drawn: those with the largest interactions.
 const MOST_PAIRS: usize = 6;
 
@@ -65,9 +69,40 @@ fn level_name(study: &Study, dimension: &Dimension, number: usize, level: usize)
     let column = named.or_else(|| columns.iter().find(own));
     let text = column.and_then(|column| match column.words {
         Some(_) => column.text(&design),
-        None => column.number(&design).map(shown),
+        None => column.number(&design).map(shown).map(without_zeros),
     });
     text.unwrap_or_default()
+}
+
+/// A number without zeros at the end of its fraction.
+fn without_zeros(number: String) -> String {
+    if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.').to_owned() } else { number }
+}
+
+/// What is written of the levels' names below an axis on which each has `room` pixels: words are cut to that, and numbers left out that
+/// would meet the one before.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "a few characters"
+)]
+fn below_axis(names: &[String], room: f64) -> Vec<String> {
+    let most = ((room - GAP) / CHARACTER).floor().max(1.0) as usize;
+    let mut end = f64::NEG_INFINITY;
+    let each = names.iter().enumerate().map(|(level, name)| {
+        let length = name.chars().count();
+        if name.parse::<f64>().is_err() && length > most {
+            return name.chars().take(most - 1).chain(['\u{2026}']).collect();
+        }
+        let (middle, half) = ((level as f64 + 0.5) * room, 0.5 * CHARACTER * length as f64);
+        if middle - half < end + GAP {
+            return String::new();
+        }
+        end = middle + half;
+        name.clone()
+    });
+    each.collect()
 }
 
 fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
@@ -79,7 +114,9 @@ fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
     for own in &found.main {
         let dimension = &dimensions[own.dimension];
         #[expect(clippy::cast_precision_loss, reason = "a few levels")]
-        let x = |level: usize| BESIDE + 4.0 + (w - BESIDE - 18.0) * (level as f64 + 0.5) / own.levels.len() as f64;
+        let room = (w - BESIDE - 18.0) / own.levels.len() as f64;
+        #[expect(clippy::cast_precision_loss, reason = "a few levels")]
+        let x = |level: usize| BESIDE + 4.0 + room * (level as f64 + 0.5);
         let y = |mean: f64| 12.0 + (h - 40.0) * (1.0 - (mean - least) / span);
         let _ = write!(
             html,
@@ -97,20 +134,22 @@ fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
         let line: Vec<String> =
             points.iter().map(|(level, mean)| format!("{:.1},{:.1}", x(*level), y(*mean))).collect();
         let _ = writeln!(html, "<polyline class=\"effect\" points=\"{}\"/>", line.join(" "));
+        let names: Vec<String> =
+            (0..own.levels.len()).map(|level| level_name(study, dimension, own.dimension, level)).collect();
+        let below = below_axis(&names, room);
         for (level, mean) in points {
-            let name = level_name(study, dimension, own.dimension, level);
             let _ = writeln!(
                 html,
                 "<circle class=\"effect\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"><title>{}: {}, {} designs</title></circle>\n\
                  <text x=\"{:.1}\" y=\"{:.0}\" class=\"middle\">{}</text>",
                 x(level),
                 y(mean),
-                escaped(&name),
+                escaped(&names[level]),
                 shown(mean),
                 own.levels[level].0,
                 x(level),
                 h - 14.0,
-                escaped(&name)
+                escaped(&below[level])
             );
         }
         let _ = writeln!(
@@ -175,4 +214,24 @@ fn pairs(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
     }
     html.push_str("</div>\n");
     html
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_levels_do_not_meet() {
+        let below = |names: &[&str], room: f64| {
+            below_axis(&names.iter().map(|own| (*own).to_owned()).collect::<Vec<_>>(), room)
+        };
+        assert_eq!(below(&["38", "94", "150", "206", "262"], 26.8), ["38", "94", "150", "206", "262"]);
+        // One that has no room is left out, and the next one has.
+        assert_eq!(below(&["659.8", "1149", "2000"], 26.8), ["659.8", "", "2000"]);
+        assert_eq!(below(&["aluminium", "glass"], 40.0), ["alumi\u{2026}", "glass"]);
+        assert_eq!(
+            ["38.00", "100", "0.250", "1200"].map(|text| without_zeros(text.into())),
+            ["38", "100", "0.25", "1200"]
+        );
+    }
 }

@@ -64,8 +64,10 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
         let _ = write!(html, "<td>{}</td>", own.design);
     });
     html.push_str("</tr>\n");
+    let as_it_is = study.space.as_it_is();
     for column in &table.columns {
-        let _ = write!(html, "<tr><th>{}</th><td></td>", escaped(&column.name));
+        let text = column.text(&as_it_is).unwrap_or_else(|| "as in its file".into());
+        let _ = write!(html, "<tr><th>{}</th><td>{}</td>", escaped(&column.name), escaped(&text));
         for own in &finals.best {
             let text = entry(table, own).and_then(|entry| column.text(&entry.row.design));
             let _ = write!(html, "<td>{}</td>", escaped(&text.unwrap_or_default()));
@@ -75,7 +77,14 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
     for (k, wanted) in study.figures.iter().enumerate() {
         let _ = write!(html, "<tr class=\"figure\"><th>{}</th>", escaped(&wanted.column()));
         for own in std::iter::once(&finals.base).chain(&finals.best) {
-            let _ = write!(html, "<td>{}</td>", cell(own, k));
+            html.push_str(&cell(study, own, k));
+        }
+        html.push_str("</tr>\n");
+    }
+    if !study.spec.limits.is_empty() {
+        html.push_str("<tr><th>limits</th>");
+        for own in std::iter::once(&finals.base).chain(&finals.best) {
+            html.push_str(&limits(study, table, own));
         }
         html.push_str("</tr>\n");
     }
@@ -93,10 +102,46 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
     html
 }
 
-fn cell(own: &Finalist, figure: usize) -> String {
+/// A figure of a finalist, as a table's cell.
+fn cell(study: &Study, own: &Finalist, figure: usize) -> String {
     match &own.verified {
-        Ok(verified) => verified.figures.values.get(figure).map_or_else(String::new, |value| shown(*value)),
-        Err(reason) => escaped(reason),
+        Ok(verified) => {
+            let value = verified.figures.values.get(figure).copied();
+            value.map_or_else(|| "<td></td>".into(), |value| marked(study, figure, value))
+        }
+        Err(reason) => format!("<td>{}</td>", escaped(reason)),
+    }
+}
+
+/// A figure as a table's cell, with a mark where it is beyond a limit.
+fn marked(study: &Study, figure: usize, value: f64) -> String {
+    match unmet(study, figure, value) {
+        Some(allowed) => {
+            format!("<td class=\"unmet\" title=\"{}\">{} (not met)</td>", escaped(&allowed), shown(value))
+        }
+        None => format!("<td>{}</td>", shown(value)),
+    }
+}
+
+/// What a limit allows that a figure breaks.
+fn unmet(study: &Study, figure: usize, value: f64) -> Option<String> {
+    let wanted = study.figures.get(figure)?;
+    let limits = study.spec.limits.iter().filter(|limit| limit.wanted == *wanted);
+    limits.filter_map(|limit| limit.broken_by(value, value)).map(|(_, allowed)| allowed).next()
+}
+
+/// Whether a finalist keeps all limits, as a table's cell: as it was computed anew, and as it was looked at, with all that may be off.
+fn limits(study: &Study, table: &Table, own: &Finalist) -> String {
+    let values = own.verified.as_ref().map(|verified| verified.figures.values.as_slice()).unwrap_or_default();
+    let is_beyond = values.iter().enumerate().any(|(k, value)| unmet(study, k, *value).is_some());
+    match entry(table, own) {
+        Some(found) if found.status == Status::Broken => {
+            let reason = found.reason.as_deref().unwrap_or_default();
+            format!("<td class=\"unmet\" title=\"{}\">not met</td>", escaped(reason))
+        }
+        _ if is_beyond => "<td class=\"unmet\">not met</td>".into(),
+        Some(found) if found.status == Status::Kept => "<td>met</td>".into(),
+        _ => "<td>not known</td>".into(),
     }
 }
 
@@ -133,11 +178,11 @@ pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
             };
             let _ = writeln!(
                 html,
-                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{difference}</td><td>{bound}</td></tr>",
+                "<tr><td>{}</td><td>{}</td>{}{}<td>{difference}</td><td>{bound}</td></tr>",
                 own.design,
                 escaped(&wanted.column()),
-                shown(first),
-                shown(anew)
+                marked(study, k, first),
+                marked(study, k, anew)
             );
         }
     }

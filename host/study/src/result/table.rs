@@ -143,14 +143,8 @@ fn limits(study: &Study, row: &Row) -> String {
     let each = study.spec.limits.iter().filter_map(|limit| {
         let figure = study.figures.iter().position(|wanted| *wanted == limit.wanted)?;
         let (low, high) = row.ends(figure)?;
-        let name = limit.wanted.column();
-        if low < limit.least {
-            Some(format!("{name} is {low:.4}, but must be at least {}", limit.least))
-        } else if high > limit.most {
-            Some(format!("{name} is {high:.4}, but must be at most {}", limit.most))
-        } else {
-            None
-        }
+        let (value, allowed) = limit.broken_by(low, high)?;
+        Some(format!("{} is {value:.4}, but must be {allowed}", limit.wanted.column()))
     });
     each.collect::<Vec<_>>().join("; ")
 }

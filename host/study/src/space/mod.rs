@@ -4,6 +4,7 @@
 
 mod design;
 mod document;
+mod kept;
 mod uncertain;
 
 #[cfg(test)]
@@ -130,6 +131,22 @@ impl Space {
     pub fn base(&self, off: &[f64]) -> Result<Scene, Refused> {
         let nothing = Design { settings: vec![Setting::Kept; self.variables.len()] };
         self.scene(&nothing, off)
+    }
+
+    /// The same, whether or not it keeps what designs have to keep (`[[apart]]`).
+    ///
+    /// # Errors
+    /// As [`Space::base`].
+    pub fn unchanged(&self) -> Result<Scene, Refused> {
+        document::scene(&self.source, &self.base)
+    }
+
+    /// The design that the scene's file itself is. [`Setting::Kept`] is left where the file has no value of the variable's kind: no such key,
+    /// different values for one variable, or none of a choice's.
+    #[must_use]
+    pub fn as_it_is(&self) -> Design {
+        let kept = |number| kept::setting(self, number).unwrap_or(Setting::Kept);
+        Design { settings: (0..self.variables.len()).map(kept).collect() }
     }
 
     /// How many values may be off by themselves.

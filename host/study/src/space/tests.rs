@@ -126,3 +126,30 @@ fn chosen_numbers_have_few_digits() {
         [0.3, 0.333_333, 123_457_000.0, -6.66667e-10]
     );
 }
+
+/// The scene's own file as a design: numbers that are the same for all, places, numbers of parts, and a choice by what it means.
+#[test]
+fn the_scene_as_it_is_is_a_design() {
+    let study = "[[variable]]\nkey = \"support.*.stiffness_n_per_m\"\nfrom = 500\nto = 8000\n\
+                 [[variable]]\nkey = \"support.*.x_mm\"\nfrom = 0\nto = 300\n\
+                 [[variable]]\nkey = \"actuator.left.housing_mass_g\"\nfrom = 1\nto = 2\n\
+                 [[variable]]\nplace = \"actuator.left\"\nwithin_mm = [10, 20, 110, 120]\n\
+                 [[variable]]\nplace = \"actuator.right\"\nmirror_of = \"actuator.left\"\nmirrored = \"y\"\n\
+                 [[variable]]\ncount = \"support\"\nfrom = 1\nto = 4\n\
+                 [[variable]]\nkey = \"surface.material\"\nnames = [\"glass\", \"metal\"]\nvalues = [\n\
+                 { youngs_modulus_pa = 72e9, poisson_ratio = 0.22, density_kg_m3 = 2500 },\n\
+                 { density_kg_m3 = 2700, youngs_modulus_pa = 69e9, poisson_ratio = 0.33 },\n]\n";
+    let space = space(study);
+    let wanted = [
+        Setting::Number(2000.0),
+        Setting::Kept,
+        Setting::Kept,
+        Setting::Place([75.0, 100.0]),
+        Setting::Place([225.0, 100.0]),
+        Setting::Count(4),
+        Setting::Choice(1),
+    ];
+    assert_eq!(space.as_it_is().settings, wanted);
+    // It is that scene.
+    assert_eq!(space.scene(&space.as_it_is(), &[]).unwrap(), space.unchanged().unwrap());
+}

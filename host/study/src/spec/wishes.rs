@@ -239,6 +239,20 @@ pub struct Limit {
     pub most: f64,
 }
 
+impl Limit {
+    /// The end of a figure's least and most that is beyond the limit, and what is allowed; `None` if the limit is kept.
+    #[must_use]
+    pub fn broken_by(&self, low: f64, high: f64) -> Option<(f64, String)> {
+        if low < self.least {
+            Some((low, format!("at least {}", self.least)))
+        } else if high > self.most {
+            Some((high, format!("at most {}", self.most)))
+        } else {
+            None
+        }
+    }
+}
+
 /// What parts cost, in a currency of the file's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Costs {
