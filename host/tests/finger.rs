@@ -149,7 +149,8 @@ fn under_a_finger_of_nothing_nothing_changes() {
     for (scene, _) in examples() {
         let (table, maps) = reach(&Scene { finger: Some(era::scene::Finger::default()), ..scene });
         let plain = Maps::of(&table, None).unwrap();
-        let is_same = |(found, plain): (&Option<f64>, &Option<f64>)| (found.unwrap() / plain.unwrap() - 1.0).abs() < 1e-3;
+        let is_same =
+            |(found, plain): (&Option<f64>, &Option<f64>)| (found.unwrap() / plain.unwrap() - 1.0).abs() < 1e-3;
         let same = maps.strongest_g.iter().zip(&plain.strongest_g).filter(|pair| is_same(*pair)).count();
         assert!(2 * same > maps.strongest_g.len(), "{same} of {}", maps.strongest_g.len());
         for (found, plain) in maps.strongest_g.iter().zip(&plain.strongest_g) {
