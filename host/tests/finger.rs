@@ -143,20 +143,15 @@ fn what_can_be_reached_under_a_finger_is_what_plans_reach() {
     }
 }
 
-/// A finger of nothing leaves what can be reached as it is: most of it to a part in a thousand.
+/// A finger of nothing leaves what can be reached as it is. Seen to fail by 4 % where what switching on adds was bounded too roughly.
 #[test]
 fn under_a_finger_of_nothing_nothing_changes() {
     for (scene, _) in examples() {
         let (table, maps) = reach(&Scene { finger: Some(era::scene::Finger::default()), ..scene });
         let plain = Maps::of(&table, None).unwrap();
-        let is_same =
-            |(found, plain): (&Option<f64>, &Option<f64>)| (found.unwrap() / plain.unwrap() - 1.0).abs() < 1e-3;
-        let same = maps.strongest_g.iter().zip(&plain.strongest_g).filter(|pair| is_same(*pair)).count();
-        assert!(2 * same > maps.strongest_g.len(), "{same} of {}", maps.strongest_g.len());
         for (found, plain) in maps.strongest_g.iter().zip(&plain.strongest_g) {
             let (found, plain) = (found.unwrap(), plain.unwrap());
-            // Up to a few percent less, as fewer pulse widths are tried; the model is as good to a part in a thousand.
-            assert!(found < plain * 1.003 && found > plain * 0.96, "{found} {plain}");
+            assert!((found / plain - 1.0).abs() < 2e-3, "{found} {plain}");
         }
     }
 }

@@ -79,7 +79,7 @@ pub fn strongest(table: &PlanTable, space: &Space) -> Vec<Option<Strongest>> {
 }
 
 /// The strongest drive at each of a view's points with the scene's finger on it, chosen among the frequencies of `table`, that of the panel
-/// that nothing touches, and among two pulse widths: where travel limits it, others can do a few percent more. `None` where one has no usable frequencies.
+/// that nothing touches, and among its pulse widths. `None` where one has no usable frequencies.
 ///
 /// # Errors
 /// [`TouchedError`].

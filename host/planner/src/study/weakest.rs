@@ -105,21 +105,14 @@ fn weakest_peak(table: &PlanTable, view: &View, each: &[f64]) -> Option<Weakest>
     Some(Weakest { peak: *peak, at_m: table.grid.place_m(*point), power_w: f64::NAN, voltage_v: f64::NAN })
 }
 
-/// The strongest peak in g that can be had at every point of the table's grid, row by row, with the finger on each where there is one; `None` in
-/// cut-outs. `None` where no frequencies are usable.
-///
-/// # Errors
-/// [`TouchedError`].
-pub fn map_g(table: &PlanTable, touched: Option<Touched<'_>>) -> Result<Option<Vec<Option<f64>>>, TouchedError> {
-    let Some(view) = View::new(table, None) else { return Ok(None) };
-    let touches = match touched {
-        Some(touched) => strongest_touched(table, touched, &view, Measure::G)?,
-        None => {
-            let space = Space::of(table, &view.shapes, |hz| Measure::G.weight(hz));
-            strongest(table, &space).into_iter().collect()
-        }
-    };
-    Ok(touches.map(|touches| view.on_grid(table, touches.iter().map(|touch| touch.peak))))
+/// The strongest peak in g that can be had at every point of the table's grid, row by row; `None` in cut-outs. `None` where no
+/// frequencies are usable.
+#[must_use]
+pub fn map_g(table: &PlanTable) -> Option<Vec<Option<f64>>> {
+    let view = View::new(table, None)?;
+    let space = Space::of(table, &view.shapes, |hz| Measure::G.weight(hz));
+    let touches: Vec<_> = strongest(table, &space).into_iter().collect::<Option<_>>()?;
+    Some(view.on_grid(table, touches.iter().map(|touch| touch.peak)))
 }
 
 /// With one setting for the whole surface, that with the largest minimum. `None` where no frequencies are usable.

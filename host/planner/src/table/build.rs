@@ -38,13 +38,19 @@ const FAR: f64 = 6.0;
 const HELD_FAST: f64 = 1e-9;
 
 /// What a table is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Purpose {
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Purpose<'a> {
     /// Plans: all of an [`Entry`].
     Plans,
     /// The strongest drives alone. They weigh no energies: mean squares are rough, those of harmonics and figures that take a look at
-    /// every point are left out, and of the pulse widths that are quieter than the widest there is but one.
-    Strongest,
+    /// every point are left out, and of the pulse widths that are quieter than the widest there is but one: that of another table, or the first.
+    Strongest(Option<&'a PlanTable>),
+}
+
+impl Purpose<'_> {
+    fn is_plans(self) -> bool {
+        matches!(self, Self::Plans)
+    }
 }
 
 /// The table of a model; `known` is what a press does to the actuators, where that is not to be told by it.
@@ -62,20 +68,28 @@ pub(super) fn table(
     Ok(PlanTable::of(scene, computed))
 }
 
-/// A table for the strongest drives, and nothing else, at these frequencies and with these points; `known` as for [`table`].
+/// A table for the strongest drives, and nothing else, at these frequencies and with these points. Of a panel that a finger touches `untouched` is the table without
+/// it, of which it has what a press does to the actuators, and the quiet pulse widths.
 pub(super) fn strongest(
     scene: &Scene,
     model: ReducedModel,
     frequencies_hz: Vec<f64>,
     grid: SurfaceGrid,
-    known: Option<&[Pressed]>,
+    untouched: Option<&PlanTable>,
 ) -> Result<PlanTable, ResponseError> {
     let mut weighted = grid.shapes.clone();
     for (mut row, weight) in weighted.row_iter_mut().zip(&grid.weights) {
         row *= *weight;
     }
     let products = grid.shapes.tr_mul(&weighted);
-    let computed = computed(scene, model, frequencies_hz, (grid, products), Purpose::Strongest, known)?;
+    let computed = computed(
+        scene,
+        model,
+        frequencies_hz,
+        (grid, products),
+        Purpose::Strongest(untouched),
+        untouched.map(|own| &*own.pressed),
+    )?;
     Ok(PlanTable::of(scene, computed))
 }
 
@@ -84,7 +98,7 @@ fn computed(
     model: ReducedModel,
     frequencies_hz: Vec<f64>,
     (grid, products): (SurfaceGrid, DMatrix<f64>),
-    purpose: Purpose,
+    purpose: Purpose<'_>,
     known: Option<&[Pressed]>,
 ) -> Result<Computed, ResponseError> {
     let receptance = static_receptance(&model);
@@ -137,7 +151,7 @@ pub(super) struct Panel<'a> {
     pub products: &'a DMatrix<f64>,
     pub drivers: &'a [Driver<'a>],
     pub onset: Option<&'a Onset>,
-    pub purpose: Purpose,
+    pub purpose: Purpose<'a>,
 }
 
 /// The electrodes of a scene's actuators. Force limits are those of the electrodes; a rail's voltage is on all that hang on
@@ -189,7 +203,7 @@ pub(super) fn entries_at(
         Err(error) if error.is_unbounded() => return Ok(None),
         Err(error) => return Err(error),
     };
-    let harmonics = harmonics(model, solver, (purpose == Purpose::Plans).then_some(products), frequency_hz);
+    let harmonics = harmonics(model, solver, purpose.is_plans().then_some(products), frequency_hz);
     let scale = Complex64::from(-(TAU * frequency_hz).powi(2));
     let entries = coordinates.into_iter().zip(drivers).enumerate().map(|(actuator, (displacement, driver))| {
         let travel = travel_by(model, &displacement);
@@ -197,7 +211,9 @@ pub(super) fn entries_at(
         for (row, harmonic) in harmonic_travel.iter_mut().zip(&harmonics) {
             *row = harmonic.travel.get(actuator).copied().unwrap_or_default();
         }
-        let is_far = purpose == Purpose::Strongest && is_far_from_limits(drivers, driver.electrodes, &travel);
+        // With a finger every place has a table of its own, and what two masses share of a limit is not looked at again elsewhere.
+        let is_far =
+            matches!(purpose, Purpose::Strongest(None)) && is_far_from_limits(drivers, driver.electrodes, &travel);
         let onset = onset.filter(|_| !is_far);
         let (overshoot, onset_v) = overshoots_at_most(onset, actuator, frequency_hz, driver.electrodes, &travel);
         let width = |pulse_width: f64| {
@@ -215,7 +231,13 @@ pub(super) fn entries_at(
             let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
             width_of(*driver, actuator, motion, pulse_width, surface)
         };
-        let widths = widths(frequency_hz, if purpose == Purpose::Plans { &WIDTHS } else { &WIDTHS[..1] }, width);
+        let known = match purpose {
+            Purpose::Plans => None,
+            Purpose::Strongest(other) => other.and_then(|other| other.quiet_width(actuator, frequency_hz)),
+        };
+        let quieter =
+            known.as_ref().map_or(if purpose.is_plans() { &WIDTHS[..] } else { &WIDTHS[..1] }, std::slice::from_ref);
+        let widths = widths(frequency_hz, quieter, width);
         let strongest = *stronger(&widths);
         let mut acceleration = displacement * scale;
         let mean_square = mean_square(products, &acceleration);

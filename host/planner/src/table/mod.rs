@@ -296,6 +296,13 @@ impl PlanTable {
         self.entries.get(actuator)?.get(frequency)?.as_ref()
     }
 
+    /// The quiet pulse width of an actuator at a frequency of the grid.
+    fn quiet_width(&self, actuator: usize, frequency_hz: f64) -> Option<f64> {
+        let at = self.frequencies_hz.partition_point(|hz| *hz < frequency_hz);
+        let is_it = self.frequencies_hz.get(at).is_some_and(|hz| hz.total_cmp(&frequency_hz).is_eq());
+        self.entry(actuator, at).filter(|_| is_it).map(|entry| entry.widths[0].pulse_width)
+    }
+
     /// Bytes that the table's arrays and those of its models take.
     #[must_use]
     pub fn bytes(&self) -> usize {

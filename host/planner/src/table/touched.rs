@@ -3,7 +3,6 @@
 //! A finger is a spring, a dashpot and a mass at its place, so that each place is a design of the bare panel ([`BarePanel`]): the place's shapes are in
 //! that design's basis, and with them what a sum of modes misses where a force is, which is a part in a hundred of the receptance there.
 
-use super::press::Pressed;
 use super::{PlanTable, SurfaceGrid, TableOptions, build};
 use crate::model::levels::Levels;
 use crate::model::{Accuracy, ReducedModel};
@@ -30,14 +29,14 @@ pub enum TouchedError {
 pub struct Touched<'a> {
     panel: &'a BarePanel,
     scene: &'a Scene,
-    pressed: &'a [Pressed],
+    untouched: &'a PlanTable,
 }
 
 impl<'a> Touched<'a> {
     /// The design `scene` of a panel, `untouched` its table without a finger.
     #[must_use]
     pub fn new(panel: &'a BarePanel, scene: &'a Scene, untouched: &'a PlanTable) -> Self {
-        Self { panel, scene, pressed: &untouched.pressed }
+        Self { panel, scene, untouched }
     }
 
     /// Asks at each place (m) a table of that place alone, with the finger on it: for the strongest drives at the frequencies that
@@ -59,7 +58,7 @@ impl<'a> Touched<'a> {
             let touched = self.scene.touched(&[*place]);
             let model = self.panel.coupled(&touched)?;
             let (hz, grid) = (frequencies_hz(&model), SurfaceGrid::at(&model, *place));
-            Ok(ask(&build::strongest(&touched, model, hz, grid, Some(self.pressed))?))
+            Ok(ask(&build::strongest(&touched, model, hz, grid, Some(self.untouched))?))
         };
         places_m.par_iter().map(at).collect()
     }
@@ -70,7 +69,7 @@ impl<'a> Touched<'a> {
     /// [`TouchedError`].
     pub fn table(&self, place_m: (f64, f64), options: TableOptions) -> Result<PlanTable, TouchedError> {
         let touched = self.scene.touched(&[place_m]);
-        Ok(build::table(&touched, self.panel.coupled(&touched)?, options, Some(self.pressed))?)
+        Ok(build::table(&touched, self.panel.coupled(&touched)?, options, Some(&self.untouched.pressed))?)
     }
 
     /// The same from the scene's own elements in three levels: its plans have an error bound.
@@ -85,6 +84,6 @@ impl<'a> Touched<'a> {
     ) -> Result<PlanTable, TouchedError> {
         let touched = self.scene.touched(&[place_m]);
         let levels = Levels::build(&touched, accuracy, options.to_hz)?;
-        Ok(PlanTable::of_levels(&touched, levels, options, Some(self.pressed))?)
+        Ok(PlanTable::of_levels(&touched, levels, options, Some(&self.untouched.pressed))?)
     }
 }

@@ -5,8 +5,10 @@ use crate::spec::{Drives, Figure, Settings, Wanted};
 use era_model::model::levels::Levels;
 use era_model::model::{Accuracy, BarePanel};
 use era_model::scene::Scene;
+use era_planner::study::Maps;
+use era_planner::study::weakest::map_g;
 use era_planner::table::touched::Touched;
-use era_planner::{PlanTable, TableOptions, Target};
+use era_planner::{PlanError, PlanTable, TableOptions, Target};
 use serde::{Deserialize, Serialize};
 
 /// More than any panel gives, in g.
@@ -86,23 +88,33 @@ impl Thorough {
     pub fn verified(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Verified, EvaluateError> {
         let table = self.table(scene)?;
         let bare = self.bare(scene, wanted)?;
-        let (figures, sag_bound) = self.figures(scene, &table, bare.as_ref(), wanted)?;
+        let (mut figures, sag_bound) = self.figures(scene, &table, bare.as_ref(), wanted)?;
         let touched = touched(scene, &table, bare.as_ref());
-        let map = era_planner::study::weakest::map_g(&table, touched)?;
-        let map = map.ok_or(era_planner::PlanError::NoFrequencies)?;
+        let (map, known) = match touched {
+            None => (map_g(&table).ok_or(PlanError::NoFrequencies)?, None),
+            Some(touched) => {
+                let maps = Maps::touched(&table, None, touched, self.accuracy, self.options)?;
+                (maps.strongest_g, Some(maps.error_bound))
+            }
+        };
         let least = map.iter().enumerate().filter_map(|(point, peak)| Some((point, (*peak)?)));
-        let weakest = least.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(point, _)| point);
-        // The strongest drive there is the plan for more than there is.
-        let place_m = table.grid.place_m(weakest);
-        let touch = Target { x_m: place_m.0, y_m: place_m.1, intensity_g: Some(ALL_THERE_IS_G) };
-        let bound = match touched {
-            None => table.plan(&[touch])?.error_bound,
-            Some(touched) => touched.bounded(place_m, self.accuracy, self.options)?.plan(&[touch])?.error_bound,
+        let (weakest, peak) = least.min_by(|a, b| a.1.total_cmp(&b.1)).ok_or(PlanError::NoFrequencies)?;
+        let (x_m, y_m) = table.grid.place_m(weakest);
+        let bound = match known {
+            // The strongest drive there is the plan for more than there is.
+            None => table.plan(&[Target { x_m, y_m, intensity_g: Some(ALL_THERE_IS_G) }])?.error_bound,
+            Some(bounds) => bounds.get(weakest).copied().flatten(),
         };
         let is_bounded = |wanted: &Wanted| {
             wanted.figure == Figure::WeakestG
                 && (wanted.setting, wanted.drives) == (Settings::EveryTouch, Drives::Distinct)
         };
+        if touched.is_some() {
+            // Of the table that the bound is of.
+            let of_bound = figures.values.iter_mut().zip(wanted).filter(|(_, wanted)| is_bounded(wanted));
+            of_bound.for_each(|(value, _)| *value = peak);
+            figures.weakest_mm = figures.weakest_mm.map(|_| [x_m * 1e3, y_m * 1e3]);
+        }
         let bounds = wanted.iter().map(|wanted| match wanted.figure {
             Figure::SagUm => sag_bound,
             _ => bound.filter(|_| is_bounded(wanted)),
