@@ -20,7 +20,7 @@ impl ModalRatio {
         Self { points: [(0.0, ratio); MOST_POINTS], count: 1 }
     }
 
-    /// A table of frequencies in Hz and ratios; `None` unless there are 1 to [`MOST_POINTS`] of them, frequencies ascending.
+    /// A table of frequencies in Hz and ratios; `None` unless there are 1 to 10 of them, frequencies ascending.
     #[must_use]
     pub fn table(of: &[(f64, f64)]) -> Option<Self> {
         let last = *of.last()?;
