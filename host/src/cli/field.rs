@@ -21,7 +21,8 @@ pub fn run(options: &Field) -> Outcome {
     };
     let scene = options.panel.load()?;
     let target = target(&scene, &at)?;
-    let table = touched_table(&options.panel, options.keep, &scene, &[(target.x_m, target.y_m)])?;
+    let touched = [(target.x_m, target.y_m)];
+    let table = touched_table(&options.panel, options.keep, &scene, &touched)?;
     let plan = table.plan(&[target])?;
     let field = study::Field::of(&table, &plan);
     let bound = table.field_bound(&plan);
@@ -39,7 +40,7 @@ pub fn run(options: &Field) -> Outcome {
         std::fs::write(path, field.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
     }
     let off = options.tolerances.map(|off| {
-        let looked = || tolerances::spread(&table.scene, &plan, off);
+        let looked = || tolerances::spread(&scene, &touched, &plan, off);
         with_progress("looking at panels that are off", looked).map_err(Failure::failed)
     });
     let off = off.transpose()?;

@@ -80,6 +80,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
     let request = request(&scene, options)?;
     let windows = windows(options);
     let spans = windows.map(|windows| spans(&windows)).transpose()?;
+    let fingers = fingers(&request);
     let table = table(&scene, options, &request, spans.is_some())?;
     let accuracy = options.panel.accuracy()?;
     let mut answer = with_progress("planning", || answer(&table, options, request, spans, accuracy.value()))?;
@@ -91,7 +92,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
     tell_plan(&plans, accuracy, options.panel.explain);
     answer.tolerance_met = Bound::are_met(&bounds_of(&plans), accuracy);
     if let Some(tolerances) = options.tolerances {
-        let off = || tolerances::spread(&table.scene, &answer.plan, tolerances);
+        let off = || tolerances::spread(&scene, &fingers, &answer.plan, tolerances);
         answer.off = Some(with_progress("looking at panels that are off", off).map_err(Failure::failed)?);
     }
     if options.json {
@@ -111,8 +112,15 @@ fn table(scene: &Scene, options: &PlanOptions, request: &Request, is_in_stretche
         tell!("the scene's [finger] is left out: the objective reach is one setting for touches of any place");
         return plan_table(panel, *keep, scene);
     }
-    let places: Vec<(f64, f64)> = request.targets.iter().map(|target| (target.x_m, target.y_m)).collect();
-    touched_table(panel, *keep, scene, &places)
+    touched_table(panel, *keep, scene, &fingers(request))
+}
+
+/// Where the scene's finger is, in m: on every target, unless the setting is for touches of any place.
+fn fingers(request: &Request) -> Vec<(f64, f64)> {
+    if request.objective == Objective::Reach {
+        return Vec::new();
+    }
+    request.targets.iter().map(|target| (target.x_m, target.y_m)).collect()
 }
 
 /// Plans for a request, as a whole or stretch by stretch.

@@ -162,7 +162,7 @@ impl Looks {
         let scene = table.scene.clone();
         let found = Found { id, plan: Some(PlanView::new(table, plan.clone())), off: None };
         let (all, known) = (panels(&scene), found.clone());
-        let work = move |job: &Job<Found>| match watched_spread(&scene, &plan, tolerances, job) {
+        let work = move |job: &Job<Found>| match watched_spread(&scene, &[], &plan, tolerances, job) {
             Ok(off) => Ok(Some(Found { off: Some(off), ..known })),
             Err(ToleranceError::Stopped) => Ok(None),
             Err(error) => Err(error.to_string()),

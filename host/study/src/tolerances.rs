@@ -2,7 +2,7 @@
 //! drawing says.
 //!
 //! The drives stay as they are, and the panel is modelled anew for each sample. Forces are those of masses at rest, as in a plan's own
-//! prediction, which is what each sample is compared with.
+//! prediction, which is what each sample is compared with. A finger that is part of the panel is no part that may be off: it is on its place on each of them.
 
 use crate::run::Observer;
 use crate::ways::latin_hypercube;
@@ -193,12 +193,17 @@ pub enum ToleranceError {
     Response(#[from] ResponseError),
 }
 
-/// What being off does to a plan.
+/// What being off does to a plan. The scene's finger is on each of `fingers_m`, as when the plan was made.
 ///
 /// # Errors
 /// [`ToleranceError`].
-pub fn spread(scene: &Scene, plan: &Plan, tolerances: Tolerances) -> Result<Spread, ToleranceError> {
-    watched_spread(scene, plan, tolerances, &())
+pub fn spread(
+    scene: &Scene,
+    fingers_m: &[(f64, f64)],
+    plan: &Plan,
+    tolerances: Tolerances,
+) -> Result<Spread, ToleranceError> {
+    watched_spread(scene, fingers_m, plan, tolerances, &())
 }
 
 /// How many panels [`spread`] looks at for this scene.
@@ -214,18 +219,20 @@ pub fn panels(scene: &Scene) -> usize {
 /// [`ToleranceError`].
 pub fn watched_spread(
     scene: &Scene,
+    fingers_m: &[(f64, f64)],
     plan: &Plan,
     tolerances: Tolerances,
     observer: &dyn Observer,
 ) -> Result<Spread, ToleranceError> {
     tolerances.check()?;
     let at = (plan.target_m[0], plan.target_m[1]);
-    let meant = peak(scene, &plan.drives, at)?;
+    let peak = |scene: &Scene| peak(&scene.touched(fingers_m), &plan.drives, at);
+    let meant = peak(scene)?;
     let level = |scene: &Scene| -> Result<f64, ToleranceError> {
         if observer.stops() {
             return Err(ToleranceError::Stopped);
         }
-        let part = if meant > 0.0 { peak(scene, &plan.drives, at)? / meant } else { 1.0 };
+        let part = if meant > 0.0 { peak(scene)? / meant } else { 1.0 };
         observer.does(1);
         Ok(20.0 * part.max(LEAST_PART).log10())
     };
