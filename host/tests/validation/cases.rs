@@ -187,3 +187,40 @@ pub fn beam_cases() -> Vec<Case> {
         ),
     ]
 }
+
+/// Jones, Mechanics of Composite Materials, 2nd edition, section 5.5.1: a specially orthotropic square plate pinned all round, D11 = 10 D22 and
+/// D12 + 2 D66 = D22; in pi^2 / b^2 sqrt(D22 / rho h). Here three plies of one material with axes, 25 times as stiff along the fibres, the middle one turned by a
+/// right angle: with x the cube of its part of the thickness D11 is to D22 as 25 - 24 x to 1 + 24 x, which is 10 for x = 15 / 264.
+pub fn laminate_case() -> Case {
+    let (side_m, thickness_m, density) = (0.4, 2e-3, 1600.0);
+    let (e1, e2, nu12) = (175e9, 7e9, 0.25);
+    let x: f64 = 15.0 / 264.0;
+    let q22 = e2 / (1.0 - nu12 * nu12 * e2 / e1);
+    let g = 0.5 * q22 * (1.0 + 24.0 * x - nu12);
+    let d22: f64 = q22 * (1.0 + 24.0 * x) * f64::powi(thickness_m, 3) / 12.0;
+    let (middle, outer) = (x.cbrt() * thickness_m * 1e3, 0.5 * (1.0 - x.cbrt()) * thickness_m * 1e3);
+    let ply = |thickness_mm: f64, angle: u32| {
+        format!(
+            "[[layer]]\nthickness_mm = {thickness_mm:?}\nangle_deg = {angle}\n[layer.material]\nex_pa = {e1:?}\ney_pa = {e2:?}\ng_pa = {g:?}\n\
+             poisson_ratio = {nu12}\ndensity_kg_m3 = {density:?}\n"
+        )
+    };
+    let edges =
+        ["left", "right", "top", "bottom"].map(|side| format!("[[edge]]\nside = \"{side}\"\nkind = \"pinned\"\n"));
+    let text = format!(
+        "version = 1\nname = \"three plies\"\n[surface]\nkind = \"plate\"\nlength_mm = 400.0\nwidth_mm = 400.0\n{}{}{}{}",
+        ply(outer, 0),
+        ply(middle, 90),
+        ply(outer, 0),
+        edges.concat()
+    );
+    Case {
+        title: "three plies, square plate pinned all round, in pi^2 / b^2 sqrt(D22 / rho h)",
+        published: &[3.605_55, 5.830_95, 10.440_31, 13.0],
+        reference: exactly(closed::orthotropic(10.0, 1.0, 4)),
+        hz: (std::f64::consts::PI / side_m).powi(2) * (d22 / (density * thickness_m)).sqrt() / std::f64::consts::TAU,
+        rigid: 0,
+        publication: 1e-6,
+        scene: era::scene::Scene::parse("plies", &text).unwrap(),
+    }
+}

@@ -69,6 +69,15 @@ pub fn navier(count: usize) -> Vec<f64> {
     all
 }
 
+/// sqrt(D11 / D22 m^4 + 2 (D12 + 2 D66) / D22 m^2 n^2 + n^4), a square orthotropic plate pinned all round, ascending.
+pub fn orthotropic(along: f64, twist: f64, count: usize) -> Vec<f64> {
+    let own = |m: f64, n: f64| (along * m.powi(4) + 2.0 * twist * m * m * n * n + n.powi(4)).sqrt();
+    let mut all: Vec<f64> = (1..9).flat_map(|m| (1..9).map(move |n| own(f64::from(m), f64::from(n)))).collect();
+    all.sort_by(f64::total_cmp);
+    all.truncate(count);
+    all
+}
+
 /// (k L) of a cantilever: cos cosh = -1.
 pub fn cantilever(count: usize) -> Vec<f64> {
     roots(|x| x.cos() + 1.0 / x.cosh(), 1.0, 0.1, count)

@@ -52,6 +52,11 @@ fn beams() {
     hold(&cases::beam_cases());
 }
 
+#[test]
+fn plies() {
+    hold(&[cases::laminate_case()]);
+}
+
 /// The references are not the program's: a plate, a beam and a mass that are wrong by a part in a thousand are found.
 #[test]
 #[should_panic(expected = "is off")]
