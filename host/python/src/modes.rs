@@ -6,9 +6,11 @@ use crate::results::{Asked, array, bounds_of, shaped};
 use crate::run::run;
 use crate::scene::PyScene;
 use era_model::model::{bounded_modes, validity};
+use era_model::scene::Scene;
 use era_planner::study::shapes::ModeShapes;
 use numpy::{PyArray1, PyArray3};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 /// Most values of shapes, as the command line has it: 160 MB.
 const MOST_VALUES: usize = 20_000_000;
@@ -31,6 +33,9 @@ pub struct Modes {
     tolerance_met: Option<bool>,
     /// Unknowns of the mesh that answered.
     unknowns: usize,
+    /// What the surface's layers are together: a dict of `thickness_m`, `mass_kg_per_m2`, `loss_factor` and the bending stiffnesses, of a plate `d11_n_m`,
+    /// `d12_n_m`, `d22_n_m` and `d66_n_m`, of a bar `bending_stiffness_n_m2` (E I); None without layers.
+    layers: Option<Py<PyDict>>,
     /// Columns of the shapes' grid in m: float64 [column]; None without `grid`.
     x_m: Option<Py<PyArray1<f64>>>,
     /// Rows of the shapes' grid in m: float64 [row]; None without `grid`.
@@ -48,6 +53,19 @@ impl Modes {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         Ok(format!("<Modes: {}, {} unknowns>", self.__len__(py)?, self.unknowns))
     }
+}
+
+/// What a scene's layers are together.
+fn layers(py: Python<'_>, scene: &Scene) -> PyResult<Option<Py<PyDict>>> {
+    let Some(laminate) = scene.surface.laminate() else { return Ok(None) };
+    let found = PyDict::new(py);
+    found.set_item("thickness_m", laminate.thickness_m)?;
+    found.set_item("mass_kg_per_m2", laminate.per_area_kg_m2)?;
+    found.set_item("loss_factor", laminate.loss_factor)?;
+    for (name, stiffness) in laminate.stiffnesses(scene.surface.kind, scene.surface.width_m) {
+        found.set_item(name, stiffness)?;
+    }
+    Ok(Some(found.unbind()))
 }
 
 /// All modes of a panel up to a frequency.
@@ -104,6 +122,7 @@ pub fn modes(
     let accuracy = arguments::accuracy(tolerance, within_s)?;
     let grid = grid.map(arguments::grid).transpose()?.map(|grid| scene.grid(grid));
     let doubts = validity::doubts(&scene, max_hz);
+    let layers = layers(py, &scene)?;
     let (found, shapes) = run(py, move || {
         let found = bounded_modes(&scene, accuracy, max_hz)?;
         let shapes = match grid {
@@ -138,6 +157,7 @@ pub fn modes(
         tolerance: asked.tolerance,
         tolerance_met: asked.is_met,
         unknowns: found.model.dofs(),
+        layers,
         x_m,
         y_m,
         shape_per_sqrt_kg,

@@ -44,6 +44,28 @@ def test_modes(ask: Ask, scene: era.Scene, tolerance: float, tmp_path: Path) -> 
     np.testing.assert_array_equal(np.load(tmp_path / "m.x_m.npy"), np.asarray(found.x_m))
 
 
+@pytest.mark.parametrize("kind", ["plate", "bar"])
+def test_layers(ask: Ask, kind: str) -> None:
+    """What layers are together, as the command line has it; two halves of one material that are bonded are a sheet, whose stiffness everybody knows."""
+    glass = {"youngs_modulus_pa": 71e9, "poisson_ratio": 0.21, "density_kg_m3": 2480.0}
+    half = {"thickness_mm": 0.85, "material": glass}
+    plain = era.Scene.example("plate" if kind == "plate" else "bar")
+    uniform = {"thickness_mm": None, "material": None, "damping": None}
+    scene = plain.with_(surface=uniform, layer=[half, half], patch=None)
+    told, found = ask(scene, "modes", "--max-hz", 300)["layers"], era.modes(scene, 300.0).layers
+    assert found is not None and found.pop("thickness_m") == told.pop("thickness_mm") / 1e3 == pytest.approx(1.7e-3)
+    assert found == told
+    assert found["mass_kg_per_m2"] == pytest.approx(2480.0 * 1.7e-3)
+    ei = 71e9 * 1.7e-3**3 / 12
+    if kind == "bar":
+        assert found["bending_stiffness_n_m2"] == pytest.approx(ei * plain.width_m)
+    else:
+        d = ei / (1 - 0.21**2)
+        expected = {"d11_n_m": d, "d22_n_m": d, "d12_n_m": 0.21 * d, "d66_n_m": 0.5 * (1 - 0.21) * d}
+        assert {name: found[name] for name in expected} == pytest.approx(expected)
+    assert era.modes(plain, 300.0).layers is None
+
+
 def test_response(ask: Ask, scene: era.Scene, at: tuple[str, tuple[float, float]]) -> None:
     told = ask(scene, "response", "--at", at[0], "--from", 40, "--to", 400, "--step", 2.5)
     found = era.response(scene, at[1], np.array(told["frequency_hz"]))

@@ -64,14 +64,12 @@ pub fn run(options: &Options) -> Outcome {
 
 /// What a scene's layers are together.
 fn layers_json(scene: &Scene, laminate: &Laminate) -> serde_json::Value {
-    let Laminate { thickness_m, per_area_kg_m2, rigidities: Rigidities { d11, d12, d22, d66 }, .. } = laminate;
-    let mut layers = match scene.surface.kind {
-        SurfaceKind::Plate => json!({ "d11_n_m": d11, "d12_n_m": d12, "d22_n_m": d22, "d66_n_m": d66 }),
-        SurfaceKind::Bar => json!({ "bending_stiffness_n_m2": d11 * scene.surface.width_m }),
-    };
-    layers["thickness_mm"] = json!(thickness_m * 1e3);
-    layers["mass_kg_per_m2"] = json!(per_area_kg_m2);
-    layers["loss_factor"] = json!(laminate.loss_factor);
+    let mut layers = json!({
+        "thickness_mm": laminate.thickness_m * 1e3, "mass_kg_per_m2": laminate.per_area_kg_m2, "loss_factor": laminate.loss_factor,
+    });
+    for (name, stiffness) in laminate.stiffnesses(scene.surface.kind, scene.surface.width_m) {
+        layers[name] = json!(stiffness);
+    }
     layers
 }
 

@@ -144,6 +144,16 @@ pub struct Laminate {
 }
 
 impl Laminate {
+    /// The bending stiffnesses with their names: of a plate those of classical laminate theory in N m, of a bar `width_m` wide E I in N m^2.
+    #[must_use]
+    pub fn stiffnesses(&self, kind: SurfaceKind, width_m: f64) -> Vec<(&'static str, f64)> {
+        let Rigidities { d11, d12, d22, d66 } = self.rigidities;
+        match kind {
+            SurfaceKind::Plate => vec![("d11_n_m", d11), ("d12_n_m", d12), ("d22_n_m", d22), ("d66_n_m", d66)],
+            SurfaceKind::Bar => vec![("bending_stiffness_n_m2", d11 * width_m)],
+        }
+    }
+
     /// Of layers from the bottom to the top; none are nothing.
     #[must_use]
     pub fn of(kind: SurfaceKind, plies: &[Ply]) -> Self {
