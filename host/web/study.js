@@ -108,9 +108,10 @@ export class Studies {
 
   figures(own) {
     if (own.failed) return `failed: ${own.failed}`;
-    return Object.entries(own.figures)
-      .map(([name, value]) => `${name} ${fixed(value, 3, "")}`)
-      .join(", ");
+    const told = Object.entries(own.figures).map(([name, value]) => `${name} ${fixed(value, 3, "")}`);
+    told.push(...Object.entries(own.worst).map(([name, value]) => `${name} ${fixed(value, 3, "")} at worst`));
+    if (own.breaks) told.push(`breaks a limit: ${own.breaks}`);
+    return told.join(", ");
   }
 
   // Buttons that open scenes: [words, file] each.
@@ -132,7 +133,7 @@ export class Studies {
         const text = await file.text();
         const told = text
           .split("\n")
-          .filter((line) => /^# \S+ = /.test(line))
+          .filter((line) => /^# (\S+ = |Computed anew)/.test(line))
           .map((line) => line.slice(2));
         return [[file.name, ...told].join(", "), text];
       }),

@@ -18,6 +18,8 @@ use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::ffi::CString;
+use std::io;
+use std::path::Path;
 
 /// An error, to become an exception.
 #[derive(Debug)]
@@ -27,6 +29,8 @@ pub struct Raised {
     field: Option<String>,
     value: Value,
     allowed: Option<String>,
+    /// The system's number, of an error about the file that `value` names.
+    errno: Option<i32>,
 }
 
 /// Which exception.
@@ -123,7 +127,7 @@ impl Raised {
             Value::Corners([x0, y0, x1, y1]) => format!("({x0}, {y0}, {x1}, {y1})"),
         };
         let text = format!("{field} is {given}, but must be {allowed}");
-        Self { kind: Kind::Request, text, field: Some(field), value, allowed: Some(allowed) }
+        Self { kind: Kind::Request, text, field: Some(field), value, allowed: Some(allowed), errno: None }
     }
 
     /// A place that is none of the surface: an argument in m, of which `field` is the x coordinate's name.
@@ -146,8 +150,22 @@ impl Raised {
         Self::plain(Kind::Os, &error)
     }
 
+    /// A file that cannot be read or written: with the system's number and the file's name, as Python's own functions tell it.
+    pub fn file(doing: &str, path: &Path, error: &io::Error) -> Self {
+        let told = error.to_string();
+        let name = path.display().to_string();
+        match error.raw_os_error() {
+            Some(errno) => {
+                let reason = told.split(" (os error").next().unwrap_or(&told);
+                let plain = Self::plain(Kind::Os, &format!("cannot {doing}: {reason}"));
+                Self { value: Value::Word(name), errno: Some(errno), ..plain }
+            }
+            None => Self::os(format!("cannot {doing} {name}: {told}")),
+        }
+    }
+
     fn plain(kind: Kind, error: &impl ToString) -> Self {
-        Self { kind, text: error.to_string(), field: None, value: Value::None, allowed: None }
+        Self { kind, text: error.to_string(), field: None, value: Value::None, allowed: None, errno: None }
     }
 
     fn with(kind: Kind, error: &impl ToString, field: &str, value: impl Into<Value>, allowed: Option<String>) -> Self {
@@ -320,7 +338,7 @@ impl From<VerifyError> for Raised {
 impl From<FolderError> for Raised {
     fn from(error: FolderError) -> Self {
         match &error {
-            FolderError::Io { .. } => Self::os(error),
+            FolderError::Io { doing, path, error } => Self::file(doing, path, error),
             FolderError::Other { path } => {
                 let path = path.display().to_string();
                 Self::with(Kind::Request, &error, "folder", &*path, Some("a new folder, or one of this study".into()))
@@ -364,8 +382,14 @@ impl From<Raised> for PyErr {
 }
 
 fn exception(py: Python<'_>, raised: Raised) -> PyResult<PyErr> {
-    let Raised { kind, text, field, value, allowed } = raised;
-    let Some(name) = kind.name() else { return Ok(PyOSError::new_err(text)) };
+    let Raised { kind, text, field, value, allowed, errno } = raised;
+    let Some(name) = kind.name() else {
+        return Ok(match (errno, value) {
+            // Python makes `FileNotFoundError` and its like of the number.
+            (Some(errno), Value::Word(path)) => PyOSError::new_err((errno, text, path)),
+            _ => PyOSError::new_err(text),
+        });
+    };
     let instance = py.import("era._errors")?.getattr(name)?.call1((text,))?;
     instance.setattr("field", field)?;
     instance.setattr("value", value)?;

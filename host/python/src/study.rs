@@ -4,14 +4,16 @@ use crate::errors::{Raised, scene_error};
 use crate::results::{array, from_json};
 use crate::run::{run, run_beside, run_told};
 use crate::scene::PyScene;
+use crate::tables::with_table;
+use era_model::model::Accuracy;
+use era_model::scene::{Mount, Scene};
 use era_study::evaluate::{Evaluator, Quick, Thorough};
-use era_study::result::Table;
+use era_study::result::{Entry, Table};
 use era_study::run::{Folder, Observer, Row, Shard, Stopped, Study, Task, decoded, encoded};
 use era_study::written::write;
-use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -124,8 +126,13 @@ impl PyStudy {
     }
 }
 
-fn text_of(path: &PathBuf) -> PyResult<String> {
-    std::fs::read_to_string(path).map_err(|error| PyOSError::new_err(format!("{}: {error}", path.display())))
+/// Whether nothing but its spring holds a mass against a press.
+fn has_no_stop(scene: &Scene) -> bool {
+    scene.actuators.iter().any(|own| own.mount == Mount::Grounded && own.stop_m.is_none())
+}
+
+fn text_of(path: &Path) -> PyResult<String> {
+    Ok(std::fs::read_to_string(path).map_err(|error| Raised::file("read", path, &error))?)
 }
 
 #[pymethods]
@@ -397,9 +404,24 @@ impl PyStudy {
     ///     A file cannot be written.
     /// RequestError
     ///     Designs are missing.
+    ///
+    /// Warns
+    /// -----
+    /// ModelWarning
+    ///     Gaps of the scene as it is do not bear its press.
     fn write<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyAny>> {
         let own = self.folder(folder.clone())?;
         let study = self.study.clone();
+        // Of the scene itself, not of each design, as there are many, which lack the same stops. Where it cannot be modelled its own row says why.
+        if let Some(scene) = study.space.base(&[]).ok().filter(has_no_stop) {
+            let told = with_table(py, &Arc::new(scene), Accuracy::BALANCED, |_| Ok(()));
+            let ours = py.import("era._errors")?.getattr("EraError")?;
+            if let Err(error) = told
+                && !error.is_instance(py, &ours)
+            {
+                return Err(error);
+            }
+        }
         let summary = run_beside(py, move |pool| {
             let stop = pool.stop();
             let written = pool.install(|| write(&study, &own, &|| stop.is_asked()))?;
@@ -418,7 +440,9 @@ impl PyStudy {
     /// -------
     /// dict
     ///     `status` (list of str: "kept", "breaks a limit", "failed"), `reason` (list of str or None), `on_front` (list of bool), and for
-    ///     each variable and figure its values: float64 [design], NaN where there is none, or for a choice a list of its names.
+    ///     each variable and figure its values: float64 [design], NaN where there is none, or for a choice a list of its names. Where something may be off
+    ///     each figure's name with `_low` and `_high` has its least and most over all samples of that. `weakest_x_mm` and `weakest_y_mm` are the weakest place of
+    ///     the first figure that has one, if any does, NaN for a design that failed.
     fn table<'py>(&self, py: Python<'py>, folder: PathBuf) -> PyResult<Bound<'py, PyDict>> {
         let table = Table::gather(&self.study, &self.folder(folder)?).map_err(Raised::from)?;
         let rows = || std::iter::once(&table.base).chain(&table.entries);
@@ -435,10 +459,20 @@ impl PyStudy {
             }
         }
         for (k, wanted) in table.figures.iter().enumerate() {
-            let value = |own: &era_study::result::Entry| {
-                own.row.figures().and_then(|figures| figures.values.get(k).copied()).unwrap_or(f64::NAN)
-            };
+            let value =
+                |own: &Entry| own.row.figures().and_then(|figures| figures.values.get(k).copied()).unwrap_or(f64::NAN);
             found.set_item(wanted.column(), array(py, rows().map(value).collect()))?;
+            if table.has_ends {
+                let ends = |own: &Entry| own.row.ends(k).unwrap_or((f64::NAN, f64::NAN));
+                let (low, high): (Vec<f64>, Vec<f64>) = rows().map(ends).unzip();
+                found.set_item(format!("{}_low", wanted.column()), array(py, low))?;
+                found.set_item(format!("{}_high", wanted.column()), array(py, high))?;
+            }
+        }
+        if table.has_weakest() {
+            let at_mm = |own: &Entry| own.row.figures().and_then(|figures| figures.weakest_mm).unwrap_or([f64::NAN; 2]);
+            found.set_item("weakest_x_mm", array(py, rows().map(|own| at_mm(own)[0]).collect()))?;
+            found.set_item("weakest_y_mm", array(py, rows().map(|own| at_mm(own)[1]).collect()))?;
         }
         Ok(found)
     }

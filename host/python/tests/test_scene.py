@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import errno
 import importlib.metadata
 import inspect
 import pickle
@@ -137,8 +138,14 @@ def test_what_is_no_value_of_a_scene(plate: era.Scene) -> None:
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="nothing.toml"):
+    with pytest.raises(FileNotFoundError, match="nothing.toml") as missing:
         era.Scene.from_file(tmp_path / "nothing.toml")
+    assert (missing.value.errno, missing.value.filename) == (errno.ENOENT, str(tmp_path / "nothing.toml"))
+    with pytest.raises(IsADirectoryError):
+        era.Scene.from_file(tmp_path)
+    (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(OSError, match="bytes.toml"):
+        era.Scene.from_file(tmp_path / "bytes.toml")
     with pytest.raises(era.RequestError, match="name"):
         era.Scene.example("disc")  # type: ignore[arg-type]
 

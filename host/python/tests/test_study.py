@@ -108,10 +108,72 @@ def test_the_table_is_read_by_others(alone: tuple[era.study.Result, dict[str, by
             np.testing.assert_array_equal(np.array([np.nan if value is None else value for value in there]), values)
         else:
             assert there == list(values), name
-    assert set(table) == {"weakest_x_mm", "weakest_y_mm"}
+    assert not table
     # Mirrored: what the study was asked for.
     left, right = found.table["actuator.left.x_mm"][1:], found.table["actuator.right.x_mm"][1:]
     np.testing.assert_allclose(left + right, 300.0)
+
+
+def test_what_may_be_off_is_in_the_table_and_told(
+    program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mass goes with thickness, and is at worst that of the thickest sample."""
+    text = """
+version = 1
+name = "heavy or light"
+scene = "plate.toml"
+[[variable]]
+key = "surface.thickness_mm"
+from = 1.0
+to = 3.0
+[[wish]]
+figure = "mass_g"
+[[uncertain]]
+key = "surface.thickness_mm"
+part = 0.1
+[method]
+way = "grid"
+levels = 3
+robust = "corners"
+finalists = 1
+"""
+    study = era.Study(text, era.Scene.example("plate"))
+    found = era.study.run(study, folder=tmp_path / "found")
+    sheet_g = 1e3 * 0.3 * 0.2 * 2700.0 * 1e-3 * np.array([1.0, 2.0, 3.0])
+    low, high, meant = (found.table[f"mass_g{end}"][1:] for end in ("_low", "_high", ""))
+    np.testing.assert_allclose([meant - low, high - meant], [0.1 * sheet_g, 0.1 * sheet_g], rtol=1e-9)
+    (best,) = found.best
+    assert best.worst == {"mass_g": high[0]} and best.figures["mass_g"] == meant[0] and best.breaks is None
+    assert best.error_bound is None and best.tolerance_met is None and best.error_bounds == {"mass_g": None}
+    assert f"# mass_g = {high[0]:.1f} at worst, of what may be off" in (found.folder / "best-1.toml").read_text()
+    (tmp_path / "plate.toml").write_text(study.scene.to_toml(), encoding="utf-8")
+    (tmp_path / "heavy.toml").write_text(text, encoding="utf-8")
+    # A file's results are where the command line's are.
+    done = subprocess.run([program, "study", "../heavy.toml"], cwd=tmp_path / "found", capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and f"mass_g is {high[0]:.1f} at worst" in done.stdout, done.stderr + done.stdout
+    monkeypatch.chdir(tmp_path / "found")
+    written = files(Path("heavy-results"))
+    again = era.study.run("../heavy.toml")
+    assert again.folder == Path("heavy-results") and files(again.folder) == written
+
+
+def test_a_press_that_gaps_do_not_bear_is_told(tmp_path: Path) -> None:
+    """As other functions tell it, once, of the scene itself."""
+    plate = era.Scene.example("plate")
+    bare = plate.with_(actuator={own: {"stop_um": None} for own in plate.actuator_ids})
+    study = era.Study(places(designs=2).text, bare)
+    with pytest.warns(era.ModelWarning, match="press"):
+        era.study.run(study, folder=tmp_path / "found")
+    with pytest.warns(era.ModelWarning, match="press"):
+        era.plan(bare, (0.1, 0.05))
+
+
+def test_the_start_may_be_no_design(tmp_path: Path) -> None:
+    """The scene as it is breaks what designs have to keep; it is what they are compared with all the same."""
+    study = era.Study(places(designs=3).text + "[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 160\n", era.Scene.example("plate"))
+    found = era.study.run(study, folder=tmp_path / "found")
+    assert found.base.failed is None and found.base.figures["weakest_g"] > 0.1
+    assert (tmp_path / "found" / "report.html").exists()
 
 
 def test_progress_is_told_without_a_client(alone: tuple[era.study.Result, dict[str, bytes]], tmp_path: Path) -> None:
@@ -310,7 +372,7 @@ def test_a_full_disk_is_told_and_leaves_nothing_half_written(
     done = subprocess.run(arguments, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     told, left = done.stdout.splitlines()
-    assert told.startswith("no room: cannot write ") and "base.rows" in told
+    assert told.startswith("no room: [Errno 27] cannot write: File too large: ") and "base.rows" in told
     assert left == "[]"
     assert files(tmp_path / "found") == alone[1]
 
@@ -339,7 +401,7 @@ def test_what_does_not_belong_is_refused(
     with pytest.raises(era.SceneError) as mistakes:
         era.Study("version = 1\nname = 'x'\nscene = 'y'\n[[wish]]\nfigure = 'beauty'\n", era.Scene.example("plate"))
     assert any(found.line == 5 for found in mistakes.value.mistakes)
-    with pytest.raises(OSError, match="nowhere"):
+    with pytest.raises(FileNotFoundError, match="nowhere"):
         era.study.run(tmp_path / "nowhere.toml")
 
 

@@ -10,8 +10,8 @@ pub struct Study {
     /// The study's file (see docs/src/studies.md)
     #[arg(value_name = "STUDY.toml")]
     pub study: PathBuf,
-    /// Folder of the results, made if it is not there; what is in it already is not computed again [default: the study's name
-    /// with -results, in the current directory]
+    /// Folder of the results, made if it is not there; what is in it already is not computed again [default: the name of
+    /// the study's file without its ending, with -results, in the current directory]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Designs at a time; as many as there are processors if not given

@@ -102,7 +102,7 @@ pub fn run(options: &Options) -> Outcome {
 /// Says of the study's scene what other commands say when they load it: which actuators do not bear its press. Not of each design, as there
 /// are many, which lack the same stops.
 fn warn_of_press(study: &Study) {
-    let Ok(scene) = study.space.unchanged() else { return };
+    let Ok(scene) = study.space.base(&[]) else { return };
     // A table takes a second or two, and with all stops there is nothing to say.
     if scene.actuators.iter().any(|own| own.mount == Mount::Grounded && own.stop_m.is_none()) {
         // Where there is none, the scene's own row of the results says why.

@@ -5,9 +5,9 @@ use super::background::{Job, Newest, Place, Stage, Told, Work};
 use super::preview::{MAX_SCENE, check_size, too_large};
 use super::problem::{Kind, Problem};
 use crate::design::evaluate::Quick;
-use crate::design::result::Finalist;
+use crate::design::result::{Finalist, Table};
 use crate::design::run::{Folder, Observer, Shard, Stopped, Study, run};
-use crate::design::written::{figures, write};
+use crate::design::written::{figures, worst, write};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -73,8 +73,12 @@ pub struct DesignView {
     design: usize,
     /// What was wanted of it, by the names of a study's columns.
     figures: BTreeMap<String, f64>,
-    /// Upper bound on the relative error of the weakest place's peak; null where there is none.
+    /// Upper bound on the relative error of `weakest_g`; null where there is none, or that is not wanted.
     error_bound: Option<f64>,
+    /// Of what is wished for the worst of what may be off, as it was looked at first; empty where nothing may.
+    worst: BTreeMap<String, f64>,
+    /// The limits that it breaks once it is computed anew; null if it keeps all.
+    breaks: Option<String>,
     /// Why it could not be computed anew; null if it could.
     failed: Option<String>,
     /// The scene file; `POST /v1/preview` takes it.
@@ -171,7 +175,7 @@ fn computed(study: &Study, job: &Job<Found>) -> Result<Option<Found>, String> {
     let Some(written) = write(study, &folder, &|| job.stops()).map_err(|error| told(&error))? else {
         return Ok(None);
     };
-    let view = |own: &Finalist| view(study, own);
+    let view = |own: &Finalist| view(study, &written.table, own);
     let nearest = written
         .table
         .nearest()
@@ -180,12 +184,14 @@ fn computed(study: &Study, job: &Job<Found>) -> Result<Option<Found>, String> {
     Ok(Some(Found { name: Some(study.spec.name.clone()), as_it_is, best, nearest }))
 }
 
-fn view(study: &Study, own: &Finalist) -> DesignView {
+fn view(study: &Study, table: &Table, own: &Finalist) -> DesignView {
     let verified = own.verified.as_ref();
     DesignView {
         design: own.design,
         figures: figures(study, own).into_iter().filter(|(_, value)| value.is_finite()).collect(),
         error_bound: verified.ok().and_then(|verified| verified.bound),
+        worst: worst(study, table, own).into_iter().filter(|(_, value)| value.is_finite()).collect(),
+        breaks: own.breaks(study),
         failed: verified.err().cloned(),
         scene_toml: own.text.clone(),
     }

@@ -4,7 +4,6 @@ use crate::report::{report, rounded_up, shown};
 use crate::result::{Entry, Finalist, Finals, GatherError, Status, Table, TableError, write_parquet};
 use crate::run::{Folder, FolderError, Study};
 use crate::space::Refused;
-use crate::spec::Figure;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -45,19 +44,34 @@ pub fn write(study: &Study, folder: &Folder, stops: &dyn Fn() -> bool) -> Result
     folder.write("designs.parquet", &write_parquet(&table)?)?;
     let Some(finals) = Finals::of(study, &table, stops)? else { return Ok(None) };
     for (number, best) in finals.best.iter().enumerate() {
-        folder.write(&format!("best-{}.toml", number + 1), heading(study, best, number + 1).as_bytes())?;
+        folder.write(&format!("best-{}.toml", number + 1), heading(study, &table, best, number + 1).as_bytes())?;
     }
     folder.write("report.html", report(study, &table, &finals).as_bytes())?;
     Ok(Some(Written { table, finals }))
 }
 
 /// A finalist's scene, with what it is above it.
-fn heading(study: &Study, best: &Finalist, rank: usize) -> String {
+fn heading(study: &Study, table: &Table, best: &Finalist, rank: usize) -> String {
     let mut text = format!("# Best {rank} of the study {:?}: design {}.\n", study.spec.name, best.design);
     for (name, value) in figures(study, best) {
         let _ = writeln!(text, "# {name} = {}", shown(value));
     }
+    for (name, value) in worst(study, table, best) {
+        let _ = writeln!(text, "# {name} = {} at worst, of what may be off (first look)", shown(value));
+    }
+    if let Some(limits) = best.breaks(study) {
+        let _ = writeln!(text, "# Computed anew it breaks a limit: {limits}.");
+    }
     format!("{text}\n{}", best.text)
+}
+
+/// Of a finalist the worst of what may be off of each figure that is wished for, as it was looked at first, with the names of their columns; none where
+/// nothing may be off.
+#[must_use]
+pub fn worst(study: &Study, table: &Table, own: &Finalist) -> Vec<(String, f64)> {
+    let entry = own.entry(table).filter(|_| table.has_ends);
+    let worst = entry.map(|entry| entry.wishes.as_slice()).unwrap_or_default();
+    study.spec.wishes.iter().map(|wish| wish.wanted.column()).zip(worst.iter().copied()).collect()
 }
 
 /// The figures of a finalist with the names of their columns; none if it failed.
@@ -92,6 +106,7 @@ impl Written {
     /// For programs.
     #[must_use]
     pub fn summary(&self, study: &Study, path: &Path) -> Value {
+        let Self { table, finals } = self;
         let told = |own: &Finalist| {
             let verified = own.verified.as_ref();
             json!({
@@ -100,10 +115,12 @@ impl Written {
                 "weakest_mm": verified.ok().and_then(|verified| verified.figures.weakest_mm),
                 "error_bound": verified.ok().and_then(|verified| verified.bound),
                 "error_bounds": bounds(study, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "tolerance_met": verified.ok().and_then(|verified| verified.is_met(finals.tolerance)),
+                "worst": worst(study, table, own).into_iter().collect::<BTreeMap<_, _>>(),
+                "breaks": own.breaks(study),
                 "failed": verified.err(),
             })
         };
-        let Self { table, finals } = self;
         json!({
             "study": study.spec.name, "folder": path, "designs": table.entries.len(), "kept": self.count(Status::Kept),
             "broken": self.count(Status::Broken), "failed": self.count(Status::Failed),
@@ -112,6 +129,44 @@ impl Written {
             "tolerance": finals.tolerance, "as_it_is": told(&finals.base),
             "best": finals.best.iter().map(told).collect::<Vec<_>>(),
         })
+    }
+
+    /// The scene as it is and the best designs as a table: their figures as they were computed anew, with bounds beside those that have them.
+    fn best(&self, study: &Study) -> String {
+        let finals = &self.finals;
+        let all: Vec<(String, &Finalist)> = std::iter::once(("as it is".to_owned(), &finals.base))
+            .chain(finals.best.iter().enumerate().map(|(k, own)| (format!("best {}", k + 1), own)))
+            .collect();
+        let bound = |own: &Finalist, k: usize| own.verified.as_ref().ok()?.bounds.get(k).copied().flatten();
+        let is_bounded: Vec<bool> =
+            (0..study.figures.len()).map(|k| all.iter().any(|(_, own)| bound(own, k).is_some())).collect();
+        let mut head = vec![String::new(), "design".into()];
+        for (wanted, is_bounded) in study.figures.iter().zip(&is_bounded) {
+            head.push(wanted.column());
+            head.extend(is_bounded.then(|| "its error at most".to_owned()));
+        }
+        let mut text = format!("\n\n| {} |\n|{}\n", head.join(" | "), "---|".repeat(head.len()));
+        for (name, own) in &all {
+            let mut cells = vec![name.clone(), own.design.to_string()];
+            for (k, is_bounded) in is_bounded.iter().enumerate() {
+                let value = own.verified.as_ref().ok().and_then(|verified| verified.figures.values.get(k));
+                cells.push(value.map_or_else(|| "failed".into(), |value| shown(*value)));
+                cells.extend(is_bounded.then(|| bound(own, k).map_or_else(|| "unknown".into(), rounded_up)));
+            }
+            let _ = writeln!(text, "| {} |", cells.join(" | "));
+        }
+        let _ = write!(text, "\n(computed anew with models for a tolerance of {:.0e}", finals.tolerance);
+        let missed =
+            |own: &Finalist| own.verified.as_ref().is_ok_and(|found| found.is_met(finals.tolerance) == Some(false));
+        let missed: Vec<&str> = all.iter().filter(|(_, own)| missed(own)).map(|(name, _)| name.as_str()).collect();
+        if !missed.is_empty() {
+            let _ = write!(text, ", which is not known to be met for {}", missed.join(", "));
+        }
+        if is_bounded.contains(&false) {
+            text.push_str("; how large the errors of figures without a column for it are is not known");
+        }
+        text.push_str(")\n");
+        text
     }
 
     /// For people.
@@ -131,39 +186,16 @@ impl Written {
             let front = table.entries.iter().filter(|entry| entry.is_on_front).count();
             let _ = write!(text, "; {front} on the front");
         }
-        let names: Vec<String> = study.figures.iter().map(|wanted| wanted.column()).collect();
-        let _ = write!(
-            text,
-            "\n\n| | design | {} | error at most |\n|---|---|{}---|\n",
-            names.join(" | "),
-            "---|".repeat(names.len())
-        );
-        let all = std::iter::once(("as it is".to_owned(), &finals.base));
-        for (name, own) in all.chain(finals.best.iter().enumerate().map(|(k, own)| (format!("best {}", k + 1), own))) {
-            let cells = match &own.verified {
-                Ok(verified) => verified.figures.values.iter().map(|value| shown(*value)).collect(),
-                Err(_) => vec!["failed".to_owned(); names.len()],
-            };
-            let bound = own.verified.as_ref().ok().and_then(|verified| verified.bound);
-            let bound = bound.map_or_else(|| "unknown".into(), rounded_up);
-            let _ = writeln!(text, "| {name} | {} | {} | {bound} |", own.design, cells.join(" | "));
-        }
-        let _ = write!(
-            text,
-            "\n(computed anew with models for a tolerance of {:.0e}; the error is that of the weakest place's peak)\n",
-            finals.tolerance
-        );
-        if let Some(place) = study.figures.iter().position(|wanted| wanted.figure == Figure::SagUm) {
-            let told = std::iter::once(&finals.base).chain(&finals.best).filter_map(|own| own.verified.as_ref().ok());
-            let bounds: Option<Vec<f64>> = told.map(|found| found.bounds.get(place).copied().flatten()).collect();
-            let most = bounds.and_then(|bounds| bounds.into_iter().reduce(f64::max));
-            let most =
-                most.map_or_else(|| "by an unknown part".into(), |most| format!("by {} at most", rounded_up(most)));
-            let _ = writeln!(text, "(sags are off {most})");
-        }
+        text.push_str(&self.best(study));
         for (k, own) in finals.best.iter().enumerate() {
-            let entry = table.entries.get(own.design.saturating_sub(1));
+            let entry = own.entry(table);
             let _ = write!(text, "\nbest {}: {}", k + 1, entry.map(|entry| self.settings(entry)).unwrap_or_default());
+            for (name, value) in worst(study, table, own) {
+                let _ = write!(text, "; {name} is {} at worst, of what may be off (first look)", shown(value));
+            }
+            if let Some(limits) = own.breaks(study) {
+                let _ = write!(text, " (computed anew it breaks a limit: {limits})");
+            }
             if let Err(reason) = &own.verified {
                 let _ = write!(text, " (failed: {reason})");
             }

@@ -113,11 +113,12 @@ fn the_report_stands_alone() {
     let data: serde_json::Value =
         serde_json::from_str(&html[from..from + html[from..].find("</script>").unwrap()]).unwrap();
     assert_eq!(data["rows"].as_array().unwrap().len(), 3);
-    assert_eq!(data["rows"][1], serde_json::json!([2, [2, 150.0, 100.0, 1.0, 0.6, 300.0]]));
+    // By its worst, as it is judged.
+    assert_eq!(data["rows"][1], serde_json::json!([2, [2, 150.0, 100.0, 1.0, 0.5, 300.0]]));
     assert_eq!(data["wishes"][1], serde_json::json!({"name": "mass_g", "column": 5, "most": false}));
     assert!(html.contains("no such thing"));
     // The scene as it is has its own values of what may change: of the first actuator, and of the choice that its density is.
-    assert_eq!(data["base"], serde_json::json!([1, [0, 75.0, 100.0, 0.0, 0.3, 350.0]]));
+    assert_eq!(data["base"], serde_json::json!([1, [0, 75.0, 100.0, 0.0, 0.2, 350.0]]));
     for row in ["actuator.left.x_mm</th><td>75</td><td>150</td>", "metal</th><td>light</td><td>&lt;/script&gt;</td>"] {
         assert!(html.contains(row), "{row}");
     }

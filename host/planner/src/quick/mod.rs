@@ -6,7 +6,7 @@
 //! - The panel is solved once; supports, masses and ERAs are coupled to it ([`BarePanel`]).
 //! - Frequencies lie close together only where a resonance is (`frequencies`).
 //! - Points are on every second of the grid's lines, and on all of them around the weakest (`points`).
-//! - With a finger each point is a panel of its own, with the finger on it; what follows is not needed there, as each has its own optimum.
+//! - With a finger each point is a panel of its own, with the finger on it; all are looked at roughly, and those that may be the weakest thoroughly.
 //! - At a point the best frequencies without the limits that actuators share are found first. Where these limits leave them alone, that is the
 //!   optimum; elsewhere it is a bound from above, and the same drives within the limits are one from below. The exact search looks at those
 //!   points alone whose lower bound leaves them in question (`weakest`).
@@ -93,13 +93,27 @@ impl QuickPanel {
             count if count > MAX_ACTUATORS => return Err(PlanError::Actuators { count }.into()),
             _ => {}
         }
+        let table = self.table(scene)?;
+        match scene.finger {
+            None => weakest::of(&table, measure, self.options.to_hz),
+            Some(_) => self.weakest_touched(scene, &table, measure, weakest::ROUGHLY),
+        }
+    }
+
+    fn table(&self, scene: &Scene) -> Result<PlanTable, QuickError> {
         let model = self.panel.coupled(scene)?;
         let hz = frequencies::of(&model, self.options);
         let grid = coarse_grid(scene, &model, self.options.to_hz);
-        let table = PlanTable::for_strongest(scene, model, hz, grid)?;
-        match scene.finger {
-            None => weakest::of(&table, measure, self.options.to_hz),
-            Some(_) => weakest::touched(Touched::new(&self.panel, scene, &table), &table, measure, self.options),
-        }
+        Ok(PlanTable::for_strongest(scene, model, hz, grid)?)
+    }
+
+    fn weakest_touched(
+        &self,
+        scene: &Scene,
+        table: &PlanTable,
+        measure: Measure,
+        slack: f64,
+    ) -> Result<Weakest, QuickError> {
+        weakest::touched(Touched::new(&self.panel, scene, table), table, measure, self.options, slack)
     }
 }

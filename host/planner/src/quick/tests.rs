@@ -1,6 +1,7 @@
 use super::*;
 use crate::STANDARD_GRAVITY;
 use crate::scene::random::scene_text;
+use crate::study::touched::TouchedReach;
 use crate::study::weakest::{every_touch, every_touch_touched};
 use era_model::model::PanelModel;
 use era_model::response::acceleration_curves;
@@ -85,7 +86,8 @@ fn with_a_finger_it_is_the_least_of_all_places_that_are_touched() {
         let options = TableOptions { step_hz: 2.0, ..OPTIONS };
         let table = PlanTable::build(&scene, panel.coupled(&scene).unwrap(), options).unwrap();
         let touched = Touched::new(&panel, &scene, &table);
-        let wanted = every_touch_touched(&table, touched, Measure::G).unwrap().unwrap();
+        let reach = TouchedReach::of(&table, touched, None, Measure::G).unwrap().unwrap();
+        let wanted = every_touch_touched(&table, &reach).unwrap();
         assert!((found.peak / wanted.peak - 1.0).abs() < 0.03, "{found:?} for {wanted:?}");
         assert!((found.peak / plain.peak - 1.0).abs() > 0.01, "{found:?} {plain:?}");
         let (x_m, y_m) = found.at_m;
@@ -104,6 +106,26 @@ fn with_a_finger_it_is_the_least_of_all_places_that_are_touched() {
         let plan = table.plan(&[crate::Target { x_m, y_m, intensity_g: Some(1e6) }]).unwrap();
         let peak = plan.predicted.target_peak_g;
         assert!((found.peak / peak - 1.0).abs() < 0.03, "{found:?} for {peak}");
+    }
+}
+
+/// With a finger places are left out by a rough look. With none left out the same is found.
+#[test]
+fn no_place_is_left_out_that_is_the_weakest() {
+    let options = TableOptions { step_hz: 4.0, ..OPTIONS };
+    for number in [3, 4, 8, 9, 12] {
+        let mut scene = Scene::parse("random", &scene_text(815, number)).unwrap();
+        let (part, own) = (f64::from(u32::try_from(number).unwrap() % 5 + 1), scene.mass_kg());
+        scene.finger = Some(era_model::scene::Finger {
+            mass_kg: 0.01 * part * own,
+            damping_n_s_per_m: 1.5 * part,
+            stiffness_n_per_m: 400.0 * part * part,
+        });
+        let panel = QuickPanel::new(&scene, options).unwrap();
+        let table = panel.table(&scene).unwrap();
+        let look = |slack: f64| panel.weakest_touched(&scene, &table, Measure::G, slack).unwrap();
+        let (few, all) = (look(weakest::ROUGHLY), look(1.0));
+        assert!(few == all && few.peak > 0.0, "{number}: {few:?} {all:?}");
     }
 }
 

@@ -1,17 +1,15 @@
 //! Reach maps: what can be had at every point of the surface.
 
+use super::strongest::{Strongest, strongest};
+use super::touched::TouchedReach;
 use crate::model::{Accuracy, Bound};
 use crate::quick::QuickError;
 use crate::reach::Measure;
 use crate::reach::Space;
-use crate::reach::search;
-use crate::reach::setting::command;
 use crate::stop::Stop;
-use crate::table::Part;
 use crate::table::PlanTable;
-use crate::table::touched::{Touched, TouchedError};
+use crate::table::touched::Touched;
 use crate::table::{Region, View};
-use crate::wish::request::Work;
 use crate::{PlanError, TableOptions, Target};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -20,8 +18,6 @@ use std::fmt::Write;
 /// Part of the strongest peak at which the most contrasted is asked for: so little that no limit changes it. At a hundredth one does
 /// where an ERA beside a clamped edge shakes the rest of the panel so little that all of its force would go first.
 const LITTLE: f64 = 1e-6;
-/// Neighbouring points that are searched in turn, each with the one before as a hint.
-const RUN: usize = 16;
 
 /// What can be had at every point of the table's grid; `None` in cut-outs, and outside the region that was asked for.
 #[derive(Clone, Debug, Serialize)]
@@ -42,59 +38,6 @@ pub struct Maps {
     pub contrast_db: Vec<Option<f64>>,
     /// Row by row: the frequency of each actuator in Hz for that.
     pub contrast_hz: Vec<Option<Vec<f64>>>,
-}
-
-/// The strongest drive at a point.
-#[derive(Clone, Debug)]
-pub struct Strongest {
-    /// As it is commanded.
-    pub setting: Vec<Part>,
-    /// Its peak there, in the space's unit.
-    pub peak: f64,
-}
-
-/// The strongest drive at each point of a space, each with frequencies and forces of its own; none from when nobody waits on ([`Stop`]).
-#[must_use]
-pub fn strongest(table: &PlanTable, space: &Space) -> Vec<Option<Strongest>> {
-    let stop = Stop::current();
-    let points: Vec<usize> = (0..space.points).collect();
-    let runs: Vec<Vec<Option<Strongest>>> = points
-        .par_chunks(RUN)
-        .map(|run| {
-            let mut hint: Option<Vec<usize>> = None;
-            let each = run.iter().map(|point| {
-                if stop.is_asked() {
-                    return None;
-                }
-                let best = search::best(space, &[*point], Work::Study, hint.as_deref())?;
-                let mut setting = best.setting(table, space);
-                let peak = best.least * command(table, &mut setting)?;
-                hint = Some(best.choice);
-                Some(Strongest { setting, peak })
-            });
-            each.collect()
-        })
-        .collect();
-    runs.into_iter().flatten().collect()
-}
-
-/// The strongest drive at each of a view's points with the scene's finger on it, chosen among the frequencies of `table`, that of the panel
-/// that nothing touches, and among its pulse widths. `None` where one has no usable frequencies.
-///
-/// # Errors
-/// [`TouchedError`].
-pub fn strongest_touched(
-    table: &PlanTable,
-    touched: Touched<'_>,
-    view: &View,
-    measure: Measure,
-) -> Result<Option<Vec<Strongest>>, TouchedError> {
-    let ask = |own: &PlanTable| {
-        let space = Space::of(own, &own.grid.shapes, |hz| measure.weight(hz));
-        strongest(own, &space).into_iter().next().flatten()
-    };
-    let each = touched.each(&view.grid_places_m(table), |_| table.frequencies_hz.clone(), ask)?;
-    Ok(each.into_iter().collect())
 }
 
 impl Maps {
@@ -149,8 +92,23 @@ impl Maps {
         accuracy: Accuracy,
         options: TableOptions,
     ) -> Result<Self, QuickError> {
-        let view = View::new(table, region).ok_or(PlanError::NoFrequencies)?;
-        let mut found = strongest_touched(table, touched, &view, Measure::G)?.ok_or(PlanError::NoFrequencies)?;
+        let reach = TouchedReach::of(table, touched, region, Measure::G)?.ok_or(PlanError::NoFrequencies)?;
+        Self::of_touched(table, &reach, touched, accuracy, options)
+    }
+
+    /// The same where the strongest drives, in g, are known.
+    ///
+    /// # Errors
+    /// As [`Self::touched`].
+    pub fn of_touched(
+        table: &PlanTable,
+        reach: &TouchedReach,
+        touched: Touched<'_>,
+        accuracy: Accuracy,
+        options: TableOptions,
+    ) -> Result<Self, QuickError> {
+        let TouchedReach { view, touches } = reach;
+        let mut found = touches.clone();
         let (from_hz, to_hz) =
             table.frequencies_hz.first().zip(table.frequencies_hz.last()).ok_or(PlanError::NoFrequencies)?;
         let mut bounds: Vec<Option<Bound>> = vec![None; found.len()];
@@ -169,7 +127,7 @@ impl Maps {
         let bounds = view.on_grid(table, bounds);
         Ok(Self {
             error_bound: bounds.into_iter().map(|bound| bound.flatten().and_then(Bound::value)).collect(),
-            ..Self::without_contrasts(table, &view, &found)
+            ..Self::without_contrasts(table, view, &found)
         })
     }
 

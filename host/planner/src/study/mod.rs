@@ -14,7 +14,9 @@ pub mod schemes;
 pub mod shapes;
 pub mod shared;
 pub mod spread;
+pub mod strongest;
 mod text;
+pub mod touched;
 pub mod weakest;
 
 use crate::scene::Scene;

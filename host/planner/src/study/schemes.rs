@@ -4,10 +4,10 @@
 //! switching on, shared rails, and the nonlinear motion as the last word ([`crate::reach::setting`]). What differs is that at one
 //! frequency phasors add, of motion at a point and of travel, and at distinct ones moduli do.
 
-use super::maps;
 use super::rigid;
 use super::shared::{self, Phases};
 use super::spread::{Spread, below};
+use super::strongest::strongest;
 use crate::PlanError;
 use crate::reach::everywhere::{EQUAL_MINIMA, strongest_everywhere};
 use crate::reach::setting::{command, peaks};
@@ -131,7 +131,7 @@ impl From<shared::StrongestSetting> for SchemeResult {
 impl Compared<'_> {
     fn distinct(&self) -> Option<SchemeResult> {
         let space = Space::of(self.table, &self.view.shapes, |hz| self.measure.weight(hz));
-        let touches = maps::strongest(self.table, &space);
+        let touches = strongest(self.table, &space);
         let per_touch = touches.into_iter().map(|touch| Some(touch?.peak)).collect::<Option<_>>()?;
         let (mut setting, at_most) = strongest_everywhere(self.table, &self.view, self.measure, space)?;
         let scale = command(self.table, &mut setting)?;

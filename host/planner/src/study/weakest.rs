@@ -1,7 +1,8 @@
 //! The place of a surface where the least can be had, and what driving it takes.
 
-use super::maps::{Strongest, strongest, strongest_touched};
 use super::shared::{self, Phases};
+use super::strongest::{Strongest, strongest};
+use super::touched::TouchedReach;
 use crate::PlanTable;
 use crate::reach::everywhere::strongest_everywhere;
 use crate::reach::setting::{command, peaks};
@@ -31,18 +32,11 @@ pub fn every_touch(table: &PlanTable, measure: Measure) -> Option<Weakest> {
     weakest_of(table, &view, &touches)
 }
 
-/// The same with the scene's finger on each place while it is looked at; `table` is that of the panel that nothing touches.
-///
-/// # Errors
-/// [`TouchedError`].
-pub fn every_touch_touched(
-    table: &PlanTable,
-    touched: Touched<'_>,
-    measure: Measure,
-) -> Result<Option<Weakest>, TouchedError> {
-    let Some(view) = View::new(table, None) else { return Ok(None) };
-    let touches = strongest_touched(table, touched, &view, measure)?;
-    Ok(touches.and_then(|touches| weakest_of(table, &view, &touches)))
+/// The same with the scene's finger on each place while it is looked at; `table` is that of the panel that nothing touches. `None` where there is no
+/// place.
+#[must_use]
+pub fn every_touch_touched(table: &PlanTable, reach: &TouchedReach) -> Option<Weakest> {
+    weakest_of(table, &reach.view, &reach.touches)
 }
 
 fn weakest_of(table: &PlanTable, view: &View, touches: &[Strongest]) -> Option<Weakest> {

@@ -45,11 +45,22 @@ pub(super) enum Purpose<'a> {
     /// The strongest drives alone. They weigh no energies: mean squares are rough, those of harmonics and figures that take a look at
     /// every point are left out, and of the pulse widths that are quieter than the widest there is but one: that of another table, or the first.
     Strongest(Option<&'a PlanTable>),
+    /// The same of a place that is touched, another table's, without free motion: what switching on adds is a single pole's whole motion.
+    Roughly(&'a PlanTable),
 }
 
-impl Purpose<'_> {
+impl<'a> Purpose<'a> {
     fn is_plans(self) -> bool {
         matches!(self, Self::Plans)
+    }
+
+    /// The table of the same panel without a finger.
+    fn untouched(self) -> Option<&'a PlanTable> {
+        match self {
+            Self::Plans => None,
+            Self::Strongest(untouched) => untouched,
+            Self::Roughly(untouched) => Some(untouched),
+        }
     }
 }
 
@@ -68,28 +79,22 @@ pub(super) fn table(
     Ok(PlanTable::of(scene, computed))
 }
 
-/// A table for the strongest drives, and nothing else, at these frequencies and with these points. Of a panel that a finger touches `untouched` is the table without
-/// it, of which it has what a press does to the actuators, and the quiet pulse widths.
+/// A table for the strongest drives, and nothing else, at these frequencies and with these points. Of a panel that a finger touches the purpose has the table without
+/// it, of which this one has what a press does to the actuators, and the quiet pulse widths.
 pub(super) fn strongest(
     scene: &Scene,
     model: ReducedModel,
     frequencies_hz: Vec<f64>,
     grid: SurfaceGrid,
-    untouched: Option<&PlanTable>,
+    purpose: Purpose<'_>,
 ) -> Result<PlanTable, ResponseError> {
     let mut weighted = grid.shapes.clone();
     for (mut row, weight) in weighted.row_iter_mut().zip(&grid.weights) {
         row *= *weight;
     }
     let products = grid.shapes.tr_mul(&weighted);
-    let computed = computed(
-        scene,
-        model,
-        frequencies_hz,
-        (grid, products),
-        Purpose::Strongest(untouched),
-        untouched.map(|own| &*own.pressed),
-    )?;
+    let pressed = purpose.untouched().map(|own| &*own.pressed);
+    let computed = computed(scene, model, frequencies_hz, (grid, products), purpose, pressed)?;
     Ok(PlanTable::of(scene, computed))
 }
 
@@ -105,7 +110,7 @@ fn computed(
     let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &receptance, known);
     let transducers: Vec<Transducer> = scene.actuators.iter().map(Transducer::of).collect();
     let solver = Solver::new(&model);
-    let free = free_motion(&model);
+    let free = if matches!(purpose, Purpose::Roughly(_)) { None } else { free_motion(&model) };
     let onset = free.as_ref().map(|(_, onset)| onset);
     let drivers = drivers(&electrodes, &transducers, &receptance);
     let mass_kg = scene.mass_kg();
@@ -231,10 +236,7 @@ pub(super) fn entries_at(
             let motion = MotionPerN { travel: &travel, harmonics: &harmonic_travel, overshoot: &overshoot };
             width_of(*driver, actuator, motion, pulse_width, surface)
         };
-        let known = match purpose {
-            Purpose::Plans => None,
-            Purpose::Strongest(other) => other.and_then(|other| other.quiet_width(actuator, frequency_hz)),
-        };
+        let known = purpose.untouched().and_then(|other| other.quiet_width(actuator, frequency_hz));
         let quieter =
             known.as_ref().map_or(if purpose.is_plans() { &WIDTHS[..] } else { &WIDTHS[..1] }, std::slice::from_ref);
         let widths = widths(frequency_hz, quieter, width);

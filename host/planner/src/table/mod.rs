@@ -225,7 +225,7 @@ impl PlanTable {
         frequencies_hz: Vec<f64>,
         grid: SurfaceGrid,
     ) -> Result<Self, ResponseError> {
-        build::strongest(scene, model, frequencies_hz, grid, None)
+        build::strongest(scene, model, frequencies_hz, grid, build::Purpose::Strongest(None))
     }
 
     /// The table of those of its frequencies that lie between two; `None` if none does.

@@ -3,7 +3,8 @@
 //! A finger is a spring, a dashpot and a mass at its place, so that each place is a design of the bare panel ([`BarePanel`]): the place's shapes are in
 //! that design's basis, and with them what a sum of modes misses where a force is, which is a part in a hundred of the receptance there.
 
-use super::{PlanTable, SurfaceGrid, TableOptions, build};
+use super::build::{self, Purpose};
+use super::{PlanTable, SurfaceGrid, TableOptions};
 use crate::model::levels::Levels;
 use crate::model::{Accuracy, ReducedModel};
 use crate::response::ResponseError;
@@ -50,6 +51,29 @@ impl<'a> Touched<'a> {
         frequencies_hz: impl Fn(&ReducedModel) -> Vec<f64> + Sync,
         ask: impl Fn(&PlanTable) -> T + Sync,
     ) -> Result<Vec<T>, TouchedError> {
+        self.tables(places_m, Purpose::Strongest(Some(self.untouched)), frequencies_hz, ask)
+    }
+
+    /// The same roughly, and several times as fast: whatever its poles, a mass is taken to move, as it is switched on, by what a single pole's whole free motion adds.
+    ///
+    /// # Errors
+    /// As [`Self::each`].
+    pub fn each_roughly<T: Send>(
+        &self,
+        places_m: &[(f64, f64)],
+        frequencies_hz: impl Fn(&ReducedModel) -> Vec<f64> + Sync,
+        ask: impl Fn(&PlanTable) -> T + Sync,
+    ) -> Result<Vec<T>, TouchedError> {
+        self.tables(places_m, Purpose::Roughly(self.untouched), frequencies_hz, ask)
+    }
+
+    fn tables<T: Send>(
+        &self,
+        places_m: &[(f64, f64)],
+        purpose: Purpose<'_>,
+        frequencies_hz: impl Fn(&ReducedModel) -> Vec<f64> + Sync,
+        ask: impl Fn(&PlanTable) -> T + Sync,
+    ) -> Result<Vec<T>, TouchedError> {
         let stop = Stop::current();
         let at = |place: &(f64, f64)| {
             if stop.is_asked() {
@@ -58,7 +82,7 @@ impl<'a> Touched<'a> {
             let touched = self.scene.touched(&[*place]);
             let model = self.panel.coupled(&touched)?;
             let (hz, grid) = (frequencies_hz(&model), SurfaceGrid::at(&model, *place));
-            Ok(ask(&build::strongest(&touched, model, hz, grid, Some(self.untouched))?))
+            Ok(ask(&build::strongest(&touched, model, hz, grid, purpose)?))
         };
         places_m.par_iter().map(at).collect()
     }

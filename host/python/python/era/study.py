@@ -64,9 +64,15 @@ class Best:
     weakest_m: Optional[tuple[float, float]]
     """The weakest place, if a figure is of it."""
     error_bound: Optional[float]
-    """Upper bound on the relative error of the peak there; `None` where there is none."""
+    """Upper bound on the relative error of `weakest_g`; `None` where there is none, or that is no figure of the study."""
     error_bounds: dict[str, Optional[float]]
-    """The same of every figure; `None` where none is known, which is of all but the weakest place and sags."""
+    """The same of every figure; `None` where none is known, which is of all but `weakest_g` with distinct drives for every touch, modes' frequencies, and sags."""
+    tolerance_met: Optional[bool]
+    """Whether all bounds that are known are within the tolerance; `None` where none is known."""
+    worst: dict[str, float]
+    """Of each figure that is wished for the worst of what may be off, as the design was looked at first; empty where nothing may be off."""
+    breaks: Optional[str]
+    """The limits that the figures break, as computed anew; `None` if they keep all."""
     failed: Optional[str]
     """Why it could not be computed anew; figures are missing then."""
 
@@ -112,7 +118,8 @@ def run(
         Whose workers compute: processes here, a cluster, Slurm's nodes by dask-jobqueue. Each needs this package in the same version.
         This process's threads compute unless given.
     folder : str or os.PathLike, optional
-        Made if it is not there; the study's name with ``-results``, in the current directory, unless given.
+        Made if it is not there. Unless given it is in the current directory, with ``-results`` after the name of the study's file without its
+        ending, as for `era study`, or after the study's own name where `study` is not a file.
     progress : callable, optional
         Called in this thread with the number of designs that are there, and of all, as they come. What it raises ends the work; what was
         computed before is kept.
@@ -132,6 +139,11 @@ def run(
     Exception
         Whatever Dask raises: a worker that died again and again, a scheduler that is gone. The same call goes on.
 
+    Warns
+    -----
+    ModelWarning
+        Gaps of the scene as it is do not bear its press.
+
     Examples
     --------
     With Dask, here:
@@ -140,9 +152,12 @@ def run(
     >>> with Client(n_workers=4, threads_per_worker=1) as client:  # doctest: +SKIP
     ...     found = era.study.run("placement.toml", client)
     """
-    if not isinstance(study, Study):
+    if isinstance(study, Study):
+        usual = _file_name(study.name)
+    else:
+        usual = Path(study).stem
         study = Study.from_file(study)
-    place = Path(f"{_file_name(study.name)}-results" if folder is None else folder)
+    place = Path(f"{usual}-results" if folder is None else folder)
     if client is None:
         study.compute_all(place, progress)
     else:
@@ -161,6 +176,9 @@ def run(
             weakest_m=None if at_mm is None else (at_mm[0] / 1e3, at_mm[1] / 1e3),
             error_bound=told["error_bound"],
             error_bounds=told["error_bounds"],
+            tolerance_met=told["tolerance_met"],
+            worst=told["worst"],
+            breaks=told["breaks"],
             failed=told["failed"],
         )
 

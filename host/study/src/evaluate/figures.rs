@@ -6,6 +6,7 @@ use era_planner::perception::level_db;
 use era_planner::reach::Measure;
 use era_planner::study::rigid;
 use era_planner::study::shared::Phases;
+use era_planner::study::touched::TouchedReach;
 use era_planner::study::weakest::{
     Weakest, every_touch, every_touch_at_one_frequency, every_touch_at_one_frequency_touched, every_touch_touched,
     one_setting,
@@ -17,8 +18,16 @@ use std::borrow::Cow;
 /// Part of what can be had at a place at which its contrast is told: so little that no limit changes it, as in maps.
 const LITTLE_G: f64 = 1e-6;
 
-/// A scene whose finger is on the place that a figure is about, and the frequencies of plans.
-pub type Fingered<'a> = (Touched<'a>, TableOptions);
+/// A scene whose finger is on the place that a figure is about.
+#[derive(Clone, Copy, Debug)]
+pub struct Fingered<'a> {
+    /// One place after the other.
+    pub touched: Touched<'a>,
+    /// Frequencies of plans.
+    pub options: TableOptions,
+    /// What can be had in g, if that is known.
+    pub in_g: Option<&'a TouchedReach>,
+}
 
 /// The figures of a scene, in the order in which they are wanted. Those of [`super::parts`] and sags are NaN. `table` is that of the panel that
 /// nothing touches.
@@ -30,6 +39,18 @@ pub fn figures(table: &PlanTable, fingered: Option<Fingered<'_>>, wanted: &[Want
     let values = wanted.iter().map(|wanted| known.figure(wanted)).collect::<Result<_, _>>()?;
     let first = known.weakest.first().map(|(_, _, _, weakest)| [weakest.at_m.0 * 1e3, weakest.at_m.1 * 1e3]);
     Ok(Figures { values, weakest_mm: first })
+}
+
+fn weakest_touched(
+    table: &PlanTable,
+    fingered: Fingered<'_>,
+    measure: Measure,
+) -> Result<Option<Weakest>, EvaluateError> {
+    if let Some(known) = fingered.in_g.filter(|_| measure == Measure::G) {
+        return Ok(every_touch_touched(table, known));
+    }
+    let reach = TouchedReach::of(table, fingered.touched, None, measure)?;
+    Ok(reach.and_then(|reach| every_touch_touched(table, &reach)))
 }
 
 struct Known<'a> {
@@ -72,14 +93,14 @@ impl Known<'_> {
                     Drives::OneFrequency => Some(Phases::Chosen),
                     Drives::InPhase => Some(Phases::Equal),
                 };
-                let (table, touched) = (self.table, self.fingered.map(|(touched, _)| touched));
-                let found = match (setting, phases, touched) {
+                let table = self.table;
+                let found = match (setting, phases, self.fingered) {
                     (Settings::One, ..) => one_setting(table, measure),
                     (Settings::EveryTouch, None, None) => every_touch(table, measure),
-                    (Settings::EveryTouch, None, Some(touched)) => every_touch_touched(table, touched, measure)?,
+                    (Settings::EveryTouch, None, Some(fingered)) => weakest_touched(table, fingered, measure)?,
                     (Settings::EveryTouch, Some(phases), None) => every_touch_at_one_frequency(table, measure, phases),
-                    (Settings::EveryTouch, Some(phases), Some(touched)) => {
-                        every_touch_at_one_frequency_touched(table, touched, measure, phases)?
+                    (Settings::EveryTouch, Some(phases), Some(fingered)) => {
+                        every_touch_at_one_frequency_touched(table, fingered.touched, measure, phases)?
                     }
                 };
                 self.weakest.push((setting, drives, measure, found.ok_or(PlanError::NoFrequencies)?));
@@ -95,7 +116,7 @@ impl Known<'_> {
         let touch = Target { x_m: x_mm / 1e3, y_m: y_mm / 1e3, intensity_g: Some(LITTLE_G) };
         let table = match self.fingered {
             None => Cow::Borrowed(self.table),
-            Some((touched, options)) => Cow::Owned(touched.table((touch.x_m, touch.y_m), options)?),
+            Some(own) => Cow::Owned(own.touched.table((touch.x_m, touch.y_m), own.options)?),
         };
         let plan = table.plan(&[touch])?;
         Ok((table, plan))

@@ -1,6 +1,6 @@
 //! Designs of a panel that stays the same: what changes is coupled to it.
 
-use super::{EvaluateError, Evaluator, Figures, figures, sag};
+use super::{EvaluateError, Evaluator, Figures, Fingered, figures, sag};
 use crate::spec::{Figure, Wanted};
 use era_model::scene::Scene;
 use era_planner::perception::level_db;
@@ -56,7 +56,8 @@ impl Evaluator for Quick {
             true => quick_figures(&panel, scene, wanted)?,
             false => {
                 let table = PlanTable::build(scene, panel.bare().coupled(scene)?, self.options)?;
-                let fingered = scene.finger.map(|_| (Touched::new(panel.bare(), scene, &table), self.options));
+                let touched = scene.finger.map(|_| Touched::new(panel.bare(), scene, &table));
+                let fingered = touched.map(|touched| Fingered { touched, options: self.options, in_g: None });
                 figures(&table, fingered, wanted)?
             }
         };

@@ -16,6 +16,7 @@ pub(super) fn plots(study: &Study, table: &Table) -> String {
     } else {
         "The large dot has the best figure; red rings are the best once computed anew, with their numbers."
     };
+    let off = if table.has_ends { " Figures that are wanted are the worst of what may be off." } else { "" };
     let all = table.entries.len();
     let shown =
         if all > MOST { format!(" {MOST} of {all} are shown: the best, and others evenly.") } else { String::new() };
@@ -25,7 +26,7 @@ pub(super) fn plots(study: &Study, table: &Table) -> String {
         "No design meets the limits: a line for each that has figures"
     };
     format!(
-        "<p>{what} Crosses do not meet the limits; the diamond is the scene as it is. Point at one to read it.{shown}</p>\n\
+        "<p>{what} Crosses do not meet the limits; the diamond is the scene as it is. Point at one to read it.{off}{shown}</p>\n\
          <p class=\"axes\"><label>across <select id=\"across\"></select></label> <label>up <select id=\"up\"></select></label></p>\n\
          <div id=\"scatter\"></div>\n<p id=\"told\" aria-live=\"polite\"></p>\n\
          <h3>Side by side</h3>\n<p>{lines}, the best ones light. Drag along an axis to see only those that go \
@@ -58,10 +59,10 @@ pub(super) fn json(study: &Study, table: &Table, finals: &Finals) -> String {
         .into_iter()
         .map(|number| {
             let entry = &table.entries[number - 1];
-            json!([state(entry), values(table, entry, &entry.row.design, number)])
+            json!([state(entry), values(study, table, entry, &entry.row.design, number)])
         })
         .collect();
-    let base = json!([state(&table.base), values(table, &table.base, &study.space.as_it_is(), 0)]);
+    let base = json!([state(&table.base), values(study, table, &table.base, &study.space.as_it_is(), 0)]);
     let data = json!({"columns": columns, "wishes": goals, "best": finalists, "rows": rows, "base": base});
     // Nothing of it ends the script that it stands in.
     data.to_string().replace('<', "\\u003c")
@@ -77,15 +78,17 @@ fn state(entry: &Entry) -> u8 {
 }
 
 /// A row's numbers, to six digits, in the columns' order. Figures are the worst of what may be off where they are wished for.
-fn values(table: &Table, entry: &Entry, design: &Design, number: usize) -> Vec<Value> {
+fn values(study: &Study, table: &Table, entry: &Entry, design: &Design, number: usize) -> Vec<Value> {
     let rounded = |value: f64| format!("{value:.5e}").parse::<f64>().map_or(Value::Null, Value::from);
     let mut values = vec![Value::from(number)];
     values.extend(table.columns.iter().map(|column| column.number(design).map_or(Value::Null, rounded)));
     let figures = entry.row.figures();
-    values.extend(
-        (0..table.figures.len())
-            .map(|k| figures.and_then(|own| own.values.get(k)).map_or(Value::Null, |v| rounded(*v))),
-    );
+    values.extend(table.figures.iter().enumerate().map(|(k, wanted)| {
+        let wish = study.spec.wishes.iter().position(|wish| wish.wanted == *wanted);
+        let worst = wish.and_then(|wish| entry.wishes.get(wish));
+        let own = worst.or_else(|| figures.and_then(|own| own.values.get(k)));
+        own.map_or(Value::Null, |value| rounded(*value))
+    }));
     values
 }
 

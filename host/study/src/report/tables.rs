@@ -1,7 +1,7 @@
 //! The report's tables: what was found, how sure it is, what failed.
 
 use super::{escaped, rounded_up, shown};
-use crate::result::{Entry, Finalist, Finals, Status, Table};
+use crate::result::{Finalist, Finals, Status, Table};
 use crate::run::Study;
 use crate::space::described;
 use std::collections::BTreeMap;
@@ -69,7 +69,7 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
         let text = column.text(&as_it_is).unwrap_or_else(|| "as in its file".into());
         let _ = write!(html, "<tr><th>{}</th><td>{}</td>", escaped(&column.name), escaped(&text));
         for own in &finals.best {
-            let text = entry(table, own).and_then(|entry| column.text(&entry.row.design));
+            let text = own.entry(table).and_then(|entry| column.text(&entry.row.design));
             let _ = write!(html, "<td>{}</td>", escaped(&text.unwrap_or_default()));
         }
         html.push_str("</tr>\n");
@@ -80,6 +80,17 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
             html.push_str(&cell(study, own, k));
         }
         html.push_str("</tr>\n");
+    }
+    if table.has_ends {
+        for (k, wish) in study.spec.wishes.iter().enumerate() {
+            let name = escaped(&wish.wanted.column());
+            let _ = write!(html, "<tr><th>{name}, the worst of what may be off (first look)</th>");
+            for own in std::iter::once(&finals.base).chain(&finals.best) {
+                let worst = own.entry(table).and_then(|entry| entry.wishes.get(k)).copied();
+                let _ = write!(html, "<td>{}</td>", worst.map_or_else(String::new, shown));
+            }
+            html.push_str("</tr>\n");
+        }
     }
     if !study.spec.limits.is_empty() {
         html.push_str("<tr><th>limits</th>");
@@ -132,23 +143,14 @@ fn unmet(study: &Study, figure: usize, value: f64) -> Option<String> {
 
 /// Whether a finalist keeps all limits, as a table's cell: as it was computed anew, and as it was looked at, with all that may be off.
 fn limits(study: &Study, table: &Table, own: &Finalist) -> String {
-    let values = own.verified.as_ref().map(|verified| verified.figures.values.as_slice()).unwrap_or_default();
-    let is_beyond = values.iter().enumerate().any(|(k, value)| unmet(study, k, *value).is_some());
-    match entry(table, own) {
+    match own.entry(table) {
         Some(found) if found.status == Status::Broken => {
             let reason = found.reason.as_deref().unwrap_or_default();
             format!("<td class=\"unmet\" title=\"{}\">not met</td>", escaped(reason))
         }
-        _ if is_beyond => "<td class=\"unmet\">not met</td>".into(),
+        _ if own.breaks(study).is_some() => "<td class=\"unmet\">not met</td>".into(),
         Some(found) if found.status == Status::Kept => "<td>met</td>".into(),
         _ => "<td>not known</td>".into(),
-    }
-}
-
-fn entry<'t>(table: &'t Table, own: &Finalist) -> Option<&'t Entry> {
-    match own.design {
-        0 => Some(&table.base),
-        number => table.entries.get(number - 1),
     }
 }
 
@@ -156,13 +158,13 @@ fn entry<'t>(table: &'t Table, own: &Finalist) -> Option<&'t Entry> {
 pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
     let mut html = format!(
         "<p>All designs were looked at {}; the scene itself and the best were computed anew with models made for a relative \
-         tolerance of {:.0e}. The last column bounds the relative error that the model makes in the peak at the weakest place and in sags; for others it is not known.</p>\n\
+         tolerance of {:.0e}. The last column bounds the relative error that the model makes in the strongest peak at the weakest place, in modes' frequencies and in sags; for others it is not known.</p>\n\
          <table>\n<tr><th>design</th><th>figure</th><th>at first</th><th>computed anew</th><th>difference</th><th>error at most</th></tr>\n",
         if study.spec.method.thorough { "thoroughly" } else { "quickly" },
         finals.tolerance
     );
     for own in std::iter::once(&finals.base).chain(&finals.best) {
-        let Some(figures) = entry(table, own).and_then(|entry| entry.row.figures()) else { continue };
+        let Some(figures) = own.entry(table).and_then(|entry| entry.row.figures()) else { continue };
         for (k, wanted) in study.figures.iter().enumerate() {
             let first = figures.values.get(k).copied().unwrap_or(f64::NAN);
             let Ok(verified) = &own.verified else { continue };

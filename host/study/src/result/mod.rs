@@ -2,6 +2,7 @@
 
 mod effects;
 mod finalists;
+mod limits;
 mod pareto;
 mod parquet;
 mod table;
@@ -10,6 +11,7 @@ mod verify;
 pub use self::parquet::{TableError, write as write_parquet};
 pub use effects::{Effect, Effects, Interaction, levels};
 pub use finalists::finalists;
+pub use limits::broken_limits;
 pub use pareto::front;
 pub use table::{Entry, GatherError, Status, Table};
 pub use verify::{Finalist, Finals};

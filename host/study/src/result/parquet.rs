@@ -130,7 +130,7 @@ fn columns(table: &Table) -> Vec<Written<'_>> {
             columns.push(number(format!("{name}_high"), move |entry| entry.row.ends(k).map(|(_, high)| high)));
         }
     }
-    if table.base.row.figures().is_some_and(|figures| figures.weakest_mm.is_some()) {
+    if table.has_weakest() {
         for (k, name) in ["weakest_x_mm", "weakest_y_mm"].into_iter().enumerate() {
             columns.push(number(name.into(), move |entry| entry.row.figures()?.weakest_mm.map(|at| at[k])));
         }

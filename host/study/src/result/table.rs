@@ -1,5 +1,6 @@
 //! All designs of a study, side by side.
 
+use super::limits::broken_limits;
 use super::pareto::front;
 use crate::run::{Folder, FolderError, Outcome, Row, Study, Task, broken, worst};
 use crate::space::Column;
@@ -105,6 +106,13 @@ impl Table {
         broken.min_by(|(_, a), (_, b)| a.beyond.total_cmp(&b.beyond))
     }
 
+    /// Whether any row has a weakest place.
+    #[must_use]
+    pub fn has_weakest(&self) -> bool {
+        let all = std::iter::once(&self.base).chain(&self.entries);
+        all.filter_map(|entry| entry.row.figures()).any(|figures| figures.weakest_mm.is_some())
+    }
+
     /// The table of rows.
     #[must_use]
     pub fn of(study: &Study, base: Row, rows: Vec<Row>) -> Self {
@@ -132,19 +140,8 @@ fn entry(study: &Study, row: Row) -> Entry {
         (Outcome::Failed(reason), _) => (Status::Failed, Some(reason.clone())),
         (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (Status::Kept, None),
         (_, Some(0.0)) => (Status::Failed, Some("a wish's figure is not a finite number".into())),
-        _ => (Status::Broken, Some(limits(study, &row))),
+        _ => (Status::Broken, broken_limits(study, |figure| row.ends(figure))),
     };
     let beyond = beyond.filter(|_| status != Status::Failed).unwrap_or(f64::INFINITY);
     Entry { row, status, reason, wishes: wishes.unwrap_or_default(), is_on_front: false, beyond }
-}
-
-/// Which limits a design breaks, with its figure.
-fn limits(study: &Study, row: &Row) -> String {
-    let each = study.spec.limits.iter().filter_map(|limit| {
-        let figure = study.figures.iter().position(|wanted| *wanted == limit.wanted)?;
-        let (low, high) = row.ends(figure)?;
-        let (value, allowed) = limit.broken_by(low, high)?;
-        Some(format!("{} is {value:.4}, but must be {allowed}", limit.wanted.column()))
-    });
-    each.collect::<Vec<_>>().join("; ")
 }

@@ -1,6 +1,7 @@
 //! The finalists, looked at again thoroughly, beside the scene as it is in its file.
 
 use super::finalists::finalists;
+use super::limits::broken_limits;
 use super::table::{Entry, Table};
 use crate::evaluate::{Thorough, Verified};
 use crate::run::Study;
@@ -15,6 +16,24 @@ pub struct Finalist {
     pub text: String,
     /// What was found.
     pub verified: Result<Verified, String>,
+}
+
+impl Finalist {
+    /// The limits that its figures, as they were computed anew, break; `None` if it keeps all, or has none.
+    #[must_use]
+    pub fn breaks(&self, study: &Study) -> Option<String> {
+        let values = self.verified.as_ref().ok().map(|verified| verified.figures.values.as_slice())?;
+        broken_limits(study, |figure| values.get(figure).map(|value| (*value, *value)))
+    }
+
+    /// Its row of a study's table; `None` if it has none.
+    #[must_use]
+    pub fn entry<'t>(&self, table: &'t Table) -> Option<&'t Entry> {
+        match self.design.checked_sub(1) {
+            None => Some(&table.base),
+            Some(at) => table.entries.get(at),
+        }
+    }
 }
 
 /// The scene of the file and the finalists.
@@ -48,16 +67,22 @@ impl Finals {
     }
 }
 
-/// Puts those with the better figure first, as the thorough look tells it, and those that failed last; not where there are several wishes, between which
-/// the first one is best, nor where the worst of uncertain ones decides, which is not looked at again.
+/// Puts those that break a limit as the thorough look tells it last, and those that failed after them. Of the others the one with the better figure is first, not where there are
+/// several wishes, between which the first one is best, nor where the worst of uncertain ones decides, which is not looked at again.
 fn in_order(study: &Study, best: &mut [Finalist]) {
+    let rank = |own: &Finalist| match own.verified {
+        Err(_) => 2,
+        Ok(_) if own.breaks(study).is_some() => 1,
+        Ok(_) => 0,
+    };
+    best.sort_by_key(rank);
     let ([wish], true) = (study.spec.wishes.as_slice(), study.spec.uncertain.is_empty()) else { return };
     let Some(place) = study.figures.iter().position(|wanted| *wanted == wish.wanted) else { return };
     let loss = |own: &Finalist| {
         let figure = own.verified.as_ref().ok().and_then(|verified| verified.figures.values.get(place).copied());
         figure.map_or(f64::INFINITY, |figure| wish.goal.loss(figure))
     };
-    best.sort_by(|a, b| loss(a).total_cmp(&loss(b)));
+    best.sort_by(|a, b| rank(a).cmp(&rank(b)).then(loss(a).total_cmp(&loss(b))));
 }
 
 fn finalist(study: &Study, thorough: &Thorough, design: usize, entry: &Entry) -> Result<Finalist, Refused> {

@@ -109,7 +109,10 @@ impl Space {
     /// [`Refused`].
     pub fn scene(&self, design: &Design, off: &[f64]) -> Result<Scene, Refused> {
         let mut document = self.document(design)?;
-        document::check_apart(&document, &self.apart)?;
+        // The scene as it is is what designs are compared with, whether or not it keeps what they have to keep.
+        if design.settings.iter().any(|setting| *setting != Setting::Kept) {
+            document::check_apart(&document, &self.apart)?;
+        }
         if !off.is_empty() {
             uncertain::apply(&mut document, &self.uncertain, &self.uncertain_places(), off, self.sides_mm)?;
         }
@@ -124,21 +127,13 @@ impl Space {
         document::read(&self.source, text)
     }
 
-    /// The scene as it is in its file.
+    /// The scene as it is in its file, whether or not it keeps what designs have to keep (`[[apart]]`).
     ///
     /// # Errors
     /// [`Refused`]; it has been read before.
     pub fn base(&self, off: &[f64]) -> Result<Scene, Refused> {
         let nothing = Design { settings: vec![Setting::Kept; self.variables.len()] };
         self.scene(&nothing, off)
-    }
-
-    /// The same, whether or not it keeps what designs have to keep (`[[apart]]`).
-    ///
-    /// # Errors
-    /// As [`Space::base`].
-    pub fn unchanged(&self) -> Result<Scene, Refused> {
-        document::scene(&self.source, &self.base)
     }
 
     /// The design that the scene's file itself is. [`Setting::Kept`] is left where the file has no value of the variable's kind: no such key,
@@ -194,20 +189,20 @@ impl Space {
                 tell(variable.line, format!("{name}: the scene takes none of its values: {reason}"));
             }
         }
-        for (path, place) in self
-            .uncertain
-            .iter()
-            .zip(self.uncertain_places())
-            .flat_map(|(own, places)| places.into_iter().map(|place| (own.name.clone(), place)))
-        {
-            if document::number(&self.base, &place).is_none() {
-                tell(0, format!("uncertain ({path}): the scene's file has no number there"));
+        for (number, (own, places)) in self.uncertain.iter().zip(self.uncertain_places()).enumerate() {
+            if places.iter().any(|place| document::number(&self.base, place).is_none()) {
+                let name = format!("uncertain[{}] ({})", number + 1, own.name);
+                tell(own.line, format!("{name}: the scene's file has no number there"));
             }
         }
-        let paths = self.apart.iter().flat_map(|apart| &apart.places);
-        for path in paths.chain(self.uncertain.iter().flat_map(|own| &own.paths)) {
+        let apart = (1..).zip(&self.apart).map(|(number, own)| (format!("apart[{number}]"), own.line, &own.places));
+        let off =
+            (1..).zip(&self.uncertain).map(|(number, own)| (format!("uncertain[{number}]"), own.line, &own.paths));
+        for (name, line, path) in
+            apart.chain(off).flat_map(|(name, line, paths)| paths.iter().map(move |path| (name.clone(), line, path)))
+        {
             if let Err(error) = path.places(&self.base) {
-                tell(0, error.to_string());
+                tell(line, format!("{name}: {error}"));
             }
         }
     }

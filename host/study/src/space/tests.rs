@@ -120,6 +120,35 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
 }
 
 #[test]
+fn what_is_off_or_apart_and_leads_nowhere_is_told_with_its_line() {
+    let study = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1\nto = 2\n\
+                 [[apart]]\ndistance_mm = 30\nplaces = [\"actuator.*\", \"actuator.middle\"]\n\
+                 [[uncertain]]\npart = 0.1\nkey = \"surface.kind\"\n\
+                 [[uncertain]]\npart = 0.1\nkey = \"support[9].x_mm\"\n";
+    let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
+    let told: Vec<(usize, &str)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
+    let expected = [
+        (10, "apart[1]: the scene has no actuator.middle"),
+        (13, "uncertain[1] (surface.kind): the scene's file has no number there"),
+        (16, "uncertain[2]: the scene has no support[9]"),
+    ];
+    assert_eq!(told.len(), expected.len(), "{told:?}");
+    for ((line, text), (wanted_line, wanted)) in told.iter().zip(expected) {
+        assert!(*line == wanted_line && text.contains(wanted), "{line}: {text}; wanted {wanted_line}: {wanted}");
+    }
+}
+
+/// The scene that a study starts from may be one that no design could be: it is what they are compared with.
+#[test]
+fn the_scene_as_it_is_need_not_keep_what_designs_have_to() {
+    let study = "[[variable]]\nplace = \"actuator.right\"\nwithin_mm = [100, 100, 200, 100]\n\
+                 [[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 160\n";
+    let space = space(study);
+    assert_eq!(space.base(&[]).unwrap(), Scene::parse("plate", EXAMPLE_PLATE).unwrap());
+    assert!(space.scene(&space.as_it_is(), &[]).is_err() && space.scene(&space.design(&[0.5, 0.5]), &[]).is_err());
+}
+
+#[test]
 fn chosen_numbers_have_few_digits() {
     assert_eq!(
         [0.1 + 0.2, 1.0 / 3.0, 123_456_789.0, -2e-9 / 3.0].map(super::design::rounded),
@@ -151,5 +180,5 @@ fn the_scene_as_it_is_is_a_design() {
     ];
     assert_eq!(space.as_it_is().settings, wanted);
     // It is that scene.
-    assert_eq!(space.scene(&space.as_it_is(), &[]).unwrap(), space.unchanged().unwrap());
+    assert_eq!(space.scene(&space.as_it_is(), &[]).unwrap(), space.base(&[]).unwrap());
 }

@@ -211,6 +211,7 @@ fn apart(section: Section<'_, '_>) -> Apart {
     let apart = Apart {
         places: paths(&section, "places"),
         distance_mm: section.number("distance_mm", Allowed::Within(0.0, 1e4)),
+        line: section.report().line(section.place("places").start),
     };
     section.close();
     apart
@@ -237,6 +238,19 @@ fn wanted(section: &Section<'_, '_>) -> Option<Wanted> {
     } else {
         None
     };
+    let is_of_no = |what: &str| format!("as {} is no figure {what}", figure.name());
+    if !figure.is_of_settings() {
+        left_out(section, ["setting"], &is_of_no("of settings"));
+    }
+    if !figure.is_of_the_weakest_place() {
+        left_out(section, ["drives"], &is_of_no("of the weakest place's peak"));
+    }
+    if !figure.is_of_a_place() {
+        left_out(section, ["at_mm"], &is_of_no("of a place"));
+    }
+    if figure != Figure::SagUm {
+        left_out(section, ["force_n"], &is_of_no("of a press"));
+    }
     let is_pressed = figure == Figure::SagUm && section.has("force_n");
     let force_n = is_pressed.then(|| section.number("force_n", Allowed::Within(0.0, era_model::scene::MOST_PRESS_N)));
     Some(Wanted { figure, setting: setting.unwrap_or(Settings::EveryTouch), drives, at_mm, force_n })
@@ -277,8 +291,9 @@ fn uncertain(section: Section<'_, '_>) -> Uncertain {
     let by = section.number_or("by", 0.0, Allowed::Within(0.0, 1e20));
     let words = [("each", false), ("together", true)];
     let together = section.has("vary").then(|| section.word("vary", &words)).flatten().unwrap_or(false);
+    let line = section.report().line(section.place("key").start);
     section.close();
-    Uncertain { name, paths, part, by, together }
+    Uncertain { name, paths, part, by, together, line }
 }
 
 fn costs(section: Section<'_, '_>) -> Costs {
@@ -315,7 +330,9 @@ fn method(file: &Section<'_, '_>, uncertain: &[Uncertain]) -> Method {
     };
     if method.way == Way::Grid {
         method.levels = count("levels", method.levels, MOST_LEVELS);
+        left_out(&section, ["designs", "seed"], "as a grid has the designs that `levels` makes");
     } else {
+        left_out(&section, ["levels"], "as `way` is not \"grid\"");
         let most = if method.way == Way::LatinHypercube { MOST_LISTED } else { MOST_DESIGNS };
         method.designs = count("designs", method.designs, most);
         method.seed = u64::from(u32::try_from(count("seed", 0, u32::MAX)).unwrap_or(0));
@@ -330,8 +347,10 @@ fn method(file: &Section<'_, '_>, uncertain: &[Uncertain]) -> Method {
             let wanted = format!("at least one generation of each run, {least}");
             section.wrong("designs", method.designs.to_string(), &wanted);
         }
+        left_out(&section, ["chunk"], "as a generation is what is computed together");
     } else {
         method.chunk = section.has("chunk").then(|| section.count("chunk", 1_000_000) as usize);
+        left_out(&section, ["population", "runs"], "as `way` is not \"evolution\"");
     }
     method.finalists = count("finalists", method.finalists, 100);
     let band = Allowed::Within(1.0, 1000.0);
@@ -345,11 +364,24 @@ fn method(file: &Section<'_, '_>, uncertain: &[Uncertain]) -> Method {
     if !uncertain.is_empty() {
         let words = [("corners", true), ("latin_hypercube", false)];
         let corners = section.has("robust").then(|| section.word("robust", &words)).flatten().unwrap_or(false);
-        method.robust =
-            if corners { Robust::Corners } else { Robust::LatinHypercube { samples: count("samples", 16, 10_000) } };
+        if corners {
+            left_out(&section, ["samples"], "as the corners are the samples");
+            method.robust = Robust::Corners;
+        } else {
+            method.robust = Robust::LatinHypercube { samples: count("samples", 16, 10_000) };
+        }
+    } else {
+        left_out(&section, ["robust", "samples"], "as there is no [[uncertain]]");
     }
     section.close();
     method
+}
+
+/// Tells of keys that are there though nothing asks for them, which is said of `method` in `why`.
+fn left_out<const N: usize>(section: &Section<'_, '_>, keys: [&'static str; N], why: &str) {
+    for key in keys.into_iter().filter(|key| section.has(key)) {
+        section.wrong_list(key, &format!("left out, {why}"));
+    }
 }
 
 /// Whether so many uncertain values have few enough corners.

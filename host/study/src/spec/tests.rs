@@ -43,6 +43,44 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
     }
 }
 
+/// Keys that are known, where nothing asks for them.
+#[test]
+fn keys_that_do_not_apply_are_told_with_the_reason() {
+    let of = |rest: &str| told(&format!("version = 1\nname = \"s\"\nscene = \"x.toml\"\n{rest}"));
+    let wish = "[[wish]]\nfigure = \"mass_g\"\n";
+    for (rest, line, expected) in [
+        (format!("{wish}[method]\nway = \"grid\"\ndesigns = 512\n"), 8, "method.designs is 512, but must be left out"),
+        (format!("{wish}[method]\nlevels = 3\n"), 7, "method.levels is 3, but must be left out"),
+        (format!("{wish}[method]\nruns = 3\n"), 7, "method.runs is 3, but must be left out"),
+        (
+            format!("{wish}[method]\nsamples = 9\n"),
+            7,
+            "method.samples is 9, but must be left out, as there is no [[uncertain]]",
+        ),
+        (
+            format!("{wish}[[uncertain]]\nkey = \"a.b\"\nby = 1\n[method]\nrobust = \"corners\"\nsamples = 9\n"),
+            11,
+            "method.samples is 9, but must be left out, as the corners are the samples",
+        ),
+        (
+            format!("{wish}[method]\nway = \"evolution\"\nchunk = 3\n"),
+            8,
+            "method.chunk is 3, but must be left out, as a generation",
+        ),
+        (
+            format!("{wish}at_mm = [1, 2]\n"),
+            6,
+            "wish[1].at_mm is [1, 2], but must be left out, as mass_g is no figure of a place",
+        ),
+        (format!("{wish}setting = \"one\"\n"), 6, "wish[1].setting is \"one\", but must be left out"),
+        (format!("{wish}drives = \"in_phase\"\n"), 6, "wish[1].drives is \"in_phase\", but must be left out"),
+        (format!("{wish}force_n = 3\n"), 6, "wish[1].force_n is 3, but must be left out"),
+    ] {
+        let told = of(&rest);
+        assert!(told.len() == 1 && told[0].0 == line && told[0].1.contains(expected), "{told:?} for {expected}");
+    }
+}
+
 #[test]
 fn a_study_wants_something() {
     let told = told("version = 1\nname = \"s\"\nscene = \"x.toml\"\n");

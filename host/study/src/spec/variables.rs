@@ -137,6 +137,8 @@ pub struct Apart {
     pub places: Vec<Path>,
     /// Least distance in mm.
     pub distance_mm: f64,
+    /// Its line in the file.
+    pub line: usize,
 }
 
 /// What is not known of a design: a value that may be off.
@@ -152,4 +154,6 @@ pub struct Uncertain {
     pub by: f64,
     /// Whether all keys are off by the same.
     pub together: bool,
+    /// Its line in the file.
+    pub line: usize,
 }

@@ -152,6 +152,12 @@ impl Figure {
         matches!(self, Self::WeakestG | Self::WeakestDb)
     }
 
+    /// Whether it is the frequency of a mode.
+    #[must_use]
+    pub const fn is_of_a_mode(self) -> bool {
+        matches!(self, Self::RigidModeHz | Self::BendingModeHz)
+    }
+
     /// Whether it is about a place.
     #[must_use]
     pub const fn is_of_a_place(self) -> bool {
