@@ -128,9 +128,9 @@ fn what_is_off_or_apart_and_leads_nowhere_is_told_with_its_line() {
     let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
     let told: Vec<(usize, &str)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
     let expected = [
-        (10, "apart[1]: the scene has no actuator.middle"),
+        (10, "apart[1]: actuator.middle: the scene has no actuator.middle"),
         (13, "uncertain[1] (surface.kind): the scene's file has no number there"),
-        (16, "uncertain[2]: the scene has no support[9]"),
+        (16, "uncertain[2]: support[9].x_mm: the scene has no support[9]"),
     ];
     assert_eq!(told.len(), expected.len(), "{told:?}");
     for ((line, text), (wanted_line, wanted)) in told.iter().zip(expected) {
