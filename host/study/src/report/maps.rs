@@ -64,7 +64,7 @@ fn map(study: &Study, own: &Finalist, verified: &Verified, (least, most): (f64, 
     let (x, y) = (borders(&verified.x_mm, length), borders(&verified.y_mm, width));
     let columns = verified.x_mm.len();
     for (j, row) in verified.strongest_g.chunks(columns.max(1)).enumerate() {
-        let (top, bottom) = if up > 0.0 { (y[j] * up, y[j + 1] * up) } else { (0.0, h) };
+        let (top, bottom) = if up > 0.0 { (tenths(y[j] * up), tenths(y[j + 1] * up)) } else { (0.0, h) };
         let band = |peak: Option<f64>| {
             peak.map(|peak| ((peak / least).ln() / (most / least).ln() * BANDS).floor().min(BANDS - 1.0))
         };
@@ -73,7 +73,7 @@ fn map(study: &Study, own: &Finalist, verified: &Verified, (least, most): (f64, 
             let own = band(row[from]);
             let to = (from..columns).find(|k| band(row[*k]) != own).unwrap_or(columns);
             if let Some(own) = own {
-                let (left, right) = (x[from] * scale, x[to] * scale);
+                let (left, right) = (tenths(x[from] * scale), tenths(x[to] * scale));
                 let _ = writeln!(
                     svg,
                     "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{}\"/>",
@@ -110,6 +110,11 @@ fn map(study: &Study, own: &Finalist, verified: &Verified, (least, most): (f64, 
     }
     svg.push_str("</svg>\n");
     svg
+}
+
+/// In tenths of a pixel, as it is written: rounded sizes would leave gaps between rounded corners.
+fn tenths(at: f64) -> f64 {
+    (10.0 * at).round() / 10.0
 }
 
 /// The borders of the areas that a grid's lines stand for.
