@@ -377,7 +377,7 @@ fn method(file: &Section<'_, '_>, uncertain: &[Uncertain]) -> Method {
     method
 }
 
-/// Tells of keys that are there though nothing asks for them, which is said of `method` in `why`.
+/// Tells of keys that are there though nothing asks for them; `why` goes on after "must be left out, ".
 fn left_out<const N: usize>(section: &Section<'_, '_>, keys: [&'static str; N], why: &str) {
     for key in keys.into_iter().filter(|key| section.has(key)) {
         section.wrong_list(key, &format!("left out, {why}"));
