@@ -29,8 +29,6 @@ pub struct Raised {
     field: Option<String>,
     value: Value,
     allowed: Option<String>,
-    /// The system's number, of an error about the file that `value` names.
-    errno: Option<i32>,
 }
 
 /// Which exception.
@@ -40,7 +38,8 @@ enum Kind {
     Model,
     Resonance,
     Simulation,
-    Os,
+    /// With the system's number where the error is about the file that `value` names, and 0 elsewhere.
+    Os(i32),
 }
 
 impl Kind {
@@ -51,7 +50,7 @@ impl Kind {
             Kind::Model => Some("ModelError"),
             Kind::Resonance => Some("ResonanceError"),
             Kind::Simulation => Some("SimulationError"),
-            Kind::Os => None,
+            Kind::Os(_) => None,
         }
     }
 }
@@ -127,7 +126,7 @@ impl Raised {
             Value::Corners([x0, y0, x1, y1]) => format!("({x0}, {y0}, {x1}, {y1})"),
         };
         let text = format!("{field} is {given}, but must be {allowed}");
-        Self { kind: Kind::Request, text, field: Some(field), value, allowed: Some(allowed), errno: None }
+        Self { kind: Kind::Request, text, field: Some(field), value, allowed: Some(allowed) }
     }
 
     /// A place that is none of the surface: an argument in m, of which `field` is the x coordinate's name.
@@ -147,7 +146,7 @@ impl Raised {
 
     /// Files and threads that are not to be had.
     pub fn os(error: impl ToString) -> Self {
-        Self::plain(Kind::Os, &error)
+        Self::plain(Kind::Os(0), &error)
     }
 
     /// A file that cannot be read or written: with the system's number and the file's name, as Python's own functions tell it.
@@ -157,15 +156,15 @@ impl Raised {
         match error.raw_os_error() {
             Some(errno) => {
                 let reason = told.split(" (os error").next().unwrap_or(&told);
-                let plain = Self::plain(Kind::Os, &format!("cannot {doing}: {reason}"));
-                Self { value: Value::Word(name), errno: Some(errno), ..plain }
+                let plain = Self::plain(Kind::Os(errno), &format!("cannot {doing}: {reason}"));
+                Self { value: Value::Word(name), ..plain }
             }
             None => Self::os(format!("cannot {doing} {name}: {told}")),
         }
     }
 
     fn plain(kind: Kind, error: &impl ToString) -> Self {
-        Self { kind, text: error.to_string(), field: None, value: Value::None, allowed: None, errno: None }
+        Self { kind, text: error.to_string(), field: None, value: Value::None, allowed: None }
     }
 
     fn with(kind: Kind, error: &impl ToString, field: &str, value: impl Into<Value>, allowed: Option<String>) -> Self {
@@ -382,11 +381,11 @@ impl From<Raised> for PyErr {
 }
 
 fn exception(py: Python<'_>, raised: Raised) -> PyResult<PyErr> {
-    let Raised { kind, text, field, value, allowed, errno } = raised;
+    let Raised { kind, text, field, value, allowed } = raised;
     let Some(name) = kind.name() else {
-        return Ok(match (errno, value) {
+        return Ok(match (kind, value) {
             // Python makes `FileNotFoundError` and its like of the number.
-            (Some(errno), Value::Word(path)) => PyOSError::new_err((errno, text, path)),
+            (Kind::Os(errno), Value::Word(path)) => PyOSError::new_err((errno, text, path)),
             _ => PyOSError::new_err(text),
         });
     };
