@@ -107,8 +107,9 @@ impl Thorough {
             return Ok(found);
         };
         let finer = Self { accuracy: Accuracy::tolerance(FINER * self.tolerance())?, ..*self };
-        let again = finer.looked_at(scene, wanted)?;
-        Ok(if again.bound.is_some_and(|own| own < bound) { again } else { found })
+        // What is there is not lost where finer models are too large.
+        let again = finer.looked_at(scene, wanted).ok().filter(|again| again.bound.is_some_and(|own| own < bound));
+        Ok(again.unwrap_or(found))
     }
 
     fn looked_at(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Verified, EvaluateError> {
@@ -156,7 +157,7 @@ impl Thorough {
         });
         let mut bounds: Vec<Option<f64>> = bounds.collect();
         for (k, _) in wanted.iter().enumerate().filter(|(_, wanted)| wanted.figure.is_of_a_mode()) {
-            if let Some((hz, own)) = self.mode(scene, figures.values[k])? {
+            if let Some((hz, own)) = self.mode(scene, figures.values[k]) {
                 (figures.values[k], bounds[k]) = (hz, own);
             }
         }
@@ -167,19 +168,20 @@ impl Thorough {
 }
 
 impl Thorough {
-    /// The frequency in Hz of the mode near `hz` with the bound on its relative error, as `era modes` tells it; `None` where there is none.
-    fn mode(&self, scene: &Scene, hz: f64) -> Result<Option<(f64, Option<f64>)>, EvaluateError> {
+    /// The frequency in Hz of the mode near `hz` with the bound on its relative error, as `era modes` tells it; `None` where there is none, or it cannot be
+    /// computed: the figure is there without it.
+    fn mode(&self, scene: &Scene, hz: f64) -> Option<(f64, Option<f64>)> {
         // Above it so that a mesh which puts it a little higher still has it.
         const BESIDE: f64 = 1.05;
         const LEAST_HZ: f64 = 10.0;
         let is_it = |own: f64| (own / hz - 1.0).abs() < BESIDE - 1.0;
         if hz.is_nan() || hz <= 0.0 {
-            return Ok(None);
+            return None;
         }
-        let found = bounded_modes(scene, self.accuracy, (BESIDE * hz).max(LEAST_HZ))?;
+        let found = bounded_modes(scene, self.accuracy, (BESIDE * hz).max(LEAST_HZ)).ok()?;
         let all = found.answer.iter().zip(&found.bounds).map(|(mode, bound)| (mode.frequency_hz, bound.value()));
         let nearest = all.min_by(|a, b| (a.0 - hz).abs().total_cmp(&(b.0 - hz).abs()));
-        Ok(nearest.filter(|(own, _)| is_it(*own)))
+        nearest.filter(|(own, _)| is_it(*own))
     }
 }
 

@@ -23,8 +23,8 @@ const FORMAT: u32 = 1;
 const CHUNK_S: f64 = 1.0;
 /// About what a design takes in s where only the weakest place is wanted, where a plan table is needed, and thoroughly.
 const LOOK_S: [f64; 3] = [0.015, 0.15, 2.0];
-/// The same with a finger, which makes each place a panel of its own: 3.3 s and 50 s were measured on the example plate; a map of it is most of the latter.
-const FINGER_S: [f64; 3] = [3.3, 50.0, 50.0];
+/// The same with a finger, which makes each place a panel of its own: 3 s, and 25 s on two cores, were measured on the example plate; a map of it is most of the latter.
+const FINGER_S: [f64; 3] = [3.0, 50.0, 50.0];
 /// Most chunks: schedulers have trouble beyond 10^5 tasks.
 const MOST_CHUNKS: usize = 100_000;
 
