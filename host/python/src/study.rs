@@ -6,7 +6,6 @@ use crate::run::{run, run_beside, run_told};
 use crate::scene::PyScene;
 use crate::tables::with_table;
 use era_model::model::Accuracy;
-use era_model::scene::{Mount, Scene};
 use era_study::evaluate::{Evaluator, Quick, Thorough};
 use era_study::result::{Entry, Table};
 use era_study::run::{Folder, Observer, Row, Shard, Stopped, Study, Task, decoded, encoded};
@@ -124,11 +123,6 @@ impl PyStudy {
     fn folder(&self, folder: PathBuf) -> Result<Folder, Raised> {
         Ok(Folder::open(&folder, self.study.key())?)
     }
-}
-
-/// Whether nothing but its spring holds a mass against a press.
-fn has_no_stop(scene: &Scene) -> bool {
-    scene.actuators.iter().any(|own| own.mount == Mount::Grounded && own.stop_m.is_none())
 }
 
 fn text_of(path: &Path) -> PyResult<String> {
@@ -413,7 +407,7 @@ impl PyStudy {
         let own = self.folder(folder.clone())?;
         let study = self.study.clone();
         // Of the scene itself, not of each design, as there are many, which lack the same stops. Where it cannot be modelled its own row says why.
-        if let Some(scene) = study.space.base(&[]).ok().filter(has_no_stop) {
+        if let Some(scene) = study.space.without_stops() {
             let told = with_table(py, &Arc::new(scene), Accuracy::BALANCED, |_| Ok(()));
             let ours = py.import("era._errors")?.getattr("EraError")?;
             if let Err(error) = told

@@ -9,7 +9,6 @@ use crate::design::evaluate::{Evaluator, Quick, Thorough};
 use crate::design::result::GatherError;
 use crate::design::run::{self, Folder, FolderError, RunError, Shard, Stopped, Study, StudyError};
 use crate::design::written::{WriteError, write};
-use crate::scene::Mount;
 use std::path::{Path, PathBuf};
 
 impl From<StudyError> for Failure {
@@ -102,9 +101,8 @@ pub fn run(options: &Options) -> Outcome {
 /// Says of the study's scene what other commands say when they load it: which actuators do not bear its press. Not of each design, as there
 /// are many, which lack the same stops.
 fn warn_of_press(study: &Study) {
-    let Ok(scene) = study.space.base(&[]) else { return };
     // A table takes a second or two, and with all stops there is nothing to say.
-    if scene.actuators.iter().any(|own| own.mount == Mount::Grounded && own.stop_m.is_none()) {
+    if let Some(scene) = study.space.without_stops() {
         // Where there is none, the scene's own row of the results says why.
         let _ = plan_table(&Panel::default(), Keep { no_cache: true }, &scene);
     }

@@ -16,7 +16,7 @@ pub use uncertain::Scenarios;
 
 use crate::spec::{Apart, Path, PathError, Spec, Step, Uncertain, Variable, What};
 use era_model::scene::read::Report;
-use era_model::scene::{Scene, SceneError};
+use era_model::scene::{Actuator, Mount, Scene, SceneError};
 use std::fmt::Write;
 use toml_edit::DocumentMut;
 
@@ -134,6 +134,13 @@ impl Space {
     pub fn base(&self, off: &[f64]) -> Result<Scene, Refused> {
         let nothing = Design { settings: vec![Setting::Kept; self.variables.len()] };
         self.scene(&nothing, off)
+    }
+
+    /// The scene as it is, where nothing but its spring holds some mass against a press: that may be worth a word. `None` with stops for all.
+    #[must_use]
+    pub fn without_stops(&self) -> Option<Scene> {
+        let is_free = |own: &Actuator| own.mount == Mount::Grounded && own.stop_m.is_none();
+        self.base(&[]).ok().filter(|scene| scene.actuators.iter().any(is_free))
     }
 
     /// The design that the scene's file itself is. [`Setting::Kept`] is left where the file has no value of the variable's kind: no such key,

@@ -97,6 +97,15 @@ fn what_may_be_off_is_off_by_parts_and_amounts() {
     assert_eq!(found.supports[0].x_m, 0.0);
 }
 
+/// Each mistake with its line, and what its text has to have.
+fn hold(error: &SceneError, expected: &[(usize, &str)]) {
+    let told: Vec<(usize, &str)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
+    assert_eq!(told.len(), expected.len(), "{told:?}");
+    for ((line, text), (wanted_line, wanted)) in told.iter().zip(expected) {
+        assert!(line == wanted_line && text.contains(wanted), "{line}: {text}; wanted {wanted_line}: {wanted}");
+    }
+}
+
 #[test]
 fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
     let study = "[[variable]]\nkey = \"support[7].x_mm\"\nfrom = 0\nto = 1\n\
@@ -105,7 +114,6 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
                  [[variable]]\ncount = \"actuator\"\nfrom = 1\nto = 3\n\
                  [[variable]]\nkey = \"surface.tickness_mm\"\nfrom = 1\nto = 3\n";
     let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
-    let told: Vec<(usize, &str)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
     let expected = [
         (4, "the scene has no support[7]"),
         (8, "the scene takes none of its values: surface.thickness_mm is 200, but must be 0.001 to 100"),
@@ -113,10 +121,7 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
         (16, "the scene has 2 [[actuator]], but 3 are asked for"),
         (20, "unknown key surface.tickness_mm; did you mean thickness_mm?"),
     ];
-    assert_eq!(told.len(), expected.len(), "{told:?}");
-    for ((line, text), (wanted_line, wanted)) in told.iter().zip(expected) {
-        assert!(*line == wanted_line && text.contains(wanted), "{line}: {text}; wanted {wanted_line}: {wanted}");
-    }
+    hold(&error, &expected);
 }
 
 #[test]
@@ -126,16 +131,12 @@ fn what_is_off_or_apart_and_leads_nowhere_is_told_with_its_line() {
                  [[uncertain]]\npart = 0.1\nkey = \"surface.kind\"\n\
                  [[uncertain]]\npart = 0.1\nkey = \"support[9].x_mm\"\n";
     let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
-    let told: Vec<(usize, &str)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
     let expected = [
         (10, "apart[1]: actuator.middle: the scene has no actuator.middle"),
         (13, "uncertain[1] (surface.kind): the scene's file has no number there"),
         (16, "uncertain[2]: support[9].x_mm: the scene has no support[9]"),
     ];
-    assert_eq!(told.len(), expected.len(), "{told:?}");
-    for ((line, text), (wanted_line, wanted)) in told.iter().zip(expected) {
-        assert!(*line == wanted_line && text.contains(wanted), "{line}: {text}; wanted {wanted_line}: {wanted}");
-    }
+    hold(&error, &expected);
 }
 
 /// The scene that a study starts from may be one that no design could be: it is what they are compared with.
