@@ -137,18 +137,23 @@ impl Element {
 /// Values, first and second derivatives of all functions at `t` of the unit cell.
 fn functions(order: usize, cubics: Cubics, t: f64) -> [Vec<f64>; 3] {
     let u = 1.0 - t;
-    let [mut value, mut first, mut second] = match cubics {
+    let first_four = match cubics {
         Cubics::Ends => [
-            vec![u * u * (1.0 + 2.0 * t), t * u * u, t * t * (3.0 - 2.0 * t), -t * t * u],
-            vec![-6.0 * t * u, u * (1.0 - 3.0 * t), 6.0 * t * u, t * (3.0 * t - 2.0)],
-            vec![12.0 * t - 6.0, 6.0 * t - 4.0, 6.0 - 12.0 * t, 6.0 * t - 2.0],
+            [u * u * (1.0 + 2.0 * t), t * u * u, t * t * (3.0 - 2.0 * t), -t * t * u],
+            [-6.0 * t * u, u * (1.0 - 3.0 * t), 6.0 * t * u, t * (3.0 * t - 2.0)],
+            [12.0 * t - 6.0, 6.0 * t - 4.0, 6.0 - 12.0 * t, 6.0 * t - 2.0],
         ],
         Cubics::Straight => [
-            vec![1.0, t - u, -2.0 * t * u, -2.0 * t * u * (t - u)],
-            vec![0.0, 2.0, 2.0 * (t - u), 2.0 * (1.0 - 6.0 * t * u)],
-            vec![0.0, 0.0, 4.0, 12.0 * (t - u)],
+            [1.0, t - u, -2.0 * t * u, -2.0 * t * u * (t - u)],
+            [0.0, 2.0, 2.0 * (t - u), 2.0 * (1.0 - 6.0 * t * u)],
+            [0.0, 0.0, 4.0, 12.0 * (t - u)],
         ],
     };
+    let [mut value, mut first, mut second] = first_four.map(|four| {
+        let mut all = Vec::with_capacity(order + 1);
+        all.extend(four);
+        all
+    });
     // With x = 2 t - 1 and j = 2, 3, ...: the second integral of P_j, its first, and P_j itself.
     let p = legendre(order, 2.0 * t - 1.0);
     for m in 4..=order {
@@ -170,7 +175,8 @@ fn functions(order: usize, cubics: Cubics, t: f64) -> [Vec<f64>; 3] {
 
 /// P_0 .. P_n at x, by their three-term recurrence.
 fn legendre(n: usize, x: f64) -> Vec<f64> {
-    let mut p = vec![1.0, x];
+    let mut p = Vec::with_capacity(n + 1);
+    p.extend([1.0, x]);
     for k in 1..n {
         let kf = k as f64;
         let next = ((2.0 * kf + 1.0) * x * p[k] - kf * p[k - 1]) / (kf + 1.0);

@@ -7,6 +7,7 @@
 use crate::TARGET_RADIUS_M;
 use crate::model::shape::gauss;
 use crate::scene::{Scene, SurfaceKind};
+use std::cell::LazyCell;
 use std::f64::consts::{PI, TAU};
 
 /// Wave number times radius up to which seven points do, exact for polynomials of degree 5: of the square of a wave they leave out
@@ -32,7 +33,8 @@ pub(crate) fn around(scene: &Scene, targets: &[(f64, f64)], wave_m: f64) -> Vec<
     // radians.
     let [across, along] = LEAST_POINTS;
     let points = |least: f64, more: f64| gauss((least + more).ceil().min(MOST_DISC_POINTS) as usize);
-    let rules = [points(across, reach), points(along, 2.0 * reach)];
+    // Made when they are needed: seven points, which most touches have, do without them, and they would take a sixth of a plan's time.
+    let rules = LazyCell::new(|| [points(across, reach), points(along, 2.0 * reach)]);
     let own = targets.iter().enumerate().map(|(t, target)| {
         let earlier = &targets[..t];
         match scene.surface.kind {
