@@ -14,7 +14,7 @@ from ..reference.planner import HARMONICS_UP_TO_HZ, Grid, best_sum
 from ..reference.random_scenes import log_uniform, to_toml
 from ..reference.scene import parse
 from .field import peak_field
-from .reach import BAND_HZ, TOLERANCE
+from .reach import BAND_HZ, held_to
 
 RESPONSE, PEAK, FIELD = "finger: response", "finger: target peak", "finger: field"
 REACH_LEAST, REACH_MOST = "finger: reach, from below", "finger: reach, from above"
@@ -133,8 +133,9 @@ def reach(context, era, own, place, rng):
     )
     if most < 1e-9:
         return [not_comparable(REACH_LEAST, name, "nothing moves")]
-    note = f"at {x * 1e3:.5g},{y * 1e3:.5g} mm; {own}"
+    room = held_to(maps, k)
+    note = f"at {x * 1e3:.5g},{y * 1e3:.5g} mm; {own}; held to {room:.1e}"
     return [
-        Result(REACH_LEAST, name, max(0.0, 1 - strongest / sure), TOLERANCE, True, note),
-        Result(REACH_MOST, name, max(0.0, strongest / most - 1), TOLERANCE, True, note),
+        Result(REACH_LEAST, name, max(0.0, 1 - strongest / sure), room, True, note),
+        Result(REACH_MOST, name, max(0.0, strongest / most - 1), room, True, note),
     ]

@@ -29,7 +29,8 @@ BAND_HZ = 80
 # Of plates with several actuators a rectangle of this part of either side, as every point of a map takes as long as a plan.
 ZONE = 0.12
 POINTS = 4
-# Relative, of peaks by forces that are at a limit; the maps' fields have the default tolerance of 1e-3.
+# Relative, of peaks by forces that are at a limit, whose travel the reference works out in its own way: least that a point of a map may be
+# off, whatever bound is printed beside it.
 TOLERANCE = 0.01
 CONTRAST_DB = 0.3
 # A scheme's peak at the place where it is least is a small part of its largest one.
@@ -83,10 +84,19 @@ def run(context):
         if most < 1e-9:
             results.append(not_comparable(LEAST, name, "nothing moves"))
             continue
-        results.append(Result(LEAST, name, max(0.0, 1 - strongest / sure), TOLERANCE, True, note))
-        results.append(Result(MOST, name, max(0.0, strongest / most - 1), TOLERANCE, True, note))
+        room = held_to(maps, k)
+        results.append(Result(LEAST, name, max(0.0, 1 - strongest / sure), room, True, note))
+        results.append(Result(MOST, name, max(0.0, strongest / most - 1), room, True, note))
         results.append(quietest(context, grid, place, peak, rest, maps["contrast_db"][k], maps["contrast_hz"][k], order, note))
     return [result for result in results if result] + schemes(context, grid, maps, there, zone, words)
+
+
+def held_to(maps, k):
+    """What the strongest peak at point `k` of the maps may be off: the printed bound, or `TOLERANCE` if that is more. A map with a finger has a
+    bound only where a peak is the least of all: the others are of the same model there, and are held to that."""
+    bounds = maps["error_bound"]
+    own = bounds[k] if bounds[k] is not None else max((bound for bound in bounds if bound is not None), default=0.0)
+    return max(TOLERANCE, own)
 
 
 def quietest(context, grid, place, peak, rest, printed_db, printed_hz, order, note):
