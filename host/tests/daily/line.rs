@@ -48,8 +48,8 @@ pub struct Ear {
     pub opening_is_held: bool,
     /// So many are kept waiting now.
     pub waiting: u32,
-    /// Reading is held from the first stop on.
-    pub holds_at_stop: bool,
+    /// Reading is held from the first request like this on.
+    pub holds_at: Option<Request>,
     /// What the board answers is lost.
     pub is_deaf: bool,
     /// Bytes that it takes of the next frame, and then none until another one begins.
@@ -162,7 +162,7 @@ pub fn daemon_with(timing: Timing, policy: Policy) -> (Daemon, Line) {
 impl Drop for Line {
     fn drop(&mut self) {
         // Whoever is kept waiting may end.
-        self.set(|ear| (ear.is_held, ear.opening_is_held, ear.holds_at_stop) = (false, false, false));
+        self.set(|ear| (ear.is_held, ear.opening_is_held, ear.holds_at) = (false, false, None));
     }
 }
 
@@ -223,8 +223,9 @@ impl Write for End {
             asked.extend(request.and_then(|frame| postcard::from_bytes::<Request>(frame.body).ok()));
             at.resize(asked.len(), Instant::now());
         });
-        ear.is_held |= ear.holds_at_stop && ear.asked.last() == Some(&Request::Stop);
-        ear.holds_at_stop &= !ear.is_held;
+        if ear.holds_at.is_some() && ear.asked.last() == ear.holds_at.as_ref() {
+            (ear.is_held, ear.holds_at) = (true, None);
+        }
         drop(ear);
         self.shared.changed.notify_all();
         Ok(length)

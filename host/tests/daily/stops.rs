@@ -94,6 +94,28 @@ fn before_hello(line: &Line, since: usize) -> Vec<Request> {
     line.ear().asked[since..].split(is_hello).next().unwrap().to_vec()
 }
 
+/// A look at the board is four requests. What is ordered while the first one's answer is on its way goes before the others, and they are asked
+/// after it all the same.
+#[test]
+fn an_order_waits_for_one_answer_and_not_for_a_whole_look() {
+    let (session, line) = driving(FOREVER);
+    line.set(|ear| ear.holds_at = Some(Request::Status));
+    drop(line.wait_for(|ear| ear.is_held && ear.waiting > 0));
+    let order = given(drive(&session));
+    let since = line.mark(|ear| ear.is_held = false);
+    in_time(order).unwrap();
+    let rest = [Request::Telemetry, Request::Details, Request::Credit];
+    let ear = line.wait_for(|ear| rest.iter().all(|request| ear.asked[since..].contains(request)));
+    assert_eq!(
+        ear.asked[since],
+        Request::SetDrives { drives: drives().into_iter().collect() },
+        "{:?}",
+        &ear.asked[since..]
+    );
+    drop(ear);
+    until(&session, |snapshot| snapshot.state() == Some(State::Running));
+}
+
 /// Asked for while the answer to something else is on its way, or lost.
 #[test]
 fn stops_that_come_together_are_one_frame_and_all_are_answered() {
@@ -102,7 +124,7 @@ fn stops_that_come_together_are_one_frame_and_all_are_answered() {
         let since = line.mark(|ear| (ear.is_held, ear.is_deaf) = (true, is_lost));
         drop(line.wait_for(|ear| ear.waiting > 0));
         let stops: Vec<_> = (0..5).map(|_| given(session.stop())).collect();
-        let asked = line.mark(|ear| (ear.is_held, ear.holds_at_stop) = (false, is_lost));
+        let asked = line.mark(|ear| (ear.is_held, ear.holds_at) = (false, is_lost.then_some(Request::Stop)));
         if is_lost {
             line.is_stopped_within(asked, 1);
             line.set(|ear| (ear.is_held, ear.is_deaf) = (false, false));
@@ -119,7 +141,7 @@ fn stops_that_come_together_are_one_frame_and_all_are_answered() {
 #[test]
 fn stops_that_come_while_one_is_under_way_are_one_more_frame() {
     let (session, line) = driving(FOREVER);
-    let since = line.mark(|ear| ear.holds_at_stop = true);
+    let since = line.mark(|ear| ear.holds_at = Some(Request::Stop));
     let first = given(session.stop());
     drop(line.wait_for(|ear| ear.is_held && ear.waiting > 0));
     let others: Vec<_> = (0..4).map(|_| given(session.stop())).collect();

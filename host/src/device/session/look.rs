@@ -135,7 +135,9 @@ impl Worker {
                 Some(Part::Telemetry)
             }
             Part::Telemetry => {
-                let Reply::Telemetry(seen) = self.ask(&Request::Telemetry)? else { return Err(unexpected("telemetry")) };
+                let Reply::Telemetry(seen) = self.ask(&Request::Telemetry)? else {
+                    return Err(unexpected("telemetry"));
+                };
                 self.keep(|snapshot| snapshot.telemetry = Some(seen));
                 self.is_modern().then_some(Part::Details)
             }
