@@ -66,6 +66,8 @@ pub fn run(options: &EffectOptions) -> Outcome {
         answer["tolerance"] = json!(accuracy.value());
         answer["tolerance_met"] = json!(Bound::are_met(&bounds_of(&[&plan]), accuracy));
         answer["plan_timing"] = json!(timing);
+        // The same as the daemon says it.
+        answer["times"] = json!(table.times(&plan));
         answer["plan_level_db"] = json!(level_db);
         return print_json(&answer);
     }

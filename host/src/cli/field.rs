@@ -45,8 +45,12 @@ pub fn run(options: &Field) -> Outcome {
     });
     let off = off.transpose()?;
     if options.json {
+        let mut map = json!(field);
+        // As the daemon's.
+        (map["nx"], map["ny"]) = (json!(field.x_mm.len()), json!(field.y_mm.len()));
+        map["max_g"] = json!(field.peak_g.iter().flatten().copied().fold(0.0, f64::max));
         let mut answer = json!({
-            "plan": plan, "field": field, "error_bound": bound.value(), "tolerance": accuracy.value(),
+            "plan": plan, "field": map, "error_bound": bound.value(), "tolerance": accuracy.value(),
             "tolerance_met": Bound::are_met(&[bound], accuracy),
         });
         if let Some(off) = off {

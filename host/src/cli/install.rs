@@ -4,6 +4,7 @@ use super::args::Serve;
 use super::config::{self, ConfigFile};
 use super::told::tell;
 use super::{Failure, Outcome, print_text};
+use crate::daemon::Recorder;
 use crate::install::files::{self, Done};
 use crate::install::{rule, unit};
 use crate::private_file;
@@ -227,6 +228,13 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
             if let Err(error) = private_file::read(&below_root(options, path)) {
                 tell!("{}: {error}", path.display());
             }
+        }
+        if let Some(path) = serve.record.as_ref().filter(|path| !Recorder::is_folder(path)) {
+            tell!(
+                "record is the file {}, which is begun once and not written over: the service would not start a second time. A folder, with a slash at its \
+                 end, has a file for each start",
+                path.display()
+            );
         }
         for (key, path) in [("tls_dir", serve.tls_dir), ("record", serve.record)] {
             if let Some(path) = path.filter(|path| !path.starts_with(unit::STATE)) {

@@ -67,6 +67,14 @@ impl Failure {
     fn failed(error: impl fmt::Display) -> Self {
         Failure::Failed(error.to_string())
     }
+
+    /// What is said of it; nothing where that has been told.
+    fn text(&self) -> String {
+        match self {
+            Failure::Usage(text) | Failure::Failed(text) => text.clone(),
+            Failure::Defect => String::new(),
+        }
+    }
 }
 
 type Outcome = Result<(), Failure>;

@@ -60,6 +60,8 @@ struct Answer {
     tolerance: f64,
     /// Whether that of every plan is within it; `null` where one is missing and none is above it.
     tolerance_met: Option<bool>,
+    /// When the (first) target vibrates and when it has stopped, as the daemon says it.
+    times: Times,
     /// Of a plan without windows.
     #[serde(skip_serializing_if = "Option::is_none")]
     details: Option<Report>,
@@ -140,6 +142,7 @@ fn answer(
             Ok(Answer {
                 details,
                 trade,
+                times: table.times(&planned.plan),
                 plan: planned.plan,
                 tolerance,
                 tolerance_met: None,
@@ -167,6 +170,7 @@ fn answer(
             let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
             let plan = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
             Ok(Answer {
+                times: table.times(&plan),
                 plan,
                 tolerance,
                 tolerance_met: None,

@@ -20,6 +20,8 @@ use tokio::net::TcpListener;
 
 /// Name of the daemon's socket in the user's folder for such.
 const SOCKET: &str = "era.sock";
+/// What can be recorded to.
+const NEW_RECORD: &str = "a new file is wanted, or a folder (with a slash at its end) for a file of each start";
 /// Where the first plan is tried, in parts of the way to the screen's middle.
 const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 
@@ -38,15 +40,16 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     // A port in use is told before the panel is computed, or a certificate made.
     let has_tokens = !access.tokens.is_empty();
     let port = runtime.block_on(Listener::port(address(options)?, has_tls(options), has_tokens)).map_err(refused)?;
-    let recorder = match &options.record {
-        None => None,
-        Some(path) => Some(Recorder::start(path, &scene.name).map_err(|error| {
-            let advice = "a new file is wanted, or a folder (with a slash at its end) for a file of each start";
-            Failure::Usage(format!("--record {}: {error}; {advice}", path.display()))
-        })?),
-    };
     // In the runtime, in which sockets are opened.
     let listeners = runtime.block_on(async { listeners(options, port) })?;
+    // After all that may keep the daemon from starting: a file that was begun is in the next start's way.
+    let recorder = match &options.record {
+        None => None,
+        Some(path) => Some(
+            Recorder::start(path, &scene.name)
+                .map_err(|error| Failure::Usage(format!("--record {}: {error}; {NEW_RECORD}", path.display())))?,
+        ),
+    };
     let urls: Vec<String> = listeners.iter().map(|listener| usable(&listener.url(), &options.allow_host)).collect();
     let prepared = prepared_table(&options.panel, options.keep, &scene)?;
     tracing::info!("{}", account(&prepared));
@@ -157,6 +160,33 @@ pub fn mistakes(options: &Serve) -> Vec<(&'static str, String)> {
     {
         all.push(("token_file", text));
     }
+    // A configuration file may have one without the other, which would be served without TLS.
+    match (&options.tls_cert, &options.tls_key) {
+        (Some(path), None) => {
+            all.push((
+                "tls_cert",
+                format!("tls_cert is {}, and wants tls_key as well: its private key", path.display()),
+            ));
+        }
+        (None, Some(path)) => {
+            all.push((
+                "tls_key",
+                format!("tls_key is {}, and wants tls_cert as well: its certificate", path.display()),
+            ));
+        }
+        _ => {}
+    }
+    if let Some(path) = &options.record
+        && let Some(text) = unrecordable(path)
+    {
+        all.push(("record", text));
+    }
+    #[cfg(unix)]
+    if let Some(path) = options.socket.as_ref().filter(|path| path.as_os_str() != "none")
+        && let Err(error) = Listener::check_unix(path)
+    {
+        all.push(("socket", error.to_string()));
+    }
     let files = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => Ok(Some(TlsFiles { certificate: certificate.clone(), key: key.clone() })),
         (.., Some(folder)) => TlsFiles::found_in(folder),
@@ -174,6 +204,20 @@ pub fn mistakes(options: &Serve) -> Vec<(&'static str, String)> {
         all.push(("listen", error.to_string()));
     }
     all
+}
+
+/// What keeps a recording from being begun there. A file that was begun is not written over: a service that records to one is started once.
+fn unrecordable(path: &Path) -> Option<String> {
+    if Recorder::is_folder(path) {
+        return None;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let shown = path.display();
+    if path.exists() {
+        return Some(format!("record is {shown}, which is there and is not written over: {NEW_RECORD}"));
+    }
+    let lacking = folder.filter(|folder| !folder.is_dir())?;
+    Some(format!("record is {shown}, but there is no folder {}: {NEW_RECORD}", lacking.display()))
 }
 
 /// Where to listen, beside the port that there is.

@@ -144,6 +144,10 @@ const fn kind(value: &Value) -> &'static str {
 /// What a message of serde's ("invalid type: string "x", expected f64 at line 1 column 9") says should have been there, if
 /// it is about a value's type.
 fn expected(message: &str) -> Option<String> {
+    // Of a number where one of several texts is wanted, serde_json only says that.
+    if message.starts_with("expected value") {
+        return Some("one of the texts that it takes".into());
+    }
     let is_of_a_value =
         ["invalid type", "invalid value", "unknown variant"].iter().any(|what| message.starts_with(what));
     let (_, rest) = message.split_once("expected ").filter(|_| is_of_a_value)?;
@@ -216,6 +220,7 @@ mod tests {
             (r#"{"x_px": 1, "y_px": 2, "intensity_g": "x"}"#, "intensity_g", "\"x\"", "a number"),
             (r#"{"x_px": 1, "y_px": 2, "count": -1}"#, "count", "-1", "a whole number, 0 or more"),
             (r#"{"x_px": 1, "y_px": 2, "effect": "clack"}"#, "effect", "\"clack\"", "click"),
+            (r#"{"x_px": 1, "y_px": 2, "effect": 5}"#, "effect", "5", "one of the texts"),
             (r#"{"x_px": 1, "y_px": 2, "also": [{"x_px": null, "y_px": 2}]}"#, "also[0].x_px", "null", "a number"),
             // A list is no object, though serde could read one as the fields in their order.
             (r#"{"x_px": 1, "y_px": 2, "also": [[3, 4]]}"#, "also[0]", "[3,4]", "an object"),

@@ -192,7 +192,7 @@ impl Listener {
             Err(_) => {}
         }
         // Bound under another name and moved once nobody else may open it.
-        let hidden = path.with_extension(format!("{}.new", std::process::id()));
+        let hidden = hidden(path);
         let listener = tokio::net::UnixListener::bind(&hidden).map_err(failed)?;
         let moved = std::fs::set_permissions(&hidden, std::fs::Permissions::from_mode(0o600)).and_then(|()| {
             if path.exists() { Err(io::ErrorKind::AlreadyExists.into()) } else { std::fs::rename(&hidden, path) }
@@ -202,6 +202,17 @@ impl Listener {
             return Err(failed(source));
         }
         Ok(Self::Unix(UnixPlace { listener, path: path.to_owned() }))
+    }
+
+    /// Whether a socket can be made there, as far as that can be told without making it.
+    ///
+    /// # Errors
+    /// [`ListenError::Socket`]: the path is too long, or something else is there.
+    #[cfg(unix)]
+    pub fn check_unix(path: &Path) -> Result<(), ListenError> {
+        let failed = |source| ListenError::Socket { path: path.display().to_string(), source };
+        std::os::unix::net::SocketAddr::from_pathname(hidden(path)).map_err(failed)?;
+        if path.exists() && !is_socket(path) { Err(failed(io::ErrorKind::AlreadyExists.into())) } else { Ok(()) }
     }
 
     /// Where it is, for people and `--url`.
@@ -246,6 +257,12 @@ pub enum Incoming {
     /// From this machine's file system.
     #[cfg(unix)]
     Unix(tokio::net::UnixStream),
+}
+
+/// What a socket is called until nobody else may open it.
+#[cfg(unix)]
+fn hidden(path: &Path) -> PathBuf {
+    path.with_extension(format!("{}.new", std::process::id()))
 }
 
 #[cfg(unix)]

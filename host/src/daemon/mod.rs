@@ -34,6 +34,7 @@ mod parts;
 mod planned;
 mod preview;
 mod problem;
+mod query;
 mod record;
 mod routes;
 mod server;

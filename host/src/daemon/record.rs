@@ -36,9 +36,7 @@ impl Recorder {
     /// # Errors
     /// As the file system has it.
     pub fn start(path: &Path, scene: &str) -> std::io::Result<Self> {
-        let ends_in_slash = path.as_os_str().to_string_lossy().ends_with(std::path::is_separator);
-        let (path, file) =
-            if ends_in_slash || path.is_dir() { in_folder(path)? } else { (path.to_owned(), new(path)?) };
+        let (path, file) = if Self::is_folder(path) { in_folder(path)? } else { (path.to_owned(), new(path)?) };
         tracing::info!("recording to {}", path.display());
         let (lines, inbox) = sync_channel(WAITING);
         let named = path.display().to_string();
@@ -55,6 +53,12 @@ impl Recorder {
             json!({"format": 1, "version": version, "scene": scene, "unix_s": since_1970.map_or(0, |time| time.as_secs())})
         });
         Ok(recorder)
+    }
+
+    /// Whether the path means a folder with a file for each start: it is one, or ends in a slash.
+    #[must_use]
+    pub fn is_folder(path: &Path) -> bool {
+        path.as_os_str().to_string_lossy().ends_with(std::path::is_separator) || path.is_dir()
     }
 
     /// A line of a kind, with its time in ms since the recording began.

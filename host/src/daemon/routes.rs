@@ -18,7 +18,7 @@ use super::view::FieldView;
 use super::{access, assets, description, live};
 use axum::body::Bytes;
 use axum::extract::rejection::PathRejection;
-use axum::extract::{DefaultBodyLimit, Path, Query, State};
+use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
@@ -367,8 +367,8 @@ struct FieldQuery {
     responses((status = 200, description = "The field", body = FieldView)),
 )]
 async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<Response, Problem> {
-    let Query(query) =
-        Query::<FieldQuery>::try_from_uri(&uri).map_err(|error| Problem::new(Kind::BadQuery, error.body_text()))?;
+    let query: FieldQuery =
+        super::query::read(&uri, "x_px=NUMBER&y_px=NUMBER, with &intensity_g=NUMBER or without, or nothing")?;
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
             let (x_m, y_m) = app.table.scene.place_px(x_px, y_px)?.xy_m();

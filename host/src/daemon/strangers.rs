@@ -4,6 +4,7 @@
 //! beforehand, as every one with JSON, would have to be let through that question to be refused behind it, and any page in the
 //! world could tell which machines have a daemon.
 
+use super::access::Access;
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
 
@@ -26,14 +27,38 @@ impl Strangers {
     /// Tells of a page that was refused.
     pub fn tell(&self, origin: &str) {
         if self.is_new(origin) {
-            tracing::warn!(origin, "a page of another origin was refused; --allow-origin {origin} lets it in");
+            tracing::warn!(origin, "a page of another origin was refused; {}", advice(origin));
         }
+    }
+}
+
+/// What lets its page in.
+fn advice(origin: &str) -> String {
+    match Access::origin(origin) {
+        Ok(origin) => format!("--allow-origin {origin} lets it in"),
+        // What browsers say of pages from a disk, and of frames that are shut off.
+        Err(_) if origin == "null" => {
+            "it comes from a file or a frame that is shut off, which cannot be let in: serve its folder \
+             (python3 -m http.server 8000) and allow http://localhost:8000"
+                .into()
+        }
+        Err(wanted) => format!("that cannot be let in: an origin {wanted}"),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What is advised is taken.
+    #[test]
+    fn only_origins_that_the_option_takes_are_advised() {
+        assert_eq!(advice("http://kiosk:8000"), "--allow-origin http://kiosk:8000 lets it in");
+        for cannot in ["null", "", "HTTP://KIOSK", "http://kiosk/page"] {
+            assert!(!advice(cannot).contains("--allow-origin"), "{}", advice(cannot));
+        }
+        assert!(advice("null").contains("http.server"));
+    }
 
     #[test]
     fn each_origin_is_told_once_and_there_is_an_end_to_it() {

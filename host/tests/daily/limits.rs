@@ -167,9 +167,16 @@ fn frame(kind: u8, text: &str) -> Vec<u8> {
     [&[0x80 | kind, 0x80 | length, 0, 0, 0, 0], text.as_bytes()].concat()
 }
 
+/// As long after its last word as is said, wherever pings are: one that answers them is heard just after one.
 #[test]
 fn a_page_that_says_nothing_is_let_go() {
-    let daemon = Limited::start(Limits { silence: SHORT, ..none() }, None);
+    for ping in [SHORT / 4, FAR] {
+        is_let_go_with_its_finger(Limits { silence: SHORT, ping, ..none() });
+    }
+}
+
+fn is_let_go_with_its_finger(limits: Limits) {
+    let daemon = Limited::start(limits, None);
     let mut page = live(&daemon, "state");
     page.write_all(&frame(1, r#"{"type":"touch","touches":[{"x_px":400,"y_px":500}]}"#)).unwrap();
     // Its pings stay without an answer.

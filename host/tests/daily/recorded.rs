@@ -4,7 +4,7 @@ use crate::fingers::{live, next, say};
 use crate::secrets::write_secret;
 use crate::support::Daemon;
 use crate::support::served::Served;
-use era::daemon::{Access, Recorder, listener};
+use era::daemon::{Access, Limits, Recorder, listener};
 use era::device::sim::Knobs;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
@@ -175,6 +175,41 @@ fn fingers_are_replayed_over_tls_with_a_token() {
     };
     let (then, now) = (said("day.jsonl"), said("again.jsonl"));
     assert_eq!(now, [then.clone(), then].concat());
+}
+
+/// A page that rests longer than the daemon waits for a word of it speaks again, and what comes after it is asked; what a page is refused is
+/// told.
+#[test]
+fn a_page_that_rests_is_replayed_to_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("rests.jsonl");
+    let finger =
+        |x_px: f64| json!({"type": "touch", "touches": [{"id": 1, "x_px": x_px, "y_px": 500.0}], "intensity_g": 0.1});
+    let mut lines = vec![json!({"at_ms": 0.0, "kind": "begin", "format": 1, "scene": "example plate"})];
+    for (at_ms, message) in [(10.0, finger(400.0)), (100.0, finger(1e6)), (900.0, finger(500.0))] {
+        lines.push(json!({"at_ms": at_ms, "kind": "fingers", "socket": 1, "message": message}));
+    }
+    lines.push(json!({"at_ms": 1000.0, "kind": "stop", "socket": 1}));
+    let text: String = lines.iter().map(|line| format!("{line}\n")).collect();
+    std::fs::write(&file, text).unwrap();
+    // Where nobody is asked for a sign of life, the socket is closed in the rest; where somebody is, it is answered.
+    for ping_ms in [30, 3_600_000] {
+        let mut app = Daemon::app(EXAMPLE_PLATE, Access::default());
+        let ms = Duration::from_millis;
+        app.limits = Limits { silence: ms(200), ping: ms(ping_ms), ..Limits::default() };
+        let app = Arc::new(app);
+        let (served, url) = Served::at_a_port(&app, None);
+        let mut device = app.device();
+        served.runtime.block_on(async { device.wait_for(|snapshot| snapshot.connected).await.map(drop) }).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        let out = command.args(["replay", file.to_str().unwrap(), "--url", &url, "--json"]).output().unwrap();
+        let told: Value = serde_json::from_slice(&out.stdout).unwrap_or_default();
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert!(out.status.success() && told["messages"] == 3 && told["messages_lost"] == 0, "{told} {said}");
+        assert_eq!(told["messages_refused"], json!({"out-of-range": 1}), "{told}");
+        assert_eq!(app.stops(), 1, "{told}");
+        drop(served);
+    }
 }
 
 /// A service is started again and again with the same configuration.

@@ -116,6 +116,34 @@ fn an_order_waits_for_one_answer_and_not_for_a_whole_look() {
     until(&session, |snapshot| snapshot.state() == Some(State::Running));
 }
 
+/// It says that rails have been measured below 60 V: nobody is told so beside rails that were measured before.
+#[test]
+fn nobody_is_told_that_it_is_safe_beside_voltage_on_the_rails() {
+    const SAFE_MV: u32 = 60_000;
+    for _ in 0..5 {
+        let (session, _line) = driving(FOREVER);
+        until(&session, |snapshot| rails_mv(snapshot) > SAFE_MV);
+        let stop = given(session.stop());
+        let deadline = Instant::now() + WAIT;
+        loop {
+            let known = session.known();
+            let is_safe = known.state() == Some(State::Safe);
+            assert!(!is_safe || rails_mv(&known) < SAFE_MV, "safe, with {} mV", rails_mv(&known));
+            if is_safe {
+                break;
+            }
+            assert!(Instant::now() < deadline, "still {:?}", known.state());
+        }
+        in_time(stop).unwrap();
+    }
+}
+
+/// The higher of what is told of the rails.
+fn rails_mv(snapshot: &Snapshot) -> u32 {
+    let told = snapshot.telemetry.iter().flat_map(|telemetry| telemetry.rail_millivolts.iter());
+    told.chain(snapshot.details.iter().flat_map(|details| details.rail_millivolts.iter())).copied().max().unwrap_or(0)
+}
+
 /// Asked for while the answer to something else is on its way, or lost.
 #[test]
 fn stops_that_come_together_are_one_frame_and_all_are_answered() {

@@ -109,9 +109,17 @@ fn what_serve_refuses_check_and_doctor_refuse() {
         ("token_file = \"role\"\ntls_dir = \"tls\"\n".into(), 3, "line 1: the first word must be a role"),
         ("tls_dir = \"alone\"\n".into(), 3, "is missing, and"),
         ("tls_cert = \"none.pem\"\ntls_key = \"good\"\n".into(), 3, "none.pem"),
+        // Plain HTTP, where somebody wanted TLS.
+        ("tls_cert = \"none.pem\"\n".into(), 3, "wants tls_key as well"),
+        ("tls_key = \"good\"\n".into(), 3, "wants tls_cert as well"),
+        ("record = \"good\"\n".into(), 3, "is not written over"),
+        ("record = \"nowhere/run.jsonl\"\n".into(), 3, "there is no folder"),
+        ("socket = \"good\"\n".into(), 2, "cannot listen on the socket"),
+        (format!("socket = \"{}\"\n", "s".repeat(200)), 2, "cannot listen on the socket"),
     ] {
         let file = path("era.toml");
-        std::fs::write(&file, format!("version = 1\nsocket = \"none\"\n{more}")).unwrap();
+        let none = if more.contains("socket") { "" } else { "socket = \"none\"\n" };
+        std::fs::write(&file, format!("version = 1\n{none}{more}")).unwrap();
         let name = file.to_str().unwrap();
         let served = run(&["serve", "--config", name]);
         let told = text(&served.stderr);

@@ -125,6 +125,8 @@ fn a_service_that_drives_no_board_or_a_program_of_a_build_is_told() {
     assert!(told.contains("sudo install -m 755 /opt/era/target/release/era /usr/local/bin/"), "{told}");
     let told = said("version = 1\ndevice = \"auto\"\n", "/usr/local/bin/era");
     assert!(!told.contains("simulated") && !told.contains("install -m"), "{told}");
+    let record = |to: &str| said(&format!("version = 1\ndevice = \"auto\"\nrecord = \"{to}\"\n"), "/usr/local/bin/era");
+    assert!(!record("/tmp/era-records/").contains("a second time"), "{}", record("/tmp/era-records/"));
 }
 
 /// Tokens and key, which only root may read, are handed over; what the service writes has its places.

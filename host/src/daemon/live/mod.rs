@@ -15,9 +15,9 @@ use super::touch::Feel;
 use super::view::TouchView;
 use crate::effects::NamedEffect;
 use axum::Extension;
+use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
-use axum::extract::{Query, State};
 use axum::http::Uri;
 use axum::response::{IntoResponse, Response};
 use fingers::Fingers;
@@ -126,7 +126,7 @@ pub async fn upgrade(
         Problem::new(kind, rejection.body_text())
     })?;
     let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
-    let Query(query) = Query::<LiveQuery>::try_from_uri(&uri).map_err(|error| bad(error.body_text()))?;
+    let query: LiveQuery = super::query::read(&uri, "send=NAMES, or nothing")?;
     let wants = match &query.send {
         None => Wants::DEFAULT,
         Some(text) => Wants::parse(text).map_err(|name| {
@@ -183,11 +183,12 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
                 Some(Err(_)) | None => break,
             },
             _ = ping.tick() => {
-                if heard.elapsed() >= app.limits.silence {
-                    tracing::info!("a page that has fallen silent is let go");
-                    break;
-                }
                 let _ = letters.try_send(Letter::Ping);
+            }
+            // By its own clock: a page that only answers pings is heard just after one, and at the third from there a little is left.
+            () = tokio::time::sleep_until((heard + app.limits.silence).into()) => {
+                tracing::info!("a page that has fallen silent is let go");
+                break;
             }
             // The page takes nothing any more, or the daemon ends.
             _ = &mut writer => break,

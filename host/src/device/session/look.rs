@@ -6,7 +6,7 @@ use super::worker::{QUICK_SAMPLES, Worker, unexpected};
 use crate::device::client::{Client, LinkError};
 use crate::device::identity::Identity;
 use crate::device::round_trips::RoundTrips;
-use era_shared::protocol::{CURRENT_VERSION, CreditReply, Details, Fault, MIN_VERSION, Reply, Request};
+use era_shared::protocol::{CURRENT_VERSION, CreditReply, Details, Fault, MIN_VERSION, Reply, Request, TelemetryReply};
 use era_shared::safety::State;
 use std::time::{Duration, Instant};
 
@@ -105,6 +105,15 @@ impl Worker {
         Ok(())
     }
 
+    fn telemetry(&mut self) -> Result<TelemetryReply, LinkError> {
+        let Reply::Telemetry(telemetry) = self.ask(&Request::Telemetry)? else { return Err(unexpected("telemetry")) };
+        Ok(telemetry)
+    }
+
+    fn details_if_told(&mut self) -> Result<Option<Details>, LinkError> {
+        if self.is_modern() { self.details().map(Some) } else { Ok(None) }
+    }
+
     pub(super) fn details(&mut self) -> Result<Details, LinkError> {
         let Reply::Details(details) = self.ask(&Request::Details)? else { return Err(unexpected("details")) };
         Ok(details)
@@ -135,9 +144,7 @@ impl Worker {
                 Some(Part::Telemetry)
             }
             Part::Telemetry => {
-                let Reply::Telemetry(seen) = self.ask(&Request::Telemetry)? else {
-                    return Err(unexpected("telemetry"));
-                };
+                let seen = self.telemetry()?;
                 self.keep(|snapshot| snapshot.telemetry = Some(seen));
                 self.is_modern().then_some(Part::Details)
             }
@@ -188,6 +195,9 @@ impl Worker {
             // It is about to change.
             self.next_status = Instant::now() + self.device.timing().status.min(TRANSITION);
         }
+        // That it is safe says that its rails have been measured down: told with what was measured, and not beside what was before.
+        let is_down = status.state == State::Safe && self.publish.borrow().state() != Some(State::Safe);
+        let measured = if is_down { Some((self.telemetry()?, self.details_if_told()?)) } else { None };
         let restarted = self.boot_id.is_some_and(|known| known != status.boot_id);
         let known = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
         let is_new = |fault: &Fault| known.is_none_or(|k| (k.code, k.count) != (fault.code, fault.count));
@@ -203,6 +213,9 @@ impl Worker {
         self.publish.send_if_modified(|snapshot| {
             let is_other = snapshot.state() != Some(status.state) || known != status.fault || has_broken;
             snapshot.status = Some(status);
+            if let Some((telemetry, details)) = measured {
+                (snapshot.telemetry, snapshot.details) = (Some(telemetry), details);
+            }
             snapshot.link_at_fault = at_fault.or(snapshot.link_at_fault).filter(|_| has_fault);
             snapshot.restarts += u32::from(restarted);
             snapshot.faults += u32::from(faulted.is_some());

@@ -1,20 +1,21 @@
 //! `era replay`: a recording's requests again, in their times, at a running daemon.
 
+mod pages;
+
 use super::args::{Daemon, Replay};
 use super::client::{self, Answer};
-use super::live::{self, Socket};
+use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::replay::Outcome as Answered;
 use crate::replay::{Asked, Recording, What, difference};
+use pages::Pages;
 use serde_json::{Value, json};
-use std::collections::hash_map::Entry;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
-use tungstenite::Message;
 
-/// For what a page has been sent meanwhile, before it speaks again.
-const LISTEN: Duration = Duration::from_millis(1);
+/// For what comes back to the last message of a page.
+const LAST: Duration = Duration::from_millis(300);
 
 /// How many answers that are others than recorded are told one by one; `--json` has all.
 const TOLD: usize = 20;
@@ -37,29 +38,26 @@ pub fn run(options: &Replay) -> Outcome {
         tracing::warn!("recorded on the scene {:?}, replayed on {now:?}", recording.scene);
     }
     let (done, results) = channel();
-    let (mut sockets, mut messages) = (HashMap::new(), 0_u64);
-    let started = Instant::now();
-    for (place, asked) in recording.asked.iter().enumerate() {
-        let due = started + asked.at.div_f64(options.speed);
-        std::thread::sleep(due.saturating_duration_since(Instant::now()));
-        match &asked.what {
-            What::Touch(_, body) => ask(daemon, "/v1/touch", place, Some(body.clone()), &done),
-            What::Stop => ask(daemon, "/v1/stop", place, None, &done),
-            What::Arm => ask(daemon, "/v1/arm", place, None, &done),
-            What::Clear => ask(daemon, "/v1/faults/clear", place, None, &done),
-            What::Fingers(page, message) => {
-                say(&mut sockets, daemon, *page, message)?;
-                messages += 1;
-            }
-            What::Gone(page) => {
-                if let Some(mut socket) = sockets.remove(page) {
-                    let _ = socket.close(None).and_then(|()| socket.flush());
-                }
+    let mut pages = Pages::new(daemon);
+    with_progress("replaying", || {
+        let started = Instant::now();
+        for (place, asked) in recording.asked.iter().enumerate() {
+            pages.listen_until(started + asked.at.div_f64(options.speed));
+            match &asked.what {
+                What::Touch(_, body) => ask(daemon, "/v1/touch", place, Some(body.clone()), &done),
+                What::Stop => ask(daemon, "/v1/stop", place, None, &done),
+                What::Arm => ask(daemon, "/v1/arm", place, None, &done),
+                What::Clear => ask(daemon, "/v1/faults/clear", place, None, &done),
+                What::Fingers(page, message) => pages.say(*page, message),
+                What::Gone(page) => pages.close(*page),
             }
         }
-    }
+        if pages.said > 0 {
+            pages.listen_until(Instant::now() + LAST);
+        }
+    });
     drop(done);
-    summary(options, &recording, results.into_iter().collect(), messages)
+    summary(options, &recording, results.into_iter().collect(), &pages)
 }
 
 /// Asks in a thread of its own, as requests overlapped when they were recorded.
@@ -70,21 +68,6 @@ fn ask(daemon: &Daemon, path: &'static str, place: usize, body: Option<Value>, d
         // Nobody waits for it any more if the command has failed.
         let _ = done.send(Done { place, result });
     });
-}
-
-/// Says a page's message over a socket of its own.
-fn say(sockets: &mut HashMap<u64, Socket>, daemon: &Daemon, page: u64, message: &Value) -> Outcome {
-    let socket = match sockets.entry(page) {
-        Entry::Occupied(known) => known.into_mut(),
-        Entry::Vacant(place) => {
-            let socket = live::open(daemon, "send=")?;
-            socket.get_ref().set_read_timeout(LISTEN).map_err(Failure::failed)?;
-            place.insert(socket)
-        }
-    };
-    // Its questions for a sign of life are answered by reading them.
-    while socket.read().is_ok() {}
-    socket.send(Message::text(message.to_string())).map_err(Failure::failed)
 }
 
 /// A touch that was answered otherwise than recorded.
@@ -116,7 +99,7 @@ impl Otherwise<'_> {
     }
 }
 
-fn summary(options: &Replay, recording: &Recording, mut done: Vec<Done>, messages: u64) -> Outcome {
+fn summary(options: &Replay, recording: &Recording, mut done: Vec<Done>, pages: &Pages<'_>) -> Outcome {
     // Threads end in any order.
     done.sort_by_key(|done| done.place);
     let (mut statuses, mut unanswered, mut otherwise) = (BTreeMap::<u16, u64>::new(), 0_u64, Vec::new());
@@ -127,8 +110,7 @@ fn summary(options: &Replay, recording: &Recording, mut done: Vec<Done>, message
                 *statuses.entry(*status).or_default() += 1;
                 (Some(Answered::of(*status, body)), body["detail"].as_str().unwrap_or_default().to_owned())
             }
-            Err(Failure::Usage(reason) | Failure::Failed(reason)) => (None, reason.clone()),
-            Err(Failure::Defect) => (None, String::new()),
+            Err(failure) => (None, failure.text()),
         };
         unanswered += u64::from(now.is_none());
         let Some(asked) = recording.asked.get(*place) else { continue };
@@ -146,12 +128,16 @@ fn summary(options: &Replay, recording: &Recording, mut done: Vec<Done>, message
     }
     if options.daemon.json {
         let list: Vec<Value> = otherwise.iter().map(Otherwise::json).collect();
-        return print_json(&json!({
-            "requests": done.len(), "messages": messages, "statuses": statuses, "unanswered": unanswered,
+        print_json(&json!({
+            "requests": done.len(), "messages": pages.said, "messages_refused": pages.refused, "messages_lost": pages.lost, "statuses": statuses, "unanswered": unanswered,
             "answered_otherwise": otherwise.len(), "otherwise": list, "drives_compared": compared,
             "drives_differ_by": largest, "left_out": recording.left_out,
-        }));
+        }))?;
+        return all_answered(unanswered, pages.lost);
     }
+    let refused: Vec<String> = pages.refused.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
+    let refused = if refused.is_empty() { "none".into() } else { refused.join(", ") };
+    let lost = pages.reason.as_ref().map_or_else(String::new, |reason| format!(", {} lost: {reason}", pages.lost));
     let list: Vec<String> = statuses.iter().map(|(status, count)| format!("{count} with {status}")).collect();
     let mut told: Vec<String> = otherwise.iter().take(TOLD).map(Otherwise::text).collect();
     if otherwise.len() > TOLD {
@@ -159,13 +145,26 @@ fn summary(options: &Replay, recording: &Recording, mut done: Vec<Done>, message
     }
     let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);
     print_text(&format!(
-        "{} requests ({}), {unanswered} without an answer, and {messages} messages of pages\n\
+        "{} requests ({}), {unanswered} without an answer, and {} messages of pages{lost}\n\
+         errors that pages were sent: {refused}; what their fingers are driven with is not compared\n\
          touches answered otherwise than recorded: {}{told}\n\
          drives compared: {compared}, which differ by {largest:.1e} at most in frequency and voltage\n\
          lines that the recorder left out: {}",
         done.len(),
         if list.is_empty() { "no answer".into() } else { list.join(", ") },
+        pages.said,
         otherwise.len(),
         recording.left_out
-    ))
+    ))?;
+    all_answered(unanswered, pages.lost)
+}
+
+/// It failed where the daemon was not there for something.
+fn all_answered(unanswered: u64, lost: u64) -> Outcome {
+    if unanswered + lost == 0 {
+        return Ok(());
+    }
+    Err(Failure::failed(format!(
+        "{unanswered} requests had no answer, and {lost} messages of pages were taken by nobody"
+    )))
 }

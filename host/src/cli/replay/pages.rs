@@ -1,0 +1,111 @@
+//! The live sockets of a recording's pages, while it is replayed.
+
+use crate::cli::Failure;
+use crate::cli::args::Daemon;
+use crate::cli::live::{self, Socket};
+use serde_json::Value;
+use std::collections::{BTreeMap, HashMap};
+use std::io::ErrorKind;
+use std::time::{Duration, Instant};
+use tungstenite::{Error, Message};
+
+/// For what a page has been sent meanwhile.
+const LISTEN: Duration = Duration::from_millis(1);
+/// How often it is listened to while nobody speaks: the daemon asks for a sign of life every 5 s.
+const EVERY: Duration = Duration::from_millis(50);
+
+/// The pages, and what became of what they said.
+pub struct Pages<'d> {
+    daemon: &'d Daemon,
+    open: HashMap<u64, Socket>,
+    /// Messages, those that were lost among them.
+    pub said: u64,
+    /// Errors that came back, by their kind.
+    pub refused: BTreeMap<String, u64>,
+    /// Messages that no socket took.
+    pub lost: u64,
+    /// Why the last of them was.
+    pub reason: Option<String>,
+}
+
+impl<'d> Pages<'d> {
+    /// None is open yet.
+    pub fn new(daemon: &'d Daemon) -> Self {
+        Self { daemon, open: HashMap::new(), said: 0, refused: BTreeMap::new(), lost: 0, reason: None }
+    }
+
+    /// Waits until then, and reads what comes meanwhile: that answers the daemon's questions for a sign of life, without which it lets a
+    /// page go.
+    pub fn listen_until(&mut self, due: Instant) {
+        while Instant::now() < due {
+            self.listen();
+            std::thread::sleep(due.saturating_duration_since(Instant::now()).min(EVERY));
+        }
+    }
+
+    fn listen(&mut self) {
+        let refused = &mut self.refused;
+        self.open.retain(|_, socket| {
+            loop {
+                match socket.read() {
+                    Ok(Message::Text(text)) => note(refused, text.as_str()),
+                    Ok(_) => {}
+                    Err(Error::Io(error)) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                        return true;
+                    }
+                    // Opened anew when the page speaks again.
+                    Err(_) => return false,
+                }
+            }
+        });
+    }
+
+    /// Says a page's message over a socket of its own. One that the daemon has closed is opened anew; what it takes neither way is lost, and
+    /// what was recorded after it goes on.
+    pub fn say(&mut self, page: u64, message: &Value) {
+        self.said += 1;
+        let text = message.to_string();
+        if let Some(socket) = self.open.get_mut(&page)
+            && socket.send(Message::text(text.clone())).is_ok()
+        {
+            return;
+        }
+        let said = self.opened().and_then(|mut socket| {
+            socket.send(Message::text(text)).map_err(Failure::failed)?;
+            Ok(socket)
+        });
+        match said {
+            Ok(socket) => {
+                self.open.insert(page, socket);
+            }
+            Err(failure) => {
+                self.open.remove(&page);
+                self.lost += 1;
+                self.reason = Some(failure.text());
+            }
+        }
+    }
+
+    fn opened(&self) -> Result<Socket, Failure> {
+        let socket = live::open(self.daemon, "send=")?;
+        socket.get_ref().set_read_timeout(LISTEN).map_err(Failure::failed)?;
+        Ok(socket)
+    }
+
+    /// A page goes away.
+    pub fn close(&mut self, page: u64) {
+        self.listen();
+        if let Some(mut socket) = self.open.remove(&page) {
+            let _ = socket.close(None).and_then(|()| socket.flush());
+        }
+    }
+}
+
+/// Counts an error by its kind; nothing else is asked for.
+fn note(refused: &mut BTreeMap<String, u64>, text: &str) {
+    let message: Value = serde_json::from_str(text).unwrap_or_default();
+    if message["type"] == "error" {
+        let kind = message["problem"]["type"].as_str().and_then(|kind| kind.rsplit(':').next()).unwrap_or("unknown");
+        *refused.entry(kind.to_owned()).or_default() += 1;
+    }
+}
