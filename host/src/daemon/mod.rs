@@ -47,6 +47,7 @@ mod tolerances;
 mod touch;
 mod turns;
 mod view;
+mod warm;
 
 pub use access::{Access, Token};
 pub use answers::scene::SceneView;

@@ -68,6 +68,7 @@ pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Futur
         // Each with places of its own: a crowd at one is in nobody's way at another.
         all.spawn(listen(listener, Doors::new(&app), closing.clone()));
     }
+    all.spawn(super::warm::keep(Arc::clone(&app)));
     if app.record.is_some() {
         all.spawn(super::measured::note(Arc::clone(&app)));
     }
