@@ -1,5 +1,5 @@
-"""`era plan --tolerances`: the weakest and the strongest of the panels that are off, each made anew from the told factors and places, and the
-peak of the plan's drives there, against the told levels."""
+"""`era plan --tolerances`: the weakest and the strongest of the panels with everything off, and one of both of a kind by itself, each made anew
+from the told factors and places, and the peak of the plan's drives there, against the told levels."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ KINDS |= {"thickness": (THICKNESS, "thickness"), "places": (PLACES, "places_mm")
 QUANTITIES = (ALL, SPRINGS, MODULUS, THICKNESS, PLACES)
 # The told panel is altered: another panel than the one whose level is told.
 PLANTS = {quantity: "answer" for quantity in QUANTITIES}
-EVERY, FIRST = 6, 2
+EVERY, FIRST = 8, 2
 MAX_HZ = 400.0
 # How often there is a finger on the place.
 FINGERS = 0.4
@@ -54,11 +54,14 @@ def run(context):
     chosen = str(rng.choice(list(alone)))
     chosen = next((what for what, (quantity, _) in KINDS.items() if context.planted(quantity) and what in alone), chosen)
     meant, own = level_of(parse(to_toml(table)), (x, y), plan["drives"])
+    ends = (("least_db", "weakest"), ("most_db", "strongest"))
     results = []
     fields = [field for what, (_, field) in KINDS.items() if what in alone]
-    for quantity, told, fields in ((ALL, said, fields), (KINDS[chosen][0], alone[chosen], [KINDS[chosen][1]])):
-        for least, which in (("least_db", "weakest"), ("most_db", "strongest")):
-            panel, level = told[which], told[least]
+    # Each panel is some seconds of the reference's: of a kind by itself one end.
+    looks = ((ALL, said, fields, ends), (KINDS[chosen][0], alone[chosen], [KINDS[chosen][1]], ends[int(rng.integers(2)) :][:1]))
+    for quantity, told, fields, ends in looks:
+        for key, which in ends:
+            panel, level = told[which], told[key]
             if wrong := misfit(scene, panel, fields, asked):
                 results.append(Result(quantity, name, np.inf, 0.0, True, wrong))
                 continue
