@@ -3,7 +3,7 @@ from the told factors and places, and the peak of the plan's drives there, again
 
 import numpy as np
 
-from ..harness import Program, Result, not_comparable
+from ..harness import TIME_LIMIT_S, Program, Result, not_comparable
 from ..reference.off import off
 from ..reference.panel import Panel
 from ..reference.random_scenes import log_uniform, to_toml
@@ -21,6 +21,8 @@ QUANTITIES = (ALL, SPRINGS, MODULUS, THICKNESS, PLACES)
 PLANTS = {quantity: "answer" for quantity in QUANTITIES}
 EVERY, FIRST = 8, 2
 MAX_HZ = 400.0
+# It models up to 128 panels: some seconds as a rule, two minutes with patches that have actuators beside their borders.
+LIMIT_S = 10 * TIME_LIMIT_S
 # How often there is a finger on the place.
 FINGERS = 0.4
 # Each panel is modelled for a tolerance of 1e-2 of its curve, and so is the one as meant, without a bound of its own.
@@ -46,7 +48,7 @@ def run(context):
     # Nothing is put into a cut-out: random scenes have everything 1 mm or more beside them.
     places_mm = 1.0 if scene.cutouts else min(log_uniform(rng, 0.5, 5.0), 0.02e3 * scene.length)
     asked = {"springs": rng.uniform(0.1, 0.5), "youngs_modulus": rng.uniform(0.05, 0.3), "thickness": rng.uniform(0.02, 0.15), "places_mm": places_mm}
-    era = Program(context.era.binary, path, context.folder)
+    era = Program(context.era.binary, path, context.folder, LIMIT_S)
     touch = ("--at", f"{x * 1e3!r},{y * 1e3!r}", "--unit", "mm", "--intensity-g", float(rng.choice([0.05, 0.5, 5.0])))
     plan = era.json("plan", *touch, "--tolerances=" + ",".join(repr(float(value)) for value in asked.values()))
     said = plan["off"]
@@ -125,4 +127,4 @@ def spoil(panel, scene):
             panel[field] = 2 - panel[field]
     for places in panel.get("places_mm", {}).values():
         for place in places:
-            place[0] += 10.0 if place[0] < 5e2 * scene.length else -10.0
+            place[0] += (50.0 if place[0] < 5e2 * scene.length else -50.0) * scene.length
