@@ -123,15 +123,19 @@ pub struct Range {
 pub struct OffPanel {
     /// Factors on the stiffness of springs.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
     pub springs: Option<SpringFactors>,
     /// Factor on Young's moduli of surface, layers and patches, and on layers' shear moduli.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
     pub youngs_modulus: Option<f64>,
     /// Factor on the thickness of surface, layers and patches.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
     pub thickness: Option<f64>,
     /// Where everything was, in mm.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
     pub places_mm: Option<OffPlaces>,
 }
 
