@@ -71,6 +71,8 @@ class Program:
     binary: str
     scene_path: Path
     folder: Path
+    # Of processor time.
+    limit_s: int = TIME_LIMIT_S
 
     def _environment(self):
         return os.environ | {"ERA_CACHE_DIR": str(self.folder / "cache"), "RAYON_NUM_THREADS": "1"}
@@ -80,14 +82,14 @@ class Program:
         return self._run([self.binary, command, "--scene", str(self.scene_path), *map(str, arguments)])
 
     def _run(self, line):
-        limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (TIME_LIMIT_S, TIME_LIMIT_S + 5))
+        limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (self.limit_s, self.limit_s + 5))
         options = {"capture_output": True, "text": True, "env": self._environment(), "check": False, "preexec_fn": limit}
         try:
-            done = subprocess.run(line, timeout=WAITING * TIME_LIMIT_S, **options)
+            done = subprocess.run(line, timeout=WAITING * self.limit_s, **options)
         except subprocess.TimeoutExpired:
-            raise ProgramFailed(line, -1, f"did not end within {WAITING * TIME_LIMIT_S} s") from None
+            raise ProgramFailed(line, -1, f"did not end within {WAITING * self.limit_s} s") from None
         if done.returncode == -signal.SIGXCPU:
-            raise ProgramFailed(line, done.returncode, f"did not end within {TIME_LIMIT_S} s of processor time")
+            raise ProgramFailed(line, done.returncode, f"did not end within {self.limit_s} s of processor time")
         if done.returncode != 0:
             raise ProgramFailed(line, done.returncode, done.stderr)
         return done.stdout, done.stderr

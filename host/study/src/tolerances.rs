@@ -9,7 +9,7 @@ use crate::ways::latin_hypercube;
 use era_model::model::{Accuracy, ModelError, PanelModel};
 use era_model::response::{Component, ResponseError, acceleration_curves, peak_acceleration};
 use era_model::scene::random::Random;
-use era_model::scene::{EdgeKind, Scene};
+use era_model::scene::{EdgeKind, Scene, SurfaceKind};
 use era_planner::{Drive, Plan};
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -102,7 +102,7 @@ impl What {
 }
 
 /// The target's peak over some samples, in dB of what the plan predicts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = PeakRange))]
 pub struct Range {
     /// Of the weakest sample.
@@ -111,10 +111,66 @@ pub struct Range {
     pub median_db: f64,
     /// Of the strongest one.
     pub most_db: f64,
+    /// The sample of `least_db`.
+    pub weakest: OffPanel,
+    /// The sample of `most_db`.
+    pub strongest: OffPanel,
+}
+
+/// A panel that is off, as it was modelled. What was not off has no field.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct OffPanel {
+    /// Factors on the stiffness of springs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
+    pub springs: Option<SpringFactors>,
+    /// Factor on Young's moduli of surface, layers and patches, and on layers' shear moduli.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
+    pub youngs_modulus: Option<f64>,
+    /// Factor on the thickness of surface, layers and patches.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
+    pub thickness: Option<f64>,
+    /// Where everything was, in mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(nullable = false))]
+    pub places_mm: Option<OffPlaces>,
+}
+
+/// Factors on stiffness, in the scene's order. Of what the scene has none there is no list.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct SpringFactors {
+    /// Of both springs of each support.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub supports: Vec<f64>,
+    /// Of both springs of each edge; 1 for one that has none, being pinned or clamped.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub edges: Vec<f64>,
+    /// Of each actuator's own springs, before its bias softens them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub actuators: Vec<f64>,
+}
+
+/// Places `[x, y]` on the surface in mm, in the scene's order; on a bar y is that of its axis. Of what the scene has none there is no list.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct OffPlaces {
+    /// Of supports.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub supports: Vec<[f64; 2]>,
+    /// Of masses.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub masses: Vec<[f64; 2]>,
+    /// Of actuators.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub actuators: Vec<[f64; 2]>,
 }
 
 /// One kind by itself.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema), schema(as = OneTolerance))]
 pub struct Own {
     /// Which.
@@ -243,18 +299,22 @@ pub fn watched_spread(
             return Ok(None);
         }
         let points = latin_hypercube(count, samples, &mut Random::new(SEED, stream));
-        let levels = points.into_par_iter().map(|point| level(&off(scene, kinds, &point, tolerances)));
-        let mut levels: Vec<f64> = levels.collect::<Result<_, _>>()?;
-        levels.sort_by(f64::total_cmp);
-        let at = |k: usize| levels.get(k).copied().unwrap_or(0.0);
-        Ok(Some(Range { least_db: at(0), median_db: at(samples / 2), most_db: at(samples - 1) }))
+        let look = |point: Vec<f64>| {
+            let (scene, panel) = off(scene, kinds, &point, tolerances);
+            Ok((level(&scene)?, panel))
+        };
+        let mut looked: Vec<(f64, OffPanel)> =
+            points.into_par_iter().map(look).collect::<Result<_, ToleranceError>>()?;
+        looked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let at = |k: usize| looked.get(k).cloned().unwrap_or_default();
+        let ((least_db, weakest), (median_db, _), (most_db, strongest)) = (at(0), at(samples / 2), at(samples - 1));
+        Ok(Some(Range { least_db, median_db, most_db, weakest, strongest }))
     };
     let mut of = Vec::new();
     for (stream, what) in (1..).zip(What::ALL) {
         of.extend(range(&[what], EACH, stream)?.map(|range| Own { what, range }));
     }
-    let nothing = Range { least_db: 0.0, median_db: 0.0, most_db: 0.0 };
-    Ok(Spread { tolerances, range: range(&What::ALL, SAMPLES, 0)?.unwrap_or(nothing), samples: SAMPLES, of })
+    Ok(Spread { tolerances, range: range(&What::ALL, SAMPLES, 0)?.unwrap_or_default(), samples: SAMPLES, of })
 }
 
 /// How many numbers of a kind are off by themselves.
@@ -266,45 +326,75 @@ fn values(scene: &Scene, what: What) -> usize {
     }
 }
 
-/// The scene with some kinds off: `point` is in the unit cube, its middle being the scene itself.
-fn off(scene: &Scene, kinds: &[What], point: &[f64], tolerances: Tolerances) -> Scene {
-    let mut scene = scene.clone();
+/// The scene with some kinds off, and what is off of it: `point` is in the unit cube, its middle being the scene itself.
+fn off(scene: &Scene, kinds: &[What], point: &[f64], tolerances: Tolerances) -> (Scene, OffPanel) {
+    let (mut scene, mut panel) = (scene.clone(), OffPanel::default());
     let mut parts = point.iter().map(|at| 2.0 * at - 1.0);
     let mut next = || parts.next().unwrap_or(0.0);
     for what in kinds {
         match what {
-            What::Springs => {
-                let mut factor = || 1.0 + tolerances.springs * next();
-                for support in &mut scene.supports {
-                    let factor = factor();
-                    support.stiffness_n_per_m *= factor;
-                    support.rotational_stiffness_n_m_per_rad *= factor;
-                }
-                for edge in &mut scene.edges {
-                    let factor = factor();
-                    if let EdgeKind::Elastic { stiffness, rotational_stiffness, .. } = &mut edge.kind {
-                        *stiffness *= factor;
-                        *rotational_stiffness *= factor;
-                    }
-                }
-                scene.actuators.iter_mut().for_each(|actuator| actuator.stiffness_n_per_m *= factor());
+            // What the scene has nothing of takes no numbers.
+            _ if values(&scene, *what) == 0 => {}
+            What::Springs => panel.springs = Some(off_springs(&mut scene, || 1.0 + tolerances.springs * next())),
+            What::YoungsModulus => {
+                let factor = 1.0 + tolerances.youngs_modulus * next();
+                scene.scale_youngs_modulus(factor);
+                panel.youngs_modulus = Some(factor);
             }
-            What::YoungsModulus => scene.scale_youngs_modulus(1.0 + tolerances.youngs_modulus * next()),
-            What::Thickness => scene.scale_thickness(1.0 + tolerances.thickness * next()),
-            What::Places => {
-                let (length, width) = (scene.surface.length_m, scene.surface.width_m);
-                let mut move_it = |x_m: &mut f64, y_m: &mut f64| {
-                    for (at, most) in [(x_m, length), (y_m, width)] {
-                        *at = placed(*at + tolerances.places_mm / 1e3 * next(), most);
-                    }
-                };
-                scene.supports.iter_mut().for_each(|own| move_it(&mut own.x_m, &mut own.y_m));
-                scene.masses.iter_mut().for_each(|own| move_it(&mut own.x_m, &mut own.y_m));
-                scene.actuators.iter_mut().for_each(|own| move_it(&mut own.x_m, &mut own.y_m));
+            What::Thickness => {
+                let factor = 1.0 + tolerances.thickness * next();
+                scene.scale_thickness(factor);
+                panel.thickness = Some(factor);
             }
+            What::Places => panel.places_mm = Some(off_places(&mut scene, || tolerances.places_mm / 1e3 * next())),
         }
     }
-    scene
+    (scene, panel)
+}
+
+/// Every spring times a factor of its own.
+fn off_springs(scene: &mut Scene, mut factor: impl FnMut() -> f64) -> SpringFactors {
+    let supports = scene.supports.iter_mut().map(|support| {
+        let factor = factor();
+        support.stiffness_n_per_m *= factor;
+        support.rotational_stiffness_n_m_per_rad *= factor;
+        factor
+    });
+    let supports = supports.collect();
+    let edges = scene.edges.iter_mut().map(|edge| {
+        let factor = factor();
+        let EdgeKind::Elastic { stiffness, rotational_stiffness, .. } = &mut edge.kind else { return 1.0 };
+        *stiffness *= factor;
+        *rotational_stiffness *= factor;
+        factor
+    });
+    let edges = edges.collect();
+    let actuators = scene.actuators.iter_mut().map(|actuator| {
+        let factor = factor();
+        actuator.stiffness_n_per_m *= factor;
+        factor
+    });
+    SpringFactors { supports, edges, actuators: actuators.collect() }
+}
+
+/// Every place off by so many metres along x and y; on a bar along x alone.
+fn off_places(scene: &mut Scene, mut by_m: impl FnMut() -> f64) -> OffPlaces {
+    let (length_m, width_m, is_bar) =
+        (scene.surface.length_m, scene.surface.width_m, scene.surface.kind == SurfaceKind::Bar);
+    let mut off = |x_m: &mut f64, y_m: &mut f64| {
+        *x_m = placed(*x_m + by_m(), length_m);
+        // A number for y on a bar as well: which panels are looked at does not depend on it.
+        let y_by_m = by_m();
+        if !is_bar {
+            *y_m = placed(*y_m + y_by_m, width_m);
+        }
+        [*x_m * 1e3, *y_m * 1e3]
+    };
+    OffPlaces {
+        supports: scene.supports.iter_mut().map(|own| off(&mut own.x_m, &mut own.y_m)).collect(),
+        masses: scene.masses.iter_mut().map(|own| off(&mut own.x_m, &mut own.y_m)).collect(),
+        actuators: scene.actuators.iter_mut().map(|own| off(&mut own.x_m, &mut own.y_m)).collect(),
+    }
 }
 
 /// A coordinate on a side of some length.

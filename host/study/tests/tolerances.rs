@@ -4,9 +4,9 @@ mod support;
 
 use era_model::model::Accuracy;
 use era_model::model::levels::Levels;
-use era_model::scene::{EXAMPLE_PLATE, Finger, Scene};
+use era_model::scene::{EXAMPLE_PLATE, EdgeKind, Finger, Scene};
 use era_planner::{Plan, PlanTable, TableOptions, Target};
-use era_study::tolerances::{Spread, Tolerances, What, spread};
+use era_study::tolerances::{OffPanel, Range, Spread, Tolerances, What, spread};
 use support::{LENGTH_M, WIDTH_M, bar};
 
 const NOTHING: Tolerances = Tolerances { springs: 0.0, youngs_modulus: 0.0, thickness: 0.0, places_mm: 0.0 };
@@ -24,8 +24,19 @@ fn planned(scene: Scene, at_m: (f64, f64)) -> (Scene, Plan) {
 }
 
 fn own(spread: &Spread, what: What) -> (f64, f64) {
-    let range = spread.of.iter().find(|own| own.what == what).unwrap().range;
+    let range = alone(spread, what);
     (range.least_db, range.most_db)
+}
+
+fn alone(spread: &Spread, what: What) -> &Range {
+    &spread.of.iter().find(|own| own.what == what).unwrap().range
+}
+
+/// The peak at a place on a panel whose scene is this one, as the drives of other frequencies each have it.
+fn peak(scene: &Scene, plan: &Plan, at_m: (f64, f64)) -> f64 {
+    let hz: Vec<f64> = plan.drives.iter().map(|drive| drive.frequency_hz).collect();
+    let curves = era_model::response::bounded_curves(scene, Accuracy::BALANCED, at_m, &hz).unwrap();
+    plan.drives.iter().enumerate().map(|(k, drive)| curves.answer[k][k].norm() * drive.force_n).sum()
 }
 
 /// A short thick bar moves as a whole in the band. Newton's second law: the acceleration of a body far above its springs goes with one over its mass, and its mass with its thickness; how
@@ -77,11 +88,7 @@ fn a_panel_that_is_off_does_what_a_panel_that_is_made_so_does() {
     let (scene, plan) = planned(plate(), at_m);
     let by = |part: f64| {
         let text = EXAMPLE_PLATE.replace("thickness_mm = 2.0", &format!("thickness_mm = {}", 2.0 * (1.0 + part)));
-        let made = Scene::parse("made", &text).unwrap();
-        let hz: Vec<f64> = plan.drives.iter().map(|drive| drive.frequency_hz).collect();
-        let curves = era_model::response::bounded_curves(&made, Accuracy::BALANCED, at_m, &hz).unwrap();
-        let each = plan.drives.iter().enumerate().map(|(k, drive)| curves.answer[k][k].norm() * drive.force_n);
-        each.sum::<f64>()
+        peak(&Scene::parse("made", &text).unwrap(), &plan, at_m)
     };
     let meant = by(0.0);
     let level = |part: f64| 20.0 * (by(part) / meant).log10();
@@ -93,4 +100,98 @@ fn a_panel_that_is_off_does_what_a_panel_that_is_made_so_does() {
     assert!(ends.0 - 0.1 < least && least < ends.0 + 0.25 * (ends.1 - ends.0), "{least} of {ends:?}");
     assert!(ends.1 - 0.25 * (ends.1 - ends.0) < most && most < ends.1 + 0.1, "{most} of {ends:?}");
     assert!(ends.1 - ends.0 > 1.0, "{ends:?}: it matters");
+}
+
+/// The example plate with something of everything that may be off.
+fn everything() -> Scene {
+    let more = "\n[[edge]]\nside = \"left\"\nkind = \"elastic\"\nstiffness_n_per_m2 = 2e4\nrotational_stiffness_n_per_rad = 20\n\
+                [[edge]]\nside = \"right\"\nkind = \"pinned\"\n[[mass]]\nx_mm = 130\ny_mm = 0.2\nmass_g = 40\n";
+    Scene::parse("everything", &format!("{EXAMPLE_PLATE}{more}")).unwrap()
+}
+
+/// The scene that a told panel is, made from what is told alone.
+fn made(scene: &Scene, told: &OffPanel) -> Scene {
+    let mut scene = scene.clone();
+    if let Some(springs) = &told.springs {
+        assert_eq!((springs.supports.len(), springs.edges.len(), springs.actuators.len()), (4, 2, 2), "{springs:?}");
+        for (own, factor) in scene.supports.iter_mut().zip(&springs.supports) {
+            own.stiffness_n_per_m *= factor;
+        }
+        for (own, factor) in scene.actuators.iter_mut().zip(&springs.actuators) {
+            own.stiffness_n_per_m *= factor;
+        }
+        for (own, factor) in scene.edges.iter_mut().zip(&springs.edges) {
+            match &mut own.kind {
+                EdgeKind::Elastic { stiffness, rotational_stiffness, .. } => {
+                    (*stiffness, *rotational_stiffness) = (*stiffness * factor, *rotational_stiffness * factor);
+                }
+                _ => assert!((factor - 1.0).abs() < 1e-15, "what has no spring is not off: {factor}"),
+            }
+        }
+    }
+    scene.surface.material.youngs_modulus_pa *= told.youngs_modulus.unwrap_or(1.0);
+    scene.surface.thickness_m *= told.thickness.unwrap_or(1.0);
+    if let Some(places) = &told.places_mm {
+        assert_eq!((places.supports.len(), places.masses.len(), places.actuators.len()), (4, 1, 2), "{places:?}");
+        let supports = scene.supports.iter_mut().map(|own| (&mut own.x_m, &mut own.y_m)).zip(&places.supports);
+        let masses = scene.masses.iter_mut().map(|own| (&mut own.x_m, &mut own.y_m)).zip(&places.masses);
+        let actuators = scene.actuators.iter_mut().map(|own| (&mut own.x_m, &mut own.y_m)).zip(&places.actuators);
+        for ((x_m, y_m), [x_mm, y_mm]) in supports.chain(masses).chain(actuators) {
+            // Along each side, and on the border where it was hardly beside it.
+            assert!((*x_m * 1e3 - x_mm).abs() < 2.5 && (*y_m * 1e3 - y_mm).abs() < 2.5, "{places:?}");
+            assert!((0.0..=300.0).contains(x_mm) && (0.0..=200.0).contains(y_mm), "{places:?}");
+            (*x_m, *y_m) = (x_mm / 1e3, y_mm / 1e3);
+        }
+    }
+    scene
+}
+
+/// Whoever is told which panel was the weakest and which the strongest finds the told levels on them.
+#[test]
+fn the_told_panels_have_the_told_levels() {
+    let at_m = (0.083, 0.061);
+    let (scene, plan) = planned(everything(), at_m);
+    let tolerances = Tolerances { springs: 0.4, places_mm: 2.0, ..Tolerances::default() };
+    let off = spread(&scene, &[], &plan, tolerances).unwrap();
+    let meant = peak(&scene, &plan, at_m);
+    let kinds = off.of.iter().map(|own| (Some(own.what), &own.range));
+    for (what, range) in kinds.chain([(None, &off.range)]) {
+        for (told, level_db) in [(&range.weakest, range.least_db), (&range.strongest, range.most_db)] {
+            let found = 20.0 * (peak(&made(&scene, told), &plan, at_m) / meant).log10();
+            assert!((found - level_db).abs() < 0.1, "{what:?}: {found} for {level_db} dB, {told:?}");
+            // With one kind alone nothing else is off.
+            let is_off = |own: What| what.is_none_or(|what| what == own);
+            assert_eq!(told.springs.is_some(), is_off(What::Springs), "{what:?}: {told:?}");
+            assert_eq!(told.youngs_modulus.is_some(), is_off(What::YoungsModulus), "{what:?}: {told:?}");
+            assert_eq!(told.thickness.is_some(), is_off(What::Thickness), "{what:?}: {told:?}");
+            assert_eq!(told.places_mm.is_some(), is_off(What::Places), "{what:?}: {told:?}");
+        }
+        assert!(range.most_db > range.least_db && range.weakest != range.strongest, "{what:?}: {range:?}");
+    }
+    // The level is the panel's own: with the other end's it would be off.
+    let other = 20.0 * (peak(&made(&scene, &off.range.strongest), &plan, at_m) / meant).log10();
+    assert!((other - off.range.least_db).abs() > 1.0, "{other} dB");
+}
+
+/// What is told has the names of the tolerances, and nothing of what the scene has not; a bar has no y that could be off.
+#[test]
+fn what_the_scene_has_none_of_is_not_told() {
+    let (scene, plan) = planned(bar(9.0), (0.5 * LENGTH_M, 0.5 * WIDTH_M));
+    let off = spread(&scene, &[], &plan, Tolerances::default()).unwrap();
+    let told = serde_json::to_value(&off).unwrap();
+    let keys = |value: &serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    let mut weakest = keys(&told["weakest"]);
+    weakest.sort();
+    assert_eq!(weakest, ["places_mm", "springs", "thickness", "youngs_modulus"]);
+    for list in ["springs", "places_mm"] {
+        let mut own = keys(&told["weakest"][list]);
+        own.sort();
+        assert_eq!(own, ["actuators", "supports"], "{told}");
+    }
+    for own in told["of"].as_array().unwrap() {
+        assert_eq!((keys(&own["weakest"]).len(), keys(&own["strongest"]).len()), (1, 1), "{own}");
+    }
+    for [x_mm, y_mm] in &off.range.strongest.places_mm.as_ref().unwrap().supports {
+        assert!((0.0..=137.0).contains(x_mm) && (y_mm - 20.5).abs() < 1e-9, "{x_mm}, {y_mm} mm");
+    }
 }
