@@ -71,6 +71,37 @@ fn choices_take_tables_and_words() {
 }
 
 #[test]
+fn choices_take_tables_of_lists() {
+    let study = "[[variable]]\nkey = \"support[1]\"\nvalues = [\n\
+                 { x_mm = 0.0, y_mm = 0.0, stiffness_n_per_m = 500.0 },\n\
+                 { x_mm = 10.0, y_mm = 0.0, stiffness_n_per_m = 50000.0, damping_n_s_per_m = 2.0 },\n]\n\
+                 [[variable]]\nkey = \"edge[1]\"\nvalues = [\n\
+                 { side = \"left\", kind = \"clamped\" },\n{ side = \"right\", kind = \"pinned\" },\n]\n";
+    let plate = format!("{EXAMPLE_PLATE}\n[[edge]]\nside = \"left\"\nkind = \"pinned\"\n");
+    let space = space_of(study, &plate).unwrap();
+    let found = scene(&space, &[0.9, 0.9]);
+    let support = |scene: &Scene, k: usize| {
+        let own = &scene.supports[k];
+        (own.x_m, own.stiffness_n_per_m, own.damping_n_s_per_m)
+    };
+    assert_eq!((support(&found, 0), found.edges[0].kind), ((0.01, 50000.0, 2.0), EdgeKind::Pinned));
+    let found = scene(&space, &[0.1, 0.1]);
+    // What the table does not have is not that of the scene's file.
+    assert_eq!((support(&found, 0), found.edges[0].kind), ((0.0, 500.0, 0.0), EdgeKind::Clamped));
+    assert_eq!(support(&found, 1), (0.3, 2000.0, 1.3));
+    let text = space.text(&space.design(&[0.9, 0.9])).unwrap();
+    assert!(text.contains("# Four corner springs") && text.matches("[[support]]").count() == 4, "{text}");
+}
+
+#[test]
+fn tables_of_lists_take_nothing_but_tables() {
+    let study = "[[variable]]\nkey = \"support[1]\"\nfrom = 1\nto = 2\n\
+                 [[variable]]\nkey = \"support.*\"\nvalues = [1, { x_mm = 0.0 }]\n";
+    let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
+    hold(&error, &[(4, "support[1] leads to a table: its values must be tables"), (8, "support.* leads to a table")]);
+}
+
+#[test]
 fn a_count_takes_the_first_ones_and_all_else_does_without_the_rest() {
     let study = "[[variable]]\ncount = \"actuator\"\nfrom = 1\nto = 2\n\
                  [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [70, 90, 80, 110]\n\
