@@ -152,6 +152,12 @@ pub(super) fn number(document: &DocumentMut, place: &[Step]) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }
 
+/// Length and width of the surface in mm, where they are numbers.
+pub(super) fn sides_mm(document: &DocumentMut) -> [Option<f64>; 2] {
+    let side = |key: &str| number(document, &[Step::Key("surface".into()), Step::Key(key.into())]);
+    [side("length_mm"), side("width_mm")]
+}
+
 fn table<'d>(document: &'d DocumentMut, place: &[Step]) -> Option<&'d dyn TableLike> {
     let mut own: &dyn TableLike = document.as_table();
     let mut steps = place.iter();

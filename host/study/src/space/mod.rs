@@ -34,8 +34,6 @@ pub struct Space {
     dimensions: Vec<Dimension>,
     apart: Vec<Apart>,
     uncertain: Vec<Uncertain>,
-    /// Length and width of the scene in mm.
-    sides_mm: [f64; 2],
 }
 
 impl Space {
@@ -51,7 +49,7 @@ impl Space {
         scene_source: &str,
         scene_text: &str,
     ) -> Result<Self, SceneError> {
-        let scene = Scene::parse(scene_source, scene_text)?;
+        Scene::parse(scene_source, scene_text)?;
         let base: DocumentMut = scene_text.parse().map_err(|error: toml_edit::TomlError| {
             SceneError::of(scene_source, 0, format!("not valid TOML: {}", error.message()))
         })?;
@@ -62,7 +60,6 @@ impl Space {
             dimensions: design::dimensions(&spec.variables),
             apart: spec.apart.clone(),
             uncertain: spec.uncertain.clone(),
-            sides_mm: [scene.surface.length_m * 1e3, scene.surface.width_m * 1e3],
         };
         let report = Report::new(text);
         space.check(&report, text);
@@ -91,7 +88,13 @@ impl Space {
     /// The design at a point of the unit cube, one number for each dimension.
     #[must_use]
     pub fn design(&self, point: &[f64]) -> Design {
-        design::at(&self.variables, &self.dimensions, point, self.sides_mm)
+        let mut design = design::at(&self.variables, &self.dimensions, point);
+        if self.variables.iter().any(|own| matches!(own.what, What::Mirror { .. })) {
+            // About the middle of the surface that this design has.
+            let sides_mm = self.document(&design).map_or([None; 2], |document| document::sides_mm(&document));
+            design::mirror(&self.variables, &mut design, sides_mm);
+        }
+        design
     }
 
     /// A design as a scene's text.
@@ -114,7 +117,7 @@ impl Space {
             document::check_apart(&document, &self.apart)?;
         }
         if !off.is_empty() {
-            uncertain::apply(&mut document, &self.uncertain, &self.uncertain_places(), off, self.sides_mm)?;
+            uncertain::apply(&mut document, &self.uncertain, &self.uncertain_places(), off);
         }
         document::scene(&self.source, &document)
     }

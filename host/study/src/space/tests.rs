@@ -128,6 +128,42 @@ fn what_may_be_off_is_off_by_parts_and_amounts() {
     assert_eq!(found.supports[0].x_m, 0.0);
 }
 
+/// A panel is mirrored about the middle that it has, and ends where it ends, be its sides those of the scene's file or a variable's.
+#[test]
+fn sides_are_those_of_the_design() {
+    let places = "[[variable]]\nplace = \"actuator.left\"\nwithin_mm = [10, 20, 110, 120]\n\
+                  [[variable]]\nplace = \"actuator.right\"\nmirror_of = \"actuator.left\"\nmirrored = \"both\"\n\
+                  [[uncertain]]\nkey = [\"support[2].x_mm\", \"support[3].y_mm\"]\nby = 5\n";
+    let sides = "[[variable]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nfrom = 240\nto = 400\n\
+                 [[variable]]\nkey = [\"surface.width_mm\", \"support[3].y_mm\", \"support[4].y_mm\"]\nfrom = 140\nto = 260\n";
+    let varied = space(&format!("{places}{sides}"));
+    for (part, length, width) in [(0.0, "240.0", "140.0"), (1.0, "400.0", "260.0")] {
+        let plate = EXAMPLE_PLATE.replace("300.0", length).replace("_mm = 200.0", &format!("_mm = {width}"));
+        let own = space_of(places, &plate).unwrap();
+        for off in [vec![], vec![1.0, 1.0], vec![-1.0, 0.5]] {
+            let found = varied.scene(&varied.design(&[0.25, 0.5, part, part]), &off).unwrap();
+            assert_eq!(found, own.scene(&own.design(&[0.25, 0.5]), &off).unwrap(), "{length} {off:?}");
+            let (length_m, width_m) = (found.surface.length_m, found.surface.width_m);
+            let right = &found.actuators[1];
+            assert!((right.x_m - length_m + 0.035).abs() < 1e-9 && (right.y_m - width_m + 0.07).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn coordinates_stay_on_a_surface_whose_sides_are_off() {
+    let length = "[[uncertain]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nby = 3\nvary = \"together\"\n";
+    let together = space(length);
+    for (off, length_m) in [(1.0, 0.303), (-1.0, 0.297)] {
+        let found = together.base(&[off]).unwrap();
+        assert_eq!([found.surface.length_m, found.supports[1].x_m, found.supports[3].x_m], [length_m; 3]);
+    }
+    let coordinates = "[[uncertain]]\nkey = \"support.*.x_mm\"\nby = 2\nvary = \"together\"\n\
+                       [[uncertain]]\nkey = \"surface.length_mm\"\nby = 1\n";
+    let found = space(coordinates).base(&[1.0, 1.0]).unwrap();
+    assert_eq!([0, 1, 2, 3].map(|k: usize| found.supports[k].x_m), [0.002, 0.301, 0.002, 0.301]);
+}
+
 /// Each mistake with its line, and what its text has to have.
 fn hold(error: &SceneError, expected: &[(usize, &str)]) {
     let told: Vec<(usize, &str)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
