@@ -221,6 +221,32 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
     assert!(seen > 50, "{seen}");
 }
 
+/// The scene as it is costs what a design that is the same costs. Of a material that the list does not have nobody knows that.
+#[test]
+fn the_scene_as_it_is_costs_what_the_same_design_costs() {
+    let cost = |first: &str, costs: &str| {
+        let text = format!(
+            "version = 1\nname = \"s\"\nscene = \"plate.toml\"\n[[variable]]\nkey = \"surface.material\"\nvalues = [\n\
+             {{ density_kg_m3 = {first}, youngs_modulus_pa = 69e9, poisson_ratio = 0.33 }},\n\
+             {{ density_kg_m3 = 2500.0, youngs_modulus_pa = 72e9, poisson_ratio = 0.22 }},\n]\n{costs}\n\
+             [[wish]]\nfigure = \"cost\"\n[cost]\nactuator = 10\n[method]\nway = \"grid\"\n"
+        );
+        let study = Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
+        let place = tempfile::tempdir().unwrap();
+        run(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
+        let table = Table::gather(&study, &folder(place.path(), &study)).unwrap();
+        let each = std::iter::once(&table.base).chain(&table.entries);
+        each.map(|entry| (entry.row.figures().unwrap().values[0], entry.status)).collect::<Vec<_>>()
+    };
+    let kept = |cost: f64| (cost, Status::Kept);
+    assert_eq!(cost("2700", "costs = [40, 60]"), [kept(60.0), kept(60.0), kept(80.0)]);
+    let unknown = cost("2600", "costs = [40, 60]");
+    assert!(unknown[0].0.is_nan() && unknown[0].1 == Status::Failed, "{unknown:?}");
+    assert_eq!(unknown[1..], [kept(60.0), kept(80.0)]);
+    // What costs nothing whatever is chosen costs nothing as it is.
+    assert_eq!(cost("2600", ""), [kept(20.0); 3]);
+}
+
 /// A study may change the air behind a panel, which is a part of what the quick look solves once. Seen to fail with panels told apart by
 /// their surface, patches, cut-outs and edges alone.
 #[test]

@@ -12,15 +12,15 @@ pub fn mass_g(scene: &Scene) -> f64 {
     (scene.solid_kg() + masses + actuators) * 1e3
 }
 
-/// What the parts cost, choices included.
+/// What the parts cost, choices included; NaN where the scene's own value is kept in place of a choice that has costs, as nobody knows what it costs.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
 pub fn cost(scene: &Scene, costs: &Costs, variables: &[Variable], design: &Design) -> f64 {
-    let chosen =
-        variables.iter().zip(&design.settings).filter_map(|(variable, setting)| match (&variable.what, setting) {
-            (What::Choice { costs, .. }, Setting::Choice(choice)) => costs.get(*choice),
-            _ => None,
-        });
+    let chosen = variables.iter().zip(&design.settings).map(|(variable, setting)| match (&variable.what, setting) {
+        (What::Choice { costs, .. }, Setting::Choice(choice)) => costs.get(*choice).copied().unwrap_or(0.0),
+        (What::Choice { costs, .. }, Setting::Kept) if costs.iter().any(|cost| *cost != 0.0) => f64::NAN,
+        _ => 0.0,
+    });
     costs.actuator * scene.actuators.len() as f64
         + costs.support * scene.supports.len() as f64
         + costs.mass * scene.masses.len() as f64

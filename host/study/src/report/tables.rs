@@ -169,7 +169,9 @@ pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
             let first = figures.values.get(k).copied().unwrap_or(f64::NAN);
             let Ok(verified) = &own.verified else { continue };
             let anew = verified.figures.values.get(k).copied().unwrap_or(f64::NAN);
-            let difference = if wanted.figure.is_level() {
+            let difference = if first.is_nan() || anew.is_nan() {
+                String::from("unknown")
+            } else if wanted.figure.is_level() {
                 format!("{:+.2} dB", first - anew)
             } else {
                 format!("{:+.2} %", 100.0 * (first / anew - 1.0))

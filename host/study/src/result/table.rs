@@ -140,6 +140,7 @@ fn entry(study: &Study, row: Row) -> Entry {
         (Outcome::Failed(reason), _) => (Status::Failed, Some(reason.clone())),
         (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (Status::Kept, None),
         (_, Some(0.0)) => (Status::Failed, Some("a wish's figure is not a finite number".into())),
+        (_, None) => (Status::Failed, Some("a figure that has a limit has no value".into())),
         _ => (Status::Broken, broken_limits(study, |figure| row.ends(figure))),
     };
     let beyond = beyond.filter(|_| status != Status::Failed).unwrap_or(f64::INFINITY);

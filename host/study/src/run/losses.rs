@@ -21,13 +21,13 @@ pub fn worst(row: &Row, figures: &[Wanted], wish: &Wish) -> Option<f64> {
     })
 }
 
-/// By how much a design breaks limits, in parts of each: zero if it keeps them; `None` if it failed.
+/// By how much a design breaks limits, in parts of each: zero if it keeps them; `None` if it failed, or has no value of what is limited.
 #[must_use]
 pub fn broken(row: &Row, figures: &[Wanted], limits: &[Limit]) -> Option<f64> {
     let mut sum = 0.0;
     for limit in limits {
         let figure = figures.iter().position(|wanted| *wanted == limit.wanted)?;
-        let (low, high) = row.ends(figure)?;
+        let (low, high) = row.ends(figure).filter(|(low, high)| !low.is_nan() && !high.is_nan())?;
         let beyond = |by: f64, bound: f64| if by > 0.0 { by / bound.abs().max(1e-9) } else { 0.0 };
         sum += beyond(limit.least - low, limit.least) + beyond(high - limit.most, limit.most);
     }

@@ -278,7 +278,10 @@ impl Study {
         for (value, wanted) in figures.values.iter_mut().zip(&self.figures) {
             match wanted.figure {
                 Figure::MassG => *value = parts::mass_g(scene),
-                Figure::Cost => *value = parts::cost(scene, &self.spec.costs, self.space.variables(), design),
+                Figure::Cost => {
+                    let known = self.space.with_own_choices(design);
+                    *value = parts::cost(scene, &self.spec.costs, self.space.variables(), &known);
+                }
                 _ => {}
             }
         }

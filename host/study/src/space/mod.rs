@@ -154,6 +154,18 @@ impl Space {
         Design { settings: (0..self.variables.len()).map(kept).collect() }
     }
 
+    /// A design with the choices that it keeps as they are in the scene's file, where that has one of the values.
+    #[must_use]
+    pub fn with_own_choices(&self, design: &Design) -> Design {
+        let mut design = design.clone();
+        for (number, (setting, own)) in design.settings.iter_mut().zip(&self.variables).enumerate() {
+            if *setting == Setting::Kept && matches!(own.what, What::Choice { .. }) {
+                *setting = kept::setting(self, number).unwrap_or(Setting::Kept);
+            }
+        }
+        design
+    }
+
     /// How many values may be off by themselves.
     #[must_use]
     pub fn uncertain_values(&self) -> usize {
