@@ -42,7 +42,7 @@ pub struct Entry {
     pub wishes: Vec<f64>,
     /// Whether no other design surpasses it.
     pub is_on_front: bool,
-    /// By how much it breaks limits, in parts of each; zero if it keeps them, infinite if it failed.
+    /// By how much it breaks limits, as [`broken`] tells it; zero if it keeps them, infinite if it failed.
     pub beyond: f64,
 }
 
@@ -116,8 +116,8 @@ impl Table {
     /// The table of rows.
     #[must_use]
     pub fn of(study: &Study, base: Row, rows: Vec<Row>) -> Self {
-        let base = entry(study, base);
-        let mut entries: Vec<Entry> = rows.into_iter().map(|row| entry(study, row)).collect();
+        let mut entries: Vec<Entry> = rows.into_iter().map(|row| entry(study, &base, row)).collect();
+        let base = entry(study, &base.clone(), base);
         let kept: Vec<usize> = (0..entries.len()).filter(|k| entries[*k].status == Status::Kept).collect();
         let losses: Vec<Vec<f64>> = kept.iter().map(|k| losses(study, &entries[*k])).collect();
         for (own, is_on) in kept.into_iter().zip(front(&losses)) {
@@ -133,9 +133,9 @@ pub(super) fn losses(study: &Study, entry: &Entry) -> Vec<f64> {
     study.spec.wishes.iter().zip(&entry.wishes).map(|(wish, figure)| wish.goal.loss(*figure)).collect()
 }
 
-fn entry(study: &Study, row: Row) -> Entry {
+fn entry(study: &Study, base: &Row, row: Row) -> Entry {
     let wishes: Option<Vec<f64>> = study.spec.wishes.iter().map(|wish| worst(&row, &study.figures, wish)).collect();
-    let beyond = broken(&row, &study.figures, &study.spec.limits);
+    let beyond = broken(&row, &study.figures, &study.spec.limits, Some(base));
     let (status, reason) = match (&row.outcome, beyond) {
         (Outcome::Failed(reason), _) => (Status::Failed, Some(reason.clone())),
         (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (Status::Kept, None),
