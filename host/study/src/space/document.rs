@@ -226,17 +226,20 @@ pub(super) fn check_apart(document: &DocumentMut, all: &[Apart]) -> Result<(), R
 /// A table's place as people name it: an actuator by its `id`.
 fn named(document: &DocumentMut, place: &[Step]) -> String {
     let id = table(document, place).and_then(|table| table.get("id")?.as_str().map(str::to_owned));
-    id.unwrap_or_else(|| {
-        let mut text = String::new();
-        for step in place {
-            match step {
-                Step::Key(key) if text.is_empty() => text.push_str(key),
-                Step::Key(key) => text.push_str(&format!(".{key}")),
-                Step::Index(index) => text.push_str(&format!("[{}]", index + 1)),
-            }
+    id.unwrap_or_else(|| written(place))
+}
+
+/// A place as a path to it is written.
+pub(super) fn written(place: &[Step]) -> String {
+    let mut text = String::new();
+    for step in place {
+        match step {
+            Step::Key(key) if text.is_empty() => text.push_str(key),
+            Step::Key(key) => text.push_str(&format!(".{key}")),
+            Step::Index(index) => text.push_str(&format!("[{}]", index + 1)),
         }
-        text
-    })
+    }
+    text
 }
 
 /// A document as a scene.

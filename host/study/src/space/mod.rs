@@ -2,6 +2,7 @@
 //! into the scene's own text, so that every key that a scene has can vary, is held to its range as any scene is, and stays beside its
 //! comments.
 
+mod check;
 mod design;
 mod document;
 mod kept;
@@ -19,9 +20,6 @@ use era_model::scene::read::Report;
 use era_model::scene::{Actuator, Mount, Scene, SceneError};
 use std::fmt::Write;
 use toml_edit::DocumentMut;
-
-/// Values of each dimension of a variable that are tried when a study is read.
-const TRIED: [f64; 3] = [0.0, 0.5, 1.0];
 
 /// What may change of a scene.
 #[derive(Clone, Debug)]
@@ -62,7 +60,7 @@ impl Space {
             uncertain: spec.uncertain.clone(),
         };
         let report = Report::new(text);
-        space.check(&report, text);
+        space.check(&report, text, &spec.figures());
         report.finish(source)?;
         Ok(space)
     }
@@ -182,75 +180,6 @@ impl Space {
             document::set(&mut document, &self.base, variable, *setting)?;
         }
         Ok(document)
-    }
-
-    /// Tells of variables that lead nowhere, and of those whose values the scene refuses all.
-    fn check(&self, report: &Report<'_>, text: &str) {
-        // A report knows lines by bytes.
-        let starts: Vec<usize> = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
-        let tell = |line: usize, told: String| {
-            let at = starts.get(line.saturating_sub(1)).copied().unwrap_or(0);
-            report.add(&(at..at), told);
-        };
-        for (number, variable) in self.variables.iter().enumerate() {
-            let name = format!("variable[{}] ({})", number + 1, variable.name);
-            if let Err(error) = document::leads(&self.base, variable) {
-                tell(variable.line, format!("{name}: {error}"));
-                continue;
-            }
-            if let What::Mirror { from, .. } = &variable.what
-                && !self.variables[..number].iter().any(|before| before.is_place_of(from))
-            {
-                tell(
-                    variable.line,
-                    format!("{name}: mirror_of is {from}, but must be a place of a variable before this one"),
-                );
-                continue;
-            }
-            if let Some(reason) = self.refusal_of_all(number) {
-                tell(variable.line, format!("{name}: the scene takes none of its values: {reason}"));
-            }
-        }
-        for (number, (own, places)) in self.uncertain.iter().zip(self.uncertain_places()).enumerate() {
-            if places.iter().any(|place| document::number(&self.base, place).is_none()) {
-                let name = format!("uncertain[{}] ({})", number + 1, own.name);
-                tell(own.line, format!("{name}: the scene's file has no number there"));
-            }
-        }
-        let apart = (1..).zip(&self.apart).map(|(number, own)| (format!("apart[{number}]"), own.line, &own.places));
-        let off =
-            (1..).zip(&self.uncertain).map(|(number, own)| (format!("uncertain[{number}]"), own.line, &own.paths));
-        for (name, line, path) in
-            apart.chain(off).flat_map(|(name, line, paths)| paths.iter().map(move |path| (name.clone(), line, path)))
-        {
-            if let Err(error) = path.places(&self.base) {
-                tell(line, format!("{name}: {error}"));
-            }
-        }
-    }
-
-    /// Why none of some values of a variable is taken, all else as in the scene's file; `None` if one is.
-    fn refusal_of_all(&self, number: usize) -> Option<String> {
-        let own = |dimension: &&Dimension| dimension.variable == number;
-        let count = self.dimensions.iter().filter(own).count();
-        let mut first = None;
-        for tried in 0..TRIED.len().pow(u32::try_from(count).unwrap_or(u32::MAX)) {
-            let mut rest = tried;
-            let mut point = vec![0.5; self.dimensions.len()];
-            for (value, _) in point.iter_mut().zip(&self.dimensions).filter(|(_, dimension)| own(dimension)) {
-                *value = TRIED[rest % TRIED.len()];
-                rest /= TRIED.len();
-            }
-            let mut settings = vec![Setting::Kept; self.variables.len()];
-            settings[number] = self.design(&point).settings[number];
-            let taken =
-                self.document(&Design { settings }).and_then(|document| document::scene(&self.source, &document));
-            match taken {
-                Ok(_) => return None,
-                Err(error) => first = first.or(Some(error.to_string())),
-            }
-        }
-        first
     }
 }
 

@@ -191,6 +191,33 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
     hold(&error, &expected);
 }
 
+/// Of two variables that change the same the first would come to nothing, and of two columns with one name one would be lost.
+#[test]
+fn variables_that_are_not_held_apart_are_told_with_both_lines() {
+    let study = "[[variable]]\nkey = \"support[1].x_mm\"\nfrom = 0\nto = 1\n\
+                 [[variable]]\nname = \"other\"\nkey = \"support.*.x_mm\"\nfrom = 0\nto = 300\n\
+                 [[variable]]\nname = \"status\"\nkey = \"surface.thickness_mm\"\nfrom = 1\nto = 2\n\
+                 [[variable]]\nname = \"weakest_g_low\"\nkey = \"support[1].y_mm\"\nfrom = 0\nto = 1\n\
+                 [[variable]]\nname = \"a\"\nplace = \"actuator.left\"\nwithin_mm = [10, 20, 110, 120]\n\
+                 [[variable]]\nname = \"a.y_mm\"\nkey = \"support[2].y_mm\"\nfrom = 0\nto = 1\n\
+                 [[variable]]\nkey = \"actuator.left.x_mm\"\nfrom = 20\nto = 30\n";
+    let expected = [
+        (9, "variable[2] (other): it changes support[1].x_mm, which variable[1] (support[1].x_mm) in line 4 changes too"),
+        (14, "variable[3] (status): its column would be \"status\", which the table of designs has in any case"),
+        (19, "variable[4] (weakest_g_low): its column would be \"weakest_g_low\", which is that of a figure"),
+        (28, "variable[6] (a.y_mm): its column would be \"a.y_mm\", which is that of variable[5] in line 24"),
+        (32, "it changes actuator[1].x_mm, which variable[5] (a) in line 24 changes too"),
+    ];
+    hold(&space_of(study, EXAMPLE_PLATE).unwrap_err(), &expected);
+    // A table takes a key of it that was set before with it, and leaves one that is set afterwards.
+    let key = "[[variable]]\nkey = \"surface.material.density_kg_m3\"\nfrom = 2600\nto = 2800\n";
+    let table = "[[variable]]\nkey = \"surface.material\"\nvalues = [{ youngs_modulus_pa = 69e9, poisson_ratio = 0.33, density_kg_m3 = 1.0 }]\n";
+    let error = space_of(&format!("{key}{table}"), EXAMPLE_PLATE).unwrap_err();
+    hold(&error, &[(8, "it changes surface.material.density_kg_m3, which variable[1]")]);
+    let space = space(&format!("{table}{key}"));
+    assert_eq!(scene(&space, &[0.5, 0.5]).surface.material.density_kg_m3, 2700.0);
+}
+
 #[test]
 fn what_is_off_or_apart_and_leads_nowhere_is_told_with_its_line() {
     let study = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1\nto = 2\n\
