@@ -221,6 +221,31 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
     assert!(seen > 50, "{seen}");
 }
 
+/// A grid may have as many designs as may be asked for by number, in as many chunks.
+#[test]
+fn a_grid_has_a_limit_and_few_chunks() {
+    let grid = |levels: &str| {
+        let text = format!(
+            "version = 1\nname = \"s\"\nscene = \"plate.toml\"\n\
+             [[variable]]\nplace = \"actuator.left\"\nwithin_mm = [0, 0, 300, 200]\n\
+             [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [0, 0, 300, 200]\n\
+             [[wish]]\nfigure = \"weakest_g\"\n[method]\nway = \"grid\"\n{levels}"
+        );
+        Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
+    };
+    let refused = grid("levels = 1000\n").unwrap_err();
+    let told: Vec<(usize, &str)> =
+        refused.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
+    let expected = "method.levels is 1000: with the levels and steps of the variables that makes 1000000000000 designs, \
+                    but there may be at most 100000000";
+    assert_eq!(told, [(14, expected)]);
+    let large = grid("levels = 100\n").unwrap();
+    assert_eq!(large.designs(), 100_000_000);
+    assert!(large.tasks().count() <= 100_001, "{}", large.tasks().count());
+    let small = grid("").unwrap();
+    assert_eq!((small.designs(), small.tasks().count()), (625, 11));
+}
+
 /// The scene as it is costs what a design that is the same costs. Of a material that the list does not have nobody knows that.
 #[test]
 fn the_scene_as_it_is_costs_what_the_same_design_costs() {

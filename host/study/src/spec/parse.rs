@@ -17,7 +17,7 @@ const ANY: Allowed = Allowed::Within(-1e20, 1e20);
 /// Places, in mm: a panel's sides are no longer.
 const MM: Allowed = Allowed::Within(-10_000.0, 10_000.0);
 /// Most designs of a study.
-const MOST_DESIGNS: u32 = 100_000_000;
+pub(crate) const MOST_DESIGNS: u32 = 100_000_000;
 /// Most designs that depend on each other, and are all listed first.
 const MOST_LISTED: u32 = 10_000_000;
 /// Most values of a variable that goes in steps.
