@@ -2,14 +2,22 @@
 //! scene refuses.
 
 use super::design::{self, Dimension, Setting};
-use super::{Design, Space, all_places, document};
+use super::{Space, all_places, document};
 use crate::spec::{Step, Variable, Wanted, What};
+use crate::ways::latin_hypercube;
+use era_model::scene::random::Random;
 use era_model::scene::read::Report;
 
 /// Columns that the table of designs has in any case.
 const COLUMNS: [&str; 6] = ["design", "status", "reason", "on_front", "weakest_x_mm", "weakest_y_mm"];
-/// Values of each dimension of a variable that are tried when a study is read.
+/// Values of each dimension that are tried when a study is read.
 const TRIED: [f64; 3] = [0.0, 0.5, 1.0];
+/// Points that are tried besides where none of these is taken: hardly ever none of them is in a fiftieth of the space.
+const SAMPLES: usize = 256;
+/// Of random numbers: the same study is told the same.
+const SEED: u64 = 1;
+/// A stream of random numbers of its own.
+const STREAM: u64 = 0x7a1e;
 
 /// Tells of mistakes in a study's file by its lines.
 struct Lines<'r, 't> {
@@ -36,6 +44,7 @@ impl Space {
     pub(super) fn check(&self, report: &Report<'_>, text: &str, figures: &[Wanted]) {
         let starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
         let lines = Lines { report, starts };
+        let mut is_led = vec![false; self.variables.len()];
         for (number, variable) in self.variables.iter().enumerate() {
             let name = named(number, variable);
             if let Err(error) = document::leads(&self.base, variable) {
@@ -51,10 +60,9 @@ impl Space {
                 );
                 continue;
             }
-            if let Some(reason) = self.refusal_of_all(number) {
-                lines.tell(variable.line, format!("{name}: the scene takes none of its values: {reason}"));
-            }
+            is_led[number] = true;
         }
+        self.check_values(&lines, &is_led);
         let is_told = self.check_places(&lines);
         self.check_names(&lines, figures, &is_told);
         self.check_others(&lines);
@@ -159,23 +167,61 @@ impl Space {
         }
     }
 
-    /// Why none of some values of a variable is taken, all else as in the scene's file; `None` if one is.
-    fn refusal_of_all(&self, number: usize) -> Option<String> {
+    /// Tells of variables (of those that lead somewhere) none of whose values the scene takes: neither with all else as in the scene's file, nor where
+    /// others change along.
+    fn check_values(&self, lines: &Lines<'_, '_>, is_led: &[bool]) {
+        let samples = || latin_hypercube(self.dimensions.len(), SAMPLES, &mut Random::new(SEED, STREAM));
+        let by_itself: Vec<Option<String>> = (0..self.variables.len())
+            .map(|number| {
+                let is_it = |other: usize| is_led[number] && other == number;
+                let reason = self.refusal(&self.ends(number), &is_it)?;
+                self.refusal(&samples(), &is_it).map(|_| reason)
+            })
+            .collect();
+        let ends = TRIED.map(|part| vec![part; self.dimensions.len()]);
+        for (number, reason) in by_itself.iter().enumerate() {
+            let Some(reason) = reason else { continue };
+            // Those that the scene does not take by themselves may be what is wrong, or only go together.
+            let with_others = |other: usize| other == number || is_led[other] && by_itself[other].is_none();
+            let with_all = |other: usize| is_led[other];
+            let each: [&dyn Fn(usize) -> bool; 2] = [&with_others, &with_all];
+            let is_taken = |changes: &dyn Fn(usize) -> bool| {
+                self.refusal(&ends, changes).is_none() || self.refusal(&samples(), changes).is_none()
+            };
+            if !each.into_iter().any(is_taken) {
+                let own = &self.variables[number];
+                lines.tell(
+                    own.line,
+                    format!("{}: the scene takes none of its values that were tried: {reason}", named(number, own)),
+                );
+            }
+        }
+    }
+
+    /// Points with all combinations of some values of a variable's dimensions.
+    fn ends(&self, number: usize) -> Vec<Vec<f64>> {
         let own = |dimension: &&Dimension| dimension.variable == number;
         let count = self.dimensions.iter().filter(own).count();
-        let mut first = None;
-        for tried in 0..TRIED.len().pow(u32::try_from(count).unwrap_or(u32::MAX)) {
+        let combination = |tried: usize| {
             let mut rest = tried;
             let mut point = vec![0.5; self.dimensions.len()];
             for (value, _) in point.iter_mut().zip(&self.dimensions).filter(|(_, dimension)| own(dimension)) {
                 *value = TRIED[rest % TRIED.len()];
                 rest /= TRIED.len();
             }
-            let mut settings = vec![Setting::Kept; self.variables.len()];
-            settings[number] = self.design(&point).settings[number];
-            let taken =
-                self.document(&Design { settings }).and_then(|document| document::scene(&self.source, &document));
-            match taken {
+            point
+        };
+        (0..TRIED.len().pow(u32::try_from(count).unwrap_or(u32::MAX))).map(combination).collect()
+    }
+
+    /// Why the scene takes none of the designs at some points, with all that does not change as in its file; `None` if it takes one.
+    fn refusal(&self, points: &[Vec<f64>], changes: &dyn Fn(usize) -> bool) -> Option<String> {
+        let mut first = None;
+        for point in points {
+            let mut design = self.design(point);
+            let kept = design.settings.iter_mut().enumerate().filter(|(number, _)| !changes(*number));
+            kept.for_each(|(_, setting)| *setting = Setting::Kept);
+            match self.document(&design).and_then(|document| document::scene(&self.source, &document)) {
                 Ok(_) => return None,
                 Err(error) => first = first.or(Some(error.to_string())),
             }

@@ -183,12 +183,27 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
     let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
     let expected = [
         (4, "the scene has no support[7]"),
-        (8, "the scene takes none of its values: surface.thickness_mm is 200, but must be 0.001 to 100"),
+        (8, "the scene takes none of its values that were tried: surface.thickness_mm is 200, but must be 0.001 to 100"),
         (12, "must be a place of a variable before this one"),
         (16, "the scene has 2 [[actuator]], but 3 are asked for"),
         (20, "unknown key surface.tickness_mm; did you mean thickness_mm?"),
     ];
     hold(&error, &expected);
+}
+
+#[test]
+fn values_that_the_scene_takes_in_some_designs_are_no_mistake() {
+    let shorter = EXAMPLE_PLATE.replace("300.0", "240.0");
+    let longer = "[[variable]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nfrom = 400\nto = 500\n\
+                  [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [260, 10, 380, 100]\n";
+    let space = space_of(longer, &shorter).unwrap();
+    assert_eq!(scene(&space, &[0.0, 0.5, 0.5]).actuators[1].x_m, 0.32);
+    // A tenth of this is on the panel, but neither an end nor a middle of it.
+    let small = shorter.replace("_mm = 200.0", "_mm = 113.0");
+    assert!(space_of("[[variable]]\nplace = \"actuator.right\"\nwithin_mm = [-10, -10, 500, 500]\n", &small).is_ok());
+    // What is never taken is told, and what goes together is not told because of it.
+    let thick = format!("{longer}[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 200\nto = 300\n");
+    hold(&space_of(&thick, &shorter).unwrap_err(), &[(11, "variable[3] (surface.thickness_mm): the scene takes none")]);
 }
 
 /// Of two variables that change the same the first would come to nothing, and of two columns with one name one would be lost.
