@@ -1,6 +1,6 @@
 //! Studies computed with a figure that is known: stopped and resumed, in shares, with any number of workers.
 
-use era_model::scene::{EXAMPLE_PLATE, Scene};
+use era_model::scene::{EXAMPLE_PLATE, Scene, SceneError};
 use era_study::evaluate::{EvaluateError, Evaluator, Figures, Quick};
 use era_study::result::{GatherError, Status, Table, finalists, write_parquet};
 use era_study::run::{Folder, Observer, Outcome, Shard, Stopped, Study, Task, run};
@@ -244,6 +244,42 @@ fn a_grid_has_a_limit_and_few_chunks() {
     assert!(large.tasks().count() <= 100_001, "{}", large.tasks().count());
     let small = grid("").unwrap();
     assert_eq!((small.designs(), small.tasks().count()), (625, 11));
+}
+
+/// What the scene's sides and the band leave no room for is told with its line before anything is computed.
+#[test]
+fn places_off_the_surface_and_narrow_bands_are_told() {
+    let of = |variable: &str, rest: &str| {
+        let text = format!("version = 1\nname = \"s\"\nscene = \"plate.toml\"\n[[variable]]\n{variable}\n{rest}");
+        Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
+    };
+    let hold = |study: Result<Study, SceneError>, expected: &[(usize, &str)]| {
+        let error = study.unwrap_err();
+        let told: Vec<(usize, &str)> =
+            error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
+        assert_eq!(told, expected);
+    };
+    let thickness = "key = \"surface.thickness_mm\"\nfrom = 1\nto = 2";
+    let places = "[[wish]]\nfigure = \"contrast_db\"\nat_mm = [500, 20]\n\
+                  [[limit]]\nfigure = \"rise_ms\"\nat_mm = [20, -1]\nmost = 9\n";
+    let beyond = (10, "wish[1].at_mm is [500, 20], but must be on the surface: x 0 to 300, y 0 to 200");
+    let before = "limit[1].at_mm is [20, -1], but must be on the surface: x 0 to 300, y 0 to 200";
+    hold(of(thickness, places), &[beyond, (13, before)]);
+    let length = "key = \"surface.length_mm\"\nfrom = 400\nto = 600";
+    let before = "limit[1].at_mm is [20, -1], but must be on the surface: x 0 and above, y 0 to 200";
+    hold(of(length, places), &[(13, before)]);
+    let weakest = "[[wish]]\nfigure = \"weakest_g\"\n";
+    let narrow = "[method]\nfrom_hz = 100\nto_hz = 110\n";
+    let apart = "so that 2 actuators have frequencies 20 Hz apart";
+    let end = format!("method.to_hz is 110, but must be at least 120, {apart}");
+    hold(of(thickness, &format!("{weakest}{narrow}")), &[(12, end.as_str())]);
+    let start = format!("method.from_hz is 390, but must be at most 380, {apart}");
+    hold(of(thickness, &format!("{weakest}[method]\nfrom_hz = 390\n")), &[(11, start.as_str())]);
+    assert!(of(thickness, &format!("{weakest}[method]\nfrom_hz = 380\n")).is_ok());
+    // With one actuator, or one frequency for all, or for figures that need none.
+    assert!(of("count = \"actuator\"\nfrom = 1\nto = 2", &format!("{weakest}{narrow}")).is_ok());
+    assert!(of(thickness, &format!("{weakest}drives = \"in_phase\"\n{narrow}")).is_ok());
+    assert!(of(thickness, &format!("[[wish]]\nfigure = \"mass_g\"\n{narrow}")).is_ok());
 }
 
 /// The scene as it is costs what a design that is the same costs. Of a material that the list does not have nobody knows that.

@@ -178,6 +178,12 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
     // One that failed is near to nothing, and where a design keeps the limits none is needed.
     strictly.entries.retain(|entry| entry.row.figures().is_none());
     assert!(strictly.nearest().is_none());
+    // Then no limit is broken, and none is told to be.
+    let page = report(&strict, &strictly, &written.finals);
+    assert!(page.contains("All designs failed. The first: no such thing.") && !page.contains("No design keeps"));
+    let failed = Written { table: strictly, finals: written.finals };
+    let text = failed.text(&strict, place);
+    assert!(text.contains("\nAll designs failed. The first: no such thing") && !text.contains("No design keeps"), "{text}");
     let study = study();
     assert!(table(&study).nearest().is_none());
 }

@@ -101,10 +101,12 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
     }
     html.push_str("</table>\n");
     if finals.best.is_empty() {
-        html.push_str("<p>No design keeps all limits.");
+        html.push_str(if table.has_failed() { "<p>All designs failed." } else { "<p>No design keeps all limits." });
         if let Some((design, near)) = table.nearest() {
             let reason = escaped(near.reason.as_deref().unwrap_or_default());
             let _ = write!(html, " Design {design} comes nearest: {reason}.");
+        } else if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_deref()) {
+            let _ = write!(html, " The first: {}.", escaped(reason));
         }
         html.push_str("</p>\n");
     } else {

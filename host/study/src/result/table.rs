@@ -106,6 +106,12 @@ impl Table {
         broken.min_by(|(_, a), (_, b)| a.beyond.total_cmp(&b.beyond))
     }
 
+    /// Whether there is no design that has figures: none breaks a limit, and none keeps all.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        self.entries.iter().all(|entry| entry.status == Status::Failed)
+    }
+
     /// Whether any row has a weakest place.
     #[must_use]
     pub fn has_weakest(&self) -> bool {

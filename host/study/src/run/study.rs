@@ -141,7 +141,7 @@ impl Study {
             None => Points::Evolving(Evolution::new(&spec.method, dimensions.len())),
         };
         let designs = points.count();
-        fits::check(&spec, designs, source, text)?;
+        fits::check(&spec, &space, &scene, designs, source, text)?;
         let looks_s = look_s(&spec, scene.finger.is_some(), &figures, scenarios.0.len());
         let chunk = spec.method.chunk.unwrap_or_else(|| chunk(looks_s, designs));
         let key = key(&scene, &spec, text, scene_text);

@@ -164,6 +164,29 @@ impl Space {
         design
     }
 
+    /// Length and width in mm of the surface of all designs; `None` of a side that a variable changes.
+    #[must_use]
+    pub fn known_sides_mm(&self) -> [Option<f64>; 2] {
+        let [length, width] = document::sides_mm(&self.base);
+        let is_known = |key: &str| !self.changes(&["surface", key]);
+        [length.filter(|_| is_known("length_mm")), width.filter(|_| is_known("width_mm"))]
+    }
+
+    /// Whether a variable changes a key, or a table or list that it is in, by another value. Counts and places do not.
+    #[must_use]
+    pub fn changes(&self, key: &[&str]) -> bool {
+        let has_it = |place: &Vec<Step>| {
+            let mut steps = place.iter().zip(key);
+            place.len() <= key.len() && steps.all(|(step, name)| matches!(step, Step::Key(own) if own == name))
+        };
+        self.variables.iter().any(|own| match &own.what {
+            What::Number { paths, .. } | What::Choice { paths, .. } => {
+                all_places(paths, &self.base).is_ok_and(|places| places.iter().any(has_it))
+            }
+            _ => false,
+        })
+    }
+
     /// How many values may be off by themselves.
     #[must_use]
     pub fn uncertain_values(&self) -> usize {
