@@ -3,7 +3,7 @@
 use super::design::Setting;
 use crate::spec::{Apart, Path, PathError, Step, Variable, What};
 use era_model::scene::{Scene, SceneError};
-use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, TableLike, Value};
+use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
 /// Why a design is none.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -50,9 +50,22 @@ pub(super) fn leads(base: &DocumentMut, variable: &Variable) -> Result<(), PathE
             if is_one { Ok(()) } else { Err(missing(of, "one table with a place by this name".into())) }
         }
         What::Count { list, to, .. } => {
-            let found = base.get(list).and_then(Item::as_array_of_tables).map_or(0, ArrayOfTables::len);
+            let Some(tables) = base.get(list).and_then(Item::as_array_of_tables) else {
+                return Err(PathError::List { list: list.clone(), hint: lists(base, list) });
+            };
+            let found = tables.len();
             if found >= *to { Ok(()) } else { Err(PathError::Few { list: list.clone(), found, wanted: *to }) }
         }
+    }
+}
+
+/// Which list a name may stand for that is none.
+fn lists(base: &DocumentMut, name: &str) -> String {
+    let all: Vec<&str> = base.iter().filter(|(_, item)| item.is_array_of_tables()).map(|(key, _)| key).collect();
+    // Whoever counts writes the plural.
+    match all.iter().find(|own| name.starts_with(**own) || own.starts_with(name)) {
+        Some(own) => format!("did you mean {own}?"),
+        None => format!("lists here: {}", all.join(", ")),
     }
 }
 

@@ -192,6 +192,15 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
 }
 
 #[test]
+fn a_count_of_what_is_no_list_is_told_what_may_be_meant() {
+    for (list, hint) in [("actuators", "did you mean actuator?"), ("mass", "lists here: support, actuator")] {
+        let study = format!("[[variable]]\ncount = \"{list}\"\nfrom = 1\nto = 2\n");
+        let expected = format!("the scene has no [[{list}]]; {hint}");
+        hold(&space_of(&study, EXAMPLE_PLATE).unwrap_err(), &[(4, expected.as_str())]);
+    }
+}
+
+#[test]
 fn values_that_the_scene_takes_in_some_designs_are_no_mistake() {
     let shorter = EXAMPLE_PLATE.replace("300.0", "240.0");
     let longer = "[[variable]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nfrom = 400\nto = 500\n\
