@@ -41,6 +41,20 @@ fn a_stiff_bar_bounces_pitches_and_yields_as_a_body_does() {
     near(found[1], 3.0 / SPRING_N_PER_M * 1e6, 0.005);
 }
 
+/// What can be had at every place takes a search at each, which figures without settings have no need of.
+#[test]
+fn a_map_is_made_only_where_settings_are_wanted() {
+    let thorough = Thorough::new(TableOptions::default());
+    let sag = [wanted(Figure::SagUm), wanted(Figure::RigidModeHz), wanted(Figure::ContrastDb)];
+    let sag = sag.map(|own| Wanted { at_mm: (own.figure == Figure::ContrastDb).then_some([60.0, 20.5]), ..own });
+    let found = thorough.verified(&bar(9.0), &sag).unwrap();
+    assert!(found.strongest_g.is_empty() && found.figures.values.iter().all(|value| value.is_finite()), "{found:?}");
+    assert!(found.bounds[0].is_some() && found.bounds[1].is_some(), "{:?}", found.bounds);
+    let found = thorough.verified(&bar(9.0), &[wanted(Figure::PowerW)]).unwrap();
+    assert_eq!(found.strongest_g.len(), found.x_mm.len() * found.y_mm.len());
+    assert!(found.strongest_g.len() > 1);
+}
+
 /// The example plate on corners of 2, 8 and 40 kN/m under 10 N, by Ritz solutions with products of 20 to 44 Legendre polynomials each way, which
 /// grow towards these figures as the inverse square of that number (at 44: 3252.43, 1434.89 and 1093.81).
 /// On the softest springs a corner yields most. The quick look and the thorough one say the same, and the bound of the thorough one holds.
