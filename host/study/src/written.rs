@@ -201,7 +201,7 @@ impl Written {
             }
         }
         if finals.best.is_empty() {
-            text.push_str("\nNo design keeps all limits.");
+            text.push_str(if table.has_failed() { "\nAll designs failed." } else { "\nNo design keeps all limits." });
             if let Some((design, entry)) = table.nearest() {
                 let reason = entry.reason.as_deref().unwrap_or_default();
                 let _ =

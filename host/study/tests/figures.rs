@@ -4,7 +4,7 @@ mod support;
 
 use era_model::model::{Accuracy, PanelModel};
 use era_model::response::acceleration_curves;
-use era_model::scene::{EXAMPLE_PLATE, Finger, Scene};
+use era_model::scene::{Cutout, EXAMPLE_PLATE, Finger, Patch, Scene};
 use era_planner::TableOptions;
 use era_study::evaluate::{Evaluator, Quick, Thorough, parts};
 use era_study::run::Study;
@@ -39,6 +39,20 @@ fn a_stiff_bar_bounces_pitches_and_yields_as_a_body_does() {
     let found = of(&bar(9.0), &[wanted(Figure::RigidModeHz), Wanted { force_n: Some(3.0), ..wanted(Figure::SagUm) }]);
     near(found[0], (3.0 * 2.0 * SPRING_N_PER_M / mass_kg).sqrt() / TAU, 0.005);
     near(found[1], 3.0 / SPRING_N_PER_M * 1e6, 0.005);
+}
+
+/// What can be had at every place takes a search at each, which figures without settings have no need of.
+#[test]
+fn a_map_is_made_only_where_settings_are_wanted() {
+    let thorough = Thorough::new(TableOptions::default());
+    let sag = [wanted(Figure::SagUm), wanted(Figure::RigidModeHz), wanted(Figure::ContrastDb)];
+    let sag = sag.map(|own| Wanted { at_mm: (own.figure == Figure::ContrastDb).then_some([60.0, 20.5]), ..own });
+    let found = thorough.verified(&bar(9.0), &sag).unwrap();
+    assert!(found.strongest_g.is_empty() && found.figures.values.iter().all(|value| value.is_finite()), "{found:?}");
+    assert!(found.bounds[0].is_some() && found.bounds[1].is_some(), "{:?}", found.bounds);
+    let found = thorough.verified(&bar(9.0), &[wanted(Figure::PowerW)]).unwrap();
+    assert_eq!(found.strongest_g.len(), found.x_mm.len() * found.y_mm.len());
+    assert!(found.strongest_g.len() > 1);
 }
 
 /// The example plate on corners of 2, 8 and 40 kN/m under 10 N, by Ritz solutions with products of 20 to 44 Legendre polynomials each way, which
@@ -194,6 +208,27 @@ fn parts_add_up() {
     let costs = Costs { actuator: 7.0, support: 0.25, mass: 0.5, per_kg: 4.0 };
     let nothing = Design { settings: Vec::new() };
     near(parts::cost(&scene, &costs, &[], &nothing), 7.0 + 2.0 * 0.25 + 0.5 + 4.0 * sheet_g / 1e3, 1e-9);
+}
+
+/// Air that moves along is neither weighed nor bought; steps of a bar and cut-outs count.
+#[test]
+fn air_is_no_part() {
+    let mut scene = bar(9.0);
+    scene.surface.added_mass_kg_per_m2 = 3.0;
+    let (x_m, length_m, width_m) = (0.02, 0.03, 2.0 * WIDTH_M);
+    let material = scene.surface.material;
+    scene.patches.push(Patch { x_m, y_m: 0.0, length_m, width_m, thickness_m: 4e-3, material });
+    let line = |width_m: f64, thickness_m: f64| DENSITY_KG_M3 * width_m * thickness_m;
+    let bar_kg = line(WIDTH_M, 9e-3) * (LENGTH_M - length_m) + line(width_m, 4e-3) * length_m;
+    near(parts::mass_g(&scene), bar_kg * 1e3 + 0.05, 1e-9);
+    near(scene.mass_kg(), bar_kg + 3.0 * (WIDTH_M * (LENGTH_M - length_m) + width_m * length_m), 1e-9);
+    let mut scene = Scene::parse("plate", EXAMPLE_PLATE).unwrap();
+    scene.surface.added_mass_kg_per_m2 = 0.5;
+    scene.cutouts.push(Cutout { x_m: 0.1, y_m: 0.05, length_m: 0.04, width_m: 0.03 });
+    let plate_kg = 2700.0 * 2e-3 * (0.3 * 0.2 - 0.04 * 0.03);
+    near(parts::mass_g(&scene), plate_kg * 1e3 + 20.0, 1e-9);
+    let costs = Costs { per_kg: 4.0, ..Costs::default() };
+    near(parts::cost(&scene, &costs, &[], &Design { settings: Vec::new() }), 4.0 * plate_kg, 1e-9);
 }
 
 /// A finger is on whatever place is looked at: quickly and thoroughly, and with one actuator however it is driven. Contrast at a place is that of a panel

@@ -1,6 +1,6 @@
 //! Studies computed with a figure that is known: stopped and resumed, in shares, with any number of workers.
 
-use era_model::scene::{EXAMPLE_PLATE, Scene};
+use era_model::scene::{EXAMPLE_PLATE, Scene, SceneError};
 use era_study::evaluate::{EvaluateError, Evaluator, Figures, Quick};
 use era_study::result::{GatherError, Status, Table, finalists, write_parquet};
 use era_study::run::{Folder, Observer, Outcome, Shard, Stopped, Study, Task, run};
@@ -219,6 +219,93 @@ fn limits_hold_and_the_worst_of_what_may_be_off_counts() {
         seen += 1;
     }
     assert!(seen > 50, "{seen}");
+}
+
+/// A grid may have as many designs as may be asked for by number, in as many chunks.
+#[test]
+fn a_grid_has_a_limit_and_few_chunks() {
+    let grid = |levels: &str| {
+        let text = format!(
+            "version = 1\nname = \"s\"\nscene = \"plate.toml\"\n\
+             [[variable]]\nplace = \"actuator.left\"\nwithin_mm = [0, 0, 300, 200]\n\
+             [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [0, 0, 300, 200]\n\
+             [[wish]]\nfigure = \"weakest_g\"\n[method]\nway = \"grid\"\n{levels}"
+        );
+        Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
+    };
+    let refused = grid("levels = 1000\n").unwrap_err();
+    let told: Vec<(usize, &str)> =
+        refused.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
+    let expected = "method.levels is 1000: with the levels and steps of the variables that makes 1000000000000 designs, \
+                    but there may be at most 100000000";
+    assert_eq!(told, [(14, expected)]);
+    let large = grid("levels = 100\n").unwrap();
+    assert_eq!(large.designs(), 100_000_000);
+    assert!(large.tasks().count() <= 100_001, "{}", large.tasks().count());
+    let small = grid("").unwrap();
+    assert_eq!((small.designs(), small.tasks().count()), (625, 11));
+}
+
+/// What the scene's sides and the band leave no room for is told with its line before anything is computed.
+#[test]
+fn places_off_the_surface_and_narrow_bands_are_told() {
+    let of = |variable: &str, rest: &str| {
+        let text = format!("version = 1\nname = \"s\"\nscene = \"plate.toml\"\n[[variable]]\n{variable}\n{rest}");
+        Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE)
+    };
+    let hold = |study: Result<Study, SceneError>, expected: &[(usize, &str)]| {
+        let error = study.unwrap_err();
+        let told: Vec<(usize, &str)> =
+            error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
+        assert_eq!(told, expected);
+    };
+    let thickness = "key = \"surface.thickness_mm\"\nfrom = 1\nto = 2";
+    let places = "[[wish]]\nfigure = \"contrast_db\"\nat_mm = [500, 20]\n\
+                  [[limit]]\nfigure = \"rise_ms\"\nat_mm = [20, -1]\nmost = 9\n";
+    let beyond = (10, "wish[1].at_mm is [500, 20], but must be on the surface: x 0 to 300, y 0 to 200");
+    let before = "limit[1].at_mm is [20, -1], but must be on the surface: x 0 to 300, y 0 to 200";
+    hold(of(thickness, places), &[beyond, (13, before)]);
+    let length = "key = \"surface.length_mm\"\nfrom = 400\nto = 600";
+    let before = "limit[1].at_mm is [20, -1], but must be on the surface: x 0 and above, y 0 to 200";
+    hold(of(length, places), &[(13, before)]);
+    let weakest = "[[wish]]\nfigure = \"weakest_g\"\n";
+    let narrow = "[method]\nfrom_hz = 100\nto_hz = 110\n";
+    let apart = "so that 2 actuators have frequencies 20 Hz apart";
+    let end = format!("method.to_hz is 110, but must be at least 120, {apart}");
+    hold(of(thickness, &format!("{weakest}{narrow}")), &[(12, end.as_str())]);
+    let start = format!("method.from_hz is 390, but must be at most 380, {apart}");
+    hold(of(thickness, &format!("{weakest}[method]\nfrom_hz = 390\n")), &[(11, start.as_str())]);
+    assert!(of(thickness, &format!("{weakest}[method]\nfrom_hz = 380\n")).is_ok());
+    // With one actuator, or one frequency for all, or for figures that need none.
+    assert!(of("count = \"actuator\"\nfrom = 1\nto = 2", &format!("{weakest}{narrow}")).is_ok());
+    assert!(of(thickness, &format!("{weakest}drives = \"in_phase\"\n{narrow}")).is_ok());
+    assert!(of(thickness, &format!("[[wish]]\nfigure = \"mass_g\"\n{narrow}")).is_ok());
+}
+
+/// The scene as it is costs what a design that is the same costs. Of a material that the list does not have nobody knows that.
+#[test]
+fn the_scene_as_it_is_costs_what_the_same_design_costs() {
+    let cost = |first: &str, costs: &str| {
+        let text = format!(
+            "version = 1\nname = \"s\"\nscene = \"plate.toml\"\n[[variable]]\nkey = \"surface.material\"\nvalues = [\n\
+             {{ density_kg_m3 = {first}, youngs_modulus_pa = 69e9, poisson_ratio = 0.33 }},\n\
+             {{ density_kg_m3 = 2500.0, youngs_modulus_pa = 72e9, poisson_ratio = 0.22 }},\n]\n{costs}\n\
+             [[wish]]\nfigure = \"cost\"\n[cost]\nactuator = 10\n[method]\nway = \"grid\"\n"
+        );
+        let study = Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
+        let place = tempfile::tempdir().unwrap();
+        run(&study, &folder(place.path(), &study), &evaluator(), Shard::ALL, &()).unwrap();
+        let table = Table::gather(&study, &folder(place.path(), &study)).unwrap();
+        let each = std::iter::once(&table.base).chain(&table.entries);
+        each.map(|entry| (entry.row.figures().unwrap().values[0], entry.status)).collect::<Vec<_>>()
+    };
+    let kept = |cost: f64| (cost, Status::Kept);
+    assert_eq!(cost("2700", "costs = [40, 60]"), [kept(60.0), kept(60.0), kept(80.0)]);
+    let unknown = cost("2600", "costs = [40, 60]");
+    assert!(unknown[0].0.is_nan() && unknown[0].1 == Status::Failed, "{unknown:?}");
+    assert_eq!(unknown[1..], [kept(60.0), kept(80.0)]);
+    // What costs nothing whatever is chosen costs nothing as it is.
+    assert_eq!(cost("2600", ""), [kept(20.0); 3]);
 }
 
 /// A study may change the air behind a panel, which is a part of what the quick look solves once. Seen to fail with panels told apart by

@@ -124,6 +124,16 @@ fn the_report_stands_alone() {
     }
 }
 
+#[test]
+fn a_study_without_figures_of_settings_has_no_map() {
+    let text = STUDY.replace("weakest_g", "sag_um");
+    let study = Study::parse("s.toml", &text, "plate.toml", EXAMPLE_PLATE).unwrap();
+    let base = Finalist { design: 0, text: EXAMPLE_PLATE.into(), verified: Err("not looked at".into()) };
+    let best = Finalist { design: 2, ..base.clone() };
+    let html = report(&study, &table(&study), &Finals { base, best: vec![best], tolerance: 1e-3 });
+    assert!(html.contains("There is no map: nothing that is wanted depends on"), "it says so");
+}
+
 /// What does not keep a limit is marked, be it the scene as it is or one of the best once it is computed anew.
 #[test]
 fn what_does_not_meet_a_limit_is_marked_in_the_report() {
@@ -178,6 +188,12 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
     // One that failed is near to nothing, and where a design keeps the limits none is needed.
     strictly.entries.retain(|entry| entry.row.figures().is_none());
     assert!(strictly.nearest().is_none());
+    // Then no limit is broken, and none is told to be.
+    let page = report(&strict, &strictly, &written.finals);
+    assert!(page.contains("All designs failed. The first: no such thing.") && !page.contains("No design keeps"));
+    let failed = Written { table: strictly, finals: written.finals };
+    let text = failed.text(&strict, place);
+    assert!(text.contains("\nAll designs failed. The first: no such thing") && !text.contains("No design keeps"), "{text}");
     let study = study();
     assert!(table(&study).nearest().is_none());
 }

@@ -24,7 +24,13 @@ impl Layer {
     /// Mass per area in kg/m^2, air that moves with it included.
     #[must_use]
     pub fn per_area_kg_m2(&self) -> f64 {
-        self.material.density_kg_m3 * self.thickness_m + self.added_kg_m2
+        self.solid_kg_m2() + self.added_kg_m2
+    }
+
+    /// Mass per area in kg/m^2 of what it is made of, without air.
+    #[must_use]
+    pub fn solid_kg_m2(&self) -> f64 {
+        self.material.density_kg_m3 * self.thickness_m
     }
 }
 
@@ -186,11 +192,22 @@ impl Layout {
         })
     }
 
-    /// Mass of what is there, in kg.
+    /// Mass in kg of what is there and of the air that moves with it.
     #[must_use]
     pub fn mass_kg(&self) -> f64 {
+        self.sum(Layer::per_area_kg_m2)
+    }
+
+    /// Mass in kg of what is there, without air.
+    #[must_use]
+    pub fn solid_kg(&self) -> f64 {
+        self.sum(Layer::solid_kg_m2)
+    }
+
+    /// The sum over all that is there of something per area.
+    fn sum(&self, per_area: impl Fn(&Layer) -> f64) -> f64 {
         let width = |layer: &Layer| if self.is_bar { layer.width_m } else { 1.0 };
-        self.layers().map(|(size, layer)| size * width(&layer) * layer.per_area_kg_m2()).sum()
+        self.layers().map(|(size, layer)| size * width(&layer) * per_area(&layer)).sum()
     }
 
     /// What a point of the surface's rectangle is in; on a border any side's that is there. `None` in a cut-out.
@@ -287,10 +304,16 @@ impl Scene {
         Layout::new(&self.surface, &self.patches, &self.cutouts)
     }
 
-    /// Mass of the surface in kg, without what is attached to it.
+    /// Mass of the surface in kg with the air that moves along, without what is attached to it.
     #[must_use]
     pub fn mass_kg(&self) -> f64 {
         self.layout().mass_kg()
+    }
+
+    /// Mass of the surface in kg as it is weighed: without the air that moves along, and without what is attached to it.
+    #[must_use]
+    pub fn solid_kg(&self) -> f64 {
+        self.layout().solid_kg()
     }
 
     /// Area of what is there, in m^2; a bar's is that of its own width, steps or not.

@@ -36,11 +36,12 @@ pub struct Verified {
     /// Bounds on the relative errors of the figures, in their order: of the peak in g at the weakest place where each touch has a setting of its
     /// own, of frequencies of modes, and of sags; `None` of all others, and where there is none.
     pub bounds: Vec<Option<f64>>,
-    /// At every point of a grid the strongest peak in g, row by row; `None` in cut-outs.
+    /// At every point of a grid the strongest peak in g, row by row; `None` in cut-outs. Empty where no figure of settings is wanted, and without frequencies
+    /// for all actuators.
     pub strongest_g: Vec<Option<f64>>,
     /// Columns of that grid in mm.
     pub x_mm: Vec<f64>,
-    /// Its rows.
+    /// Its rows in mm.
     pub y_mm: Vec<f64>,
 }
 
@@ -115,7 +116,9 @@ impl Thorough {
     fn looked_at(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Verified, EvaluateError> {
         let table = self.table(scene)?;
         let bare = self.bare(scene, wanted)?;
-        let touched = touched(scene, &table, bare.as_ref());
+        // A search at every point, which other figures do without.
+        let is_mapped = wanted.iter().any(|wanted| wanted.figure.is_of_settings());
+        let touched = touched(scene, &table, bare.as_ref()).filter(|_| is_mapped);
         let reach = match touched {
             None => None,
             Some(touched) => {
@@ -126,29 +129,35 @@ impl Thorough {
         let in_g = reach.as_ref().map(|(_, reach)| reach);
         let (mut figures, sag_bound) = self.figures(scene, &table, bare.as_ref(), in_g, wanted)?;
         let (map, known) = match &reach {
-            None => (map_g(&table).ok_or(PlanError::NoFrequencies)?, None),
+            None if !is_mapped => (Vec::new(), None),
+            // Drives at one frequency need no room for several.
+            None => (map_g(&table).unwrap_or_default(), None),
             Some((touched, reach)) => {
                 let maps = Maps::of_touched(&table, reach, *touched, self.accuracy, self.options)?;
                 (maps.strongest_g, Some(maps.error_bound))
             }
         };
         let least = map.iter().enumerate().filter_map(|(point, peak)| Some((point, (*peak)?)));
-        let (weakest, peak) = least.min_by(|a, b| a.1.total_cmp(&b.1)).ok_or(PlanError::NoFrequencies)?;
-        let (x_m, y_m) = table.grid.place_m(weakest);
+        let weakest = least.min_by(|a, b| a.1.total_cmp(&b.1));
         let is_bounded = |wanted: &Wanted| {
             wanted.figure == Figure::WeakestG
                 && (wanted.setting, wanted.drives) == (Settings::EveryTouch, Drives::Distinct)
         };
-        let bound = match known {
+        let bound = match (weakest, known) {
             _ if !wanted.iter().any(is_bounded) => None,
+            (None, _) => None,
             // The strongest drive there is the plan for more than there is.
-            None => table.plan(&[Target { x_m, y_m, intensity_g: Some(ALL_THERE_IS_G) }])?.error_bound,
-            Some(bounds) => bounds.get(weakest).copied().flatten(),
+            (Some((point, _)), None) => {
+                let (x_m, y_m) = table.grid.place_m(point);
+                table.plan(&[Target { x_m, y_m, intensity_g: Some(ALL_THERE_IS_G) }])?.error_bound
+            }
+            (Some((point, _)), Some(bounds)) => bounds.get(point).copied().flatten(),
         };
-        if touched.is_some() {
+        if let Some((point, peak)) = weakest.filter(|_| touched.is_some()) {
             // Of the table that the bound is of.
             let of_bound = figures.values.iter_mut().zip(wanted).filter(|(_, wanted)| is_bounded(wanted));
             of_bound.for_each(|(value, _)| *value = peak);
+            let (x_m, y_m) = table.grid.place_m(point);
             figures.weakest_mm = figures.weakest_mm.map(|_| [x_m * 1e3, y_m * 1e3]);
         }
         let bounds = wanted.iter().map(|wanted| match wanted.figure {

@@ -30,6 +30,9 @@ pub(super) fn side_by_side(study: &Study, finals: &Finals) -> String {
         .collect();
     let peaks = || both.iter().flat_map(|(_, _, verified)| verified.strongest_g.iter().flatten().copied());
     let (least, most) = (peaks().fold(f64::INFINITY, f64::min), peaks().fold(0.0, f64::max));
+    if !study.figures.iter().any(|wanted| wanted.figure.is_of_settings()) {
+        return "<p>There is no map: nothing that is wanted depends on what can be had at each place.</p>\n".into();
+    }
     if !(least > 0.0 && most > least) {
         return "<p>There is no map.</p>\n".into();
     }

@@ -61,9 +61,12 @@ pub fn rounded_up(bound: f64) -> String {
     if up.is_finite() { format!("{up:.0e}") } else { format!("{bound:.0e}") }
 }
 
-/// Four digits.
+/// Four digits, or that there is no value.
 #[must_use]
 pub fn shown(value: f64) -> String {
+    if value.is_nan() {
+        return "no value".into();
+    }
     if value == 0.0 || !value.is_finite() || value.abs() >= 1e4 {
         return format!("{value:.0}");
     }
@@ -88,6 +91,7 @@ mod tests {
             [0.0, 0.371_49, 12.345_6, 98_765.4, -0.001_234_56].map(shown),
             ["0", "0.3715", "12.35", "98765", "-0.001235"]
         );
+        assert_eq!([f64::NAN, f64::INFINITY].map(shown), ["no value", "inf"]);
         assert_eq!(escaped("<b>&\"</b>"), "&lt;b&gt;&amp;&quot;&lt;/b&gt;");
     }
 }

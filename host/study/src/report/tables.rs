@@ -101,10 +101,12 @@ fn best(study: &Study, table: &Table, finals: &Finals) -> String {
     }
     html.push_str("</table>\n");
     if finals.best.is_empty() {
-        html.push_str("<p>No design keeps all limits.");
+        html.push_str(if table.has_failed() { "<p>All designs failed." } else { "<p>No design keeps all limits." });
         if let Some((design, near)) = table.nearest() {
             let reason = escaped(near.reason.as_deref().unwrap_or_default());
             let _ = write!(html, " Design {design} comes nearest: {reason}.");
+        } else if let Some(reason) = table.entries.iter().find_map(|entry| entry.reason.as_deref()) {
+            let _ = write!(html, " The first: {}.", escaped(reason));
         }
         html.push_str("</p>\n");
     } else {
@@ -169,7 +171,9 @@ pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
             let first = figures.values.get(k).copied().unwrap_or(f64::NAN);
             let Ok(verified) = &own.verified else { continue };
             let anew = verified.figures.values.get(k).copied().unwrap_or(f64::NAN);
-            let difference = if wanted.figure.is_level() {
+            let difference = if first.is_nan() || anew.is_nan() {
+                String::from("unknown")
+            } else if wanted.figure.is_level() {
                 format!("{:+.2} dB", first - anew)
             } else {
                 format!("{:+.2} %", 100.0 * (first / anew - 1.0))

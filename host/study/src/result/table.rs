@@ -42,7 +42,7 @@ pub struct Entry {
     pub wishes: Vec<f64>,
     /// Whether no other design surpasses it.
     pub is_on_front: bool,
-    /// By how much it breaks limits, in parts of each; zero if it keeps them, infinite if it failed.
+    /// By how much it breaks limits, as [`broken`] tells it; zero if it keeps them, infinite if it failed.
     pub beyond: f64,
 }
 
@@ -106,6 +106,12 @@ impl Table {
         broken.min_by(|(_, a), (_, b)| a.beyond.total_cmp(&b.beyond))
     }
 
+    /// Whether there is no design that has figures: none breaks a limit, and none keeps all.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        self.entries.iter().all(|entry| entry.status == Status::Failed)
+    }
+
     /// Whether any row has a weakest place.
     #[must_use]
     pub fn has_weakest(&self) -> bool {
@@ -116,8 +122,8 @@ impl Table {
     /// The table of rows.
     #[must_use]
     pub fn of(study: &Study, base: Row, rows: Vec<Row>) -> Self {
-        let base = entry(study, base);
-        let mut entries: Vec<Entry> = rows.into_iter().map(|row| entry(study, row)).collect();
+        let mut entries: Vec<Entry> = rows.into_iter().map(|row| entry(study, &base, row)).collect();
+        let base = entry(study, &base.clone(), base);
         let kept: Vec<usize> = (0..entries.len()).filter(|k| entries[*k].status == Status::Kept).collect();
         let losses: Vec<Vec<f64>> = kept.iter().map(|k| losses(study, &entries[*k])).collect();
         for (own, is_on) in kept.into_iter().zip(front(&losses)) {
@@ -133,13 +139,14 @@ pub(super) fn losses(study: &Study, entry: &Entry) -> Vec<f64> {
     study.spec.wishes.iter().zip(&entry.wishes).map(|(wish, figure)| wish.goal.loss(*figure)).collect()
 }
 
-fn entry(study: &Study, row: Row) -> Entry {
+fn entry(study: &Study, base: &Row, row: Row) -> Entry {
     let wishes: Option<Vec<f64>> = study.spec.wishes.iter().map(|wish| worst(&row, &study.figures, wish)).collect();
-    let beyond = broken(&row, &study.figures, &study.spec.limits);
+    let beyond = broken(&row, &study.figures, &study.spec.limits, Some(base));
     let (status, reason) = match (&row.outcome, beyond) {
         (Outcome::Failed(reason), _) => (Status::Failed, Some(reason.clone())),
         (_, Some(0.0)) if wishes.iter().flatten().all(|wish| wish.is_finite()) => (Status::Kept, None),
         (_, Some(0.0)) => (Status::Failed, Some("a wish's figure is not a finite number".into())),
+        (_, None) => (Status::Failed, Some("a figure that has a limit has no value".into())),
         _ => (Status::Broken, broken_limits(study, |figure| row.ends(figure))),
     };
     let beyond = beyond.filter(|_| status != Status::Failed).unwrap_or(f64::INFINITY);

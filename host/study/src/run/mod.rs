@@ -1,5 +1,6 @@
 //! Computing a study: its work in tasks, each of which gives the same rows whoever does it, kept in a folder as they are done.
 
+mod fits;
 mod folder;
 mod losses;
 mod row;

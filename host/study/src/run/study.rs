@@ -1,5 +1,6 @@
 //! A study, ready to be computed.
 
+use super::fits;
 use super::folder::hex;
 use super::losses::loss;
 use super::row::{Outcome, Row};
@@ -18,7 +19,7 @@ use std::ops::Range;
 use std::path::Path;
 
 /// Version of what rows mean.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 /// Time in s that a chunk of work is meant to take: 0.5 to 2.
 const CHUNK_S: f64 = 1.0;
 /// About what a design takes in s where only the weakest place is wanted, where a plan table is needed, and thoroughly.
@@ -48,6 +49,16 @@ pub struct Study {
 enum Points {
     Known(Samples),
     Evolving(Evolution),
+}
+
+impl Points {
+    /// How many there are.
+    fn count(&self) -> usize {
+        match self {
+            Self::Known(samples) => samples.count(),
+            Self::Evolving(own) => own.population() * own.runs() * own.generations(),
+        }
+    }
 }
 
 /// A study that cannot be computed.
@@ -129,8 +140,10 @@ impl Study {
             None if dimensions.is_empty() => return Err(refuse("an evolution needs a variable".into())),
             None => Points::Evolving(Evolution::new(&spec.method, dimensions.len())),
         };
-        let chunk =
-            spec.method.chunk.unwrap_or_else(|| chunk(&spec, scene.finger.is_some(), &figures, scenarios.0.len()));
+        let designs = points.count();
+        fits::check(&spec, &space, &scene, designs, source, text)?;
+        let looks_s = look_s(&spec, scene.finger.is_some(), &figures, scenarios.0.len());
+        let chunk = spec.method.chunk.unwrap_or_else(|| chunk(looks_s, designs));
         let key = key(&scene, &spec, text, scene_text);
         Ok(Self { spec, space, figures, points, scenarios, chunk, key })
     }
@@ -150,10 +163,7 @@ impl Study {
     /// How many designs there are, the scene itself not counted.
     #[must_use]
     pub fn designs(&self) -> usize {
-        match &self.points {
-            Points::Known(samples) => samples.count(),
-            Points::Evolving(own) => own.population() * own.runs() * own.generations(),
-        }
+        self.points.count()
     }
 
     /// How many samples of what may be off each design is looked at with.
@@ -278,21 +288,19 @@ impl Study {
         for (value, wanted) in figures.values.iter_mut().zip(&self.figures) {
             match wanted.figure {
                 Figure::MassG => *value = parts::mass_g(scene),
-                Figure::Cost => *value = parts::cost(scene, &self.spec.costs, self.space.variables(), design),
+                Figure::Cost => {
+                    let known = self.space.with_own_choices(design);
+                    *value = parts::cost(scene, &self.spec.costs, self.space.variables(), &known);
+                }
                 _ => {}
             }
         }
     }
 }
 
-/// Designs of a chunk.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
-    reason = "small counts"
-)]
-fn chunk(spec: &Spec, has_finger: bool, figures: &[Wanted], scenarios: usize) -> usize {
+/// About what the looks at a design, with all samples of what may be off, take in s.
+#[expect(clippy::cast_precision_loss, reason = "small counts")]
+fn look_s(spec: &Spec, has_finger: bool, figures: &[Wanted], scenarios: usize) -> f64 {
     let is_quick = figures.iter().all(|wanted| wanted.is_quick());
     let [quick_s, table_s, thorough_s] = if has_finger { FINGER_S } else { LOOK_S };
     let each_s = match (spec.method.thorough, is_quick) {
@@ -300,8 +308,14 @@ fn chunk(spec: &Spec, has_finger: bool, figures: &[Wanted], scenarios: usize) ->
         (false, false) => table_s,
         (false, true) => quick_s,
     };
-    let fitting = (CHUNK_S / (each_s * (1 + scenarios) as f64)).floor().max(1.0) as usize;
-    fitting.max(spec.method.designs.div_ceil(MOST_CHUNKS))
+    each_s * (1 + scenarios) as f64
+}
+
+/// Designs of a chunk, of so many that take so long each.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
+fn chunk(look_s: f64, designs: usize) -> usize {
+    let fitting = (CHUNK_S / look_s).floor().max(1.0) as usize;
+    fitting.max(designs.div_ceil(MOST_CHUNKS))
 }
 
 fn key(scene: &Scene, spec: &Spec, text: &str, scene_text: &str) -> [u8; 32] {

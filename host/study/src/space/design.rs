@@ -122,7 +122,8 @@ pub(super) fn columns(variables: &[Variable]) -> Vec<Column> {
     columns
 }
 
-pub(super) fn at(variables: &[Variable], dimensions: &[Dimension], point: &[f64], sides_mm: [f64; 2]) -> Design {
+/// The design at a point, mirror images left as they are in the scene's file: they take the design's sides, see [`mirror`].
+pub(super) fn at(variables: &[Variable], dimensions: &[Dimension], point: &[f64]) -> Design {
     let part = |variable: usize, coordinate: usize| -> f64 {
         let own = dimensions.iter().zip(point).filter(|(dimension, _)| dimension.variable == variable);
         own.map(|(_, part)| part.clamp(0.0, 1.0)).nth(coordinate).unwrap_or(0.0)
@@ -141,21 +142,28 @@ pub(super) fn at(variables: &[Variable], dimensions: &[Dimension], point: &[f64]
                 let part = if along.to > 0.0 { number(along, first) / along.to } else { 0.0 };
                 Setting::Place([0, 1].map(|k| millimetres(from[k] + part * (to[k] - from[k]))))
             }
-            What::Mirror { from, x, y, .. } => {
-                // The space's reader makes sure that what it is an image of comes before it.
-                let image = |other: &Setting| match other {
-                    Setting::Place([of_x, of_y]) => {
-                        let mirrored = |is: bool, at: f64, side: f64| if is { millimetres(side - at) } else { at };
-                        Setting::Place([mirrored(*x, *of_x, sides_mm[0]), mirrored(*y, *of_y, sides_mm[1])])
-                    }
-                    _ => Setting::Kept,
-                };
-                let other = variables[..variable].iter().position(|other| other.is_place_of(from));
-                other.and_then(|other| settings.get(other)).map_or(Setting::Kept, image)
-            }
+            What::Mirror { .. } => Setting::Kept,
         });
     }
     Design { settings }
+}
+
+/// Sets the mirror images of a design's places, on a surface with these sides in mm.
+pub(super) fn mirror(variables: &[Variable], design: &mut Design, sides_mm: [Option<f64>; 2]) {
+    let settings = &mut design.settings;
+    for (number, own) in variables.iter().enumerate() {
+        let What::Mirror { from, x, y, .. } = &own.what else { continue };
+        // The space's reader makes sure that what it is an image of comes before it.
+        let other = variables[..number].iter().position(|other| other.is_place_of(from));
+        let Some(Setting::Place(place)) = other.and_then(|other| settings.get(other).copied()) else { continue };
+        let along = |axis: usize, is_mirrored: bool| {
+            if is_mirrored { sides_mm[axis].map(|side| millimetres(side - place[axis])) } else { Some(place[axis]) }
+        };
+        // A surface without sides is refused whatever is on it.
+        if let (Some(x), Some(y)) = (along(0, *x), along(1, *y)) {
+            settings[number] = Setting::Place([x, y]);
+        }
+    }
 }
 
 /// The number of a part, 0 to 1, of a range.

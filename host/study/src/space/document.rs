@@ -3,7 +3,7 @@
 use super::design::Setting;
 use crate::spec::{Apart, Path, PathError, Step, Variable, What};
 use era_model::scene::{Scene, SceneError};
-use toml_edit::{ArrayOfTables, DocumentMut, Item, TableLike, Value};
+use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
 /// Why a design is none.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -39,8 +39,10 @@ impl Refused {
 pub(super) fn leads(base: &DocumentMut, variable: &Variable) -> Result<(), PathError> {
     let missing = |path: &Path, what: String| PathError::Missing { path: path.to_string(), missing: what };
     match &variable.what {
-        What::Number { paths, .. } | What::Choice { paths, .. } => {
-            paths.iter().try_for_each(|path| path.places(base).map(|_| ()))
+        What::Number { paths, .. } => paths.iter().try_for_each(|path| takes(base, path, false)),
+        What::Choice { paths, values, .. } => {
+            let are_tables = values.iter().all(Value::is_inline_table);
+            paths.iter().try_for_each(|path| takes(base, path, are_tables))
         }
         What::Place { of, .. } | What::Mirror { of, .. } => {
             let places = of.places(base)?;
@@ -48,10 +50,30 @@ pub(super) fn leads(base: &DocumentMut, variable: &Variable) -> Result<(), PathE
             if is_one { Ok(()) } else { Err(missing(of, "one table with a place by this name".into())) }
         }
         What::Count { list, to, .. } => {
-            let found = base.get(list).and_then(Item::as_array_of_tables).map_or(0, ArrayOfTables::len);
+            let Some(tables) = base.get(list).and_then(Item::as_array_of_tables) else {
+                return Err(PathError::List { list: list.clone(), hint: lists(base, list) });
+            };
+            let found = tables.len();
             if found >= *to { Ok(()) } else { Err(PathError::Few { list: list.clone(), found, wanted: *to }) }
         }
     }
+}
+
+/// Which list a name may stand for that is none.
+fn lists(base: &DocumentMut, name: &str) -> String {
+    let all: Vec<&str> = base.iter().filter(|(_, item)| item.is_array_of_tables()).map(|(key, _)| key).collect();
+    // Whoever counts writes the plural.
+    match all.iter().find(|own| name.starts_with(**own) || own.starts_with(name)) {
+        Some(own) => format!("did you mean {own}?"),
+        None => format!("lists here: {}", all.join(", ")),
+    }
+}
+
+/// Whether what a path leads to takes tables, or other values: a table of a list takes nothing but tables.
+fn takes(base: &DocumentMut, path: &Path, are_tables: bool) -> Result<(), PathError> {
+    let places = path.places(base)?;
+    let is_table = places.iter().any(|place| matches!(place.last(), Some(Step::Index(_))));
+    if is_table && !are_tables { Err(PathError::Table { path: path.to_string() }) } else { Ok(()) }
 }
 
 /// Sets a variable. `base` is the scene's file, by which paths are followed.
@@ -96,17 +118,33 @@ fn put_all(document: &mut DocumentMut, base: &DocumentMut, paths: &[Path], value
 
 /// Puts a value at a place; nothing where the place is gone, as that of an actuator that this design does without.
 pub(super) fn put(document: &mut DocumentMut, place: &[Step], value: &Value) {
-    let Some((Step::Key(key), above)) = place.split_last() else { return };
-    let Some(table) = table_mut(document, above) else { return };
-    match (table.get_mut(key), value) {
-        // The table stays where it is, with its heading and its comments.
-        (Some(Item::Table(own)), Value::InlineTable(new)) => {
-            own.retain(|key, _| new.contains_key(key));
-            for (key, value) in new {
-                replace(own, key, value);
+    match (place.split_last(), value) {
+        (Some((Step::Index(_), _)), Value::InlineTable(new)) => {
+            if let Some(own) = table_mut(document, place) {
+                fill(own, new);
             }
         }
-        _ => replace(table, key, value),
+        (Some((Step::Key(key), above)), _) => {
+            let Some(table) = table_mut(document, above) else { return };
+            match (table.get_mut(key), value) {
+                (Some(Item::Table(own)), Value::InlineTable(new)) => fill(own, new),
+                _ => replace(table, key, value),
+            }
+        }
+        // What leads to a table of a list has tables for values, as [`leads`] makes sure.
+        _ => {}
+    }
+}
+
+/// Gives a table other keys and values. It stays where it is, with its heading and its comments.
+fn fill(own: &mut dyn TableLike, new: &InlineTable) {
+    let gone: Vec<String> =
+        own.iter().map(|(key, _)| key.to_owned()).filter(|key| !new.contains_key(key)).collect();
+    for key in gone {
+        own.remove(&key);
+    }
+    for (key, value) in new {
+        replace(own, key, value);
     }
 }
 
@@ -125,6 +163,12 @@ pub(super) fn number(document: &DocumentMut, place: &[Step]) -> Option<f64> {
     let value = table(document, above)?.get(key)?;
     #[expect(clippy::cast_precision_loss, reason = "as in any other number")]
     value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
+}
+
+/// Length and width of the surface in mm, where they are numbers.
+pub(super) fn sides_mm(document: &DocumentMut) -> [Option<f64>; 2] {
+    let side = |key: &str| number(document, &[Step::Key("surface".into()), Step::Key(key.into())]);
+    [side("length_mm"), side("width_mm")]
 }
 
 fn table<'d>(document: &'d DocumentMut, place: &[Step]) -> Option<&'d dyn TableLike> {
@@ -195,17 +239,20 @@ pub(super) fn check_apart(document: &DocumentMut, all: &[Apart]) -> Result<(), R
 /// A table's place as people name it: an actuator by its `id`.
 fn named(document: &DocumentMut, place: &[Step]) -> String {
     let id = table(document, place).and_then(|table| table.get("id")?.as_str().map(str::to_owned));
-    id.unwrap_or_else(|| {
-        let mut text = String::new();
-        for step in place {
-            match step {
-                Step::Key(key) if text.is_empty() => text.push_str(key),
-                Step::Key(key) => text.push_str(&format!(".{key}")),
-                Step::Index(index) => text.push_str(&format!("[{}]", index + 1)),
-            }
+    id.unwrap_or_else(|| written(place))
+}
+
+/// A place as a path to it is written.
+pub(super) fn written(place: &[Step]) -> String {
+    let mut text = String::new();
+    for step in place {
+        match step {
+            Step::Key(key) if text.is_empty() => text.push_str(key),
+            Step::Key(key) => text.push_str(&format!(".{key}")),
+            Step::Index(index) => text.push_str(&format!("[{}]", index + 1)),
         }
-        text
-    })
+    }
+    text
 }
 
 /// A document as a scene.

@@ -2,6 +2,7 @@
 //! into the scene's own text, so that every key that a scene has can vary, is held to its range as any scene is, and stays beside its
 //! comments.
 
+mod check;
 mod design;
 mod document;
 mod kept;
@@ -20,9 +21,6 @@ use era_model::scene::{Actuator, Mount, Scene, SceneError};
 use std::fmt::Write;
 use toml_edit::DocumentMut;
 
-/// Values of each dimension of a variable that are tried when a study is read.
-const TRIED: [f64; 3] = [0.0, 0.5, 1.0];
-
 /// What may change of a scene.
 #[derive(Clone, Debug)]
 pub struct Space {
@@ -34,8 +32,6 @@ pub struct Space {
     dimensions: Vec<Dimension>,
     apart: Vec<Apart>,
     uncertain: Vec<Uncertain>,
-    /// Length and width of the scene in mm.
-    sides_mm: [f64; 2],
 }
 
 impl Space {
@@ -51,7 +47,7 @@ impl Space {
         scene_source: &str,
         scene_text: &str,
     ) -> Result<Self, SceneError> {
-        let scene = Scene::parse(scene_source, scene_text)?;
+        Scene::parse(scene_source, scene_text)?;
         let base: DocumentMut = scene_text.parse().map_err(|error: toml_edit::TomlError| {
             SceneError::of(scene_source, 0, format!("not valid TOML: {}", error.message()))
         })?;
@@ -62,10 +58,9 @@ impl Space {
             dimensions: design::dimensions(&spec.variables),
             apart: spec.apart.clone(),
             uncertain: spec.uncertain.clone(),
-            sides_mm: [scene.surface.length_m * 1e3, scene.surface.width_m * 1e3],
         };
         let report = Report::new(text);
-        space.check(&report, text);
+        space.check(&report, text, &spec.figures());
         report.finish(source)?;
         Ok(space)
     }
@@ -91,7 +86,13 @@ impl Space {
     /// The design at a point of the unit cube, one number for each dimension.
     #[must_use]
     pub fn design(&self, point: &[f64]) -> Design {
-        design::at(&self.variables, &self.dimensions, point, self.sides_mm)
+        let mut design = design::at(&self.variables, &self.dimensions, point);
+        if self.variables.iter().any(|own| matches!(own.what, What::Mirror { .. })) {
+            // About the middle of the surface that this design has.
+            let sides_mm = self.document(&design).map_or([None; 2], |document| document::sides_mm(&document));
+            design::mirror(&self.variables, &mut design, sides_mm);
+        }
+        design
     }
 
     /// A design as a scene's text.
@@ -114,7 +115,7 @@ impl Space {
             document::check_apart(&document, &self.apart)?;
         }
         if !off.is_empty() {
-            uncertain::apply(&mut document, &self.uncertain, &self.uncertain_places(), off, self.sides_mm)?;
+            uncertain::apply(&mut document, &self.uncertain, &self.uncertain_places(), off);
         }
         document::scene(&self.source, &document)
     }
@@ -151,6 +152,41 @@ impl Space {
         Design { settings: (0..self.variables.len()).map(kept).collect() }
     }
 
+    /// A design with the choices that it keeps as they are in the scene's file, where that has one of the values.
+    #[must_use]
+    pub fn with_own_choices(&self, design: &Design) -> Design {
+        let mut design = design.clone();
+        for (number, (setting, own)) in design.settings.iter_mut().zip(&self.variables).enumerate() {
+            if *setting == Setting::Kept && matches!(own.what, What::Choice { .. }) {
+                *setting = kept::setting(self, number).unwrap_or(Setting::Kept);
+            }
+        }
+        design
+    }
+
+    /// Length and width in mm of the surface of all designs; `None` of a side that a variable changes.
+    #[must_use]
+    pub fn known_sides_mm(&self) -> [Option<f64>; 2] {
+        let [length, width] = document::sides_mm(&self.base);
+        let is_known = |key: &str| !self.changes(&["surface", key]);
+        [length.filter(|_| is_known("length_mm")), width.filter(|_| is_known("width_mm"))]
+    }
+
+    /// Whether a variable changes a key, or a table or list that it is in, by another value. Counts and places do not.
+    #[must_use]
+    pub fn changes(&self, key: &[&str]) -> bool {
+        let has_it = |place: &Vec<Step>| {
+            let mut steps = place.iter().zip(key);
+            place.len() <= key.len() && steps.all(|(step, name)| matches!(step, Step::Key(own) if own == name))
+        };
+        self.variables.iter().any(|own| match &own.what {
+            What::Number { paths, .. } | What::Choice { paths, .. } => {
+                all_places(paths, &self.base).is_ok_and(|places| places.iter().any(has_it))
+            }
+            _ => false,
+        })
+    }
+
     /// How many values may be off by themselves.
     #[must_use]
     pub fn uncertain_values(&self) -> usize {
@@ -167,75 +203,6 @@ impl Space {
             document::set(&mut document, &self.base, variable, *setting)?;
         }
         Ok(document)
-    }
-
-    /// Tells of variables that lead nowhere, and of those whose values the scene refuses all.
-    fn check(&self, report: &Report<'_>, text: &str) {
-        // A report knows lines by bytes.
-        let starts: Vec<usize> = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
-        let tell = |line: usize, told: String| {
-            let at = starts.get(line.saturating_sub(1)).copied().unwrap_or(0);
-            report.add(&(at..at), told);
-        };
-        for (number, variable) in self.variables.iter().enumerate() {
-            let name = format!("variable[{}] ({})", number + 1, variable.name);
-            if let Err(error) = document::leads(&self.base, variable) {
-                tell(variable.line, format!("{name}: {error}"));
-                continue;
-            }
-            if let What::Mirror { from, .. } = &variable.what
-                && !self.variables[..number].iter().any(|before| before.is_place_of(from))
-            {
-                tell(
-                    variable.line,
-                    format!("{name}: mirror_of is {from}, but must be a place of a variable before this one"),
-                );
-                continue;
-            }
-            if let Some(reason) = self.refusal_of_all(number) {
-                tell(variable.line, format!("{name}: the scene takes none of its values: {reason}"));
-            }
-        }
-        for (number, (own, places)) in self.uncertain.iter().zip(self.uncertain_places()).enumerate() {
-            if places.iter().any(|place| document::number(&self.base, place).is_none()) {
-                let name = format!("uncertain[{}] ({})", number + 1, own.name);
-                tell(own.line, format!("{name}: the scene's file has no number there"));
-            }
-        }
-        let apart = (1..).zip(&self.apart).map(|(number, own)| (format!("apart[{number}]"), own.line, &own.places));
-        let off =
-            (1..).zip(&self.uncertain).map(|(number, own)| (format!("uncertain[{number}]"), own.line, &own.paths));
-        for (name, line, path) in
-            apart.chain(off).flat_map(|(name, line, paths)| paths.iter().map(move |path| (name.clone(), line, path)))
-        {
-            if let Err(error) = path.places(&self.base) {
-                tell(line, format!("{name}: {error}"));
-            }
-        }
-    }
-
-    /// Why none of some values of a variable is taken, all else as in the scene's file; `None` if one is.
-    fn refusal_of_all(&self, number: usize) -> Option<String> {
-        let own = |dimension: &&Dimension| dimension.variable == number;
-        let count = self.dimensions.iter().filter(own).count();
-        let mut first = None;
-        for tried in 0..TRIED.len().pow(u32::try_from(count).unwrap_or(u32::MAX)) {
-            let mut rest = tried;
-            let mut point = vec![0.5; self.dimensions.len()];
-            for (value, _) in point.iter_mut().zip(&self.dimensions).filter(|(_, dimension)| own(dimension)) {
-                *value = TRIED[rest % TRIED.len()];
-                rest /= TRIED.len();
-            }
-            let mut settings = vec![Setting::Kept; self.variables.len()];
-            settings[number] = self.design(&point).settings[number];
-            let taken =
-                self.document(&Design { settings }).and_then(|document| document::scene(&self.source, &document));
-            match taken {
-                Ok(_) => return None,
-                Err(error) => first = first.or(Some(error.to_string())),
-            }
-        }
-        first
     }
 }
 

@@ -71,6 +71,37 @@ fn choices_take_tables_and_words() {
 }
 
 #[test]
+fn choices_take_tables_of_lists() {
+    let study = "[[variable]]\nkey = \"support[1]\"\nvalues = [\n\
+                 { x_mm = 0.0, y_mm = 0.0, stiffness_n_per_m = 500.0 },\n\
+                 { x_mm = 10.0, y_mm = 0.0, stiffness_n_per_m = 50000.0, damping_n_s_per_m = 2.0 },\n]\n\
+                 [[variable]]\nkey = \"edge[1]\"\nvalues = [\n\
+                 { side = \"left\", kind = \"clamped\" },\n{ side = \"right\", kind = \"pinned\" },\n]\n";
+    let plate = format!("{EXAMPLE_PLATE}\n[[edge]]\nside = \"left\"\nkind = \"pinned\"\n");
+    let space = space_of(study, &plate).unwrap();
+    let found = scene(&space, &[0.9, 0.9]);
+    let support = |scene: &Scene, k: usize| {
+        let own = &scene.supports[k];
+        (own.x_m, own.stiffness_n_per_m, own.damping_n_s_per_m)
+    };
+    assert_eq!((support(&found, 0), found.edges[0].kind), ((0.01, 50000.0, 2.0), EdgeKind::Pinned));
+    let found = scene(&space, &[0.1, 0.1]);
+    // What the table does not have is not that of the scene's file.
+    assert_eq!((support(&found, 0), found.edges[0].kind), ((0.0, 500.0, 0.0), EdgeKind::Clamped));
+    assert_eq!(support(&found, 1), (0.3, 2000.0, 1.3));
+    let text = space.text(&space.design(&[0.9, 0.9])).unwrap();
+    assert!(text.contains("# Four corner springs") && text.matches("[[support]]").count() == 4, "{text}");
+}
+
+#[test]
+fn tables_of_lists_take_nothing_but_tables() {
+    let study = "[[variable]]\nkey = \"support[1]\"\nfrom = 1\nto = 2\n\
+                 [[variable]]\nkey = \"support.*\"\nvalues = [1, { x_mm = 0.0 }]\n";
+    let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
+    hold(&error, &[(4, "support[1] leads to a table: its values must be tables"), (8, "support.* leads to a table")]);
+}
+
+#[test]
 fn a_count_takes_the_first_ones_and_all_else_does_without_the_rest() {
     let study = "[[variable]]\ncount = \"actuator\"\nfrom = 1\nto = 2\n\
                  [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [70, 90, 80, 110]\n\
@@ -97,6 +128,42 @@ fn what_may_be_off_is_off_by_parts_and_amounts() {
     assert_eq!(found.supports[0].x_m, 0.0);
 }
 
+/// A panel is mirrored about the middle that it has, and ends where it ends, be its sides those of the scene's file or a variable's.
+#[test]
+fn sides_are_those_of_the_design() {
+    let places = "[[variable]]\nplace = \"actuator.left\"\nwithin_mm = [10, 20, 110, 120]\n\
+                  [[variable]]\nplace = \"actuator.right\"\nmirror_of = \"actuator.left\"\nmirrored = \"both\"\n\
+                  [[uncertain]]\nkey = [\"support[2].x_mm\", \"support[3].y_mm\"]\nby = 5\n";
+    let sides = "[[variable]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nfrom = 240\nto = 400\n\
+                 [[variable]]\nkey = [\"surface.width_mm\", \"support[3].y_mm\", \"support[4].y_mm\"]\nfrom = 140\nto = 260\n";
+    let varied = space(&format!("{places}{sides}"));
+    for (part, length, width) in [(0.0, "240.0", "140.0"), (1.0, "400.0", "260.0")] {
+        let plate = EXAMPLE_PLATE.replace("300.0", length).replace("_mm = 200.0", &format!("_mm = {width}"));
+        let own = space_of(places, &plate).unwrap();
+        for off in [vec![], vec![1.0, 1.0], vec![-1.0, 0.5]] {
+            let found = varied.scene(&varied.design(&[0.25, 0.5, part, part]), &off).unwrap();
+            assert_eq!(found, own.scene(&own.design(&[0.25, 0.5]), &off).unwrap(), "{length} {off:?}");
+            let (length_m, width_m) = (found.surface.length_m, found.surface.width_m);
+            let right = &found.actuators[1];
+            assert!((right.x_m - length_m + 0.035).abs() < 1e-9 && (right.y_m - width_m + 0.07).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn coordinates_stay_on_a_surface_whose_sides_are_off() {
+    let length = "[[uncertain]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nby = 3\nvary = \"together\"\n";
+    let together = space(length);
+    for (off, length_m) in [(1.0, 0.303), (-1.0, 0.297)] {
+        let found = together.base(&[off]).unwrap();
+        assert_eq!([found.surface.length_m, found.supports[1].x_m, found.supports[3].x_m], [length_m; 3]);
+    }
+    let coordinates = "[[uncertain]]\nkey = \"support.*.x_mm\"\nby = 2\nvary = \"together\"\n\
+                       [[uncertain]]\nkey = \"surface.length_mm\"\nby = 1\n";
+    let found = space(coordinates).base(&[1.0, 1.0]).unwrap();
+    assert_eq!([0, 1, 2, 3].map(|k: usize| found.supports[k].x_m), [0.002, 0.301, 0.002, 0.301]);
+}
+
 /// Each mistake with its line, and what its text has to have.
 fn hold(error: &SceneError, expected: &[(usize, &str)]) {
     let told: Vec<(usize, &str)> = error.mistakes.iter().map(|mistake| (mistake.line, mistake.text.as_str())).collect();
@@ -116,12 +183,63 @@ fn what_leads_nowhere_or_is_never_taken_is_told_with_its_line() {
     let error = space_of(study, EXAMPLE_PLATE).unwrap_err();
     let expected = [
         (4, "the scene has no support[7]"),
-        (8, "the scene takes none of its values: surface.thickness_mm is 200, but must be 0.001 to 100"),
+        (8, "the scene takes none of its values that were tried: surface.thickness_mm is 200, but must be 0.001 to 100"),
         (12, "must be a place of a variable before this one"),
         (16, "the scene has 2 [[actuator]], but 3 are asked for"),
         (20, "unknown key surface.tickness_mm; did you mean thickness_mm?"),
     ];
     hold(&error, &expected);
+}
+
+#[test]
+fn a_count_of_what_is_no_list_is_told_what_may_be_meant() {
+    for (list, hint) in [("actuators", "did you mean actuator?"), ("mass", "lists here: support, actuator")] {
+        let study = format!("[[variable]]\ncount = \"{list}\"\nfrom = 1\nto = 2\n");
+        let expected = format!("the scene has no [[{list}]]; {hint}");
+        hold(&space_of(&study, EXAMPLE_PLATE).unwrap_err(), &[(4, expected.as_str())]);
+    }
+}
+
+#[test]
+fn values_that_the_scene_takes_in_some_designs_are_no_mistake() {
+    let shorter = EXAMPLE_PLATE.replace("300.0", "240.0");
+    let longer = "[[variable]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nfrom = 400\nto = 500\n\
+                  [[variable]]\nplace = \"actuator.right\"\nwithin_mm = [260, 10, 380, 100]\n";
+    let space = space_of(longer, &shorter).unwrap();
+    assert_eq!(scene(&space, &[0.0, 0.5, 0.5]).actuators[1].x_m, 0.32);
+    // A tenth of this is on the panel, but neither an end nor a middle of it.
+    let small = shorter.replace("_mm = 200.0", "_mm = 113.0");
+    assert!(space_of("[[variable]]\nplace = \"actuator.right\"\nwithin_mm = [-10, -10, 500, 500]\n", &small).is_ok());
+    // What is never taken is told, and what goes together is not told because of it.
+    let thick = format!("{longer}[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 200\nto = 300\n");
+    hold(&space_of(&thick, &shorter).unwrap_err(), &[(11, "variable[3] (surface.thickness_mm): the scene takes none")]);
+}
+
+/// Of two variables that change the same the first would come to nothing, and of two columns with one name one would be lost.
+#[test]
+fn variables_that_are_not_held_apart_are_told_with_both_lines() {
+    let study = "[[variable]]\nkey = \"support[1].x_mm\"\nfrom = 0\nto = 1\n\
+                 [[variable]]\nname = \"other\"\nkey = \"support.*.x_mm\"\nfrom = 0\nto = 300\n\
+                 [[variable]]\nname = \"status\"\nkey = \"surface.thickness_mm\"\nfrom = 1\nto = 2\n\
+                 [[variable]]\nname = \"weakest_g_low\"\nkey = \"support[1].y_mm\"\nfrom = 0\nto = 1\n\
+                 [[variable]]\nname = \"a\"\nplace = \"actuator.left\"\nwithin_mm = [10, 20, 110, 120]\n\
+                 [[variable]]\nname = \"a.y_mm\"\nkey = \"support[2].y_mm\"\nfrom = 0\nto = 1\n\
+                 [[variable]]\nkey = \"actuator.left.x_mm\"\nfrom = 20\nto = 30\n";
+    let expected = [
+        (9, "variable[2] (other): it changes support[1].x_mm, which variable[1] (support[1].x_mm) in line 4 changes too"),
+        (14, "variable[3] (status): its column would be \"status\", which the table of designs has in any case"),
+        (19, "variable[4] (weakest_g_low): its column would be \"weakest_g_low\", which is that of a figure"),
+        (28, "variable[6] (a.y_mm): its column would be \"a.y_mm\", which is that of variable[5] in line 24"),
+        (32, "it changes actuator[1].x_mm, which variable[5] (a) in line 24 changes too"),
+    ];
+    hold(&space_of(study, EXAMPLE_PLATE).unwrap_err(), &expected);
+    // A table takes a key of it that was set before with it, and leaves one that is set afterwards.
+    let key = "[[variable]]\nkey = \"surface.material.density_kg_m3\"\nfrom = 2600\nto = 2800\n";
+    let table = "[[variable]]\nkey = \"surface.material\"\nvalues = [{ youngs_modulus_pa = 69e9, poisson_ratio = 0.33, density_kg_m3 = 1.0 }]\n";
+    let error = space_of(&format!("{key}{table}"), EXAMPLE_PLATE).unwrap_err();
+    hold(&error, &[(8, "it changes surface.material.density_kg_m3, which variable[1]")]);
+    let space = space(&format!("{table}{key}"));
+    assert_eq!(scene(&space, &[0.5, 0.5]).surface.material.density_kg_m3, 2700.0);
 }
 
 #[test]

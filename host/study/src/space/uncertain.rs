@@ -1,7 +1,7 @@
 //! Values that may be off: which, by how much, and the samples that all designs are looked at with.
 
-use super::document::{number, put};
-use super::{Refused, design};
+use super::design;
+use super::document::{number, put, sides_mm};
 use crate::spec::{Robust, Step, Uncertain};
 use era_model::scene::random::Random;
 use toml_edit::{DocumentMut, Value};
@@ -41,14 +41,8 @@ pub(super) fn values(own: &Uncertain, places: &[Vec<Step>]) -> usize {
     if own.together { 1 } else { places.len() }
 }
 
-/// Moves values by parts of what they may be off. Places that are a coordinate stay on the surface.
-pub(super) fn apply(
-    document: &mut DocumentMut,
-    all: &[Uncertain],
-    places: &[Vec<Vec<Step>>],
-    off: &[f64],
-    sides_mm: [f64; 2],
-) -> Result<(), Refused> {
+/// Moves values by parts of what they may be off. Coordinates among them stay on the surface, whose sides may be off themselves.
+pub(super) fn apply(document: &mut DocumentMut, all: &[Uncertain], places: &[Vec<Vec<Step>>], off: &[f64]) {
     let mut first = 0;
     for (own, places) in all.iter().zip(places) {
         for (k, place) in places.iter().enumerate() {
@@ -56,14 +50,22 @@ pub(super) fn apply(
             // None where this design does without.
             let Some(value) = number(document, place) else { continue };
             let moved = design::rounded(value * (1.0 + own.part * part) + own.by * part);
-            let moved = match place.last() {
-                Some(Step::Key(key)) if key == "x_mm" => moved.clamp(0.0, sides_mm[0]),
-                Some(Step::Key(key)) if key == "y_mm" => moved.clamp(0.0, sides_mm[1]),
-                _ => moved,
-            };
             put(document, place, &Value::from(moved));
         }
         first += values(own, places);
     }
-    Ok(())
+    let [length_mm, width_mm] = sides_mm(document);
+    for place in places.iter().flatten() {
+        let side_mm = match place.last() {
+            Some(Step::Key(key)) if key == "x_mm" => length_mm,
+            Some(Step::Key(key)) if key == "y_mm" => width_mm,
+            _ => None,
+        };
+        let Some((at_mm, side_mm)) = number(document, place).zip(side_mm) else { continue };
+        // Not `clamp`, which a side below 0 would make panic: the scene refuses it.
+        let on_mm = at_mm.min(side_mm).max(0.0);
+        if on_mm != at_mm {
+            put(document, place, &Value::from(on_mm));
+        }
+    }
 }

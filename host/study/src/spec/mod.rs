@@ -12,7 +12,7 @@ mod variables;
 mod wishes;
 
 pub use method::{Method, Robust, Way};
-pub(crate) use parse::has_few_corners;
+pub(crate) use parse::{MOST_DESIGNS, has_few_corners};
 pub use path::{Path, PathError, Step};
 pub use variables::{Apart, Numbers, Scale, Uncertain, Variable, What, Where};
 pub use wishes::{Costs, Drives, Figure, Goal, Limit, Settings, Wanted, Wish};

@@ -17,7 +17,7 @@ const ANY: Allowed = Allowed::Within(-1e20, 1e20);
 /// Places, in mm: a panel's sides are no longer.
 const MM: Allowed = Allowed::Within(-10_000.0, 10_000.0);
 /// Most designs of a study.
-const MOST_DESIGNS: u32 = 100_000_000;
+pub(crate) const MOST_DESIGNS: u32 = 100_000_000;
 /// Most designs that depend on each other, and are all listed first.
 const MOST_LISTED: u32 = 10_000_000;
 /// Most values of a variable that goes in steps.
@@ -88,8 +88,10 @@ fn variable(section: Section<'_, '_>, list: Option<&toml_edit::Array>) -> Option
             let paths = paths(&section, "key");
             let name = paths.first().map_or_else(String::new, ToString::to_string);
             let what = if section.has("values") {
+                left_out(&section, ["from", "to", "scale", "step"], "as `values` are given");
                 choice(&section, paths, list)
             } else {
+                left_out(&section, ["names", "costs"], "as there are no `values`");
                 Some(What::Number { paths, numbers: numbers(&section, "step", ANY) })
             };
             (name, what)
@@ -108,14 +110,24 @@ fn variable(section: Section<'_, '_>, list: Option<&toml_edit::Array>) -> Option
             (format!("number of {list}s"), Some(What::Count { list, from, to }))
         }
         _ => {
-            let text = format!("{}: one of key, place and count is needed", section.path());
-            section.report().add(&section.place("name"), text);
+            one_of(&section, "name", [("key", kinds[0]), ("place", kinds[1]), ("count", kinds[2])]);
             return None;
         }
     };
     let name = given.unwrap_or(usual);
     section.close();
     what.map(|what| Variable { name, what, levels, line })
+}
+
+/// Tells that not one of three keys is given, but none or several; `at` is the key whose line is told.
+fn one_of(section: &Section<'_, '_>, at: &str, given: [(&str, bool); 3]) {
+    let [a, b, c] = given.map(|(key, _)| key);
+    let there: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
+    let text = match there.is_empty() {
+        true => format!("{}: one of {a}, {b} and {c} is needed", section.path()),
+        false => format!("{}: {} are given, but only one of {a}, {b} and {c} may be", section.path(), there.join(" and ")),
+    };
+    section.report().add(&section.place(at), text);
 }
 
 /// `from`, `to`, `scale` and a step.
@@ -177,6 +189,11 @@ impl Plain for Value {
 fn place(section: &Section<'_, '_>, of: Path) -> Option<What> {
     let given = ["within_mm", "line_mm", "mirror_of"].map(|key| section.has(key));
     let linear = |from: f64, to: f64, step: Option<f64>| Numbers { from, to, scale: Scale::Linear, step };
+    if given[2] {
+        left_out(section, ["step_mm"], "as a mirror image follows from `mirror_of`");
+    } else {
+        left_out(section, ["mirrored"], "as there is no `mirror_of`");
+    }
     match given {
         [true, false, false] => {
             let corners = section.numbers("within_mm", &[4], MM)?;
@@ -200,8 +217,7 @@ fn place(section: &Section<'_, '_>, of: Path) -> Option<What> {
             Some(What::Mirror { of, from: from?, x, y })
         }
         _ => {
-            let text = format!("{}: one of within_mm, line_mm and mirror_of is needed", section.path());
-            section.report().add(&section.place("place"), text);
+            one_of(section, "place", [("within_mm", given[0]), ("line_mm", given[1]), ("mirror_of", given[2])]);
             None
         }
     }

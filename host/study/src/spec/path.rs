@@ -42,6 +42,20 @@ pub enum PathError {
         /// How many it should have.
         wanted: usize,
     },
+    /// There is no list by that name.
+    #[error("the scene has no [[{list}]]; {hint}")]
+    List {
+        /// As written.
+        list: String,
+        /// What may have been meant.
+        hint: String,
+    },
+    /// It ends at a table of a list, for which a value is no table.
+    #[error("{path} leads to a table: its values must be tables, or the path must go on to one of its keys")]
+    Table {
+        /// As written.
+        path: String,
+    },
     /// There is nothing by that name.
     #[error("{path}: the scene has no {missing}")]
     Missing {

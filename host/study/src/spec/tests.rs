@@ -48,6 +48,7 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
 fn keys_that_do_not_apply_are_told_with_the_reason() {
     let of = |rest: &str| told(&format!("version = 1\nname = \"s\"\nscene = \"x.toml\"\n{rest}"));
     let wish = "[[wish]]\nfigure = \"mass_g\"\n";
+    let [key, place] = ["key", "place"].map(|kind| format!("{wish}[[variable]]\n{kind} = \"a.b\"\n"));
     for (rest, line, expected) in [
         (format!("{wish}[method]\nway = \"grid\"\ndesigns = 512\n"), 8, "method.designs is 512, but must be left out"),
         (format!("{wish}[method]\nlevels = 3\n"), 7, "method.levels is 3, but must be left out"),
@@ -75,6 +76,31 @@ fn keys_that_do_not_apply_are_told_with_the_reason() {
         (format!("{wish}setting = \"one\"\n"), 6, "wish[1].setting is \"one\", but must be left out"),
         (format!("{wish}drives = \"in_phase\"\n"), 6, "wish[1].drives is \"in_phase\", but must be left out"),
         (format!("{wish}force_n = 3\n"), 6, "wish[1].force_n is 3, but must be left out"),
+        (
+            format!("{key}values = [1]\nfrom = 1\n"),
+            9,
+            "variable[1].from is 1, but must be left out, as `values` are given",
+        ),
+        (
+            format!("{key}from = 1\nto = 2\ncosts = [1]\n"),
+            10,
+            "variable[1].costs is [1], but must be left out, as there are no `values`",
+        ),
+        (
+            format!("{place}within_mm = [0, 0, 1, 1]\nmirrored = \"x\"\n"),
+            9,
+            "variable[1].mirrored is \"x\", but must be left out, as there is no `mirror_of`",
+        ),
+        (
+            format!("{place}within_mm = [0, 0, 1, 1]\nline_mm = [0, 0, 1, 1]\n"),
+            7,
+            "variable[1]: within_mm and line_mm are given, but only one of within_mm, line_mm and mirror_of may be",
+        ),
+        (
+            format!("{place}key = \"a.c\"\n"),
+            6,
+            "variable[1]: key and place are given, but only one of key, place and count may be",
+        ),
     ] {
         let told = of(&rest);
         assert!(told.len() == 1 && told[0].0 == line && told[0].1.contains(expected), "{told:?} for {expected}");

@@ -1,0 +1,231 @@
+//! What shows of a study's variables only with the scene: paths that lead nowhere, names and places that two of them have, values that the
+//! scene refuses.
+
+use super::design::{self, Dimension, Setting};
+use super::{Space, all_places, document};
+use crate::spec::{Step, Variable, Wanted, What};
+use crate::ways::latin_hypercube;
+use era_model::scene::random::Random;
+use era_model::scene::read::Report;
+
+/// Columns that the table of designs has in any case.
+const COLUMNS: [&str; 6] = ["design", "status", "reason", "on_front", "weakest_x_mm", "weakest_y_mm"];
+/// Values of each dimension that are tried when a study is read.
+const TRIED: [f64; 3] = [0.0, 0.5, 1.0];
+/// Points that are tried besides where none of these is taken: hardly ever none of them is in a fiftieth of the space.
+const SAMPLES: usize = 256;
+/// Of random numbers: the same study is told the same.
+const SEED: u64 = 1;
+/// A stream of random numbers of its own.
+const STREAM: u64 = 0x7a1e;
+
+/// Tells of mistakes in a study's file by its lines.
+struct Lines<'r, 't> {
+    report: &'r Report<'t>,
+    /// A report knows lines by bytes.
+    starts: Vec<usize>,
+}
+
+impl Lines<'_, '_> {
+    fn tell(&self, line: usize, told: String) {
+        let at = self.starts.get(line.saturating_sub(1)).copied().unwrap_or(0);
+        self.report.add(&(at..at), told);
+    }
+}
+
+/// A variable as messages call it; `number` counts from zero.
+fn named(number: usize, variable: &Variable) -> String {
+    format!("variable[{}] ({})", number + 1, variable.name)
+}
+
+impl Space {
+    /// Tells of variables that lead nowhere, of those that are not held apart, and of those whose values the scene refuses all; and of what else leads
+    /// nowhere. `figures` are the study's.
+    pub(super) fn check(&self, report: &Report<'_>, text: &str, figures: &[Wanted]) {
+        let starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
+        let lines = Lines { report, starts };
+        let mut is_led = vec![false; self.variables.len()];
+        for (number, variable) in self.variables.iter().enumerate() {
+            let name = named(number, variable);
+            if let Err(error) = document::leads(&self.base, variable) {
+                lines.tell(variable.line, format!("{name}: {error}"));
+                continue;
+            }
+            if let What::Mirror { from, .. } = &variable.what
+                && !self.variables[..number].iter().any(|before| before.is_place_of(from))
+            {
+                lines.tell(
+                    variable.line,
+                    format!("{name}: mirror_of is {from}, but must be a place of a variable before this one"),
+                );
+                continue;
+            }
+            is_led[number] = true;
+        }
+        self.check_values(&lines, &is_led);
+        let is_told = self.check_places(&lines);
+        self.check_names(&lines, figures, &is_told);
+        self.check_others(&lines);
+    }
+
+    /// Tells of variables that change what one before them changes, which would come to nothing. Says of each whether it is one.
+    fn check_places(&self, lines: &Lines<'_, '_>) -> Vec<bool> {
+        let places: Vec<Vec<Vec<Step>>> = self.variables.iter().map(|own| self.written(own)).collect();
+        let clash = |number: usize| {
+            let own = &self.variables[number];
+            (0..number).find_map(|before| {
+                let mut both =
+                    places[number].iter().flat_map(|own| places[before].iter().map(move |other| (own, other)));
+                let is_count = matches!(own.what, What::Count { .. });
+                let found = both.find(|(own, other)| {
+                    // A table that is put where a key has been set takes that with it.
+                    if is_count { own == other } else { other.starts_with(own) }
+                });
+                found.map(|(_, other)| (before, document::written(other)))
+            })
+        };
+        let tell = |number: usize| {
+            let Some((before, place)) = clash(number) else { return false };
+            let (own, other) = (&self.variables[number], &self.variables[before]);
+            lines.tell(
+                own.line,
+                format!(
+                    "{}: it changes {place}, which variable[{}] ({}) in line {} changes too: only one of them may",
+                    named(number, own),
+                    before + 1,
+                    other.name,
+                    other.line
+                ),
+            );
+            true
+        };
+        (0..self.variables.len()).map(tell).collect()
+    }
+
+    /// The places that a variable writes to; none where it leads nowhere.
+    fn written(&self, variable: &Variable) -> Vec<Vec<Step>> {
+        let paths = match &variable.what {
+            What::Number { paths, .. } | What::Choice { paths, .. } => paths.clone(),
+            What::Place { of, .. } | What::Mirror { of, .. } => vec![of.below("x_mm"), of.below("y_mm")],
+            What::Count { list, .. } => return vec![vec![Step::Key(list.clone())]],
+        };
+        all_places(&paths, &self.base).unwrap_or_default()
+    }
+
+    /// Tells of variables whose columns of the table another column's name would hide.
+    fn check_names(&self, lines: &Lines<'_, '_>, figures: &[Wanted], is_told: &[bool]) {
+        let of_figures: Vec<String> = figures
+            .iter()
+            .map(Wanted::column)
+            .flat_map(|name| [format!("{name}_low"), format!("{name}_high"), name])
+            .collect();
+        let columns = design::columns(&self.variables);
+        let mut last = None;
+        for (k, column) in columns.iter().enumerate() {
+            let number = column.variable;
+            // One of a place's columns is enough to be told.
+            if is_told[number] || last == Some(number) {
+                continue;
+            }
+            let own = &self.variables[number];
+            let before = columns[..k].iter().find(|other| other.name == column.name && other.variable != number);
+            let whose = if COLUMNS.contains(&column.name.as_str()) {
+                "the table of designs has in any case".to_owned()
+            } else if of_figures.contains(&column.name) {
+                "is that of a figure".to_owned()
+            } else if let Some(before) = before {
+                let line = self.variables[before.variable].line;
+                format!("is that of variable[{}] in line {line}", before.variable + 1)
+            } else {
+                continue;
+            };
+            last = Some(number);
+            lines.tell(
+                own.line,
+                format!("{}: its column would be {:?}, which {whose}: give it another `name`", named(number, own), column.name),
+            );
+        }
+    }
+
+    /// Tells of `[[uncertain]]` and `[[apart]]` that lead nowhere.
+    fn check_others(&self, lines: &Lines<'_, '_>) {
+        for (number, (own, places)) in self.uncertain.iter().zip(self.uncertain_places()).enumerate() {
+            if places.iter().any(|place| document::number(&self.base, place).is_none()) {
+                let name = format!("uncertain[{}] ({})", number + 1, own.name);
+                lines.tell(own.line, format!("{name}: the scene's file has no number there"));
+            }
+        }
+        let apart = (1..).zip(&self.apart).map(|(number, own)| (format!("apart[{number}]"), own.line, &own.places));
+        let off =
+            (1..).zip(&self.uncertain).map(|(number, own)| (format!("uncertain[{number}]"), own.line, &own.paths));
+        for (name, line, path) in
+            apart.chain(off).flat_map(|(name, line, paths)| paths.iter().map(move |path| (name.clone(), line, path)))
+        {
+            if let Err(error) = path.places(&self.base) {
+                lines.tell(line, format!("{name}: {error}"));
+            }
+        }
+    }
+
+    /// Tells of variables (of those that lead somewhere) none of whose values the scene takes: neither with all else as in the scene's file, nor where
+    /// others change along.
+    fn check_values(&self, lines: &Lines<'_, '_>, is_led: &[bool]) {
+        let samples = || latin_hypercube(self.dimensions.len(), SAMPLES, &mut Random::new(SEED, STREAM));
+        let by_itself: Vec<Option<String>> = (0..self.variables.len())
+            .map(|number| {
+                let is_it = |other: usize| is_led[number] && other == number;
+                let reason = self.refusal(&self.ends(number), &is_it)?;
+                self.refusal(&samples(), &is_it).map(|_| reason)
+            })
+            .collect();
+        let ends = TRIED.map(|part| vec![part; self.dimensions.len()]);
+        for (number, reason) in by_itself.iter().enumerate() {
+            let Some(reason) = reason else { continue };
+            // Those that the scene does not take by themselves may be what is wrong, or only go together.
+            let with_others = |other: usize| other == number || is_led[other] && by_itself[other].is_none();
+            let with_all = |other: usize| is_led[other];
+            let each: [&dyn Fn(usize) -> bool; 2] = [&with_others, &with_all];
+            let is_taken = |changes: &dyn Fn(usize) -> bool| {
+                self.refusal(&ends, changes).is_none() || self.refusal(&samples(), changes).is_none()
+            };
+            if !each.into_iter().any(is_taken) {
+                let own = &self.variables[number];
+                lines.tell(
+                    own.line,
+                    format!("{}: the scene takes none of its values that were tried: {reason}", named(number, own)),
+                );
+            }
+        }
+    }
+
+    /// Points with all combinations of some values of a variable's dimensions.
+    fn ends(&self, number: usize) -> Vec<Vec<f64>> {
+        let own = |dimension: &&Dimension| dimension.variable == number;
+        let count = self.dimensions.iter().filter(own).count();
+        let combination = |tried: usize| {
+            let mut rest = tried;
+            let mut point = vec![0.5; self.dimensions.len()];
+            for (value, _) in point.iter_mut().zip(&self.dimensions).filter(|(_, dimension)| own(dimension)) {
+                *value = TRIED[rest % TRIED.len()];
+                rest /= TRIED.len();
+            }
+            point
+        };
+        (0..TRIED.len().pow(u32::try_from(count).unwrap_or(u32::MAX))).map(combination).collect()
+    }
+
+    /// Why the scene takes none of the designs at some points, with all that does not change as in its file; `None` if it takes one.
+    fn refusal(&self, points: &[Vec<f64>], changes: &dyn Fn(usize) -> bool) -> Option<String> {
+        let mut first = None;
+        for point in points {
+            let mut design = self.design(point);
+            let kept = design.settings.iter_mut().enumerate().filter(|(number, _)| !changes(*number));
+            kept.for_each(|(_, setting)| *setting = Setting::Kept);
+            match self.document(&design).and_then(|document| document::scene(&self.source, &document)) {
+                Ok(_) => return None,
+                Err(error) => first = first.or(Some(error.to_string())),
+            }
+        }
+        first
+    }
+}
