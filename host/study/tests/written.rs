@@ -193,7 +193,10 @@ fn where_no_design_keeps_the_limits_the_nearest_is_told() {
     assert!(page.contains("All designs failed. The first: no such thing.") && !page.contains("No design keeps"));
     let failed = Written { table: strictly, finals: written.finals };
     let text = failed.text(&strict, place);
-    assert!(text.contains("\nAll designs failed. The first: no such thing") && !text.contains("No design keeps"), "{text}");
+    assert!(
+        text.contains("\nAll designs failed. The first: no such thing") && !text.contains("No design keeps"),
+        "{text}"
+    );
     let study = study();
     assert!(table(&study).nearest().is_none());
 }

@@ -142,7 +142,11 @@ impl Space {
             last = Some(number);
             lines.tell(
                 own.line,
-                format!("{}: its column would be {:?}, which {whose}: give it another `name`", named(number, own), column.name),
+                format!(
+                    "{}: its column would be {:?}, which {whose}: give it another `name`",
+                    named(number, own),
+                    column.name
+                ),
             );
         }
     }

@@ -138,8 +138,7 @@ pub(super) fn put(document: &mut DocumentMut, place: &[Step], value: &Value) {
 
 /// Gives a table other keys and values. It stays where it is, with its heading and its comments.
 fn fill(own: &mut dyn TableLike, new: &InlineTable) {
-    let gone: Vec<String> =
-        own.iter().map(|(key, _)| key.to_owned()).filter(|key| !new.contains_key(key)).collect();
+    let gone: Vec<String> = own.iter().map(|(key, _)| key.to_owned()).filter(|key| !new.contains_key(key)).collect();
     for key in gone {
         own.remove(&key);
     }

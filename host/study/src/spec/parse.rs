@@ -125,7 +125,9 @@ fn one_of(section: &Section<'_, '_>, at: &str, given: [(&str, bool); 3]) {
     let there: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
     let text = match there.is_empty() {
         true => format!("{}: one of {a}, {b} and {c} is needed", section.path()),
-        false => format!("{}: {} are given, but only one of {a}, {b} and {c} may be", section.path(), there.join(" and ")),
+        false => {
+            format!("{}: {} are given, but only one of {a}, {b} and {c} may be", section.path(), there.join(" and "))
+        }
     };
     section.report().add(&section.place(at), text);
 }
