@@ -186,7 +186,7 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
                 let _ = letters.try_send(Letter::Ping);
             }
             // By its own clock: a page that only answers pings is heard just after one, and at the third from there a little is left.
-            () = tokio::time::sleep_until((heard + app.limits.silence).into()) => {
+            () = tokio::time::sleep_until(heard + app.limits.silence) => {
                 tracing::info!("a page that has fallen silent is let go");
                 break;
             }
