@@ -119,9 +119,9 @@ def misfit(scene, panel, fields, asked):
 
 
 def spoil(panel, scene):
-    """Another panel: what is off is off the other way, or elsewhere."""
+    """Another panel: springs half as stiff, what else is off the other way, places elsewhere."""
     for kind, factors in panel.get("springs", {}).items():
-        panel["springs"][kind] = [2 - factor for factor in factors]
+        panel["springs"][kind] = [factor / 2 for factor in factors]
     for field in ("youngs_modulus", "thickness"):
         if field in panel:
             panel[field] = 2 - panel[field]

@@ -379,15 +379,13 @@ fn off_springs(scene: &mut Scene, mut factor: impl FnMut() -> f64) -> SpringFact
 
 /// Every place off by so many metres along x and y; on a bar along x alone.
 fn off_places(scene: &mut Scene, mut by_m: impl FnMut() -> f64) -> OffPlaces {
+    let meant = scene.clone();
     let (length_m, width_m, is_bar) =
         (scene.surface.length_m, scene.surface.width_m, scene.surface.kind == SurfaceKind::Bar);
     let mut off = |x_m: &mut f64, y_m: &mut f64| {
-        *x_m = placed(*x_m + by_m(), length_m);
-        // A number for y on a bar as well: which panels are looked at does not depend on it.
-        let y_by_m = by_m();
-        if !is_bar {
-            *y_m = placed(*y_m + y_by_m, width_m);
-        }
+        let at_m = (placed(*x_m + by_m(), length_m), placed(*y_m + by_m(), width_m));
+        // A number for y is drawn on a bar as well: which panels are looked at does not depend on it.
+        (*x_m, *y_m) = if is_bar { (at_m.0, *y_m) } else { beside_cutouts(&meant, (*x_m, *y_m), at_m) };
         [*x_m * 1e3, *y_m * 1e3]
     };
     OffPlaces {
@@ -395,6 +393,21 @@ fn off_places(scene: &mut Scene, mut by_m: impl FnMut() -> f64) -> OffPlaces {
         masses: scene.masses.iter_mut().map(|own| off(&mut own.x_m, &mut own.y_m)).collect(),
         actuators: scene.actuators.iter_mut().map(|own| off(&mut own.x_m, &mut own.y_m)).collect(),
     }
+}
+
+/// A place on the surface: what would be in a cut-out is on the nearest border that has surface beside it, or where it was meant.
+fn beside_cutouts(scene: &Scene, meant_m: (f64, f64), at_m: (f64, f64)) -> (f64, f64) {
+    if scene.cutout_at(at_m.0, at_m.1).is_none() {
+        return at_m;
+    }
+    let borders = scene.cutouts.iter().flat_map(|cutout| {
+        let along_x = [cutout.x_m, cutout.x_m + cutout.length_m].map(|x_m| (x_m, at_m.1));
+        let along_y = [cutout.y_m, cutout.y_m + cutout.width_m].map(|y_m| (at_m.0, y_m));
+        along_x.into_iter().chain(along_y)
+    });
+    let distance = |(x_m, y_m): &(f64, f64)| (x_m - at_m.0).hypot(y_m - at_m.1);
+    let there = borders.filter(|(x_m, y_m)| scene.place(*x_m, *y_m).is_ok());
+    there.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(meant_m)
 }
 
 /// A coordinate on a side of some length.

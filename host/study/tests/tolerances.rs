@@ -195,3 +195,19 @@ fn what_the_scene_has_none_of_is_not_told() {
         assert!((0.0..=137.0).contains(x_mm) && (y_mm - 20.5).abs() < 1e-9, "{x_mm}, {y_mm} mm");
     }
 }
+
+/// Nothing is put into a hole, where it would move nothing: an actuator beside a cut-out is on its border instead, and drives the plate as before.
+#[test]
+fn what_would_be_in_a_cutout_is_on_its_border() {
+    let hole = "\n[[cutout]]\nx_mm = 75.3\ny_mm = 80\nlength_mm = 40\nwidth_mm = 50\n";
+    let at_m = (0.15, 0.15);
+    let (scene, plan) = planned(Scene::parse("hole", &format!("{EXAMPLE_PLATE}{hole}")).unwrap(), at_m);
+    let off = spread(&scene, &[], &plan, Tolerances { places_mm: 5.0, ..NOTHING }).unwrap();
+    for range in [&off.range, alone(&off, What::Places)] {
+        for panel in [&range.weakest, &range.strongest] {
+            let [x_mm, y_mm] = panel.places_mm.as_ref().unwrap().actuators[0];
+            assert_eq!(scene.cutout_at(x_mm / 1e3, y_mm / 1e3), None, "{x_mm}, {y_mm} mm");
+        }
+        assert!(range.least_db > -3.0, "{range:?}");
+    }
+}
