@@ -204,7 +204,7 @@ impl Access {
                 Some(authority) == host && scheme.is_none_or(|Scheme(own)| scheme_of.eq_ignore_ascii_case(own))
             };
             if !origin.split_once("://").is_some_and(is_own) {
-                self.strangers.tell(origin);
+                self.strangers.tell(origin, &Access::origin(origin));
                 return Err(foreign(&format!("pages of {origin}")));
             }
             return Ok(None);

@@ -4,7 +4,6 @@
 //! beforehand, as every one with JSON, would have to be let through that question to be refused behind it, and any page in the
 //! world could tell which machines have a daemon.
 
-use super::access::Access;
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
 
@@ -24,17 +23,17 @@ impl Strangers {
         known.len() < TOLD && origin.len() <= LONGEST && known.insert(origin.to_owned())
     }
 
-    /// Tells of a page that was refused.
-    pub fn tell(&self, origin: &str) {
+    /// Tells of a page that was refused; `allowed` is its origin as `--allow-origin` takes it, or what that wants.
+    pub fn tell(&self, origin: &str, allowed: &Result<String, String>) {
         if self.is_new(origin) {
-            tracing::warn!(origin, "a page of another origin was refused; {}", advice(origin));
+            tracing::warn!(origin, "a page of another origin was refused; {}", advice(origin, allowed));
         }
     }
 }
 
 /// What lets its page in.
-fn advice(origin: &str) -> String {
-    match Access::origin(origin) {
+fn advice(origin: &str, allowed: &Result<String, String>) -> String {
+    match allowed {
         Ok(origin) => format!("--allow-origin {origin} lets it in"),
         // What browsers say of pages from a disk, and of frames that are shut off.
         Err(_) if origin == "null" => {
@@ -53,11 +52,13 @@ mod tests {
     /// What is advised is taken.
     #[test]
     fn only_origins_that_the_option_takes_are_advised() {
-        assert_eq!(advice("http://kiosk:8000"), "--allow-origin http://kiosk:8000 lets it in");
+        let taken = Ok("http://kiosk:8000".to_owned());
+        assert_eq!(advice("http://kiosk:8000", &taken), "--allow-origin http://kiosk:8000 lets it in");
         for cannot in ["null", "", "HTTP://KIOSK", "http://kiosk/page"] {
-            assert!(!advice(cannot).contains("--allow-origin"), "{}", advice(cannot));
+            let said = advice(cannot, &Err("must be an origin".into()));
+            assert!(!said.contains("--allow-origin"), "{said}");
+            assert_eq!(said.contains("http.server"), cannot == "null", "{said}");
         }
-        assert!(advice("null").contains("http.server"));
     }
 
     #[test]

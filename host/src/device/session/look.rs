@@ -1,6 +1,7 @@
 //! Who the device is and how it is: its hello, its state, its clock, its signs of life.
 
 use super::Snapshot;
+use super::part::Part;
 use super::policy::Fit;
 use super::worker::{QUICK_SAMPLES, Worker, unexpected};
 use crate::device::client::{Client, LinkError};
@@ -16,17 +17,6 @@ const TRANSITION: Duration = Duration::from_millis(20);
 const CLOCK: Duration = Duration::from_secs(1);
 /// ... and 50 ms for the first few ([`QUICK_SAMPLES`]).
 const QUICK_CLOCK: Duration = Duration::from_millis(50);
-
-/// A part of a look at the device: one request each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
-    Status,
-    Telemetry,
-    /// Not of devices of version 1.
-    Details,
-    /// Not of devices of version 1 or 2.
-    Credit,
-}
 
 impl Worker {
     pub(super) fn greet(&mut self) -> Result<(), LinkError> {

@@ -1,6 +1,6 @@
 //! The session's thread.
 
-use super::look::Part;
+use super::part::Part;
 use super::policy::{Needs, Policy};
 use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
 use crate::device::client::{Attention, Client, LinkError, LinkStatistics, name};
