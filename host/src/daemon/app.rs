@@ -358,8 +358,10 @@ impl App {
             sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
         }
         let breaks = since.breaks.or_else(|| Some(self.breaks()));
+        // Until it goes to the board: what that takes to answer is no wait.
+        let delayed = turn.delayed();
         let Begun { device, until, begun } = self.begun(&turn, since, &plan, &prepared).await?;
-        let device = device.delayed(turn.delayed());
+        let device = device.delayed(delayed);
         drop(turn);
         let active = self.shown(id, plan, touches, device.effect().cloned(), Thinned::by_credit(thin));
         let is_shown = self.activate(&active, until, since.stops).inspect_err(|_| {
