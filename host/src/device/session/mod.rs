@@ -6,7 +6,6 @@
 
 mod guard;
 mod look;
-mod part;
 mod play;
 pub mod policy;
 mod worker;
