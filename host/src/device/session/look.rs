@@ -1,10 +1,13 @@
 //! Who the device is and how it is: its hello, its state, its clock, its signs of life.
 
+use super::Snapshot;
+use super::part::Part;
 use super::policy::Fit;
 use super::worker::{QUICK_SAMPLES, Worker, unexpected};
 use crate::device::client::{Client, LinkError};
 use crate::device::identity::Identity;
-use era_shared::protocol::{CURRENT_VERSION, CreditReply, Details, Fault, MIN_VERSION, Reply, Request};
+use crate::device::round_trips::RoundTrips;
+use era_shared::protocol::{CURRENT_VERSION, CreditReply, Details, Fault, MIN_VERSION, Reply, Request, TelemetryReply};
 use era_shared::safety::State;
 use std::time::{Duration, Instant};
 
@@ -92,6 +95,15 @@ impl Worker {
         Ok(())
     }
 
+    fn telemetry(&mut self) -> Result<TelemetryReply, LinkError> {
+        let Reply::Telemetry(telemetry) = self.ask(&Request::Telemetry)? else { return Err(unexpected("telemetry")) };
+        Ok(telemetry)
+    }
+
+    fn details_if_told(&mut self) -> Result<Option<Details>, LinkError> {
+        if self.is_modern() { self.details().map(Some) } else { Ok(None) }
+    }
+
     pub(super) fn details(&mut self) -> Result<Details, LinkError> {
         let Reply::Details(details) = self.ask(&Request::Details)? else { return Err(unexpected("details")) };
         Ok(details)
@@ -102,7 +114,66 @@ impl Worker {
         Ok(credit)
     }
 
+    /// All parts of a look, at once. One that is under way is begun anew: what it has seen may have changed.
     pub(super) fn look(&mut self) -> Result<(), LinkError> {
+        self.look_next = Some(Part::Status);
+        while self.look_next.is_some() {
+            self.look_on()?;
+        }
+        Ok(())
+    }
+
+    /// The next part of a look, one request, so that a drive that comes meanwhile waits for one answer and not for four. What is seen is
+    /// published part by part: a drive in between is never hidden by a state of before.
+    pub(super) fn look_on(&mut self) -> Result<(), LinkError> {
+        self.look_next = match self.look_next.take().unwrap_or(Part::Status) {
+            Part::Status => {
+                if self.look_at_status()? {
+                    return self.greet();
+                }
+                Some(Part::Telemetry)
+            }
+            Part::Telemetry => {
+                let seen = self.telemetry()?;
+                self.keep(|snapshot| snapshot.telemetry = Some(seen));
+                self.is_modern().then_some(Part::Details)
+            }
+            Part::Details => {
+                let seen = self.details()?;
+                self.keep(|snapshot| snapshot.details = Some(seen));
+                self.speaks(Request::Credit.since()).then_some(Part::Credit)
+            }
+            Part::Credit => {
+                let seen = self.credit()?;
+                self.keep(|snapshot| snapshot.credit = Some(seen));
+                None
+            }
+        };
+        if self.look_next.is_none() {
+            let (round_trips, link) = (self.round_trips(), self.link());
+            self.publish.send_modify(|snapshot| {
+                (snapshot.connected, snapshot.in_doubt) = (true, false);
+                snapshot.problem = None;
+                (snapshot.round_trips, snapshot.link) = (round_trips, link);
+            });
+        }
+        Ok(())
+    }
+
+    /// What is told at the look's end.
+    fn keep(&self, change: impl FnOnce(&mut Snapshot)) {
+        self.publish.send_if_modified(|snapshot| {
+            change(snapshot);
+            false
+        });
+    }
+
+    fn round_trips(&self) -> RoundTrips {
+        self.client.as_ref().map(Client::round_trips).unwrap_or_default()
+    }
+
+    /// Its state, and what follows from it; whether the device has restarted. Told at once if it is another one, or at the look's end.
+    fn look_at_status(&mut self) -> Result<bool, LinkError> {
         self.last_look = Instant::now();
         self.next_status = self.last_look + self.device.timing().status;
         let Reply::Status(status) = self.ask(&Request::Status)? else { return Err(unexpected("status")) };
@@ -110,20 +181,18 @@ impl Worker {
             // Before anything else is asked; what it comes to is looked at soon.
             self.halt()?;
             self.next_status = Instant::now();
-        }
-        let Reply::Telemetry(telemetry) = self.ask(&Request::Telemetry)? else { return Err(unexpected("telemetry")) };
-        let details = if self.is_modern() { Some(self.details()?) } else { None };
-        if !self.is_live_unasked(status.state) && matches!(status.state, State::Arming | State::Discharging) {
+        } else if matches!(status.state, State::Arming | State::Discharging) {
             // It is about to change.
             self.next_status = Instant::now() + self.device.timing().status.min(TRANSITION);
         }
-        let credit = if self.speaks(Request::Credit.since()) { Some(self.credit()?) } else { None };
+        // That it is safe says that its rails have been measured down: told with what was measured, and not beside what was before.
+        let is_down = status.state == State::Safe && self.publish.borrow().state() != Some(State::Safe);
+        let measured = if is_down { Some((self.telemetry()?, self.details_if_told()?)) } else { None };
         let restarted = self.boot_id.is_some_and(|known| known != status.boot_id);
         let known = self.publish.borrow().status.as_ref().and_then(|status| status.fault);
         let is_new = |fault: &Fault| known.is_none_or(|k| (k.code, k.count) != (fault.code, fault.count));
         let faulted = status.fault.filter(is_new);
-        let (round_trips, link) = (self.client.as_ref().map(Client::round_trips).unwrap_or_default(), self.link());
-        let at_fault = faulted.map(|fault| self.report(&fault, round_trips, link));
+        let at_fault = faulted.map(|fault| self.report(&fault, self.round_trips(), self.link()));
         self.silence = Duration::ZERO;
         let has_fault = status.fault.is_some();
         let has_broken = faulted.is_some() || restarted || (self.armed && !status.state.is_live());
@@ -131,24 +200,22 @@ impl Worker {
             self.armed = false;
             self.drive_until = None;
         }
-        self.publish.send_modify(|snapshot| {
-            (snapshot.connected, snapshot.in_doubt) = (true, false);
-            snapshot.problem = None;
+        self.publish.send_if_modified(|snapshot| {
+            let is_other = snapshot.state() != Some(status.state) || known != status.fault || has_broken;
             snapshot.status = Some(status);
-            snapshot.telemetry = Some(telemetry);
-            snapshot.details = details;
-            snapshot.credit = credit;
-            (snapshot.round_trips, snapshot.link) = (round_trips, link);
+            if let Some((telemetry, details)) = measured {
+                (snapshot.telemetry, snapshot.details) = (Some(telemetry), details);
+            }
             snapshot.link_at_fault = at_fault.or(snapshot.link_at_fault).filter(|_| has_fault);
             snapshot.restarts += u32::from(restarted);
             snapshot.faults += u32::from(faulted.is_some());
             snapshot.breaks += u64::from(has_broken);
+            is_other
         });
         if restarted {
             tracing::warn!("the device has restarted");
             self.was_away("it had restarted");
-            return self.greet();
         }
-        Ok(())
+        Ok(restarted)
     }
 }

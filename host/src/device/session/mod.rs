@@ -6,6 +6,7 @@
 
 mod guard;
 mod look;
+mod part;
 mod play;
 pub mod policy;
 mod worker;

@@ -1,5 +1,6 @@
 //! The session's thread.
 
+use super::part::Part;
 use super::policy::{Needs, Policy};
 use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
 use crate::device::client::{Attention, Client, LinkError, LinkStatistics, name};
@@ -23,8 +24,8 @@ const REOPEN: Duration = Duration::from_millis(100);
 const REOPEN_MOST: Duration = Duration::from_secs(2);
 /// Between two questions whether the self-test has ended.
 const ARMING_POLL: Duration = Duration::from_millis(2);
-/// From a look at the state until another one because of a drive. A look is four requests, which a drive that comes meanwhile has to wait
-/// for: after each of a thousand drives a second they would take four fifths of the link.
+/// From a look at the state until another one because of a drive. A look is four requests: after each of a thousand drives a second they
+/// would take four fifths of the link.
 const LOOK_FOR_DRIVE: Duration = Duration::from_millis(20);
 /// Longest burst that is asked for in ms: the longest touch that the daemon takes.
 const BURST_MS: u16 = BURST_MAX_MS;
@@ -66,6 +67,8 @@ pub(super) struct Worker {
     pub(super) next_status: Instant,
     /// When the state was last looked at.
     pub(super) last_look: Instant,
+    /// What is asked for next in a look that is under way.
+    pub(super) look_next: Option<Part>,
     next_open: Instant,
 }
 
@@ -107,6 +110,7 @@ impl Worker {
             quick_samples: QUICK_SAMPLES,
             next_status: now,
             last_look: now,
+            look_next: None,
             next_open: now,
         }
     }
@@ -163,6 +167,9 @@ impl Worker {
     }
 
     fn until_next_duty(&self) -> Duration {
+        if self.look_next.is_some() {
+            return Duration::ZERO;
+        }
         let mut next = self.next_open;
         if self.client.is_some() {
             next = self.next_status.min(self.next_clock).min(self.last_heard + self.device.timing().keep_alive);
@@ -190,8 +197,8 @@ impl Worker {
         } else if now >= self.last_heard + self.device.timing().keep_alive {
             // Armed or not: so a board that is gone is seen to be.
             self.keep_alive()
-        } else if now >= self.next_status {
-            self.look()
+        } else if self.look_next.is_some() || now >= self.next_status {
+            self.look_on()
         } else if now >= self.next_clock {
             self.sample_clock()
         } else {
@@ -327,7 +334,9 @@ impl Worker {
         self.drive_until = None;
         self.idle_since = Instant::now();
         self.ask(&Request::SetDrives { drives: heapless::Vec::new() })?;
-        self.look()
+        // Soon, as the state has changed; a drive that comes now goes first.
+        self.look_next = Some(Part::Status);
+        Ok(())
     }
 
     fn clear(&mut self) -> Result<(), SessionError> {
@@ -452,6 +461,7 @@ impl Worker {
     /// Gives the link up; what it did is counted on.
     fn hang_up(&mut self) -> Option<Client> {
         let client = self.client.take();
+        self.look_next = None;
         self.past += client.as_ref().map(Client::statistics).unwrap_or_default();
         client
     }
