@@ -36,6 +36,31 @@ fn a_touch_drives_both_eras_and_ends_by_itself() {
     daemon.wait_for(|state| state["device"]["state"] == "armed");
 }
 
+/// What the daemon tells of a plan and a field has the same keys in the command line's JSON, but for what only a daemon knows.
+#[test]
+fn the_command_line_has_the_daemons_keys() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    let era = |arguments: &[&str]| -> Value {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_era"));
+        command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).args(arguments);
+        let output = command.args(["--at", "150,100", "--accuracy", "fast", "--json"]).output().unwrap();
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {output:?}"))
+    };
+    let (status, _, told) = daemon.post("/v1/touch", r#"{"x_px": 960, "y_px": 640, "duration_ms": 2000}"#);
+    assert_eq!(status, 200, "{told}");
+    let (_, field) = daemon.get("/v1/field");
+    let (plan, map) = (era(&["plan"]), era(&["field"]));
+    let missing =
+        |of: &Value, own: &Value| keys(of).into_iter().filter(|key| own.get(key).is_none()).collect::<Vec<_>>();
+    assert_eq!(missing(&told, &plan), ["device", "plan_id"]);
+    assert_eq!(missing(&told["times"], &plan["times"]), [""; 0]);
+    assert_eq!(missing(&field, &map["field"]), ["plan_id"]);
+    for (count, axis) in [("nx", "x_mm"), ("ny", "y_mm")] {
+        assert_eq!(map["field"][count].as_u64(), map["field"][axis].as_array().map(|list| list.len() as u64));
+    }
+}
+
 #[test]
 fn stop_stops_whatever_runs() {
     let daemon = Daemon::start(EXAMPLE_PLATE);

@@ -62,13 +62,20 @@ pub fn name(headers: &HeaderMap) -> Result<Option<String>, Problem> {
 /// [`Problem`] with the field, `also[0].x_px` say, where one of them is wrong, not known or missing.
 pub fn from_json<T: DeserializeOwned>(text: &[u8], wanted: &str) -> Result<T, Problem> {
     // First: what is no JSON is told so, and not of which type of this program a part of it is not.
-    let whole: Value = serde_json::from_slice(text)
-        .map_err(|error| Problem::body(format!("the body is no JSON: {error}; expected {wanted}")))?;
+    let whole: Value = serde_json::from_slice(text).map_err(|error| {
+        // A number that is too large may be known as such here or only where it is wanted, by how the library was built.
+        let read = || serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_slice(text)).err();
+        let problem = is_too_large(&error).then(read).flatten();
+        problem
+            .and_then(|error| too_large(text, error.path(), error.inner(), wanted))
+            .unwrap_or_else(|| Problem::body(format!("the body is no JSON: {error}; expected {wanted}")))
+    })?;
     objects(&whole, wanted)?;
     let mut deserializer = serde_json::Deserializer::from_slice(text);
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let (path, what) = (error.path(), error.inner().to_string());
-        if let Some(problem) = field_of(&what, path, wanted) {
+        let known = field_of(&what, path, wanted).or_else(|| too_large(text, path, error.inner(), wanted));
+        if let Some(problem) = known {
             return problem;
         }
         match expected(&what).zip(found(&whole, path)) {
@@ -80,6 +87,27 @@ pub fn from_json<T: DeserializeOwned>(text: &[u8], wanted: &str) -> Result<T, Pr
         }
     })?;
     Ok(value)
+}
+
+/// Whether this is about a number that is beyond all that a 64-bit float holds: JSON, but without a value.
+fn is_too_large(error: &serde_json::Error) -> bool {
+    error.to_string().starts_with("number out of range")
+}
+
+/// The problem of such a number, which is at this path.
+fn too_large(text: &[u8], path: &Path, error: &serde_json::Error, wanted: &str) -> Option<Problem> {
+    if !is_too_large(error) {
+        return None;
+    }
+    path.iter().next()?;
+    // The column, from 1, is that of the number's last character.
+    let line = text.split(|byte| *byte == b'\n').nth(error.line().checked_sub(1)?)?;
+    let before = line.get(..error.column())?;
+    let digits = before.iter().rev().take_while(|byte| byte.is_ascii_digit() || b"+-.eE".contains(byte)).count();
+    let number = std::str::from_utf8(before.get(before.len() - digits..)?).ok()?;
+    let allowed = format!("a number between {:e} and {:e}", f64::MIN, f64::MAX);
+    let detail = format!("{path} is {number}, but must be {allowed}; expected {wanted}");
+    Some(Problem::body(detail).at(&path.to_string(), number.into(), allowed, None))
 }
 
 /// The problem that a message of serde's ("missing field `y_px` at line 1 column 9") is about a field that is not there, or that should

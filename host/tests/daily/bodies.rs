@@ -20,6 +20,12 @@ fn only_json_objects_in_their_ranges_are_taken() {
         (r#"{"x_px": 1, "y_px": 1, "also": [[300, 900]]}"#, Some("also[0]"), "an object"),
         (r#"{"x_px": 1, "y_px": 1, "count": 1.5, "effect": "buzz"}"#, Some("count"), "a whole number"),
         ("7", None, "a number"),
+        (r#"{"x_px": 1e999, "y_px": 1}"#, Some("x_px"), "x_px is 1e999"),
+        (
+            "{\"x_px\": 1,\n \"y_px\": 1, \"also\": [{\"x_px\": -2.5E+400, \"y_px\": 1}]}",
+            Some("also[0].x_px"),
+            "is -2.5E+400",
+        ),
     ];
     for (body, field, wanted) in refused {
         let (status, _, problem) = daemon.post("/v1/touch", body);

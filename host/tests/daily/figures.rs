@@ -1,9 +1,11 @@
 //! Figures of the link: what is done to it shows in them, and each fault tells what they were.
 
+use crate::line::{CALM, Ear};
 use crate::serving::Serving;
 use crate::support::{Daemon, panel_of, table};
 use era::device::sim::{Knobs, SimDevice};
 use era::scene::EXAMPLE_PLATE;
+use era_shared::protocol::Request;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
@@ -135,4 +137,28 @@ fn a_fault_is_logged_with_what_was_known_of_the_link() {
         assert!(number(line, &format!("/{key}")) > 0.0, "{key} in {line}");
     }
     assert_eq!((&line["outages"], &line["bad_frames"], &line["code"]), (&json!(0), &json!(0), &json!(0)), "{line}");
+}
+
+/// While the board is on, what a touch needs is kept at hand: nothing of that is driven, and it counts as no touch, no plan and no refusal.
+#[test]
+fn what_keeps_touches_quick_drives_nothing_and_is_counted_nowhere() {
+    let (daemon, line) = crate::line::daemon(CALM);
+    let (status, _, state) = daemon.post("/v1/arm", "");
+    assert_eq!(status, 200, "{state}");
+    let counts =
+        || ["era_touches_total", "era_plans_total", "era_requests_refused_total"].map(|name| metric(&daemon, name));
+    let before = counts();
+    let since = line.mark(|_| {});
+    // Looks are 100 ms apart.
+    let looks = |ear: &Ear| ear.asked[since..].iter().filter(|request| **request == Request::Status).count();
+    let ear = line.wait_for(|ear| looks(ear) >= 8);
+    let is_order = |request: &&Request| {
+        use Request::{Clock, Credit, Details, KeepAlive, Status, Telemetry};
+        !matches!(request, Clock | Credit | Details | KeepAlive | Status | Telemetry)
+    };
+    assert_eq!(ear.asked[since..].iter().find(is_order), None);
+    drop(ear);
+    assert_eq!(counts(), before);
+    let state = daemon.state();
+    assert_eq!((&state["device"]["state"], &state["plan"]), (&json!("armed"), &Value::Null), "{state}");
 }
