@@ -165,32 +165,46 @@ fn previews_at_once_are_answered_or_superseded() {
     assert_eq!(daemon.state()["device"]["state"], "safe");
 }
 
-/// A study of the thickness, with a limit and a method.
-fn study(limit: &str, method: &str) -> String {
+/// A study of the thickness, with further sections and a method.
+fn study(sections: &str, method: &str) -> String {
     let text = format!(
         "version = 1\nname = \"thickness\"\nscene = \"plate.toml\"\n\
          [[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 2.0\nto = 4.0\n\
-         [[wish]]\nfigure = \"sag_um\"\nforce_n = 10\n{limit}[method]\n{method}\n"
+         [[wish]]\nfigure = \"sag_um\"\nforce_n = 10\n{sections}[method]\n{method}\n"
     );
     json!({ "study": text }).to_string()
+}
+
+/// What a study of a grid comes to.
+fn studied(daemon: &Daemon, sections: &str) -> Value {
+    let (status, _, begun) = daemon.post("/v1/study", &study(sections, "way = \"grid\""));
+    assert_eq!(status, 200, "{begun}");
+    loop {
+        let (_, told) = daemon.get("/v1/study");
+        match told["stage"].as_str() {
+            Some("running" | "finishing") => std::thread::sleep(std::time::Duration::from_millis(50)),
+            _ => return told,
+        }
+    }
+}
+
+/// No two ERAs are 5 m apart on a plate of 300 mm: nothing is said of limits, which nobody has set.
+#[test]
+fn a_study_in_which_all_designs_fail_tells_why() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let done = studied(&daemon, "[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 5000\n");
+    assert_eq!((&done["stage"], &done["best"], &done["nearest"]), (&json!("done"), &json!([]), &Value::Null), "{done}");
+    let reason = done["all_failed"].as_str().unwrap();
+    assert!(reason.contains("5000"), "{reason}");
 }
 
 /// The lightest of the plates, the one of 2 mm, weighs 324 g and 20 g of ERAs more; none is within 100 g, and it comes nearest.
 #[test]
 fn a_study_in_which_no_design_keeps_the_limits_tells_the_nearest() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
-    let limit = "[[limit]]\nfigure = \"mass_g\"\nmost = 100\n";
-    let (status, _, begun) = daemon.post("/v1/study", &study(limit, "way = \"grid\""));
-    assert_eq!(status, 200, "{begun}");
-    let done = loop {
-        let (_, told) = daemon.get("/v1/study");
-        match told["stage"].as_str() {
-            Some("running" | "finishing") => std::thread::sleep(std::time::Duration::from_millis(50)),
-            _ => break told,
-        }
-    };
+    let done = studied(&daemon, "[[limit]]\nfigure = \"mass_g\"\nmost = 100\n");
     assert_eq!((&done["stage"], &done["best"]), (&json!("done"), &json!([])), "{done}");
-    assert_eq!(done["nearest"]["design"], 1, "{done}");
+    assert_eq!((&done["nearest"]["design"], &done["all_failed"]), (&json!(1), &Value::Null), "{done}");
     let reason = done["nearest"]["reason"].as_str().unwrap();
     assert!(reason.contains("mass_g is 344.0") && reason.contains("at most 100"), "{reason}");
 }

@@ -100,8 +100,9 @@ export class Studies {
     this.list(all.map(([name, own]) => [`${name}: ${this.figures(own)}`, own.scene_toml]));
   }
 
-  outcome({ best, nearest }) {
+  outcome({ best, nearest, all_failed: reason }) {
     if (best.length) return "the best are below";
+    if (reason) return `all of which failed; the first: ${reason}`;
     const near = nearest ? `; design ${nearest.design} comes nearest: ${nearest.reason}` : "";
     return `none of which keeps all limits${near}`;
   }

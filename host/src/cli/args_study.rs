@@ -15,7 +15,7 @@ pub struct Study {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Designs at a time; as many as there are processors if not given
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub workers: Option<u16>,
     /// Compute the I-th of N shares only, into the folder that all share: for job arrays, with --gather afterwards
     #[arg(long, value_name = "I/N", conflicts_with = "gather")]

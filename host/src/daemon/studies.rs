@@ -51,6 +51,8 @@ pub struct StudyView {
     best: Vec<DesignView>,
     /// Where no design keeps all limits, the one that is least beyond them; null elsewhere, until the study is done, and if all have failed.
     nearest: Option<NearestView>,
+    /// Where all designs have failed, why the first one has; null elsewhere, and until the study is done.
+    all_failed: Option<String>,
     /// Why it could not go on.
     problem: Option<String>,
 }
@@ -101,13 +103,14 @@ struct Found {
     as_it_is: Option<DesignView>,
     best: Vec<DesignView>,
     nearest: Option<NearestView>,
+    all_failed: Option<String>,
 }
 
 impl From<Told<Found>> for StudyView {
     fn from(told: Told<Found>) -> Self {
         let Told { stage, there, all, found, problem } = told;
-        let Found { name, as_it_is, best, nearest } = found;
-        Self { stage, name, there, all, as_it_is, best, nearest, problem }
+        let Found { name, as_it_is, best, nearest, all_failed } = found;
+        Self { stage, name, there, all, as_it_is, best, nearest, all_failed, problem }
     }
 }
 
@@ -181,7 +184,9 @@ fn computed(study: &Study, job: &Job<Found>) -> Result<Option<Found>, String> {
         .nearest()
         .map(|(design, entry)| NearestView { design, reason: entry.reason.clone().unwrap_or_default() });
     let (as_it_is, best) = (Some(view(&written.finals.base)), written.finals.best.iter().map(view).collect());
-    Ok(Some(Found { name: Some(study.spec.name.clone()), as_it_is, best, nearest }))
+    let first = || written.table.entries.iter().find_map(|entry| entry.reason.clone());
+    let all_failed = written.table.has_failed().then(first).flatten();
+    Ok(Some(Found { name: Some(study.spec.name.clone()), as_it_is, best, nearest, all_failed }))
 }
 
 fn view(study: &Study, table: &Table, own: &Finalist) -> DesignView {

@@ -204,6 +204,16 @@ fn a_count_of_what_is_no_list_is_told_what_may_be_meant() {
 }
 
 #[test]
+fn a_count_is_called_by_the_plural_of_its_list() {
+    let mass = "[[mass]]\nx_mm = 30\ny_mm = 40\nmass_g = 5\n";
+    for (list, name) in [("actuator", "number of actuators"), ("mass", "number of masses")] {
+        let study = format!("[[variable]]\ncount = \"{list}\"\nfrom = 1\nto = 1\n");
+        let space = space_of(&study, &format!("{EXAMPLE_PLATE}{mass}")).unwrap();
+        assert_eq!(space.columns()[0].name, name);
+    }
+}
+
+#[test]
 fn values_that_the_scene_takes_in_some_designs_are_no_mistake() {
     let shorter = EXAMPLE_PLATE.replace("300.0", "240.0");
     let longer = "[[variable]]\nkey = [\"surface.length_mm\", \"support[2].x_mm\", \"support[4].x_mm\"]\nfrom = 400\nto = 500\n\

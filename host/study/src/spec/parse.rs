@@ -107,7 +107,7 @@ fn variable(section: Section<'_, '_>, list: Option<&toml_edit::Array>) -> Option
             if from > to {
                 section.wrong("from", from.to_string(), &format!("at most `to`, {to}"));
             }
-            (format!("number of {list}s"), Some(What::Count { list, from, to }))
+            (format!("number of {}", plural(&list)), Some(What::Count { list, from, to }))
         }
         _ => {
             one_of(&section, "name", [("key", kinds[0]), ("place", kinds[1]), ("count", kinds[2])]);
@@ -117,6 +117,14 @@ fn variable(section: Section<'_, '_>, list: Option<&toml_edit::Array>) -> Option
     let name = given.unwrap_or(usual);
     section.close();
     what.map(|what| Variable { name, what, levels, line })
+}
+
+/// Several of what a scene has a list of.
+fn plural(list: &str) -> String {
+    match list {
+        "mass" | "patch" => format!("{list}es"),
+        _ => format!("{}s", list.trim_end_matches('s')),
+    }
 }
 
 /// Tells that not one of three keys is given, but none or several; `at` is the key whose line is told.
