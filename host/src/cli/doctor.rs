@@ -6,7 +6,7 @@ use super::config::ConfigFile;
 use super::values::parse_url;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::daemon::DEFAULT_LISTEN;
-use crate::device::Target;
+use crate::device::{Target, priority};
 use crate::doctor::facts::{Answer, Chosen, Daemon, File, Wanted};
 use crate::doctor::{Facts, Finding, Verdict, board, daemon, judge, machine};
 use clap::Args;
@@ -122,7 +122,7 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
         bootloader: machine::bootloader(),
         rules: machine::rules(root),
         modem_manager: machine::modem_manager(root),
-        realtime: machine::realtime(root),
+        realtime: machine::realtime(root).map(|limit| if priority::can_be_raised() { limit.max(1) } else { 0 }),
         chosen,
         address: url.split_once("://").map_or(url.as_str(), |(_, place)| place).to_owned(),
         is_address_named: options.url.is_some(),

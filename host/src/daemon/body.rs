@@ -183,6 +183,7 @@ fn expected(message: &str) -> Option<String> {
     Some(match what {
         "f64" | "f32" => "a number".into(),
         "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more".into(),
+        "unit" => "a text by itself, without a value".into(),
         "i8" | "i16" | "i32" | "i64" => "a whole number".into(),
         "a boolean" => "true or false".into(),
         "a string" => "a text".into(),

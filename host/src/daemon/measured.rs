@@ -3,6 +3,7 @@
 use super::answers::state::MeasuredView;
 use super::app::{App, closed};
 use crate::device::Snapshot;
+use era_shared::limits::DISCHARGED_MILLIVOLTS;
 use era_shared::protocol::FaultCode;
 use era_shared::safety::State;
 use serde_json::json;
@@ -40,6 +41,12 @@ impl Condition {
     }
 }
 
+/// Whether its rails were above what is safe to touch when they were last measured, as they are after a fault, too.
+fn is_charged(device: &Snapshot) -> bool {
+    let rails = device.telemetry.iter().flat_map(|telemetry| telemetry.rail_millivolts.iter());
+    device.connected && rails.copied().any(|volts| volts >= DISCHARGED_MILLIVOLTS)
+}
+
 /// Notes what the device measures until the daemon ends.
 pub async fn note(app: Arc<App>) {
     let (mut snapshots, mut closing) = (app.device(), app.closing());
@@ -49,7 +56,8 @@ pub async fn note(app: Arc<App>) {
             let device = snapshots.borrow_and_update().clone();
             let (condition, now) = (Condition::of(&device), Instant::now());
             let is_due = last.as_ref().is_none_or(|(before, noted)| {
-                *before != condition || (condition.is_on() && now.duration_since(*noted) >= BETWEEN)
+                *before != condition
+                    || ((condition.is_on() || is_charged(&device)) && now.duration_since(*noted) >= BETWEEN)
             });
             if is_due {
                 app.note("measured", || json!(MeasuredView::new(&app, &device)));

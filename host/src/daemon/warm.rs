@@ -9,10 +9,12 @@ use super::access::Owner;
 use super::app::{App, closed};
 use super::client::Peer;
 use super::routes;
+use crate::device::Snapshot;
 use crate::planner::Target;
 use axum::Router;
 use axum::body::Body;
 use axum::http::{Request, header};
+use era_shared::safety::State;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
@@ -32,11 +34,16 @@ pub async fn keep(app: Arc<App>) {
             _ = ticks.tick() => {}
         }
         // Touches that are under way keep it at hand themselves.
-        if !app.is_off() && app.admission.is_idle() {
+        if is_on(&app.device().borrow()) && app.admission.is_idle() {
             tokio::task::block_in_place(|| app.plan_for_nobody());
             ask(router.clone()).await;
         }
     }
+}
+
+/// Whether somebody may touch next: the board is there, and armed.
+fn is_on(device: &Snapshot) -> bool {
+    device.connected && device.state().is_some_and(State::is_live)
 }
 
 /// A request that changes nothing, by the way that all take.

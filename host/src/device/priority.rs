@@ -6,8 +6,8 @@ use thread_priority::{
 };
 
 /// Has the system prefer this thread: a board that hears nothing for a quarter of a second goes off. Where that is not allowed
-/// it stays as it is.
-pub fn raise() {
+/// it stays as it is; whether it is raised.
+pub fn raise() -> bool {
     // The lowest of the real-time priorities is above everything that is not real-time.
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::RoundRobin);
     let lowest = ThreadPriorityValue::try_from(1_u8).map(ThreadPriority::Crossplatform);
@@ -17,4 +17,11 @@ pub fn raise() {
     if raised.is_err() {
         tracing::debug!("this thread has no raised priority; the limit for it is RLIMIT_RTPRIO");
     }
+    raised.is_ok()
+}
+
+/// Whether a thread of this process can be: tried on one of its own, as limits are not all that decides (root needs none, a container may forbid it).
+#[must_use]
+pub fn can_be_raised() -> bool {
+    std::thread::spawn(raise).join().unwrap_or(false)
 }

@@ -231,11 +231,11 @@ fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> 
 
 fn judge_realtime(limit: u64) -> Finding {
     if limit > 0 {
-        return Finding::ok("realtime", format!("threads may have real-time priority (limit {limit})"));
+        return Finding::ok("realtime", format!("threads may have real-time priority (up to {limit})"));
     }
     Finding::warning(
         "realtime",
-        "threads of this user get no real-time priority (RLIMIT_RTPRIO is 0): on a busy machine commands may be late",
+        "threads of this user get no real-time priority (RLIMIT_RTPRIO): on a busy machine commands may be late",
         "the unit of `era install` sets LimitRTPRIO; for a shell: a line `@GROUP - rtprio 20` in /etc/security/limits.d/era.conf",
     )
 }

@@ -129,7 +129,10 @@ impl Recording {
                     recording.scene = line.scene.ok_or_else(|| missing("scene"))?;
                     continue;
                 }
-                "begin" => return Err(wrong(format!("format {:?} is not 1, which this program reads", line.format))),
+                "begin" => {
+                    let said = line.format.map_or_else(|| "no format".to_owned(), |format| format!("format {format}"));
+                    return Err(wrong(format!("{said}, but must be format 1, which this program reads")));
+                }
                 "touch" => {
                     What::Touch(line.id.ok_or_else(|| missing("id"))?, line.body.ok_or_else(|| missing("body"))?)
                 }
@@ -213,7 +216,7 @@ mod tests {
             (String::new(), 1, "nothing"),
             ("x".into(), 1, "not a line"),
             (r#"{"at_ms": 1, "kind": "stop"}"#.into(), 1, "first line"),
-            (begin.replace("format\": 1", "format\": 2"), 1, "not 1"),
+            (begin.replace("format\": 1", "format\": 2"), 1, "format 2, but must be format 1"),
             (format!("{begin}\n{begin}"), 2, "first line"),
             (format!("{begin}\n{{\"at_ms\": -1, \"kind\": \"stop\"}}"), 2, "0 and above"),
             (format!("{begin}\n{{\"at_ms\": 1, \"kind\": \"touch\", \"id\": 1}}"), 2, "without body"),

@@ -278,6 +278,18 @@ fn a_page_is_told_that_a_plan_is_over() {
     assert_eq!(told(), (false, 0));
 }
 
+/// What is told to be wrong next.
+fn next_error(socket: &mut Socket) -> Value {
+    loop {
+        if let Message::Text(text) = socket.read().unwrap() {
+            let message: Value = serde_json::from_str(&text).unwrap();
+            if message["type"] == "error" {
+                return message;
+            }
+        }
+    }
+}
+
 /// Whatever a page says that cannot be done is answered, and it can go on.
 #[test]
 fn what_a_page_cannot_say_is_answered() {
@@ -292,14 +304,31 @@ fn what_a_page_cannot_say_is_answered() {
     ];
     for (message, wanted) in wrong {
         socket.send(message).unwrap();
-        let told: Value = loop {
-            if let Message::Text(text) = socket.read().unwrap() {
-                break serde_json::from_str(&text).unwrap();
-            }
-        };
-        let detail = told["problem"]["detail"].as_str().unwrap_or_default();
-        assert!(told["type"] == "error" && detail.contains(wanted), "{told}");
+        let told = next_error(&mut socket);
+        assert!(told["problem"]["detail"].as_str().is_some_and(|detail| detail.contains(wanted)), "{told}");
     }
     say(&mut socket, &touch(&json!([{"id": 3, "x_px": 400, "y_px": 500}])));
     next(&mut socket, "plan");
+}
+
+/// What cannot be used but says that it is a stop is one: what else is wrong with it is told besides.
+#[test]
+fn a_stop_that_says_too_much_is_one() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let mut socket = live(&daemon, "?send=plan");
+    let padding = "x".repeat(17_000);
+    for message in [
+        Message::text(r#"{"type": "stop", "reason": "x"}"#),
+        Message::text(r#"{"type": "stop", "touches": [1]}"#),
+        Message::text(r#"{"intensity_g": 1e400, "type": "stop"}"#),
+        Message::text(format!(r#"{{"type": "stop", "padding": "{padding}"}}"#)),
+        Message::binary(r#"{"type": "stop"}"#),
+    ] {
+        let (status, _, plan) = daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#);
+        assert_eq!(status, 200, "{plan}");
+        socket.send(message).unwrap();
+        let told = next_error(&mut socket);
+        assert_eq!(told["problem"]["type"], "urn:era:problem:bad-body", "{told}");
+        daemon.wait_for(|state| state["plan"].is_null() && state["device"]["state"] == "safe");
+    }
 }

@@ -31,12 +31,23 @@ fn an_effect_whose_start_has_passed_is_tried_once_more() {
 
 #[test]
 fn drives_are_taken_back_when_arming_ends_late() {
+    for (path, body) in [
+        ("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#),
+        ("/v1/touch", r#"{"x_px": 300, "y_px": 900, "effect": "buzz"}"#),
+        ("/v1/arm", ""),
+    ] {
+        is_taken_back(path, body);
+    }
+}
+
+/// What is asked for before a self-test that ends too late is neither driven later, nor does it leave the board armed.
+fn is_taken_back(path: &str, body: &str) {
     let board = TimedBoard::new();
     let daemon = daemon_with(&board);
     daemon.wait_for(|state| state["device"]["state"] == "safe");
     // The self-test, some 20 ms of the board's time, then takes longer than the 1.5 s that are waited for.
     board.lock().slower = 1000;
-    let (status, _, problem) = daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 9000}"#);
+    let (status, _, problem) = daemon.post(path, body);
     assert_eq!((status, &problem["type"]), (409, &json!("urn:era:problem:device-refused")), "{problem}");
     assert!(problem["detail"].as_str().unwrap().contains("did not become ready"), "{problem}");
     // Time enough for a self-test to end and for what was held until then to be driven.
@@ -50,7 +61,9 @@ fn drives_are_taken_back_when_arming_ends_late() {
         assert!(Instant::now() < deadline, "the board's time stands still");
         std::thread::sleep(Duration::from_millis(5));
     }
-    assert!(!board.lock().has_run, "it was refused, and driven all the same");
+    assert!(!board.lock().has_run, "{path} {body} was refused, and driven all the same");
+    let state = daemon.state();
+    assert!(["safe", "discharging"].map(Some).contains(&state["device"]["state"].as_str()), "{path} {body}: {state}");
     // The next touch is driven.
     assert_eq!(daemon.post("/v1/touch", r#"{"x_px": 300, "y_px": 900, "duration_ms": 200}"#).0, 200);
     assert!(board.lock().has_run);

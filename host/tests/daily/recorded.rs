@@ -1,6 +1,7 @@
 //! What is recorded is replayed as it was.
 
 use crate::fingers::{live, next, say};
+use crate::line::{CALM, plate};
 use crate::secrets::write_secret;
 use crate::support::Daemon;
 use crate::support::served::Served;
@@ -194,7 +195,8 @@ fn a_page_that_rests_is_replayed_to_the_end() {
     std::fs::write(&file, text).unwrap();
     // Where nobody is asked for a sign of life, the socket is closed in the rest; where somebody is, it is answered.
     for ping_ms in [30, 3_600_000] {
-        let mut app = Daemon::app(EXAMPLE_PLATE, Access::default());
+        // Nothing here is about a board that is late.
+        let (mut app, _line) = plate(CALM);
         let ms = Duration::from_millis;
         app.limits = Limits { silence: ms(200), ping: ms(ping_ms), ..Limits::default() };
         let app = Arc::new(app);

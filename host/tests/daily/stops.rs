@@ -142,6 +142,33 @@ fn nobody_is_told_that_it_is_safe_beside_voltage_on_the_rails() {
     }
 }
 
+/// A stop that comes while a board is arming, and that while it is looked at: that it was safe before the arming does not answer the stop.
+#[test]
+fn a_stop_is_answered_with_what_was_seen_after_it() {
+    let (session, line) = session(FOREVER);
+    line.set(|ear| ear.holds_at = Some(Request::Status));
+    drop(line.wait_for(|ear| ear.is_held && ear.waiting > 0));
+    let arm = given(session.arm(session.stops(), Instant::now()));
+    line.set(|ear| (ear.is_held, ear.holds_at) = (false, Some(Request::KeepAlive)));
+    let ear = line.wait_for(|ear| ear.is_held && ear.waiting > 0);
+    assert!(
+        matches!(ear.asked[..], [.., Request::Status, Request::ArmWith { .. }, Request::KeepAlive]),
+        "{:?}",
+        ear.asked
+    );
+    drop(ear);
+    assert_eq!(session.known().state(), Some(State::Arming));
+    let stop = given(session.stop());
+    let since = line.mark(|ear| ear.is_held = false);
+    in_time(stop).unwrap();
+    let asked = line.ear().asked[since..].to_vec();
+    let stopped = asked.iter().position(|request| *request == Request::Stop).unwrap();
+    assert!(asked[stopped..].contains(&Request::Status), "{asked:?}");
+    in_time(arm).unwrap_err();
+    assert_eq!(stops_since(&line, since), 1, "{asked:?}");
+    until(&session, |snapshot| snapshot.state() == Some(State::Safe));
+}
+
 /// The higher of what is told of the rails.
 fn rails_mv(snapshot: &Snapshot) -> u32 {
     let told = snapshot.telemetry.iter().flat_map(|telemetry| telemetry.rail_millivolts.iter());

@@ -166,7 +166,8 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
                 Some(Ok(message)) => {
                     heard = Instant::now();
                     match message {
-                        Message::Binary(_) => {
+                        Message::Binary(bytes) => {
+                            stop_if_said(&app, page, &bytes, &fingers, &replies);
                             let problem = Problem::body("a message must be text, of JSON, and this one is binary".into());
                             let _ = replies.try_send(error_message(&problem));
                         }
@@ -214,9 +215,10 @@ fn take(app: &Arc<App>, page: Page, text: &str, fingers: &Fingers, replies: &mps
         return Some(page.role.lacks(Role::Touch));
     }
     if text.len() > MAX_MESSAGE {
+        stop_if_said(app, page, text.as_bytes(), fingers, replies);
         return Some(Problem::body(format!("the message has {} bytes, and may have {MAX_MESSAGE}", text.len())));
     }
-    let page = page.number;
+    let number = page.number;
     let wanted = r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"#;
     match super::body::from_json(text.as_bytes(), wanted) {
         Ok(Incoming {
@@ -235,7 +237,7 @@ fn take(app: &Arc<App>, page: Page, text: &str, fingers: &Fingers, replies: &mps
             let effect = effect.or_else(|| touches.iter().find_map(|touch| touch.effect));
             app.note(
                 "fingers",
-                || json!({"socket": page, "message": serde_json::from_str::<Value>(text).unwrap_or_default()}),
+                || json!({"socket": number, "message": serde_json::from_str::<Value>(text).unwrap_or_default()}),
             );
             let feel = Feel { intensity_g, intensity_db, duration_ms, effect, count, period_ms };
             fingers.are(touches, feel, app.stops()).err()
@@ -244,22 +246,47 @@ fn take(app: &Arc<App>, page: Page, text: &str, fingers: &Fingers, replies: &mps
             Some(Problem::body(format!("touches is missing; expected {wanted}")).about("touches".into()))
         }
         Ok(Incoming { kind: Said::Stop, .. }) => {
-            app.note("stop", || json!({"socket": page}));
-            fingers.forget();
-            let (app, replies) = (Arc::clone(app), replies.clone());
-            let mut stopping = Box::pin(async move {
-                if let Err(error) = app.stop().await {
-                    let _ = replies.try_send(error_message(&error.into()));
-                }
-            });
-            // Counted and on its way here, so that what the page says next comes after it; the answer is waited for in a task of its own, so
-            // that the next message is read whatever the device does.
-            if (&mut stopping).now_or_never().is_none() {
-                tokio::spawn(stopping);
-            }
+            stop(app, page, fingers, replies);
             None
         }
-        Err(problem) => Some(problem),
+        Err(problem) => {
+            stop_if_said(app, page, text.as_bytes(), fingers, replies);
+            Some(problem)
+        }
+    }
+}
+
+/// Stops everything.
+fn stop(app: &Arc<App>, page: Page, fingers: &Fingers, replies: &mpsc::Sender<Value>) {
+    app.note("stop", || json!({"socket": page.number}));
+    fingers.forget();
+    let (app, replies) = (Arc::clone(app), replies.clone());
+    let mut stopping = Box::pin(async move {
+        if let Err(error) = app.stop().await {
+            let _ = replies.try_send(error_message(&error.into()));
+        }
+    });
+    // Counted and on its way here, so that what the page says next comes after it; the answer is waited for in a task of its own, so
+    // that the next message is read whatever the device does.
+    if (&mut stopping).now_or_never().is_none() {
+        tokio::spawn(stopping);
+    }
+}
+
+/// The same for a message that cannot be used, but says that it is a stop: whatever else is wrong with it is told besides.
+fn stop_if_said(app: &Arc<App>, page: Page, message: &[u8], fingers: &Fingers, replies: &mpsc::Sender<Value>) {
+    #[derive(serde::Deserialize)]
+    struct AnyStop {
+        #[serde(rename = "type")]
+        _kind: OnlyStop,
+    }
+    #[derive(serde::Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    enum OnlyStop {
+        Stop,
+    }
+    if page.role >= Role::Touch && serde_json::from_slice::<AnyStop>(message).is_ok() {
+        stop(app, page, fingers, replies);
     }
 }
 

@@ -17,6 +17,7 @@ impl Worker {
             return Err(SessionError::Stopped);
         }
         self.connected()?;
+        let begun = Instant::now();
         let was_away = self.away.take();
         self.publish.send_modify(|snapshot| snapshot.waits_to_be_armed = false);
         let armed = self.check_fit().and_then(|()| self.arm()).and_then(|fresh| match fresh {
@@ -33,7 +34,37 @@ impl Worker {
             }
         }
         armed?;
-        Ok(self.look()?)
+        if let Err(error) = self.look() {
+            self.note_trouble(&error);
+            return Err(error.into());
+        }
+        if self.armed {
+            return Ok(());
+        }
+        // It has restarted, or gone off by itself, meanwhile.
+        self.check_fit()?;
+        self.check_fault()?;
+        let state = self.publish.borrow().state().map_or("unknown", State::name);
+        Err(SessionError::NotArmed { waited: begun.elapsed(), state })
+    }
+
+    /// What was ended as its answer was late can be asked for again.
+    pub(super) fn late(&self, error: SessionError) -> SessionError {
+        match error {
+            SessionError::Link(error @ LinkError::Halted { .. }) => {
+                SessionError::Late { path: self.device.path().to_owned(), reason: error.to_string() }
+            }
+            error => error,
+        }
+    }
+
+    /// What was asked for before the device was in doubt, or away, is not done long after it.
+    pub(super) fn in_time(&self, asked: Instant) -> Result<(), SessionError> {
+        if self.again_since.is_some_and(|since| asked < since) {
+            let reason = format!("it did not answer just now, and this was asked for {:.0?} ago", asked.elapsed());
+            return Err(SessionError::Late { path: self.device.path().to_owned(), reason });
+        }
+        Ok(())
     }
 
     /// Refuses to drive a scene that the board is not made for, and a board that a person has to arm.
@@ -71,9 +102,15 @@ impl Worker {
         !self.armed && state.is_live()
     }
 
+    /// What is known of the device is over: nothing that was seen of it before is told of it as it is now.
+    pub(super) fn is_stopped(&mut self) {
+        (self.armed, self.drive_until) = (false, None);
+        (self.look_next, self.next_status, self.stop_is_seen) = (None, Instant::now(), false);
+    }
+
     /// Everything off.
     pub(super) fn halt(&mut self) -> Result<(), LinkError> {
-        (self.armed, self.drive_until, self.next_status) = (false, None, Instant::now());
+        self.is_stopped();
         // Those that are counted while it is asked may have come too late for it.
         let stops = self.stops.load(Ordering::SeqCst);
         self.ask(&Request::Stop)?;
@@ -95,7 +132,7 @@ impl Worker {
     pub(super) fn stop(&mut self, number: u64) -> Result<(), SessionError> {
         self.connected()?;
         let is_shown = self.publish.borrow().state().is_some_and(|state| !state.is_live());
-        if self.obeyed >= number && is_shown {
+        if self.obeyed >= number && self.stop_is_seen && is_shown {
             return Ok(());
         }
         let result = if self.obeyed >= number { Ok(()) } else { self.halt() }.and_then(|()| self.look());

@@ -128,10 +128,12 @@ impl Worker {
     pub(super) fn look_on(&mut self) -> Result<(), LinkError> {
         self.look_next = match self.look_next.take().unwrap_or(Part::Status) {
             Part::Status => {
-                if self.look_at_status()? {
+                let seen = self.look_at_status()?;
+                if seen.restarted {
                     return self.greet();
                 }
-                Some(Part::Telemetry)
+                // What has been measured with it is not asked for again.
+                if seen.measured { self.after_details() } else { Some(Part::Telemetry) }
             }
             Part::Telemetry => {
                 let seen = self.telemetry()?;
@@ -141,7 +143,7 @@ impl Worker {
             Part::Details => {
                 let seen = self.details()?;
                 self.keep(|snapshot| snapshot.details = Some(seen));
-                self.speaks(Request::Credit.since()).then_some(Part::Credit)
+                self.after_details()
             }
             Part::Credit => {
                 let seen = self.credit()?;
@@ -160,6 +162,10 @@ impl Worker {
         Ok(())
     }
 
+    fn after_details(&self) -> Option<Part> {
+        self.speaks(Request::Credit.since()).then_some(Part::Credit)
+    }
+
     /// What is told at the look's end.
     fn keep(&self, change: impl FnOnce(&mut Snapshot)) {
         self.publish.send_if_modified(|snapshot| {
@@ -172,11 +178,12 @@ impl Worker {
         self.client.as_ref().map(Client::round_trips).unwrap_or_default()
     }
 
-    /// Its state, and what follows from it; whether the device has restarted. Told at once if it is another one, or at the look's end.
-    fn look_at_status(&mut self) -> Result<bool, LinkError> {
+    /// Its state, and what follows from it. Told at once if it is another one, or at the look's end.
+    fn look_at_status(&mut self) -> Result<Seen, LinkError> {
         self.last_look = Instant::now();
         self.next_status = self.last_look + self.device.timing().status;
         let Reply::Status(status) = self.ask(&Request::Status)? else { return Err(unexpected("status")) };
+        self.stop_is_seen = true;
         if self.is_live_unasked(status.state) {
             // Before anything else is asked; what it comes to is looked at soon.
             self.halt()?;
@@ -216,6 +223,14 @@ impl Worker {
             tracing::warn!("the device has restarted");
             self.was_away("it had restarted");
         }
-        Ok(restarted)
+        Ok(Seen { restarted, measured: is_down })
     }
+}
+
+/// What comes of a look at the state.
+struct Seen {
+    /// Whether the device has restarted.
+    restarted: bool,
+    /// Whether its measurements have been asked for with it.
+    measured: bool,
 }

@@ -52,7 +52,7 @@ pub(super) struct Worker {
     /// Those of them that the device has obeyed.
     pub(super) obeyed: u64,
     /// Since when it answers again after it was in doubt or away: what was asked for before that comes too late.
-    again_since: Option<Instant>,
+    pub(super) again_since: Option<Instant>,
     /// The drive that was set last.
     pub(super) drive_id: u64,
     pub(super) boot_id: Option<u32>,
@@ -69,6 +69,8 @@ pub(super) struct Worker {
     pub(super) last_look: Instant,
     /// What is asked for next in a look that is under way.
     pub(super) look_next: Option<Part>,
+    /// Whether the state has been looked at since the last stop.
+    pub(super) stop_is_seen: bool,
     next_open: Instant,
 }
 
@@ -111,6 +113,7 @@ impl Worker {
             next_status: now,
             last_look: now,
             look_next: None,
+            stop_is_seen: true,
             next_open: now,
         }
     }
@@ -267,10 +270,7 @@ impl Worker {
         if fresh {
             // The device holds the drives until its self-test has passed; what is acknowledged is driven, and what is refused
             // is not, later than that either.
-            if let Err(error) = self.await_armed(stops) {
-                self.take_back();
-                return Err(error);
-            }
+            self.await_armed(stops)?;
         }
         let now = Instant::now();
         self.drive_id = id;
@@ -305,11 +305,21 @@ impl Worker {
         };
         self.ask(&arm)?;
         self.armed = true;
+        self.show(State::Arming);
         Ok(true)
     }
 
-    /// Waits until the self-test has ended.
+    /// Waits until the self-test has ended. A device whose self-test does not end in time is not left to get through it later.
     pub(super) fn await_armed(&mut self, stops: u64) -> Result<(), SessionError> {
+        let ended = self.try_await_armed(stops);
+        // Else it has been stopped, or is off.
+        if ended.is_err() && self.armed {
+            self.take_back();
+        }
+        ended
+    }
+
+    fn try_await_armed(&mut self, stops: u64) -> Result<(), SessionError> {
         let begun = Instant::now();
         loop {
             if stops != self.stops.load(Ordering::SeqCst) {
@@ -319,6 +329,7 @@ impl Worker {
                 return Err(unexpected("keep-alive").into());
             };
             if matches!(state, State::Armed | State::Running) {
+                self.show(state);
                 return Ok(());
             }
             if state != State::Arming || begun.elapsed() > self.device.timing().arming {
@@ -345,25 +356,6 @@ impl Worker {
         // Before a fault that came and went unseen.
         self.broke();
         Ok(self.look()?)
-    }
-
-    /// What was ended as its answer was late can be asked for again.
-    fn late(&self, error: SessionError) -> SessionError {
-        match error {
-            SessionError::Link(error @ LinkError::Halted { .. }) => {
-                SessionError::Late { path: self.device.path().to_owned(), reason: error.to_string() }
-            }
-            error => error,
-        }
-    }
-
-    /// What was asked for before the device was in doubt, or away, is not done long after it.
-    fn in_time(&self, asked: Instant) -> Result<(), SessionError> {
-        if self.again_since.is_some_and(|since| asked < since) {
-            let reason = format!("it did not answer just now, and this was asked for {:.0?} ago", asked.elapsed());
-            return Err(SessionError::Late { path: self.device.path().to_owned(), reason });
-        }
-        Ok(())
     }
 
     pub(super) fn connected(&self) -> Result<(), SessionError> {
@@ -395,7 +387,7 @@ impl Worker {
         let reply = client.request_told(request, Attention { in_doubt: &mut in_doubt, is_stopped: &is_stopped });
         if let Err(LinkError::Halted { by_order, .. }) = &reply {
             self.obeyed = if *by_order { seen.get() } else { self.obeyed };
-            (self.armed, self.drive_until, self.next_status) = (false, None, Instant::now());
+            self.is_stopped();
             self.broke();
         } else if let Err(error) = reply {
             return Err(error);
