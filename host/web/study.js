@@ -17,8 +17,9 @@ export function placement(scene) {
   const [right, bottom] = [scene.length_mm - margin, scene.width_mm - margin].map((mm) => Number(mm.toFixed(6)));
   const from = Number(margin.toFixed(6));
   const parts = ['version = 1', 'name = "where the actuators go"', 'scene = "page"'];
-  for (const { id } of scene.actuators) {
-    const path = `actuator.${id}`;
+  for (let number = 1; number <= scene.actuators.length; number += 1) {
+    // By its number: an id may have any characters in it.
+    const path = `actuator[${number}]`;
     parts.push("", "[[variable]]");
     if (isBar) parts.push(`key = '${path}.x_mm'`, `from = ${from}`, `to = ${right}`);
     else parts.push(`place = '${path}'`, `within_mm = [${from}, ${from}, ${right}, ${bottom}]`);

@@ -110,9 +110,9 @@ impl PyStudy {
         Self { study: Arc::new(study), evaluator, text, scene_text }
     }
 
-    fn rows(&self, field: &str, bytes: &[u8]) -> Result<Vec<Row>, Raised> {
-        let allowed = "what compute() of this study and this version has given";
-        decoded(&self.study.key(), bytes).ok_or_else(|| Raised::argument(field, "other bytes", allowed))
+    fn rows(&self, field: &str, task: Task, bytes: &[u8]) -> Result<Vec<Row>, Raised> {
+        let allowed = "what compute() of this study and this version has given for this task";
+        decoded(&self.study.key(), task, bytes).ok_or_else(|| Raised::argument(field, "other bytes", allowed))
     }
 
     fn task(&self, name: &str) -> Result<Task, Raised> {
@@ -275,7 +275,7 @@ impl PyStudy {
                 Ok(pool.install(work))
             })?,
         };
-        let bytes = encoded(&self.study.key(), &rows).map_err(Raised::os)?;
+        let bytes = encoded(&self.study.key(), task, &rows).map_err(Raised::os)?;
         Ok(PyBytes::new(py, &bytes))
     }
 
@@ -292,10 +292,11 @@ impl PyStudy {
     /// -------
     /// list of float
     fn losses(&self, task: &str, base: &[u8], rows: &[u8]) -> Result<Vec<f64>, Raised> {
-        let Task::Generation { run, .. } = self.task(task)? else {
+        let own = self.task(task)?;
+        let Task::Generation { run, .. } = own else {
             return Err(Raised::argument("task", task, "a generation"));
         };
-        let (base, rows) = (self.rows("base", base)?, self.rows("rows", rows)?);
+        let (base, rows) = (self.rows("base", Task::Base, base)?, self.rows("rows", own, rows)?);
         let base = base.first().ok_or_else(|| Raised::argument("base", "no rows", "the scene's row"))?;
         Ok(self.study.losses(run, base, &rows))
     }
@@ -312,8 +313,9 @@ impl PyStudy {
     /// -------
     /// bytes or None
     fn kept<'py>(&self, py: Python<'py>, folder: PathBuf, task: &str) -> PyResult<Option<Bound<'py, PyBytes>>> {
-        let rows = self.folder(folder)?.rows(self.task(task)?).map_err(Raised::from)?;
-        let bytes = rows.map(|rows| encoded(&self.study.key(), &rows)).transpose().map_err(Raised::os)?;
+        let task = self.task(task)?;
+        let rows = self.folder(folder)?.rows(task).map_err(Raised::from)?;
+        let bytes = rows.map(|rows| encoded(&self.study.key(), task, &rows)).transpose().map_err(Raised::os)?;
         Ok(bytes.map(|bytes| PyBytes::new(py, &bytes)))
     }
 
@@ -338,7 +340,11 @@ impl PyStudy {
         if folder.keep_encoded(task, rows)? {
             return Ok(());
         }
-        Err(Raised::argument("rows", "other bytes", "what compute() of this study and this version has given"))
+        Err(Raised::argument(
+            "rows",
+            "other bytes",
+            "what compute() of this study and this version has given for this task",
+        ))
     }
 
     /// Computes what is not in a folder yet, here.

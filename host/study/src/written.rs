@@ -4,6 +4,7 @@ use crate::report::{report, rounded_up, shown};
 use crate::result::{Entry, Finalist, Finals, GatherError, Status, Table, TableError, write_parquet};
 use crate::run::{Folder, FolderError, Study};
 use crate::space::Refused;
+use crate::spec::Wanted;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -115,7 +116,7 @@ impl Written {
                 "weakest_mm": verified.ok().and_then(|verified| verified.figures.weakest_mm),
                 "error_bound": verified.ok().and_then(|verified| verified.bound),
                 "error_bounds": bounds(study, own).into_iter().collect::<BTreeMap<_, _>>(),
-                "tolerance_met": verified.ok().and_then(|verified| verified.is_met(finals.tolerance)),
+                "tolerance_met": verified.ok().and_then(|verified| verified.is_met(&study.figures, finals.tolerance)),
                 "worst": worst(study, table, own).into_iter().collect::<BTreeMap<_, _>>(),
                 "breaks": own.breaks(study),
                 "failed": verified.err(),
@@ -156,8 +157,10 @@ impl Written {
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
         let _ = write!(text, "\n(computed anew with models for a tolerance of {:.0e}", finals.tolerance);
-        let missed =
-            |own: &Finalist| own.verified.as_ref().is_ok_and(|found| found.is_met(finals.tolerance) == Some(false));
+        let missed = |own: &Finalist| {
+            own.verified.as_ref().is_ok_and(|found| found.is_met(&study.figures, finals.tolerance) != Some(true))
+                && study.figures.iter().any(Wanted::has_bound)
+        };
         let missed: Vec<&str> = all.iter().filter(|(_, own)| missed(own)).map(|(name, _)| name.as_str()).collect();
         if !missed.is_empty() {
             let _ = write!(text, ", which is not known to be met for {}", missed.join(", "));

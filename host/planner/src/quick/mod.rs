@@ -11,8 +11,8 @@
 //!   optimum; elsewhere it is a bound from above, and the same drives within the limits are one from below. The exact search looks at those
 //!   points alone whose lower bound leaves them in question (`weakest`).
 //!
-//! Everything left out makes what is told larger at a point (fewer points) or smaller (fewer frequencies) than what a thorough look finds; by
-//! how much is measured by `cargo xtask bench study`.
+//! Fewer points make what is told larger than what a thorough look finds, fewer frequencies mostly smaller: where masses move far, what is found with
+//! others may be left less of. By how much is measured by `cargo xtask bench study`.
 
 mod frequencies;
 mod points;

@@ -221,20 +221,24 @@ impl Points {
         Some(Self { space, known })
     }
 
-    /// The weakest point, if it is weaker than `below`. What is found out about points on the way is kept.
+    /// The weakest point, if it is weaker than `below`. What is found out about points on the way is kept. Masses that move far leave a part of what limits
+    /// allow: points whose bound from below would be the weakest with the least such part that was met are looked at, too.
     fn weakest(&mut self, table: &PlanTable, below: f64) -> Option<Weakest> {
         let mut order: Vec<usize> = (0..self.known.len()).collect();
         order.sort_by(|a, b| self.known[*a].least.total_cmp(&self.known[*b].least));
         let (mut least, mut found) = (below, None);
         let mut hint: Option<Vec<usize>> = None;
+        let mut least_part = 1.0_f64;
         for point in order {
-            if self.known[point].least >= least {
+            if self.known[point].least * least_part >= least {
                 break;
             }
             let best = search::best(&self.space, &[point], Work::Study, hint.as_deref())?;
             let mut setting = best.setting(table, &self.space);
             // Masses that move far leave a part of it.
-            let peak = best.least * command(table, &mut setting)?;
+            let part = command(table, &mut setting)?;
+            least_part = least_part.min(part);
+            let peak = best.least * part;
             self.known[point].least = peak;
             hint = Some(best.choice);
             if peak < least {

@@ -1,7 +1,7 @@
 //! Designs with the whole scene's own elements, in three levels, and a bound on what is most wanted.
 
 use super::{EvaluateError, Evaluator, Figures, Fingered, figures, sag};
-use crate::spec::{Drives, Figure, Settings, Wanted};
+use crate::spec::{Figure, Wanted};
 use era_model::model::levels::Levels;
 use era_model::model::{Accuracy, BarePanel, bounded_modes};
 use era_model::scene::Scene;
@@ -46,11 +46,15 @@ pub struct Verified {
 }
 
 impl Verified {
-    /// Whether all bounds that are known are within a tolerance; `None` if none is known.
+    /// Whether the errors of all figures that can have a bound, of those that are `wanted`, are within a tolerance; `None` where one of them has none, and
+    /// where there is none of them.
     #[must_use]
-    pub fn is_met(&self, tolerance: f64) -> Option<bool> {
-        let most = self.bounds.iter().flatten().copied().reduce(f64::max)?;
-        Some(most <= tolerance)
+    pub fn is_met(&self, wanted: &[Wanted], tolerance: f64) -> Option<bool> {
+        let each = wanted.iter().zip(&self.figures.values).zip(&self.bounds);
+        // A mode that there is not has no frequency.
+        let bounded = each.filter(|((wanted, value), _)| wanted.has_bound() && value.is_finite());
+        let bounds: Vec<f64> = bounded.map(|(_, bound)| *bound).collect::<Option<_>>()?;
+        Some(bounds.into_iter().reduce(f64::max)? <= tolerance)
     }
 }
 
@@ -97,16 +101,18 @@ impl Thorough {
         Ok((found, bound))
     }
 
-    /// The figures of a scene, a bound, and the map of what can be had. Where a bound is beyond the tolerance all is computed once more with models for a
+    /// The figures of a scene, a bound, and the map of what can be had. Where a bound is beyond the tolerance, or there is none, all is computed once more with models for a
     /// tenth of it, and what has the smaller bound is told; not with a finger, where that would take minutes.
     ///
     /// # Errors
     /// [`EvaluateError`].
     pub fn verified(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Verified, EvaluateError> {
         let found = self.looked_at(scene, wanted)?;
-        let Some(bound) = found.bound.filter(|bound| *bound > self.tolerance() && scene.finger.is_none()) else {
+        let is_open = found.bound.is_none_or(|bound| bound > self.tolerance());
+        if !is_open || !wanted.iter().any(Wanted::has_bound_of_weakest) || scene.finger.is_some() {
             return Ok(found);
-        };
+        }
+        let bound = found.bound.unwrap_or(f64::INFINITY);
         let finer = Self { accuracy: Accuracy::tolerance(FINER * self.tolerance())?, ..*self };
         // What is there is not lost where finer models are too large.
         let again = finer.looked_at(scene, wanted).ok().filter(|again| again.bound.is_some_and(|own| own < bound));
@@ -139,10 +145,7 @@ impl Thorough {
         };
         let least = map.iter().enumerate().filter_map(|(point, peak)| Some((point, (*peak)?)));
         let weakest = least.min_by(|a, b| a.1.total_cmp(&b.1));
-        let is_bounded = |wanted: &Wanted| {
-            wanted.figure == Figure::WeakestG
-                && (wanted.setting, wanted.drives) == (Settings::EveryTouch, Drives::Distinct)
-        };
+        let is_bounded = Wanted::has_bound_of_weakest;
         let bound = match (weakest, known) {
             _ if !wanted.iter().any(is_bounded) => None,
             (None, _) => None,

@@ -2,7 +2,7 @@
 
 use super::maps::color;
 use super::{escaped, shown};
-use crate::result::{Effects, Interaction, Table, levels};
+use crate::result::{Cut, Effects, Interaction, Table};
 use crate::run::Study;
 use crate::space::Dimension;
 use crate::spec::Way;
@@ -51,13 +51,19 @@ pub(super) fn effects(study: &Study, table: &Table) -> String {
     html
 }
 
-/// What a level of a dimension is called.
-fn level_name(study: &Study, dimension: &Dimension, number: usize, level: usize) -> String {
-    let count = levels(dimension);
-    #[expect(clippy::cast_precision_loss, reason = "a few levels")]
-    let middle = (level as f64 + 0.5) / count as f64;
+/// What a level of a dimension is called: its value, or the middle of its part of the range, or of several values the first and the last.
+fn level_name(study: &Study, dimension: &Dimension, number: usize, cut: &Cut, level: usize) -> String {
+    let name = |at: f64| name_at(study, dimension, number, at);
+    match cut.ends(level).map(|ends| ends.map(name)) {
+        Some([first, last]) if first != last => format!("{first} to {last}"),
+        _ => cut.at.get(level).map(|at| name(*at)).unwrap_or_default(),
+    }
+}
+
+/// What a dimension's value at a coordinate is called.
+fn name_at(study: &Study, dimension: &Dimension, number: usize, at: f64) -> String {
     let mut point = vec![0.5; study.space.dimensions().len()];
-    point[number] = middle;
+    point[number] = at;
     let design = study.space.design(&point);
     let own = |column: &&crate::space::Column| {
         column.variable == dimension.variable
@@ -135,7 +141,7 @@ fn main(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
             points.iter().map(|(level, mean)| format!("{:.1},{:.1}", x(*level), y(*mean))).collect();
         let _ = writeln!(html, "<polyline class=\"effect\" points=\"{}\"/>", line.join(" "));
         let names: Vec<String> =
-            (0..own.levels.len()).map(|level| level_name(study, dimension, own.dimension, level)).collect();
+            (0..own.levels.len()).map(|level| level_name(study, dimension, own.dimension, &own.cut, level)).collect();
         let below = below_axis(&names, room);
         for (level, mean) in points {
             let _ = writeln!(
@@ -180,7 +186,8 @@ fn pairs(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
         let (one, other) = (&dimensions[i], &dimensions[j]);
         let (w, h) = PANEL;
         #[expect(clippy::cast_precision_loss, reason = "a few levels")]
-        let (cell_w, cell_h) = ((w - 8.0) / pair.means.len() as f64, (h - 8.0) / levels(other) as f64);
+        let (cell_w, cell_h) =
+            ((w - 8.0) / pair.means.len() as f64, (h - 8.0) / pair.means.first().map_or(1, Vec::len) as f64);
         let _ = writeln!(html, "<figure>\n<svg viewBox=\"0 0 {w} {h}\" width=\"{w}\" role=\"img\">");
         for (a, row) in pair.means.iter().enumerate() {
             for (b, mean) in row.iter().enumerate() {
@@ -194,9 +201,9 @@ fn pairs(study: &Study, dimensions: &[Dimension], found: &Effects) -> String {
                      {}</title></rect>",
                     color(part),
                     escaped(&one.name),
-                    escaped(&level_name(study, one, i, a)),
+                    escaped(&level_name(study, one, i, &found.main[i].cut, a)),
                     escaped(&other.name),
-                    escaped(&level_name(study, other, j, b)),
+                    escaped(&level_name(study, other, j, &found.main[j].cut, b)),
                     shown(*mean)
                 );
             }

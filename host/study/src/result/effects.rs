@@ -5,6 +5,10 @@ use crate::space::{Dimension, one_of};
 
 /// Levels that a continuous variable, or one of many values, is cut into.
 const LEVELS: usize = 5;
+/// Values of a list, or counts, that have a level each.
+const MOST_VALUES: usize = 24;
+/// Coordinates of all designs together that have a level each, as a grid's.
+const MOST_COORDINATES: usize = 9;
 
 /// Effects on one figure.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +30,8 @@ pub struct Effects {
 pub struct Effect {
     /// The dimension's number.
     pub dimension: usize,
+    /// Its levels.
+    pub cut: Cut,
     /// How many designs are in each level, and their mean.
     pub levels: Vec<(usize, Option<f64>)>,
     /// Part of the squares that lies between the levels.
@@ -47,19 +53,62 @@ pub struct Interaction {
     pub by_chance: f64,
 }
 
-/// The level that a point is in, along one dimension.
-fn level(dimension: &Dimension, at: f64) -> usize {
-    let levels = levels(dimension);
-    match dimension.count {
-        Some(count) if count <= LEVELS => one_of(count, at),
-        _ => one_of(levels, at),
-    }
+/// The levels of a dimension.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cut {
+    /// A coordinate in each level, ascending: the one that all its designs have, or its middle.
+    pub at: Vec<f64>,
+    /// Whether the levels are those coordinates alone, and not equal parts of the range.
+    is_exact: bool,
+    /// Where what can be counted has more values than levels: how many.
+    of: Option<usize>,
 }
 
-/// How many levels a dimension has.
-#[must_use]
-pub fn levels(dimension: &Dimension) -> usize {
-    dimension.count.map_or(LEVELS, |count| count.min(LEVELS))
+impl Cut {
+    /// Few values have a level each: those of a list, or those that all designs together have. More are cut into equal parts.
+    #[must_use]
+    pub fn of(dimension: &Dimension, coordinates: impl Iterator<Item = f64>) -> Self {
+        #[expect(clippy::cast_precision_loss, reason = "a few levels")]
+        let middles = |count: usize| (0..count).map(|k| (k as f64 + 0.5) / count as f64).collect();
+        if let Some(count) = dimension.count {
+            let (levels, of) = if count <= MOST_VALUES { (count, None) } else { (LEVELS, Some(count)) };
+            return Self { at: middles(levels), is_exact: false, of };
+        }
+        let mut known: Vec<f64> = Vec::new();
+        for own in coordinates {
+            if let Err(place) = known.binary_search_by(|other| other.total_cmp(&own)) {
+                known.insert(place, own);
+            }
+            if known.len() > MOST_COORDINATES {
+                return Self { at: middles(LEVELS), is_exact: false, of: None };
+            }
+        }
+        Self { at: known, is_exact: true, of: None }
+    }
+
+    /// How many levels there are.
+    #[must_use]
+    pub const fn count(&self) -> usize {
+        self.at.len()
+    }
+
+    /// The level that a coordinate is in.
+    fn level(&self, at: f64) -> usize {
+        match self.is_exact {
+            true => self.at.partition_point(|own| own.total_cmp(&at).is_lt()).min(self.at.len().saturating_sub(1)),
+            false => one_of(self.at.len(), at),
+        }
+    }
+
+    /// Coordinates of the first and the last value in a level, where it has several of what can be counted.
+    #[must_use]
+    #[expect(clippy::cast_precision_loss, reason = "a few levels")]
+    pub fn ends(&self, level: usize) -> Option<[f64; 2]> {
+        let of = self.of?;
+        let in_it = |k: &usize| self.level((*k as f64 + 0.5) / of as f64) == level;
+        let (first, last) = ((0..of).find(in_it)?, (0..of).rfind(in_it)?);
+        Some([first, last].map(|k| (k as f64 + 0.5) / of as f64))
+    }
 }
 
 /// Sums over the designs of a level, or of a pair.
@@ -104,10 +153,12 @@ impl Effects {
             .iter()
             .enumerate()
             .map(|(k, dimension)| {
-                let mut cells = vec![Cell::default(); levels(dimension)];
-                points.iter().for_each(|(point, figure)| cells[level(dimension, point[k])].add(*figure));
+                let cut = Cut::of(dimension, points.iter().map(|(point, _)| point[k]));
+                let mut cells = vec![Cell::default(); cut.count()];
+                points.iter().for_each(|(point, figure)| cells[cut.level(point[k])].add(*figure));
                 Effect {
                     dimension: k,
+                    cut,
                     levels: cells.iter().map(|cell| (cell.count, cell.mean())).collect(),
                     part: cells.iter().map(|cell| cell.square(mean)).sum::<f64>() / squares,
                     by_chance: by_chance(cells.iter().filter(|cell| cell.count > 0).count()),
@@ -115,11 +166,11 @@ impl Effects {
             })
             .collect();
         let mut pairs = Vec::new();
-        for (i, one) in dimensions.iter().enumerate() {
-            for (j, other) in dimensions.iter().enumerate().skip(i + 1) {
-                let mut cells = vec![vec![Cell::default(); levels(other)]; levels(one)];
+        for (i, one) in main.iter().map(|own| &own.cut).enumerate() {
+            for (j, other) in main.iter().map(|own| &own.cut).enumerate().skip(i + 1) {
+                let mut cells = vec![vec![Cell::default(); other.count()]; one.count()];
                 for (point, figure) in points {
-                    cells[level(one, point[i])][level(other, point[j])].add(*figure);
+                    cells[one.level(point[i])][other.level(point[j])].add(*figure);
                 }
                 let all = || cells.iter().flatten();
                 let between = all().map(|cell| cell.square(mean)).sum::<f64>() / squares;
@@ -193,6 +244,24 @@ mod tests {
         assert!(parts[0] < 1e-12 && (parts[1] - 1.0).abs() < 1e-12 && parts[2] < 1e-12, "{parts:?}");
         assert_eq!(found.pairs[1].dimensions, [0, 2]);
         assert_eq!(found.pairs[1].means, [[Some(5.0), Some(3.0)], [Some(3.0), Some(5.0)]]);
+    }
+
+    /// Six values of a list have six levels, of which each has its own mean; three values of a grid three, which are where the designs are.
+    #[test]
+    fn each_of_a_few_values_has_a_level_of_its_own() {
+        let dimensions = dimensions(&[Some(6), None, Some(60)]);
+        let points: Vec<Vec<f64>> =
+            grid([6, 3, 60]).into_iter().map(|x| vec![x[0], (1.5 * x[1] - 0.25).clamp(0.0, 1.0), x[2]]).collect();
+        let found = effects(&dimensions, &points, |x| (6.0 * x[0]).floor().powi(2) + x[1]);
+        let means: Vec<f64> = found.main[0].levels.iter().map(|(_, mean)| mean.unwrap() - 0.5).collect();
+        for (k, mean) in means.iter().enumerate() {
+            assert!((mean - (k * k) as f64).abs() < 1e-9, "{means:?}");
+        }
+        assert_eq!((found.main[1].cut.at.as_slice(), found.main[1].levels.len()), ([0.0, 0.5, 1.0].as_slice(), 3));
+        assert!((0..3).all(|level| found.main[1].cut.ends(level).is_none()));
+        // Of sixty values twelve are in each of five levels: the first to the twelfth, ...
+        let ends = found.main[2].cut.ends(0).unwrap().map(|at| one_of(60, at));
+        assert_eq!((found.main[2].cut.count(), ends), (5, [0, 11]));
     }
 
     #[test]

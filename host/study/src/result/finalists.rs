@@ -2,8 +2,10 @@
 
 use super::table::{Entry, Status, Table, losses};
 use crate::run::Study;
+use crate::space::one_of;
+use crate::spec::What;
 
-/// Designs that are nearer than this in every dimension of the unit cube count as one.
+/// Designs that are nearer than this in every dimension of the unit cube count as one; of lists those with the same values.
 const ALIKE: f64 = 0.05;
 
 /// The designs to look at again, the best first, as numbers of the table's entries: with one wish those with the best figures that are
@@ -14,28 +16,37 @@ pub fn finalists(study: &Study, table: &Table, count: usize) -> Vec<usize> {
     let kept: Vec<usize> = (0..table.entries.len()).filter(|k| table.entries[*k].status == Status::Kept).collect();
     let losses: Vec<Vec<f64>> = kept.iter().map(|k| losses(study, &table.entries[*k])).collect();
     let wishes = study.spec.wishes.len();
-    let order = if wishes == 1 {
+    let (order, sure) = if wishes == 1 {
         let mut order: Vec<usize> = (0..kept.len()).collect();
         order.sort_by(|a, b| losses[*a][0].total_cmp(&losses[*b][0]));
-        order
+        (order, 0)
     } else {
         between(&losses, wishes, |k| table.entries[kept[k]].is_on_front)
     };
     let mut chosen: Vec<usize> = Vec::new();
-    for own in order.into_iter().map(|k| kept[k]) {
-        if chosen.len() < count && chosen.iter().all(|other| !alike(&table.entries[*other], &table.entries[own])) {
+    for (place, own) in order.into_iter().map(|k| kept[k]).enumerate() {
+        let is_alike = |other: &usize| {
+            let (one, other) = (&table.entries[*other], &table.entries[own]);
+            one.row.design == other.row.design || place >= sure && alike(study, one, other)
+        };
+        if chosen.len() < count && !chosen.iter().any(is_alike) {
             chosen.push(own);
         }
     }
     chosen
 }
 
-fn alike(one: &Entry, other: &Entry) -> bool {
-    one.row.design == other.row.design || one.row.point.iter().zip(&other.row.point).all(|(a, b)| (a - b).abs() < ALIKE)
+/// Whether two designs are near each other: of what is chosen from a list, the same.
+fn alike(study: &Study, one: &Entry, other: &Entry) -> bool {
+    let mut both = study.space.dimensions().iter().zip(one.row.point.iter().zip(&other.row.point));
+    both.all(|(dimension, (a, b))| match study.spec.variables.get(dimension.variable).map(|own| &own.what) {
+        Some(What::Choice { values, .. }) => one_of(values.len(), *a) == one_of(values.len(), *b),
+        _ => (a - b).abs() < ALIKE,
+    })
 }
 
-/// The front, in the order of several wishes.
-fn between(losses: &[Vec<f64>], wishes: usize, is_on_front: impl Fn(usize) -> bool) -> Vec<usize> {
+/// The front, in the order of several wishes, and how many of its first are the one between them and the best of each.
+fn between(losses: &[Vec<f64>], wishes: usize, is_on_front: impl Fn(usize) -> bool) -> (Vec<usize>, usize) {
     let front: Vec<usize> = (0..losses.len()).filter(|k| is_on_front(*k)).collect();
     let end =
         |wish: usize, of: fn(f64, f64) -> f64, start: f64| front.iter().fold(start, |end, k| of(end, losses[*k][wish]));
@@ -53,13 +64,14 @@ fn between(losses: &[Vec<f64>], wishes: usize, is_on_front: impl Fn(usize) -> bo
     order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
     let best_of = |wish: usize| front.iter().copied().min_by(|a, b| losses[*a][wish].total_cmp(&losses[*b][wish]));
     let first = order.first().copied();
-    let mut all: Vec<usize> = first.into_iter().chain((0..wishes).filter_map(best_of)).collect();
-    all.extend(order);
-    let mut seen = Vec::new();
-    all.retain(|k| {
-        let is_new = !seen.contains(k);
-        seen.push(*k);
-        is_new
-    });
-    all
+    let mut all: Vec<usize> = Vec::new();
+    for k in first.into_iter().chain((0..wishes).filter_map(best_of)) {
+        if !all.contains(&k) {
+            all.push(k);
+        }
+    }
+    let sure = all.len();
+    let rest: Vec<usize> = order.into_iter().filter(|k| !all.contains(k)).collect();
+    all.extend(rest);
+    (all, sure)
 }

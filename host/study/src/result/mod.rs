@@ -9,7 +9,7 @@ mod table;
 mod verify;
 
 pub use self::parquet::{TableError, write as write_parquet};
-pub use effects::{Effect, Effects, Interaction, levels};
+pub use effects::{Cut, Effect, Effects, Interaction};
 pub use finalists::finalists;
 pub use limits::broken_limits;
 pub use pareto::front;

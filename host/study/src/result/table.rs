@@ -88,6 +88,8 @@ impl Table {
             match (folder.rows(task)?, task) {
                 (Some(own), Task::Base) => base = own.into_iter().next(),
                 (Some(own), _) => rows.extend(own),
+                // It is none of the designs.
+                (None, Task::Base) => {}
                 (None, _) => missing += study.size(task),
             }
         }

@@ -1,18 +1,19 @@
 //! A study's folder: rows of each task in a file of its own, written once and whole.
 //!
 //! A file is written beside its place and renamed, so that it is there whole or not at all, whoever is killed or runs out of room; two
-//! who do the same task write the same bytes. What is read is checked: the study that it belongs to, and a hash.
+//! who do the same task write the same bytes, and no two write to the same file beside it, on whatever machines they are. What is read is checked: the
+//! study that it belongs to, and a hash of the task and its rows.
 
 use super::row::Row;
 use super::task::Task;
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
+use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// How a file of rows begins.
-const MAGIC: &[u8; 16] = b"era study rows 1";
+const MAGIC: &[u8; 16] = b"era study rows 2";
 /// The file that says which study a folder belongs to.
 const KEY: &str = "study.key";
 /// The folder of the tasks' rows.
@@ -25,7 +26,6 @@ const HASH: usize = 32;
 pub struct Folder {
     path: PathBuf,
     key: [u8; HASH],
-    written: AtomicUsize,
 }
 
 /// Why a folder cannot be used.
@@ -59,7 +59,7 @@ impl Folder {
     /// # Errors
     /// [`FolderError`].
     pub fn open(path: &Path, key: [u8; HASH]) -> Result<Self, FolderError> {
-        let folder = Self { path: path.into(), key, written: AtomicUsize::new(0) };
+        let folder = Self { path: path.into(), key };
         let rows = folder.path.join(ROWS);
         fs::create_dir_all(&rows).map_err(|error| FolderError::Io { doing: "make the folder", path: rows, error })?;
         let own = hex(&key);
@@ -92,7 +92,7 @@ impl Folder {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(FolderError::Io { doing: "read", path, error }),
         };
-        let rows = decoded(&self.key, &bytes);
+        let rows = decoded(&self.key, task, &bytes);
         if rows.is_none() {
             tracing::warn!("{} is not whole, and computed again", path.display());
         }
@@ -104,18 +104,18 @@ impl Folder {
     /// # Errors
     /// [`FolderError`]; nothing of them is left then.
     pub fn keep(&self, task: Task, rows: &[Row]) -> Result<(), FolderError> {
-        let encoded = encoded(&self.key, rows);
+        let encoded = encoded(&self.key, task, rows);
         let name = format!("{ROWS}/{}", task.file());
         let failed = |error| FolderError::Io { doing: "encode", path: self.path.join(&name), error };
         self.write(&name, &encoded.map_err(failed)?)
     }
 
-    /// Keeps the rows of a task as somebody else has [`encoded`] them; says whether they are rows of this study.
+    /// Keeps the rows of a task as somebody else has [`encoded`] them; says whether they are rows of this study and task.
     ///
     /// # Errors
     /// As [`Folder::keep`].
     pub fn keep_encoded(&self, task: Task, bytes: &[u8]) -> Result<bool, FolderError> {
-        let is_own = decoded(&self.key, bytes).is_some();
+        let is_own = decoded(&self.key, task, bytes).is_some();
         if is_own {
             self.write(&format!("{ROWS}/{}", task.file()), bytes)?;
         }
@@ -128,9 +128,10 @@ impl Folder {
     /// [`FolderError`].
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
         let path = self.path.join(name);
-        let number = self.written.fetch_add(1, Ordering::Relaxed);
-        let beside = path.with_file_name(format!(".part-{}-{number}", std::process::id()));
-        let written = File::create(&beside).and_then(|mut file| {
+        // Random, as processes on other machines and in containers may have the same numbers; no file that is there is taken.
+        let number = RandomState::new().hash_one(std::process::id());
+        let beside = path.with_file_name(format!(".part-{number:016x}"));
+        let written = File::create_new(&beside).and_then(|mut file| {
             file.write_all(bytes)?;
             file.sync_all()
         });
@@ -142,23 +143,26 @@ impl Folder {
     }
 }
 
-/// Rows as their file has them: which study they are of, their hash, and themselves.
+/// Rows as their file has them: which study they are of, a hash of their task and themselves, and themselves.
 ///
 /// # Errors
 /// Rows that postcard does not take, of which there are none.
-pub fn encoded(key: &[u8; HASH], rows: &[Row]) -> io::Result<Vec<u8>> {
+pub fn encoded(key: &[u8; HASH], task: Task, rows: &[Row]) -> io::Result<Vec<u8>> {
     let body = postcard::to_allocvec(rows).map_err(io::Error::other)?;
-    let hash: [u8; HASH] = Sha256::digest(&body).into();
-    Ok([MAGIC.as_slice(), key, &hash, &body].concat())
+    Ok([MAGIC.as_slice(), key, &hash(task, &body), &body].concat())
 }
 
-/// The rows in a file's bytes, if they are of this study and whole.
+fn hash(task: Task, body: &[u8]) -> [u8; HASH] {
+    // Names have no zero in them.
+    Sha256::new().chain_update(task.to_string()).chain_update([0]).chain_update(body).finalize().into()
+}
+
+/// The rows in a file's bytes, if they are of this study and task, and whole.
 #[must_use]
-pub fn decoded(key: &[u8; HASH], bytes: &[u8]) -> Option<Vec<Row>> {
+pub fn decoded(key: &[u8; HASH], task: Task, bytes: &[u8]) -> Option<Vec<Row>> {
     let rest = bytes.strip_prefix(MAGIC.as_slice())?.strip_prefix(key.as_slice())?;
-    let (hash, body) = rest.split_at_checked(HASH)?;
-    let own: [u8; HASH] = Sha256::digest(body).into();
-    if own != hash {
+    let (told, body) = rest.split_at_checked(HASH)?;
+    if hash(task, body) != told {
         return None;
     }
     postcard::from_bytes(body).ok()
@@ -197,6 +201,12 @@ mod tests {
         }
         fs::write(&file, &whole[..whole.len() - 1]).unwrap();
         assert_eq!(folder.rows(task).unwrap(), None);
+        // Nor are they another task's.
+        let other = Task::Designs { chunk: 4 };
+        fs::write(place.path().join("rows").join(other.file()), &whole).unwrap();
+        assert_eq!(folder.rows(other).unwrap(), None);
+        assert!(!folder.keep_encoded(other, &whole).unwrap() && folder.keep_encoded(task, &whole).unwrap());
+        assert_eq!(folder.rows(task).unwrap(), Some(rows()));
     }
 
     #[test]

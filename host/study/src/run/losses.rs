@@ -48,8 +48,8 @@ pub fn broken(row: &Row, figures: &[Wanted], limits: &[Limit], base: Option<&Row
     Some(sum)
 }
 
-/// What a design is worth, wishes weighed: logarithms of ratios to the scene's own figures (differences for levels in dB) where there are
-/// several, the figure itself for one. The scene's own are constants in a sum: where it has none above 0 they are left out.
+/// What a design is worth, wishes weighed: logarithms of ratios to the scene's own figures (differences for levels in dB), so that no figure in whatever
+/// unit is beyond what a broken limit counts. The scene's own are constants in a sum: where it has none above 0 they are left out.
 #[must_use]
 pub fn loss(spec: &Spec, figures: &[Wanted], base: Option<&Row>, weights: &[f64], row: &Row) -> f64 {
     match broken(row, figures, &spec.limits, base) {
@@ -59,9 +59,6 @@ pub fn loss(spec: &Spec, figures: &[Wanted], base: Option<&Row>, weights: &[f64]
     }
     let each = spec.wishes.iter().zip(weights).map(|(wish, weight)| {
         let own = worst(row, figures, wish).filter(|own| !own.is_nan())?;
-        if spec.wishes.len() == 1 {
-            return Some(wish.goal.loss(own));
-        }
         let first = base.and_then(|base| worst(base, figures, wish)).filter(|first| first.is_finite());
         let part = if wish.wanted.figure.is_level() {
             (own - first.unwrap_or(0.0)) / DB_PER_NEPER
@@ -110,6 +107,21 @@ mod tests {
             let least = loss(base, &[0.0, 200.0]);
             assert!(least < loss(base, &[1e-3, 200.0]) && least > -100.0, "{base:?} {least}");
             assert!(loss(base, &[f64::NAN, 200.0]) >= FAILED && loss(base, &[40.0, f64::INFINITY]) >= FAILED);
+        }
+    }
+
+    /// Of one wish the order is that of its figure, and what keeps the limits goes before what breaks them, in whatever currency.
+    #[test]
+    fn one_wish_is_ordered_by_its_figure_and_after_the_limits() {
+        let spec = spec("[[wish]]\nfigure = \"cost\"\n[[limit]]\nfigure = \"mass_g\"\nmost = 500\n");
+        let figures = spec.figures();
+        for unit in [1.0, 1e9, 1e12] {
+            let base = row(&[0.35 * unit, 300.0]);
+            let loss =
+                |cost: f64, mass_g: f64| loss(&spec, &figures, Some(&base), &[1.0], &row(&[cost * unit, mass_g]));
+            let kept = [0.0, 1e-9, 0.1, 0.3, 0.300_000_1, 5.0, 1e6].map(|cost| loss(cost, 500.0));
+            assert!(kept.windows(2).all(|pair| pair[0] < pair[1]), "{kept:?}");
+            assert!(kept[6] < loss(1e-9, 500.1) && loss(1e-9, 500.1) < FAILED);
         }
     }
 

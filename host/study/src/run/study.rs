@@ -19,7 +19,7 @@ use std::ops::Range;
 use std::path::Path;
 
 /// Version of what rows mean.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 /// Time in s that a chunk of work is meant to take: 0.5 to 2.
 const CHUNK_S: f64 = 1.0;
 /// About what a design takes in s where only the weakest place is wanted, where a plan table is needed, and thoroughly.

@@ -3,7 +3,7 @@
 
 use super::design::{self, Dimension, Setting};
 use super::{Space, all_places, document};
-use crate::spec::{Step, Variable, Wanted, What};
+use crate::spec::{Apart, Step, Variable, Wanted, What};
 use crate::ways::latin_hypercube;
 use era_model::scene::random::Random;
 use era_model::scene::read::Report;
@@ -162,11 +162,62 @@ impl Space {
         let apart = (1..).zip(&self.apart).map(|(number, own)| (format!("apart[{number}]"), own.line, &own.places));
         let off =
             (1..).zip(&self.uncertain).map(|(number, own)| (format!("uncertain[{number}]"), own.line, &own.paths));
+        for (number, own) in (1..).zip(&self.apart) {
+            self.check_apart(lines, number, own);
+        }
+        self.check_off_twice(lines);
         for (name, line, path) in
             apart.chain(off).flat_map(|(name, line, paths)| paths.iter().map(move |path| (name.clone(), line, path)))
         {
             if let Err(error) = path.places(&self.base) {
                 lines.tell(line, format!("{name}: {error}"));
+            }
+        }
+    }
+
+    /// Tells of `[[apart]]` whose paths lead to something that has no place, or to fewer than two.
+    fn check_apart(&self, lines: &Lines<'_, '_>, number: usize, own: &Apart) {
+        let mut places: Vec<Vec<Step>> = Vec::new();
+        for path in &own.places {
+            for place in path.places(&self.base).unwrap_or_default() {
+                let x = [place.as_slice(), &[Step::Key("x_mm".into())]].concat();
+                if document::number(&self.base, &x).is_none() {
+                    let told = format!("apart[{number}]: {path} is no place: what it leads to has no x_mm");
+                    lines.tell(own.line, told);
+                    return;
+                }
+                if !places.contains(&place) {
+                    places.push(place);
+                }
+            }
+        }
+        let leads = own.places.iter().all(|path| path.places(&self.base).is_ok());
+        if leads && places.len() < 2 {
+            lines.tell(own.line, format!("apart[{number}]: places are {}, but must be two at least", places.len()));
+        }
+    }
+
+    /// Tells of values that two `[[uncertain]]` have off, which would be off by both.
+    fn check_off_twice(&self, lines: &Lines<'_, '_>) {
+        let all = self.uncertain_places();
+        for (number, (own, places)) in self.uncertain.iter().zip(&all).enumerate() {
+            let clash = places.iter().find_map(|place| {
+                let before = all[..number].iter().position(|others| others.contains(place))?;
+                Some((place, before))
+            });
+            if let Some((place, before)) = clash {
+                let (place, other) = (document::written(place), &self.uncertain[before]);
+                lines.tell(
+                    own.line,
+                    format!(
+                        "uncertain[{}] ({}): it has {place} off, which uncertain[{}] ({}) in line {} has off too: only one of them may",
+                        number + 1,
+                        own.name,
+                        before + 1,
+                        other.name,
+                        other.line
+                    ),
+                );
             }
         }
     }

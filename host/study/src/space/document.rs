@@ -205,6 +205,9 @@ fn table_mut<'d>(document: &'d mut DocumentMut, place: &[Step]) -> Option<&'d mu
 
 /// Whether places keep their distance.
 pub(super) fn check_apart(document: &DocumentMut, all: &[Apart]) -> Result<(), Refused> {
+    let kind = table(document, &[Step::Key("surface".into())]).and_then(|surface| surface.get("kind")?.as_str());
+    // A bar has no y, whatever stands in its file.
+    let is_bar = kind == Some("bar");
     for apart in all {
         let mut places: Vec<(String, [f64; 2])> = Vec::new();
         for path in &apart.places {
@@ -214,7 +217,7 @@ pub(super) fn check_apart(document: &DocumentMut, all: &[Apart]) -> Result<(), R
                 let Some(x) = at("x_mm") else { continue };
                 let name = named(document, &place);
                 if places.iter().all(|(other, _)| *other != name) {
-                    places.push((name, [x, at("y_mm").unwrap_or(0.0)]));
+                    places.push((name, [x, at("y_mm").filter(|_| !is_bar).unwrap_or(0.0)]));
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! Designs against what the scene reads back.
 
 use super::*;
-use era_model::scene::{EXAMPLE_PLATE, EdgeKind};
+use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, EdgeKind};
 
 fn space_of(study: &str, scene: &str) -> Result<Space, SceneError> {
     let text = format!("version = 1\nname = \"s\"\nscene = \"x.toml\"\n{study}\n[[wish]]\nfigure = \"weakest_g\"\n");
@@ -316,4 +316,43 @@ fn the_scene_as_it_is_is_a_design() {
     assert_eq!(space.as_it_is().settings, wanted);
     // It is that scene.
     assert_eq!(space.scene(&space.as_it_is(), &[]).unwrap(), space.base(&[]).unwrap());
+}
+
+/// What has no place is no table of one, and one place is apart from nothing.
+#[test]
+fn what_is_held_apart_has_places() {
+    let table = "[[variable]]\nplace = \"actuator.left\"\nwithin_mm = [10, 10, 140, 190]\n";
+    let told = |places: &str, expected: &str| {
+        let study = format!("{table}[[apart]]\nplaces = {places}\ndistance_mm = 50\n");
+        hold(&space_of(&study, EXAMPLE_PLATE).unwrap_err(), &[(8, expected)]);
+    };
+    told("[\"surface\"]", "apart[1]: surface is no place: what it leads to has no x_mm");
+    told("[\"actuator\"]", "apart[1]: actuator is no place");
+    told("[\"actuator.left.x_mm\", \"actuator.right.x_mm\"]", "apart[1]: actuator.left.x_mm is no place");
+    told("[\"actuator.left\", \"actuator[1]\"]", "apart[1]: places are 1, but must be two at least");
+    assert!(
+        space_of(&format!("{table}[[apart]]\nplaces = [\"actuator.*\"]\ndistance_mm = 50\n"), EXAMPLE_PLATE).is_ok()
+    );
+}
+
+/// A bar has no y, whatever stands in its file: 10 mm along it are 10 mm.
+#[test]
+fn a_bars_y_holds_nothing_apart() {
+    let bar = EXAMPLE_BAR.replacen("x_mm", "y_mm = 19\nx_mm", 1);
+    let study = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.5\nto = 2\n[[apart]]\nplaces = [\"support.*\", \"actuator.*\"]\ndistance_mm = 5000\n";
+    let of = |text: &str| match space_of(study, text) {
+        Ok(space) => space.scene(&space.design(&[0.5]), &[]).err().map(|error| error.to_string()),
+        Err(error) => Some(error.to_string()),
+    };
+    assert!(of(&bar).is_some_and(|told| told.contains("apart")) && of(&bar) == of(EXAMPLE_BAR), "{:?}", of(&bar));
+}
+
+/// Off by both would be off by twice as much.
+#[test]
+fn a_value_is_off_in_one_way() {
+    let table = "[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.5\nto = 2\n";
+    let off = |key: &str| format!("[[uncertain]]\nkey = \"{key}\"\npart = 0.1\n");
+    let study = format!("{table}{}{}", off("support.*.stiffness_n_per_m"), off("support[1].stiffness_n_per_m"));
+    let expected = "it has support[1].stiffness_n_per_m off, which uncertain[1] (support.*.stiffness_n_per_m) in line";
+    hold(&space_of(&study, EXAMPLE_PLATE).unwrap_err(), &[(12, expected)]);
 }

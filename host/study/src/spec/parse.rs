@@ -51,8 +51,10 @@ fn whole(file: &Section<'_, '_>, values: &DocumentMut) -> Spec {
     let variables: Vec<Variable> =
         sections.into_iter().enumerate().filter_map(|(i, section)| variable(section, list_of(i))).collect();
     let apart = file.tables("apart").into_iter().map(apart).collect();
-    let wishes: Vec<Wish> = file.tables("wish").into_iter().filter_map(wish).collect();
-    if !file.has("wish") {
+    let sections = file.tables("wish");
+    let is_wished = !sections.is_empty();
+    let wishes: Vec<Wish> = sections.into_iter().filter_map(wish).collect();
+    if !is_wished {
         file.report().add(&(0..0), "wish is missing: at least one [[wish]] says what is wanted");
     }
     let limits = file.tables("limit").into_iter().filter_map(limit).collect();
@@ -245,7 +247,13 @@ fn apart(section: Section<'_, '_>) -> Apart {
 
 fn wanted(section: &Section<'_, '_>) -> Option<Wanted> {
     let words = Figure::ALL.map(|figure| (figure.name(), figure));
-    let figure = section.word("figure", &words)?;
+    let Some(figure) = section.word("figure", &words) else {
+        // Known, but nobody can say whether they apply.
+        for key in ["setting", "drives", "at_mm", "force_n"] {
+            let _ = section.has(key);
+        }
+        return None;
+    };
     let settings = [("every_touch", Settings::EveryTouch), ("one", Settings::One)];
     let setting =
         if figure.is_of_settings() && section.has("setting") { section.word("setting", &settings) } else { None };

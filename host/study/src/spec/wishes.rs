@@ -198,6 +198,18 @@ impl Wanted {
         }
     }
 
+    /// Whether it is the peak at the weakest place with a setting for every touch, of which a plan has a bound.
+    #[must_use]
+    pub fn has_bound_of_weakest(&self) -> bool {
+        self.figure == Figure::WeakestG && (self.setting, self.drives) == (Settings::EveryTouch, Drives::Distinct)
+    }
+
+    /// Whether its relative error has a bound when it is computed thoroughly.
+    #[must_use]
+    pub fn has_bound(&self) -> bool {
+        self.has_bound_of_weakest() || self.figure == Figure::SagUm || self.figure.is_of_a_mode()
+    }
+
     /// Whether it is about one setting for the whole surface.
     #[must_use]
     pub fn is_of_one_setting(&self) -> bool {
