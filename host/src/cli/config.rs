@@ -386,6 +386,7 @@ mod tests {
             ("version = 1\n\nlisten = \"7878\"", "era.toml:3: listen is \"7878\", but must be an address and a port"),
             ("version = 1\ntolerance = 1", "era.toml:2: tolerance is 1, but must be a number 1e-8 to 0.1"),
             ("version = 1\nno_cache = \"yes\"", "era.toml:2: no_cache is \"yes\", but must be true or false"),
+            ("version = 1\ndevice = \"atuo\"", "era.toml:2: device is \"atuo\", but must be \"sim\", \"emulated\""),
             ("version = 1\ndevice = \"\"", "era.toml:2: device is \"\", but must be \"sim\", \"emulated\""),
             ("version = 1\naccuracy = \"best\"", "must be \"fast\", \"balanced\" or \"reference\""),
             ("version = 1\n[listen]\nport = 1", "era.toml:2: listen is a table, but must be"),

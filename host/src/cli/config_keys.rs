@@ -152,7 +152,7 @@ pub const KEYS: &[Key] = &[
     Key {
         name: "device",
         help: "The device: auto for a board, the path of its serial port, emulated, or sim, which drives no board",
-        allowed: "\"sim\", \"emulated\", \"auto\" or the path of a serial port",
+        allowed: "\"sim\", \"emulated\", \"auto\" or the path of a serial port, as \"/dev/ttyACM0\"",
         default: "sim",
         example: "\"auto\"",
         rival: None,

@@ -325,11 +325,15 @@ fn level(db: Option<f64>, threshold: &str) -> String {
     }
 }
 
+/// Harmonics are told from this part of the peak on.
+const HARMONICS_PART: f64 = 1e-9;
+
 fn details_text(text: &mut String, plan: &Plan, details: &Report) {
     let _ = write!(text, "\nwith the masses moving: {:.3} g", plan.predicted.softened_peak_g);
     let _ = write!(text, ", {}", level(plan.predicted.above_threshold_db, "the threshold of feeling"));
     let _ = write!(text, "; with harmonics at most {:.3} g", details.waveform_peak_g);
-    if details.harmonics_g > 0.0 {
+    // Less is rounding.
+    if details.harmonics_g > HARMONICS_PART * details.waveform_peak_g {
         let _ = write!(text, " (the strongest {}", level(details.strongest_harmonic_db, "its threshold"));
         match details.harmonics_error_bound {
             Some(bound) => _ = write!(text, "; theirs within {:.1e} of it)", bound),

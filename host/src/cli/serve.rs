@@ -77,6 +77,12 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         urls.join(", "),
         scene.name
     );
+    if let Some(file) = &options.token_file {
+        tracing::info!(
+            "a browser opens it with #token=TOKEN at the address's end, TOKEN being one of {}",
+            file.display()
+        );
+    }
     if target == Target::Sim && options.device.is_none() {
         match &options.config {
             Some(path) => tracing::warn!("{} {}", path.display(), SIMULATED),

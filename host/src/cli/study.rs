@@ -77,6 +77,13 @@ pub fn run(options: &Options) -> Outcome {
                     path.display()
                 )));
             }
+            Ok(Stopped::Done) if !shard.is_all() && all == 0 => {
+                return print_text(&format!(
+                    "{}: share {shard} has nothing to do, as the study has fewer chunks than there are shares: with a smaller `chunk` in [method] it \
+                     has more",
+                    study.spec.name
+                ));
+            }
             Ok(Stopped::Done) if !shard.is_all() => {
                 return print_text(&format!(
                     "{}: share {shard} is in {}, {all} designs; when all shares are, `--gather` makes the results",

@@ -32,10 +32,16 @@ impl FromStr for Target {
             "sim" => Ok(Target::Sim),
             "emulated" => Ok(Target::Emulated),
             "auto" => Ok(Target::Auto),
-            "" => Err("must be sim, emulated, auto or the path of a serial port".into()),
-            path => Ok(Target::Serial(path.into())),
+            path if is_path(path) => Ok(Target::Serial(path.into())),
+            _ => Err("must be sim, emulated, auto or the path of a serial port, as /dev/ttyACM0".into()),
         }
     }
+}
+
+/// Whether this may be a port's path, and not a mistyped word.
+fn is_path(text: &str) -> bool {
+    let is_com = text.get(..3).is_some_and(|begin| begin.eq_ignore_ascii_case("com"));
+    text.contains(['/', '\\']) || is_com || std::path::Path::new(text).exists() && !text.is_empty()
 }
 
 impl fmt::Display for Target {

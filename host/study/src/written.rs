@@ -185,6 +185,10 @@ impl Written {
             self.count(Status::Broken),
             self.count(Status::Failed)
         );
+        let first = table.entries.iter().find(|entry| entry.status == Status::Failed);
+        if let Some(reason) = first.and_then(|entry| entry.reason.as_deref()).filter(|_| !table.has_failed()) {
+            let _ = write!(text, " (the first: {reason})");
+        }
         if study.spec.wishes.len() > 1 {
             let front = table.entries.iter().filter(|entry| entry.is_on_front).count();
             let _ = write!(text, "; {front} on the front");

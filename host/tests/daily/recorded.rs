@@ -91,6 +91,7 @@ fn what_the_board_measures_is_recorded() {
     {
         let daemon = Daemon::recording(EXAMPLE_PLATE, Recorder::start(&file, "example plate").unwrap());
         let touch = r#"{"x_px": 900, "y_px": 600, "intensity_g": 0.1, "duration_ms": 600}"#;
+        daemon.wait_for(|state| state["device"]["state"] == "safe");
         assert_eq!(daemon.post("/v1/arm", "").0, 200);
         assert_eq!(daemon.post("/v1/touch", touch).0, 200);
         daemon.wait_for(|state| state["device"]["state"] == "armed");
