@@ -102,15 +102,15 @@ impl Worker {
         !self.armed && state.is_live()
     }
 
-    /// What is known of the device is over: nothing that was seen of it before is told of it as it is now.
-    pub(super) fn is_stopped(&mut self) {
+    /// From here on the device is told to stop: nothing that was seen of it before is told of it as it is after that.
+    pub(super) fn note_stop(&mut self) {
         (self.armed, self.drive_until) = (false, None);
         (self.look_next, self.next_status, self.stop_is_seen) = (None, Instant::now(), false);
     }
 
     /// Everything off.
     pub(super) fn halt(&mut self) -> Result<(), LinkError> {
-        self.is_stopped();
+        self.note_stop();
         // Those that are counted while it is asked may have come too late for it.
         let stops = self.stops.load(Ordering::SeqCst);
         self.ask(&Request::Stop)?;

@@ -387,7 +387,7 @@ impl Worker {
         let reply = client.request_told(request, Attention { in_doubt: &mut in_doubt, is_stopped: &is_stopped });
         if let Err(LinkError::Halted { by_order, .. }) = &reply {
             self.obeyed = if *by_order { seen.get() } else { self.obeyed };
-            self.is_stopped();
+            self.note_stop();
             self.broke();
         } else if let Err(error) = reply {
             return Err(error);
