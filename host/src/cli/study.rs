@@ -79,8 +79,8 @@ pub fn run(options: &Options) -> Outcome {
             }
             Ok(Stopped::Done) if !shard.is_all() && all == 0 => {
                 return print_text(&format!(
-                    "{}: share {shard} has nothing to do, as the study has fewer chunks than there are shares: with a smaller `chunk` in [method] it \
-                     has more",
+                    "{}: share {shard} has nothing to do, as the study has fewer chunks (searches, for an evolution) than there are shares: \
+                     with a smaller `chunk`, or more `runs`, in [method] it has more",
                     study.spec.name
                 ));
             }

@@ -23,5 +23,6 @@ pub fn raise() -> bool {
 /// Whether a thread of this process can be: tried on one of its own, as limits are not all that decides (root needs none, a container may forbid it).
 #[must_use]
 pub fn can_be_raised() -> bool {
-    std::thread::spawn(raise).join().unwrap_or(false)
+    let tried = std::thread::Builder::new().spawn(raise);
+    tried.is_ok_and(|thread| thread.join().unwrap_or(false))
 }

@@ -41,7 +41,7 @@ impl FromStr for Target {
 /// Whether this may be a port's path, and not a mistyped word.
 fn is_path(text: &str) -> bool {
     let is_com = text.get(..3).is_some_and(|begin| begin.eq_ignore_ascii_case("com"));
-    text.contains(['/', '\\']) || is_com || std::path::Path::new(text).exists() && !text.is_empty()
+    text.contains(['/', '\\']) || is_com || std::path::Path::new(text).exists()
 }
 
 impl fmt::Display for Target {

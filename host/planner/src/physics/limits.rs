@@ -216,7 +216,7 @@ impl Electrodes {
 
 /// How near secants come to a crossing, as a part of it.
 const NEAR: f64 = 1e-12;
-/// Secants that are drawn at most; some six are usual.
+/// Secants that are drawn at most.
 const SECANTS: usize = 12;
 
 /// Where an increasing function of 0 to `most` crosses zero, if secants find it; else anywhere in between.
@@ -290,7 +290,7 @@ mod tests {
     const PULSE: f64 = 2.0 / 3.0;
 
     proptest! {
-        /// The force holds, and one of a part in 10^15 more does not: also with pressed gaps, stops, and masses that hardly move or close the gap.
+        /// The force holds, to rounding, and one of a part in 10^14 more does not: also with pressed gaps, stops, and masses that hardly move or close the gap.
         #[test]
         fn no_more_force_holds(
             travel in -8.0_f64..-1.0,
