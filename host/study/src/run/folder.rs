@@ -131,14 +131,14 @@ impl Folder {
         // Random, as processes on other machines and in containers may have the same numbers; no file that is there is taken.
         let number = RandomState::new().hash_one(std::process::id());
         let beside = path.with_file_name(format!(".part-{number:016x}"));
-        let written = File::create_new(&beside).and_then(|mut file| {
-            file.write_all(bytes)?;
-            file.sync_all()
-        });
+        let failed = |error| FolderError::Io { doing: "write", path: path.clone(), error };
+        // One that is there is somebody else's, and is left alone.
+        let mut file = File::create_new(&beside).map_err(failed)?;
+        let written = file.write_all(bytes).and_then(|()| file.sync_all());
         written.and_then(|()| fs::rename(&beside, &path)).map_err(|error| {
             // What is there of it is of no use to anybody.
             let _ = fs::remove_file(&beside);
-            FolderError::Io { doing: "write", path, error }
+            failed(error)
         })
     }
 }
