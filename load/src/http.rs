@@ -43,7 +43,7 @@ impl Answer {
     }
 }
 
-/// A connection that is opened when it is first needed, and again after it has broken.
+/// A connection that is opened when it is asked for or first needed, and again after it has broken.
 pub struct Http {
     place: Place,
     stream: Option<BufReader<Box<dyn Stream>>>,
@@ -73,6 +73,14 @@ impl Http {
             self.stream = Some(BufReader::new(stream));
         }
         self.stream.as_mut().ok_or_else(|| ErrorKind::NotConnected.into())
+    }
+
+    /// Opens the connection, if it is not open.
+    ///
+    /// # Errors
+    /// As the system has it.
+    pub fn open(&mut self) -> io::Result<()> {
+        self.connected().map(|_| ())
     }
 
     /// One request and its answer; the connection is closed if there is none.

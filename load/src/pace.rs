@@ -28,6 +28,8 @@ const FEWEST: f64 = 200.0;
 /// Touches a second up to which the echo has its load at the same time, half way between two touches, so that both meet the same
 /// disturbances of the machine; of more the daemon's load would be another one.
 const BESIDE: f64 = 10.0;
+/// How often a load is put on at most where the machine was disturbed ([`Row::disturbed`]). The last try counts, disturbed or not.
+const TRIES: usize = 3;
 /// Stops under each load, ...
 const STOPS: u32 = 10;
 /// ... and the time between them: the self-test and the rise of the rails after each are over by then.
@@ -38,6 +40,13 @@ const STOP: Duration = Duration::from_secs(2);
 const LOOK: Duration = Duration::from_micros(100);
 /// Between two loads, for the board's channels to rest.
 const REST: Duration = Duration::from_secs(2);
+/// From a load's beginning until its first touch is due: its connections are open by then. What a touch takes with a connection of its own is
+/// measured apart ([`FRESH`]).
+const OPENING: Duration = Duration::from_millis(200);
+/// Touches over connections that are opened for them, when they are due, ...
+const FRESH: u32 = 20;
+/// ... and the time between them: drives of before are over by then.
+const BETWEEN_FRESH: Duration = Duration::from_millis(500);
 /// Most connections: each has one request on its way.
 const CONNECTIONS: f64 = 32.0;
 /// Connections for each touch a second: a request may take 20 ms.
@@ -79,8 +88,9 @@ struct Pace {
 }
 
 impl Pace {
+    /// Of a load that begins now, its first touch a little later ([`OPENING`]).
     fn new(rate: f64, seconds: f64) -> Self {
-        Self::from(Instant::now(), rate, seconds)
+        Self::from(Instant::now() + OPENING, rate, seconds)
     }
 
     fn from(from: Instant, rate: f64, seconds: f64) -> Self {
@@ -174,8 +184,14 @@ pub fn run(options: &Options) -> Result<(), Error> {
     let mut rows = Vec::new();
     for way in Way::ALL {
         for rate in &options.rates {
-            rows.push(measurement.row(way, *rate, options.seconds.max(FEWEST / rate))?);
+            rows.push(measurement.undisturbed(way, *rate, options.seconds.max(FEWEST / rate))?);
         }
+        let fresh = measurement.fresh(way)?;
+        println!(
+            "  {} touches, each over a connection of its own, from before it is opened to the frame's last byte: {}",
+            fresh.len(),
+            fresh.told()
+        );
     }
     let text = measurement.metrics()?;
     let ms = |name: &str| metric(&text, name).map_or_else(|| "-".into(), |s| format!("{:.1} ms", s * 1e3));
@@ -234,6 +250,22 @@ impl Measurement {
         })
     }
 
+    /// A row from a time in which the machine did nothing else, if there is one; each try is printed, and stops count of all of them.
+    fn undisturbed(&self, way: Way, rate: f64, seconds: f64) -> Result<Row, Error> {
+        let mut row = self.row(way, rate, seconds)?;
+        for _ in 1..TRIES {
+            let Some(why) = row.disturbed() else { break };
+            println!("  {why}; once more");
+            let stops = row.stops;
+            row = self.row(way, rate, seconds)?;
+            row.stops.join(stops);
+        }
+        if let Some(why) = row.disturbed() {
+            println!("  {why}");
+        }
+        Ok(row)
+    }
+
     fn row(&self, way: Way, rate: f64, seconds: f64) -> Result<Row, Error> {
         std::thread::sleep(REST);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
@@ -265,6 +297,19 @@ impl Measurement {
             println!("  {what}");
         }
         Ok(Row { way, rate, measured, stops, echo })
+    }
+
+    /// Touches over connections that are opened when they are due, to the frame's last byte.
+    fn fresh(&self, way: Way) -> Result<Times, Error> {
+        let rate = BETWEEN_FRESH.as_secs_f64().recip();
+        let mut times = Times::default();
+        for _ in 0..FRESH {
+            std::thread::sleep(BETWEEN_FRESH);
+            self.control.keep_frames(FRAMES_PER_TOUCH);
+            let touches = self.load(way, rate, Pace::from(Instant::now(), rate, 0.9 / rate))?;
+            times.join(Measured::of(&touches, &self.control.take_frames()).map_err(Error::Answer)?.frame);
+        }
+        Ok(times)
     }
 
     /// Stops the device again and again, over a connection of its own; from when each was due.

@@ -1,7 +1,7 @@
 //! What is asked of the daemon, beside what was measured.
 
-use super::Way;
 use super::measured::Measured;
+use super::{BESIDE, Way};
 use crate::times::{Times, number};
 use std::time::Duration;
 
@@ -9,6 +9,9 @@ use std::time::Duration;
 const IDLE: (f64, f64) = (1.0, 2.0);
 /// The same at the highest rate.
 const BUSY: (f64, f64) = (1000.0, 5.0);
+/// An echo that has its load in between, and whose p99 in ms is above this, tells that the machine did something else meanwhile: with a quarter
+/// of what a touch may take gone for nothing, the machine is what was measured.
+const DISTURBED_MS: f64 = IDLE.1 / 4.0;
 /// Longest from a stop to the board at any load, in ms.
 const STOP_MS: f64 = 10.0;
 /// Longest time for which a board that is on may hear nothing, in ms: a sign of life comes after 30 ms, and 50 ms after that the link is
@@ -27,6 +30,15 @@ pub struct Row {
     pub stops: Times,
     /// What the same load took with an echo in the daemon's place.
     pub echo: Times,
+}
+
+impl Row {
+    /// That the machine was disturbed, where the echo was beside the touches; for people. The touches themselves have no part in that.
+    #[must_use]
+    pub fn disturbed(&self) -> Option<String> {
+        let p99 = self.echo.quantile(99).filter(|p99| self.rate <= BESIDE && *p99 > DISTURBED_MS)?;
+        Some(format!("disturbed: the echo's p99 in these seconds is {} ms, above {DISTURBED_MS} ms", number(p99)))
+    }
 }
 
 /// One thing that is asked.
@@ -131,6 +143,24 @@ mod tests {
         assert_eq!(table(&rows(1.9, 4.9, 10.1), SILENCE).1, ["stop to the board, longest, at any of these loads"]);
         let late = table(&rows(1.9, 4.9, 9.9), Duration::from_millis(81)).1;
         assert_eq!(late, ["no sign of life at a board that is on, longest"]);
+    }
+
+    /// By the echo alone, whatever the touches came to, and only where it was beside them.
+    #[test]
+    fn a_disturbed_machine_is_told_by_the_echo() {
+        let row = |rate, echo_ms| {
+            let frame = times(9.0, 200);
+            Row {
+                way: Way::Tcp,
+                rate,
+                measured: Measured { frame, ..Measured::default() },
+                stops: times(1.0, 10),
+                echo: times(echo_ms, 200),
+            }
+        };
+        assert_eq!(row(1.0, 0.49).disturbed(), None);
+        assert!(row(1.0, 0.51).disturbed().is_some_and(|text| text.contains("0.51 ms")));
+        assert_eq!(row(1000.0, 3.0).disturbed(), None);
     }
 
     /// Two of a hundred touches that were refused are not left out of the p99.

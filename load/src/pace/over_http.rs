@@ -30,6 +30,8 @@ pub fn run(place: &Place, pace: Pace, rate: f64) -> Vec<Touch> {
 
 fn connection(place: &Place, pace: Pace, counter: &AtomicU32) -> Vec<Came> {
     let (mut all, mut http) = (Vec::new(), Http::new(place.clone()));
+    // One that cannot be opened now is tried again with the first touch, which then tells why.
+    let _ = http.open();
     while let Some((k, due)) = next(counter, pace) {
         pace.wait(due);
         let body = json!({"x_px": x_px(k), "y_px": 640, "intensity_g": 0.3, "duration_ms": 100}).to_string();
