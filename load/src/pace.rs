@@ -23,8 +23,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use touches::Touch;
 
-/// Fewest touches that are measured: a p99 of a hundred or fewer is the longest of them.
-const FEWEST: f64 = 200.0;
+/// Fewest touches that are measured: a p99 of a hundred or fewer is the longest of them ([`Times::quantile`]), of 200 the second longest, and of
+/// so many the third, so that one second in which the machine stands still for a moment does not decide.
+const FEWEST: f64 = 300.0;
 /// Touches a second up to which the echo has its load at the same time, half way between two touches, so that both meet the same
 /// disturbances of the machine; of more the daemon's load would be another one.
 const BESIDE: f64 = 10.0;
