@@ -136,6 +136,12 @@ impl Daemon {
         }
     }
 
+    /// How long processors have worked for it so far, in s; `None` where the system does not tell.
+    #[must_use]
+    pub fn worked_s(&self) -> Option<f64> {
+        worked_s(&std::fs::read_to_string(format!("/proc/{}/stat", self.id())).ok()?)
+    }
+
     /// What it takes now.
     #[must_use]
     pub fn takes(&self) -> Takes {
@@ -181,9 +187,27 @@ fn takes(id: u32) -> Takes {
     Takes { memory_kb: number("VmRSS:"), threads: number("Threads:"), handles: handles as u64 }
 }
 
+/// Ticks of `/proc` in a second: USER_HZ, 100 wherever Linux runs.
+const TICKS_PER_S: f64 = 100.0;
+
+/// Time in s in user and in kernel mode, fields 14 and 15 of proc_pid_stat(5); the second, a name in brackets, may have blanks in it.
+fn worked_s(stat: &str) -> Option<f64> {
+    let (_, rest) = stat.rsplit_once(')')?;
+    let mut fields = rest.split_whitespace().skip(11);
+    let mut ticks = || fields.next()?.parse::<f64>().ok();
+    Some((ticks()? + ticks()?) / TICKS_PER_S)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_time_of_processors_is_read_whatever_the_name_is() {
+        let stat = "71 (a ) b) S 1 2 3 4 5 6 7 8 9 10 250 50 0 0 20 0 9";
+        assert_eq!(worked_s(stat), Some(3.0));
+        assert_eq!(worked_s("71 (era) S 1"), None);
+    }
 
     #[test]
     fn the_address_is_read_from_the_log() {

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 use touches::Touch;
 
 /// Fewest touches that are measured: a p99 of a hundred or fewer is the longest of them ([`Times::quantile`]), of 200 the second longest, and of
-/// so many the third, so that one second in which the machine stands still for a moment does not decide.
+/// so many the third, so that two touches that meet one short disturbance do not decide.
 const FEWEST: f64 = 300.0;
 /// Touches a second up to which the echo has its load at the same time, half way between two touches, so that both meet the same
 /// disturbances of the machine; of more the daemon's load would be another one.
@@ -86,6 +86,8 @@ struct Pace {
     from: Instant,
     every: Duration,
     until: Instant,
+    /// Number of the first touch's place ([`x_px`]).
+    first: u32,
 }
 
 impl Pace {
@@ -95,7 +97,12 @@ impl Pace {
     }
 
     fn from(from: Instant, rate: f64, seconds: f64) -> Self {
-        Self { from, every: Duration::from_secs_f64(1.0 / rate), until: from + Duration::from_secs_f64(seconds) }
+        Self {
+            from,
+            every: Duration::from_secs_f64(1.0 / rate),
+            until: from + Duration::from_secs_f64(seconds),
+            first: 0,
+        }
     }
 
     /// Sleeps until a touch is due.
@@ -185,14 +192,9 @@ pub fn run(options: &Options) -> Result<(), Error> {
     let mut rows = Vec::new();
     for way in Way::ALL {
         for rate in &options.rates {
-            rows.push(measurement.undisturbed(way, *rate, options.seconds.max(FEWEST / rate))?);
+            rows.push(undisturbed(|| measurement.row(way, *rate, options.seconds.max(FEWEST / rate)))?);
         }
-        let fresh = measurement.fresh(way)?;
-        println!(
-            "  {} touches, each over a connection of its own, from before it is opened to the frame's last byte: {}",
-            fresh.len(),
-            fresh.told()
-        );
+        measurement.fresh(way)?;
     }
     let text = measurement.metrics()?;
     let ms = |name: &str| metric(&text, name).map_or_else(|| "-".into(), |s| format!("{:.1} ms", s * 1e3));
@@ -251,34 +253,22 @@ impl Measurement {
         })
     }
 
-    /// A row from a time in which the machine did nothing else, if there is one; each try is printed, and stops count of all of them.
-    fn undisturbed(&self, way: Way, rate: f64, seconds: f64) -> Result<Row, Error> {
-        let mut row = self.row(way, rate, seconds)?;
-        for _ in 1..TRIES {
-            let Some(why) = row.disturbed() else { break };
-            println!("  {why}; once more");
-            let stops = row.stops;
-            row = self.row(way, rate, seconds)?;
-            row.stops.join(stops);
-        }
-        if let Some(why) = row.disturbed() {
-            println!("  {why}");
-        }
-        Ok(row)
-    }
-
     fn row(&self, way: Way, rate: f64, seconds: f64) -> Result<Row, Error> {
         std::thread::sleep(REST);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let most = (rate * seconds).ceil() as usize * FRAMES_PER_TOUCH;
         self.control.keep_frames(most);
+        let (begun, worked_s) = (Instant::now(), self.daemon.worked_s());
         let (touches, echo) = self.touches_and_echo(way, rate, seconds)?;
+        let worked_s = worked_s.zip(self.daemon.worked_s()).map(|(before, after)| after - before);
+        let worked = worked_s.map(|worked_s| worked_s / begun.elapsed().as_secs_f64());
         let measured = Measured::of(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
         std::thread::sleep(REST);
         let stops = std::thread::scope(|threads| {
             let seconds = (BETWEEN_STOPS * (STOPS + 1)).as_secs_f64();
-            let load = threads.spawn(move || self.load(way, rate, Pace::new(rate, seconds)).map(|_| ()));
-            let stops = self.stops(way);
+            let pace = Pace::new(rate, seconds);
+            let load = threads.spawn(move || self.load(way, rate, pace).map(|_| ()));
+            let stops = self.stops(way, pace.from);
             load.join().unwrap_or(Ok(())).and(stops)
         })?;
         println!(
@@ -294,32 +284,41 @@ impl Measurement {
             measured.overtaken.told(),
             stops.told()
         );
-        for what in measured.missing().into_iter().chain(measured.late(LATE_MS)) {
+        let busy = worked.map(|worked| format!("the daemon took {:.1} % of a processor", worked * 1e2));
+        for what in measured.missing().into_iter().chain(busy).chain(measured.late(LATE_MS)) {
             println!("  {what}");
         }
-        Ok(Row { way, rate, measured, stops, echo })
+        Ok(Row { way, rate, measured, stops, echo, tries: 1 })
     }
 
-    /// Touches over connections that are opened when they are due, to the frame's last byte.
-    fn fresh(&self, way: Way) -> Result<Times, Error> {
+    /// Measures touches over connections that are opened when they are due, to the frame's last byte, and prints that.
+    fn fresh(&self, way: Way) -> Result<(), Error> {
         let rate = BETWEEN_FRESH.as_secs_f64().recip();
         let mut times = Times::default();
-        for _ in 0..FRESH {
+        for first in 0..FRESH {
             std::thread::sleep(BETWEEN_FRESH);
             self.control.keep_frames(FRAMES_PER_TOUCH);
-            let touches = self.load(way, rate, Pace::from(Instant::now(), rate, 0.9 / rate))?;
-            times.join(Measured::of(&touches, &self.control.take_frames()).map_err(Error::Answer)?.frame);
+            let touches = self.load(way, rate, Pace { first, ..Pace::from(Instant::now(), rate, 0.9 / rate) })?;
+            let measured = Measured::of(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
+            for what in measured.missing() {
+                println!("  {what}");
+            }
+            times.join(measured.frame);
         }
-        Ok(times)
+        let (count, told) = (times.len(), times.told());
+        println!(
+            "  {count} touches, each over a connection of its own, from before it is opened to the frame's last byte: {told}"
+        );
+        Ok(())
     }
 
-    /// Stops the device again and again, over a connection of its own; from when each was due.
-    fn stops(&self, way: Way) -> Result<Times, Error> {
+    /// Stops the device again and again, over a connection of its own, from when the load does; from when each was due.
+    fn stops(&self, way: Way, begun: Instant) -> Result<Times, Error> {
         let place = match way {
             Way::Unix => Place::Unix(self.socket.clone()),
             _ => Place::Tcp(self.daemon.address),
         };
-        let (mut times, mut http, begun) = (Times::default(), Http::new(place), Instant::now());
+        let (mut times, mut http) = (Times::default(), Http::new(place));
         for number in 1..=STOPS {
             let due = begun + BETWEEN_STOPS * number;
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
@@ -344,6 +343,21 @@ impl Measurement {
         let answer = answer.map_err(Error::system("no metrics"))?;
         Ok(String::from_utf8_lossy(&answer.body).into_owned())
     }
+}
+
+/// A row from a time in which the machine did nothing else, if there is one; each try is printed, and stops count of all of them.
+fn undisturbed(mut measure: impl FnMut() -> Result<Row, Error>) -> Result<Row, Error> {
+    let mut row = measure()?;
+    while let Some(why) = row.disturbed() {
+        println!("  {why}");
+        if row.tries >= TRIES || !row.is_whole() {
+            break;
+        }
+        let (stops, tries) = (row.stops, row.tries + 1);
+        row = Row { tries, ..measure()? };
+        row.stops.join(stops);
+    }
+    Ok(row)
 }
 
 /// The next touch among those of all connections.

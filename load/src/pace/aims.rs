@@ -30,9 +30,17 @@ pub struct Row {
     pub stops: Times,
     /// What the same load took with an echo in the daemon's place.
     pub echo: Times,
+    /// How often the load was put on until this row.
+    pub tries: usize,
 }
 
 impl Row {
+    /// Whether every touch was driven or overtaken: one that was refused or not seen is never measured away.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.measured.missing().is_empty()
+    }
+
     /// That the machine was disturbed, where the echo was beside the touches; for people. The touches themselves have no part in that.
     #[must_use]
     pub fn disturbed(&self) -> Option<String> {
@@ -50,6 +58,8 @@ struct Aim {
     measured_ms: Option<f64>,
     /// How many the figure is from.
     of: usize,
+    /// In which try, where there was more than one.
+    tries: usize,
     echo_ms: Option<f64>,
 }
 
@@ -64,12 +74,18 @@ impl Aim {
             Some(false) => "not met",
             None => "not measured",
         };
-        let measured = self.measured_ms.map_or_else(|| "-".into(), |ms| format!("{} ms of {}", number(ms), self.of));
+        let measured = self.measured_ms.map_or_else(
+            || "-".into(),
+            |ms| {
+                let tries = if self.tries > 1 { format!(", try {}", self.tries) } else { String::new() };
+                format!("{} ms of {}{tries}", number(ms), self.of)
+            },
+        );
         let echo = self.echo_ms.map_or_else(|| "-".into(), |ms| format!("{} ms", number(ms)));
         let ratio =
             self.measured_ms.zip(self.echo_ms).map_or_else(|| "-".into(), |(ms, echo)| format!("{:.1}", ms / echo));
         let below = format!("below {} ms", self.below_ms);
-        format!("{:<64} {below:>13} {measured:>20} {echo:>12} {ratio:>8}  {verdict}\n", self.what)
+        format!("{:<64} {below:>13} {measured:>26} {echo:>12} {ratio:>8}  {verdict}\n", self.what)
     }
 }
 
@@ -84,6 +100,7 @@ fn aims(rows: &[Row], silence: Duration) -> Vec<Aim> {
                 below_ms,
                 measured_ms: row.and_then(|row| row.measured.frame.quantile(99)),
                 of: row.map_or(0, |row| row.measured.frame.len()),
+                tries: row.map_or(1, |row| row.tries),
                 echo_ms: row.and_then(|row| row.echo.quantile(99)),
             });
         }
@@ -93,7 +110,7 @@ fn aims(rows: &[Row], silence: Duration) -> Vec<Aim> {
         stops.join(row.stops.clone());
     }
     let mut add = |what: &str, below_ms, measured_ms, of| {
-        all.push(Aim { what: what.into(), below_ms, measured_ms, of, echo_ms: None });
+        all.push(Aim { what: what.into(), below_ms, measured_ms, of, tries: 1, echo_ms: None });
     };
     add("stop to the board, longest, at any of these loads", STOP_MS, stops.longest(), stops.len());
     // A board that was never on has heard nothing that counts.
@@ -107,7 +124,7 @@ pub fn table(rows: &[Row], silence: Duration) -> (String, Vec<String>) {
     let aims = aims(rows, silence);
     let heads = ["aim", "asked", "measured", "echo, p99", "ratio"];
     let [aim, asked, measured, echo, ratio] = heads;
-    let mut text = format!("{aim:<64} {asked:>13} {measured:>20} {echo:>12} {ratio:>8}\n");
+    let mut text = format!("{aim:<64} {asked:>13} {measured:>26} {echo:>12} {ratio:>8}\n");
     text.extend(aims.iter().map(Aim::line));
     let missed = aims.iter().filter(|aim| aim.is_met() == Some(false)).map(|aim| aim.what.clone()).collect();
     (text, missed)
@@ -128,7 +145,7 @@ mod tests {
     fn rows(idle_ms: f64, busy_ms: f64, stop_ms: f64) -> Vec<Row> {
         let row = |way, rate, ms| {
             let measured = Measured { frame: times(ms, 100), ..Measured::default() };
-            Row { way, rate, measured, stops: times(stop_ms, 10), echo: times(0.5, 100) }
+            Row { way, rate, measured, stops: times(stop_ms, 10), echo: times(0.5, 100), tries: 1 }
         };
         Way::ALL.into_iter().flat_map(|way| [row(way, 1.0, idle_ms), row(way, 1000.0, busy_ms)]).collect()
     }
@@ -145,22 +162,40 @@ mod tests {
         assert_eq!(late, ["no sign of life at a board that is on, longest"]);
     }
 
+    fn beside_an_echo(rate: f64, touch_ms: f64, echo_ms: f64) -> Row {
+        let measured = Measured { frame: times(touch_ms, 200), ..Measured::default() };
+        Row { way: Way::Tcp, rate, measured, stops: times(1.0, 10), echo: times(echo_ms, 200), tries: 1 }
+    }
+
     /// By the echo alone, whatever the touches came to, and only where it was beside them.
     #[test]
     fn a_disturbed_machine_is_told_by_the_echo() {
-        let row = |rate, echo_ms| {
-            let frame = times(9.0, 200);
-            Row {
-                way: Way::Tcp,
-                rate,
-                measured: Measured { frame, ..Measured::default() },
-                stops: times(1.0, 10),
-                echo: times(echo_ms, 200),
-            }
+        for touch_ms in [0.1, 9.0] {
+            let row = |rate, echo_ms| beside_an_echo(rate, touch_ms, echo_ms);
+            assert_eq!(row(1.0, 0.49).disturbed(), None);
+            assert!(row(1.0, 0.51).disturbed().is_some_and(|text| text.contains("0.51 ms")));
+            assert!(row(10.0, 0.51).disturbed().is_some());
+            assert_eq!(row(11.0, 3.0).disturbed(), None);
+        }
+    }
+
+    /// The last of three tries counts, however it is; stops of all of them do, and a touch that was refused is not measured away.
+    #[test]
+    fn a_disturbed_load_is_put_on_again() {
+        let tried = |echoes: &[f64], refused: bool| {
+            let mut left = echoes.iter();
+            let row = super::super::undisturbed(|| {
+                let mut row = beside_an_echo(1.0, 9.0, *left.next().unwrap());
+                row.measured.refused.extend(refused.then(|| ("queue-full".into(), 1)));
+                Ok(row)
+            });
+            let row = row.unwrap();
+            (row.tries, row.stops.len(), row.echo.quantile(99).unwrap(), left.len())
         };
-        assert_eq!(row(1.0, 0.49).disturbed(), None);
-        assert!(row(1.0, 0.51).disturbed().is_some_and(|text| text.contains("0.51 ms")));
-        assert_eq!(row(1000.0, 3.0).disturbed(), None);
+        assert_eq!(tried(&[0.4, 0.3], false), (1, 10, 0.4, 1));
+        assert_eq!(tried(&[0.6, 0.3], false), (2, 20, 0.3, 0));
+        assert_eq!(tried(&[0.6, 0.8, 0.7, 0.3], false), (3, 30, 0.7, 1));
+        assert_eq!(tried(&[0.6, 0.3], true), (1, 10, 0.6, 1));
     }
 
     /// Two of a hundred touches that were refused are not left out of the p99.

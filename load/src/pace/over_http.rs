@@ -34,7 +34,9 @@ fn connection(place: &Place, pace: Pace, counter: &AtomicU32) -> Vec<Came> {
     let _ = http.open();
     while let Some((k, due)) = next(counter, pace) {
         pace.wait(due);
-        let body = json!({"x_px": x_px(k), "y_px": 640, "intensity_g": 0.3, "duration_ms": 100}).to_string();
+        let body =
+            json!({"x_px": x_px(pace.first.wrapping_add(k)), "y_px": 640, "intensity_g": 0.3, "duration_ms": 100})
+                .to_string();
         let answer = http.post("/v1/touch", &body);
         all.push(Came { due, ended: Instant::now(), answer });
     }

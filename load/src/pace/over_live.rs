@@ -27,7 +27,7 @@ pub fn run(address: SocketAddr, pace: Pace) -> Result<Vec<Touch>, String> {
         let lifted = writer.send(&json!({"type": "touch", "touches": []}));
         Ok::<_, String>((sent.and_then(|sent| lifted.map(|()| sent))?, messages?))
     })?;
-    Ok(touches(&sent, &messages))
+    Ok(touches(pace.first, &sent, &messages))
 }
 
 /// How long a finger that taps is down: as long as a touch of the other ways in.
@@ -42,7 +42,7 @@ fn send(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
     for k in 0.. {
         let Some(due) = pace.due(k) else { break };
         pace.wait(due);
-        let finger = json!({"id": 1, "x_px": x_px(k), "y_px": 640, "intensity_g": 0.3});
+        let finger = json!({"id": 1, "x_px": x_px(pace.first.wrapping_add(k)), "y_px": 640, "intensity_g": 0.3});
         writer.send(&json!({"type": "touch", "touches": [finger]}))?;
         sent.push(due);
         if pace.every >= TAPS {
@@ -63,8 +63,8 @@ fn read(reader: &mut Live, until: Instant) -> Result<Vec<(Instant, Value)>, Stri
     Ok(all)
 }
 
-/// What became of each place. The daemon takes them in their order: a plan for one says that those before it are driven no more.
-fn touches(due: &[Instant], messages: &[(Instant, Value)]) -> Vec<Touch> {
+/// What became of each place, of which the first has the number `first`. The daemon takes them in their order: a plan for one says that those before it are driven no more.
+fn touches(first: u32, due: &[Instant], messages: &[(Instant, Value)]) -> Vec<Touch> {
     let mut all: Vec<Touch> = Vec::with_capacity(due.len());
     for (at, message) in messages {
         if message["type"] == "error" {
@@ -76,7 +76,7 @@ fn touches(due: &[Instant], messages: &[(Instant, Value)]) -> Vec<Touch> {
         }
         let Some(place) = message["touches"][0]["x_px"].as_f64() else { continue };
         let begun = due.iter().zip(0_u32..).skip(all.len()).take_while(|(due, _)| **due <= *at);
-        let Some(found) = begun.map(|(_, k)| k).find(|k| x_px(*k) == place) else { continue };
+        let Some(found) = begun.map(|(_, k)| k).find(|k| x_px(first.wrapping_add(*k)) == place) else { continue };
         while let Some((due, k)) = due.get(all.len()).zip(u32::try_from(all.len()).ok())
             && k <= found
         {
@@ -107,7 +107,7 @@ mod tests {
         let plan = |k: u32| json!({"type": "plan", "touches": [{"x_px": x_px(k)}], "plan": {"drives": []}});
         let error = json!({"type": "error", "problem": {"type": "urn:era:problem:device-refused"}});
         let messages = [(ms(3), plan(0)), (ms(4), plan(2)), (ms(5), error), (ms(6), plan(2)), (ms(7), plan(4))];
-        let ends: Vec<(u128, End)> = touches(&due, &messages)
+        let ends: Vec<(u128, End)> = touches(0, &due, &messages)
             .into_iter()
             .map(|touch| ((touch.ended - touch.due).as_millis(), touch.end))
             .collect();
@@ -131,7 +131,7 @@ mod tests {
         let zero = Instant::now();
         let due = [zero, zero + Duration::from_millis(5)];
         let early = json!({"type": "plan", "touches": [{"x_px": x_px(1)}], "plan": {"drives": []}});
-        let ends = touches(&due, &[(zero + Duration::from_millis(1), early)]);
+        let ends = touches(0, &due, &[(zero + Duration::from_millis(1), early)]);
         assert!(ends.iter().all(|touch| matches!(touch.end, End::Refused(_))), "{ends:?}");
     }
 }
