@@ -105,6 +105,11 @@ impl Pace {
         }
     }
 
+    /// Place of the `k`th touch.
+    fn x_px(&self, k: u32) -> f64 {
+        x_px(self.first.wrapping_add(k))
+    }
+
     /// Sleeps until a touch is due.
     fn wait(&self, due: Instant) {
         let awake = if self.every < SELDOM { Duration::ZERO } else { AWAKE };

@@ -2,8 +2,7 @@
 //!
 //! A touch reads some megabytes of tables and runs through as much of the program as a request does. After a second without one the
 //! processor's caches have other things in them, its own or those of others on the same machine, and the touch takes up to twice as long as one
-//! of many. Doing it every 50 ms takes a third of that away again (medians, see `docs/src/testing.md`): caches near the processor lose
-//! much within one sleep already, those further away do not. So while the board is on, which means that somebody is there, what a touch would do is done again and again, and nothing of it is
+//! of many. This takes a part of that away again and not all (`docs/src/testing.md`). So while the board is on, which means that somebody is there, what a touch would do is done again and again, and nothing of it is
 //! driven: the way in, a plan, and what it takes to drive it.
 
 use super::access::Owner;

@@ -1,7 +1,7 @@
 //! Touches over connections that are kept open, each with one request on its way.
 
 use super::touches::{End, Touch};
-use super::{CONNECTIONS, CONNECTIONS_PER_RATE, Pace, next, x_px};
+use super::{CONNECTIONS, CONNECTIONS_PER_RATE, Pace, next};
 use crate::http::{Answer, Http, Place};
 use serde_json::json;
 use std::io;
@@ -34,9 +34,7 @@ fn connection(place: &Place, pace: Pace, counter: &AtomicU32) -> Vec<Came> {
     let _ = http.open();
     while let Some((k, due)) = next(counter, pace) {
         pace.wait(due);
-        let body =
-            json!({"x_px": x_px(pace.first.wrapping_add(k)), "y_px": 640, "intensity_g": 0.3, "duration_ms": 100})
-                .to_string();
+        let body = json!({"x_px": pace.x_px(k), "y_px": 640, "intensity_g": 0.3, "duration_ms": 100}).to_string();
         let answer = http.post("/v1/touch", &body);
         all.push(Came { due, ended: Instant::now(), answer });
     }

@@ -42,7 +42,7 @@ fn send(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
     for k in 0.. {
         let Some(due) = pace.due(k) else { break };
         pace.wait(due);
-        let finger = json!({"id": 1, "x_px": x_px(pace.first.wrapping_add(k)), "y_px": 640, "intensity_g": 0.3});
+        let finger = json!({"id": 1, "x_px": pace.x_px(k), "y_px": 640, "intensity_g": 0.3});
         writer.send(&json!({"type": "touch", "touches": [finger]}))?;
         sent.push(due);
         if pace.every >= TAPS {
