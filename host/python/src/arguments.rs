@@ -3,7 +3,7 @@
 use crate::errors::{Raised, Value};
 use era_model::model::Accuracy;
 use era_model::scene::{Scene, SurfaceKind};
-use numpy::{AllowTypeChange, PyArrayLike1};
+use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use std::time::Duration;
@@ -48,47 +48,217 @@ pub fn accuracy(tolerance: Option<Tolerance>, within_s: Option<f64>) -> Result<A
     }
 }
 
+/// Real numbers of whatever NumPy makes an array of: a number, a sequence, an array, a series. They are copied: another thread may write to
+/// an array meanwhile.
+pub struct Numbers {
+    values: Vec<f64>,
+    shape: Vec<usize>,
+    /// Where the first masked entry is.
+    first_masked: Option<usize>,
+}
+
+impl Numbers {
+    /// The numbers of `given`, which is one of `what` in messages.
+    ///
+    /// # Errors
+    /// `TypeError` where NumPy finds no real numbers in it.
+    pub fn read(given: &Bound<'_, PyAny>, what: &str) -> PyResult<Self> {
+        let numpy = given.py().import("numpy")?;
+        let refuse = |problem: &str| PyTypeError::new_err(format!("{what}, not {problem}"));
+        if given.is_none() {
+            // NumPy would make it "not a number".
+            return Err(refuse("None"));
+        }
+        // Values below a mask are of no account, and NumPy's conversion would take them for measured ones.
+        let masked = numpy.getattr("ma")?;
+        let first_masked = if masked.call_method1("is_masked", (given,))?.extract()? {
+            let mask = masked.call_method1("getmaskarray", (given,))?;
+            Some(mask.call_method0("argmax")?.extract()?)
+        } else {
+            None
+        };
+        let array = numpy.call_method1("asarray", (given,)).map_err(|_| refuse("entries of different lengths"))?;
+        let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+        match kind.as_str() {
+            // NumPy would leave out imaginary parts, with a warning, and read numbers from text.
+            "c" => return Err(refuse("complex numbers")),
+            "U" | "S" => return Err(refuse("text")),
+            _ => {}
+        }
+        let float = numpy.getattr("float64")?;
+        let Ok(array) = numpy.call_method1("ascontiguousarray", (array.clone(), float)) else {
+            return Err(refuse(&array.repr()?.to_string()));
+        };
+        // `ascontiguousarray` makes an array of one entry of a single number.
+        let shape = numpy.call_method1("shape", (given,))?.extract()?;
+        let flat: PyReadonlyArray1<'_, f64> = array.call_method0("ravel")?.extract()?;
+        Ok(Self { values: flat.as_array().to_vec(), shape, first_masked })
+    }
+
+    /// Refuses masked entries; `field` is what the argument is called.
+    fn need_no_mask(&self, field: &str) -> Result<(), Raised> {
+        let Some(at) = self.first_masked else { return Ok(()) };
+        Err(Raised::argument(format!("{field}[{at}]"), "masked", "a number: compressed() leaves masked entries out"))
+    }
+
+    /// Exactly `N` numbers, in rows or not.
+    fn exactly<const N: usize>(&self) -> Option<[f64; N]> {
+        self.values.as_slice().try_into().ok()
+    }
+}
+
 /// A place in m: two coordinates, or one along a bar.
-#[derive(Clone, Copy, FromPyObject)]
-pub enum Place {
-    /// x and y.
-    Plane(f64, f64),
-    /// x.
-    Line(f64),
+pub struct Place(Numbers);
+
+impl<'py> FromPyObject<'_, 'py> for Place {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let what = "a place is two numbers (x_m, y_m), or x_m alone on a bar";
+        let numbers = Numbers::read(&given, what)?;
+        if numbers.shape.len() > 1 || !matches!(numbers.values.len(), 1 | 2) {
+            return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
+        }
+        Ok(Self(numbers))
+    }
 }
 
 impl Place {
     /// Where it is on the surface; `field` is what the argument is called.
-    pub fn on(self, scene: &Scene, field: &str) -> Result<(f64, f64), Raised> {
-        let at = match self {
-            Place::Plane(x_m, y_m) => (x_m, y_m),
-            Place::Line(x_m) if scene.surface.kind == SurfaceKind::Bar => (x_m, 0.0),
-            Place::Line(x_m) => return Err(Raised::argument(field, x_m, "two coordinates (x_m, y_m) on a plate")),
+    pub fn on(&self, scene: &Scene, field: &str) -> Result<(f64, f64), Raised> {
+        self.0.need_no_mask(field)?;
+        let at = match self.0.values[..] {
+            [x_m, y_m] => (x_m, y_m),
+            [x_m] if scene.surface.kind == SurfaceKind::Bar => (x_m, 0.0),
+            // `extract` let one or two numbers pass.
+            _ => {
+                let x_m = self.0.values.first().copied().unwrap_or(f64::NAN);
+                return Err(Raised::argument(field, x_m, "two coordinates (x_m, y_m) on a plate"));
+            }
         };
-        let place = scene.place(at.0, at.1).map_err(|error| Raised::place(field, at, error))?;
-        Ok(place.xy_m())
+        locate(scene, field, at)
     }
 }
 
-/// Frequencies in Hz, of an array or anything that makes one. They are copied: another thread may write to the array meanwhile.
-pub struct Frequencies(Vec<f64>);
+/// Where two coordinates in m are on the surface; `field` is what the argument is called.
+fn locate(scene: &Scene, field: &str, at: (f64, f64)) -> Result<(f64, f64), Raised> {
+    let place = scene.place(at.0, at.1).map_err(|error| Raised::place(field, at, error))?;
+    Ok(place.xy_m())
+}
+
+/// Another target: a place in m, and its peak in g, which may be left to the plan.
+pub struct Also {
+    numbers: Numbers,
+}
+
+impl<'py> FromPyObject<'_, 'py> for Also {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let what = "another target is (x_m, y_m) or (x_m, y_m, peak_g)";
+        let own = match given.extract::<(f64, f64, Option<f64>)>() {
+            Ok((x_m, y_m, None)) => (x_m, y_m).into_pyobject(given.py())?.into_any(),
+            _ => given.to_owned(),
+        };
+        let numbers = Numbers::read(&own, what)?;
+        if numbers.shape.len() != 1 || !matches!(numbers.values.len(), 2 | 3) {
+            return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
+        }
+        Ok(Self { numbers })
+    }
+}
+
+impl Also {
+    /// Its place on the surface in m, and its peak in g; `field` is what the argument is called.
+    pub fn on(&self, scene: &Scene, field: &str) -> Result<((f64, f64), Option<f64>), Raised> {
+        self.numbers.need_no_mask(field)?;
+        let at = |k: usize| self.numbers.values.get(k).copied();
+        let place = locate(scene, field, (at(0).unwrap_or(f64::NAN), at(1).unwrap_or(f64::NAN)))?;
+        Ok((place, at(2)))
+    }
+}
+
+/// Four numbers: a quiet zone (a place in m, its radius in m, the most peak acceleration there in g), or two opposite corners in m.
+pub struct Four(Numbers);
+
+impl<'py> FromPyObject<'_, 'py> for Four {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let what = "four numbers are needed";
+        let numbers = Numbers::read(&given, what)?;
+        if numbers.exactly::<4>().is_none() {
+            return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
+        }
+        Ok(Self(numbers))
+    }
+}
+
+impl Four {
+    /// The numbers; `field` is what the argument is called.
+    pub fn numbers(&self, field: &str) -> Result<[f64; 4], Raised> {
+        self.0.need_no_mask(field)?;
+        self.0.exactly().ok_or_else(|| Raised::argument(field, self.0.values.len(), "four numbers"))
+    }
+
+    /// The same where the first two are a place on the surface.
+    pub fn around_place(&self, scene: &Scene, field: &str) -> Result<[f64; 4], Raised> {
+        let [x_m, y_m, radius_m, at_most_g] = self.numbers(field)?;
+        let (x_m, y_m) = locate(scene, field, (x_m, y_m))?;
+        Ok([x_m, y_m, radius_m, at_most_g])
+    }
+}
+
+/// A point of the unit cube.
+pub struct Point(Numbers);
+
+impl<'py> FromPyObject<'_, 'py> for Point {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        Ok(Self(Numbers::read(&given, "a point is real numbers in one row")?))
+    }
+}
+
+impl Point {
+    /// Its numbers, one from 0 to 1 for each dimension.
+    pub fn in_unit_cube(self, dimensions: usize) -> Result<Vec<f64>, Raised> {
+        self.0.need_no_mask("point")?;
+        let point = self.0.values;
+        if point.len() != dimensions {
+            return Err(Raised::argument(
+                "len(point)",
+                point.len(),
+                format!("{dimensions}, as many as there are dimensions"),
+            ));
+        }
+        match point.iter().position(|part| !(0.0..=1.0).contains(part)) {
+            Some(at) => Err(Raised::argument(format!("point[{at}]"), point[at], "0 to 1")),
+            None => Ok(point),
+        }
+    }
+}
+
+/// Frequencies in Hz: one, or any number of them in a row.
+pub struct Frequencies(Numbers);
 
 impl<'py> FromPyObject<'_, 'py> for Frequencies {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        // NumPy would leave out imaginary parts, with a warning.
-        let kind = given.getattr("dtype").and_then(|kind| kind.getattr("kind")?.extract::<String>());
-        if kind.is_ok_and(|kind| kind == "c") {
-            return Err(PyTypeError::new_err("frequencies are real numbers"));
+        let what = "frequencies are real numbers in one row";
+        let numbers = Numbers::read(&given, what)?;
+        if numbers.shape.len() > 1 {
+            return Err(PyTypeError::new_err(format!("{what}, not an array of the shape {:?}", numbers.shape)));
         }
-        let array: PyArrayLike1<'_, f64, AllowTypeChange> = given.extract()?;
-        Ok(Self(array.as_array().iter().copied().collect()))
+        Ok(Self(numbers))
     }
 }
 
 /// The frequencies, each from `least_hz` up.
-pub fn frequencies(Frequencies(frequencies_hz): Frequencies, least_hz: f64) -> Result<Vec<f64>, Raised> {
+pub fn frequencies(Frequencies(given): Frequencies, least_hz: f64) -> Result<Vec<f64>, Raised> {
+    given.need_no_mask("frequency_hz")?;
+    let frequencies_hz = given.values;
     if frequencies_hz.is_empty() || frequencies_hz.len() > MOST_FREQUENCIES {
         let allowed = format!("1 to {MOST_FREQUENCIES} frequencies");
         return Err(Raised::argument("len(frequency_hz)", frequencies_hz.len(), allowed));
@@ -103,8 +273,36 @@ pub fn frequencies(Frequencies(frequencies_hz): Frequencies, least_hz: f64) -> R
     }
 }
 
+/// Columns and rows of a grid, in a sequence of any kind.
+#[derive(Clone, Copy)]
+pub struct Grid {
+    columns: i64,
+    rows: i64,
+}
+
+impl Grid {
+    /// What is not asked for otherwise.
+    pub const fn usual(columns: i64, rows: i64) -> Self {
+        Self { columns, rows }
+    }
+}
+
+impl<'py> FromPyObject<'_, 'py> for Grid {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let counts: Vec<i64> = given.extract()?;
+        match counts[..] {
+            [columns, rows] => Ok(Self { columns, rows }),
+            _ => {
+                Err(PyTypeError::new_err(format!("a grid is two whole numbers (columns, rows), not {}", counts.len())))
+            }
+        }
+    }
+}
+
 /// Columns and rows of a grid.
-pub fn grid((columns, rows): (i64, i64)) -> Result<(usize, usize), Raised> {
+pub fn grid(Grid { columns, rows }: Grid) -> Result<(usize, usize), Raised> {
     let lines = |field: &str, count: i64| {
         let lines = usize::try_from(count).ok().filter(|count| (1..=MOST_LINES).contains(count));
         #[expect(clippy::cast_precision_loss, reason = "to be shown")]

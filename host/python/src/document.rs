@@ -1,13 +1,11 @@
 //! A scene's document: from Python's mappings to TOML and back, and changed copies of it.
 
 use crate::errors::Raised;
+use era_study::spec::TABLE_NAMES;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PySequence, PyString};
 use toml::{Table, Value};
-
-/// The keys by which entries of a list have names of their own, list by list.
-const NAMES: [(&str, &str); 2] = [("actuator", "id"), ("edge", "side")];
 
 /// A document from keywords; those that are `None` are left out. A scene file's version is added.
 pub fn from_keywords(keywords: &Bound<'_, PyDict>) -> PyResult<Table> {
@@ -48,6 +46,8 @@ fn value_of(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
             list.extend(value_of(&entry?)?);
         }
         Value::Array(list)
+    } else if value.hasattr("dtype")? && value.hasattr("tolist")? {
+        return array_value(value);
     } else if let Ok(whole) = value.extract::<i64>() {
         // NumPy's whole numbers, which are none of Python's.
         Value::Integer(whole)
@@ -58,6 +58,20 @@ fn value_of(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
         return Err(PyTypeError::new_err(format!("a scene has no value of the type {kind}: {value}")));
     };
     Ok(Some(found))
+}
+
+/// The value of NumPy's arrays and numbers: that of the list, or the number, that they are of.
+fn array_value(value: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
+    // Below a mask is nothing that was measured, and a list would leave it out without a word.
+    if value.py().import("numpy")?.getattr("ma")?.call_method1("is_masked", (value,))?.extract()? {
+        return Err(PyTypeError::new_err("a scene has no masked entries: compressed() leaves them out of an array"));
+    }
+    let plain = value.call_method0("tolist")?;
+    if plain.hasattr("dtype")? {
+        // Numbers wider than Python's stay what they are.
+        return Ok(Some(Value::Float(plain.extract()?)));
+    }
+    value_of(&plain)
 }
 
 fn entries<'py>(mapping: &Bound<'py, PyMapping>) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
@@ -128,7 +142,7 @@ fn position(key: &str, list: &[Value], which: &Bound<'_, PyAny>) -> PyResult<usi
         return at.ok_or_else(|| wrong().into());
     }
     let wanted: String = which.extract()?;
-    let named = NAMES.iter().find(|(of, _)| *of == key).map(|(_, name)| *name);
+    let named = TABLE_NAMES.iter().find(|(of, _)| *of == key).map(|(_, name)| *name);
     let name_of = |entry: &Value| named.and_then(|name| entry.get(name)?.as_str().map(str::to_owned));
     let names: Vec<String> = list.iter().filter_map(name_of).collect();
     let found = list.iter().position(|entry| name_of(entry).as_ref() == Some(&wanted));

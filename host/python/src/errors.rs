@@ -8,6 +8,7 @@ use era_model::transient::TransientError;
 use era_model::transient::panel::{MotionError, TimesError};
 use era_planner::PlanError;
 use era_planner::cache::PrepareError;
+use era_planner::effects::DesignError;
 use era_planner::explain::ExplainError;
 use era_planner::quick::QuickError;
 use era_planner::table::{BandError, NoPoint};
@@ -296,6 +297,18 @@ impl From<PlanError> for Raised {
             }
             PlanError::NoActuators => Self::with(Kind::Request, &error, "actuator", 0, Some("at least 1".into())),
             PlanError::NoFrequencies | PlanError::Stopped => Self::plain(Kind::Model, &error),
+        }
+    }
+}
+
+impl From<DesignError> for Raised {
+    fn from(error: DesignError) -> Self {
+        match &error {
+            DesignError::Request(request) => {
+                let (field, value, allowed) = request.parts();
+                Self::with(Kind::Request, &error, field, value, Some(allowed))
+            }
+            DesignError::Unbounded => Self::plain(Kind::Resonance, &error),
         }
     }
 }

@@ -1,8 +1,9 @@
 //! `field`: a touch over the whole surface.
 
 use crate::arguments::{Place, Tolerance, accuracy as asked};
+use crate::pickles::{Reduced, pickled, reduce};
 use crate::results::{Asked, array, on_grid, shaped};
-use crate::scene::{PyScene, on};
+use crate::scene::PyScene;
 use crate::tables::with_touched_table;
 use era_planner::{STANDARD_GRAVITY, Target};
 use numpy::{PyArray1, PyArray2};
@@ -28,12 +29,26 @@ pub struct Field {
     /// Upper bound on the error at any point, relative to the largest value; None where there is none.
     error_bound: Option<f64>,
     /// Why there is none; None where there is one.
-    error_bound_missing: Option<&'static str>,
+    error_bound_missing: Option<String>,
     /// What was asked for of the bound.
     tolerance: Option<f64>,
     /// Whether the bound is within it; None where there is none.
     tolerance_met: Option<bool>,
 }
+
+pickled!(Field {
+    target_m,
+    x_m,
+    y_m,
+    acceleration_m_s2,
+    peak_g,
+    frequency_hz,
+    contrast_db,
+    error_bound,
+    error_bound_missing,
+    tolerance,
+    tolerance_met
+});
 
 #[pymethods]
 impl Field {
@@ -41,6 +56,10 @@ impl Field {
         let shape = self.peak_g.bind(py).getattr("shape")?;
         let (x_m, y_m) = self.target_m;
         Ok(format!("<Field: {shape} (row, column), touch at ({x_m}, {y_m}) m>"))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -84,7 +103,7 @@ pub fn field(
 ) -> PyResult<Field> {
     let scene = scene.scene();
     let accuracy = asked(tolerance, None)?;
-    let (x_m, y_m) = on(&scene, at_m)?;
+    let (x_m, y_m) = at_m.on(&scene, "at_m")?;
     let target = Target { x_m, y_m, intensity_g };
     let (plan, values, bound, [x_m, y_m]) = with_touched_table(py, &scene, accuracy, vec![(x_m, y_m)], move |table| {
         let plan = table.plan(&[target])?;

@@ -7,10 +7,13 @@
 use pyo3::prelude::*;
 
 mod arguments;
+mod design;
 mod document;
+mod effect;
 mod errors;
 mod field;
 mod modes;
+mod pickles;
 mod plan;
 mod reach;
 mod request;
@@ -27,8 +30,11 @@ mod verify;
 /// The compiled part of `era`.
 #[pymodule]
 mod _era {
+    use crate::pickles::restored;
     use numpy::PyArray1;
+    use pyo3::exceptions::PyValueError;
     use pyo3::prelude::*;
+    use pyo3::types::PyDict;
 
     /// Makes an array, for which NumPy's interface is looked up: a signal that came while a first call looks for it would be taken
     /// for a mistake.
@@ -40,6 +46,33 @@ mod _era {
         Ok(())
     }
 
+    /// What pickle calls: a result of the fields that it was taken apart into.
+    #[pyfunction]
+    #[pyo3(signature = (result, fields, /))]
+    fn _restore<'py>(py: Python<'py>, result: &str, fields: &Bound<'py, PyDict>) -> PyResult<Py<PyAny>> {
+        match result {
+            "Design" => restored::<Design>(py, fields),
+            "Drive" => restored::<Drive>(py, fields),
+            "Effect" => restored::<Effect>(py, fields),
+            "Field" => restored::<Field>(py, fields),
+            "Modes" => restored::<Modes>(py, fields),
+            "Plan" => restored::<Plan>(py, fields),
+            "Predicted" => restored::<Predicted>(py, fields),
+            "QuietResult" => restored::<QuietResult>(py, fields),
+            "Reach" => restored::<Reach>(py, fields),
+            "Response" => restored::<Response>(py, fields),
+            "Sweep" => restored::<Sweep>(py, fields),
+            "TargetResult" => restored::<TargetResult>(py, fields),
+            "Transient" => restored::<Transient>(py, fields),
+            "Verification" => restored::<Verification>(py, fields),
+            _ => Err(PyValueError::new_err(format!("this version of era has no result {result}"))),
+        }
+    }
+
+    #[pymodule_export]
+    use crate::design::Design;
+    #[pymodule_export]
+    use crate::effect::{Effect, effect};
     #[pymodule_export]
     use crate::field::{Field, field};
     #[pymodule_export]

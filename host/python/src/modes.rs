@@ -1,7 +1,8 @@
 //! `modes`: frequencies, damping and shapes.
 
-use crate::arguments::{self, Tolerance};
+use crate::arguments::{self, Grid, Tolerance};
 use crate::errors::{Raised, warn};
+use crate::pickles::{Reduced, pickled, reduce};
 use crate::results::{Asked, array, bounds_of, shaped};
 use crate::run::run;
 use crate::scene::PyScene;
@@ -26,7 +27,7 @@ pub struct Modes {
     /// there is none.
     error_bound: Py<PyArray1<f64>>,
     /// Why bounds are missing; None where all are there.
-    error_bound_missing: Option<&'static str>,
+    error_bound_missing: Option<String>,
     /// What was asked for of the bounds; None where a time was.
     tolerance: Option<f64>,
     /// Whether all bounds are within it; None where one is missing and none is above it.
@@ -44,6 +45,20 @@ pub struct Modes {
     shape_per_sqrt_kg: Option<Py<PyArray3<f64>>>,
 }
 
+pickled!(Modes {
+    frequency_hz,
+    damping_ratio,
+    error_bound,
+    error_bound_missing,
+    tolerance,
+    tolerance_met,
+    unknowns,
+    layers,
+    x_m,
+    y_m,
+    shape_per_sqrt_kg
+});
+
 #[pymethods]
 impl Modes {
     fn __len__(&self, py: Python<'_>) -> PyResult<usize> {
@@ -52,6 +67,10 @@ impl Modes {
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         Ok(format!("<Modes: {}, {} unknowns>", self.__len__(py)?, self.unknowns))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -114,7 +133,7 @@ pub fn modes(
     py: Python<'_>,
     scene: &PyScene,
     max_hz: f64,
-    grid: Option<(i64, i64)>,
+    grid: Option<Grid>,
     tolerance: Option<Tolerance>,
     within_s: Option<f64>,
 ) -> PyResult<Modes> {

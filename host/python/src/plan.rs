@@ -1,16 +1,15 @@
 //! `plan`: drives for a touch, or for several.
 
-use crate::arguments::{Place, Tolerance, accuracy as asked};
+use crate::arguments::{Also, Four, Place, Tolerance, accuracy as asked};
 use crate::errors::Raised;
-use crate::request::{Also, Corners, Spared, Wishes};
-use crate::results::{Asked, from_json};
+use crate::pickles::{Reduced, pickled, reduce};
+use crate::request::Wishes;
+use crate::results::{Asked, read_json, write_json};
 use crate::scene::PyScene;
 use crate::tables::{with_table, with_touched_table};
 use era_model::model::Bound as ErrorBound;
 use era_planner::effects::at_level;
-use era_planner::explain::Explanation;
-use era_planner::trade::Trade;
-use era_planner::{Objective, Plan as Found, PlanTable, Report};
+use era_planner::{Objective, Plan as Found, PlanTable};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -31,6 +30,8 @@ pub struct Drive {
     force_n: f64,
 }
 
+pickled!(Drive { actuator, frequency_hz, voltage_v, pulse_width, phase_rad, force_n });
+
 #[pymethods]
 impl Drive {
     fn __repr__(&self) -> String {
@@ -38,6 +39,10 @@ impl Drive {
             "<Drive {}: {:.2} Hz, {:.1} V, pulse width {:.3}, {:.4} N>",
             self.actuator, self.frequency_hz, self.voltage_v, self.pulse_width, self.force_n
         )
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -70,10 +75,16 @@ pub struct Predicted {
     above_threshold_db: Option<f64>,
 }
 
+pickled!(Predicted { target_peak_g, mean_elsewhere_g, contrast_db, softened_peak_g, above_threshold_db });
+
 #[pymethods]
 impl Predicted {
     fn __repr__(&self) -> String {
         format!("<Predicted: {:.4} g at the target, contrast {:.2} dB>", self.target_peak_g, self.contrast_db)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -90,10 +101,16 @@ pub struct TargetResult {
     peak_g: f64,
 }
 
+pickled!(TargetResult { x_m, y_m, wanted_g, peak_g });
+
 #[pymethods]
 impl TargetResult {
     fn __repr__(&self) -> String {
         format!("<TargetResult at ({}, {}) m: {:.4} of {:.4} g>", self.x_m, self.y_m, self.peak_g, self.wanted_g)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -114,123 +131,133 @@ pub struct QuietResult {
     harmonics_g: f64,
 }
 
+pickled!(QuietResult { x_m, y_m, radius_m, at_most_g, peak_g, harmonics_g });
+
 #[pymethods]
 impl QuietResult {
     fn __repr__(&self) -> String {
         format!("<QuietResult at ({}, {}) m: {:.4} of {:.4} g>", self.x_m, self.y_m, self.peak_g, self.at_most_g)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
 /// The drives for a touch, with what they should do.
 #[pyclass(frozen, module = "era")]
 pub struct Plan {
-    found: Found,
-    report: Report,
-    trade: Option<Trade>,
-    explanation: Option<Explanation>,
-    asked: Asked,
+    /// The (first) target in m.
+    #[pyo3(get)]
+    target_m: (f64, f64),
+    /// All targets with what they get.
+    #[pyo3(get)]
+    targets: Vec<Py<TargetResult>>,
+    /// The quiet zones with what is left in them.
+    #[pyo3(get)]
+    quiet: Vec<Py<QuietResult>>,
+    /// One for each actuator, in the scene's order.
+    #[pyo3(get)]
+    drives: Vec<Py<Drive>>,
+    /// What it should do.
+    #[pyo3(get)]
+    predicted: Py<Predicted>,
+    /// What keeps the intensity below what was asked for, as "voltage of left"; None if nothing does.
+    #[pyo3(get)]
+    limited_by: Option<String>,
+    /// Upper bound on the error of `predicted.target_peak_g`, relative to it; None where there is none.
+    #[pyo3(get)]
+    error_bound: Option<f64>,
+    /// What was asked for of the bound.
+    #[pyo3(get)]
+    tolerance: Option<f64>,
+    /// Whether the bound is within it; None where there is no bound.
+    #[pyo3(get)]
+    tolerance_met: Option<bool>,
+    /// By which part of its cost, or of its reach where the wishes are not met, another combination of the grid's frequencies could be
+    /// better at most: 0 where the plan is proven to be the best.
+    #[pyo3(get)]
+    optimality_gap: f64,
+    /// What the getters below read.
+    details_json: String,
+    trade_json: String,
+    explanation_json: String,
+    plan_json: String,
 }
 
-#[pymethods]
+pickled!(Plan {
+    target_m,
+    targets,
+    quiet,
+    drives,
+    predicted,
+    limited_by,
+    error_bound,
+    tolerance,
+    tolerance_met,
+    optimality_gap,
+    details_json,
+    trade_json,
+    explanation_json,
+    plan_json,
+});
+
 impl Plan {
-    /// The (first) target in m.
-    #[getter]
-    fn target_m(&self) -> (f64, f64) {
-        self.found.target_m.into()
-    }
-
-    /// All targets with what they get.
-    #[getter]
-    fn targets(&self) -> Vec<TargetResult> {
-        let of = |target: &era_planner::TargetResult| TargetResult {
-            x_m: target.x_m,
-            y_m: target.y_m,
-            wanted_g: target.wanted_g,
-            peak_g: target.peak_g,
+    fn new(py: Python<'_>, found: &Found, asked: Asked, told: [String; 3]) -> PyResult<Self> {
+        let target = |own: &era_planner::TargetResult| {
+            Py::new(py, TargetResult { x_m: own.x_m, y_m: own.y_m, wanted_g: own.wanted_g, peak_g: own.peak_g })
         };
-        self.found.targets.iter().map(of).collect()
-    }
-
-    /// The quiet zones with what is left in them.
-    #[getter]
-    fn quiet(&self) -> Vec<QuietResult> {
-        let of = |zone: &era_planner::QuietResult| QuietResult {
-            x_m: zone.x_m,
-            y_m: zone.y_m,
-            radius_m: zone.radius_m,
-            at_most_g: zone.at_most_g,
-            peak_g: zone.peak_g,
-            harmonics_g: zone.harmonics_g,
+        let quiet = |own: &era_planner::QuietResult| {
+            let (x_m, y_m, radius_m) = (own.x_m, own.y_m, own.radius_m);
+            let (at_most_g, peak_g, harmonics_g) = (own.at_most_g, own.peak_g, own.harmonics_g);
+            Py::new(py, QuietResult { x_m, y_m, radius_m, at_most_g, peak_g, harmonics_g })
         };
-        self.found.quiet.iter().map(of).collect()
-    }
-
-    /// One for each actuator, in the scene's order.
-    #[getter]
-    fn drives(&self) -> Vec<Drive> {
-        self.found.drives.iter().map(Drive::of).collect()
-    }
-
-    /// What it should do.
-    #[getter]
-    fn predicted(&self) -> Predicted {
-        let predicted = self.found.predicted;
-        Predicted {
+        let predicted = found.predicted;
+        let predicted = Predicted {
             target_peak_g: predicted.target_peak_g,
             mean_elsewhere_g: predicted.mean_elsewhere_g,
             contrast_db: predicted.contrast_db,
             softened_peak_g: predicted.softened_peak_g,
             above_threshold_db: predicted.above_threshold_db,
-        }
+        };
+        let [details_json, trade_json, explanation_json] = told;
+        Ok(Self {
+            target_m: found.target_m.into(),
+            targets: found.targets.iter().map(target).collect::<PyResult<_>>()?,
+            quiet: found.quiet.iter().map(quiet).collect::<PyResult<_>>()?,
+            drives: found.drives.iter().map(|drive| Py::new(py, Drive::of(drive))).collect::<PyResult<_>>()?,
+            predicted: Py::new(py, predicted)?,
+            limited_by: found.limited_by.clone(),
+            error_bound: found.error_bound,
+            tolerance: asked.tolerance,
+            tolerance_met: asked.is_met,
+            optimality_gap: found.optimality_gap,
+            details_json,
+            trade_json,
+            explanation_json,
+            plan_json: write_json(found)?,
+        })
     }
+}
 
-    /// What keeps the intensity below what was asked for, as "voltage of left"; None if nothing does.
-    #[getter]
-    fn limited_by(&self) -> Option<&str> {
-        self.found.limited_by.as_deref()
-    }
-
-    /// Upper bound on the error of `predicted.target_peak_g`, relative to it; None where there is none.
-    #[getter]
-    fn error_bound(&self) -> Option<f64> {
-        self.found.error_bound
-    }
-
-    /// What was asked for of the bound.
-    #[getter]
-    fn tolerance(&self) -> Option<f64> {
-        self.asked.tolerance
-    }
-
-    /// Whether the bound is within it; None where there is no bound.
-    #[getter]
-    fn tolerance_met(&self) -> Option<bool> {
-        self.asked.is_met
-    }
-
-    /// By which part of its cost, or of its reach where the wishes are not met, another combination of the grid's frequencies could be
-    /// better at most: 0 where the plan is proven to be the best.
-    #[getter]
-    fn optimality_gap(&self) -> f64 {
-        self.found.optimality_gap
-    }
-
+#[pymethods]
+impl Plan {
     /// What is told besides: peak of the whole waveform, harmonics, when it is there and gone.
     #[getter]
     fn details<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        from_json(py, &self.report)
+        read_json(py, &self.details_json)
     }
 
     /// What can be had of wishes that cannot all be had; None where there is nothing to choose.
     #[getter]
     fn trade<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        from_json(py, &self.trade)
+        read_json(py, &self.trade_json)
     }
 
     /// With `explain=True` why it is what it is: candidates, pulse widths, alternatives; None otherwise.
     #[getter]
     fn explanation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        from_json(py, &self.explanation)
+        read_json(py, &self.explanation_json)
     }
 
     /// The plan as `era plan --json` prints it, lengths in mm.
@@ -239,19 +266,26 @@ impl Plan {
     /// -------
     /// dict
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        Ok(from_json(py, &self.found)?.cast_into::<PyDict>()?)
+        Ok(read_json(py, &self.plan_json)?.cast_into::<PyDict>()?)
     }
 
     fn __repr__(&self) -> String {
-        let drives: Vec<String> =
-            self.found.drives.iter().map(|drive| format!("{} {:.1} Hz", drive.actuator, drive.frequency_hz)).collect();
-        let ([x_m, y_m], predicted) = (self.found.target_m, self.found.predicted);
+        let drives: Vec<String> = self
+            .drives
+            .iter()
+            .map(|drive| format!("{} {:.1} Hz", drive.get().actuator, drive.get().frequency_hz))
+            .collect();
+        let ((x_m, y_m), predicted) = (self.target_m, self.predicted.get());
         format!(
             "<Plan at ({x_m}, {y_m}) m: {}; {:.4} g, contrast {:.2} dB>",
             drives.join(", "),
             predicted.target_peak_g,
             predicted.contrast_db
         )
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -324,11 +358,11 @@ pub fn plan(
     intensity_g: Option<f64>,
     intensity_db: Option<f64>,
     also: Vec<Also>,
-    quiet: Vec<Spared>,
+    quiet: Vec<Four>,
     objective: String,
     grouping: String,
     weigh: String,
-    zone_m: Option<Corners>,
+    zone_m: Option<Four>,
     explain: bool,
     tolerance: Option<Tolerance>,
 ) -> PyResult<Plan> {
@@ -339,18 +373,20 @@ pub fn plan(
     // One setting for touches of any place is of the panel that nothing touches.
     let is_anywhere = request.objective == Objective::Reach;
     let places: Vec<(f64, f64)> = request.targets.iter().map(|target| (target.x_m, target.y_m)).collect();
-    let plan_with = move |table: &PlanTable| -> Result<Plan, Raised> {
+    let plan_with = move |table: &PlanTable| -> Result<(Found, Asked, [String; 3]), Raised> {
         let request = at_level(table, request, intensity_db)?;
         let (planned, trade) = table.planned_with_trade(&request)?;
         let report = table.report(&planned);
         let explanation = explain.then(|| table.explain(&request)).transpose()?;
         let found = planned.plan;
         let bound = found.error_bound.map_or(ErrorBound::Unknown("nothing moves at the target"), ErrorBound::AtMost);
-        Ok(Plan { asked: Asked::of(&[bound], accuracy), found, report, trade, explanation })
+        let told = [write_json(&report)?, write_json(&trade)?, write_json(&explanation)?];
+        Ok((found, Asked::of(&[bound], accuracy), told))
     };
-    if is_anywhere {
-        with_table(py, &scene, accuracy, plan_with)
+    let (found, asked, told) = if is_anywhere {
+        with_table(py, &scene, accuracy, plan_with)?
     } else {
-        with_touched_table(py, &scene, accuracy, places, plan_with)
-    }
+        with_touched_table(py, &scene, accuracy, places, plan_with)?
+    };
+    Plan::new(py, &found, asked, told)
 }

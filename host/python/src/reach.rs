@@ -1,7 +1,8 @@
 //! `reach`: what a panel's actuators can do at all, point by point.
 
-use crate::arguments::{Tolerance, accuracy as asked};
-use crate::request::{Corners, zone};
+use crate::arguments::{Four, Tolerance, accuracy as asked};
+use crate::pickles::{Reduced, pickled, reduce};
+use crate::request::zone;
 use crate::results::{array, on_grid, shaped};
 use crate::scene::PyScene;
 use crate::tables::with_table;
@@ -36,6 +37,8 @@ pub struct Reach {
     error_bound: Py<PyArray2<f64>>,
 }
 
+pickled!(Reach { actuators, x_m, y_m, strongest_g, strongest_hz, contrast_db, contrast_hz, error_bound });
+
 #[pymethods]
 impl Reach {
     /// The least of `strongest_g` in g, and where that is in m.
@@ -63,6 +66,10 @@ impl Reach {
         let (least, (x_m, y_m)) = self.weakest(py)?;
         let shape = self.strongest_g.bind(py).getattr("shape")?;
         Ok(format!("<Reach: {shape} (row, column), weakest {least:.4} g at ({x_m}, {y_m}) m>"))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -104,7 +111,7 @@ impl Reach {
 pub fn reach(
     py: Python<'_>,
     scene: &PyScene,
-    zone_m: Option<Corners>,
+    zone_m: Option<Four>,
     from_hz: Option<f64>,
     to_hz: Option<f64>,
     tolerance: Option<Tolerance>,

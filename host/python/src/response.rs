@@ -2,9 +2,10 @@
 
 use crate::arguments::{self, Frequencies, Place, Tolerance, need_actuators};
 use crate::errors::warn;
+use crate::pickles::{Reduced, pickled, reduce};
 use crate::results::{Asked, array, bounds_of, shaped};
 use crate::run::run;
-use crate::scene::{PyScene, on};
+use crate::scene::PyScene;
 use era_model::model::validity;
 use era_model::response::bounded_curves;
 use num_complex::Complex64;
@@ -25,7 +26,7 @@ pub struct Response {
     /// Upper bounds on the error, relative to the largest magnitude on the actuator's curve: float64 [actuator], NaN where there is none.
     error_bound: Py<PyArray1<f64>>,
     /// Why bounds are missing; None where all are there.
-    error_bound_missing: Option<&'static str>,
+    error_bound_missing: Option<String>,
     /// What was asked for of the bounds; None where a time was.
     tolerance: Option<f64>,
     /// Whether all bounds are within it; None where one is missing and none is above it.
@@ -34,11 +35,27 @@ pub struct Response {
     unknowns: usize,
 }
 
+pickled!(Response {
+    at_m,
+    actuators,
+    frequency_hz,
+    acceleration_m_s2_per_n,
+    error_bound,
+    error_bound_missing,
+    tolerance,
+    tolerance_met,
+    unknowns
+});
+
 #[pymethods]
 impl Response {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let (count, (x_m, y_m)) = (self.frequency_hz.bind(py).len()?, self.at_m);
         Ok(format!("<Response: {} actuators, {count} frequencies at ({x_m}, {y_m}) m>", self.actuators.len()))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -91,7 +108,7 @@ pub fn response(
     within_s: Option<f64>,
 ) -> PyResult<Response> {
     let scene = scene.scene();
-    let at_m = on(&scene, at_m)?;
+    let at_m = at_m.on(&scene, "at_m")?;
     let frequencies_hz = arguments::frequencies(frequency_hz, 0.0)?;
     let accuracy = arguments::accuracy(tolerance, within_s)?;
     need_actuators(&scene)?;

@@ -16,17 +16,21 @@ pub fn reason_of(bounds: &[ErrorBound]) -> Option<&'static str> {
 }
 
 /// What was asked for of the bounds, and what became of it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Asked {
     pub tolerance: Option<f64>,
     pub is_met: Option<bool>,
-    pub missing: Option<&'static str>,
+    pub missing: Option<String>,
 }
 
 impl Asked {
     /// Of bounds.
     pub fn of(bounds: &[ErrorBound], accuracy: Accuracy) -> Self {
-        Self { tolerance: accuracy.asked(), is_met: ErrorBound::are_met(bounds, accuracy), missing: reason_of(bounds) }
+        Self {
+            tolerance: accuracy.asked(),
+            is_met: ErrorBound::are_met(bounds, accuracy),
+            missing: reason_of(bounds).map(str::to_owned),
+        }
     }
 }
 
@@ -63,8 +67,17 @@ pub fn on_grid(values: impl IntoIterator<Item = Option<f64>>) -> Vec<f64> {
     values.into_iter().map(|value| value.unwrap_or(f64::NAN)).collect()
 }
 
+/// The JSON of the command line as text.
+pub fn write_json(value: &impl serde::Serialize) -> Result<String, Raised> {
+    serde_json::to_string(value).map_err(|error| Raised::argument("result", &*error.to_string(), "JSON"))
+}
+
+/// JSON as Python's objects.
+pub fn read_json<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
+    py.import("json")?.call_method1("loads", (text,))
+}
+
 /// The JSON of the command line as Python's objects.
 pub fn from_json<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
-    let text = serde_json::to_string(value).map_err(|error| Raised::argument("result", &*error.to_string(), "JSON"))?;
-    py.import("json")?.call_method1("loads", (text,))
+    read_json(py, &write_json(value)?)
 }

@@ -1,6 +1,5 @@
 //! The class `Scene`.
 
-use crate::arguments::Place;
 use crate::document;
 use crate::errors::{Raised, scene_error};
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, PixelError, Scene, SurfaceKind};
@@ -386,11 +385,6 @@ impl PyScene {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (&str,))> {
         Ok((py.get_type::<Self>().getattr("from_toml")?, (&self.text,)))
     }
-}
-
-/// A place of the surface.
-pub fn on(scene: &Scene, at: Place) -> Result<(f64, f64), Raised> {
-    at.on(scene, "at_m")
 }
 
 fn places<'py>(

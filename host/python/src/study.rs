@@ -1,5 +1,7 @@
 //! `study`: what may change of a scene, and its work in tasks, for whoever computes them: threads here, or an engine's workers elsewhere.
 
+use crate::arguments::Point;
+use crate::design::Design;
 use crate::errors::{Raised, scene_error};
 use crate::results::{array, from_json};
 use crate::run::{run, run_beside, run_told};
@@ -7,8 +9,8 @@ use crate::scene::PyScene;
 use crate::tables::with_table;
 use era_model::model::Accuracy;
 use era_study::evaluate::{Evaluator, Quick, Thorough};
-use era_study::result::{Entry, Table};
-use era_study::run::{Folder, Observer, Row, Shard, Stopped, Study, Task, decoded, encoded};
+use era_study::result::{Entry, Table, constraints_of, objectives_of};
+use era_study::run::{Folder, Observer, Outcome, Row, Shard, Stopped, Study, Task, decoded, encoded};
 use era_study::written::write;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyType};
@@ -115,6 +117,13 @@ impl PyStudy {
         decoded(&self.study.key(), task, bytes).ok_or_else(|| Raised::argument(field, "other bytes", allowed))
     }
 
+    /// The names of objectives or constraints.
+    fn named(&self, of: fn(&Study, &Row) -> Vec<(String, f64)>) -> Vec<String> {
+        let design = self.study.space.as_it_is();
+        let nothing = Row { point: Vec::new(), design, outcome: Outcome::Failed(String::new()) };
+        of(&self.study, &nothing).into_iter().map(|(name, _)| name).collect()
+    }
+
     fn task(&self, name: &str) -> Result<Task, Raised> {
         let task = name.parse::<Task>().ok().filter(|task| self.study.size(*task) > 0);
         task.ok_or_else(|| Raised::argument("task", name, "one of tasks()"))
@@ -194,6 +203,30 @@ impl PyStudy {
     #[getter]
     fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
         pyo3::types::PyTuple::new(py, self.study.figures.iter().map(|wanted| wanted.column()))
+    }
+
+    /// The dimensions of the unit cube that designs are points of: one for each number, choice and count that varies, two for a place.
+    #[getter]
+    fn dimensions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+        pyo3::types::PyTuple::new(py, self.study.space.dimensions().iter().map(|dimension| &dimension.name))
+    }
+
+    /// How many values each dimension has, equal parts of 0 to 1 standing for each; None where any number between two will do.
+    #[getter]
+    fn dimension_counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+        pyo3::types::PyTuple::new(py, self.study.space.dimensions().iter().map(|dimension| dimension.count))
+    }
+
+    /// What is wished for, as "most weakest_g": in the order of `Design.objectives`.
+    #[getter]
+    fn objectives<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+        pyo3::types::PyTuple::new(py, self.named(objectives_of))
+    }
+
+    /// The bounds of all limits, as "sag_um at most 800": in the order of `Design.constraints`.
+    #[getter]
+    fn constraints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyTuple>> {
+        pyo3::types::PyTuple::new(py, self.named(constraints_of))
     }
 
     /// What the study follows from (its file, the scene's, this program), as one number in hexadecimal digits.
@@ -277,6 +310,57 @@ impl PyStudy {
         };
         let bytes = encoded(&self.study.key(), task, &rows).map_err(Raised::os)?;
         Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// One design: what it is, its figures, objectives and constraints as numbers. For optimisers of other packages, which ask for the points that
+    /// they want to know and are told what these are worth; the method of the study's file is of no account. Nothing is kept on disk.
+    ///
+    /// Parameters
+    /// ----------
+    /// point : array_like [dimension]
+    ///     In the unit cube, 0 to 1 each, in the order of `dimensions`. The file's `from`, `to`, `scale` and `step` make values of it.
+    ///
+    /// Returns
+    /// -------
+    /// Design
+    ///     One that cannot be computed says why in `failed`.
+    ///
+    /// Raises
+    /// ------
+    /// RequestError
+    ///     The point has too few or too many numbers, or one beyond 0 to 1.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import era
+    /// >>> text = '''
+    /// ... version = 1
+    /// ... name = "how thick"
+    /// ... scene = "plate.toml"
+    /// ... [[variable]]
+    /// ... key = "surface.thickness_mm"
+    /// ... from = 1
+    /// ... to = 3
+    /// ... [[wish]]
+    /// ... figure = "rigid_mode_hz"
+    /// ... goal = "most"
+    /// ... [[limit]]
+    /// ... figure = "mass_g"
+    /// ... most = 400
+    /// ... [method]
+    /// ... designs = 1
+    /// ... '''
+    /// >>> study = era.Study(text, era.Scene.example("plate"))
+    /// >>> study.dimensions, study.objectives, study.constraints
+    /// (('surface.thickness_mm',), ('most rigid_mode_hz',), ('mass_g at most 400',))
+    /// >>> found = study.evaluate([0.5])
+    /// >>> found.values, bool(found.constraints[0] <= 0.0)
+    /// ({'surface.thickness_mm': 2.0}, True)
+    fn evaluate(&self, py: Python<'_>, point: Point) -> PyResult<Design> {
+        let point = point.in_unit_cube(self.study.space.dimensions().len())?;
+        let (study, evaluator) = (self.study.clone(), self.evaluator.clone());
+        let row = run(py, move || Ok(study.compute_point(point, &*evaluator)))?;
+        Design::of(py, &self.study, row)
     }
 
     /// What the designs of a generation are worth to their search; less is better.

@@ -1,7 +1,8 @@
 //! `sweep`: responses all over the surface.
 
-use crate::arguments::{self, Frequencies, Tolerance, need_actuators};
+use crate::arguments::{self, Frequencies, Grid, Tolerance, need_actuators};
 use crate::errors::{Raised, warn};
+use crate::pickles::{Reduced, pickled, reduce};
 use crate::results::{Asked, array, bounds_of, shaped};
 use crate::run::run;
 use crate::scene::PyScene;
@@ -32,7 +33,7 @@ pub struct Sweep {
     /// there is none.
     error_bound: Py<PyArray1<f64>>,
     /// Why bounds are missing; None where all are there.
-    error_bound_missing: Option<&'static str>,
+    error_bound_missing: Option<String>,
     /// What was asked for of the bounds; None where a time was.
     tolerance: Option<f64>,
     /// Whether all bounds are within it; None where one is missing and none is above it.
@@ -41,11 +42,28 @@ pub struct Sweep {
     unknowns: usize,
 }
 
+pickled!(Sweep {
+    actuators,
+    frequency_hz,
+    x_m,
+    y_m,
+    acceleration_m_s2_per_n,
+    error_bound,
+    error_bound_missing,
+    tolerance,
+    tolerance_met,
+    unknowns
+});
+
 #[pymethods]
 impl Sweep {
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let shape = self.acceleration_m_s2_per_n.bind(py).getattr("shape")?;
         Ok(format!("<Sweep: {shape} (frequency, actuator, row, column)>"))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -94,12 +112,13 @@ struct Question {
 /// >>> found.acceleration_m_s2_per_n.shape, found.acceleration_m_s2_per_n.dtype
 /// ((5, 2, 5, 7), dtype('complex64'))
 #[pyfunction]
-#[pyo3(signature = (scene, frequency_hz, *, grid=(49, 33), tolerance=None, within_s=None))]
+#[pyo3(signature = (scene, frequency_hz, *, grid=Grid::usual(49, 33), tolerance=None, within_s=None),
+    text_signature = "(scene, frequency_hz, *, grid=(49, 33), tolerance=None, within_s=None)")]
 pub fn sweep(
     py: Python<'_>,
     scene: &PyScene,
     frequency_hz: Frequencies,
-    grid: (i64, i64),
+    grid: Grid,
     tolerance: Option<Tolerance>,
     within_s: Option<f64>,
 ) -> PyResult<Sweep> {

@@ -2,13 +2,15 @@
 
 use crate::arguments::{Place, Tolerance, accuracy as asked};
 use crate::errors::{Raised, warn};
+use crate::pickles::{Reduced, pickled, reduce};
 use crate::results::array;
 use crate::run::run;
-use crate::scene::{PyScene, on};
+use crate::scene::PyScene;
 use era_model::model::validity;
 use era_model::scene::Scene;
 use era_model::transient::panel::{Drive, NO_BOUND, highest_hz, switched_on, times};
 use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
@@ -32,8 +34,20 @@ pub struct Transient {
     /// None: a motion from switching on has no bound.
     error_bound: Option<f64>,
     /// Why.
-    error_bound_missing: &'static str,
+    error_bound_missing: String,
 }
+
+pickled!(Transient {
+    at_m,
+    time_s,
+    displacement_m,
+    acceleration_m_s2,
+    peak_m_s2,
+    steady_peak_m_s2,
+    settled_s,
+    error_bound,
+    error_bound_missing
+});
 
 #[pymethods]
 impl Transient {
@@ -41,22 +55,43 @@ impl Transient {
         let (count, (x_m, y_m)) = (self.time_s.bind(py).len()?, self.at_m);
         Ok(format!("<Transient: {count} times at ({x_m}, {y_m}) m, peak {:.4} m/s^2>", self.peak_m_s2))
     }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
+    }
 }
 
-/// A drive as given: actuator, frequency in Hz, amplitude in N, phase of the cosine in rad.
-#[derive(FromPyObject)]
-pub enum DriveGiven {
-    Phased(String, f64, f64, f64),
-    Sine(String, f64, f64),
+/// A drive as given, in a sequence of any kind: actuator, frequency in Hz, amplitude in N, phase of the cosine in rad.
+pub struct DriveGiven {
+    id: String,
+    frequency_hz: f64,
+    force_n: f64,
+    phase_rad: f64,
+}
+
+impl<'py> FromPyObject<'_, 'py> for DriveGiven {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let parts: Vec<Bound<'py, PyAny>> = given.extract()?;
+        let (id, frequency_hz, force_n, phase_rad) = match &parts[..] {
+            // A sine: the force rises from nothing.
+            [id, frequency_hz, force_n] => (id, frequency_hz, force_n, -FRAC_PI_2),
+            [id, frequency_hz, force_n, phase_rad] => (id, frequency_hz, force_n, phase_rad.extract()?),
+            parts => {
+                let what =
+                    "a drive is (actuator, frequency_hz, force_n) or (actuator, frequency_hz, force_n, phase_rad)";
+                return Err(PyTypeError::new_err(format!("{what}, not {} values", parts.len())));
+            }
+        };
+        let (frequency_hz, force_n) = (frequency_hz.extract()?, force_n.extract()?);
+        Ok(Self { id: id.extract()?, frequency_hz, force_n, phase_rad })
+    }
 }
 
 impl DriveGiven {
     fn on(self, scene: &Scene, at: usize) -> Result<Drive, Raised> {
-        let (id, frequency_hz, force_n, phase_rad) = match self {
-            DriveGiven::Phased(id, frequency_hz, force_n, phase_rad) => (id, frequency_hz, force_n, phase_rad),
-            // A sine: the force rises from nothing.
-            DriveGiven::Sine(id, frequency_hz, force_n) => (id, frequency_hz, force_n, -FRAC_PI_2),
-        };
+        let Self { id, frequency_hz, force_n, phase_rad } = self;
         let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
         let actuator = scene.actuators.iter().position(|actuator| actuator.id == id);
         let wrong = || Raised::argument(format!("drives[{at}][0]"), id.as_str(), format!("an actuator: {}", known()));
@@ -119,7 +154,7 @@ pub fn transient(
     tolerance: Option<Tolerance>,
 ) -> PyResult<Transient> {
     let scene = scene.scene();
-    let at_m = on(&scene, at_m)?;
+    let at_m = at_m.on(&scene, "at_m")?;
     let accuracy = asked(tolerance, None)?;
     let drives =
         drives.into_iter().enumerate().map(|(at, drive)| drive.on(&scene, at)).collect::<Result<Vec<_>, _>>()?;
@@ -142,6 +177,6 @@ pub fn transient(
         displacement_m: array(py, motion.displacement_m),
         acceleration_m_s2: array(py, motion.acceleration_m_per_s2),
         error_bound: None,
-        error_bound_missing: NO_BOUND,
+        error_bound_missing: NO_BOUND.to_owned(),
     })
 }

@@ -2,7 +2,8 @@
 
 use crate::arguments::{Place, Tolerance, accuracy as asked};
 use crate::errors::Raised;
-use crate::results::{array, from_json, shaped};
+use crate::pickles::{Reduced, pickled, reduce};
+use crate::results::{array, read_json, shaped, write_json};
 use crate::scene::PyScene;
 use crate::tables::with_table;
 use era::verify::{Comparison, compare_all, spread_over};
@@ -47,8 +48,25 @@ pub struct Verification {
     /// Largest magnitude of `difference` and `band_difference`.
     #[pyo3(get)]
     largest_difference: f64,
-    found: Vec<Comparison>,
+    /// What is known of each point, as the command line's JSON.
+    points_json: String,
+    count: usize,
 }
+
+pickled!(Verification {
+    xy_m,
+    predicted_g,
+    simulated_g,
+    difference,
+    linear_g,
+    predicted_band_g,
+    simulated_band_g,
+    band_difference,
+    error_bound,
+    largest_difference,
+    points_json,
+    count
+});
 
 #[pymethods]
 impl Verification {
@@ -58,19 +76,19 @@ impl Verification {
     /// -------
     /// list of dict
     fn to_dicts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        Ok(from_json(py, &self.found)?.cast_into::<PyList>()?)
+        Ok(read_json(py, &self.points_json)?.cast_into::<PyList>()?)
     }
 
     fn __len__(&self) -> usize {
-        self.found.len()
+        self.count
     }
 
     fn __repr__(&self) -> String {
-        format!(
-            "<Verification: {} points, largest difference {:.2} %>",
-            self.found.len(),
-            self.largest_difference * 100.0
-        )
+        format!("<Verification: {} points, largest difference {:.2} %>", self.count, self.largest_difference * 100.0)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
     }
 }
 
@@ -150,6 +168,7 @@ pub fn verify(
         band_difference: of(|c| c.band_difference),
         error_bound: of(|c| c.error_bound.unwrap_or(f64::NAN)),
         largest_difference: found.iter().map(largest).fold(0.0, f64::max),
-        found,
+        points_json: write_json(&found)?,
+        count: found.len(),
     })
 }

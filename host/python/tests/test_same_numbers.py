@@ -214,3 +214,36 @@ def test_tables_that_are_kept_are_the_right_ones(ask: Ask, plate: era.Scene) -> 
     told = ask(plate, "plan", "--no-cache", "--unit", "mm", "--at", AT, "--accuracy", "reference")
     assert era.plan(plate, AT_M).to_dict()["drives"] != told["drives"]
     assert era.plan(plate, AT_M, tolerance="reference").to_dict()["drives"] == told["drives"]
+
+
+EFFECTS: list[tuple[str, tuple[object, ...], dict[str, Any]]] = [
+    ("click", (), {}),
+    ("click", ("--intensity-g", 0.3), {"intensity_g": 0.3}),
+    ("click", ("--intensity-g", 50), {"intensity_g": 50.0}),
+    ("double_click", ("--period-ms", 200), {"period_ms": 200.0}),
+    ("buzz", ("--duration-ms", 100, "--intensity-db", 15), {"duration_ms": 100.0, "intensity_db": 15.0}),
+    ("swell", (), {}),
+    ("pulse_train", ("--count", 3, "--period-ms", 80), {"count": 3, "period_ms": 80.0}),
+    ("texture", (), {}),
+]
+
+
+@pytest.mark.parametrize(("name", "options", "keywords"), EFFECTS)
+def test_effect(
+    ask: Ask,
+    scene: era.Scene,
+    at: tuple[str, tuple[float, float]],
+    name: Any,
+    options: tuple[object, ...],
+    keywords: dict[str, Any],
+) -> None:
+    told = ask(scene, "effect", "--effect", name, "--at", at[0], "--unit", "mm", *options)
+    found = era.effect(scene, at[1], name, **keywords)
+    own = found.to_dict()
+    assert own == {key: told[key] for key in own}
+    assert (found.name, found.limited_by, found.predicted, found.drives) == (
+        name,
+        told["limited_by"],
+        told["predicted"],
+        told["drives"],
+    )

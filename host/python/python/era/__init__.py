@@ -15,7 +15,9 @@ equations. While something is computed other threads of Python run, and Ctrl-C i
 """
 
 from era._era import (
+    Design,
     Drive,
+    Effect,
     Field,
     Modes,
     Plan,
@@ -30,6 +32,7 @@ from era._era import (
     Transient,
     Verification,
     __version__,
+    effect,
     field,
     modes,
     plan,
@@ -51,7 +54,9 @@ from era._errors import (
 )
 
 __all__ = [
+    "Design",
     "Drive",
+    "Effect",
     "EraError",
     "Field",
     "Mistake",
@@ -74,6 +79,7 @@ __all__ = [
     "Transient",
     "Verification",
     "__version__",
+    "effect",
     "field",
     "modes",
     "plan",

@@ -1,6 +1,6 @@
-//! Which limits figures break.
+//! Which limits figures break, by how much, and what is wished for: as text, and as numbers.
 
-use crate::run::Study;
+use crate::run::{Row, Study, worst};
 
 /// The limits that figures break, each with its figure and what is allowed; `None` if they keep all. `ends` tells of a figure, by its place among
 /// the study's, the least and the most.
@@ -14,4 +14,27 @@ pub fn broken_limits(study: &Study, ends: impl Fn(usize) -> Option<(f64, f64)>) 
     });
     let each: Vec<String> = each.collect();
     (!each.is_empty()).then(|| each.join("; "))
+}
+
+/// Each bound of the study's limits in words (`sag_um at most 800`), and how far a design is beyond it in the figure's unit, the worst of what may be
+/// off: a design that keeps all limits has none above 0. NaN where the design failed.
+#[must_use]
+pub fn constraints_of(study: &Study, row: &Row) -> Vec<(String, f64)> {
+    let each = study.spec.limits.iter().flat_map(|limit| {
+        let figure = study.figures.iter().position(|wanted| *wanted == limit.wanted);
+        let (low, high) = figure.and_then(|figure| row.ends(figure)).unwrap_or((f64::NAN, f64::NAN));
+        limit.margins(low, high)
+    });
+    each.collect()
+}
+
+/// What the study wishes for in words (`least mass_g`), and a design's value, the worst of what may be off, with the sign that makes less better. NaN
+/// where the design failed.
+#[must_use]
+pub fn objectives_of(study: &Study, row: &Row) -> Vec<(String, f64)> {
+    let each = study.spec.wishes.iter().map(|wish| {
+        let value = worst(row, &study.figures, wish).map_or(f64::NAN, |value| wish.goal.loss(value));
+        (format!("{} {}", wish.goal.name(), wish.wanted.column()), value)
+    });
+    each.collect()
 }

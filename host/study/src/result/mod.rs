@@ -11,7 +11,7 @@ mod verify;
 pub use self::parquet::{TableError, write as write_parquet};
 pub use effects::{Cut, Effect, Effects, Interaction};
 pub use finalists::finalists;
-pub use limits::broken_limits;
+pub use limits::{broken_limits, constraints_of, objectives_of};
 pub use pareto::front;
 pub use table::{Entry, GatherError, Status, Table};
 pub use verify::{Finalist, Finals};

@@ -231,6 +231,14 @@ impl Study {
             .collect()
     }
 
+    /// The design at a point of the unit cube, one number from 0 to 1 for each dimension of the space, and what comes of it: for searches of
+    /// another program.
+    #[must_use]
+    pub fn compute_point(&self, point: Vec<f64>, evaluator: &dyn Evaluator) -> Row {
+        let design = self.space.design(&point);
+        self.row(point, design, evaluator)
+    }
+
     /// What the designs of a generation are worth to their search.
     #[must_use]
     pub fn losses(&self, run: usize, base: &Row, rows: &[Row]) -> Vec<f64> {

@@ -13,7 +13,7 @@ mod wishes;
 
 pub use method::{Method, Robust, Way};
 pub(crate) use parse::{MOST_DESIGNS, has_few_corners};
-pub use path::{Path, PathError, Step};
+pub use path::{Path, PathError, Step, TABLE_NAMES};
 pub use variables::{Apart, Numbers, Scale, Uncertain, Variable, What, Where};
 pub use wishes::{Costs, Drives, Figure, Goal, Limit, Settings, Wanted, Wish};
 

@@ -1,10 +1,13 @@
-//! Places of keys in a scene's document: `surface.thickness_mm`, `support[2].x_mm`, `actuator.left.mount`, `support.*.x_mm`.
+//! Places of keys in a scene's document: `surface.thickness_mm`, `support[2].x_mm`, `actuator.left.mount`, `edge.top.kind`, `support.*.x_mm`.
 
 use std::fmt;
 use toml_edit::{DocumentMut, Item, Table};
 
+/// The keys by which tables of a list have names, list by list.
+pub const TABLE_NAMES: [(&str, &str); 2] = [("actuator", "id"), ("edge", "side")];
+
 /// A key's place, or that of a table (`actuator.left`). Tables of a list are counted from one, as messages about scenes do; actuators
-/// go by their `id` too, and `*` stands for all of a list.
+/// go by their `id` too, edges by their `side`, and `*` stands for all of a list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Path {
     text: String,
@@ -13,7 +16,7 @@ pub struct Path {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Segment {
-    /// A key of a table, or the `id` of a list's table.
+    /// A key of a table, or the name of a list's table.
     Name(String),
     /// A list's table, from one.
     Number(usize),
@@ -26,7 +29,7 @@ enum Segment {
 pub enum PathError {
     /// Not of a path's form.
     #[error(
-        "{path:?} is no place of a scene: write surface.thickness_mm, support[1].x_mm, support.*.x_mm or actuator.left.x_mm"
+        "{path:?} is no place of a scene: write surface.thickness_mm, support[1].x_mm, support.*.x_mm, actuator.left.x_mm or edge.top.kind"
     )]
     Form {
         /// As written.
@@ -161,7 +164,8 @@ impl fmt::Display for Path {
 #[derive(Clone, Copy)]
 enum At<'d> {
     Table(&'d Table),
-    List(&'d toml_edit::ArrayOfTables),
+    /// With the key that names its tables, if they have names.
+    List(&'d toml_edit::ArrayOfTables, Option<&'static str>),
     /// A table in braces: its keys are values.
     Inline,
     Value,
@@ -175,22 +179,26 @@ impl<'d> At<'d> {
                 let step = Step::Key(name.clone());
                 match table.get(name) {
                     Some(Item::Table(table)) => Some(vec![(step, At::Table(table))]),
-                    Some(Item::ArrayOfTables(list)) => Some(vec![(step, At::List(list))]),
+                    Some(Item::ArrayOfTables(list)) => {
+                        let named_by = TABLE_NAMES.iter().find(|(own, _)| own == name).map(|(_, key)| *key);
+                        Some(vec![(step, At::List(list, named_by))])
+                    }
                     Some(Item::Value(toml_edit::Value::InlineTable(_))) => Some(vec![(step, At::Inline)]),
                     Some(_) => is_last.then(|| vec![(step, At::Value)]),
                     None => is_last.then(|| vec![(step, At::Value)]),
                 }
             }
             (At::Inline, Segment::Name(name)) => is_last.then(|| vec![(Step::Key(name.clone()), At::Value)]),
-            (At::List(list), Segment::Name(id)) => {
-                let has_id = |table: &Table| table.get("id").and_then(Item::as_str) == Some(id);
-                let index = list.iter().position(has_id)?;
+            (At::List(list, named_by), Segment::Name(name)) => {
+                let key = named_by?;
+                let has_name = |table: &Table| table.get(key).and_then(Item::as_str) == Some(name);
+                let index = list.iter().position(has_name)?;
                 Some(vec![(Step::Index(index), At::Table(list.get(index)?))])
             }
-            (At::List(list), Segment::Number(number)) => {
+            (At::List(list, _), Segment::Number(number)) => {
                 Some(vec![(Step::Index(number - 1), At::Table(list.get(number - 1)?))])
             }
-            (At::List(list), Segment::All) if !list.is_empty() => {
+            (At::List(list, _), Segment::All) if !list.is_empty() => {
                 Some(list.iter().enumerate().map(|(index, table)| (Step::Index(index), At::Table(table))).collect())
             }
             _ => None,
@@ -204,7 +212,7 @@ mod tests {
 
     fn document() -> DocumentMut {
         "[surface]\nthickness_mm = 2.0\nmaterial = { density_kg_m3 = 1.0 }\n[[support]]\nx_mm = 0\n[[support]]\nx_mm = 1\n\
-         [[actuator]]\nid = \"left\"\n[[actuator]]\nid = \"right\"\n"
+         [[actuator]]\nid = \"left\"\n[[actuator]]\nid = \"right\"\n[[edge]]\nside = \"left\"\n[[edge]]\nside = \"top\"\n"
             .parse()
             .unwrap()
     }
@@ -214,11 +222,13 @@ mod tests {
     }
 
     #[test]
-    fn places_are_found_by_number_id_and_all() {
+    fn places_are_found_by_number_name_and_all() {
         let key = |name: &str| Step::Key(name.into());
         assert_eq!(places("surface.thickness_mm").unwrap(), [[key("surface"), key("thickness_mm")]]);
         assert_eq!(places("support[2].x_mm").unwrap(), [[key("support"), Step::Index(1), key("x_mm")]]);
         assert_eq!(places("actuator.right.x_mm").unwrap(), [[key("actuator"), Step::Index(1), key("x_mm")]]);
+        assert_eq!(places("edge.top.kind").unwrap(), [[key("edge"), Step::Index(1), key("kind")]]);
+        assert_eq!(places("edge.top").unwrap(), places("edge[2]").unwrap());
         let all = places("support.*.damping_n_s_per_m").unwrap();
         assert_eq!(all, places("support[*].damping_n_s_per_m").unwrap());
         assert_eq!(all.len(), 2);
@@ -230,6 +240,8 @@ mod tests {
         for (path, missing) in [
             ("support[3].x_mm", "support[3]"),
             ("actuator.middle.x_mm", "actuator.middle"),
+            ("edge.bottom.kind", "edge.bottom"),
+            ("support.left.x_mm", "support.left"),
             ("mass.*.mass_g", "mass"),
             ("surface.damping.loss_factor", "surface.damping"),
         ] {

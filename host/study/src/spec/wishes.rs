@@ -258,6 +258,16 @@ pub struct Limit {
 }
 
 impl Limit {
+    /// Each of its bounds in words (`sag_um at most 800`), with how far the end of a figure's least and most is beyond it, in the figure's unit: what
+    /// is kept is at most 0.
+    pub fn margins(&self, low: f64, high: f64) -> impl Iterator<Item = (String, f64)> + use<> {
+        let column = self.wanted.column();
+        let Self { least, most, .. } = *self;
+        let least = least.is_finite().then(|| (format!("{column} at least {least}"), least - low));
+        let most = most.is_finite().then(|| (format!("{column} at most {most}"), high - most));
+        least.into_iter().chain(most)
+    }
+
     /// The end of a figure's least and most that is beyond the limit, and what is allowed; `None` if the limit is kept.
     #[must_use]
     pub fn broken_by(&self, low: f64, high: f64) -> Option<(f64, String)> {

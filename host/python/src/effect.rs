@@ -1,0 +1,162 @@
+//! `effect`: clicks, buzzes, pulses, textures for a place.
+
+use crate::arguments::{Place, Tolerance, accuracy as asked};
+use crate::errors::Raised;
+use crate::pickles::{Reduced, pickled, reduce};
+use crate::results::{read_json, write_json};
+use crate::scene::PyScene;
+use crate::tables::with_touched_table;
+use era_planner::effects::view::EffectView;
+use era_planner::effects::{DesignError, EffectRequest, Intensity, NamedEffect, design, plan_with};
+use era_planner::rise::RiseTimes;
+use era_planner::{PlanTable, Request, Target};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// An effect as the board would play it at a place, and what the panel would do.
+#[pyclass(frozen, module = "era")]
+pub struct Effect {
+    /// Its name.
+    #[pyo3(get)]
+    name: String,
+    /// The target in m.
+    #[pyo3(get)]
+    target_m: (f64, f64),
+    /// What keeps it below what was asked for, as "voltage of left"; None if nothing does.
+    #[pyo3(get)]
+    limited_by: Option<String>,
+    effect_json: String,
+    plan_json: String,
+}
+
+pickled!(Effect { name, target_m, limited_by, effect_json, plan_json });
+
+impl Effect {
+    fn value<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
+        read_json(py, &self.effect_json)?.get_item(key)
+    }
+}
+
+#[pymethods]
+impl Effect {
+    /// What it should do at the target, as `era effect --json` prints it: a dict with `peak_g`, `peak_least_g`, `peak_most_g`, `peak_at_ms`,
+    /// `quiet_ms` and so on.
+    #[getter]
+    fn predicted<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.value(py, "predicted")
+    }
+
+    /// What is played on each actuator, as `era effect --json` prints it: a list of dicts with `actuator`, `frequency_hz`, `voltage_v`, `segments`
+    /// and so on.
+    #[getter]
+    fn drives<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.value(py, "drives")
+    }
+
+    /// The effect as `era effect --json` prints it, with its plan in `plan`, lengths in mm.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let told = read_json(py, &self.effect_json)?.cast_into::<PyDict>()?;
+        told.set_item("plan", read_json(py, &self.plan_json)?)?;
+        Ok(told)
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let peak_g: f64 = self.value(py, "predicted")?.get_item("peak_g")?.extract()?;
+        let (x_m, y_m) = self.target_m;
+        Ok(format!("<Effect {:?} at ({x_m}, {y_m}) m: peak {peak_g:.4} g>", self.name))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        reduce(py, self)
+    }
+}
+
+/// An effect for a place: a click, a buzz, pulses, a texture, designed from the panel's own motion.
+///
+/// The same as `era effect`, bit for bit; with the scene's finger on the target, where it has one.
+///
+/// Parameters
+/// ----------
+/// scene : Scene
+/// at_m : (float, float) or float
+///     The target in m from the top left corner; on a bar x alone will do.
+/// effect : {"click", "double_click", "buzz", "swell", "pulse_train", "texture"}
+///     Which.
+/// intensity_g : float, optional
+///     Peak acceleration wanted in g, 0.5 unless given. What cannot be reached is designed as far as it goes.
+/// intensity_db : float, optional
+///     The same in dB above the threshold of feeling, -20 to 80.
+/// duration_ms : float, optional
+///     How long, in ms: buzz, swell, texture.
+/// count : int, optional
+///     How many pulses: pulse_train.
+/// period_ms : float, optional
+///     From one to the next, in ms: double_click, pulse_train, texture.
+/// tolerance : float or {"fast", "balanced", "reference"}, optional
+///     What the mesh is chosen for, relative: 1e-8 to 0.1, 1e-3 unless given.
+///
+/// Returns
+/// -------
+/// Effect
+///
+/// Raises
+/// ------
+/// RequestError
+///     An argument is out of range, the effect does not take it, or two do not go together.
+/// ModelError
+///     The panel cannot be modelled, no frequencies are usable, or a drive meets the resonance of an undamped mode.
+///
+/// Examples
+/// --------
+/// >>> import era
+/// >>> found = era.effect(era.Scene.example("plate"), (0.1, 0.05), "click", 0.2)
+/// >>> found.name, found.limited_by, found.predicted["peak_g"] > 0.1
+/// ('click', None, True)
+#[pyfunction]
+#[pyo3(signature = (scene, at_m, effect, intensity_g=None, *, intensity_db=None, duration_ms=None, count=None, period_ms=None,
+    tolerance=None))]
+#[expect(clippy::too_many_arguments, reason = "keywords, each with a default")]
+pub fn effect(
+    py: Python<'_>,
+    scene: &PyScene,
+    at_m: Place,
+    effect: &str,
+    intensity_g: Option<f64>,
+    intensity_db: Option<f64>,
+    duration_ms: Option<f64>,
+    count: Option<u32>,
+    period_ms: Option<f64>,
+    tolerance: Option<Tolerance>,
+) -> PyResult<Effect> {
+    let scene = scene.scene();
+    let accuracy = asked(tolerance, None)?;
+    let (x_m, y_m) = at_m.on(&scene, "at_m")?;
+    let named: NamedEffect = serde_json::from_value(effect.into()).map_err(|_| {
+        let allowed = "\"click\", \"double_click\", \"buzz\", \"swell\", \"pulse_train\" or \"texture\"";
+        Raised::argument("effect", effect, allowed)
+    })?;
+    if let (Some(_), Some(intensity_db)) = (intensity_g, intensity_db) {
+        return Err(Raised::argument("intensity_db", intensity_db, "None where there is intensity_g").into());
+    }
+    let request = EffectRequest { effect: named, duration_ms, count, period_ms };
+    request.envelope().map_err(|error| Raised::from(DesignError::from(error)))?;
+    let intensity = intensity_g.map(Intensity::G).or(intensity_db.map(Intensity::AboveThresholdDb));
+    let target = Target { x_m, y_m, intensity_g };
+    let design_with = move |table: &PlanTable| -> Result<Effect, Raised> {
+        let rise = RiseTimes::prepare(&table.model).ok_or(DesignError::Unbounded)?;
+        let plan = plan_with(table, || Some(&rise), &Request::touch(&[target]), intensity)?;
+        let designed = design(table, &rise, &plan, request)?;
+        Ok(Effect {
+            name: named.name().to_owned(),
+            target_m: plan.target_m.into(),
+            limited_by: designed.limited_by.clone(),
+            effect_json: write_json(&EffectView::new(&designed))?,
+            plan_json: write_json(&plan)?,
+        })
+    };
+    with_touched_table(py, &scene, accuracy, vec![(x_m, y_m)], design_with)
+}
