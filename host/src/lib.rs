@@ -6,10 +6,12 @@
 //! `era-planner`; both are known here by the names of their modules. [`daemon`] puts HTTP and a WebSocket in front of it,
 //! [`verify`] compares what the planner predicts with what the simulated device measures, [`flash`] writes a board's
 //! firmware, [`monitor`] shows its log, [`install`] knows the files that Linux wants for it, [`doctor`] finds what stands in its way,
-//! [`replay`] reads what the daemon has recorded, `private_file` what is secret,
+//! [`replay`] reads what the daemon has recorded, `private_file` what is secret, `certificate` certificates and keys; `connection` is the way to a daemon,
 //! and [`cli`] is the command line.
 
+mod certificate;
 pub mod cli;
+mod connection;
 pub mod daemon;
 pub mod device;
 pub mod doctor;
@@ -20,7 +22,7 @@ mod private_file;
 pub mod replay;
 pub mod verify;
 
-pub use era_model::{model, response, scene, transient};
+pub use era_model::{model, response, scene, text_file, transient};
 pub use era_planner as planner;
 pub use era_planner::{effects, study};
 pub use era_study as design;

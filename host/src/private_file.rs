@@ -1,21 +1,30 @@
 //! Files with secrets: read only where nobody else than their owner can.
 
+use crate::text_file::decode_text;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::Read;
 use std::path::Path;
 
-/// Reads a file with a secret in it, a token or a private key.
+/// Reads a file of text with a secret in it.
 ///
 /// Looks at the file that it has opened: what is put in its place meanwhile is not read.
 ///
 /// # Errors
-/// That it cannot be read, or that others than its owner may read or write it, with its mode and what to do.
+/// That it cannot be read, is no text in UTF-8, or that others than its owner may read or write it, with its mode and what to do.
 pub fn read(path: &Path) -> Result<String, String> {
+    decode_text(read_bytes(path)?).map_err(|error| error.to_string())
+}
+
+/// The same of a file that may have other bytes than text.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>, String> {
     let mut file = File::open(path).map_err(|error| error.to_string())?;
     check(path, &file)?;
-    let mut text = String::new();
-    file.read_to_string(&mut text).map_err(|error: io::Error| error.to_string())?;
-    Ok(text)
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    Ok(bytes)
 }
 
 /// Permissions of the group and of others to read and to write: whoever may write tokens may add one.

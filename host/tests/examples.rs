@@ -46,7 +46,15 @@ const LATE: usize = 5;
 fn python(interpreter: &Path, program: &str, folder: &Path) -> Vec<String> {
     std::fs::write(folder.join("example.py"), program).unwrap();
     for times in 0.. {
-        let output = Command::new(interpreter).arg("example.py").current_dir(folder).env("PYTHONPATH", folder).output();
+        let mut command = Command::new(interpreter);
+        command.arg("example.py").current_dir(folder).env("PYTHONPATH", folder).env("NO_PROXY", "");
+        // Nobody listens there, and nothing is to be written there: the examples let neither lead them.
+        for variable in ["http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"] {
+            command.env(variable, "http://127.0.0.1:9");
+        }
+        let keys = folder.join("keys.log");
+        let output = command.env("SSLKEYLOGFILE", &keys).output();
+        assert!(!keys.exists(), "the keys of a connection were written down");
         let output = output.unwrap_or_else(|error| panic!("{}: {error}", interpreter.display()));
         let [told, wrong] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
         if output.status.success() && wrong.is_empty() {
@@ -73,6 +81,49 @@ fn every_example_is_one_that_is_run() {
     let count = |language: &str| code("http.md").iter().filter(|(kind, _)| kind == language).count();
     assert_eq!((count("python"), count("html"), count("javascript"), count("js")), (3, 1, 0, 0));
     assert!(code("http.md").iter().all(|(kind, _)| ["python", "html", "console"].contains(&kind.as_str())));
+}
+
+/// `curl` goes where the environment sends it, also with requests for this machine, unless it is told not to.
+#[test]
+fn every_example_of_curl_leaves_proxies_alone() {
+    let mut count = 0;
+    for page in ["README.md", "docs/src/http.md", "docs/src/operation.md"] {
+        for line in file(page).lines().filter(|line| line.starts_with("curl ") || line.starts_with("$ curl ")) {
+            assert!(line.contains("--noproxy '*'") || line.contains("--unix-socket"), "{page}: {line}");
+            count += 1;
+        }
+    }
+    assert!(count > 8, "{count}");
+}
+
+/// What sends elsewhere gets no `POST` turned into a `GET`, and no token: the examples call it an error.
+#[test]
+fn the_python_examples_follow_no_redirect() {
+    let elsewhere = TcpListener::bind("127.0.0.1:0").unwrap();
+    let there = elsewhere.local_addr().unwrap();
+    elsewhere.set_nonblocking(true).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for status in [301, 302, 303, 307, 308] {
+        let front = TcpListener::bind("127.0.0.1:0").unwrap();
+        let here = front.local_addr().unwrap().to_string();
+        std::thread::spawn(move || {
+            use std::io::Write;
+            for stream in front.incoming().map_while(Result::ok) {
+                let mut lines = BufReader::new(&stream).lines().map_while(Result::ok);
+                while lines.next().is_some_and(|line| !line.is_empty()) {}
+                let answer = format!(
+                    "HTTP/1.1 {status} Elsewhere\r\nLocation: http://{there}/v1/touch\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+                );
+                let _ = (&stream).write_all(answer.as_bytes());
+            }
+        });
+        let program = example("python", "def ask_again").replace(HERE, &here);
+        std::fs::write(folder.path().join("example.py"), program).unwrap();
+        let output = Command::new("python3").arg("example.py").current_dir(folder.path()).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        assert!(told.contains(&status.to_string()), "{status}: {told}");
+        assert!(elsewhere.accept().is_err(), "{status}: it went elsewhere");
+    }
 }
 
 /// Plain Python, when all is well and when it is not.
@@ -185,14 +236,15 @@ fn python_with_token_and_certificate_touches_from_elsewhere() {
     let there = format!("panel.local:{}", daemon.port);
     // Its simulated device may not have answered yet.
     let wait = format!(
-        "import ssl, time, urllib.request\nwhile True:\n    request = urllib.request.Request('https://{there}/v1/state', \
-         headers={{'Authorization': 'Bearer {}'}})\n    told = urllib.request.urlopen(request, \
-         context=ssl.create_default_context(cafile='era-cert.pem')).read()\n    \
+        "import ssl, time, urllib.request\ntls = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)\n\
+         tls.load_verify_locations('era-cert.pem')\nopener = urllib.request.build_opener(urllib.request.ProxyHandler({{}}), \
+         urllib.request.HTTPSHandler(context=tls))\nwhile True:\n    request = urllib.request.Request('https://{there}/v1/state', \
+         headers={{'Authorization': 'Bearer {}'}})\n    told = opener.open(request).read()\n    \
          if b'\"connected\":true' in told: break\n    time.sleep(0.05)\n",
         secret()
     );
     python(Path::new("python3"), &wait, client.path());
-    let program = example("python", "urlopen(request, context=TLS").replace(ELSEWHERE, &there);
+    let program = example("python", "HTTPSHandler(context=TLS)").replace(ELSEWHERE, &there);
     let told = python(Path::new("python3"), &program, client.path());
     assert!(told.len() == 2 && told[0].parse::<u64>().is_ok() && is_off(&told[1]), "{told:?}");
 
@@ -200,10 +252,14 @@ fn python_with_token_and_certificate_touches_from_elsewhere() {
     let (_, arguments) = program.split_once("# With a token: ").unwrap();
     let (arguments, _) = arguments.split_once("\nwith connect(").unwrap();
     let arguments = arguments.replace("\n# ", "\n").replace(ELSEWHERE, &there);
-    let (plain, guarded) = (format!("\"ws://{HERE}/v1/live?send=plan\""), format!("with connect({arguments})"));
+    let (plain, guarded) =
+        (format!("\"ws://{HERE}/v1/live?send=plan\", proxy=None"), format!("with connect({arguments})"));
     let program = program.replace(&format!("with connect({plain})"), &guarded);
     assert!(program.contains(&guarded), "{program}");
-    let program = format!("import ssl\nTOKEN = open(\"token\").read().strip()\n{program}");
+    let program = format!(
+        "import ssl\nTOKEN = open(\"token\").read().strip()\nTLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)\n\
+         TLS.load_verify_locations(\"era-cert.pem\")\n{program}"
+    );
     let told = python(&with_websockets(), &program, client.path());
     assert!(!told.is_empty() && told.iter().all(|line| is_plan(line)), "{told:?}");
 }

@@ -313,8 +313,8 @@ fn a_page_brings_its_token() {
     without.wait_for("document.querySelector('#connection')?.textContent === 'this daemon asks for a token'");
     without.wait_for("document.querySelector('#error-text').textContent.includes('#token=TOKEN')");
     assert_ne!(without.value("document.body.dataset.state ?? ''"), "safe");
-    // A token put behind the address of the open page counts.
-    without.value(&format!("location.hash = 'token={secret}'"));
+    // A token put behind the address of the open page counts, also with what a file has around it.
+    without.value(&format!("location.hash = 'token=%EF%BB%BF{secret}%0D%0A'"));
     without.wait_for("document.body?.dataset.state === 'safe'");
     // A fault wants a token of another role than this one.
     without.value(&format!(

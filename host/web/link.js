@@ -9,7 +9,7 @@ const STOP_TRIES = 3;
 
 // A daemon that asks for a token is opened with it behind its address, as #token=SECRET: that part of an address stays in the
 // browser.
-export const TOKEN = new URLSearchParams(location.hash.slice(1)).get("token");
+export const TOKEN = new URLSearchParams(location.hash.slice(1)).get("token")?.trim();
 
 // The answer's body, to a question with an optional body of its own; throws a problem in the form of the daemon's
 // problem+json, whatever went wrong.

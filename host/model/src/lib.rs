@@ -1,7 +1,7 @@
 //! What a panel does: scenes, finite elements, responses, motion in time.
 //!
 //! Data flows one way: [`scene`] (what is there) -> [`model`] (finite elements, modes) -> [`response`] (how it answers a harmonic
-//! force), and beside that [`transient`] (how it moves in time). [`stop`] ends what takes too long. SI units throughout; phasors are those of e^(+j w t), deflection
+//! force), and beside that [`transient`] (how it moves in time). [`stop`] ends what takes too long, [`text_file`] reads files of text. SI units throughout; phasors are those of e^(+j w t), deflection
 //! towards the user.
 //!
 //! From a scene to a response with a bound on its error:
@@ -27,4 +27,5 @@ pub mod model;
 pub mod response;
 pub mod scene;
 pub mod stop;
+pub mod text_file;
 pub mod transient;

@@ -3,6 +3,7 @@
 use crate::document;
 use crate::errors::{Raised, scene_error};
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, PixelError, Scene, SurfaceKind};
+use era_model::text_file::read_text_file;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -184,7 +185,7 @@ impl PyScene {
     ///     With every mistake and its line.
     #[classmethod]
     fn from_file(_class: &Bound<'_, PyType>, py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let text = std::fs::read_to_string(&path).map_err(|error| Raised::file("read", &path, &error))?;
+        let text = read_text_file(&path).map_err(|error| Raised::file("read", &path, &error))?;
         Self::read(py, &path.display().to_string(), text, true)
     }
 

@@ -8,6 +8,7 @@ use crate::run::{run, run_beside, run_told};
 use crate::scene::PyScene;
 use crate::tables::with_table;
 use era_model::model::Accuracy;
+use era_model::text_file::read_text_file;
 use era_study::evaluate::{Evaluator, Quick, Thorough};
 use era_study::result::{Entry, Table, constraints_of, objectives_of};
 use era_study::run::{Folder, Observer, Outcome, Row, Shard, Stopped, Study, Task, decoded, encoded};
@@ -135,7 +136,7 @@ impl PyStudy {
 }
 
 fn text_of(path: &Path) -> PyResult<String> {
-    Ok(std::fs::read_to_string(path).map_err(|error| Raised::file("read", path, &error))?)
+    Ok(read_text_file(path).map_err(|error| Raised::file("read", path, &error))?)
 }
 
 #[pymethods]

@@ -1,5 +1,6 @@
 //! Options that commands take, and what they may be.
 
+use crate::connection::HostPort;
 use crate::device::Target;
 use crate::effects::NamedEffect;
 use crate::model::Accuracy;
@@ -11,7 +12,8 @@ use std::time::Duration;
 
 use super::Failure;
 use super::values::{
-    Point, parse_counts, parse_finite, parse_npy, parse_png, parse_point, parse_press, parse_time, parse_url,
+    Point, parse_counts, parse_finite, parse_npy, parse_png, parse_point, parse_press, parse_proxy, parse_time,
+    parse_url,
 };
 use super::wishes::Wishes;
 
@@ -105,9 +107,9 @@ pub struct Serve {
     /// sim (the default), emulated, auto, or the path of a serial port
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<Target>,
-    /// Address and port to listen on [default: 127.0.0.1:7878]
+    /// Address or name, and port, to listen on, as 127.0.0.1:7878, localhost:7878 or [::1]:7878 [default: 127.0.0.1:7878]
     #[arg(long, value_name = "ADDR:PORT")]
-    pub listen: Option<std::net::SocketAddr>,
+    pub listen: Option<HostPort>,
     /// Socket in the file system to listen on as well, for this user alone; `none` for none [default: era.sock in
     /// $XDG_RUNTIME_DIR, where that is set]
     #[arg(long, value_name = "PATH")]
@@ -172,9 +174,12 @@ pub struct Daemon {
     /// File with the token, where the daemon asks for one; the variable ERA_TOKEN does as well
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
-    /// Certificate in PEM that the daemon's is to be trusted by: its own, if it made one
+    /// Certificate in PEM that the daemon's is to be trusted by: its own, if nobody else has signed it
     #[arg(long, value_name = "FILE")]
     pub ca: Option<PathBuf>,
+    /// Proxy that connects to the daemon (CONNECT), as http://HOST:PORT; without it there is none, whatever the environment names
+    #[arg(long, value_name = "URL", value_parser = parse_proxy)]
+    pub proxy: Option<HostPort>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,

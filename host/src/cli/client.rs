@@ -1,21 +1,19 @@
 //! Commands that talk to a running daemon.
 
 use super::args::{Daemon, Touch};
+use super::token::read_token;
 use super::{Failure, Outcome, print_json, print_text};
+use crate::certificate;
+use crate::connection::{HostPort, Way, client_config, describe_redirect};
 use crate::doctor::reach::Trouble;
 use crate::planner::Weigh;
-use crate::private_file;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
 use std::time::Duration;
-use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 /// An emulated board may take some seconds to answer.
 const PATIENCE: Duration = Duration::from_secs(30);
-
-/// Longest wait for a connection: behind a firewall there is no answer at all.
-const CONNECT: Duration = Duration::from_secs(3);
 
 pub fn touch(options: &Touch) -> Outcome {
     let answer = call(&options.daemon, "POST", "/v1/touch", Some(touch_body(options)))?;
@@ -213,48 +211,45 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::NAN)
 }
 
-/// What talks to the daemon, and trusts its certificate where that is given.
-fn agent(daemon: &Daemon) -> Result<ureq::Agent, Failure> {
-    patient_agent(daemon.ca.as_deref(), PATIENCE)
+/// How a command asks its daemon.
+pub struct Contact {
+    /// Over which connections.
+    pub way: Way,
+    /// What the header `Authorization` says, if there is a token.
+    pub bearer: Option<String>,
 }
 
-/// The same for who waits otherwise.
-pub fn patient_agent(ca: Option<&Path>, patience: Duration) -> Result<ureq::Agent, Failure> {
-    let config = ureq::Agent::config_builder().http_status_as_error(false);
-    let mut config = config.timeout_global(Some(patience)).timeout_connect(Some(CONNECT));
-    if let Some(certificate) = trusted(ca)? {
-        let roots = RootCerts::new_with_certs(&[certificate]);
-        config = config.tls_config(TlsConfig::builder().root_certs(roots).build());
+impl Contact {
+    /// As the options say.
+    ///
+    /// # Errors
+    /// A file that cannot be used, or a token that would go through a proxy for everybody there to read.
+    pub fn of(daemon: &Daemon) -> Result<Self, Failure> {
+        let token = read_token(daemon.token_file.as_deref())?;
+        Self::new(&daemon.url, daemon.ca.as_deref(), daemon.proxy.as_ref(), token)
     }
-    Ok(config.build().into())
-}
 
-/// The certificate that the daemon's is to be trusted by, if one is given.
-pub fn trusted(ca: Option<&Path>) -> Result<Option<Certificate<'static>>, Failure> {
-    let Some(path) = ca else { return Ok(None) };
-    let wrong = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", path.display()));
-    let pem = std::fs::read(path).map_err(|error| wrong(&error))?;
-    Certificate::from_pem(&pem).map(Some).map_err(|error| wrong(&error))
-}
-
-/// What the header `Authorization` says, if there is a token.
-pub fn bearer(daemon: &Daemon) -> Result<Option<String>, Failure> {
-    Ok(token(daemon)?.map(|token| format!("Bearer {token}")))
-}
-
-/// The token: of a file, or of the environment; not of the command line, which everybody on the machine can read.
-fn token(daemon: &Daemon) -> Result<Option<String>, Failure> {
-    token_in(daemon.token_file.as_deref())
-}
-
-/// The same of a file that may be named.
-pub fn token_in(file: Option<&Path>) -> Result<Option<String>, Failure> {
-    let Some(path) = file else { return Ok(std::env::var("ERA_TOKEN").ok()) };
-    let text = private_file::read(path);
-    let text = text.map_err(|error| Failure::Usage(format!("{}: {error}", path.display())))?;
-    // The last word of the last line: a file of the secret alone, or one of the daemon's, which may have comments.
-    let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
-    Ok(lines.flat_map(str::split_whitespace).last().map(str::to_owned))
+    /// The same for who finds its token elsewhere.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn new(url: &str, ca: Option<&Path>, proxy: Option<&HostPort>, token: Option<String>) -> Result<Self, Failure> {
+        if proxy.is_some() && token.is_some() && !url.starts_with("https://") {
+            return Err(Failure::Usage(format!(
+                "with --proxy a token is sent over TLS only, as the proxy could read it otherwise: {url} is to be an address with \
+                 https://, or is asked without --proxy"
+            )));
+        }
+        let given = ca.map_or_else(
+            || Ok(Vec::new()),
+            |path| {
+                certificate::read_certificates(path)
+                    .map_err(|error| Failure::Usage(format!("{}: {error}", path.display())))
+            },
+        )?;
+        let tls = client_config(given).map_err(Failure::Usage)?;
+        Ok(Self { way: Way { tls, proxy: proxy.cloned() }, bearer: token.map(|token| format!("Bearer {token}")) })
+    }
 }
 
 fn with_token<B>(request: ureq::RequestBuilder<B>, bearer: Option<String>) -> ureq::RequestBuilder<B> {
@@ -278,9 +273,9 @@ pub struct Answer {
 /// # Errors
 /// That there was no answer, or none of a daemon's.
 pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Answer, Failure> {
-    let agent = agent(daemon)?;
+    let Contact { way, bearer } = Contact::of(daemon)?;
+    let agent = way.agent(PATIENCE);
     let url = format!("{}{path}", daemon.url);
-    let bearer = bearer(daemon)?;
     let sent = match (method, body) {
         ("GET", _) => with_token(agent.get(&url), bearer).call(),
         (_, Some(body)) => with_token(agent.post(&url), bearer).send_json(body),
@@ -294,6 +289,11 @@ pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) ->
             }
         })?;
     let status = answer.status();
+    if status.is_redirection() {
+        let location = answer.headers().get("location").map(|value| String::from_utf8_lossy(value.as_bytes()));
+        let (found, advice) = describe_redirect(&daemon.url, path, status.as_u16(), location.as_deref());
+        return Err(Failure::failed(format!("{found}: {advice}")));
+    }
     let body: Value = answer.body_mut().read_json().map_err(|error| {
         Failure::failed(format!("{url} answered {status}, but not with JSON ({error}): is it an era daemon?"))
     })?;

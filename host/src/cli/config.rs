@@ -4,7 +4,9 @@ use super::args::Serve;
 use super::config_keys::{Given, KEYS, Key};
 use super::serve;
 use super::{Failure, Outcome, print_json, print_text};
+use crate::connection::HostPort;
 use crate::device::Target;
+use crate::text_file::read_text_file;
 use clap::{Args, Subcommand};
 use serde_json::json;
 use std::fmt::{self, Write};
@@ -128,8 +130,8 @@ impl ConfigFile {
     fn examine(path: &Path) -> Result<Examined, ConfigError> {
         let source = path.display().to_string();
         let failed = |text: String| ConfigError { source: source.clone(), mistakes: vec![Mistake { line: 0, text }] };
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| failed(format!("cannot read the configuration file: {error}")))?;
+        let text =
+            read_text_file(path).map_err(|error| failed(format!("cannot read the configuration file: {error}")))?;
         let whole = std::path::absolute(path).map_err(|error| failed(error.to_string()))?;
         let base = whole.parent().map(Path::to_path_buf).unwrap_or_default();
         Self::examine_text(&source, &text, &base)
@@ -186,14 +188,16 @@ impl ConfigFile {
         joined
     }
 
-    /// What keeps the daemon from starting with this file alone, with the lines that it is about.
+    /// What keeps the daemon from starting with this file alone, or clients from talking to it, with the lines that it is about.
     #[must_use]
     pub fn start_mistakes(&self) -> Vec<Mistake> {
         let of = |(key, text): (&str, String)| {
             let line = self.settings.iter().find(|setting| setting.key.name == key).map_or(0, |setting| setting.line);
             Mistake { line, text }
         };
-        serve::mistakes(&self.under(&Serve::default())).into_iter().map(of).collect()
+        let options = self.under(&Serve::default());
+        // What the start only warns of is a mistake of the file all the same.
+        serve::mistakes(&options).into_iter().chain(serve::warnings(&options)).map(of).collect()
     }
 
     /// That the file leads to the simulated device, if it does.
@@ -252,7 +256,12 @@ fn read_key(
     };
     match (key.take)(&mut Serve::default(), &given, base) {
         Some(()) => Ok(Some((key, given, told))),
-        None => Err(format!("{name} is {told}, but must be {}", key.allowed)),
+        None => {
+            // Of a place to listen there is more to say.
+            let place = given.text().filter(|_| key.name == "listen").map(str::parse::<HostPort>);
+            let reason = place.and_then(Result::err).map(|reason| format!(": {reason}")).unwrap_or_default();
+            Err(format!("{name} is {told}, but must be {}{reason}", key.allowed))
+        }
     }
 }
 
@@ -383,7 +392,10 @@ mod tests {
             ("version = 1\nsceen = 1", "era.toml:2: unknown key sceen; known keys: version, scene"),
             ("version = 1\nno-cache = true", "era.toml:2: unknown key no-cache; did you mean no_cache?"),
             ("version = 1\nscene = 7", "era.toml:2: scene is 7, but must be the path of a scene file"),
-            ("version = 1\n\nlisten = \"7878\"", "era.toml:3: listen is \"7878\", but must be an address and a port"),
+            (
+                "version = 1\n\nlisten = \"7878\"",
+                "era.toml:3: listen is \"7878\", but must be an address or a name, and a port",
+            ),
             ("version = 1\ntolerance = 1", "era.toml:2: tolerance is 1, but must be a number 1e-8 to 0.1"),
             ("version = 1\nno_cache = \"yes\"", "era.toml:2: no_cache is \"yes\", but must be true or false"),
             ("version = 1\ndevice = \"atuo\"", "era.toml:2: device is \"atuo\", but must be \"sim\", \"emulated\""),

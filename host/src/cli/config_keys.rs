@@ -25,7 +25,8 @@ pub enum Given {
 }
 
 impl Given {
-    fn text(&self) -> Option<&str> {
+    /// A text that is not empty.
+    pub fn text(&self) -> Option<&str> {
         match self {
             Given::Text(text) if !text.is_empty() => Some(text),
             _ => None,
@@ -164,8 +165,8 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "listen",
-        help: "Address and port to listen on",
-        allowed: "an address and a port, as \"127.0.0.1:7878\"",
+        help: "Address or name, and port, to listen on",
+        allowed: "an address or a name, and a port, as \"127.0.0.1:7878\", \"localhost:7878\" or \"[::1]:7878\"",
         default: DEFAULT_LISTEN,
         example: "\"127.0.0.1:7878\"",
         rival: None,

@@ -1,18 +1,20 @@
 //! `era doctor`: finds out, judges, and prints.
 
 use super::args::Serve;
-use super::client::{patient_agent, token_in, trusted};
+use super::client::Contact;
 use super::config::ConfigFile;
-use super::values::parse_url;
+use super::serve::listen_place;
+use super::token::{TOKEN_VARIABLE, read_token};
+use super::values::{parse_proxy, parse_url};
 use super::{Failure, Outcome, print_json, print_text};
-use crate::daemon::DEFAULT_LISTEN;
+use crate::certificate::read_certificates;
+use crate::connection::HostPort;
 use crate::device::{Target, priority};
 use crate::doctor::facts::{Answer, Chosen, Daemon, File, Wanted};
 use crate::doctor::{Facts, Finding, Verdict, board, daemon, judge, machine};
 use clap::Args;
 use serde_json::json;
 use std::fmt::Write;
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 /// The certificate that `--tls-dir` makes.
@@ -41,6 +43,9 @@ pub struct Doctor {
     /// Certificate in PEM that the daemon's is to be trusted by [default: that of the configuration]
     #[arg(long, value_name = "FILE")]
     pub ca: Option<PathBuf>,
+    /// Proxy that connects to the daemon (CONNECT), as http://HOST:PORT; without it there is none, whatever the environment names
+    #[arg(long, value_name = "URL", value_parser = parse_proxy)]
+    pub proxy: Option<HostPort>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -134,25 +139,24 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
 
 /// Where a daemon is looked for, and what is there. The command line comes before the configuration.
 fn ask(options: &Doctor, serve: &Serve) -> Result<(String, Daemon), Failure> {
-    let listen: SocketAddr = serve.listen.map_or_else(|| DEFAULT_LISTEN.parse(), Ok).map_err(Failure::failed)?;
+    let listen = listen_place(serve)?;
+    // A name is asked as it stands there.
+    let place = listen.address().map_or_else(|| listen.to_string(), |address| daemon::reached(address).to_string());
     let speaks_tls = serve.tls_dir.is_some() || serve.tls_cert.is_some();
-    let url = options
-        .url
-        .clone()
-        .unwrap_or_else(|| format!("{}://{}", if speaks_tls { "https" } else { "http" }, daemon::reached(listen)));
+    let url = options.url.clone().unwrap_or_else(|| format!("{}://{place}", if speaks_tls { "https" } else { "http" }));
     let made = serve.tls_dir.as_ref().map(|folder| folder.join(CERTIFICATE));
     let configured = made.or_else(|| serve.tls_cert.clone());
     // A certificate of the configuration that is not there, not for this user, or none need not be: it is said what is missing.
-    let ca = options.ca.clone().or_else(|| configured.filter(|file| trusted(Some(file)).is_ok()));
-    let agent = patient_agent(ca.as_deref(), daemon::ANSWER)?;
+    let ca = options.ca.clone().or_else(|| configured.filter(|file| read_certificates(file).is_ok()));
     let token = match (&options.token_file, &serve.token_file) {
-        (Some(named), _) => token_in(Some(named))?,
-        (None, Some(configured)) if std::env::var_os("ERA_TOKEN").is_none() => {
-            token_in(Some(configured)).ok().flatten()
+        (Some(named), _) => read_token(Some(named))?,
+        (None, Some(configured)) if std::env::var_os(TOKEN_VARIABLE).is_none() => {
+            read_token(Some(configured)).ok().flatten()
         }
-        (None, _) => token_in(None)?,
+        (None, _) => read_token(None)?,
     };
-    let found = daemon::ask(&url, &agent, token.as_deref(), ca.is_some());
+    let contact = Contact::new(&url, ca.as_deref(), options.proxy.as_ref(), token)?;
+    let found = daemon::ask(&url, &contact.way.agent(daemon::ANSWER), contact.bearer.as_deref(), ca.is_some());
     Ok((url, found))
 }
 

@@ -28,6 +28,9 @@ pub fn run(options: &Latency) -> Outcome {
     let agent: ureq::Agent = ureq::Agent::config_builder()
         .http_status_as_error(false)
         .timeout_global(Some(Duration::from_secs(10)))
+        // Its own daemon is asked, whatever proxy the environment names.
+        .proxy(None)
+        .max_redirects(0)
         .build()
         .into();
     wait_for_device(&agent, &base)?;

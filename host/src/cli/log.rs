@@ -29,4 +29,6 @@ pub fn start(verbose: u8, format: LogFormat) {
     // Whatever is logged: progress tells the model's levels.
     let levels = Targets::new().with_target(progress::LevelWatch::TARGET, tracing::Level::DEBUG);
     tracing_subscriber::registry().with(log.with_filter(filter)).with(progress::LevelWatch.with_filter(levels)).init();
+    // What libraries trace are the bytes of requests, with their tokens (`ureq-proto`, `tungstenite`): no filter lets that through.
+    log::set_max_level(log::max_level().min(log::LevelFilter::Debug));
 }

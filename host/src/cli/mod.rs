@@ -36,6 +36,7 @@ mod replay;
 mod serve;
 mod study;
 mod sweep;
+mod token;
 mod told;
 mod transient;
 mod trials;

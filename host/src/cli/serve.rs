@@ -3,6 +3,7 @@
 use super::args::{AfterOutage, Serve};
 use super::panel::prepared_table;
 use super::{Failure, Outcome, notify};
+use crate::connection::HostPort;
 use crate::daemon::listener::{ListenError, TlsFiles, first_certificate, lacking};
 use crate::daemon::{Access, App, DEFAULT_LISTEN, Ended, Listener, Recorder, serve_while_alive};
 use crate::device::session::policy::Policy;
@@ -12,7 +13,6 @@ use crate::planner::cache::{Origin, Prepared};
 use crate::planner::{Plan, PlanTable, Target as TouchTarget};
 use crate::private_file;
 use std::io::ErrorKind;
-use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -39,9 +39,13 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::failed)?;
     // A port in use is told before the panel is computed, or a certificate made.
     let has_tokens = !access.tokens.is_empty();
-    let port = runtime.block_on(Listener::port(address(options)?, has_tls(options), has_tokens)).map_err(refused)?;
+    let place = listen_place(options)?;
+    let ports = runtime.block_on(Listener::ports(&place, has_tls(options), has_tokens)).map_err(refused)?;
+    for warning in warnings(options) {
+        tracing::warn!("{}", warning.1);
+    }
     // In the runtime, in which sockets are opened.
-    let listeners = runtime.block_on(async { listeners(options, port) })?;
+    let listeners = runtime.block_on(async { listeners(options, &place, ports) })?;
     // After all that may keep the daemon from starting: a file that was begun is in the next start's way.
     let recorder = match &options.record {
         None => None,
@@ -136,7 +140,9 @@ fn access(options: &Serve) -> Result<Access, Failure> {
             Access::tokens(&text).map_err(|error| wrong(&error))?
         }
     };
-    let (origins, hosts) = (options.allow_origin.clone(), options.allow_host.clone());
+    let (origins, mut hosts) = (options.allow_origin.clone(), options.allow_host.clone());
+    // Who listens at a name is called by it.
+    hosts.extend(listen_place(options)?.name().map(str::to_ascii_lowercase));
     Ok(Access { origins, hosts, tokens, ..Access::default() })
 }
 
@@ -147,8 +153,31 @@ fn refused(error: ListenError) -> Failure {
     }
 }
 
-fn address(options: &Serve) -> Result<SocketAddr, Failure> {
-    options.listen.map_or_else(|| DEFAULT_LISTEN.parse().map_err(Failure::failed), Ok)
+/// Where the daemon listens with these options.
+pub fn listen_place(options: &Serve) -> Result<HostPort, Failure> {
+    options.listen.clone().map_or_else(|| DEFAULT_LISTEN.parse().map_err(Failure::Failed), Ok)
+}
+
+/// The files of certificate and key that are there.
+fn tls_files(options: &Serve) -> Result<Option<TlsFiles>, ListenError> {
+    match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
+        (Some(certificate), Some(key), _) => Ok(Some(TlsFiles { certificate: certificate.clone(), key: key.clone() })),
+        (.., Some(folder)) => TlsFiles::found_in(folder),
+        _ => Ok(None),
+    }
+}
+
+/// The key that names the certificate.
+const fn tls_key_name(options: &Serve) -> &'static str {
+    if options.tls_dir.is_some() { "tls_dir" } else { "tls_cert" }
+}
+
+/// What does not keep the daemon from starting, but clients from talking to it, each with its key: dates of its certificate, which are wrong
+/// for as long as the clock is, too.
+pub fn warnings(options: &Serve) -> Vec<(&'static str, String)> {
+    let files = tls_files(options).ok().flatten();
+    let faults = files.map(|files| files.find_date_faults()).unwrap_or_default();
+    faults.into_iter().map(|fault| (tls_key_name(options), fault)).collect()
 }
 
 const fn has_tls(options: &Serve) -> bool {
@@ -193,22 +222,17 @@ pub fn mistakes(options: &Serve) -> Vec<(&'static str, String)> {
     {
         all.push(("socket", error.to_string()));
     }
-    let files = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
-        (Some(certificate), Some(key), _) => Ok(Some(TlsFiles { certificate: certificate.clone(), key: key.clone() })),
-        (.., Some(folder)) => TlsFiles::found_in(folder),
-        _ => Ok(None),
-    };
-    let usable = files.and_then(|files| match files {
+    let usable = tls_files(options).and_then(|files| match files {
         Some(files) if ![&files.certificate, &files.key].into_iter().any(|path| is_anothers(path)) => files.check(),
         _ => Ok(()),
     });
     if let Err(error) = usable {
-        all.push((if options.tls_dir.is_some() { "tls_dir" } else { "tls_cert" }, error.to_string()));
+        all.push((tls_key_name(options), error.to_string()));
     }
-    let open = address(options).map(|address| Listener::check(address, has_tls(options), options.token_file.is_some()));
-    if let Ok(Err(error)) = open {
-        all.push(("listen", error.to_string()));
-    }
+    // A name that has no address now may have one when the daemon starts.
+    let addresses = listen_place(options).ok().and_then(|place| place.find_addresses().ok()).unwrap_or_default();
+    let is_open = |address| Listener::check(address, has_tls(options), options.token_file.is_some()).err();
+    all.extend(addresses.into_iter().find_map(is_open).map(|error| ("listen", error.to_string())));
     all
 }
 
@@ -226,18 +250,24 @@ fn unrecordable(path: &Path) -> Option<String> {
     Some(format!("record is {shown}, but there is no folder {}: {NEW_RECORD}", lacking.display()))
 }
 
-/// Where to listen, beside the port that there is.
-fn listeners(options: &Serve, port: TcpListener) -> Result<Vec<Listener>, Failure> {
-    let address = address(options)?;
+/// Where to listen: the ports that there are, with TLS where that is wanted, and the socket in the file system.
+fn listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) -> Result<Vec<Listener>, Failure> {
     let tls = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => {
             let files = TlsFiles { certificate: certificate.clone(), key: key.clone() };
             tell_lacking(&files, &options.allow_host, "clients that call the daemon so need one that names it");
+            if files.is_nameless() {
+                tracing::warn!(
+                    "{} names no host (subjectAltName): `era --ca` takes it, but browsers and other clients refuse it",
+                    files.certificate.display()
+                );
+            }
             Some(files)
         }
         (.., Some(folder)) => {
             let mut names = options.allow_host.clone();
-            names.extend((!address.ip().is_unspecified()).then(|| address.ip().to_string()));
+            let is_every = place.address().is_some_and(|address| address.ip().is_unspecified());
+            names.extend((!is_every).then(|| place.host().to_owned()));
             let files = first_certificate(folder, &names).map_err(refused)?;
             let advice = format!(
                 "it stays, as clients trust it; to have another one made, move era-cert.pem and era-key.pem out of {}, \
@@ -249,7 +279,8 @@ fn listeners(options: &Serve, port: TcpListener) -> Result<Vec<Listener>, Failur
         }
         _ => None,
     };
-    let mut all = vec![Listener::over(port, tls.as_ref()).map_err(refused)?];
+    let over = |port| Listener::over(port, tls.as_ref()).map_err(refused);
+    let mut all = ports.into_iter().map(over).collect::<Result<Vec<_>, _>>()?;
     #[cfg(unix)]
     match &options.socket {
         Some(path) if path.as_os_str() == "none" => {}

@@ -1,5 +1,6 @@
 //! Numbers, places and names of files as the command line takes them.
 
+use crate::connection::HostPort;
 use crate::design::tolerances::{MOST_MM, MOST_PART, Tolerances};
 use crate::scene::MOST_PRESS_N;
 use std::path::PathBuf;
@@ -84,6 +85,15 @@ pub fn parse_url(text: &str) -> Result<String, String> {
         return Err(format!("{text:?} is not of the form http://HOST:PORT"));
     }
     Ok(format!("{scheme}://{rest}"))
+}
+
+/// A proxy's address: `http://` may be left out, and nothing else is spoken with a proxy.
+///
+/// # Errors
+/// What is allowed.
+pub fn parse_proxy(text: &str) -> Result<HostPort, String> {
+    let rest = text.strip_prefix("http://").unwrap_or(text);
+    rest.trim_end_matches('/').parse().map_err(|error| format!("a proxy is named as http://HOST:PORT: {error}"))
 }
 
 /// What may be off: springs, Young's modulus and thickness by parts of themselves, places by mm.

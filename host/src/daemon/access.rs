@@ -5,10 +5,12 @@ use super::client::{Peer, TokenNumber};
 use super::guesses::{Digest, Guesses, MOST};
 use super::problem::{Kind, Problem};
 use super::strangers::Strangers;
+use crate::text_file::BYTE_ORDER_MARK;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use percent_encoding::percent_decode_str;
 use sha2::{Digest as _, Sha256};
 use std::sync::Arc;
 use std::time::Instant;
@@ -114,7 +116,8 @@ impl Access {
     /// The line and what is wrong with it.
     pub fn tokens(text: &str) -> Result<Vec<Token>, String> {
         let mut tokens = Vec::new();
-        for (number, line) in (1..).zip(text.lines()) {
+        // Old systems end lines with a CR alone.
+        for (number, line) in (1..).zip(text.replace("\r\n", "\n").split(['\n', '\r'])) {
             let line = line.trim();
             if line.is_empty() || line.starts_with('#') {
                 continue;
@@ -228,8 +231,8 @@ impl Access {
             .and_then(|value| value.strip_prefix("Bearer ").or_else(|| value.strip_prefix("bearer ")));
         // A page cannot set its socket's headers. Nothing else takes it so: addresses end up in logs.
         let query = request.uri().query().filter(|_| request.uri().path() == "/v1/live").unwrap_or_default();
-        let in_query = query.split('&').find_map(|pair| pair.strip_prefix("token="));
-        let given = bearer.or(in_query).map(str::trim);
+        let in_query = token_in_query(query);
+        let given = bearer.or(in_query.as_deref()).map(str::trim);
         let digest: Option<Digest> = given.map(|given| Sha256::digest(given).into());
         let role = digest.and_then(|digest| self.role(&digest));
         self.check_guesses(request, digest.filter(|_| role.is_none()), digest.is_some())?;
@@ -331,6 +334,14 @@ fn text<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>
             })
         })
         .transpose()
+}
+
+/// The token behind an address, without what was around it in the file that a page has it from: a byte order mark, ends of lines.
+fn token_in_query(query: &str) -> Option<String> {
+    let raw = query.split('&').find_map(|pair| pair.strip_prefix("token="))?;
+    // Spaces are written as `+` there, too.
+    let plain = percent_decode_str(&raw.replace('+', " ")).decode_utf8_lossy().into_owned();
+    Some(plain.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&plain).trim().to_owned())
 }
 
 /// A Host header without its port.

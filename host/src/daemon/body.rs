@@ -2,6 +2,7 @@
 
 use super::admission::MAX_NAME;
 use super::problem::{Kind, Problem};
+use crate::text_file::BYTE_ORDER_MARK;
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
@@ -217,7 +218,13 @@ pub struct Most {
 pub async fn whole_body(State(Most { bytes: most, time }): State<Most>, request: Request, next: Next) -> Response {
     let (parts, body) = request.into_parts();
     match tokio::time::timeout(time, axum::body::to_bytes(body, most)).await {
-        Ok(Ok(bytes)) => next.run(Request::from_parts(parts, Body::from(bytes))).await,
+        Ok(Ok(mut bytes)) => {
+            // A parser may pass over it (RFC 8259, 8.1), and no body means something else by it.
+            if bytes.starts_with(BYTE_ORDER_MARK.as_bytes()) {
+                bytes = bytes.slice(BYTE_ORDER_MARK.len()..);
+            }
+            next.run(Request::from_parts(parts, Body::from(bytes))).await
+        }
         Ok(Err(error)) => unreadable(&error, most).into_response(),
         Err(_) => {
             let detail = format!("the body was not complete after {time:?}");

@@ -1,6 +1,7 @@
 //! Where the daemon listens: loopback, a socket in the file system, or with TLS anywhere.
 
-use crate::private_file;
+use crate::certificate::{describe_date_fault, find_date_fault, is_nameless, read_certificates, read_private_key};
+use crate::connection::HostPort;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
@@ -8,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio::net::{TcpListener, TcpStream};
 use tokio_rustls::TlsAcceptor;
-use tokio_rustls::rustls::pki_types::pem::PemObject;
-use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
+use tokio_rustls::rustls::crypto::ring::sign::any_supported_type;
+use tokio_rustls::rustls::pki_types::{ServerName, UnixTime};
 use tokio_rustls::rustls::server::ParsedCertificate;
 use tokio_rustls::rustls::{self, ServerConfig};
 
@@ -58,13 +59,20 @@ pub enum ListenError {
         address: SocketAddr,
     },
     /// The system gives no port.
-    #[error(
-        "cannot listen on {address}: {source}. Is another daemon running? `era serve --listen 127.0.0.1:PORT` takes another \
-         port (0: any that is free), which clients are told with --url"
-    )]
+    #[error("cannot listen on {address}: {source}. {}", advise_on_port(.source))]
     Port {
         /// As asked for.
         address: SocketAddr,
+        /// Why.
+        source: io::Error,
+    },
+    /// The name has no address.
+    #[error(
+        "cannot listen on {place}: {source}. --listen takes an address of this machine, or a name of it that has one"
+    )]
+    Name {
+        /// As asked for.
+        place: String,
         /// Why.
         source: io::Error,
     },
@@ -92,6 +100,20 @@ pub enum ListenError {
     },
 }
 
+/// What to do where the system gives no port.
+fn advise_on_port(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::AddrNotAvailable => {
+            "This machine has no such address: 127.0.0.1 is its own, 0.0.0.0 all of them"
+        }
+        io::ErrorKind::PermissionDenied => "Ports below 1024 are for root, or for who has CAP_NET_BIND_SERVICE",
+        _ => {
+            "Is another daemon running? `era serve --listen 127.0.0.1:PORT` takes another port (0: any that is free), which \
+             clients are told with --url"
+        }
+    }
+}
+
 /// Files of a certificate and its key.
 #[derive(Clone, Debug)]
 pub struct TlsFiles {
@@ -113,6 +135,26 @@ impl TlsFiles {
     /// [`ListenError::Tls`].
     pub fn check(&self) -> Result<(), ListenError> {
         acceptor(self).map(drop)
+    }
+
+    /// What is wrong with the dates of the certificates at this time, in words.
+    #[must_use]
+    pub fn find_date_faults(&self) -> Vec<String> {
+        let name = self.certificate.display();
+        let all = read_certificates(&self.certificate).unwrap_or_default();
+        let told = |(number, certificate)| {
+            let fault = describe_date_fault(&find_date_fault(certificate, UnixTime::now())?)?;
+            let which =
+                if number == 1 { "the certificate".into() } else { format!("certificate {number} of the chain") };
+            Some(format!("{name}: {which} {fault}; clients refuse it: have another one made"))
+        };
+        (1..).zip(&all).filter_map(told).collect()
+    }
+
+    /// Whether the certificate is for no name of a host, so that most clients refuse it.
+    #[must_use]
+    pub fn is_nameless(&self) -> bool {
+        read_certificates(&self.certificate).is_ok_and(|all| all.first().is_some_and(is_nameless))
     }
 
     /// Those in a folder; `None` if neither is there.
@@ -151,7 +193,40 @@ impl Listener {
         if address.ip().is_loopback() || (has_tls && has_tokens) { Ok(()) } else { Err(ListenError::Open { address }) }
     }
 
-    /// The port of [`Self::tcp`], before any file has to be there; on which nobody is let in yet.
+    /// Ports at all addresses of a place, one at least, before any file has to be there; on which nobody is let in yet. Where any port
+    /// that is free was asked for, all have the first one's.
+    ///
+    /// # Errors
+    /// [`ListenError`]. Of a name, an address that this machine does not have is no error as long as it has another.
+    pub async fn ports(place: &HostPort, has_tls: bool, has_tokens: bool) -> Result<Vec<TcpListener>, ListenError> {
+        let named = |source| ListenError::Name { place: place.to_string(), source };
+        let addresses = place.find_addresses().map_err(named)?;
+        for address in &addresses {
+            Self::check(*address, has_tls, has_tokens)?;
+        }
+        let (mut ports, mut missing) = (Vec::<TcpListener>::new(), None);
+        for mut address in addresses {
+            if let Some(first) = ports.first().filter(|_| address.port() == 0) {
+                address.set_port(first.local_addr().map_err(|source| ListenError::Port { address, source })?.port());
+            }
+            match Self::port(address, has_tls, has_tokens).await {
+                Ok(port) => ports.push(port),
+                Err(ListenError::Port { address, source })
+                    if place.address().is_none()
+                        && !matches!(source.kind(), io::ErrorKind::AddrInUse | io::ErrorKind::PermissionDenied) =>
+                {
+                    missing = Some(ListenError::Port { address, source });
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        match missing {
+            Some(error) if ports.is_empty() => Err(error),
+            _ => Ok(ports),
+        }
+    }
+
+    /// The port of [`Self::tcp`].
     ///
     /// # Errors
     /// [`ListenError`].
@@ -272,22 +347,27 @@ fn is_socket(path: &Path) -> bool {
 }
 
 fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
-    let wrong = |file: &Path, reason: &dyn fmt::Display| ListenError::Tls {
-        file: file.display().to_string(),
-        reason: reason.to_string(),
-    };
-    let certificates: Vec<CertificateDer<'static>> = CertificateDer::pem_file_iter(&files.certificate)
-        .and_then(Iterator::collect)
-        .map_err(|error| wrong(&files.certificate, &error))?;
-    if certificates.is_empty() {
-        return Err(wrong(&files.certificate, &"there is no certificate in it (PEM is wanted)"));
-    }
-    let pem = private_file::read(&files.key).map_err(|error| wrong(&files.key, &error))?;
-    let key = PrivateKeyDer::from_pem_slice(pem.as_bytes()).map_err(|error| wrong(&files.key, &error))?;
-    let config = ServerConfig::builder()
-        .with_no_client_auth()
-        .with_single_cert(certificates, key)
-        .map_err(|error| wrong(&files.key, &error))?;
+    let wrong = |file: &Path, reason: String| ListenError::Tls { file: file.display().to_string(), reason };
+    let certificates = read_certificates(&files.certificate).map_err(|reason| wrong(&files.certificate, reason))?;
+    let key = read_private_key(&files.key).map_err(|reason| wrong(&files.key, reason))?;
+    any_supported_type(&key).map_err(|error| {
+        let reason = "the key is damaged, or of a kind that is not taken: RSA of 2048 to 8192 bits, ECDSA on P-256 or P-384, and \
+                      Ed25519 are";
+        wrong(&files.key, format!("{reason} ({error})"))
+    })?;
+    let config = ServerConfig::builder().with_no_client_auth().with_single_cert(certificates, key);
+    let config = config.map_err(|error| match error {
+        rustls::Error::InconsistentKeys(_) => {
+            let certificate = files.certificate.display();
+            wrong(
+                &files.key,
+                format!(
+                    "the key does not belong to the certificate in {certificate} (of several, to the first one there)"
+                ),
+            )
+        }
+        error => wrong(&files.certificate, error.to_string()),
+    })?;
     Ok(TlsAcceptor::from(Arc::new(config)))
 }
 
@@ -295,8 +375,8 @@ fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, ListenError> {
 /// be read, which listening says.
 #[must_use]
 pub fn lacking<'n>(files: &TlsFiles, names: &'n [String]) -> Vec<&'n str> {
-    let Ok(certificate) = CertificateDer::from_pem_file(&files.certificate) else { return Vec::new() };
-    let Ok(parsed) = ParsedCertificate::try_from(&certificate) else { return Vec::new() };
+    let Ok(certificates) = read_certificates(&files.certificate) else { return Vec::new() };
+    let Some(Ok(parsed)) = certificates.first().map(ParsedCertificate::try_from) else { return Vec::new() };
     let is_lacking = |name: &&str| {
         ServerName::try_from(*name).is_ok_and(|name| rustls::client::verify_server_name(&parsed, &name).is_err())
     };

@@ -2,12 +2,15 @@
 
 use super::facts::{Clock, Daemon, Fault, Heard, Supply};
 use super::reach::Trouble;
+use crate::connection::describe_redirect;
 use serde_json::Value;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
 /// Longest wait for an answer.
 pub const ANSWER: Duration = Duration::from_secs(5);
+/// What is asked for.
+const STATE: &str = "/v1/state";
 
 /// Where a daemon that listens at `address` is reached from this machine.
 #[must_use]
@@ -20,13 +23,13 @@ pub fn reached(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, address.port())
 }
 
-/// Asks whoever listens at `url`, over `agent`, which takes no status for an error; `has_ca` says whether it trusts a
-/// certificate of the user's.
+/// Asks whoever listens at `url`, over `agent`, which takes no status for an error and follows no redirect; `bearer` is what the header
+/// `Authorization` says, `has_ca` whether a certificate of the user's is trusted.
 #[must_use]
-pub fn ask(url: &str, agent: &ureq::Agent, token: Option<&str>, has_ca: bool) -> Daemon {
-    let mut request = agent.get(format!("{url}/v1/state"));
-    if let Some(token) = token {
-        request = request.header("Authorization", format!("Bearer {token}"));
+pub fn ask(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: bool) -> Daemon {
+    let mut request = agent.get(format!("{url}{STATE}"));
+    if let Some(bearer) = bearer {
+        request = request.header("Authorization", bearer);
     }
     let mut answer = match request.call() {
         Ok(answer) => answer,
@@ -46,6 +49,11 @@ pub fn ask(url: &str, agent: &ureq::Agent, token: Option<&str>, has_ca: bool) ->
         }
     };
     let status = answer.status();
+    if status.is_redirection() {
+        let location = answer.headers().get("location").map(|value| String::from_utf8_lossy(value.as_bytes()));
+        let (found, advice) = describe_redirect(url, STATE, status.as_u16(), location.as_deref());
+        return Daemon::Hidden { found, advice };
+    }
     let Ok(state) = answer.body_mut().read_json::<Value>() else {
         return Daemon::Stranger(format!("it answers {status}, but not with JSON"));
     };
@@ -61,7 +69,11 @@ pub fn ask(url: &str, agent: &ureq::Agent, token: Option<&str>, has_ca: bool) ->
 /// Whether nobody took the connection.
 fn is_absent(error: &std::io::Error) -> bool {
     use std::io::ErrorKind;
-    matches!(error.kind(), ErrorKind::ConnectionRefused | ErrorKind::HostUnreachable | ErrorKind::NetworkUnreachable)
+    // Not found: a name without an address.
+    matches!(
+        error.kind(),
+        ErrorKind::ConnectionRefused | ErrorKind::HostUnreachable | ErrorKind::NetworkUnreachable | ErrorKind::NotFound
+    )
 }
 
 /// Reads the answer to `GET /v1/state`.

@@ -1,5 +1,7 @@
 //! Why nobody answers at a daemon's address: what each end speaks, and whose certificate it is.
 
+use crate::certificate::describe_date_fault;
+use crate::connection::ProxyError;
 use std::io::{Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
@@ -19,6 +21,10 @@ pub enum Trouble {
     Untrusted(String),
     /// A certificate for other names than the one that it was called by.
     OtherName(String),
+    /// A certificate that has run out or is not valid yet: since when, or from when on.
+    Dates(String),
+    /// The proxy that was named is no help.
+    Proxy(String),
     /// Anything else.
     Other(String),
 }
@@ -31,9 +37,16 @@ impl Trouble {
             Some(rustls::Error::InvalidCertificate(
                 CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. },
             )) => return Self::OtherName(error.to_string()),
-            Some(rustls::Error::InvalidCertificate(_)) => return Self::Untrusted(error.to_string()),
+            Some(rustls::Error::InvalidCertificate(fault)) => {
+                return describe_date_fault(fault).map_or_else(|| Self::Untrusted(error.to_string()), Self::Dates);
+            }
             Some(rustls::Error::InvalidMessage(InvalidMessage::InvalidContentType)) => return Self::SpeaksPlain,
             _ => {}
+        }
+        if let ureq::Error::Io(error) = error
+            && error.get_ref().is_some_and(|inner| inner.is::<ProxyError>())
+        {
+            return Self::Proxy(error.to_string());
         }
         match url.strip_prefix("http://") {
             Some(place) if matches!(error, ureq::Error::Protocol(_) | ureq::Error::Io(_)) && speaks_tls(place) => {
@@ -65,6 +78,16 @@ impl Trouble {
             Self::Untrusted(reason) => (
                 format!("the certificate of {url} is not trusted ({reason})"),
                 "give --ca with the daemon's certificate (era-cert.pem in its --tls-dir)".into(),
+            ),
+            Self::Dates(told) => (
+                format!("the certificate of {url} {told}"),
+                "if the clock is right, give the daemon another certificate (one that it made itself: move era-cert.pem and \
+                 era-key.pem out of its --tls-dir, and restart it), and every client that trusts the old one by --ca"
+                    .into(),
+            ),
+            Self::Proxy(told) => (
+                told.clone(),
+                "see that --proxy names it, and that it connects to this port; without --proxy the daemon is asked directly".into(),
             ),
             Self::OtherName(reason) => (
                 format!("the certificate of {url} is for other names ({reason})"),

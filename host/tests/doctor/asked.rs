@@ -108,7 +108,7 @@ fn a_daemon_is_asked_in_place_of_its_board() {
     let address = line.split("http://").nth(1).unwrap().split_whitespace().next().unwrap().to_owned();
     // Nobody is held up by what it goes on to tell.
     std::thread::spawn(move || lines.for_each(drop));
-    let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
+    let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).proxy(None).build().into();
     let found = (0..100).find_map(|_| {
         std::thread::sleep(Duration::from_millis(50));
         match era::doctor::daemon::ask(&format!("http://{address}"), &agent, None, false) {

@@ -121,6 +121,7 @@ impl Daemon {
     pub fn agent() -> ureq::Agent {
         ureq::Agent::config_builder()
             .http_status_as_error(false)
+            .proxy(None)
             .timeout_global(Some(Duration::from_secs(30)))
             .build()
             .into()

@@ -31,6 +31,7 @@ pub use place::{PlaceError, ROUNDING, SurfacePoint, along_side, evenly};
 pub use read::{Mistake, SceneError};
 pub use screen::{PixelError, Screen, ScreenError};
 
+use crate::text_file::read_text_file;
 use serde::Serialize;
 use std::path::Path;
 
@@ -253,6 +254,6 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] if the file cannot be read.
     pub fn text(path: &Path) -> Result<String, SceneError> {
-        std::fs::read_to_string(path).map_err(|error| SceneError::unreadable(&path.display().to_string(), &error))
+        read_text_file(path).map_err(|error| SceneError::unreadable(&path.display().to_string(), &error))
     }
 }

@@ -14,6 +14,7 @@ use super::problem::{Kind, Problem};
 use super::touch::Feel;
 use super::view::TouchView;
 use crate::effects::NamedEffect;
+use crate::text_file::BYTE_ORDER_MARK;
 use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -172,7 +173,9 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
                             let _ = replies.try_send(error_message(&problem));
                         }
                         Message::Text(text) => {
-                            if let Some(problem) = take(&app, page, text.as_str(), &fingers, &replies) {
+                            let text = text.as_str();
+                            let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
+                            if let Some(problem) = take(&app, page, text, &fingers, &replies) {
                                 // A page that reads nothing misses what is wrong with what it says.
                                 let _ = replies.try_send(error_message(&problem));
                             }

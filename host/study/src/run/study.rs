@@ -11,6 +11,7 @@ use crate::spec::{Figure, Robust, Spec, Wanted, Way, has_few_corners};
 use crate::ways::{Evolution, MOST_SOBOL, Samples};
 use era_model::model::Accuracy;
 use era_model::scene::{MAX_ACTUATORS, Scene, SceneError};
+use era_model::text_file::read_text_file;
 use era_planner::TableOptions;
 use era_planner::cache::Key;
 use rayon::prelude::*;
@@ -85,7 +86,7 @@ impl Study {
     pub fn load(path: &Path) -> Result<Self, StudyError> {
         let read = |path: &Path| {
             let failed = |error| StudyError::Read { path: path.display().to_string(), error };
-            std::fs::read_to_string(path).map_err(failed)
+            read_text_file(path).map_err(failed)
         };
         let text = read(path)?;
         let source = path.display().to_string();

@@ -1,0 +1,146 @@
+//! A host and a port, as `127.0.0.1:7878`, `localhost:7878` and `[::1]:7878` say them.
+
+use std::fmt;
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpStream, ToSocketAddrs};
+use std::str::FromStr;
+use std::time::Duration;
+
+/// A name or an address in numbers, and a port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HostPort {
+    /// An address of IPv6 without its brackets.
+    host: String,
+    port: u16,
+}
+
+impl HostPort {
+    /// A host, with or without the brackets of IPv6, and a port.
+    #[must_use]
+    pub fn new(host: &str, port: u16) -> Self {
+        Self { host: host.trim_start_matches('[').trim_end_matches(']').to_owned(), port }
+    }
+
+    /// The host, without brackets.
+    #[must_use]
+    pub fn host(&self) -> &str {
+        &self.host
+    }
+
+    /// Its address, where it is one in numbers.
+    #[must_use]
+    pub fn address(&self) -> Option<SocketAddr> {
+        self.host.parse::<IpAddr>().ok().map(|ip| SocketAddr::new(ip, self.port))
+    }
+
+    /// Its name, where it has one other than `localhost`.
+    #[must_use]
+    pub fn name(&self) -> Option<&str> {
+        (self.address().is_none() && !self.is_localhost()).then_some(&self.host)
+    }
+
+    fn is_localhost(&self) -> bool {
+        let name = self.host.trim_end_matches('.').to_ascii_lowercase();
+        name == "localhost" || name.ends_with(".localhost")
+    }
+
+    /// All its addresses, one at least.
+    ///
+    /// # Errors
+    /// That the name is not known, with [`io::ErrorKind::NotFound`].
+    pub fn find_addresses(&self) -> io::Result<Vec<SocketAddr>> {
+        // Whatever name servers and variables of the resolver (HOSTALIASES, LOCALDOMAIN) say, this is this machine (RFC 6761, 6.3).
+        if self.is_localhost() {
+            return Ok([IpAddr::from(Ipv4Addr::LOCALHOST), Ipv6Addr::LOCALHOST.into()]
+                .map(|ip| SocketAddr::new(ip, self.port))
+                .to_vec());
+        }
+        let unknown =
+            |why: String| io::Error::new(io::ErrorKind::NotFound, format!("{} has no address: {why}", self.host));
+        let found: Vec<SocketAddr> =
+            (self.host.as_str(), self.port).to_socket_addrs().map_err(|error| unknown(error.to_string()))?.collect();
+        if found.is_empty() { Err(unknown("none is known".into())) } else { Ok(found) }
+    }
+
+    /// Connects to the first of its addresses that takes a connection.
+    ///
+    /// # Errors
+    /// Those of [`Self::find_addresses`], and that of the last address.
+    pub fn connect(&self, longest: Duration) -> io::Result<TcpStream> {
+        let mut result = Err(io::ErrorKind::NotFound.into());
+        for address in self.find_addresses()? {
+            result = TcpStream::connect_timeout(&address, longest);
+            if result.is_ok() {
+                break;
+            }
+        }
+        result
+    }
+}
+
+impl fmt::Display for HostPort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.host.contains(':') {
+            write!(f, "[{}]:{}", self.host, self.port)
+        } else {
+            write!(f, "{}:{}", self.host, self.port)
+        }
+    }
+}
+
+impl FromStr for HostPort {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        const WANTED: &str =
+            "an address or a name and a port are wanted, as 127.0.0.1:7878, localhost:7878 or [::1]:7878";
+        let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+        if let Some((scheme, _)) = text.split_once("://") {
+            return Err(format!("it begins with {scheme}://, which does not belong here: {WANTED}"));
+        }
+        if text.starts_with("unix:") || text.starts_with('/') {
+            return Err(format!("a socket in the file system is given with --socket; here {WANTED}"));
+        }
+        if is_number(text) {
+            return Err(format!(
+                "it is a port without an address: 127.0.0.1:{text} is that port of this machine alone"
+            ));
+        }
+        let (host, port) = if let Some(rest) = text.strip_prefix('[') {
+            let (host, behind) = rest.split_once(']').ok_or_else(|| format!("its bracket is not closed: {WANTED}"))?;
+            // What is behind `%` is the name of an interface.
+            let (ip, _) = host.split_once('%').unwrap_or((host, ""));
+            ip.parse::<Ipv6Addr>().map_err(|_| format!("[{host}] is no address of IPv6: {WANTED}"))?;
+            (host, behind.strip_prefix(':').ok_or_else(|| format!("it has no port: [{host}]:7878"))?)
+        } else {
+            let (host, port) = text.rsplit_once(':').ok_or_else(|| match text {
+                "" => format!("it is empty: {WANTED}"),
+                _ => format!("it has no port: {text}:7878"),
+            })?;
+            if host.contains(':') {
+                return Err(format!("an address of IPv6 stands in brackets before its port: {WANTED}"));
+            }
+            (host, port)
+        };
+        let number = port.parse::<u16>().ok().filter(|_| is_number(port));
+        let number = number.ok_or_else(|| format!("{port:?} is no port: a whole number from 0 to 65535 is wanted"))?;
+        match host {
+            "" => return Err(format!("it has no address before its port: 127.0.0.1{text}, say")),
+            "*" => {
+                return Err(format!(
+                    "all addresses of this machine are 0.0.0.0:{number} (IPv4) or [::]:{number} (with IPv6)"
+                ));
+            }
+            _ => {}
+        }
+        let is_numeric = host.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+        if is_numeric && host.parse::<Ipv4Addr>().is_err() {
+            return Err(format!("{host} is no address of IPv4, which has four numbers from 0 to 255"));
+        }
+        let is_of_name = |c: char| c.is_ascii_alphanumeric() || "-_.:%".contains(c);
+        if !host.chars().all(is_of_name) {
+            return Err(format!("{host:?} is no name of a machine: letters, digits, '-' and '.' are"));
+        }
+        Ok(Self::new(host, number))
+    }
+}

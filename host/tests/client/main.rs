@@ -1,0 +1,86 @@
+//! The command line as a client, beside independent small servers: where its requests and its secrets go.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod certificates;
+mod listening;
+mod marks;
+mod proxies;
+mod redirects;
+mod servers;
+mod tokens;
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Variables from which libraries take a proxy (curl, Python's urllib and websockets, ureq), and what makes some of them leave it.
+pub const PROXY_VARIABLES: [&str; 6] =
+    ["http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"];
+
+/// What a command has said.
+pub struct Said {
+    /// Its exit code.
+    pub code: Option<i32>,
+    /// Standard output.
+    pub out: String,
+    /// Standard error.
+    pub error: String,
+}
+
+/// The program, away from the settings of whoever runs the tests.
+pub fn program() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+    command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
+    for variable in ["ERA_LOG", "ERA_TOKEN", "NO_PROXY", "no_proxy", "XDG_RUNTIME_DIR"].iter().chain(&PROXY_VARIABLES) {
+        command.env_remove(variable);
+    }
+    command
+}
+
+/// Runs a command to its end.
+pub fn said_by(command: &mut Command) -> Said {
+    let Output { status, stdout, stderr } = command.output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+    Said { code: status.code(), out: text(stdout), error: text(stderr) }
+}
+
+/// The same with nothing but arguments.
+pub fn era(arguments: &[&str]) -> Said {
+    said_by(program().args(arguments))
+}
+
+/// A file that only its owner may read.
+pub fn write_secret(path: &Path, bytes: &[u8]) {
+    std::fs::write(path, bytes).unwrap();
+    #[cfg(unix)]
+    std::fs::set_permissions(path, std::os::unix::fs::PermissionsExt::from_mode(0o600)).unwrap();
+}
+
+/// Runs `openssl`, an independent maker of keys and certificates.
+pub fn openssl(folder: &Path, arguments: &str) {
+    let output = Command::new("openssl").args(arguments.split(' ')).current_dir(folder).output();
+    let output = output.unwrap_or_else(|error| panic!("openssl (Debian's package openssl): {error}"));
+    assert!(output.status.success(), "openssl {arguments}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Every command that asks a daemon, with its arguments; `recording` is a file that [`write_recording`] wrote.
+pub fn asking_commands(recording: &Path) -> Vec<Vec<String>> {
+    let plain = ["stop", "state", "clear", "arm", "touch 960 640", "doctor --device sim"];
+    let mut all: Vec<Vec<String>> = plain.iter().map(|line| line.split(' ').map(str::to_owned).collect()).collect();
+    all.push(vec!["replay".into(), recording.display().to_string()]);
+    all
+}
+
+/// A recording with every kind of request, a page's live socket among them.
+pub fn write_recording(path: &Path) {
+    let lines = [
+        r#"{"at_ms":0,"kind":"begin","format":1,"version":"0","scene":"example plate","unix_s":0}"#,
+        r#"{"at_ms":1,"kind":"touch","id":1,"body":{"x_px":960,"y_px":640}}"#,
+        r#"{"at_ms":2,"kind":"fingers","socket":1,"message":{"type":"touch","touches":[]}}"#,
+        r#"{"at_ms":3,"kind":"arm"}"#,
+        r#"{"at_ms":4,"kind":"clear"}"#,
+        r#"{"at_ms":5,"kind":"stop"}"#,
+    ];
+    std::fs::write(path, lines.join("\n")).unwrap();
+}

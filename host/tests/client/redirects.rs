@@ -1,0 +1,83 @@
+//! Servers in front of a daemon that send elsewhere: nothing goes there, and it is said where that is.
+
+use crate::servers::{Server, read_request};
+use crate::{asking_commands, program, said_by, write_recording};
+
+const SECRET: &str = "TTTTTTTTTTTTTTTTTTTTTTTTTTTTTTTT";
+
+/// No request is repeated elsewhere or turned into another, and its token stays; the error names the new address.
+#[test]
+fn no_command_follows_a_redirect() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("day.jsonl");
+    write_recording(&recording);
+    for status in [300, 301, 302, 303, 307, 308] {
+        for arguments in asking_commands(&recording) {
+            let elsewhere = Server::daemon();
+            let front = Server::redirecting(status, format!("{}/era/v1/stop", elsewhere.url()));
+            let mut command = program();
+            command.args(&arguments).args(["--url", &front.url()]).env("ERA_TOKEN", SECRET);
+            let said = said_by(&mut command);
+            let told = format!("{}{}", said.out, said.error);
+            let received = front.received();
+            assert_eq!(elsewhere.received(), Vec::<String>::new(), "{status} {arguments:?} went elsewhere");
+            assert!(told.contains(&format!("{}/era", elsewhere.url())), "{status} {arguments:?}: {told}");
+            assert!(told.contains(&status.to_string()) && !told.contains("Does the daemon run"), "{told}");
+            // The doctor warns of what it finds.
+            let wanted = if arguments[0] == "doctor" { 0 } else { 1 };
+            assert_eq!(said.code, Some(wanted), "{status} {arguments:?}: {told}");
+            let method = if ["state", "doctor", "replay"].contains(&arguments[0].as_str()) { "GET " } else { "POST " };
+            assert!(received.len() == 1 && received[0].starts_with(method), "{status} {arguments:?}: {received:?}");
+        }
+    }
+}
+
+/// The address is told as one that `--url` takes, whatever the server wrote.
+#[test]
+fn the_new_address_is_told_whole() {
+    for (location, url) in [
+        ("https://panel.example/v1/stop", "--url https://panel.example"),
+        ("https://panel.example:8443/era/v1/stop?x=1", "--url https://panel.example:8443/era"),
+        ("//panel.example/v1/stop", "--url http://panel.example"),
+        ("/era/v1/stop", "/era"),
+        ("login", "login"),
+        ("https://panel.example/login?back=%2Fv1%2Fstop", "https://panel.example/login?back=%2Fv1%2Fstop"),
+    ] {
+        let front = Server::redirecting(308, location);
+        let said = said_by(program().args(["stop", "--url", &front.url()]));
+        let wanted = match location {
+            "/era/v1/stop" => format!("--url {}{url}", front.url()),
+            "login" => format!("{}/v1/login", front.url()),
+            _ => url.to_owned(),
+        };
+        assert!(said.code == Some(1) && said.error.contains(&wanted), "{location}: {wanted} not in {}", said.error);
+    }
+}
+
+/// A live socket that is sent elsewhere: a recording's pages say so.
+#[test]
+fn a_live_socket_follows_no_redirect() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("day.jsonl");
+    write_recording(&recording);
+    let elsewhere = Server::daemon();
+    let there = format!("{}/v1/live?send=", elsewhere.url());
+    let front = Server::start(move |mut stream| {
+        let head = read_request(&mut stream);
+        let is_socket = head.starts_with(b"GET /v1/live");
+        let answer = if is_socket {
+            format!("HTTP/1.1 307 Elsewhere\r\nLocation: {there}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
+        } else {
+            let body = r#"{"name":"example plate"}"#;
+            format!("HTTP/1.1 200 OK\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}", body.len())
+        };
+        let _ = std::io::Write::write_all(&mut stream, answer.as_bytes());
+        head
+    });
+    let mut command = program();
+    command.arg("replay").arg(&recording).args(["--url", &front.url()]).env("ERA_TOKEN", SECRET);
+    let said = said_by(&mut command);
+    let told = format!("{}{}", said.out, said.error);
+    assert!(elsewhere.received().is_empty() && told.contains("307"), "{told}");
+    assert!(told.contains(&format!("--url {}", elsewhere.url())), "{told}");
+}
