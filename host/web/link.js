@@ -16,7 +16,8 @@ export const TOKEN = new URLSearchParams(location.hash.slice(1)).get("token")?.t
 export async function request(method, path, content, answer_ms = ANSWER_MS) {
   let answer;
   try {
-    const options = { method, cache: "no-store", signal: AbortSignal.timeout(answer_ms) };
+    // A redirect that is followed makes a GET of a POST.
+    const options = { method, cache: "no-store", redirect: "manual", signal: AbortSignal.timeout(answer_ms) };
     if (content === undefined) options.keepalive = method === "POST"; // a stop goes out even if the page goes away
     else options.body = JSON.stringify(content);
     if (TOKEN) options.headers = { authorization: `Bearer ${TOKEN}` };
@@ -25,6 +26,10 @@ export async function request(method, path, content, answer_ms = ANSWER_MS) {
     const late = error.name === "TimeoutError";
     const detail = late ? `nothing came back within ${answer_ms / 1000} s` : "the request could not be delivered";
     throw { title: "No answer from the daemon", detail };
+  }
+  if (answer.type === "opaqueredirect") {
+    const detail = "something in front of the daemon sends it elsewhere, where it was not sent: open the page at the daemon's own address";
+    throw { title: "The request did not reach the daemon", detail };
   }
   const body = await answer.json().catch(() => null);
   if (answer.ok && body) return body;

@@ -274,7 +274,7 @@ pub struct Answer {
 /// That there was no answer, or none of a daemon's.
 pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Answer, Failure> {
     let Contact { way, bearer } = Contact::of(daemon)?;
-    let agent = way.agent(PATIENCE);
+    let agent = way.make_agent(PATIENCE);
     let url = format!("{}{path}", daemon.url);
     let sent = match (method, body) {
         ("GET", _) => with_token(agent.get(&url), bearer).call(),

@@ -156,7 +156,7 @@ fn ask(options: &Doctor, serve: &Serve) -> Result<(String, Daemon), Failure> {
         (None, _) => read_token(None)?,
     };
     let contact = Contact::new(&url, ca.as_deref(), options.proxy.as_ref(), token)?;
-    let found = daemon::ask(&url, &contact.way.agent(daemon::ANSWER), contact.bearer.as_deref(), ca.is_some());
+    let found = daemon::ask(&url, &contact.way.make_agent(daemon::ANSWER), contact.bearer.as_deref(), ca.is_some());
     Ok((url, found))
 }
 

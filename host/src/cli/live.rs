@@ -32,7 +32,7 @@ pub fn open(daemon: &Daemon, query: &str) -> Result<Socket, Failure> {
         value.set_sensitive(true);
         request.headers_mut().insert(header::AUTHORIZATION, value);
     }
-    let line = way.open(request.uri()).map_err(|error| failed(&error))?;
+    let line = way.open_line(request.uri()).map_err(|error| failed(&error))?;
     match tungstenite::client(request, line) {
         Ok((socket, _)) => Ok(socket),
         Err(HandshakeError::Failure(Error::Http(answer))) if answer.status().is_redirection() => {

@@ -36,7 +36,7 @@ impl HostPort {
     /// Its name, where it has one other than `localhost`.
     #[must_use]
     pub fn name(&self) -> Option<&str> {
-        (self.address().is_none() && !self.is_localhost()).then_some(&self.host)
+        (self.address().is_none() && !self.host.eq_ignore_ascii_case("localhost")).then_some(&self.host)
     }
 
     fn is_localhost(&self) -> bool {
@@ -66,7 +66,7 @@ impl HostPort {
     ///
     /// # Errors
     /// Those of [`Self::find_addresses`], and that of the last address.
-    pub fn connect(&self, longest: Duration) -> io::Result<TcpStream> {
+    pub fn connect_within(&self, longest: Duration) -> io::Result<TcpStream> {
         let mut result = Err(io::ErrorKind::NotFound.into());
         for address in self.find_addresses()? {
             result = TcpStream::connect_timeout(&address, longest);

@@ -41,12 +41,12 @@ impl Way {
     ///
     /// # Errors
     /// As the system has it; [`ProxyError`] inside where it is the proxy's.
-    pub fn open(&self, uri: &Uri) -> io::Result<Line> {
+    pub fn open_line(&self, uri: &Uri) -> io::Result<Line> {
         let is_tls = matches!(uri.scheme_str(), Some("https" | "wss"));
         let port = uri.port_u16().unwrap_or(if is_tls { 443 } else { 80 });
         let target = HostPort::new(uri.host().unwrap_or_default(), port);
         let stream = match &self.proxy {
-            None => target.connect(CONNECT)?,
+            None => target.connect_within(CONNECT)?,
             Some(proxy) => proxy::open_tunnel(proxy, &target)?,
         };
         stream.set_nodelay(true)?;
@@ -62,7 +62,7 @@ impl Way {
 
     /// What asks over this way, with a connection of its own for each request: it takes no status for an error and follows no redirect.
     #[must_use]
-    pub fn agent(&self, patience: Duration) -> ureq::Agent {
+    pub fn make_agent(&self, patience: Duration) -> ureq::Agent {
         let config = ureq::Agent::config_builder().http_status_as_error(false).timeout_global(Some(patience));
         // The way has its own proxy or none: this keeps the agent from looking for one in the environment.
         let config = config.proxy(None).max_redirects(0).build();
@@ -81,7 +81,7 @@ pub enum Line {
 impl Line {
     /// What it goes over.
     #[must_use]
-    pub fn stream(&self) -> &TcpStream {
+    pub fn tcp_stream(&self) -> &TcpStream {
         match self {
             Self::Plain(stream) => stream,
             Self::Tls(stream) => &stream.sock,
@@ -91,7 +91,7 @@ impl Line {
 
 impl fmt::Debug for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Line").field(self.stream()).finish()
+        f.debug_tuple("Line").field(self.tcp_stream()).finish()
     }
 }
 

@@ -21,7 +21,7 @@ impl ureq::unversioned::transport::Connector for Connector {
     type Out = LineTransport;
 
     fn connect(&self, details: &ConnectionDetails<'_>, _: Option<()>) -> Result<Option<LineTransport>, Error> {
-        let line = self.0.open(details.uri).map_err(|error| told(error, Timeout::Connect))?;
+        let line = self.0.open_line(details.uri).map_err(|error| convert_error(error, Timeout::Connect))?;
         let buffers = LazyBuffers::new(details.config.input_buffer_size(), details.config.output_buffer_size());
         Ok(Some(LineTransport { line, buffers }))
     }
@@ -47,12 +47,12 @@ pub struct LineTransport {
     buffers: LazyBuffers,
 }
 
-fn wait(timeout: NextTimeout) -> Duration {
+fn limit_wait(timeout: NextTimeout) -> Duration {
     (*timeout.after).clamp(WAITS[0], WAITS[1])
 }
 
 /// An error of the system, with a time that has run out as such.
-fn told(error: io::Error, reason: Timeout) -> Error {
+fn convert_error(error: io::Error, reason: Timeout) -> Error {
     match error.kind() {
         ErrorKind::TimedOut | ErrorKind::WouldBlock => Error::Timeout(reason),
         _ => Error::Io(error),
@@ -65,17 +65,17 @@ impl Transport for LineTransport {
     }
 
     fn transmit_output(&mut self, amount: usize, timeout: NextTimeout) -> Result<(), Error> {
-        let failed = |error| told(error, timeout.reason);
+        let failed = |error| convert_error(error, timeout.reason);
         // A handshake reads as well.
-        self.line.stream().set_write_timeout(Some(wait(timeout))).map_err(failed)?;
-        self.line.stream().set_read_timeout(Some(wait(timeout))).map_err(failed)?;
+        self.line.tcp_stream().set_write_timeout(Some(limit_wait(timeout))).map_err(failed)?;
+        self.line.tcp_stream().set_read_timeout(Some(limit_wait(timeout))).map_err(failed)?;
         let output = self.buffers.output().get(..amount).unwrap_or_default();
         self.line.write_all(output).and_then(|()| self.line.flush()).map_err(failed)
     }
 
     fn await_input(&mut self, timeout: NextTimeout) -> Result<bool, Error> {
-        let failed = |error| told(error, timeout.reason);
-        self.line.stream().set_read_timeout(Some(wait(timeout))).map_err(failed)?;
+        let failed = |error| convert_error(error, timeout.reason);
+        self.line.tcp_stream().set_read_timeout(Some(limit_wait(timeout))).map_err(failed)?;
         let amount = self.line.read(self.buffers.input_append_buf()).map_err(failed)?;
         self.buffers.input_appended(amount);
         Ok(amount > 0)

@@ -2,7 +2,7 @@
 
 use crate::support::Daemon;
 use crate::support::served::Served;
-use crate::{Said, era, openssl, program, said_by, write_secret};
+use crate::{Said, make_command, run_command, run_era, run_openssl, write_secret};
 use era::daemon::listener::TlsFiles;
 use era::daemon::{Access, Listener};
 use era::scene::EXAMPLE_PLATE;
@@ -23,15 +23,15 @@ const KINDS: [&str; 4] =
     ["rsa:2048", "ec -pkeyopt ec_paramgen_curve:prime256v1", "ec -pkeyopt ec_paramgen_curve:secp384r1", "ed25519"];
 
 /// A certificate of `openssl req -x509`, which says of itself that it may sign others (CA:TRUE), in `name.pem` and `name.key`.
-fn request(folder: &Path, name: &str, kind: &str, more: &str) -> TlsFiles {
+fn make_self_signed(folder: &Path, name: &str, kind: &str, more: &str) -> TlsFiles {
     let line = format!(
         "req -x509 -newkey {kind} -nodes -keyout {name}.key -out {name}.pem -days 30 -subj /CN=localhost {more}"
     );
-    openssl(folder, line.trim());
-    files(folder, name)
+    run_openssl(folder, line.trim());
+    files_named(folder, name)
 }
 
-fn files(folder: &Path, name: &str) -> TlsFiles {
+fn files_named(folder: &Path, name: &str) -> TlsFiles {
     let files = TlsFiles { certificate: folder.join(format!("{name}.pem")), key: folder.join(format!("{name}.key")) };
     #[cfg(unix)]
     std::fs::set_permissions(&files.key, std::os::unix::fs::PermissionsExt::from_mode(0o600)).unwrap();
@@ -39,7 +39,7 @@ fn files(folder: &Path, name: &str) -> TlsFiles {
 }
 
 /// A daemon at a port for each of the certificates, and where those are.
-fn serve(all: &[TlsFiles]) -> (Served, Vec<u16>) {
+fn serve_over_tls(all: &[TlsFiles]) -> (Served, Vec<u16>) {
     let app = Arc::new(Daemon::app(EXAMPLE_PLATE, Access::default()));
     let mut ports = Vec::new();
     let served = Served::on(&app, async {
@@ -54,8 +54,8 @@ fn serve(all: &[TlsFiles]) -> (Served, Vec<u16>) {
     (served, ports)
 }
 
-fn state(host: &str, port: u16, ca: &Path) -> Said {
-    era(&["state", "--url", &format!("https://{host}:{port}"), "--ca", ca.to_str().unwrap()])
+fn ask_state(host: &str, port: u16, ca: &Path) -> Said {
+    run_era(&["state", "--url", &format!("https://{host}:{port}"), "--ca", ca.to_str().unwrap()])
 }
 
 /// What `openssl req -x509` makes is trusted where it is given itself, for its names and for no others.
@@ -64,49 +64,49 @@ fn a_certificate_that_openssl_made_is_trusted_when_given() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     let mut all: Vec<TlsFiles> =
-        KINDS.iter().enumerate().map(|(i, kind)| request(path, &format!("kind{i}"), kind, NAMES)).collect();
+        KINDS.iter().enumerate().map(|(i, kind)| make_self_signed(path, &format!("kind{i}"), kind, NAMES)).collect();
     // The same that may sign nothing, and one without names of hosts.
-    all.push(request(path, "leaf", KINDS[1], &format!("{NAMES} -addext basicConstraints=critical,CA:FALSE")));
-    all.push(request(path, "nameless", KINDS[1], ""));
+    all.push(make_self_signed(path, "leaf", KINDS[1], &format!("{NAMES} -addext basicConstraints=critical,CA:FALSE")));
+    all.push(make_self_signed(path, "nameless", KINDS[1], ""));
     // One that an authority has signed, whose certificate is given instead.
-    request(path, "authority", KINDS[1], "");
-    openssl(
+    make_self_signed(path, "authority", KINDS[1], "");
+    run_openssl(
         path,
         "req -new -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -keyout signed.key -out signed.csr -subj /CN=x",
     );
     std::fs::write(path.join("names"), "subjectAltName=DNS:localhost,IP:127.0.0.1\n").unwrap();
-    openssl(
+    run_openssl(
         path,
         "x509 -req -in signed.csr -CA authority.pem -CAkey authority.key -CAcreateserial -days 30 -extfile names -out signed.pem",
     );
-    all.push(files(path, "signed"));
+    all.push(files_named(path, "signed"));
     // Somebody else's, with the names of the first.
-    let other = request(path, "other", KINDS[1], NAMES);
-    let (_served, ports) = serve(&all);
+    let other = make_self_signed(path, "other", KINDS[1], NAMES);
+    let (_served, ports) = serve_over_tls(&all);
     for (files, port) in all.iter().zip(&ports) {
         let is_signed = files.certificate.ends_with("signed.pem");
         let ca = if is_signed { path.join("authority.pem") } else { files.certificate.clone() };
         let name = files.certificate.file_name().unwrap();
         for host in ["localhost", "127.0.0.1"] {
-            let said = state(host, *port, &ca);
+            let said = ask_state(host, *port, &ca);
             assert_eq!(said.code, Some(0), "{name:?} {host}: {}", said.error);
         }
-        let said = state("other.localhost", *port, &ca);
+        let said = ask_state("other.localhost", *port, &ca);
         let is_nameless = files.certificate.ends_with("nameless.pem");
         assert!(is_nameless || said.code == Some(1) && said.error.contains("other names"), "{name:?}: {}", said.error);
-        let said = state("localhost", *port, &other.certificate);
+        let said = ask_state("localhost", *port, &other.certificate);
         assert!(
             said.code == Some(1) && said.error.contains("is not the one that --ca trusts"),
             "{name:?}: {}",
             said.error
         );
-        let said = era(&["state", "--url", &format!("https://localhost:{port}")]);
+        let said = run_era(&["state", "--url", &format!("https://localhost:{port}")]);
         assert!(said.code == Some(1) && said.error.contains("is not trusted"), "{name:?}: {}", said.error);
         // The live socket trusts as requests do.
         let recording = path.join("day.jsonl");
         crate::write_recording(&recording);
         let (url, ca) = (format!("https://localhost:{port}"), ca.to_str().unwrap());
-        let said = era(&["replay", recording.to_str().unwrap(), "--url", &url, "--ca", ca, "--json"]);
+        let said = run_era(&["replay", recording.to_str().unwrap(), "--url", &url, "--ca", ca, "--json"]);
         assert!(said.out.contains("\"messages_lost\":0"), "{name:?}: {} {}", said.out, said.error);
     }
     // Several in one file, in any order, and what else a file has in it.
@@ -119,7 +119,12 @@ fn a_certificate_that_openssl_made_is_trusted_when_given() {
     .unwrap();
     for (files, port) in all.iter().zip(&ports) {
         let is_in = files.certificate.ends_with("kind0.pem") || files.certificate.ends_with("signed.pem");
-        assert_eq!(state("localhost", *port, &bundle).code, Some(if is_in { 0 } else { 1 }), "{:?}", files.certificate);
+        assert_eq!(
+            ask_state("localhost", *port, &bundle).code,
+            Some(if is_in { 0 } else { 1 }),
+            "{:?}",
+            files.certificate
+        );
     }
 }
 
@@ -135,8 +140,8 @@ fn a_trusted_certificate_without_its_key_is_no_good() {
         }
     }
     let folder = tempfile::tempdir().unwrap();
-    let own = request(folder.path(), "own", KINDS[1], NAMES);
-    let other = request(folder.path(), "other", KINDS[1], NAMES);
+    let own = make_self_signed(folder.path(), "own", KINDS[1], NAMES);
+    let other = make_self_signed(folder.path(), "other", KINDS[1], NAMES);
     let chain = vec![CertificateDer::from_pem_file(&own.certificate).unwrap()];
     let key = any_supported_type(&PrivateKeyDer::from_pem_file(&other.key).unwrap()).unwrap();
     let impostor = Impostor(Arc::new(CertifiedKey::new(chain, key)));
@@ -145,37 +150,37 @@ fn a_trusted_certificate_without_its_key_is_no_good() {
         let daemon =
             crate::servers::Server::tls_daemon(config.with_cert_resolver(Arc::new(Impostor(Arc::clone(&impostor.0)))));
         let url = format!("https://localhost:{}", daemon.address.port());
-        let mut command = program();
+        let mut command = make_command();
         command.args(["stop", "--url", &url, "--ca"]).arg(&own.certificate).env("ERA_TOKEN", SECRET);
-        let said = said_by(&mut command);
+        let said = run_command(&mut command);
         assert!(said.code == Some(1) && daemon.received().iter().all(|seen| !seen.contains(SECRET)), "{}", said.error);
     }
 }
 
 /// A certificate with the given years, for localhost.
-fn dated(folder: &Path, name: &str, from: i32, to: i32) -> TlsFiles {
+fn make_dated(folder: &Path, name: &str, from: i32, to: i32) -> TlsFiles {
     let mut wanted = rcgen::CertificateParams::new(vec!["localhost".into()]).unwrap();
     wanted.not_before = rcgen::date_time_ymd(from, 1, 2);
     wanted.not_after = rcgen::date_time_ymd(to, 3, 4);
     let key = rcgen::KeyPair::generate().unwrap();
     std::fs::write(folder.join(format!("{name}.pem")), wanted.self_signed(&key).unwrap().pem()).unwrap();
     std::fs::write(folder.join(format!("{name}.key")), key.serialize_pem()).unwrap();
-    files(folder, name)
+    files_named(folder, name)
 }
 
 /// Dates are told as dates, with what to do, by whoever is shown the certificate.
 #[test]
 fn a_client_tells_the_dates_of_a_certificate() {
     let folder = tempfile::tempdir().unwrap();
-    let all = [dated(folder.path(), "old", 2019, 2020), dated(folder.path(), "new", 2091, 2092)];
-    let (_served, ports) = serve(&all);
+    let all = [make_dated(folder.path(), "old", 2019, 2020), make_dated(folder.path(), "new", 2091, 2092)];
+    let (_served, ports) = serve_over_tls(&all);
     for ((files, port), words) in
         all.iter().zip(ports).zip(["ran out on 2020-03-04 00:00", "is valid from 2091-01-02 00:00"])
     {
         for command in ["state", "stop", "doctor --device sim"] {
             let (url, ca) = (format!("https://localhost:{port}"), files.certificate.to_str().unwrap());
             let arguments: Vec<&str> = command.split(' ').chain(["--url", &url, "--ca", ca]).collect();
-            let said = era(&arguments);
+            let said = run_era(&arguments);
             let told = format!("{}{}", said.out, said.error);
             assert!(told.contains(words) && told.contains("clock"), "{command}: {told}");
             assert!(!told.contains("UNIX") && !told.contains("is not the one that --ca trusts"), "{command}: {told}");
@@ -191,7 +196,7 @@ struct Judged {
 }
 
 /// With a socket that is taken, so that the daemon ends once it has read all files.
-fn judge(folder: &Path, keys: &str) -> Judged {
+fn judge_files(folder: &Path, keys: &str) -> Judged {
     let (config, socket) = (folder.join("era.toml"), folder.join("taken.sock"));
     let _ = std::fs::remove_file(&socket);
     let _taken = std::os::unix::net::UnixListener::bind(&socket).unwrap();
@@ -199,13 +204,13 @@ fn judge(folder: &Path, keys: &str) -> Judged {
     std::fs::write(&config, text).unwrap();
     let name = config.to_str().unwrap();
     Judged {
-        checked: era(&["config", "check", name]),
-        served: era(&["serve", "--config", name]),
-        doctor: era(&["doctor", "--device", "sim", "--config", name]),
+        checked: run_era(&["config", "check", name]),
+        served: run_era(&["serve", "--config", name]),
+        doctor: run_era(&["doctor", "--device", "sim", "--config", name]),
     }
 }
 
-fn pair(files: &TlsFiles) -> String {
+fn keys_of(files: &TlsFiles) -> String {
     format!("tls_cert = \"{}\"\ntls_key = \"{}\"", files.certificate.display(), files.key.display())
 }
 
@@ -215,20 +220,20 @@ fn pair(files: &TlsFiles) -> String {
 fn dates_are_reported_before_anybody_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    let chained = dated(path, "chained", 2019, 2092);
-    let (old, new) = (dated(path, "old", 2019, 2020), dated(path, "new", 2091, 2092));
+    let chained = make_dated(path, "chained", 2019, 2092);
+    let (old, new) = (make_dated(path, "old", 2019, 2020), make_dated(path, "new", 2091, 2092));
     let text = |files: &TlsFiles| std::fs::read_to_string(&files.certificate).unwrap();
     std::fs::write(&chained.certificate, text(&chained) + &text(&old)).unwrap();
     std::fs::create_dir(path.join("tls")).unwrap();
     std::fs::copy(&old.certificate, path.join("tls/era-cert.pem")).unwrap();
     std::fs::copy(&old.key, path.join("tls/era-key.pem")).unwrap();
     for (keys, words) in [
-        (pair(&old), "ran out on 2020-03-04 00:00"),
-        (pair(&new), "is valid from 2091-01-02 00:00"),
-        (pair(&chained), "ran out on 2020-03-04 00:00"),
+        (keys_of(&old), "ran out on 2020-03-04 00:00"),
+        (keys_of(&new), "is valid from 2091-01-02 00:00"),
+        (keys_of(&chained), "ran out on 2020-03-04 00:00"),
         ("tls_dir = \"tls\"".into(), "ran out on 2020-03-04 00:00"),
     ] {
-        let Judged { checked, served, doctor } = judge(path, &keys);
+        let Judged { checked, served, doctor } = judge_files(path, &keys);
         let place = format!("{}:4: ", path.join("era.toml").display());
         assert!(checked.code == Some(2) && checked.error.contains(words), "{keys}: {}", checked.error);
         assert!(checked.error.contains(&place) && !checked.error.contains("UNIX"), "{keys}: {}", checked.error);
@@ -236,7 +241,7 @@ fn dates_are_reported_before_anybody_is_refused() {
         assert!(served.error.contains(words) && served.code == Some(1), "{keys}: {}", served.error);
         assert!(served.error.contains("another daemon listens on the socket"), "{keys}: {}", served.error);
     }
-    let Judged { checked, served, .. } = judge(path, &pair(&dated(path, "good", 2019, 2092)));
+    let Judged { checked, served, .. } = judge_files(path, &keys_of(&make_dated(path, "good", 2019, 2092)));
     assert!(checked.code == Some(0) && !served.error.contains("ran out"), "{}{}", checked.error, served.error);
 }
 
@@ -245,8 +250,8 @@ fn dates_are_reported_before_anybody_is_refused() {
 fn what_is_wrong_with_a_certificate_or_key_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    let good = request(path, "good", KINDS[0], NAMES);
-    let other = request(path, "other", KINDS[0], NAMES);
+    let good = make_self_signed(path, "good", KINDS[0], NAMES);
+    let other = make_self_signed(path, "other", KINDS[0], NAMES);
     let text = |file: &PathBuf| std::fs::read_to_string(file).unwrap();
     let with_key = |name: &str, bytes: &[u8]| {
         write_secret(&path.join(name), bytes);
@@ -256,13 +261,13 @@ fn what_is_wrong_with_a_certificate_or_key_is_told() {
         std::fs::write(path.join(name), bytes).unwrap();
         TlsFiles { certificate: path.join(name), key: good.key.clone() }
     };
-    openssl(path, "pkey -in good.key -aes256 -passout pass:word -out locked.key");
-    openssl(path, "rsa -in good.key -traditional -aes256 -passout pass:word -out locked_old.key");
-    openssl(path, "pkey -in good.key -pubout -out public.key");
-    openssl(path, "pkey -in good.key -outform der -out der.key");
-    openssl(path, "x509 -in good.pem -outform der -out der.pem");
-    openssl(path, "genrsa -out small.key 1024");
-    openssl(path, "req -x509 -key small.key -out small.pem -days 30 -subj /CN=localhost");
+    run_openssl(path, "pkey -in good.key -aes256 -passout pass:word -out locked.key");
+    run_openssl(path, "rsa -in good.key -traditional -aes256 -passout pass:word -out locked_old.key");
+    run_openssl(path, "pkey -in good.key -pubout -out public.key");
+    run_openssl(path, "pkey -in good.key -outform der -out der.key");
+    run_openssl(path, "x509 -in good.pem -outform der -out der.pem");
+    run_openssl(path, "genrsa -out small.key 1024");
+    run_openssl(path, "req -x509 -key small.key -out small.pem -days 30 -subj /CN=localhost");
     let read = |name: &str| std::fs::read(path.join(name)).unwrap();
     let key = text(&good.key);
     let certificate = text(&good.certificate);
@@ -293,10 +298,10 @@ fn what_is_wrong_with_a_certificate_or_key_is_told() {
             with_certificate("q.pem", b"-----BEGIN CERTIFICATE-----\naGVsbG8gd29ybGQ=\n-----END CERTIFICATE-----\n"),
             &["q.pem", "damaged"],
         ),
-        (files(path, "small2"), &["small2.key", "2048"]),
+        (files_named(path, "small2"), &["small2.key", "2048"]),
     ];
     for (files, words) in cases {
-        let Judged { checked, served, doctor } = judge(path, &pair(&files));
+        let Judged { checked, served, doctor } = judge_files(path, &keys_of(&files));
         let place = format!("{}:", path.join("era.toml").display());
         assert!(checked.code == Some(2) && checked.error.contains(&place), "{files:?}: {}", checked.error);
         assert!(served.code == Some(2) && doctor.code == Some(1), "{files:?}: {}{}", served.error, doctor.out);
@@ -311,8 +316,8 @@ fn what_is_wrong_with_a_certificate_or_key_is_told() {
     let chain = path.join("turned.pem");
     std::fs::write(&chain, text(&other.certificate) + &certificate).unwrap();
     let turned = TlsFiles { certificate: chain, key: good.key.clone() };
-    let told = judge(path, &pair(&turned)).checked.error;
+    let told = judge_files(path, &keys_of(&turned)).checked.error;
     assert!(told.contains("does not belong to") && told.contains("first"), "{told}");
-    let Judged { checked, served, .. } = judge(path, &pair(&good));
+    let Judged { checked, served, .. } = judge_files(path, &keys_of(&good));
     assert!(checked.code == Some(0) && served.code == Some(1), "{}{}", checked.error, served.error);
 }

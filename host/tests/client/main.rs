@@ -29,7 +29,7 @@ pub struct Said {
 }
 
 /// The program, away from the settings of whoever runs the tests.
-pub fn program() -> Command {
+pub fn make_command() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
     command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
     for variable in ["ERA_LOG", "ERA_TOKEN", "NO_PROXY", "no_proxy", "XDG_RUNTIME_DIR"].iter().chain(&PROXY_VARIABLES) {
@@ -39,15 +39,15 @@ pub fn program() -> Command {
 }
 
 /// Runs a command to its end.
-pub fn said_by(command: &mut Command) -> Said {
+pub fn run_command(command: &mut Command) -> Said {
     let Output { status, stdout, stderr } = command.output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
     Said { code: status.code(), out: text(stdout), error: text(stderr) }
 }
 
 /// The same with nothing but arguments.
-pub fn era(arguments: &[&str]) -> Said {
-    said_by(program().args(arguments))
+pub fn run_era(arguments: &[&str]) -> Said {
+    run_command(make_command().args(arguments))
 }
 
 /// A file that only its owner may read.
@@ -58,7 +58,7 @@ pub fn write_secret(path: &Path, bytes: &[u8]) {
 }
 
 /// Runs `openssl`, an independent maker of keys and certificates.
-pub fn openssl(folder: &Path, arguments: &str) {
+pub fn run_openssl(folder: &Path, arguments: &str) {
     let output = Command::new("openssl").args(arguments.split(' ')).current_dir(folder).output();
     let output = output.unwrap_or_else(|error| panic!("openssl (Debian's package openssl): {error}"));
     assert!(output.status.success(), "openssl {arguments}: {}", String::from_utf8_lossy(&output.stderr));

@@ -1,7 +1,7 @@
 //! Byte order marks at the beginning of whatever text comes in: files, bodies, messages.
 
 use crate::support::Daemon;
-use crate::{era, openssl, write_recording, write_secret};
+use crate::{run_era, run_openssl, write_recording, write_secret};
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -10,11 +10,11 @@ use tungstenite::Message;
 const MARK: &str = "\u{feff}";
 
 /// As Windows' editors write a text: with a mark, and lines that end in CR LF.
-fn windows(text: &str) -> String {
+fn as_windows_text(text: &str) -> String {
     format!("{MARK}{}", text.replace("\r\n", "\n").replace('\n', "\r\n"))
 }
 
-fn utf16(text: &str) -> Vec<u8> {
+fn as_utf16(text: &str) -> Vec<u8> {
     format!("{MARK}{text}").encode_utf16().flat_map(u16::to_le_bytes).collect()
 }
 
@@ -43,19 +43,19 @@ fn files_with_a_mark_are_read() {
         }
         let arguments: Vec<&str> = command.iter().map(String::as_str).collect();
         let file = folder.path().join(name);
-        std::fs::write(&file, windows(&text)).unwrap();
-        let said = era(&arguments);
+        std::fs::write(&file, as_windows_text(&text)).unwrap();
+        let said = run_era(&arguments);
         assert_eq!(said.code, Some(0), "{name}: {}", said.error);
         // UTF-16 is named, and not told as broken text.
-        std::fs::write(&file, utf16(&text)).unwrap();
-        let said = era(&arguments);
+        std::fs::write(&file, as_utf16(&text)).unwrap();
+        let said = run_era(&arguments);
         let told = format!("{}{}", said.out, said.error);
         assert!(said.code != Some(0) && told.contains("UTF-16") && told.contains("UTF-8"), "{name}: {told}");
     }
     // Lines are counted as without it.
     let file = folder.path().join("wrong.toml");
-    std::fs::write(&file, windows("version = 1\nsceen = \"x\"\n")).unwrap();
-    let said = era(&["config", "check", file.to_str().unwrap()]);
+    std::fs::write(&file, as_windows_text("version = 1\nsceen = \"x\"\n")).unwrap();
+    let said = run_era(&["config", "check", file.to_str().unwrap()]);
     assert!(said.error.contains("wrong.toml:2: unknown key sceen"), "{}", said.error);
 }
 
@@ -68,11 +68,11 @@ fn a_study_with_marks_is_read() {
     let scene = text.lines().find_map(|line| line.strip_prefix("scene = ")).unwrap().trim().trim_matches('"');
     let own = folder.path().join("studies");
     std::fs::create_dir_all(own.join(scene).parent().unwrap()).unwrap();
-    std::fs::write(own.join(scene), windows(EXAMPLE_PLATE)).unwrap();
-    std::fs::write(own.join("study.toml"), windows(&text)).unwrap();
+    std::fs::write(own.join(scene), as_windows_text(EXAMPLE_PLATE)).unwrap();
+    std::fs::write(own.join("study.toml"), as_windows_text(&text)).unwrap();
     let study = era::design::run::Study::load(&own.join("study.toml"));
     assert!(study.is_ok(), "{}", study.unwrap_err());
-    std::fs::write(own.join("study.toml"), utf16(&text)).unwrap();
+    std::fs::write(own.join("study.toml"), as_utf16(&text)).unwrap();
     let told = era::design::run::Study::load(&own.join("study.toml")).unwrap_err().to_string();
     assert!(told.contains("UTF-16"), "{told}");
 }
@@ -82,21 +82,21 @@ fn a_study_with_marks_is_read() {
 fn pem_files_with_marks_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    openssl(
+    run_openssl(
         path,
         "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -keyout key.pem -out cert.pem -days 30 -subj /CN=x \
          -addext subjectAltName=DNS:localhost",
     );
     for name in ["key.pem", "cert.pem"] {
         let text = std::fs::read_to_string(path.join(name)).unwrap();
-        write_secret(&path.join(name), windows(&text).as_bytes());
+        write_secret(&path.join(name), as_windows_text(&text).as_bytes());
     }
     std::fs::write(path.join("era.toml"), "version = 1\ntls_cert = \"cert.pem\"\ntls_key = \"key.pem\"\n").unwrap();
-    let said = era(&["config", "check", path.join("era.toml").to_str().unwrap()]);
+    let said = run_era(&["config", "check", path.join("era.toml").to_str().unwrap()]);
     assert_eq!(said.code, Some(0), "{}", said.error);
     // As what a daemon's certificate is trusted by: it gets as far as a daemon that is not there.
     let ca = path.join("cert.pem");
-    let said = era(&["state", "--url", "https://127.0.0.1:1", "--ca", ca.to_str().unwrap()]);
+    let said = run_era(&["state", "--url", "https://127.0.0.1:1", "--ca", ca.to_str().unwrap()]);
     assert!(said.code == Some(1) && said.error.contains("no answer"), "{}", said.error);
 }
 
@@ -110,13 +110,13 @@ fn bodies_with_a_mark_are_read() {
     for (path, body) in [
         ("/v1/touch", place.to_string()),
         ("/v1/preview", place.to_string()),
-        ("/v1/preview", json!({"x_px": 960, "y_px": 640, "scene": windows(EXAMPLE_PLATE)}).to_string()),
+        ("/v1/preview", json!({"x_px": 960, "y_px": 640, "scene": as_windows_text(EXAMPLE_PLATE)}).to_string()),
         (
             "/v1/preview",
-            json!({"x_px": 960, "y_px": 640, "scene": windows(EXAMPLE_PLATE), "moves": {"support[1]": {"x_mm": 40}}})
+            json!({"x_px": 960, "y_px": 640, "scene": as_windows_text(EXAMPLE_PLATE), "moves": {"support[1]": {"x_mm": 40}}})
                 .to_string(),
         ),
-        ("/v1/study", json!({"study": windows(study), "scene": windows(EXAMPLE_PLATE)}).to_string()),
+        ("/v1/study", json!({"study": as_windows_text(study), "scene": as_windows_text(EXAMPLE_PLATE)}).to_string()),
         ("/v1/study/stop", "{}".to_owned()),
         ("/v1/tolerances", place.to_string()),
         ("/v1/tolerances/stop", "{}".to_owned()),

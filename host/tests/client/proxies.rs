@@ -1,7 +1,10 @@
 //! What the environment says of proxies, certificates, keys and logs: it redirects no request and learns no secret.
 
 use crate::servers::Server;
-use crate::{PROXY_VARIABLES, Said, asking_commands, era, openssl, program, said_by, write_recording, write_secret};
+use crate::{
+    PROXY_VARIABLES, Said, asking_commands, make_command, run_command, run_era, run_openssl, write_recording,
+    write_secret,
+};
 use std::path::Path;
 use tokio_rustls::rustls::ServerConfig;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
@@ -11,7 +14,7 @@ const SECRET: &str = "TTTTTTTTTTTTTTTTTTTTTTTTTTTTTTTT";
 
 /// A key and a certificate for localhost in a folder: `key.pem` and `cert.pem`.
 fn make_certificate(folder: &Path) {
-    openssl(
+    run_openssl(
         folder,
         "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -keyout key.pem -out cert.pem -days 30 -subj /CN=era \
          -addext subjectAltName=DNS:localhost,IP:127.0.0.1",
@@ -38,12 +41,12 @@ fn no_variable_leads_a_request_to_a_proxy() {
             // Each variable by itself with one command, and all together with every one.
             if i == 0 || variables.len() > 1 {
                 let daemon = Server::daemon();
-                let mut command = program();
+                let mut command = make_command();
                 command.args(arguments).args(["--url", &daemon.url()]).env("ERA_TOKEN", SECRET);
                 command.envs(variables.iter().map(|name| (*name, format!("{scheme}://{}", proxy.address))));
                 // Of programs behind a web server (CGI), by which some libraries leave HTTP_PROXY alone.
                 command.env_remove("REQUEST_METHOD").env("NO_PROXY", "");
-                let said = said_by(&mut command);
+                let said = run_command(&mut command);
                 let received = daemon.received();
                 assert_eq!(said.code, Some(0), "{variables:?} {arguments:?}: {}", said.error);
                 let is_whole = |request: &String| request.contains(&format!("uthorization: Bearer {SECRET}"));
@@ -58,10 +61,10 @@ fn no_variable_leads_a_request_to_a_proxy() {
 #[test]
 fn no_variable_leads_a_measurement_to_a_proxy() {
     let proxy = Server::proxy();
-    let mut command = program();
+    let mut command = make_command();
     command.args(["latency", "--touches", "1", "--accuracy", "fast"]);
     command.envs(PROXY_VARIABLES.map(|name| (name, format!("http://{}", proxy.address))));
-    let said = said_by(&mut command);
+    let said = run_command(&mut command);
     // It fails where the machine is too busy for its device; it has asked its daemon in any case.
     assert!(proxy.received().is_empty() && said.code != Some(2), "{}", said.error);
 }
@@ -76,9 +79,9 @@ fn a_named_proxy_sees_no_token() {
     for arguments in asking_commands(&recording) {
         let (daemon, proxy) = (tls_daemon(folder.path()), Server::proxy());
         let url = format!("https://localhost:{}", daemon.address.port());
-        let mut command = program();
+        let mut command = make_command();
         command.args(&arguments).args(["--url", &url, "--proxy", &proxy.url(), "--ca"]).arg(&ca);
-        let said = said_by(command.env("ERA_TOKEN", SECRET));
+        let said = run_command(command.env("ERA_TOKEN", SECRET));
         assert_eq!(said.code, Some(0), "{arguments:?}: {}", said.error);
         let (through, received) = (proxy.received(), daemon.received());
         assert!(through.len() == received.len() && !through.is_empty(), "{arguments:?}");
@@ -92,15 +95,15 @@ fn a_named_proxy_sees_no_token() {
     // Without TLS the proxy would read the token: nothing is sent anywhere.
     for arguments in asking_commands(&recording) {
         let (daemon, proxy) = (Server::daemon(), Server::proxy());
-        let mut command = program();
+        let mut command = make_command();
         command.args(&arguments).args(["--url", &daemon.url(), "--proxy", &proxy.url()]).env("ERA_TOKEN", SECRET);
-        let said = said_by(&mut command);
+        let said = run_command(&mut command);
         assert!(said.code == Some(2) && said.error.contains("https://"), "{arguments:?}: {}", said.error);
         assert!(proxy.received().is_empty() && daemon.received().is_empty() && !said.error.contains(SECRET));
     }
     // Without a token there is nothing to read.
     let (daemon, proxy) = (Server::daemon(), Server::proxy());
-    let said = era(&["stop", "--url", &daemon.url(), "--proxy", &proxy.url()]);
+    let said = run_era(&["stop", "--url", &daemon.url(), "--proxy", &proxy.url()]);
     assert!(said.code == Some(0) && proxy.received().len() == 1, "{}", said.error);
     assert!(daemon.received()[0].starts_with("POST /v1/stop "));
 }
@@ -115,7 +118,7 @@ fn a_proxy_that_refuses_is_told() {
         ("", "no answer of a proxy"),
     ] {
         let proxy = Server::answering(answer);
-        let said = era(&["stop", "--url", "https://panel.example:7878", "--proxy", &proxy.url()]);
+        let said = run_era(&["stop", "--url", "https://panel.example:7878", "--proxy", &proxy.url()]);
         let names = format!("the proxy {}", proxy.address);
         assert!(said.code == Some(1) && said.error.contains(&names), "{answer:?}: {}", said.error);
         assert!(
@@ -130,7 +133,7 @@ fn a_proxy_that_refuses_is_told() {
         ("http://me:secret@127.0.0.1:9", "http://HOST:PORT"),
         ("http://127.0.0.1", "http://HOST:PORT"),
     ] {
-        let said = era(&["stop", "--proxy", wrong]);
+        let said = run_era(&["stop", "--proxy", wrong]);
         assert!(said.code == Some(2) && said.error.contains(words), "{wrong}: {}", said.error);
     }
 }
@@ -144,7 +147,7 @@ fn no_variable_adds_trust_or_writes_keys() {
     let (ca, keys) = (folder.path().join("cert.pem"), folder.path().join("keys.log"));
     let url = format!("https://localhost:{}", daemon.address.port());
     let asked = |own: bool| -> Said {
-        let mut command = program();
+        let mut command = make_command();
         command.args(["state", "--url", &url]).env("ERA_TOKEN", SECRET);
         if own {
             command.arg("--ca").arg(&ca);
@@ -152,7 +155,7 @@ fn no_variable_adds_trust_or_writes_keys() {
         for name in ["SSL_CERT_FILE", "CURL_CA_BUNDLE", "REQUESTS_CA_BUNDLE"] {
             command.env(name, &ca);
         }
-        said_by(command.env("SSL_CERT_DIR", folder.path()).env("SSLKEYLOGFILE", &keys))
+        run_command(command.env("SSL_CERT_DIR", folder.path()).env("SSLKEYLOGFILE", &keys))
     };
     let said = asked(false);
     assert!(said.code == Some(1) && said.error.contains("is not trusted"), "{}", said.error);
@@ -171,9 +174,9 @@ fn no_variable_has_a_token_logged() {
     for arguments in asking_commands(&recording) {
         for log in ["trace", "ureq_proto=trace,tungstenite=trace,rustls=trace"] {
             let daemon = Server::daemon();
-            let mut command = program();
+            let mut command = make_command();
             command.args(&arguments).args(["--url", &daemon.url(), "--token-file"]).arg(&token);
-            let said = said_by(command.env("ERA_LOG", log).env("RUST_LOG", log));
+            let said = run_command(command.env("ERA_LOG", log).env("RUST_LOG", log));
             assert_eq!(said.code, Some(0), "{arguments:?}: {}", said.error);
             assert!(daemon.received().iter().any(|request| request.contains(SECRET)));
             // As it is, and as a dump of bytes has it.

@@ -1,7 +1,8 @@
 //! Servers in front of a daemon that send elsewhere: nothing goes there, and it is said where that is.
 
 use crate::servers::{Server, read_request};
-use crate::{asking_commands, program, said_by, write_recording};
+use crate::support::browser::{Browser, browser_or_skip};
+use crate::{asking_commands, make_command, run_command, write_recording};
 
 const SECRET: &str = "TTTTTTTTTTTTTTTTTTTTTTTTTTTTTTTT";
 
@@ -15,9 +16,9 @@ fn no_command_follows_a_redirect() {
         for arguments in asking_commands(&recording) {
             let elsewhere = Server::daemon();
             let front = Server::redirecting(status, format!("{}/era/v1/stop", elsewhere.url()));
-            let mut command = program();
+            let mut command = make_command();
             command.args(&arguments).args(["--url", &front.url()]).env("ERA_TOKEN", SECRET);
-            let said = said_by(&mut command);
+            let said = run_command(&mut command);
             let told = format!("{}{}", said.out, said.error);
             let received = front.received();
             assert_eq!(elsewhere.received(), Vec::<String>::new(), "{status} {arguments:?} went elsewhere");
@@ -44,7 +45,7 @@ fn the_new_address_is_told_whole() {
         ("https://panel.example/login?back=%2Fv1%2Fstop", "https://panel.example/login?back=%2Fv1%2Fstop"),
     ] {
         let front = Server::redirecting(308, location);
-        let said = said_by(program().args(["stop", "--url", &front.url()]));
+        let said = run_command(make_command().args(["stop", "--url", &front.url()]));
         let wanted = match location {
             "/era/v1/stop" => format!("--url {}{url}", front.url()),
             "login" => format!("{}/v1/login", front.url()),
@@ -74,10 +75,52 @@ fn a_live_socket_follows_no_redirect() {
         let _ = std::io::Write::write_all(&mut stream, answer.as_bytes());
         head
     });
-    let mut command = program();
+    let mut command = make_command();
     command.arg("replay").arg(&recording).args(["--url", &front.url()]).env("ERA_TOKEN", SECRET);
-    let said = said_by(&mut command);
+    let said = run_command(&mut command);
     let told = format!("{}{}", said.out, said.error);
     assert!(elsewhere.received().is_empty() && told.contains("307"), "{told}");
     assert!(told.contains(&format!("--url {}", elsewhere.url())), "{told}");
+}
+
+/// The daemon's page behind something that sends its requests elsewhere: a stop is not turned into a GET there, and the page says so.
+#[test]
+fn the_page_follows_no_redirect() {
+    let Some(browser) = browser_or_skip() else { return };
+    let front = Server::start(|mut stream| {
+        let request = read_request(&mut stream);
+        let head = String::from_utf8_lossy(&request).into_owned();
+        let path = head.split(' ').nth(1).unwrap_or_default();
+        let status = path.strip_prefix("/v1/").unwrap_or_default();
+        let page = "<script type=\"module\">import { request } from \"/link.js\";
+            const told = [];
+            for (const status of [301, 302, 303, 307, 308])
+              told.push(await request(\"POST\", `/v1/${status}`).then(() => \"done\", (problem) => problem.detail));
+            document.title = told.join(\"|\");</script>";
+        let answer = match path {
+            "/" => ("text/html", page),
+            "/link.js" => ("text/javascript", include_str!("../../web/link.js")),
+            _ => ("application/json", "{\"device\": {}}"),
+        };
+        let first = if status.starts_with('3') {
+            format!("{status} Elsewhere\r\nLocation: /v1/elsewhere")
+        } else {
+            "200 OK".to_owned()
+        };
+        let (kind, body) = answer;
+        let answer = format!(
+            "HTTP/1.1 {first}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
+            body.len()
+        );
+        let _ = std::io::Write::write_all(&mut stream, answer.as_bytes());
+        request
+    });
+    let mut browser = Browser::start(browser, 800, 600);
+    browser.open(&front.url());
+    browser.wait_for("document.title !== ''");
+    let told = browser.value("document.title").as_str().unwrap().to_owned();
+    assert!(told.split('|').count() == 5 && told.split('|').all(|one| one.contains("sends it elsewhere")), "{told}");
+    let received = front.received();
+    assert_eq!(received.iter().filter(|request| request.starts_with("POST /v1/3")).count(), 5, "{received:?}");
+    assert!(!received.iter().any(|request| request.contains("/v1/elsewhere")), "{received:?}");
 }

@@ -2,7 +2,7 @@
 
 use crate::servers::Server;
 use crate::support::Daemon;
-use crate::{Said, asking_commands, program, said_by, write_recording, write_secret};
+use crate::{Said, asking_commands, make_command, run_command, write_recording, write_secret};
 use era::daemon::Access;
 use era::scene::EXAMPLE_PLATE;
 use std::io::{Read, Write};
@@ -14,7 +14,7 @@ const SECRET: &str = "TTTTTTTTTTTTTTTTTTTTTTTTTTTTTTTT";
 const MARK: &str = "\u{feff}";
 
 /// A secret with what editors, shells and other systems put around it.
-fn wrapped(text: &str) -> Vec<String> {
+fn wrap_text(text: &str) -> Vec<String> {
     let around = [
         ("", ""),
         ("", "\n"),
@@ -30,9 +30,9 @@ fn wrapped(text: &str) -> Vec<String> {
 }
 
 /// Asks a daemon that notes what it is sent; the token is of a file or of the variable.
-fn ask(arguments: &[String], file: Option<&Path>, variable: Option<&[u8]>) -> (Said, Vec<String>) {
+fn ask_daemon(arguments: &[String], file: Option<&Path>, variable: Option<&[u8]>) -> (Said, Vec<String>) {
     let daemon = Server::daemon();
-    let mut command = program();
+    let mut command = make_command();
     command.args(arguments).args(["--url", &daemon.url()]);
     if let Some(file) = file {
         command.arg("--token-file").arg(file);
@@ -40,7 +40,7 @@ fn ask(arguments: &[String], file: Option<&Path>, variable: Option<&[u8]>) -> (S
     if let Some(variable) = variable {
         command.env("ERA_TOKEN", std::ffi::OsStr::from_bytes(variable));
     }
-    (said_by(&mut command), daemon.received())
+    (run_command(&mut command), daemon.received())
 }
 
 /// Every command sends the token alone, over HTTP and to the live socket.
@@ -49,14 +49,16 @@ fn what_is_around_a_token_is_not_sent() {
     let folder = tempfile::tempdir().unwrap();
     let (recording, file) = (folder.path().join("day.jsonl"), folder.path().join("token"));
     write_recording(&recording);
-    let mut texts = wrapped(SECRET);
+    let mut texts = wrap_text(SECRET);
     // A file of the daemon's does as well.
-    texts.extend(wrapped(&format!("touch {SECRET}")));
+    texts.extend(wrap_text(&format!("touch {SECRET}")));
     texts.push(format!("{MARK}# of the panel\r\ntouch {SECRET}\r\n"));
     for text in &texts {
         for arguments in asking_commands(&recording) {
             write_secret(&file, text.as_bytes());
-            for (said, received) in [ask(&arguments, Some(&file), None), ask(&arguments, None, Some(text.as_bytes()))] {
+            for (said, received) in
+                [ask_daemon(&arguments, Some(&file), None), ask_daemon(&arguments, None, Some(text.as_bytes()))]
+            {
                 assert_eq!(said.code, Some(0), "{text:?} {arguments:?}: {}", said.error);
                 let is_right = |request: &String| {
                     request.lines().any(|line| line.eq_ignore_ascii_case(&format!("authorization: Bearer {SECRET}")))
@@ -89,9 +91,9 @@ fn what_can_be_no_token_is_told_and_not_sent() {
     ] {
         for arguments in asking_commands(&recording) {
             write_secret(&file, bytes);
-            let mut all = vec![(ask(&arguments, Some(&file), None), file.to_str().unwrap())];
+            let mut all = vec![(ask_daemon(&arguments, Some(&file), None), file.to_str().unwrap())];
             if is_for_variable {
-                all.push((ask(&arguments, None, Some(bytes)), "ERA_TOKEN"));
+                all.push((ask_daemon(&arguments, None, Some(bytes)), "ERA_TOKEN"));
             }
             for ((said, received), place) in all {
                 assert_eq!(said.code, Some(2), "{bytes:?} {arguments:?}: {}", said.error);
@@ -103,7 +105,7 @@ fn what_can_be_no_token_is_told_and_not_sent() {
     }
     // A variable that is set to nothing is none.
     for nothing in ["", "\n", " "] {
-        let (said, received) = ask(&["state".to_owned()], None, Some(nothing.as_bytes()));
+        let (said, received) = ask_daemon(&["state".to_owned()], None, Some(nothing.as_bytes()));
         assert!(said.code == Some(0) && !received[0].to_lowercase().contains("authorization"), "{received:?}");
     }
 }
@@ -116,19 +118,19 @@ fn the_daemon_reads_tokens_with_marks_and_any_line_ends() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
     let lines = [format!("touch {SECRET}"), format!("arm {}", "A".repeat(32))];
-    for text in lines.iter().flat_map(|line| wrapped(line)).chain([
+    for text in lines.iter().flat_map(|line| wrap_text(line)).chain([
         format!("{MARK}# of the panel\r\n{}\r\n{}\r\n", lines[0], lines[1]),
         format!("{}\r{}\r", lines[0], lines[1]),
     ]) {
         write_secret(&file, text.as_bytes());
-        let mut command = program();
+        let mut command = make_command();
         // With a file in order it gets as far as its port, which is taken.
-        let said = said_by(command.args(["serve", "--listen", &address, "--token-file"]).arg(&file));
+        let said = run_command(command.args(["serve", "--listen", &address, "--token-file"]).arg(&file));
         assert!(said.code == Some(1) && said.error.contains("cannot listen on"), "{text:?}: {}", said.error);
     }
     let utf16: Vec<u8> = format!("{MARK}{}", lines[0]).encode_utf16().flat_map(u16::to_be_bytes).collect();
     write_secret(&file, &utf16);
-    let said = said_by(program().args(["serve", "--listen", &address, "--token-file"]).arg(&file));
+    let said = run_command(make_command().args(["serve", "--listen", &address, "--token-file"]).arg(&file));
     assert!(said.code == Some(2) && said.error.contains("UTF-16") && !said.error.contains("TTTT"), "{}", said.error);
 }
 

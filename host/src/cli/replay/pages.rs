@@ -88,7 +88,7 @@ impl<'d> Pages<'d> {
 
     fn opened(&self) -> Result<Socket, Failure> {
         let socket = live::open(self.daemon, "send=")?;
-        socket.get_ref().stream().set_read_timeout(Some(LISTEN)).map_err(Failure::failed)?;
+        socket.get_ref().tcp_stream().set_read_timeout(Some(LISTEN)).map_err(Failure::failed)?;
         Ok(socket)
     }
 
