@@ -10,13 +10,13 @@ import numpy as np
 from ..harness import ProgramFailed, Result, change_all, not_comparable
 from ..reference import effects, motion, planner, pulses, rise
 
-MOVED = ("effect: peak", "effect: least and most", "effect: decay", "effect: left", "effect: time of the peak", "effect: decay without brake")
+MOVED = ("effect: peak", "effect: least and most", "effect: decay", "effect: residual", "effect: time of the peak", "effect: decay without brake")
 QUANTITIES = (*MOVED, "effect: supply current", "effect: length", "rise and decay")
 PLANTS = {
     "effect: peak": change_all("actuator", "air_gap_um", 1.03),
     "effect: least and most": "answer",
     "effect: decay": "answer",
-    "effect: left": "answer",
+    "effect: residual": "answer",
     "effect: time of the peak": "answer",
     "effect: decay without brake": "answer",
     "effect: supply current": "answer",
@@ -132,8 +132,8 @@ def _motion(context, system, half, drives, answer, where):
         predicted["peak_most_g"] *= 1.1
     if context.planted("effect: decay") and predicted["quiet_ms"]:
         predicted["quiet_ms"] += 12
-    if context.planted("effect: left"):
-        predicted["left"] += 0.5
+    if context.planted("effect: residual"):
+        predicted["residual"] += 0.5
     tolerance = PEAK[len(drives)]
     spread = (most - least) / mean
     results = [
@@ -151,8 +151,8 @@ def _motion(context, system, half, drives, answer, where):
     over = max(length(d["segments"], d["times"], 1 / d["frequency_hz"]) for d in drives)
     after = lambda time: np.abs(together[int(np.ceil(time / STEP_S - 1e-9)) :]).max() / mean
     high, low = after(over - max(periods) / 2), after(ends + max(periods) / 2)
-    outside = max(predicted["left"] - high, low - predicted["left"], 0.0)
-    results.append(Result("effect: left", name, outside, 0.02 * max(1.0, high) + error, note=f"{predicted['left']:.3g} for {low:.3g} to {high:.3g}, {where}"))
+    outside = max(predicted["residual"] - high, low - predicted["residual"], 0.0)
+    results.append(Result("effect: residual", name, outside, 0.02 * max(1.0, high) + error, note=f"{predicted['left']:.3g} for {low:.3g} to {high:.3g}, {where}"))
     results.append(_decay(context, "effect: decay", together, mean, predicted["quiet_ms"], ends, where))
     results.append(_peak_at(context, together, predicted["peak_at_ms"], error, where))
     printed = predicted["quiet_unbraked_ms"]

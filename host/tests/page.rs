@@ -102,6 +102,52 @@ fn a_touch_plays_the_chosen_effect_once() {
     });
 }
 
+/// A click that its limits keep below the wish: the bold figure is what the click does, as the answer to a request has it; what was measured of it
+/// stands beside it and stays; and while the board is armed the page does not say that it is off.
+#[test]
+fn a_clicks_own_figures_are_shown_and_that_the_rails_are_up() {
+    with_page(1280, 900, |daemon, browser| {
+        let text = |id: &str| format!("document.querySelector('#{id}').textContent");
+        let figure = |browser: &mut Browser, id: &str| -> f64 {
+            let told = browser.value(&text(id));
+            told.as_str().unwrap().split(' ').next().unwrap().parse().unwrap_or(f64::NAN)
+        };
+        let body = r#"{"x_px": 256, "y_px": 1088, "intensity_g": 0.5, "effect": "click"}"#;
+        let (status, _, answer) = daemon.post("/v1/touch", body);
+        assert_eq!(status, 200, "{answer}");
+        let peak = answer["device"]["effect"]["predicted"]["peak_g"].as_f64().unwrap();
+        assert!(peak < 0.45, "it is limited: {peak} g");
+        browser.wait_for(&format!("{}.startsWith('click: ')", text("effect-told")));
+        daemon.wait_for(|state| state["device"]["state"] == "armed" && state["plan"].is_null());
+        assert!((figure(browser, "target-g") - peak).abs() < 1e-3, "{}", browser.value(&text("target-g")));
+        let limited = browser.value(&text("limited"));
+        let limit = answer["limited_by"].as_str().unwrap();
+        assert!(limited.as_str().unwrap().contains(limit), "{limited}");
+        browser.wait_for(&format!("{}.startsWith('last plan, device armed, rails up (')", text("mode")));
+        let id = &answer["plan_id"];
+        let state = daemon.state();
+        let measured = state["telemetry"]["touch_peaks"].as_array().unwrap().iter().find(|own| own["plan_id"] == *id);
+        let measured = measured.unwrap()["peak_g"].as_f64().unwrap();
+        assert!(measured > 0.5 * peak, "{measured} g of {peak} g");
+        browser.wait_for(&format!("Math.abs(parseFloat({}) - {measured}) < 1e-3", text("measured-g")));
+        save(browser, "click-limited");
+        // In design mode nothing of it is left: another panel is shown.
+        browser.value("document.querySelector('#design').click()");
+        browser.wait_for("document.querySelector('#effect-told').hidden");
+        browser.wait_for(READY);
+        assert_eq!(browser.value(&text("measured-g")), "–");
+        assert_eq!(browser.value("document.querySelector('#effect-told').hidden"), true);
+        let shown: f64 = figure(browser, "target-g");
+        let preview = browser.value("JSON.parse(document.body.dataset.plan).predicted.target_peak_g");
+        assert!((shown - preview.as_f64().unwrap()).abs() < 1e-3, "{shown}, {preview}");
+        save(browser, "click-then-design");
+        // Entering it has stopped the device: everything is off, and so it says afterwards.
+        daemon.wait_for(|state| state["device"]["state"] == "safe");
+        browser.value("document.querySelector('#design').click()");
+        browser.wait_for(&format!("{} === ''", text("mode")));
+    });
+}
+
 #[test]
 fn a_phone_with_two_fingers_and_a_real_tap_on_stop() {
     with_page(390, 844, |daemon, browser| {

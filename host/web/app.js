@@ -48,17 +48,22 @@ const link = new Link({
     if (!message.plan) return;
     $("error").hidden = true;
     driven = message;
-    showEffect(message.effect);
-    if (!design.on) showPlan(message.plan, message.touches, message.field);
+    if (!design.on) showDriven();
   },
   error: showProblem,
 });
 
-function showPlan(plan, touches, field, question = null) {
+// The last plan that was driven, with its effect; nothing without one.
+function showDriven() {
+  showEffect(driven?.effect);
+  showPlan(driven?.plan ?? null, driven?.touches ?? [], driven?.field ?? null, null, driven?.plan_id);
+}
+
+function showPlan(plan, touches, field, question = null, planId = null) {
   heat.setField(field);
   show("max-g", field ? fixed(field.max_g, 3, " g") : "0 g");
   view.setPlan(plan, touches);
-  readout.showPlan(plan);
+  readout.showPlan(plan, planId);
   tolerances.setPlan(plan, question);
   showUnder();
 }
@@ -79,7 +84,7 @@ function showState(state) {
   const played = driven?.effect && ["armed", "running"].includes(state.device.state);
   if (!state.plan && driven && !played) {
     driven = null;
-    if (!design.on) showPlan(null, [], null);
+    if (!design.on) showDriven();
   }
 }
 
@@ -195,12 +200,15 @@ function setDesign(on) {
   panel.setAttribute("aria-label", PANEL_LABEL[on ? "design" : "touch"]);
   if (on) {
     stop();
+    // What was driven was of the daemon's panel, and says nothing of the one that is designed.
+    showEffect(null);
+    showPlan(null, [], null);
     show("preview-status", "Preview, nothing is driven: computing.");
     design.start(driven?.touches[0]);
     studies.watch();
   } else {
     design.end();
-    showPlan(driven?.plan ?? null, driven?.touches ?? [], driven?.field ?? null);
+    showDriven();
   }
   readout.showMode();
 }

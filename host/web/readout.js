@@ -52,9 +52,17 @@ const STATE_WORDS = {
   fault: "fault, all off",
 };
 
+// Above this a rail is dangerous to touch, in V; as the daemon's board has it.
+const SAFE_V = 60;
+
+// What a device that drives nothing is in, for a plan that is over.
+const IDLE_WORDS = { ...STATE_WORDS, safe: "device off", fault: "device off", armed: "device armed", arming: "device arms",
+  boot: "device starts", discharging: "device goes off", unknown: "device unknown" };
+
 export class Readout {
   constructor(clearFault, arm) {
-    Object.assign(this, { clearFault, arm, scene: null, plan: null, state: "unknown", history: [], preview: false });
+    Object.assign(this, { clearFault, arm, scene: null, plan: null, planId: null, state: "unknown", rails: null, telemetry: null,
+      history: [], preview: false });
   }
 
   setScene(scene, stretch) {
@@ -62,11 +70,12 @@ export class Readout {
     const { length_mm, width_mm, thickness_mm, kind } = scene;
     const size = [length_mm, width_mm, thickness_mm].map((mm) => Number(mm.toPrecision(4))).join(" × ");
     show("facts", `${kind}, ${size} mm${stretch > 1 ? ", height not to scale" : ""}`);
-    this.showPlan(this.plan);
+    this.showPlan(this.plan, this.planId);
   }
 
-  showPlan(plan) {
-    this.plan = plan;
+  // planId: the daemon's number for a plan that is or was driven; null for one that is only previewed.
+  showPlan(plan, planId = null) {
+    Object.assign(this, { plan, planId });
     document.body.dataset.plan = plan ? JSON.stringify(plan) : "";
     this.fillDrives();
     const predicted = plan?.predicted ?? {};
@@ -84,6 +93,7 @@ export class Readout {
         cell(fixed(target.wanted_g, 2, " g")), cell(fixed(target.peak_g, 3, " g")))));
     }
     this.showMode();
+    this.showMeasured();
     if (plan) announce(this.planInWords(plan));
   }
 
@@ -132,10 +142,10 @@ export class Readout {
 
   // Without a link nothing is known of the device.
   forgetState() {
-    this.state = "unknown";
+    Object.assign(this, { state: "unknown", rails: null, telemetry: null });
     document.body.dataset.state = "unknown";
     show("state", "device unknown");
-    show("measured-g", "–");
+    this.showMeasured();
     this.channels = null;
     this.showChannels();
   }
@@ -149,10 +159,11 @@ export class Readout {
     show("state", words);
     this.channels = telemetry?.channels ?? null;
     this.showChannels();
-    const measured = telemetry?.acceleration_peak_g ?? NaN;
-    show("measured-g", fixed(measured, 3, " g"));
+    this.telemetry = telemetry;
+    this.rails = device.supply?.rail_v ?? null;
+    this.showMeasured();
     // The curve stops with what is known.
-    if (this.state !== "unknown") this.addToHistory(measured);
+    if (this.state !== "unknown") this.addToHistory(telemetry?.acceleration_recent_g ?? NaN);
     show("kind", device.kind ?? "–");
     show("port", device.port ?? "–");
     show("firmware", device.firmware ?? "–");
@@ -165,8 +176,8 @@ export class Readout {
     for (const id of ["board-id", "port", "firmware"]) $(id).title = $(id).textContent;
     show("daemon", `${daemon.version}, up ${duration(daemon.uptime_s)}`);
     this.showFault(device);
+    this.showMode();
     if (before !== this.state) {
-      this.showMode();
       // A plan that was just announced says more than "running".
       if (this.state !== "running") announce(`Device ${words}`);
     }
@@ -200,12 +211,31 @@ export class Readout {
   showMode() {
     const driving = this.state === "running";
     document.body.dataset.driving = String(driving && !this.preview);
+    const rails = this.railsInWords();
     if (this.preview) {
-      show("mode", driving ? "preview; the device is driven from elsewhere" : "preview, nothing is driven");
+      const idle = rails ? `preview, nothing is driven; ${IDLE_WORDS[this.state]}, ${rails}` : "preview, nothing is driven";
+      show("mode", driving ? "preview; the device is driven from elsewhere" : idle);
       return;
     }
-    const past = this.state === "unknown" ? "last plan, device unknown" : "last plan, device off";
-    show("mode", this.plan ? (driving ? "driving now" : past) : "");
+    const idle = `last plan, ${IDLE_WORDS[this.state] ?? this.state}${rails ? `, ${rails}` : ""}`;
+    show("mode", this.plan ? (driving ? "driving now" : idle) : "");
+  }
+
+  // What stands on the rails where that is dangerous, or may be: they stay up after a drive until the device disarms itself. Empty if all are down.
+  railsInWords() {
+    if (this.state === "unknown") return "";
+    const live = this.state === "armed" || this.state === "arming";
+    if (!this.rails) return live ? "rails may be up" : "";
+    const up = this.rails.filter((volts) => volts >= SAFE_V);
+    return up.length ? `rails up (${up.map((volts) => volts.toFixed(0)).join(" and ")} V)` : "";
+  }
+
+  // The sensor's peak for the plan that is shown, kept for as long as it is shown; without one what the sensor shows now. A previewed plan has none: it
+  // is of another panel.
+  showMeasured() {
+    const own = this.telemetry?.touch_peaks.find((peak) => peak.plan_id === this.planId);
+    const now = this.plan ? NaN : (this.telemetry?.acceleration_recent_g ?? NaN);
+    show("measured-g", fixed(this.preview ? NaN : (own?.peak_g ?? now), 3, " g"));
   }
 
   showFault(device) {

@@ -81,7 +81,7 @@ pub trait Board {
     /// What is wrong, with the channel.
     fn check_timers(&mut self) -> Result<(), Finding>;
 
-    /// Largest acceleration in the last 50 ms, in 1/1000 m/s^2, where there is an accelerometer.
+    /// Largest acceleration since this was last asked, and in the last 50 ms at least, in 1/1000 m/s^2, where there is an accelerometer.
     fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32>;
 
     /// Takes the oldest bytes of the log, as many as there are and fit; returns their number.

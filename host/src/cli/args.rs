@@ -29,10 +29,6 @@ pub struct Panel {
     /// Relative tolerance as a number, 1e-8 to 0.1
     #[arg(long, value_name = "REL")]
     pub tolerance: Option<f64>,
-    /// For modes, response and sweep: the most accurate answer that fits in this time, 50ms or 2s say, instead of a tolerance;
-    /// the bound says what was reached
-    #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["tolerance", "accuracy"])]
-    pub within: Option<Duration>,
     /// Say on standard error what was modelled, what was left out, and what each step towards the tolerance cost and bought
     #[arg(long)]
     pub explain: bool,
@@ -54,23 +50,26 @@ impl Panel {
     }
 
     /// The accuracy of what climbs from level to level: a tolerance, or the time that there is.
-    pub fn climb(&self) -> Result<Accuracy, Failure> {
-        self.within.map_or_else(|| self.accuracy(), |time| Ok(Accuracy::within(time)))
+    pub fn accuracy_within(&self, time: Time) -> Result<Accuracy, Failure> {
+        time.within.map_or_else(|| self.accuracy(), |time| Ok(Accuracy::within(time)))
     }
 
     /// The accuracy of all else.
     pub fn accuracy(&self) -> Result<Accuracy, Failure> {
-        if self.within.is_some() {
-            return Err(Failure::usage(
-                "--within is for modes, response and sweep: give --tolerance or --accuracy here",
-            ));
-        }
         match (self.accuracy, self.tolerance) {
             (_, Some(tolerance)) => Accuracy::tolerance(tolerance).map_err(Failure::usage),
             (Some(accuracy), None) => Ok(accuracy),
             (None, None) => Ok(Accuracy::BALANCED),
         }
     }
+}
+
+/// A time in place of a tolerance, for commands that climb from level to level.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct Time {
+    /// The most accurate answer that fits in this time, 50ms or 2s say, instead of a tolerance; the bound says what was reached
+    #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["tolerance", "accuracy"])]
+    pub within: Option<Duration>,
 }
 
 /// Whether plan tables are kept on disk.
@@ -245,6 +244,8 @@ pub struct Press {
 pub struct Modes {
     #[command(flatten)]
     pub panel: Panel,
+    #[command(flatten)]
+    pub time: Time,
     /// Highest frequency in Hz
     #[arg(long, value_name = "F", default_value_t = 500.0, allow_negative_numbers = true)]
     pub max_hz: f64,
@@ -271,6 +272,8 @@ pub struct Modes {
 pub struct Sweep {
     #[command(flatten)]
     pub panel: Panel,
+    #[command(flatten)]
+    pub time: Time,
     /// Columns and rows of the grid, border to border; a bar has one row, its axis
     #[arg(long, value_name = "NX,NY", value_parser = parse_counts, default_value = "49,33")]
     pub grid: (usize, usize),
@@ -303,6 +306,8 @@ pub struct Band {
 pub struct Response {
     #[command(flatten)]
     pub panel: Panel,
+    #[command(flatten)]
+    pub time: Time,
     /// Point on the surface
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     pub at: Point,

@@ -330,7 +330,7 @@ mod tests {
     use clap::CommandFactory;
 
     /// Options of `serve` that are no keys: the file itself, what `serve` refuses, and those of every command.
-    const NO_KEYS: [&str; 6] = ["config", "within", "verbose", "log_format", "help", "version"];
+    const NO_KEYS: [&str; 5] = ["config", "verbose", "log_format", "help", "version"];
 
     #[test]
     fn every_option_of_serve_is_a_key() {

@@ -96,8 +96,8 @@ pub fn run(options: &EffectOptions) -> Outcome {
     };
     let _ = write!(
         text,
-        "\nleft at the end {:.1} %, below a tenth from {} on",
-        1e2 * predicted.left,
+        "\nresidual vibration after the end {:.1} % of the peak, below a tenth from {} on",
+        1e2 * predicted.residual,
         ms(predicted.quiet_ms)
     );
     if let Some(unbraked) = predicted.quiet_unbraked_ms {

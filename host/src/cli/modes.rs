@@ -2,7 +2,7 @@
 
 use super::args::Modes as Options;
 use super::cost::Cost;
-use super::panel::{tell_missing, tell_steps, warn_if_thick};
+use super::panel::{bound_text, tell_missing, tell_steps, warn_if_thick};
 use super::progress::{with_cost, with_progress};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text, reach};
@@ -21,7 +21,7 @@ const MOST_VALUES: f64 = 2e7;
 pub fn run(options: &Options) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
-    let accuracy = options.panel.climb()?;
+    let accuracy = options.panel.accuracy_within(options.time)?;
     let wants_shapes = options.csv.is_some() || options.npy.is_some() || options.png.is_some();
     let cost = Cost::of_modes(&scene, accuracy, options.max_hz)?;
     let found = with_cost("computing modes", cost, || bounded_modes(&scene, accuracy, options.max_hz))?;
@@ -101,7 +101,7 @@ fn check_size(points: usize, modes: usize) -> Result<(), Failure> {
 fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) -> String {
     let mut text = format!("{heading}\n mode   frequency   error at most   damping ratio");
     for (i, (mode, bound)) in modes.enumerate() {
-        let bound = bound.value().map_or_else(|| String::from("unknown"), |bound| format!("{bound:.0e}"));
+        let bound = bound_text(*bound);
         let _ = write!(text, "\n{:5} {:8.3} Hz   {bound:>13}   {:.5}", i + 1, mode.frequency_hz, mode.damping_ratio);
         if mode.frequency_hz == 0.0 {
             text.push_str("   (nothing holds this motion)");

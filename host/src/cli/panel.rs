@@ -95,10 +95,15 @@ pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Ste
     }
 }
 
+/// A bound in a table; why there is none is said by [`tell_missing`].
+pub fn bound_text(bound: Bound) -> String {
+    bound.value().map_or_else(|| String::from("not known"), |bound| format!("{bound:.0e}"))
+}
+
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
 pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
     if let Some(reason) = bounds.iter().find_map(|bound| bound.reason()) {
-        tell!("error_bound is null: {reason}");
+        tell!("no bound is known (error_bound is null) because {reason}");
     }
     let largest = bounds.iter().filter_map(|bound| bound.value()).fold(0.0, f64::max);
     if accuracy.time().is_none() && largest > accuracy.value() {
@@ -113,7 +118,9 @@ pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
 /// is not. A plan's target has a bound of its own: the table's mesh is chosen once, for all of them.
 pub fn tell_plan(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
     if plans.iter().any(|plan| plan.error_bound.is_none()) {
-        tell!("error_bound is null: nothing moves at the target, or the panel's model has none (see `era response`)");
+        tell!(
+            "no bound is known (error_bound is null) because nothing moves at the target, or because the panel's model has none (see `era response`)"
+        );
     }
     let tolerance = accuracy.value();
     let Some(largest) = plans.iter().filter_map(|plan| plan.error_bound).reduce(f64::max) else { return };
@@ -138,7 +145,7 @@ pub fn response(options: &Response) -> Outcome {
     let scene = options.panel.load()?;
     let frequencies_hz = frequencies(&options.band)?;
     let (x_m, y_m) = surface_point(&scene, options.at.x, options.at.y, options.unit)?;
-    let accuracy = options.panel.climb()?;
+    let accuracy = options.panel.accuracy_within(options.time)?;
     need_actuators(&scene)?;
     warn_if_thick(&scene, options.band.to);
     tell_finger(&options.panel, &scene);

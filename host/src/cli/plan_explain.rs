@@ -1,6 +1,6 @@
 //! Why a plan is what it is: `era plan --explain`.
 
-use crate::planner::explain::Explanation;
+use crate::planner::explain::{Explanation, LEAST_HARMONICS_DB};
 use std::fmt::Write;
 
 /// The text.
@@ -17,12 +17,15 @@ pub fn text(explanation: &Explanation) -> String {
             );
         }
     }
-    text.push_str("\npulse widths: force at the same voltage, and harmonics over fundamentals, mean over the surface");
+    let _ = write!(
+        text,
+        "\npulse widths: force at the same voltage, and harmonics up to 1 kHz over fundamentals, mean over the surface (none: below {LEAST_HARMONICS_DB} dB)"
+    );
     for width in &explanation.pulse_widths {
         let harmonics = width.harmonics_db.map_or_else(|| String::from("none"), |db| format!("{db:.1} dB"));
         let _ = write!(text, "\n  {:.3}  force {:.3}  harmonics {harmonics}", width.pulse_width, width.force);
     }
-    text.push_str("\nalternatives:");
+    text.push_str("\nalternatives: the target's peak, and what else comes with it");
     for other in &explanation.alternatives {
         let _ = write!(
             text,
@@ -31,6 +34,13 @@ pub fn text(explanation: &Explanation) -> String {
         );
         if let Some(limit) = &other.limited_by {
             let _ = write!(text, "  limited by {limit}");
+        }
+        if let Some(weakest_g) = other.weakest_g {
+            let _ = write!(
+                text,
+                "\n  {:44} one setting for every touch, chosen for the weakest place of the surface, which gets {weakest_g:.3} g; the peak above is what the target has of it",
+                ""
+            );
         }
     }
     text
@@ -65,9 +75,15 @@ mod tests {
         assert!(of("power").power_mw < own.power_mw && of("power").contrast_db < own.contrast_db + 1e-9);
         assert!(of("one more").target_peak_g > 0.299);
         let text = text(&explanation);
-        for piece in
-            ["candidates", "pulse widths", "objective reach", "phases", "one more actuator like left", "<- chosen"]
-        {
+        for piece in [
+            "candidates",
+            "pulse widths",
+            "objective reach",
+            "weakest place of the surface",
+            "phases",
+            "one more actuator like left",
+            "<- chosen",
+        ] {
             assert!(text.contains(piece), "{piece} is not in {text}");
         }
     }

@@ -1,7 +1,8 @@
 //! `era press`: what a finger's press does to the gaps of actuators.
 
 use super::args::Press as Options;
-use super::panel::plan_table;
+use super::panel::{bound_text, plan_table};
+use super::told::tell;
 use super::{Outcome, print_json, print_text};
 use crate::planner::PlanTable;
 use crate::planner::press::{Pressed, Stop};
@@ -15,6 +16,7 @@ pub fn run(options: &Options) -> Outcome {
     }
     let table = plan_table(&options.panel, options.keep, &scene)?;
     if options.json {
+        missing(&table).iter().for_each(|line| tell!("{line}"));
         let actuators: Vec<_> = (0..table.pressed.len()).map(|i| view(&table, i)).collect();
         return print_json(&json!({ "force_n": scene.press_n, "actuators": actuators }));
     }
@@ -38,6 +40,22 @@ fn view(table: &PlanTable, i: usize) -> serde_json::Value {
     })
 }
 
+/// Why bounds are missing, and of whom.
+fn missing(table: &PlanTable) -> Vec<String> {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (i, actuator) in table.scene.actuators.iter().enumerate() {
+        let Some(reason) = table.press_bound(i).reason() else { continue };
+        match reasons.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, ids)) => ids.push(&actuator.id),
+            None => reasons.push((reason, vec![&actuator.id])),
+        }
+    }
+    let line = |(reason, ids): &(&str, Vec<&str>)| {
+        format!("No bound is known on the way alone of {}, because {reason}.", ids.join(" and "))
+    };
+    reasons.iter().map(line).collect()
+}
+
 fn text(table: &PlanTable) -> String {
     let mut text = format!(
         "{}: a press of {} N where it moves each mass furthest\n \
@@ -51,7 +69,7 @@ fn text(table: &PlanTable) -> String {
             Stop::Given => format!("stop, {:.0} um", stop_m * 1e6),
             Stop::Assumed => format!("no stop yet, {:.0} um", stop_m * 1e6),
         };
-        let bound = table.press_bound(i).value().map_or_else(|| "unknown".into(), |bound| format!("{bound:.0e}"));
+        let bound = bound_text(table.press_bound(i));
         let electrodes = &table.electrodes[i];
         let at = format!("{:.1}, {:.1}", at_m.0 * 1e3, at_m.1 * 1e3);
         let _ = writeln!(
@@ -63,6 +81,9 @@ fn text(table: &PlanTable) -> String {
             electrodes.gap_left_m(0.0) * 1e6,
             electrodes.holds_v(0.0).min(electrodes.max_voltage_v),
         );
+    }
+    for line in missing(table) {
+        let _ = writeln!(text, "{line}");
     }
     text.push_str("Alone: without voltage and stop. Sag: with the electrodes' pull at the highest voltages. Holds: the voltage safe from breakdown there.");
     text

@@ -62,7 +62,10 @@ pub fn maps(options: &Field) -> Outcome {
     let mut text = format!("{}, {}\n", scene.name, searched(&table, options));
     text.push_str(&line("strongest peak", "g", &strongest, &maps.strongest_hz));
     if let Some(bound) = maps.error_bound.iter().flatten().next().filter(|_| scene.finger.is_some()) {
-        let _ = write!(text, " (the least within {bound:.1e}, others without a bound)");
+        let _ = write!(
+            text,
+            " (the least within {bound:.1e}; no bound is known for others, because it is worked out for the weakest place only)"
+        );
     }
     if let Some(contrast) = contrast {
         let _ = write!(text, "\n{}", line("contrast of the quietest drive", "dB", &contrast, &maps.contrast_hz));

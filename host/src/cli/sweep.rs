@@ -2,7 +2,7 @@
 
 use super::args::Sweep as Options;
 use super::cost::Cost;
-use super::panel::{frequencies, need_actuators, tell_missing, tell_steps, warn_if_thick};
+use super::panel::{bound_text, frequencies, need_actuators, tell_missing, tell_steps, warn_if_thick};
 use super::progress::with_cost;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::model::{Bound, Bounded};
@@ -37,7 +37,11 @@ impl Stored for f64 {
 }
 
 pub fn run(options: &Options) -> Outcome {
-    if options.panel.climb()?.value() >= SINGLE_DOES { run_in::<f32>(options) } else { run_in::<f64>(options) }
+    if options.panel.accuracy_within(options.time)?.value() >= SINGLE_DOES {
+        run_in::<f32>(options)
+    } else {
+        run_in::<f64>(options)
+    }
 }
 
 fn run_in<T: Stored>(options: &Options) -> Outcome {
@@ -48,7 +52,7 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
         let from = options.band.from;
         return Err(Failure::usage(format!("--from {from} is not in the allowed range above 0 Hz")));
     }
-    let accuracy = options.panel.climb()?;
+    let accuracy = options.panel.accuracy_within(options.time)?;
     let (x_m, y_m) = scene.grid(options.grid);
     check_size(&scene, x_m.len() * y_m.len(), frequencies_hz.len())?;
     need_actuators(&scene)?;
@@ -91,7 +95,7 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
         frequencies_hz.len()
     );
     for ((actuator, extremes), bound) in scene.actuators.iter().zip(&extremes).zip(&found.bounds) {
-        let bound = bound.value().map_or_else(|| String::from("unknown"), |bound| format!("{bound:.0e}"));
+        let bound = bound_text(*bound);
         let ((x, y), (u, v)) = (place(extremes.most.point), place(extremes.least.point));
         let _ = write!(
             text,

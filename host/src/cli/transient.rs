@@ -21,7 +21,7 @@ pub fn run(options: &Transient) -> Outcome {
     warn_if_thick(&scene, highest_hz(&drives));
     let motion = with_progress("computing the motion", || switched_on(&scene, accuracy, at, &drives, grid))?;
     let elapsed_ms = started.elapsed().as_secs_f64() * 1e3;
-    tell!("error_bound is null: {NO_BOUND}");
+    tell!("no bound is known (error_bound is null) because {NO_BOUND}");
     let settled_s = motion.settled_s(&drives);
     if let Some(path) = &options.csv {
         let text = csv(&motion);

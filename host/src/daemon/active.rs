@@ -50,7 +50,7 @@ impl Active {
     /// at, and 1600 points at each touch would take the processor from the touches after it.
     #[must_use]
     pub fn field(&self, table: &PlanTable) -> &FieldView {
-        self.field.get_or_init(|| FieldView::new(table, Some(self.plan.plan()), self.id))
+        self.field.get_or_init(|| self.plan.field(table, self.id))
     }
 }
 

@@ -155,6 +155,7 @@ impl Admission {
             took_ms: None,
             status: None,
             answer: None,
+            acceleration_peak_g: None,
             problem: None,
         };
         if let Some(Outcome { at, result }) = &known.outcome {

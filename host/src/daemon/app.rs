@@ -1,7 +1,7 @@
 //! What a touch needs, and what it does.
 
 use super::access::Access;
-use super::active::{Held, Shown, Since, Touched, Update};
+use super::active::{Active, Held, Shown, Since, Touched, Update};
 use super::admission::Admission;
 use super::answers::scene::SceneView;
 use super::answers::touched::Achieved;
@@ -18,7 +18,7 @@ use super::thin::Thinned;
 use super::tolerances::Looks;
 use super::touch::{Manner, TouchRequest};
 use super::turns::{Turn, Turns, board};
-use super::view::TouchView;
+use super::view::{PlanView, TouchView};
 use crate::device::convert::to_wire;
 use crate::device::session::policy::{Needs, Policy};
 use crate::device::sim::SimControl;
@@ -73,7 +73,7 @@ pub struct App {
     pub studies: Studies,
     /// What tolerances do to plans.
     pub looks: Looks,
-    sim: Option<SimControl>,
+    pub(super) sim: Option<SimControl>,
     /// The last plan.
     pub(super) active: Mutex<Option<Shown>>,
     pub(super) turns: Turns,
@@ -354,16 +354,28 @@ impl App {
         let turn = self.turns.take(id, &prepared.motion, prepared.drives(&plan), board, release, is_stopped).await?;
         let first = (plan, prepared);
         let (part, (plan, prepared)) = tokio::task::block_in_place(|| self.fitted(&turn, first, &whole, thin, manner))?;
-        if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
-            sim.set_probe(self.table.model.shape_at(target.x_m, target.y_m));
-        }
+        self.put_sensor(id, &plan);
         let breaks = since.breaks.or_else(|| Some(self.breaks()));
         // Until it goes to the board: what that takes to answer is no wait.
         let delayed = turn.delayed();
-        let Begun { device, until, begun } = self.begun(&turn, since, &plan, &prepared).await?;
+        let begun = self.begun(&turn, since, &plan, &prepared).await;
+        if begun.is_err()
+            && let Some(active) = self.active()
+        {
+            // What was driven before goes on, and so does its measurement.
+            self.put_sensor(active.id, active.plan.plan());
+        }
+        let Begun { device, until, begun } = begun?;
         let device = device.delayed(delayed);
         drop(turn);
-        let active = self.shown(id, plan, touches, device.effect().cloned(), Thinned::by_credit(thin));
+        let active = match &prepared.kind {
+            Kind::Hold(_) => self.shown(id, plan, touches, Thinned::by_credit(thin)),
+            // What is told is what the effect does, and not the even motion that it was designed from.
+            Kind::Effect(design) => {
+                let plan = PlanView::played(plan, design);
+                Arc::new(Active::new(id, plan, touches.to_vec(), device.effect().cloned()))
+            }
+        };
         let is_shown = self.activate(&active, until, since.stops).inspect_err(|_| {
             // The stop came after the board's answer: what was entered since then is not driven.
             self.turns.end_of(id, Instant::now());

@@ -49,6 +49,14 @@ impl Asked {
     }
 }
 
+/// Refuses a finger that no plan can be made for.
+///
+/// # Errors
+/// [`Problem`] that names the field: a place outside the screen or in a cut-out, a peak that nothing can have.
+pub fn check_finger(touch: &TouchView, scene: &Scene) -> Result<(), Problem> {
+    target(touch, scene).map(drop)
+}
+
 fn target(touch: &TouchView, scene: &Scene) -> Result<Target, Problem> {
     let (x_m, y_m) = scene.place_px(touch.x_px, touch.y_px)?.xy_m();
     check_intensity(touch.intensity_g)?;

@@ -1,7 +1,6 @@
 //! The plan that is shown as the current one, and when it ends.
 
 use super::active::{Active, Shown, Update};
-use super::answers::touched::PlayedEffect;
 use super::app::App;
 use super::thin::Thinned;
 use super::view::{PlanView, TouchView};
@@ -24,18 +23,11 @@ impl App {
         active.clone()
     }
 
-    /// A plan as it is shown.
-    pub(super) fn shown(
-        &self,
-        id: u64,
-        plan: Plan,
-        touches: &[TouchView],
-        effect: Option<PlayedEffect>,
-        thinned: Option<Thinned>,
-    ) -> Arc<Active> {
+    /// An evenly driven plan as it is shown.
+    pub(super) fn shown(&self, id: u64, plan: Plan, touches: &[TouchView], thinned: Option<Thinned>) -> Arc<Active> {
         tokio::task::block_in_place(|| {
             let plan = PlanView::new(&self.table, plan).thinned(thinned);
-            Arc::new(Active::new(id, plan, touches.to_vec(), effect))
+            Arc::new(Active::new(id, plan, touches.to_vec(), None))
         })
     }
 

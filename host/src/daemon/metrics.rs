@@ -40,7 +40,13 @@ impl Metrics {
 
     /// All of it as text.
     #[must_use]
-    pub fn text(&self, device: &Snapshot, heard_ago: Option<Duration>, admission: &Admission) -> String {
+    pub fn text(
+        &self,
+        device: &Snapshot,
+        heard_ago: Option<Duration>,
+        admission: &Admission,
+        peak_g: Option<f64>,
+    ) -> String {
         let mut out = String::new();
         let mut metric = |name: &str, kind: &str, help: &str, value: &dyn std::fmt::Display| {
             // Writing to a String cannot fail.
@@ -73,6 +79,10 @@ impl Metrics {
         metric("era_link_frames_sent_total", "counter", "Frames sent to the device.", &device.link.frames_sent);
         metric("era_link_repeats_total", "counter", "Frames sent again for want of an answer.", &device.link.repeats);
         metric("era_link_bad_frames_total", "counter", "Broken frames received.", &device.link.bad_frames);
+        if let Some(peak_g) = peak_g {
+            let help = "Largest acceleration at the board's sensor since the newest touch began, in g.";
+            metric("era_acceleration_peak_g", "gauge", help, &peak_g);
+        }
         let trips = device.round_trips;
         for (name, help, time) in [
             ("era_link_round_trip_seconds", "Median of the last round trips.", trips.median),

@@ -16,6 +16,7 @@ use super::tolerances::{TolerancesRequest, TolerancesView};
 use super::touch::TouchRequest;
 use super::view::FieldView;
 use super::{access, assets, description, live};
+use crate::planner::STANDARD_GRAVITY;
 use axum::body::Bytes;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{DefaultBodyLimit, Path, State};
@@ -194,6 +195,7 @@ fn outcome(id: u64, answer: &Result<Value, Problem>) -> Value {
     match answer {
         Ok(answer) => json!({
             "id": id, "status": 200, "drives": answer["drives"], "predicted": answer["predicted"], "device": answer["device"],
+            "targets": answer["targets"], "limited_by": answer["limited_by"], "limits": answer["limits"],
         }),
         Err(problem) => json!({"id": id, "status": problem.status().as_u16(), "problem": problem}),
     }
@@ -208,7 +210,9 @@ fn outcome(id: u64, answer: &Result<Value, Problem>) -> Value {
 )]
 async fn request(State(app): State<Arc<App>>, key: Result<Path<String>, PathRejection>) -> Result<Response, Problem> {
     let Path(key) = key.map_err(|error| Problem::new(Kind::BadPath, error.body_text()))?;
-    Ok(Json(app.admission.told(&key)?).into_response())
+    let mut told = app.admission.told(&key)?;
+    told.acceleration_peak_g = app.touch_peak_g(told.id);
+    Ok(Json(told).into_response())
 }
 
 /// Arm, if need be, so that the next touch need not wait for the self-test
@@ -399,7 +403,8 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
     responses((status = 200, description = "The counters", body = String, content_type = "text/plain")),
 )]
 async fn metrics(State(app): State<Arc<App>>) -> Response {
-    let text = app.metrics.text(&app.known(), app.heard_ago(), &app.admission);
+    let peak_g = app.touch_peaks(1).first().map(|newest| newest.peak_m_per_s2 / STANDARD_GRAVITY);
+    let text = app.metrics.text(&app.known(), app.heard_ago(), &app.admission, peak_g);
     ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 

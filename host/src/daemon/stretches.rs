@@ -63,7 +63,7 @@ impl App {
                 stretch.trade = self.trade(client, id, asked, &asked.request.only(&stretch.span.targets), plan).await;
             }
         }
-        let active = self.shown(id, shown, &asked.touches, None, None);
+        let active = self.shown(id, shown, &asked.touches, None);
         Ok(Touched { active, device, stretches: Some(all), trade: None, is_shown: true })
     }
 }

@@ -143,7 +143,7 @@ impl App {
         (plan, prepared): (Plan, Prepared),
     ) -> Option<Held> {
         let id = held.active.id;
-        let shown = self.shown(id, plan.clone(), &held.active.touches, None, Thinned::by_credit(held.thin));
+        let shown = self.shown(id, plan.clone(), &held.active.touches, Thinned::by_credit(held.thin));
         // A finger may have been lifted meanwhile; from here to the new drives' end it is looked at again below.
         self.until(&held.active)?;
         match self.begun(&turn, held.since, &plan, &prepared).await {

@@ -1,7 +1,7 @@
 //! Fingers, plans and fields as JSON.
 
 use super::thin::Thinned;
-use crate::effects::NamedEffect;
+use crate::effects::{Design, NamedEffect};
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY, Times};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -34,6 +34,9 @@ pub struct PlanView {
     plan: Plan,
     /// When the first target vibrates under it, and when it has stopped.
     times: Times,
+    /// Of an effect: the plan of its even motion, and the part of that which the effect reaches; its map is as much of the even motion's.
+    #[serde(skip)]
+    even: Option<(Box<Plan>, f64)>,
     /// What part of its forces is driven, and why, where that is not all.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
@@ -44,7 +47,23 @@ impl PlanView {
     /// The view of `plan`, one of this table's.
     #[must_use]
     pub fn new(table: &PlanTable, plan: Plan) -> Self {
-        Self { times: table.times(&plan), plan, thinned: None }
+        Self { times: table.times(&plan), plan, even: None, thinned: None }
+    }
+
+    /// The view of `plan` while an effect designed for it is played: what is told is what the effect does.
+    #[must_use]
+    pub fn played(plan: Plan, design: &Design) -> Self {
+        let (told, part) = (design.plan_as_played(&plan), design.part_of_even(&plan));
+        Self { plan: told, times: design.times(), even: Some((Box::new(plan), part)), thinned: None }
+    }
+
+    /// Its field on the table's grid; of an effect that of the even motion, as strong at the target as the effect is.
+    #[must_use]
+    pub fn field(&self, table: &PlanTable, plan_id: u64) -> FieldView {
+        match &self.even {
+            Some((even, part)) => FieldView::of(table, Some(even), plan_id, *part),
+            None => FieldView::new(table, Some(&self.plan), plan_id),
+        }
     }
 
     /// The same, driven with less.
@@ -90,9 +109,15 @@ impl FieldView {
     /// The field of `plan` on the table's grid, null in cut-outs; zeros without one.
     #[must_use]
     pub fn new(table: &PlanTable, plan: Option<&Plan>, plan_id: u64) -> Self {
+        Self::of(table, plan, plan_id, 1.0)
+    }
+
+    /// The same times `part`.
+    fn of(table: &PlanTable, plan: Option<&Plan>, plan_id: u64, part: f64) -> Self {
         let grid = &table.grid;
+        let in_g = |peak: f64| round(part * peak / STANDARD_GRAVITY);
         let peak_g: Vec<Option<f64>> = match plan {
-            Some(plan) => table.field(plan).into_iter().map(|peak| Some(round(peak? / STANDARD_GRAVITY))).collect(),
+            Some(plan) => table.field(plan).into_iter().map(|peak| peak.map(in_g)).collect(),
             None => grid.there.iter().map(|there| there.then_some(0.0)).collect(),
         };
         Self {

@@ -152,11 +152,15 @@ impl Written {
             for (k, is_bounded) in is_bounded.iter().enumerate() {
                 let value = own.verified.as_ref().ok().and_then(|verified| verified.figures.values.get(k));
                 cells.push(value.map_or_else(|| "failed".into(), |value| shown(*value)));
-                cells.extend(is_bounded.then(|| bound(own, k).map_or_else(|| "unknown".into(), rounded_up)));
+                cells.extend(is_bounded.then(|| bound(own, k).map_or_else(|| "not known".into(), rounded_up)));
             }
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
         let _ = write!(text, "\n(computed anew with models for a tolerance of {:.0e}", finals.tolerance);
+        let is_missing = |k: usize| is_bounded[k] && all.iter().any(|(_, own)| bound(own, k).is_none());
+        if (0..study.figures.len()).any(is_missing) {
+            text.push_str("; no bound is known where none is told because that design's model gave none");
+        }
         let missed = |own: &Finalist| {
             own.verified.as_ref().is_ok_and(|found| found.is_met(&study.figures, finals.tolerance) != Some(true))
                 && study.figures.iter().any(Wanted::has_bound)

@@ -252,8 +252,8 @@ pub struct TelemetryReply {
     pub uptime_us: u64,
     /// The safety state.
     pub state: State,
-    /// Largest acceleration of the surface at the accelerometer in the last 50 ms, in 1/1000 m/s^2, where there is
-    /// one.
+    /// Largest acceleration of the surface at the accelerometer since telemetry was last asked for, and in the last 50 ms at least, in
+    /// 1/1000 m/s^2, where there is one.
     pub acceleration_peak_mm_per_s2: Option<u32>,
     /// Set-points of the rails in mV, one per channel.
     pub rail_millivolts: Vec<u32, MAX_CHANNELS>,

@@ -60,7 +60,10 @@ pub struct EffectPrediction {
     pub peak_most_g: f64,
     /// When the peak comes, in ms after the drives' first boundary, all beginning together.
     pub peak_at_ms: f64,
-    /// Largest acceleration after the end, relative to the peak.
+    /// Residual vibration: the largest acceleration after the end, relative to the peak.
+    pub residual: f64,
+    /// Deprecated, for one version: the same as `residual`. An actuator may be called `left`, too.
+    #[cfg_attr(feature = "schema", schema(deprecated))]
     pub left: f64,
     /// From here on it stays below a tenth of the peak, in ms; `null` if not within 300 ms of the end.
     pub quiet_ms: Option<f64>,
@@ -81,6 +84,10 @@ pub struct Design {
     pub limited_by: Option<String>,
     /// The same for programs; empty if nothing does.
     pub limits: Vec<Limitation>,
+    /// Peak at every target of the plan in g, in their order, as [`EffectPrediction::peak_g`] is that at the first.
+    pub peaks_g: Vec<f64>,
+    /// How long the drives are at it, in ms.
+    pub length_ms: f64,
     /// Bound of every actuator's travel in m, from rest.
     pub travel_m: Vec<f64>,
 }
@@ -162,6 +169,9 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
         add(&mut limits, Limitation::of(table, limit, actuator));
     }
     let predicted = predict(&parts, &effects, unbraked.as_deref());
+    let others_g = (1..plan.targets.len()).map(|target| peak_g(&parts, &effects, target));
+    let peaks_g = std::iter::once(predicted.peak_g).chain(others_g).collect();
+    let length_ms = 1e3 * longest_s(&parts, &effects);
     let falls_short = wanted.first().is_some_and(|wanted| predicted.peak_most_g * STANDARD_GRAVITY < REACHED * wanted);
     if limits.is_empty() && falls_short {
         limits = if plan.limits.is_empty() { vec![Limitation::TooShort] } else { plan.limits.clone() };
@@ -180,7 +190,7 @@ pub fn design(table: &PlanTable, rise: &RiseTimes, plan: &Plan, request: EffectR
         })
         .collect();
     let limited_by = limitation::text(&limits);
-    Ok(Design { effect: request.effect, drives, predicted, limited_by, limits, travel_m })
+    Ok(Design { effect: request.effect, drives, predicted, limited_by, limits, peaks_g, length_ms, travel_m })
 }
 
 /// What keeps a drive from more force, if it has all there is.
@@ -272,13 +282,27 @@ fn repeated(segments: &[Segment], count: u16, period_ms: u16, part: &Part) -> Ef
     effect
 }
 
+/// How long the drive that is at it for longest is, in s.
+fn longest_s(parts: &[Part], effects: &[Effect]) -> f64 {
+    parts.iter().zip(effects).map(|(part, effect)| length_s(effect, part.channel.period_s())).fold(0.0, f64::max)
+}
+
+/// Effects cut to what is new in them.
+fn cut(parts: &[Part], effects: &[Effect]) -> Vec<Cut> {
+    parts.iter().zip(effects).map(|(p, e)| Cut::new(e, p.channel.period_s(), PREDICTED_S)).collect()
+}
+
+/// Peak at a target in g, as the mean over how the drives' cycles may fall.
+fn peak_g(parts: &[Part], effects: &[Effect], target: usize) -> f64 {
+    let effects: Vec<Effect> = cut(parts, effects).iter().map(|cut| cut.effect.clone()).collect();
+    let alone = signals(parts, &effects, target, AFTER_S + QUIET_FOR_S);
+    combined(&alone, parts, |part| part.drive.force_n).mean / STANDARD_GRAVITY
+}
+
 #[expect(clippy::cast_precision_loss, reason = "sample numbers")]
 fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> EffectPrediction {
     // Times are told by the drive that is at it for longest.
-    let cut = |effects: &[Effect]| -> Vec<Cut> {
-        parts.iter().zip(effects).map(|(p, e)| Cut::new(e, p.channel.period_s(), PREDICTED_S)).collect()
-    };
-    let cuts = cut(effects);
+    let cuts = cut(parts, effects);
     let effects: Vec<Effect> = cuts.iter().map(|cut| cut.effect.clone()).collect();
     let effects = effects.as_slice();
     let force = |part: &Part| part.drive.force_n;
@@ -292,17 +316,19 @@ fn predict(parts: &[Part], effects: &[Effect], unbraked: Option<&[Effect]>) -> E
         sum
     };
     let motion = together(&alone);
-    let ends_s = parts.iter().zip(effects).map(|(p, e)| length_s(e, p.channel.period_s())).fold(0.0, f64::max);
+    let ends_s = longest_s(parts, effects);
     let peak_at = motion.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(i, _)| i);
     let ms = |i: usize| cuts.iter().map(|cut| cut.whole_s(i as f64 * STEP_S)).fold(0.0, f64::max) * 1e3;
-    let left = motion.iter().enumerate().filter(|(i, _)| *i as f64 * STEP_S >= ends_s).map(|(_, x)| x.abs());
+    let after = motion.iter().enumerate().filter(|(i, _)| *i as f64 * STEP_S >= ends_s).map(|(_, x)| x.abs());
+    let residual = if mean > 0.0 { after.fold(0.0, f64::max) / mean } else { 0.0 };
     let quiet = |motion: &[f64]| stays_below(motion, QUIET * mean, STEP_S).map(ms);
     EffectPrediction {
         peak_g: mean / STANDARD_GRAVITY,
         peak_least_g: if least.is_finite() { least / STANDARD_GRAVITY } else { 0.0 },
         peak_most_g: most / STANDARD_GRAVITY,
         peak_at_ms: ms(peak_at),
-        left: if mean > 0.0 { left.fold(0.0, f64::max) / mean } else { 0.0 },
+        residual,
+        left: residual,
         quiet_ms: quiet(&motion),
         quiet_unbraked_ms: unbraked
             .and_then(|effects| quiet(&together(&signals(parts, effects, 0, AFTER_S + QUIET_FOR_S)))),

@@ -12,6 +12,7 @@ pub mod intensity;
 pub mod motion;
 pub mod named;
 mod part;
+mod played;
 mod supply;
 mod travel;
 pub mod view;

@@ -15,6 +15,8 @@ use serde::Serialize;
 const TOLD: usize = 4;
 /// Pulse widths compared.
 const WIDTHS: [f64; 4] = [0.5, 2.0 / 3.0, 0.8, 0.9];
+/// Harmonics below this are rounding: a pulse width of 2/3 has no third one, and what is computed of it is -330 dB.
+pub const LEAST_HARMONICS_DB: f64 = -180.0;
 /// Places along each side at which one more actuator is tried.
 const PLACES: [f64; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
 
@@ -55,6 +57,9 @@ pub struct Alternative {
     pub power_mw: f64,
     /// What limits it.
     pub limited_by: Option<String>,
+    /// Of the objective reach: the least peak anywhere on the surface in g, which that objective makes as large as can be; the target's own
+    /// peak is none of its goals.
+    pub weakest_g: Option<f64>,
 }
 
 /// What a pulse width makes of the forces.
@@ -64,7 +69,8 @@ pub struct PulseWidth {
     pub pulse_width: f64,
     /// Fundamental's force over that of a full-width pulse at the same voltage.
     pub force: f64,
-    /// Mean square over the surface of all drives' odd harmonics over that of their fundamentals, in dB.
+    /// Mean square over the surface of all drives' odd harmonics up to 1 kHz over that of their fundamentals, in dB; `null` below
+    /// [`LEAST_HARMONICS_DB`]: there are none.
     pub harmonics_db: Option<f64>,
 }
 
@@ -115,6 +121,7 @@ impl PlanTable {
                 contrast_db: 0.0,
                 power_mw: 0.0,
                 limited_by: None,
+                weakest_g: None,
             }),
         };
         for objective in Objective::ALL.into_iter().filter(|objective| *objective != request.objective) {
@@ -192,7 +199,9 @@ impl PlanTable {
         PulseWidth {
             pulse_width,
             force: (std::f64::consts::FRAC_PI_2 * pulse_width).sin(),
-            harmonics_db: (harmonics > 0.0 && fundamental > 0.0).then(|| 10.0 * (harmonics / fundamental).log10()),
+            harmonics_db: (harmonics > 0.0 && fundamental > 0.0)
+                .then(|| 10.0 * (harmonics / fundamental).log10())
+                .filter(|db| *db >= LEAST_HARMONICS_DB),
         }
     }
 
@@ -206,6 +215,8 @@ impl PlanTable {
             contrast_db: plan.predicted.contrast_db,
             power_mw: plan.drives.iter().enumerate().map(power).sum::<f64>() * 1e3,
             limited_by: plan.limited_by.clone(),
+            weakest_g: (plan.objective == Objective::Reach)
+                .then(|| self.field(plan).into_iter().flatten().fold(f64::INFINITY, f64::min) / STANDARD_GRAVITY),
         }
     }
 

@@ -31,9 +31,10 @@ pub struct Report {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Times {
-    /// When it has 90 % of its steady peak and keeps it, in ms from switching on with rails that are up; `null` if never.
+    /// When it has 90 % of its steady peak and keeps it, in ms from switching on with rails that are up; `null` if never. Of an effect: when it
+    /// has its peak, in ms from the effect's start.
     pub reaches_90_ms: Option<f64>,
-    /// When it has decayed to 10 % after switching off, in ms; `null` if never.
+    /// When it has decayed to 10 % after switching off, in ms; `null` if never. Of an effect: from its end, and `null` if not within 300 ms.
     pub decays_to_10_ms: Option<f64>,
 }
 

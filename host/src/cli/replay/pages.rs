@@ -64,7 +64,8 @@ impl<'d> Pages<'d> {
     /// what was recorded after it goes on.
     pub fn say(&mut self, page: u64, message: &Value) {
         self.said += 1;
-        let text = message.to_string();
+        // One that is no JSON is kept as it came.
+        let text = message.as_str().map_or_else(|| message.to_string(), str::to_owned);
         if let Some(socket) = self.open.get_mut(&page)
             && socket.send(Message::text(text.clone())).is_ok()
         {

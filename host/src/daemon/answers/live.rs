@@ -30,6 +30,8 @@ pub enum Message {
 pub struct PlanMessage {
     /// The plan; null when the one that was told before is over, by its end or by a stop.
     plan: Option<PlanView>,
+    /// Its number, which is its request's; null without a plan.
+    plan_id: Option<u64>,
     /// Its field, where the page has asked for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
@@ -53,6 +55,7 @@ impl Message {
     pub fn plan(active: &Active, table: Option<&PlanTable>) -> Self {
         Self::Plan(Box::new(PlanMessage {
             plan: Some(active.plan.clone()),
+            plan_id: Some(active.id),
             field: table.map(|table| active.field(table).clone()),
             touches: active.touches.clone(),
             effect: active.effect.clone(),
@@ -62,7 +65,7 @@ impl Message {
     /// That no plan is driven any more.
     #[must_use]
     pub fn no_plan() -> Self {
-        Self::Plan(Box::new(PlanMessage { plan: None, field: None, touches: Vec::new(), effect: None }))
+        Self::Plan(Box::new(PlanMessage { plan: None, plan_id: None, field: None, touches: Vec::new(), effect: None }))
     }
 
     /// What is wrong.

@@ -6,12 +6,16 @@ use crate::daemon::app::App;
 use crate::daemon::view::{PlanView, TouchView};
 use crate::device::Snapshot;
 use crate::device::convert::from_wire;
+use crate::device::sim::TouchPeak;
 use crate::planner::STANDARD_GRAVITY;
 use era_shared::protocol::{ChannelStatus, StatusReply};
 use era_shared::safety::State;
 use serde::Serialize;
 use std::time::Duration;
 use utoipa::ToSchema;
+
+/// Touches whose peaks are told.
+const MOST_PEAKS: usize = 16;
 
 /// Device, plan, measurements and link as last seen.
 #[derive(Clone, Debug, Serialize, ToSchema)]
@@ -54,10 +58,26 @@ pub struct MeasuredView {
 struct TelemetryView {
     /// Since the board started, in ms.
     uptime_ms: u64,
-    /// Peak acceleration at the board's sensor in g; null without one.
+    /// Largest acceleration at the board's sensor in g since the newest touch began, kept until the next one begins, whoever reads it; of a board
+    /// that is not simulated as `acceleration_recent_g`. Null without a sensor.
     acceleration_peak_g: Option<f64>,
+    /// Largest acceleration at the board's sensor in g since the daemon last asked the board, some ten times a second; null without a sensor.
+    acceleration_recent_g: Option<f64>,
+    /// The same for each of the last 16 touches, the newest first: under its finger, until the next touch began. Empty for boards that are not
+    /// simulated.
+    touch_peaks: Vec<TouchPeakView>,
     /// One per channel.
     channels: Vec<ChannelView>,
+}
+
+/// What the sensor has shown under a touch.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = TouchPeak)]
+struct TouchPeakView {
+    /// The touch's number, which is its plan's.
+    plan_id: u64,
+    /// Largest acceleration in g from its beginning until the next touch began, or until now.
+    peak_g: f64,
 }
 
 /// What a channel does.
@@ -164,11 +184,15 @@ impl TelemetryView {
             }
         };
         let channels = |status: &StatusReply| status.channels.iter().enumerate().map(channel).collect();
+        let recent_g = telemetry.acceleration_peak_mm_per_s2.map(|peak| f64::from(peak) / 1e3 / STANDARD_GRAVITY);
+        let view =
+            |peak: &TouchPeak| TouchPeakView { plan_id: peak.plan_id, peak_g: peak.peak_m_per_s2 / STANDARD_GRAVITY };
+        let touch_peaks: Vec<TouchPeakView> = app.touch_peaks(MOST_PEAKS).iter().map(view).collect();
         Some(Self {
             uptime_ms: telemetry.uptime_us / 1000,
-            acceleration_peak_g: telemetry
-                .acceleration_peak_mm_per_s2
-                .map(|peak| f64::from(peak) / 1e3 / STANDARD_GRAVITY),
+            acceleration_peak_g: touch_peaks.first().map(|newest| newest.peak_g).or(recent_g),
+            acceleration_recent_g: recent_g,
+            touch_peaks,
             channels: device.status.as_ref().map(channels).unwrap_or_default(),
         })
     }

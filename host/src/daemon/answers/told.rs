@@ -28,6 +28,9 @@ pub struct Told {
     /// Its answer, as it was given.
     #[schema(value_type = Option<TouchedView>)]
     pub answer: Option<Value>,
+    /// Largest acceleration in g that the board's sensor has shown under it until the next touch began, or until now; null without a simulated
+    /// sensor, and before it is driven.
+    pub acceleration_peak_g: Option<f64>,
     /// What was wrong with it.
     pub problem: Option<Problem>,
 }

@@ -45,8 +45,8 @@ struct Step {
 #[derive(Debug, Default)]
 pub struct Fingers {
     steps: Mutex<VecDeque<Step>>,
-    /// Those that are down by the last message.
-    down: Mutex<Vec<i64>>,
+    /// Those that are down by the last message, and what they should feel like.
+    down: Mutex<(Vec<TouchView>, Feel)>,
     changed: Notify,
     gone: Mutex<bool>,
 }
@@ -60,8 +60,10 @@ impl Fingers {
         let mut dropped = None;
         let ids: Vec<i64> = touches.iter().map(|touch| touch.id).collect();
         let mut steps = self.steps();
-        let before = std::mem::replace(&mut *self.down.lock().unwrap_or_else(PoisonError::into_inner), ids.clone());
-        let mut came: Vec<i64> = ids.iter().filter(|id| !before.contains(id)).copied().collect();
+        let (before, _) =
+            std::mem::replace(&mut *self.down.lock().unwrap_or_else(PoisonError::into_inner), (touches.clone(), feel));
+        let was_down = |id: &&i64| before.iter().any(|touch| touch.id == **id);
+        let mut came: Vec<i64> = ids.iter().filter(|id| !was_down(id)).copied().collect();
         if touches.is_empty() {
             match steps.back_mut() {
                 Some(last) if !last.lifted => last.lifted = true,
@@ -86,6 +88,22 @@ impl Fingers {
         drop(steps);
         self.changed.notify_one();
         dropped.map_or(Ok(()), |_| Err(superseded()))
+    }
+
+    /// The fingers that are down by the last message.
+    pub fn ids_down(&self) -> Vec<i64> {
+        self.down.lock().unwrap_or_else(PoisonError::into_inner).0.iter().map(|touch| touch.id).collect()
+    }
+
+    /// All but these are lifted; those of them that are down stay as they were.
+    ///
+    /// # Errors
+    /// As [`Self::are`].
+    pub fn keep_only(&self, ids: &[i64], stops: u64) -> Result<(), Problem> {
+        let (mut touches, feel) = self.down.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let before = touches.len();
+        touches.retain(|touch| ids.contains(&touch.id));
+        if touches.len() == before { Ok(()) } else { self.are(touches, feel, stops) }
     }
 
     fn are_lifted(&self) {
@@ -160,10 +178,11 @@ pub async fn drive(app: Arc<App>, client: Client, fingers: Arc<Fingers>, replies
         hand.keep(&step.touches);
         if !step.touches.is_empty()
             && !hand.has_played(&step)
-            && let Err(problem) = hand.drive(&app, &fingers, step).await
+            && let Err(problem) = hand.drive(&app, &fingers, step.clone()).await
         {
             // The page reads nothing: it has missed older news than this.
             let _ = replies.try_send(error_message(&problem));
+            hand.end_lifted(&app, &step.touches);
         }
         if lifted {
             hand.lift(&app);
@@ -179,6 +198,8 @@ struct Hand {
     feel: Feel,
     /// The even drive, and since when its fingers are down.
     held: Option<(Instant, u64)>,
+    /// The fingers that it is for.
+    held_for: Vec<i64>,
     /// What it was driven for, if that goes on for as long as they are.
     still: Option<Step>,
     /// [`App::breaks`] when that began.
@@ -253,6 +274,7 @@ impl Hand {
         });
         match done {
             Ok(done) => {
+                self.held_for.clone_from(&ids);
                 (self.down, self.feel, self.still, self.breaks) = (ids, feel, again, breaks);
                 if !came.is_empty() {
                     self.came = Some(Instant::now());
@@ -268,6 +290,18 @@ impl Hand {
             // The page itself has asked for something newer.
             Err(problem) if problem.is("superseded") && fingers.is_replaced() => Ok(()),
             Err(problem) => Err(problem),
+        }
+    }
+
+    /// Ends the drive that is held if one of its fingers is not among these any more: what was to take its place has not, and a finger that is
+    /// lifted must not vibrate on.
+    fn end_lifted(&mut self, app: &App, touches: &[TouchView]) {
+        let is_down = |id: &i64| touches.iter().any(|touch| touch.id == *id);
+        if !self.held_for.iter().all(is_down) {
+            self.still = None;
+            if let Some((since, plan)) = self.held.take() {
+                app.release(plan, since + TAP);
+            }
         }
     }
 

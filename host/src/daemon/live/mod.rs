@@ -4,6 +4,7 @@
 //! heard, its stop first of all.
 
 mod fingers;
+mod said;
 mod writer;
 
 use super::access::Role;
@@ -11,7 +12,7 @@ use super::answers::live::Message as Told;
 use super::app::{App, SOCKETS};
 use super::client::Client;
 use super::problem::{Kind, Problem};
-use super::touch::Feel;
+use super::touch::{Feel, MAX_DURATION_MS};
 use super::view::TouchView;
 use crate::effects::NamedEffect;
 use crate::text_file::BYTE_ORDER_MARK;
@@ -169,6 +170,9 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
                     match message {
                         Message::Binary(bytes) => {
                             stop_if_said(&app, page, &bytes, &fingers, &replies);
+                            if page.role >= Role::Touch && let Ok(text) = std::str::from_utf8(&bytes) {
+                                lift_if_said(&app, &said::Message::from_text(text), &fingers);
+                            }
                             let problem = Problem::body("a message must be text, of JSON, and this one is binary".into());
                             let _ = replies.try_send(error_message(&problem));
                         }
@@ -219,43 +223,67 @@ fn take(app: &Arc<App>, page: Page, text: &str, fingers: &Fingers, replies: &mps
     }
     if text.len() > MAX_MESSAGE {
         stop_if_said(app, page, text.as_bytes(), fingers, replies);
+        lift_if_said(app, &said::Message::from_text(text), fingers);
         return Some(Problem::body(format!("the message has {} bytes, and may have {MAX_MESSAGE}", text.len())));
     }
-    let number = page.number;
-    let wanted = r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"#;
-    match super::body::from_json(text.as_bytes(), wanted) {
-        Ok(Incoming {
-            kind: Said::Touch,
-            touches: Some(touches),
-            intensity_g,
-            intensity_db,
-            duration_ms,
-            effect,
-            count,
-            period_ms,
-        }) => {
-            if let Some(problem) = same_ids(&touches) {
-                return Some(problem);
-            }
-            let effect = effect.or_else(|| touches.iter().find_map(|touch| touch.effect));
-            app.note(
-                "fingers",
-                || json!({"socket": number, "message": serde_json::from_str::<Value>(text).unwrap_or_default()}),
-            );
-            let feel = Feel { intensity_g, intensity_db, duration_ms, effect, count, period_ms };
-            fingers.are(touches, feel, app.stops()).err()
+    let message = said::Message::from_text(text);
+    match &message.rest {
+        Ok(Incoming { kind: Said::Touch, touches: Some(_), .. }) => {
+            take_fingers(app, page, text, &message, fingers, replies)
         }
-        Ok(Incoming { kind: Said::Touch, touches: None, .. }) => {
-            Some(Problem::body(format!("touches is missing; expected {wanted}")).about("touches".into()))
-        }
+        Ok(Incoming { kind: Said::Touch, touches: None, .. }) => Some(said::Message::lacks_fingers()),
         Ok(Incoming { kind: Said::Stop, .. }) => {
             stop(app, page, fingers, replies);
-            None
+            let has_more = message.count_fingers().is_some_and(|count| count > 0);
+            has_more.then(|| {
+                Problem::body("a stop has no fingers: touches is for the type touch".into()).about("touches".into())
+            })
         }
         Err(problem) => {
             stop_if_said(app, page, text.as_bytes(), fingers, replies);
-            Some(problem)
+            lift_if_said(app, &message, fingers);
+            Some(problem.clone())
         }
+    }
+}
+
+/// Has the fingers of a message driven; each one that is wrong is told, and takes nothing from the others. What is wrong with the whole is given
+/// back; of the fingers only those that are lifted count then.
+fn take_fingers(
+    app: &Arc<App>,
+    page: Page,
+    text: &str,
+    message: &said::Message,
+    fingers: &Fingers,
+    replies: &mpsc::Sender<Value>,
+) -> Option<Problem> {
+    let Ok(Incoming { intensity_g, intensity_db, duration_ms, effect, count, period_ms, .. }) = &message.rest else {
+        return None;
+    };
+    app.note("fingers", || {
+        // What is no JSON is kept as it came.
+        let message = serde_json::from_str::<Value>(text).unwrap_or_else(|_| text.into());
+        json!({"socket": page.number, "message": message})
+    });
+    let said::Read { fingers: down, problems } = message.read_fingers(&app.table.scene, &fingers.ids_down());
+    for problem in &problems {
+        let _ = replies.try_send(error_message(problem));
+    }
+    let effect = effect.or_else(|| down.iter().find_map(|touch| touch.effect));
+    let (intensity_g, intensity_db, duration_ms) = (*intensity_g, *intensity_db, *duration_ms);
+    let feel = Feel { intensity_g, intensity_db, duration_ms, effect, count: *count, period_ms: *period_ms };
+    if let Err(problem) = feel.check(MAX_DURATION_MS) {
+        let ids: Vec<i64> = down.iter().map(|touch| touch.id).collect();
+        let _ = fingers.keep_only(&ids, app.stops());
+        return Some(problem);
+    }
+    fingers.are(down, feel, app.stops()).err()
+}
+
+/// The fingers that a message which cannot be used leaves out are lifted all the same, if it is about fingers at all.
+fn lift_if_said(app: &Arc<App>, message: &said::Message, fingers: &Fingers) {
+    if message.is_touch && message.count_fingers().is_some() {
+        let _ = fingers.keep_only(&message.ids(), app.stops());
     }
 }
 
@@ -291,17 +319,6 @@ fn stop_if_said(app: &Arc<App>, page: Page, message: &[u8], fingers: &Fingers, r
     if page.role >= Role::Touch && serde_json::from_slice::<AnyStop>(message).is_ok() {
         stop(app, page, fingers, replies);
     }
-}
-
-/// That two fingers have the same number: nobody could say then which of them was lifted.
-fn same_ids(touches: &[TouchView]) -> Option<Problem> {
-    let (t, id) = touches.iter().enumerate().find_map(|(t, touch)| {
-        let is_known = touches.iter().take(t).any(|before| before.id == touch.id);
-        is_known.then_some((t, touch.id))
-    })?;
-    let detail = format!("touches[{t}].id is {id}, as that of a finger before it, but must be another one");
-    let allowed = "numbers that differ".into();
-    Some(Problem::new(Kind::OutOfRange, detail).at(&format!("touches[{t}].id"), id.into(), allowed, None).finger(id))
 }
 
 fn error_message(problem: &Problem) -> Value {

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 /// limit the peak under square-edged forces would mean nothing: a plate's acceleration under a step of force is an
 /// impulse.
 pub const BANDWIDTH_HZ: f64 = 1000.0;
-/// Time over which the peak is held: longer than a period at 20 Hz, shorter than a person notices.
+/// Time over which the peak is held at least, however often it is read: longer than a period at 20 Hz, shorter than a person notices.
 const HOLD_S: f64 = 0.05;
 
 /// One second-order section of a Butterworth low-pass (bilinear transform, direct form 2 transposed).
@@ -41,6 +41,10 @@ pub struct Accelerometer {
     sections: [Section; 2],
     held: VecDeque<f64>,
     hold_length: usize,
+    /// Largest magnitude since the peak was last taken.
+    unread: f64,
+    /// Largest magnitude since the sensor was put where it is.
+    here: f64,
     record: Option<Vec<f64>>,
 }
 
@@ -58,8 +62,17 @@ impl Accelerometer {
             ],
             held: VecDeque::new(),
             hold_length: ((HOLD_S / step_s) as usize).max(1),
+            unread: 0.0,
+            here: 0.0,
             record: None,
         }
+    }
+
+    /// Forgets all that was measured, as the sensor has been put elsewhere. The record goes on.
+    pub fn begin_anew(&mut self) {
+        self.sections.iter_mut().for_each(|section| section.state = [0.0; 2]);
+        self.held.clear();
+        (self.unread, self.here) = (0.0, 0.0);
     }
 
     /// Keeps every sample from now on.
@@ -80,6 +93,8 @@ impl Accelerometer {
             self.held.pop_front();
         }
         self.held.push_back(filtered.abs());
+        self.unread = self.unread.max(filtered.abs());
+        self.here = self.here.max(filtered.abs());
         if let Some(record) = &mut self.record {
             record.push(filtered);
         }
@@ -89,6 +104,20 @@ impl Accelerometer {
     #[must_use]
     pub fn peak_m_per_s2(&self) -> f64 {
         self.held.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+impl Accelerometer {
+    /// Largest magnitude in m/s^2 since this was last asked, and in the last 50 ms at least: who asks again and again misses nothing, and an
+    /// answer that is lost does not lose a peak that has just been.
+    pub fn take_peak_m_per_s2(&mut self) -> f64 {
+        std::mem::take(&mut self.unread).max(self.peak_m_per_s2())
+    }
+
+    /// Largest magnitude in m/s^2 since the sensor was put where it is; reading it changes nothing.
+    #[must_use]
+    pub const fn peak_here_m_per_s2(&self) -> f64 {
+        self.here
     }
 }
 
@@ -108,6 +137,25 @@ pub fn attenuation(frequency_hz: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Whoever reads it a second later has the peak of 2 ms, once; elsewhere it has not been.
+    #[test]
+    fn a_short_peak_is_held_until_it_is_read() {
+        let mut sensor = Accelerometer::new(1e-4);
+        let mut rest = |sensor: &mut Accelerometer, steps: u32| (0..steps).for_each(|_| sensor.sample(0.0));
+        (0..20).for_each(|_| sensor.sample(3.0));
+        rest(&mut sensor, 10_000);
+        assert_eq!(sensor.peak_m_per_s2(), 0.0);
+        let peak = sensor.take_peak_m_per_s2();
+        assert!((3.0..3.5).contains(&peak), "{peak}");
+        assert_eq!((sensor.take_peak_m_per_s2(), sensor.peak_here_m_per_s2()), (0.0, peak));
+        // An answer that is lost at once is given again.
+        (0..20).for_each(|_| sensor.sample(3.0));
+        assert_eq!([sensor.take_peak_m_per_s2(), sensor.take_peak_m_per_s2()], [peak; 2]);
+        sensor.begin_anew();
+        rest(&mut sensor, 1);
+        assert_eq!((sensor.take_peak_m_per_s2(), sensor.peak_here_m_per_s2()), (0.0, 0.0));
+    }
 
     #[test]
     fn digital_and_analogue_low_pass_agree() {

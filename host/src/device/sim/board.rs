@@ -295,7 +295,7 @@ impl Board for SimBoard {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     fn acceleration_peak_mm_per_s2(&mut self) -> Option<u32> {
         self.advance();
-        Some((self.panel.accelerometer.peak_m_per_s2() * 1e3).round() as u32)
+        Some((self.panel.accelerometer.take_peak_m_per_s2() * 1e3).round() as u32)
     }
 
     fn take_log(&mut self, _out: &mut [u8]) -> usize {

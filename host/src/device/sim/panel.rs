@@ -136,11 +136,13 @@ impl Panel {
         self.step_s
     }
 
-    /// Puts the accelerometer where the mode shapes have the values `shape` (one per coordinate of the system).
+    /// Puts the accelerometer where the mode shapes have the values `shape` (one per coordinate of the system); what it has measured elsewhere is
+    /// forgotten.
     pub fn set_probe(&mut self, shape: &DVector<f64>) {
         self.probe =
             DVector::from_iterator(self.kept.len(), self.kept.iter().map(|i| shape.get(*i).copied().unwrap_or(0.0)));
         self.probe_velocity = self.velocity_at_probe();
+        self.accelerometer.begin_anew();
     }
 
     /// Time in s, a multiple of 0.1 s or so, after which a free motion from the coordinates `displacement` and their rates

@@ -3,6 +3,7 @@
 use super::board::{Clock, Defects, Mistakes, SimBoard};
 use super::heard::{Frames, SetFrame};
 use super::panel::Panel;
+use super::peaks::{TouchPeak, TouchPeaks};
 use crate::device::priority;
 use era_shared::board::Board;
 use era_shared::device::{Device, Port};
@@ -62,7 +63,9 @@ const DEADMAN_DEFAULT: Duration = Duration::from_millis(DEADMAN_DEFAULT_MS as u6
 struct Wishes {
     knobs: Knobs,
     restart: bool,
-    probe: Option<DVector<f64>>,
+    /// Where the accelerometer is to be, for which touch.
+    probe: Option<(u64, DVector<f64>)>,
+    peaks: TouchPeaks,
     drives_received: Option<Instant>,
     stop_received: Option<Instant>,
     frames: Frames,
@@ -85,9 +88,22 @@ impl SimControl {
         self.lock().restart = true;
     }
 
-    /// Puts the accelerometer where the mode shapes have these values.
-    pub fn set_probe(&self, shape: DVector<f64>) {
-        self.lock().probe = Some(shape);
+    /// Puts the accelerometer where the mode shapes have these values, under the finger of touch `plan_id`: what it shows from then on is that
+    /// touch's, until another one's place is set.
+    pub fn set_probe(&self, plan_id: u64, shape: DVector<f64>) {
+        self.lock().probe = Some((plan_id, shape));
+    }
+
+    /// What the accelerometer has shown under each of the last `most` touches, the newest first. Reading it changes nothing.
+    #[must_use]
+    pub fn touch_peaks(&self, most: usize) -> Vec<TouchPeak> {
+        self.lock().peaks.newest_first(most)
+    }
+
+    /// The same of one of the last 256 touches.
+    #[must_use]
+    pub fn touch_peak(&self, plan_id: u64) -> Option<TouchPeak> {
+        self.lock().peaks.find_peak(plan_id)
     }
 
     /// When the last byte of the last frame that set drives was received.
@@ -252,7 +268,11 @@ impl Loop {
                 if wishes.quit {
                     return;
                 }
-                if let Some(shape) = wishes.probe.take() {
+                if let Some((plan_id, shape)) = wishes.probe.take() {
+                    // What has been until now is of the touch before.
+                    self.board.advance();
+                    wishes.peaks.note_peak(self.board.panel_mut().accelerometer.peak_here_m_per_s2());
+                    wishes.peaks.begin_touch(plan_id);
                     self.board.panel_mut().set_probe(&shape);
                 }
                 let restart = std::mem::take(&mut wishes.restart);
@@ -361,7 +381,10 @@ impl Loop {
             energised,
             silence: self.watch.silence,
         };
-        self.control.lock().watch = self.watch;
+        let here_m_per_s2 = panel.accelerometer.peak_here_m_per_s2();
+        let mut wishes = self.control.lock();
+        wishes.watch = self.watch;
+        wishes.peaks.note_peak(here_m_per_s2);
     }
 
     /// The same panel under a board that has just started.

@@ -160,7 +160,7 @@ fn limits(study: &Study, table: &Table, own: &Finalist) -> String {
 pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
     let mut html = format!(
         "<p>All designs were looked at {}; the scene itself and the best were computed anew with models made for a relative \
-         tolerance of {:.0e}. The last column bounds the relative error that the model makes in the strongest peak at the weakest place, in modes' frequencies and in sags; for others it is not known.</p>\n\
+         tolerance of {:.0e}. The last column bounds the relative error that the model makes in the strongest peak at the weakest place, in modes' frequencies and in sags; for others no bound is known, because none is worked out.</p>\n\
          <table>\n<tr><th>design</th><th>figure</th><th>at first</th><th>computed anew</th><th>difference</th><th>error at most</th></tr>\n",
         if study.spec.method.thorough { "thoroughly" } else { "quickly" },
         finals.tolerance
@@ -180,7 +180,7 @@ pub(super) fn doubts(study: &Study, table: &Table, finals: &Finals) -> String {
             };
             let bound = match verified.bounds.get(k).copied().flatten() {
                 Some(bound) => rounded_up(bound),
-                None => "unknown".into(),
+                None => "not known".into(),
             };
             let _ = writeln!(
                 html,

@@ -1,0 +1,80 @@
+//! The largest acceleration under each touch. The sensor is put under the finger when a touch begins; what it shows from then until the next one
+//! begins is that touch's, however often and by whomever it is read.
+
+use std::collections::VecDeque;
+
+/// Touches whose peaks are kept: as many as the daemon keeps answers of.
+const MOST_KEPT: usize = 256;
+
+/// What the sensor has shown under one touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TouchPeak {
+    /// The touch's number, which is its plan's.
+    pub plan_id: u64,
+    /// Largest magnitude in m/s^2 from its beginning until the next touch began, or until now.
+    pub peak_m_per_s2: f64,
+}
+
+/// The last touches' peaks, in the order in which they began.
+#[derive(Debug, Default)]
+pub struct TouchPeaks {
+    kept: VecDeque<TouchPeak>,
+}
+
+impl TouchPeaks {
+    /// What is noted from here on is of this touch; one that has been there before goes on.
+    pub fn begin_touch(&mut self, plan_id: u64) {
+        let known = self.kept.iter().position(|peak| peak.plan_id == plan_id).and_then(|place| self.kept.remove(place));
+        self.kept.push_back(known.unwrap_or(TouchPeak { plan_id, peak_m_per_s2: 0.0 }));
+        if self.kept.len() > MOST_KEPT {
+            self.kept.pop_front();
+        }
+    }
+
+    /// The touch that began last has reached this.
+    pub fn note_peak(&mut self, peak_m_per_s2: f64) {
+        if let Some(newest) = self.kept.back_mut() {
+            newest.peak_m_per_s2 = newest.peak_m_per_s2.max(peak_m_per_s2);
+        }
+    }
+
+    /// The last `most` of them, the newest first.
+    #[must_use]
+    pub fn newest_first(&self, most: usize) -> Vec<TouchPeak> {
+        self.kept.iter().rev().take(most).copied().collect()
+    }
+
+    /// That of one touch; `None` if it never began, or is not kept any more.
+    #[must_use]
+    pub fn find_peak(&self, plan_id: u64) -> Option<TouchPeak> {
+        self.kept.iter().find(|peak| peak.plan_id == plan_id).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_touch_keeps_its_own_peak() {
+        let mut peaks = TouchPeaks::default();
+        peaks.note_peak(9.0);
+        assert_eq!(peaks.newest_first(5), [], "of no touch");
+        peaks.begin_touch(1);
+        peaks.note_peak(3.0);
+        peaks.note_peak(2.0);
+        peaks.begin_touch(2);
+        peaks.note_peak(1.0);
+        let of = |peaks: &TouchPeaks, id| peaks.find_peak(id).map(|peak| peak.peak_m_per_s2);
+        assert_eq!((of(&peaks, 1), of(&peaks, 2), of(&peaks, 3)), (Some(3.0), Some(1.0), None));
+        // A touch of several stretches, or one whose successor was refused, goes on.
+        peaks.begin_touch(1);
+        peaks.note_peak(2.5);
+        assert_eq!(of(&peaks, 1), Some(3.0));
+        assert_eq!(peaks.newest_first(1)[0].plan_id, 1);
+        for id in 10..1000 {
+            peaks.begin_touch(id);
+        }
+        assert_eq!((peaks.newest_first(usize::MAX).len(), of(&peaks, 1)), (MOST_KEPT, None));
+    }
+}
