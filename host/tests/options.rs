@@ -3,11 +3,12 @@
 //! All of it is asked of the program, a process for each question: the commands, their options, and what becomes of each option.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, OnceLock};
 
 /// A port on which nobody listens: what asks a daemon fails there at once, after its options have been taken.
 const NOBODY: &str = "http://127.0.0.1:9";
@@ -73,8 +74,8 @@ fn all_commands(folder: &Path) -> BTreeMap<String, BTreeMap<String, bool>> {
 /// What a command wants in any case, so that it runs, quickly and without doing anything to this machine.
 fn base(command: &str) -> Vec<String> {
     words(match command {
-        // An address that is nobody's here: it ends when it is to listen.
-        "serve" => "--scene bar.toml --accuracy fast --listen 203.0.113.7:1",
+        // Where somebody else listens: it ends when it is to listen, too.
+        "serve" => "--scene bar.toml --accuracy fast --listen TAKEN",
         "touch" => "960 640 --url NOBODY",
         "stop" | "clear" | "arm" | "state" => "--url NOBODY",
         "replay" => "day.jsonl --url NOBODY",
@@ -115,7 +116,7 @@ fn value(command: &str, option: &str) -> &'static str {
         (_, "--within") => "50ms",
         (_, "--log-format") => "json",
         (_, "--config") => "era.toml",
-        (_, "--listen") => "203.0.113.7:1",
+        (_, "--listen") => "TAKEN",
         (_, "--socket") => "none",
         (_, "--token-file") => "token",
         (_, "--tls-cert") => "cert.pem",
@@ -161,7 +162,7 @@ fn value(command: &str, option: &str) -> &'static str {
         (_, "--shard") => "1/2",
         (_, "--port") => "/dev/nothing",
         (_, "--elf") => "image.elf",
-        (_, "--only") => "unit",
+        (_, "--only") => "service",
         (_, "--program") => "/usr/bin/era",
         (_, "--group") => "dialout",
         (_, "--root") => "root",
@@ -207,7 +208,14 @@ fn call(command: &str, option: &str, takes_value: bool) -> Vec<String> {
     drop_option(&mut all, option, takes_value);
     all.push(option.to_owned());
     all.extend(takes_value.then(|| value(command, option).to_owned()));
-    all.iter().map(|word| word.replace("NOBODY", NOBODY)).collect()
+    filled(&all)
+}
+
+/// The words with the places that are known when the test runs only.
+fn filled(words: &[String]) -> Vec<String> {
+    static TAKEN: OnceLock<TcpListener> = OnceLock::new();
+    let taken = TAKEN.get_or_init(|| TcpListener::bind("127.0.0.1:0").unwrap()).local_addr().unwrap().to_string();
+    words.iter().map(|word| word.replace("NOBODY", NOBODY).replace("TAKEN", &taken)).collect()
 }
 
 fn drop_option(all: &mut Vec<String>, option: &str, takes_value: bool) {
@@ -291,8 +299,7 @@ fn options_of_other_commands_are_refused() {
         .collect();
     assert!(calls.len() > 500, "{}", calls.len());
     each(&calls, |(command, option)| {
-        let base = base(command).iter().map(|word| word.replace("NOBODY", NOBODY)).collect();
-        let output = era(&path, &[words(command), vec![(*option).clone()], base].concat());
+        let output = era(&path, &[words(command), vec![(*option).clone()], filled(&base(command))].concat());
         let told = told(&output);
         let is_refused =
             output.status.code() == Some(2) && told.contains("unexpected argument") && told.contains(option.as_str());

@@ -34,7 +34,7 @@ const WRONG: [Wrong; 27] = {
         wrong(r#"{"id": 2, "x_px": 500, "y_px": -Infinity}"#, "touches[1].y_px", "bad-body", true),
         wrong(r#"{"id": 2, "x_px": null, "y_px": 500}"#, "touches[1].x_px", "bad-body", true),
         wrong(r#"{"id": 2, "x_px": "500", "y_px": 500}"#, "touches[1].x_px", "bad-body", true),
-        wrong(r#"{"id": 2, "x_px": [5], "y_px": 500}"#, "touches[1].x_px", "bad-body", true),
+        wrong(r#"{"id": 2, "x_px": [5], "y_px": 500}"#, "touches[1].x_px[0]", "bad-body", true),
         wrong(r#"{"id": 2, "x_px": true, "y_px": 500}"#, "touches[1].x_px", "bad-body", true),
         // Keys that are missing, unknown or there twice.
         wrong(r#"{"id": 2, "y_px": 500}"#, "touches[1].x_px", "bad-body", true),
@@ -227,8 +227,14 @@ fn lifts_of_a_message_that_is_wrong_count() {
         while ids(&next_of(&mut socket, "plan")) != [1, 2] {}
         let text = format!(r#"{{"type": "touch", "touches": {one}, {rest}}}"#);
         socket.send(if is_binary { Message::binary(text) } else { Message::text(text) }).unwrap();
-        next_of(&mut socket, "error");
-        assert_eq!(ids(&next_of(&mut socket, "plan")), [1], "{what}");
+        // In any order: the error is no news of what is driven.
+        let (mut told, mut left) = (false, false);
+        while !(told && left) {
+            let Message::Text(text) = socket.read().unwrap() else { continue };
+            let message: Value = serde_json::from_str(&text).unwrap();
+            told |= message["type"] == "error";
+            left |= message["plan"].is_object() && ids(&message) == [1];
+        }
         say(&mut socket, &json!({"type": "touch", "touches": []}));
         daemon.wait_for(|state| state["plan"].is_null());
     }
