@@ -128,7 +128,7 @@ fn value(command: &str, option: &str) -> &'static str {
         (_, "--record") => "records/",
         (_, "--idle-s") => "5",
         (_, "--after-outage") => "touch",
-        (_, "--url") => NOBODY,
+        (_, "--url" | "--proxy") => NOBODY,
         (_, "--intensity-g") => "0.1",
         (_, "--intensity-db") => "10",
         (_, "--duration-ms") => "100",
