@@ -266,9 +266,15 @@ export class Readout {
   addToHistory(measured) {
     const now = performance.now();
     const { history } = this;
-    if (history.length && now - history.at(-1).now < HISTORY_STEP_MS) return;
     const predicted = this.state === "running" && this.plan && !this.preview ? this.plan.predicted.target_peak_g : 0;
-    history.push({ now, measured: Number.isFinite(measured) ? measured : 0, predicted });
+    const seen = Number.isFinite(measured) ? measured : 0;
+    const last = history.at(-1);
+    if (last && now - last.now < HISTORY_STEP_MS) {
+      // A peak that comes between two steps of the curve is in it all the same.
+      Object.assign(last, { measured: Math.max(last.measured, seen), predicted: Math.max(last.predicted, predicted) });
+    } else {
+      history.push({ now, measured: seen, predicted });
+    }
     while (now - history[0].now > HISTORY_MS) history.shift();
     const most = Math.max(...history.map((entry) => Math.max(entry.measured, entry.predicted)));
     const top = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20].find((value) => value >= most) ?? most;
