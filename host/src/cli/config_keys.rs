@@ -329,7 +329,7 @@ mod tests {
     use super::*;
     use clap::CommandFactory;
 
-    /// Options of `serve` that are no keys: the file itself, what `serve` refuses, and those of every command.
+    /// Options of `serve` that are no keys: the file itself, and those of every command.
     const NO_KEYS: [&str; 5] = ["config", "verbose", "log_format", "help", "version"];
 
     #[test]
