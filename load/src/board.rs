@@ -134,7 +134,7 @@ impl Bench {
 fn device() -> Result<SimDevice, Error> {
     let table = table()?;
     let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
-    Ok(SimDevice::start_named(Panel::of(&table), volts, SimBoard::ID)?)
+    SimDevice::start_named(Panel::of(&table), volts, SimBoard::ID).map_err(Error::system("no pseudo-terminal"))
 }
 
 /// What is planned with for the example plate.

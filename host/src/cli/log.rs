@@ -1,6 +1,7 @@
 //! The log: what of it is written to standard error, and how.
 
 use super::progress;
+use super::standard_error::Later;
 use super::told::LogFormat;
 use std::io::IsTerminal;
 use tracing_subscriber::Layer;
@@ -19,7 +20,7 @@ pub fn start(verbose: u8, format: LogFormat) {
     // Colours for people; a file, a pipe and whoever sets NO_COLOR (https://no-color.org) get plain text.
     let is_coloured =
         std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    let layer = || tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false);
+    let layer = || tracing_subscriber::fmt::layer().with_writer(|| Later).with_target(false);
     let log = match format {
         LogFormat::Text => layer().with_ansi(is_coloured).boxed(),
         LogFormat::Json => {

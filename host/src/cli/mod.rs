@@ -34,6 +34,8 @@ mod progress_of;
 mod reach;
 mod replay;
 mod serve;
+mod signals;
+mod standard_error;
 mod study;
 mod sweep;
 mod token;
@@ -108,7 +110,7 @@ pub fn main() -> ExitCode {
     }));
     // A panic is a defect, but never a status that scripts do not know, nor a page of frames for the user.
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(arguments, started)));
-    match outcome.unwrap_or(Err(Failure::Defect)) {
+    let code = match outcome.unwrap_or(Err(Failure::Defect)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => {
             told::tell_error(&message);
@@ -120,7 +122,9 @@ pub fn main() -> ExitCode {
         }
         // The hook has said what.
         Err(Failure::Defect) => ExitCode::FAILURE,
-    }
+    };
+    standard_error::await_written();
+    code
 }
 
 /// Ends the program as its arguments cannot be read, or ask for help.

@@ -1,6 +1,9 @@
 //! How far a study is, with the time that is left, and stopping it.
 
 use super::cost::words;
+use super::serve::shutdown;
+use super::signals::EndSignals;
+use super::standard_error;
 use super::told::{self, tell};
 use crate::design::run::Observer;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -113,10 +116,11 @@ pub fn stop_on_signals() -> Arc<AtomicBool> {
     let flag = Arc::clone(&stops);
     let wait = move || {
         let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
-        runtime.block_on(super::serve::shutdown());
+        runtime.block_on(async { shutdown(EndSignals::listen()).await });
         flag.store(true, Ordering::Relaxed);
         tell!("stopping when the chunks that have begun are done; once more ends at once, which loses these only");
-        runtime.block_on(super::serve::shutdown());
+        runtime.block_on(async { shutdown(EndSignals::listen()).await });
+        standard_error::await_written();
         std::process::exit(1);
     };
     if let Err(error) = std::thread::Builder::new().name("signals".into()).spawn(wait) {

@@ -2,6 +2,7 @@
 
 use super::args::{AfterOutage, Serve};
 use super::panel::prepared_table;
+use super::signals::{EndSignals, suspend_after};
 use super::{Failure, Outcome, notify};
 use crate::connection::HostPort;
 use crate::daemon::listener::{ListenError, TlsFiles, first_certificate, lacking};
@@ -14,7 +15,7 @@ use crate::planner::{Plan, PlanTable, Target as TouchTarget};
 use crate::private_file;
 use std::io::ErrorKind;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 
@@ -65,6 +66,11 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         );
     }
     let target = options.device.clone().unwrap_or(Target::Sim);
+    // From before there is a session on.
+    let signals = {
+        let _runtime = runtime.enter();
+        EndSignals::listen()
+    };
     // A board that is not there yet is waited for.
     let device = match OpenDevice::absent(&target) {
         Some(device) => device,
@@ -100,7 +106,9 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     warm_up(&app);
     let watched = Arc::clone(&app);
     notify::ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || watched.is_alive());
-    match runtime.block_on(serve_while_alive(app, listeners, notify::stopping_after(shutdown()))) {
+    let stopped = Arc::downgrade(&app);
+    runtime.spawn(suspend_after(move || stop(Weak::clone(&stopped))));
+    match runtime.block_on(serve_while_alive(app, listeners, notify::stopping_after(shutdown(signals)))) {
         Ended::Asked => Ok(()),
         // A failure, so that the service manager starts it anew.
         Ended::Session => Err(Failure::failed(SessionError::Ended)),
@@ -370,23 +378,19 @@ pub fn open_device(target: &Target, table: &PlanTable) -> Result<OpenDevice, Fai
     OpenDevice::open(target, panel).map_err(Failure::failed)
 }
 
-/// Resolves on Ctrl-C or, on Unix, the signal that service managers send.
-pub(super) async fn shutdown() {
-    let interrupt = tokio::signal::ctrl_c();
-    #[cfg(unix)]
+/// Resolves on the first signal that asks the program to end, or would end it.
+pub(super) async fn shutdown(signals: EndSignals) {
+    let name = signals.first().await;
+    tracing::info!("stopping: {name}");
+}
+
+/// Everything off, as far as that can be reached.
+async fn stop(app: Weak<App>) {
+    if let Some(app) = app.upgrade()
+        && let Err(error) = app.stop().await
     {
-        let terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate());
-        if let Ok(mut terminate) = terminate {
-            tokio::select! {
-                _ = interrupt => {}
-                _ = terminate.recv() => {}
-            }
-            tracing::info!("stopping");
-            return;
-        }
+        tracing::warn!(%error, "could not stop the device before the process is suspended; its dead-man timer does it");
     }
-    let _ = interrupt.await;
-    tracing::info!("stopping");
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! What is told on standard error beside the log: errors, and how far a command is; as text or as lines of JSON.
 
+use super::standard_error;
 use serde_json::json;
 use std::ffi::OsString;
-use std::io::Write;
 use std::sync::OnceLock;
 use std::time::SystemTime;
 use tracing_subscriber::fmt::time::{FormatTime, SystemTime as Clock};
@@ -62,14 +62,16 @@ pub fn tell_refusal(format: LogFormat, text: &str) {
 /// A line; `error` is what goes before an error where people read it. Where standard error is closed (`2>&1 | head`),
 /// nobody is told.
 fn write(format: LogFormat, error: Option<&str>, text: &str) {
-    let mut out = std::io::stderr().lock();
-    let _ = match format {
-        LogFormat::Text => writeln!(out, "{}{text}", error.unwrap_or_default()),
+    let line = match format {
+        LogFormat::Text => format!("{}{text}\n", error.unwrap_or_default()),
         LogFormat::Json => {
             let level = if error.is_some() { "ERROR" } else { "INFO" };
-            writeln!(out, "{}", json!({"timestamp": timestamp(), "level": level, "message": text}))
+            format!("{}\n", json!({"timestamp": timestamp(), "level": level, "message": text}))
         }
     };
+    // After what has been logged, and before whatever writes there by itself.
+    standard_error::write_later(line.as_bytes());
+    standard_error::await_written();
 }
 
 /// Now, as the log writes it.

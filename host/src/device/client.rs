@@ -13,6 +13,9 @@ pub enum LinkError {
     /// The port failed: most often the cable was pulled.
     #[error("the device's port failed: {0}. Check the cable and the power of the board")]
     Io(#[from] std::io::Error),
+    /// The port cannot be had.
+    #[error(transparent)]
+    Port(#[from] super::port::PortError),
     /// The emulator has ended, and does not start again.
     #[error("{0}; it is tried again")]
     Emulator(String),

@@ -4,6 +4,7 @@
 //! Whatever the device is, the daemon opens a serial port and exchanges frames: the simulated device stands behind a
 //! real pseudo-terminal, the emulated board's UART is bridged to one.
 
+pub mod awake;
 pub mod client;
 pub mod clock;
 pub mod convert;

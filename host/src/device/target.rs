@@ -2,7 +2,7 @@
 
 use super::client::{Client, LinkError, Transport};
 use super::emulated::{EmulatedBoard, EmulatedError};
-use super::port::{self, Port, UsbName};
+use super::port::{self, Port, PortError, UsbName, Users};
 use super::sim::{Panel, SimControl, SimDevice};
 use super::timing::{REAL_TIME, Timing};
 use std::fmt;
@@ -59,12 +59,10 @@ impl fmt::Display for Target {
 #[derive(Debug, thiserror::Error)]
 pub enum TargetError {
     /// The port cannot be opened.
-    #[error("cannot open serial port {path}: {source}. Ports here: {available}")]
+    #[error("{source}. Ports here: {available}")]
     Port {
-        /// As named.
-        path: String,
         /// Why.
-        source: serialport::Error,
+        source: PortError,
         /// What there is.
         available: String,
     },
@@ -79,7 +77,7 @@ pub enum TargetError {
     },
     /// No pseudo-terminal for the simulated device.
     #[error("cannot start the simulated device: {0}")]
-    Sim(serialport::Error),
+    Sim(std::io::Error),
     /// The emulator did not start.
     #[error(transparent)]
     Emulated(#[from] EmulatedError),
@@ -89,7 +87,7 @@ pub enum TargetError {
 }
 
 /// Opens a line to a device.
-pub type Opener = Box<dyn Fn() -> Result<Box<dyn Transport>, serialport::Error> + Send>;
+pub type Opener = Box<dyn Fn() -> Result<Box<dyn Transport>, PortError> + Send>;
 
 /// What keeps a device alive while it is used.
 enum Keeper {
@@ -157,8 +155,10 @@ impl OpenDevice {
                 let mut device = Self::absent(target).ok_or(TargetError::NoBoard)?;
                 match device.locate().and_then(|()| device.transport()) {
                     Ok(_) => Ok(device),
-                    Err(_) if device.any => Err(TargetError::NoneFound { ports: port::list() }),
-                    Err(source) => Err(TargetError::Port { path: device.path, source, available: port::list() }),
+                    Err(PortError::NotConnected { .. }) if device.any => {
+                        Err(TargetError::NoneFound { ports: port::list() })
+                    }
+                    Err(source) => Err(TargetError::Port { source, available: port::list() }),
                 }
             }
         }
@@ -217,14 +217,14 @@ impl OpenDevice {
         }
     }
 
-    /// A failed link in words: an emulated board has no cable.
+    /// A failed link in words, with the programs that have the port open as well: an emulated board has no cable.
     #[must_use]
     pub fn trouble(&self, error: &LinkError) -> String {
         match (&self.keeper, error) {
             (Keeper::Emulated(_), LinkError::Io(source)) => {
                 format!("the emulator's port failed: {source}. Where its process has ended, it is started again")
             }
-            _ => error.to_string(),
+            _ => link_trouble(&self.path, error),
         }
     }
 
@@ -247,11 +247,11 @@ impl OpenDevice {
     ///
     /// # Errors
     /// That there is no such device if the board is not there.
-    pub fn locate(&mut self) -> Result<(), serialport::Error> {
+    pub fn locate(&mut self) -> Result<(), PortError> {
         if self.any || self.usb.is_some() {
             self.path = port::find(self.usb.as_ref()).ok_or_else(|| {
                 let what = self.usb.as_ref().map_or_else(|| "no ERA board".into(), |usb| format!("no board {usb}"));
-                serialport::Error::new(serialport::ErrorKind::NoDevice, format!("{what} is connected"))
+                PortError::NotConnected { what }
             })?;
         }
         Ok(())
@@ -269,7 +269,7 @@ impl OpenDevice {
     ///
     /// # Errors
     /// As the port does.
-    pub fn transport(&self) -> Result<Box<dyn Transport>, serialport::Error> {
+    pub fn transport(&self) -> Result<Box<dyn Transport>, PortError> {
         match &self.keeper {
             Keeper::Line(open) => open(),
             _ => Ok(Box::new(Port::open(&self.path)?)),
@@ -280,7 +280,20 @@ impl OpenDevice {
     ///
     /// # Errors
     /// As the port does.
-    pub fn client(&self) -> Result<Client, serialport::Error> {
+    pub fn client(&self) -> Result<Client, PortError> {
         Ok(Client::patient(self.transport()?, self.timing.patience))
     }
+}
+
+/// A failed link over the port at `path` in words. Where the port is well and the board is not heard, another program may take what it says: those
+/// that have the port open are named.
+#[must_use]
+pub fn link_trouble(path: &str, error: &LinkError) -> String {
+    let users = match error {
+        LinkError::Silent { .. } | LinkError::Blocked { .. } | LinkError::Io(_) | LinkError::Unexpected { .. } => {
+            Users::of(path).as_cause()
+        }
+        _ => String::new(),
+    };
+    format!("{error}{users}")
 }

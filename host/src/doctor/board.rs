@@ -1,13 +1,12 @@
 //! What a board says when it is asked. Every question is one that changes nothing on it.
 
 use super::facts::{Answer, Clock, Heard, Supply};
-use crate::device::port::Port;
+use crate::device::port::{Port, PortError};
+use crate::device::target::link_trouble;
 use crate::device::timing::REAL_TIME;
 use crate::device::{Client, ClockSync, Identity, LinkError};
 use era_shared::protocol::{CURRENT_VERSION, Details, MIN_VERSION, Reply, Request, ResetCause};
 use era_shared::safety::State;
-use serialport::ErrorKind;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// How often the board's clock is read, and how long between two readings.
@@ -20,22 +19,23 @@ const CLOCK_EVERY: Duration = Duration::from_millis(40);
 pub fn ask(path: &str) -> Answer {
     let transport = match Port::open(path) {
         Ok(transport) => transport,
-        Err(error) => return not_opened(path, &error),
+        Err(error) => return not_opened(&error),
     };
     match heard(&mut Client::patient(Box::new(transport), REAL_TIME.patience)) {
         Ok(heard) => Answer::Heard(heard),
         Err(error @ LinkError::Version { .. }) => Answer::Version(error.to_string()),
-        Err(error) => Answer::Silent(error.to_string()),
+        Err(error) => Answer::Silent(link_trouble(path, &error)),
     }
 }
 
-fn not_opened(path: &str, error: &serialport::Error) -> Answer {
-    match error.kind {
-        ErrorKind::Io(std::io::ErrorKind::NotFound) => Answer::Missing,
-        ErrorKind::Io(std::io::ErrorKind::PermissionDenied) => Answer::Denied,
-        ErrorKind::NoDevice if Path::new(path).exists() => Answer::Busy,
-        ErrorKind::NoDevice => Answer::Missing,
-        _ => Answer::Failed(error.to_string()),
+fn not_opened(error: &PortError) -> Answer {
+    match error {
+        PortError::Missing { .. } | PortError::NotConnected { .. } => Answer::Missing,
+        PortError::Denied { .. } => Answer::Denied,
+        PortError::Busy { .. } => Answer::Busy,
+        PortError::Late { .. } | PortError::NoPort { .. } | PortError::Failed { .. } => {
+            Answer::Failed(error.to_string())
+        }
     }
 }
 

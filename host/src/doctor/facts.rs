@@ -1,5 +1,6 @@
 //! What the doctor knows before it judges.
 
+pub use crate::device::port::users::{Access, Holder};
 use crate::device::usb_ids::{ST, is_board};
 use era_shared::protocol::FaultCode;
 
@@ -58,24 +59,6 @@ pub struct Rule {
     pub path: String,
     /// Whether it keeps ModemManager away.
     pub ignores_modem_manager: bool,
-}
-
-/// Who may use a port.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Access {
-    /// The group of its file, if its name is known.
-    pub group: Option<String>,
-    /// Whether this user is in it.
-    pub is_member: bool,
-}
-
-/// A process that has a port open.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Holder {
-    /// Its number.
-    pub pid: u32,
-    /// Its name.
-    pub name: String,
 }
 
 /// The port that is asked about.

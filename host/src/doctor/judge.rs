@@ -1,6 +1,6 @@
 //! What the facts mean.
 
-use super::facts::{Answer, Chosen, Daemon, Facts, File, Heard, Wanted};
+use super::facts::{Answer, Chosen, Daemon, Facts, File, Heard, Holder, Wanted};
 use super::finding::Finding;
 use super::judge_board;
 
@@ -197,8 +197,15 @@ fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> 
         _ => Finding::ok("permission", format!("this user may open {path}")),
     }];
     let own = matches!(daemon, Daemon::Runs { port, .. } if port == path);
-    let names: Vec<String> = holders.iter().map(|it| format!("{} (process {})", it.name, it.pid)).collect();
+    let name = |it: &Holder| format!("{} (process {})", it.name, it.pid);
+    let names: Vec<String> = holders.iter().map(name).collect();
+    let beside: Vec<String> = holders.iter().filter(|it| it.name != "era").map(name).collect();
     all.push(match answer {
+        _ if own && !beside.is_empty() => Finding::problem(
+            "port",
+            format!("{path} is the running daemon's, and is open in {} as well", beside.join(", ")),
+            "end that program: it takes bytes from the daemon",
+        ),
         _ if own => Finding::ok("port", format!("{path} is the running daemon's, which was asked in its place")),
         Answer::NotAsked => Finding::problem(
             "port",

@@ -1,13 +1,15 @@
 //! What the machine itself tells: ports, rules, processes, limits. Paths are looked up below a folder, `/` but in tests.
 
-use super::facts::{Access, Holder, Port, Rule, Usb};
+use super::facts::{Port, Rule, Usb};
 use crate::device::port;
+pub use crate::device::port::users::{access, holders};
+use crate::device::port::users::{name_of, processes};
 use crate::flash::usb::{UsbError, find};
 use crate::install::rule::{ignores_modem_manager, is_for_board};
 use serialport::SerialPortType;
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Folders of udev rules.
 const RULES: [&str; 4] = ["etc/udev/rules.d", "run/udev/rules.d", "usr/lib/udev/rules.d", "lib/udev/rules.d"];
@@ -70,21 +72,6 @@ pub fn modem_manager(root: &Path) -> Option<u32> {
     processes(root).into_iter().find(|(_, folder)| name_of(folder) == "ModemManager").map(|(pid, _)| pid)
 }
 
-/// Who has a port open, as far as this user can see; this process is left out.
-#[must_use]
-pub fn holders(root: &Path, port: &str) -> Vec<Holder> {
-    let port = fs::canonicalize(port).unwrap_or_else(|_| port.into());
-    let has_open = |folder: &Path| {
-        let Ok(files) = fs::read_dir(folder.join("fd")) else { return false };
-        files.flatten().any(|file| fs::read_link(file.path()).is_ok_and(|open| open == port))
-    };
-    processes(root)
-        .into_iter()
-        .filter(|(pid, folder)| *pid != std::process::id() && has_open(folder))
-        .map(|(pid, folder)| Holder { pid, name: name_of(&folder) })
-        .collect()
-}
-
 /// The highest real-time priority that this process may ask for.
 #[must_use]
 pub fn realtime(root: &Path) -> Option<u64> {
@@ -94,49 +81,4 @@ pub fn realtime(root: &Path) -> Option<u64> {
         "unlimited" => Some(99),
         number => number.parse().ok(),
     }
-}
-
-/// Who may use a port, by its file's group. What `uaccess` gives beside it is not seen here, only by opening.
-#[cfg(unix)]
-#[must_use]
-pub fn access(root: &Path, port: &str) -> Access {
-    use std::os::unix::fs::MetadataExt;
-    let Ok(metadata) = fs::metadata(port) else { return Access::default() };
-    let groups = fs::read_to_string(root.join("etc/group")).unwrap_or_default();
-    let group = groups.lines().find_map(|line| {
-        let mut parts = line.split(':');
-        let (name, number) = (parts.next()?, parts.nth(1)?);
-        (number.parse() == Ok(metadata.gid())).then(|| name.to_owned())
-    });
-    let status = fs::read_to_string(root.join("proc/self/status")).unwrap_or_default();
-    let is_member = status
-        .lines()
-        .filter_map(|line| line.strip_prefix("Gid:").or_else(|| line.strip_prefix("Groups:")))
-        .flat_map(str::split_whitespace)
-        .any(|number| number.parse() == Ok(metadata.gid()));
-    Access { group, is_member }
-}
-
-/// Who may use a port: not known on this system.
-#[cfg(not(unix))]
-#[must_use]
-pub fn access(_: &Path, _: &str) -> Access {
-    Access::default()
-}
-
-/// All processes by number, with their folders.
-fn processes(root: &Path) -> Vec<(u32, PathBuf)> {
-    let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
-    let mut all: Vec<(u32, PathBuf)> = fs::read_dir(root.join("proc"))
-        .into_iter()
-        .flatten()
-        .flatten()
-        .filter_map(|entry| number(&entry.path()).map(|pid| (pid, entry.path())))
-        .collect();
-    all.sort();
-    all
-}
-
-fn name_of(process: &Path) -> String {
-    fs::read_to_string(process.join("comm")).map_or_else(|_| "unknown".into(), |name| name.trim().to_owned())
 }

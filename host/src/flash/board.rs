@@ -2,6 +2,7 @@
 
 use super::check::{CheckError, OnBoard, check_idle};
 use crate::device::client::name;
+use crate::device::port::PortError;
 use crate::device::{Client, Identity, LinkError, OpenDevice, Target, TargetError};
 use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, MIN_VERSION, Reply, Request};
 use std::time::{Duration, Instant};
@@ -18,14 +19,12 @@ pub enum BoardError {
     #[error(transparent)]
     Target(#[from] TargetError),
     /// Its port cannot be opened.
-    #[error("cannot open serial port {path}: {source}")]
-    Port {
-        /// The port.
-        path: String,
-        /// Why.
-        source: serialport::Error,
-    },
+    #[error(transparent)]
+    Port(#[from] PortError),
     /// It does not answer.
+    #[error("{0}")]
+    Silent(String),
+    /// It does not answer as it should.
     #[error(transparent)]
     Link(#[from] LinkError),
     /// It is in use.
@@ -54,10 +53,9 @@ impl Board {
     /// [`BoardError`].
     pub fn open(target: &Target) -> Result<Self, BoardError> {
         let device = OpenDevice::open_board(target)?;
-        let mut client =
-            device.client().map_err(|source| BoardError::Port { path: device.path().to_owned(), source })?;
+        let mut client = device.client()?;
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        let reply = client.request(&hello)?;
+        let reply = client.request(&hello).map_err(|error| BoardError::Silent(device.trouble(&error)))?;
         match Identity::from_reply(reply.clone()) {
             Some(identity) => Ok(Self { identity, client, device }),
             None => Err(unexpected(&hello, &reply)),

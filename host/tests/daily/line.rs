@@ -5,7 +5,7 @@ use crate::support::{Daemon, panel_of, table};
 use era::daemon::{Access, App, Background};
 use era::device::OpenDevice;
 use era::device::client::Transport;
-use era::device::port::Port;
+use era::device::port::{Port, PortError};
 use era::device::session::policy::Policy;
 use era::device::sim::{SimControl, SimDevice};
 use era::device::timing::{Patience, REAL_TIME, Timing};
@@ -108,7 +108,7 @@ impl Line {
 
     pub fn device(&self, timing: Timing) -> OpenDevice {
         let (path, shared) = (self.board.path().to_owned(), Arc::clone(&self.shared));
-        let open = move || -> Result<Box<dyn Transport>, serialport::Error> {
+        let open = move || -> Result<Box<dyn Transport>, PortError> {
             shared.ear().opened += 1;
             shared.wait_while(|ear| ear.opening_is_held);
             let end =

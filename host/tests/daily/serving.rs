@@ -1,24 +1,38 @@
 //! `era serve` as a process of its own, beside a board of the test's.
 
 use crate::support::Daemon;
-use era::device::sim::SimDevice;
+use era::device::sim::{SimControl, SimDevice};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::thread::JoinHandle;
 
 /// `era serve` as a process of its own, which ends with the test.
+#[allow(dead_code, reason = "two test programs use a part of this each")]
 pub struct Serving {
     process: Child,
     pub daemon: Daemon,
     log: Option<JoinHandle<Vec<Value>>>,
 }
 
+#[allow(dead_code, reason = "as above")]
 impl Serving {
     pub fn start(board: &SimDevice, more: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
+        Self::start_under(&[], board, more)
+    }
+
+    /// The same by way of another program, which replaces itself by this one.
+    pub fn start_under(by: &[&str], board: &SimDevice, more: &[&str]) -> Self {
+        Self::start_at(by, board.path(), board.control(), more)
+    }
+
+    /// The same with a board at a path of any kind.
+    pub fn start_at(by: &[&str], path: &str, board: SimControl, more: &[&str]) -> Self {
+        let words: Vec<&str> = by.iter().copied().chain([env!("CARGO_BIN_EXE_era")]).collect();
+        let mut command = Command::new(words[0]);
+        command.args(&words[1..]);
         command.args(["--log-format", "json", "serve", "--listen", "127.0.0.1:0", "--socket", "none"]);
-        command.args(["--accuracy", "fast", "--device", board.path()]).args(more);
+        command.args(["--accuracy", "fast", "--device", path]).args(more);
         command.env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR")).env_remove("ERA_LOG").stderr(Stdio::piped());
         let mut process = command.spawn().unwrap();
         let lines = BufReader::new(process.stderr.take().unwrap()).lines().map_while(Result::ok);
@@ -27,7 +41,7 @@ impl Serving {
             |line: Value| line["message"].as_str()?.split_once("open ")?.1.split_whitespace().next().map(str::to_owned);
         let url = lines.find_map(open).expect("it says where it serves");
         let log = Some(std::thread::spawn(move || lines.collect()));
-        let daemon = Daemon { url, sim: board.control(), background: None };
+        let daemon = Daemon { url, sim: board, background: None };
         daemon.wait_for(|state| state["device"]["connected"] == true);
         Self { process, daemon, log }
     }
@@ -50,8 +64,13 @@ impl Serving {
     }
 
     /// Ends it; all that it has logged since it was ready.
-    pub fn end(mut self) -> Vec<Value> {
-        self.signal("TERM");
+    pub fn end(self) -> Vec<Value> {
+        self.end_by("TERM")
+    }
+
+    /// The same by another signal.
+    pub fn end_by(mut self, signal: &str) -> Vec<Value> {
+        self.signal(signal);
         assert!(self.process.wait().unwrap().success());
         self.log.take().unwrap().join().unwrap()
     }

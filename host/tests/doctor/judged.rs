@@ -251,6 +251,12 @@ fn a_running_daemon_answers_for_its_board() {
     let findings = judge(&facts);
     assert!(findings.iter().all(|finding| finding.verdict == Verdict::Ok), "{findings:?}");
     assert!(findings.iter().any(|finding| finding.check == "interlock"));
+    // Somebody else reads what the board says to the daemon.
+    let mut shared = facts.clone();
+    shared.chosen.as_mut().unwrap().holders.push(Holder { pid: 901, name: "cat".into() });
+    let findings = judge(&shared);
+    let port = findings.iter().find(|finding| finding.check == "port").unwrap();
+    assert!(port.verdict == Problem && port.found.contains("cat (process 901)"), "{port:?}");
     let take = |daemon: Daemon| {
         let facts = facts.clone();
         move |own: &mut Facts| *own = Facts { daemon, ..facts }

@@ -5,6 +5,8 @@ mod pages;
 use super::args::{Daemon, Replay};
 use super::client::{self, Answer};
 use super::progress::with_progress;
+use super::signals::do_on_end;
+use super::told::tell_error;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::replay::Outcome as Answered;
 use crate::replay::{Asked, Recording, What, difference};
@@ -38,6 +40,14 @@ pub fn run(options: &Replay) -> Outcome {
     if now != recording.scene {
         tracing::warn!("recorded on the scene {:?}, replayed on {now:?}", recording.scene);
     }
+    // What it has asked for would be driven on.
+    let driven = daemon.clone();
+    do_on_end(move |signal| {
+        let stopped = client::call(&driven, "POST", "/v1/stop", None);
+        let told = stopped.map_or_else(|failure| failure.text(), |_| "everything was stopped".into());
+        tell_error(&format!("ended by {signal}: {told}"));
+        std::process::exit(1);
+    });
     let (done, results) = channel();
     let mut pages = Pages::new(daemon);
     with_progress("replaying", || {

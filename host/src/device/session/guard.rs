@@ -10,6 +10,11 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
+/// Beside the time for arming, longest time that an order may wait for its turn.
+const ORDER: Duration = Duration::from_secs(1);
+/// After this program did not run for a while, what the system has kept for it meanwhile comes within this time.
+const SETTLE: Duration = Duration::from_millis(500);
+
 impl Worker {
     /// As [`Self::arm`], whatever the device was away for, and with rails that rise for the first touch.
     pub(super) fn arm_by_hand(&mut self, stops: u64) -> Result<(), SessionError> {
@@ -58,13 +63,41 @@ impl Worker {
         }
     }
 
-    /// What was asked for before the device was in doubt, or away, is not done long after it.
+    /// What was asked for before the device was in doubt, or away, or while this program did not run, is not done long after it.
     pub(super) fn in_time(&self, asked: Instant) -> Result<(), SessionError> {
-        if self.again_since.is_some_and(|since| asked < since) {
-            let reason = format!("it did not answer just now, and this was asked for {:.0?} ago", asked.elapsed());
+        let oldest = self.device.timing().arming.saturating_add(ORDER);
+        if self.again_since.is_some_and(|since| asked < since) || asked.elapsed() > oldest {
+            let reason = format!(
+                "it did not answer, or this program did not run, until just now, and this was asked for {:.0?} ago",
+                asked.elapsed()
+            );
             return Err(SessionError::Late { path: self.device.path().to_owned(), reason });
         }
         Ok(())
+    }
+
+    /// Notices that this program did not run for a while, and ends what was driven or asked for before.
+    pub(super) fn note_pause(&mut self) {
+        let _ = self.end_for_pause();
+    }
+
+    /// The same; how long it did not run, if it did not. What waited in the system's buffers meanwhile comes within moments, and is not driven
+    /// either. A board that has been on has gone off by its dead-man timer, and waits for a person as after any outage: who was there may have left.
+    pub(super) fn end_for_pause(&mut self) -> Option<Duration> {
+        let paused = self.awake.take_pause()?;
+        self.client.as_ref()?;
+        tracing::warn!(
+            paused_s = paused.as_secs_f64(),
+            "this program did not run (the computer slept, or the process was held): the board is told to stop, and what was asked for \
+             before is not done"
+        );
+        self.again_since = Some(Instant::now() + SETTLE);
+        self.was_away(&format!("this computer slept, or the daemon was held, for {:.0} s", paused.as_secs_f64()));
+        self.broke();
+        if let Err(error) = self.halt() {
+            self.note_trouble(&error);
+        }
+        Some(paused)
     }
 
     /// Refuses to drive a scene that the board is not made for, and a board that a person has to arm.

@@ -3,6 +3,7 @@
 use super::part::Part;
 use super::policy::{Needs, Policy};
 use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
+use crate::device::awake::Awake;
 use crate::device::client::{Attention, Client, LinkError, LinkStatistics, name};
 use crate::device::clock::ClockSync;
 use crate::device::target::OpenDevice;
@@ -27,6 +28,8 @@ const ARMING_POLL: Duration = Duration::from_millis(2);
 /// From a look at the state until another one because of a drive. A look is four requests: after each of a thousand drives a second they
 /// would take four fifths of the link.
 const LOOK_FOR_DRIVE: Duration = Duration::from_millis(20);
+/// Beside what a request may take, longest time that the thread does nothing while its process runs.
+const AWAKE: Duration = Duration::from_secs(1);
 /// Longest burst that is asked for in ms: the longest touch that the daemon takes.
 const BURST_MS: u16 = BURST_MAX_MS;
 pub(super) struct Worker {
@@ -72,6 +75,7 @@ pub(super) struct Worker {
     /// Whether the state has been looked at since the last stop.
     pub(super) stop_is_seen: bool,
     next_open: Instant,
+    pub(super) awake: Awake,
 }
 
 impl Worker {
@@ -84,6 +88,8 @@ impl Worker {
         [beat, heard]: [Arc<Beat>; 2],
     ) -> Self {
         let now = Instant::now();
+        // It asks before and after every request.
+        let awake = Awake::new(device.timing().patience.longest().saturating_mul(2).saturating_add(AWAKE));
         Self {
             device,
             client: None,
@@ -115,6 +121,7 @@ impl Worker {
             look_next: None,
             stop_is_seen: true,
             next_open: now,
+            awake,
         }
     }
 
@@ -124,8 +131,9 @@ impl Worker {
             self.obey();
             self.attend();
             let command = inbox.recv_timeout(self.until_next_duty());
-            // A stop goes before whatever came before it.
+            // A stop goes before whatever came before it, and so does what has happened meanwhile.
             self.obey();
+            self.note_pause();
             match command {
                 Ok(Command::Drive { order, asked, answer }) => {
                     let _ = answer
@@ -219,8 +227,8 @@ impl Worker {
             .device
             .revive()
             .map_err(|error| LinkError::Emulator(error.to_string()))
-            .and_then(|()| self.device.locate().map_err(|error| LinkError::Io(error.into())))
-            .and_then(|()| self.device.client().map_err(|error| LinkError::Io(error.into())))
+            .and_then(|()| Ok(self.device.locate()?))
+            .and_then(|()| Ok(self.device.client()?))
             .and_then(|client| {
                 self.client = Some(client);
                 self.greet()
@@ -370,6 +378,11 @@ impl Worker {
     /// moment does not lose its board for it.
     pub(super) fn ask(&mut self, request: &Request) -> Result<Reply, LinkError> {
         self.beat.beat();
+        if !matches!(request, Request::Stop)
+            && let Some(waited) = self.end_for_pause()
+        {
+            return Err(LinkError::Halted { request: name(request), waited, by_order: false });
+        }
         if !matches!(request, Request::Stop) && self.stops.load(Ordering::SeqCst) != self.obeyed {
             // Between any two requests a stop goes first.
             let begun = Instant::now();
@@ -403,7 +416,7 @@ impl Worker {
         };
         if is_back {
             // Before that is told: what is asked for by whoever has seen it is in time.
-            self.again_since = Some(now);
+            self.again_since = self.again_since.max(Some(now));
         }
         if in_doubt {
             tracing::warn!(silent_ms = gap.as_secs_f64() * 1e3, "the device answers again");

@@ -7,12 +7,18 @@ use era_shared::board::{Board, BoardInfo};
 use era_shared::protocol::{BoardKind, ChannelLimits, FaultCode, FirmwareVersion, ResetCause};
 use era_shared::supply::{Finding, RAILS, Senses, Supply};
 use era_shared::waveform::Preload;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// What a longer time between two readings of its clock is counted as: the tick of the device's loop.
+const TICK: Duration = Duration::from_millis(1);
+/// A longer time from one reading of its clock to the next is no tick that came late: the computer stood still, and the board with it. What comes late
+/// by less is counted as it is, so that the board's clock follows the computer's.
+const STALL: Duration = Duration::from_millis(5);
 
 /// Where the board's time comes from.
 #[derive(Clone, Copy, Debug)]
 pub enum Clock {
-    /// Wall-clock time since the given instant.
+    /// Wall-clock time since the given instant, without what the computer stood still.
     Wall(Instant),
     /// Time in us that the owner sets, for runs faster than real time.
     Manual(u64),
@@ -63,6 +69,9 @@ pub struct SimBoard {
     /// The timers run since this time in us.
     started_us: Option<u64>,
     leaving: bool,
+    /// When its clock was last read, and how long the computer has stood still since that was last asked.
+    read: Instant,
+    stood: Duration,
 }
 
 impl SimBoard {
@@ -107,6 +116,8 @@ impl SimBoard {
             mistakes: Mistakes::default(),
             started_us: None,
             leaving: false,
+            read: Instant::now(),
+            stood: Duration::ZERO,
         }
     }
 
@@ -150,6 +161,11 @@ impl SimBoard {
     /// Sets a [`Clock::Manual`].
     pub const fn set_time_us(&mut self, time_us: u64) {
         self.clock = Clock::Manual(time_us);
+    }
+
+    /// How long the computer that simulates the board has stood still since this was last asked, and the board with it.
+    pub const fn take_stood(&mut self) -> Duration {
+        std::mem::replace(&mut self.stood, Duration::ZERO)
     }
 
     /// Breaks or mends the hardware.
@@ -220,9 +236,17 @@ impl Board for SimBoard {
     }
 
     fn now_us(&mut self) -> u64 {
-        match self.clock {
-            Clock::Wall(start) => u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX),
-            Clock::Manual(time_us) => time_us,
+        match &mut self.clock {
+            Clock::Wall(start) => {
+                let now = Instant::now();
+                let gap = now - std::mem::replace(&mut self.read, now);
+                if gap > STALL {
+                    *start += gap - TICK;
+                    self.stood += gap - TICK;
+                }
+                u64::try_from((now - *start).as_micros()).unwrap_or(u64::MAX)
+            }
+            Clock::Manual(time_us) => *time_us,
         }
     }
 

@@ -4,6 +4,7 @@ use super::board::{Clock, Defects, Mistakes, SimBoard};
 use super::heard::{Frames, SetFrame};
 use super::panel::Panel;
 use super::peaks::{TouchPeak, TouchPeaks};
+use crate::device::port::{Port as Line, pair};
 use crate::device::priority;
 use era_shared::board::Board;
 use era_shared::device::{Device, Port};
@@ -12,7 +13,6 @@ use era_shared::link::{Decoder, Frame, Kind, MAX_ENCODED, encode};
 use era_shared::protocol::{CURRENT_VERSION, Request};
 use era_shared::safety::LinkId;
 use nalgebra::DVector;
-use serialport::{SerialPort, TTYPort};
 use std::io::{ErrorKind, Read, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -154,7 +154,7 @@ impl SimDevice {
     ///
     /// # Errors
     /// If the system gives no pseudo-terminal.
-    pub fn start(panel: Panel, max_voltages_v: Vec<f64>) -> Result<Self, serialport::Error> {
+    pub fn start(panel: Panel, max_voltages_v: Vec<f64>) -> std::io::Result<Self> {
         Self::start_named(panel, max_voltages_v, SimBoard::ID)
     }
 
@@ -162,12 +162,8 @@ impl SimDevice {
     ///
     /// # Errors
     /// As [`Self::start`].
-    pub fn start_named(panel: Panel, max_voltages_v: Vec<f64>, board_id: [u8; 12]) -> Result<Self, serialport::Error> {
-        let (mut terminal, line) = TTYPort::pair()?;
-        terminal.set_timeout(TICK)?;
-        let path = line.name().ok_or_else(|| serialport::Error::new(serialport::ErrorKind::NoDevice, "unnamed pty"))?;
-        // The host opens the line by its path and locks it; this end must not hold it.
-        drop(line);
+    pub fn start_named(panel: Panel, max_voltages_v: Vec<f64>, board_id: [u8; 12]) -> std::io::Result<Self> {
+        let (mut terminal, path) = pair()?;
         let control = SimControl::default();
         let wishes = control.clone();
         let thread = std::thread::Builder::new().name("simulated-device".into()).spawn(move || {
@@ -235,21 +231,13 @@ impl Loop {
         }
     }
 
-    fn run(mut self, terminal: &mut TTYPort) {
+    fn run(mut self, terminal: &mut Line) {
         let mut buffer = [0_u8; 512];
         let mut due_us = 0_u64;
         loop {
-            // A port waits for whole milliseconds; while an envelope plays the board wants to be asked in between.
-            let wait_us = due_us.saturating_sub(self.board.now_us());
-            let wait = if wait_us < 500 { Duration::ZERO } else { TICK };
-            if wait.is_zero() {
-                std::thread::sleep(Duration::from_micros(wait_us));
-            }
-            let length = match terminal
-                .set_timeout(wait)
-                .map_err(std::io::Error::from)
-                .and_then(|()| terminal.read(&mut buffer))
-            {
+            // While an envelope plays the board wants to be asked before the next tick.
+            terminal.set_wait(TICK.min(Duration::from_micros(due_us.saturating_sub(self.board.now_us()))));
+            let length = match terminal.read(&mut buffer) {
                 Ok(length) => length,
                 Err(error)
                     if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
@@ -314,10 +302,13 @@ impl Loop {
         }
     }
 
-    fn answer(&mut self, terminal: &mut TTYPort, mut answer: Vec<u8>, knobs: Knobs) {
+    fn answer(&mut self, terminal: &mut Line, mut answer: Vec<u8>, knobs: Knobs) {
         self.answers = self.answers.wrapping_add(1);
-        if !knobs.reply_delay.is_zero() {
-            std::thread::sleep(knobs.reply_delay);
+        let until = Instant::now() + knobs.reply_delay;
+        while Instant::now() < until {
+            std::thread::sleep(TICK.min(knobs.reply_delay));
+            // It is the board that is slow, and its time goes on.
+            self.board.now_us();
         }
         if knobs.corrupt_every.is_some_and(|every| self.answers.is_multiple_of(every.max(1)))
             && let Some(byte) = answer.first_mut()
@@ -332,6 +323,7 @@ impl Loop {
     /// Notes when frames that set drives, or stop everything, have become complete.
     fn listen(&mut self, bytes: &[u8], at: Instant) {
         let (mut sets, mut stops) = (Vec::new(), false);
+        self.heard += self.board.take_stood();
         let (heard, deadman, watch) = (&mut self.heard, &mut self.deadman, &mut self.watch);
         // The device's logic has just heard it: where this thread came late to that, the silence began later than `at`.
         let now = Instant::now();
@@ -371,6 +363,8 @@ impl Loop {
 
     /// Looks at what the board does, after the device's logic had its turn at `at`.
     fn look(&mut self, at: Instant) {
+        // What the board stood still was no silence of its host.
+        self.heard += self.board.take_stood();
         let energised = self.board.is_energised();
         let silent = at.saturating_duration_since(self.heard);
         let panel = self.board.panel_mut();

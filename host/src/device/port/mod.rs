@@ -1,65 +1,17 @@
-//! Serial ports: which of them are boards, and one that is closed without waiting.
+//! Serial ports: which of them are boards, and one whose calls have limits.
+
+mod error;
+mod limit;
+mod open;
+pub mod users;
+
+pub use error::PortError;
+pub use open::{Port, pair};
+pub use users::Users;
 
 use super::usb_ids::is_board;
-use era_shared::link::UART_BAUD;
-use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType, UsbPortInfo};
+use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 use std::fmt;
-use std::io::{Read, Write};
-use std::time::Duration;
-
-/// Time a read waits for its first byte.
-const READ_TIMEOUT: Duration = Duration::from_millis(2);
-/// How often a port that is not to be had is tried.
-const OPEN_TRIES: u32 = 10;
-/// How long between two tries.
-const OPEN_AGAIN: Duration = Duration::from_millis(10);
-
-/// An open port. What its device has not taken when it is closed is dropped: the system would wait for that, up to 30 s.
-pub struct Port(Box<dyn SerialPort>);
-
-impl Port {
-    /// Opens the port at a path.
-    ///
-    /// # Errors
-    /// As the port does.
-    pub fn open(path: &str) -> Result<Self, serialport::Error> {
-        let mut tries = 1;
-        loop {
-            match serialport::new(path, UART_BAUD).timeout(READ_TIMEOUT).open() {
-                // Whoever has just closed the port may still hold its lock for a moment: a process that was being forked
-                // meanwhile keeps it until it runs its program.
-                Err(error) if error.kind == serialport::ErrorKind::NoDevice && tries < OPEN_TRIES => {
-                    tries += 1;
-                    std::thread::sleep(OPEN_AGAIN);
-                }
-                port => return Ok(Self(port?)),
-            }
-        }
-    }
-}
-
-impl Read for Port {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        self.0.read(buffer)
-    }
-}
-
-impl Write for Port {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.write(bytes)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-impl Drop for Port {
-    fn drop(&mut self) {
-        // A port that is gone has nothing to drop.
-        let _ = self.0.clear(ClearBuffer::Output);
-    }
-}
 
 /// What USB says of a board.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,0 +1,94 @@
+//! Signals that would end the program: a daemon stops its board first, whichever comes.
+
+use rustix::process::{Signal, getpid, kill_process};
+use std::task::Poll;
+use tokio::signal::unix::{Signal as Stream, SignalKind, signal};
+
+/// Those with a name that end a process which does not listen, and that can be listened for. SIGPIPE is ignored by every program in Rust; SIGSEGV
+/// and its like are mistakes, after which nothing here can be relied on; SIGKILL cannot be heard: after these the board goes off by its dead-man
+/// timer.
+const NAMED: [(Signal, &str); 10] = [
+    (Signal::HUP, "SIGHUP"),
+    (Signal::INT, "SIGINT"),
+    (Signal::QUIT, "SIGQUIT"),
+    (Signal::TERM, "SIGTERM"),
+    (Signal::USR1, "SIGUSR1"),
+    (Signal::USR2, "SIGUSR2"),
+    (Signal::ALARM, "SIGALRM"),
+    (Signal::VTALARM, "SIGVTALRM"),
+    (Signal::PROF, "SIGPROF"),
+    (Signal::XCPU, "SIGXCPU"),
+];
+/// Those of Linux alone.
+#[cfg(target_os = "linux")]
+const OF_LINUX: [(Signal, &str); 4] =
+    [(Signal::IO, "SIGIO"), (Signal::POWER, "SIGPWR"), (Signal::STKFLT, "SIGSTKFLT"), (Signal::SYS, "SIGSYS")];
+#[cfg(not(target_os = "linux"))]
+const OF_LINUX: [(Signal, &str); 0] = [];
+/// Numbers of the real-time signals of Linux, which have no names: the C library keeps the two before them.
+const REAL_TIME: std::ops::RangeInclusive<i32> = if cfg!(target_os = "linux") { 34..=64 } else { 1..=0 };
+
+/// Listens from when it is made on.
+pub struct EndSignals(Vec<(String, Stream)>);
+
+impl EndSignals {
+    /// Listens for all of them, in the runtime that is entered. One that cannot be listened for is left as it is, and so is a SIGHUP that is
+    /// ignored: `nohup` has a program outlive its terminal.
+    #[must_use]
+    pub fn listen() -> Self {
+        // A file that has grown to its limit is an error where it is written, and no end.
+        let _ = signal(SignalKind::from_raw(Signal::XFSZ.as_raw()));
+        let named = NAMED.iter().chain(&OF_LINUX).filter(|(kind, _)| *kind != Signal::HUP || !is_ignored(*kind));
+        let named = named.map(|(kind, name)| (kind.as_raw(), (*name).to_owned()));
+        let real_time = REAL_TIME.map(|number| (number, format!("signal {number}")));
+        let listened = named.chain(real_time).filter_map(|(number, name)| match signal(SignalKind::from_raw(number)) {
+            Ok(stream) => Some((name, stream)),
+            Err(error) => {
+                tracing::debug!(%error, "{name} is not listened for");
+                None
+            }
+        });
+        Self(listened.collect())
+    }
+
+    /// Waits for the first, and gives its name.
+    pub async fn first(mut self) -> String {
+        std::future::poll_fn(move |context| {
+            let come =
+                self.0.iter_mut().find_map(|(name, stream)| stream.poll_recv(context).is_ready().then(|| name.clone()));
+            come.map_or(Poll::Pending, Poll::Ready)
+        })
+        .await
+    }
+}
+
+/// Has a thread listen, and do this on the first signal, in a command that has no runtime of its own.
+pub fn do_on_end(what: impl FnOnce(&str) + Send + 'static) {
+    let wait = move || {
+        let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
+        let name = runtime.block_on(async { EndSignals::listen().first().await });
+        what(&name);
+    };
+    if let Err(error) = std::thread::Builder::new().name("signals".into()).spawn(wait) {
+        tracing::warn!(%error, "signals end the command at once");
+    }
+}
+
+/// Lets the process be suspended from its terminal (Ctrl-Z) once `stop` is done: the board is not left to its dead-man timer.
+pub async fn suspend_after<F: Future<Output = ()>>(stop: impl Fn() -> F) {
+    let Ok(mut asked) = signal(SignalKind::from_raw(Signal::TSTP.as_raw())) else { return };
+    while asked.recv().await.is_some() {
+        stop().await;
+        if let Err(error) = kill_process(getpid(), Signal::STOP) {
+            tracing::warn!(%error, "the process cannot be suspended");
+        }
+    }
+}
+
+/// Whether this process was started with a signal ignored.
+fn is_ignored(kind: Signal) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or_default();
+    u32::try_from(kind.as_raw() - 1).is_ok_and(|bit| mask.checked_shr(bit).is_some_and(|rest| rest & 1 == 1))
+}

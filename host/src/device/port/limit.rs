@@ -1,0 +1,103 @@
+//! Calls of the system that may not return: a driver that hangs, another program that closes the port and waits for what it wrote to be sent.
+
+use super::error::PortError;
+use super::users::Users;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Between two looks whether calls on this port that other threads have begun have returned.
+const LOOK: Duration = Duration::from_millis(1);
+
+/// The call that a thread is in, as its name in the manual.
+#[derive(Debug)]
+pub struct Step(Mutex<&'static str>);
+
+impl Step {
+    /// Names the call that comes next, and makes it.
+    pub fn call<T>(&self, name: &'static str, call: impl FnOnce() -> T) -> T {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = name;
+        call()
+    }
+
+    fn name(&self) -> &'static str {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A thread that is in calls on a port.
+struct UnderWay {
+    id: u64,
+    path: String,
+    step: Arc<Step>,
+    since: Instant,
+}
+
+static UNDER_WAY: Mutex<Vec<UnderWay>> = Mutex::new(Vec::new());
+static NEXT_ID: AtomicU64 = AtomicU64::new(0);
+
+fn under_way() -> MutexGuard<'static, Vec<UnderWay>> {
+    UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Waits until no thread is in a call on the port at `path`, and no longer than `limit`: so a port that hangs costs one thread however often it
+/// is tried, and one that is being closed is not opened before it is free.
+///
+/// # Errors
+/// [`PortError::Late`] with the call that has not returned.
+pub fn await_calls(path: &str, limit: Duration) -> Result<(), PortError> {
+    let begun = Instant::now();
+    loop {
+        let waits_for =
+            under_way().iter().find(|other| other.path == path).map(|other| (other.step.name(), other.since.elapsed()));
+        match waits_for {
+            None => return Ok(()),
+            Some((call, waited)) if begun.elapsed() >= limit => return Err(late(path, call, waited)),
+            Some(_) => std::thread::sleep(LOOK),
+        }
+    }
+}
+
+/// Makes `calls` on the port at `path` in a thread of their own, and waits for them no longer than `limit`. Where they take longer they are left
+/// behind, and what they give is dropped when they return.
+///
+/// # Errors
+/// [`PortError::Late`] with the call that has not returned; [`PortError::Failed`] if the system gives no thread.
+pub fn call_within<T: Send + 'static>(
+    path: &str,
+    limit: Duration,
+    calls: impl FnOnce(&Step) -> T + Send + 'static,
+) -> Result<T, PortError> {
+    let (step, since) = (Arc::new(Step(Mutex::new("open"))), Instant::now());
+    let id = NEXT_ID.fetch_add(1, Ordering::Relaxed);
+    under_way().push(UnderWay { id, path: path.to_owned(), step: Arc::clone(&step), since });
+    // Dropped however the thread ends, or if there is none: the port may be tried again.
+    let returned = Returned(id);
+    let (result, results) = sync_channel(1);
+    let own = Arc::clone(&step);
+    let failed = |source| PortError::Failed { path: path.to_owned(), call: step.name(), source };
+    let thread = std::thread::Builder::new().name("port".into()).spawn(move || {
+        let given = calls(&own);
+        drop(returned);
+        // Nobody waits for it any more where the limit is over.
+        let _ = result.send(given);
+    });
+    thread.map_err(failed)?;
+    results.recv_timeout(limit).map_err(|error| match error {
+        RecvTimeoutError::Timeout => late(path, step.name(), since.elapsed()),
+        RecvTimeoutError::Disconnected => failed(std::io::Error::other("a mistake in this program")),
+    })
+}
+
+struct Returned(u64);
+
+impl Drop for Returned {
+    fn drop(&mut self) {
+        under_way().retain(|thread| thread.id != self.0);
+    }
+}
+
+fn late(path: &str, call: &'static str, waited: Duration) -> PortError {
+    PortError::Late { path: path.to_owned(), call, waited, users: Users::of(path) }
+}

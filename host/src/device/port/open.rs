@@ -1,0 +1,176 @@
+//! An open port. No call on it waits without a limit: reading and writing never block, and what else there is has a thread of its own that is
+//! left behind where it does not return.
+
+use super::error::PortError;
+use super::limit::{Step, await_calls, call_within};
+use era_shared::link::UART_BAUD;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{FlockOperation, Mode, OFlags, fcntl_setfl, flock, open};
+use rustix::io::Errno;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{
+    ControlModes, InputModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush,
+    tcgetattr, tcsetattr,
+};
+use std::io::{ErrorKind, Read, Write};
+use std::os::fd::OwnedFd;
+use std::time::Duration;
+
+/// Time a read waits for its first byte, and a write for room.
+const WAIT: Duration = Duration::from_millis(2);
+/// After another program has taken what had come: it has a read under way, and the port is ready for a moment each time.
+const TAKEN: Duration = Duration::from_millis(1);
+/// How often a port that is not to be had is tried.
+const OPEN_TRIES: u32 = 10;
+/// How long between two tries.
+const OPEN_AGAIN: Duration = Duration::from_millis(10);
+/// Longest time for opening and setting a port: a board on USB takes some ms.
+const OPEN_LIMIT: Duration = Duration::from_secs(1);
+/// Longest time for closing one.
+const CLOSE_LIMIT: Duration = Duration::from_millis(250);
+
+/// An open port that this program has for itself. What its device has not taken when it is closed is dropped: the system would wait for that,
+/// up to 30 s.
+#[derive(Debug)]
+pub struct Port {
+    path: String,
+    /// There until it is closed.
+    line: Option<OwnedFd>,
+    wait: Duration,
+}
+
+impl Port {
+    /// Opens the port at a path: 115 200 baud, 8 bits, no parity, bytes as they are.
+    ///
+    /// # Errors
+    /// [`PortError`]; [`PortError::Late`] where the system does not return within 1 s.
+    pub fn open(path: &str) -> Result<Self, PortError> {
+        await_calls(path, OPEN_LIMIT)?;
+        let own = path.to_owned();
+        let line = call_within(path, OPEN_LIMIT, move |step| {
+            let mut tries = 1;
+            loop {
+                match open_once(&own, step) {
+                    // Whoever has just closed the port may still hold its lock for a moment: a process that was being forked
+                    // meanwhile keeps it until it runs its program.
+                    Err((_, Errno::BUSY | Errno::WOULDBLOCK)) if tries < OPEN_TRIES => {
+                        tries += 1;
+                        std::thread::sleep(OPEN_AGAIN);
+                    }
+                    result => return result,
+                }
+            }
+        })?;
+        match line {
+            Ok(line) => Ok(Self { path: path.to_owned(), line: Some(line), wait: WAIT }),
+            Err((call, error)) => Err(PortError::of_call(path, call, error.into())),
+        }
+    }
+
+    /// From now on a read waits this long for its first byte, and a write for room.
+    pub const fn set_wait(&mut self, wait: Duration) {
+        self.wait = wait;
+    }
+
+    fn line(&self) -> std::io::Result<&OwnedFd> {
+        self.line.as_ref().ok_or_else(|| ErrorKind::NotConnected.into())
+    }
+
+    /// Waits until the port is ready for this, and says whether it is.
+    fn is_ready(&self, wanted: PollFlags) -> std::io::Result<bool> {
+        let mut lines = [PollFd::new(self.line()?, wanted)];
+        let wait = Timespec::try_from(self.wait).map_err(std::io::Error::other)?;
+        Ok(poll(&mut lines, Some(&wait))? > 0)
+    }
+}
+
+/// A pseudo-terminal: the end of a device that this program plays, and the path at which its host opens the other end.
+///
+/// # Errors
+/// If the system has none.
+pub fn pair() -> std::io::Result<(Port, String)> {
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
+    grantpt(&master)?;
+    unlockpt(&master)?;
+    fcntl_setfl(&master, OFlags::NONBLOCK)?;
+    let path = ptsname(&master, Vec::new())?.into_string().map_err(std::io::Error::other)?;
+    // Bytes as they are from the first one on; the other end is for its host to open.
+    let line = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK, Mode::empty())?;
+    let mut settings = tcgetattr(&line)?;
+    set_raw(&mut settings)?;
+    tcsetattr(&line, OptionalActions::Now, &settings)?;
+    Ok((Port { path: format!("the device's end of {path}"), line: Some(master), wait: WAIT }, path))
+}
+
+fn open_once(path: &str, step: &Step) -> Result<OwnedFd, (&'static str, Errno)> {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let line = step.call("open", || open(path, flags, Mode::empty())).map_err(|error| ("open", error))?;
+    // For others that open it, and for those that ask for the lock as programs for serial ports do.
+    step.call("ioctl", || ioctl_tiocexcl(&line)).map_err(|error| ("ioctl", error))?;
+    let lock = FlockOperation::NonBlockingLockExclusive;
+    step.call("flock", || flock(&line, lock)).map_err(|error| ("flock", error))?;
+    let mut settings = step.call("tcgetattr", || tcgetattr(&line)).map_err(|error| ("tcgetattr", error))?;
+    set_raw(&mut settings).map_err(|error| ("tcsetattr", error))?;
+    step.call("tcsetattr", || tcsetattr(&line, OptionalActions::Now, &settings))
+        .map_err(|error| ("tcsetattr", error))?;
+    Ok(line)
+}
+
+/// Bytes as they are, at the board's speed, and no modem's lines.
+fn set_raw(settings: &mut Termios) -> Result<(), Errno> {
+    settings.make_raw();
+    settings.input_modes.remove(InputModes::IXOFF | InputModes::IXANY);
+    settings.control_modes.remove(ControlModes::CSTOPB | ControlModes::CRTSCTS | ControlModes::PARODD);
+    settings.control_modes.insert(ControlModes::CREAD | ControlModes::CLOCAL);
+    settings.set_speed(UART_BAUD)
+}
+
+impl Read for Port {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        if !self.is_ready(PollFlags::IN)? {
+            return Err(ErrorKind::TimedOut.into());
+        }
+        match rustix::io::read(self.line()?, buffer) {
+            Err(Errno::AGAIN) => {
+                std::thread::sleep(TAKEN);
+                Err(ErrorKind::WouldBlock.into())
+            }
+            result => Ok(result?),
+        }
+    }
+}
+
+impl Write for Port {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if !self.is_ready(PollFlags::OUT)? {
+            return Err(ErrorKind::TimedOut.into());
+        }
+        match rustix::io::write(self.line()?, bytes) {
+            Err(Errno::AGAIN) => {
+                std::thread::sleep(TAKEN);
+                Err(ErrorKind::WouldBlock.into())
+            }
+            result => Ok(result?),
+        }
+    }
+
+    /// Nothing: `tcdrain` would wait without a limit for a device that takes nothing, and the system sends what it has anyway.
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for Port {
+    fn drop(&mut self) {
+        let Some(line) = self.line.take() else { return };
+        let closed = call_within(&self.path, CLOSE_LIMIT, move |step| {
+            // A port that is gone has nothing to drop, and nobody to keep away.
+            let _ = step.call("tcflush", || tcflush(&line, QueueSelector::OFlush));
+            let _ = step.call("ioctl", || ioctl_tiocnxcl(&line));
+            step.call("close", || drop(line));
+        });
+        if let Err(error) = closed {
+            tracing::warn!(%error, "a port is left behind");
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! Who has a port open, and who may open it.
+
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// A program that has a port open.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Holder {
+    /// The process's number.
+    pub pid: u32,
+    /// Its name.
+    pub name: String,
+}
+
+/// Who else has a port open, as far as this user can see.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Users {
+    holders: Vec<Holder>,
+    /// Whether there are processes whose files this user may not see.
+    are_some_hidden: bool,
+}
+
+impl Users {
+    /// Looks through all processes but this one.
+    #[must_use]
+    pub fn of(port: &str) -> Self {
+        let root = Path::new("/");
+        Self { holders: holders(root, port), are_some_hidden: hides_some(root) }
+    }
+
+    /// Their names, if there are any that can be seen.
+    #[must_use]
+    pub fn names(&self) -> Option<String> {
+        let names: Vec<String> = self.holders.iter().map(|it| format!("{} (process {})", it.name, it.pid)).collect();
+        (!names.is_empty()).then(|| names.join(", "))
+    }
+
+    /// The end of a sentence that says that the port is in use.
+    pub(super) fn as_advice(&self) -> String {
+        match self.names() {
+            Some(names) => format!(" by {names}: end it, and the port is opened by itself{}", self.of_modem_manager()),
+            None => format!(" by another program{}: end it", self.of_hidden()),
+        }
+    }
+
+    /// The end of a sentence that says that the port does not do as it should.
+    #[must_use]
+    pub fn as_cause(&self) -> String {
+        match self.names() {
+            Some(names) => format!(
+                ". {names} has this port open as well, and two programs at one port take each other's bytes: end it{}",
+                self.of_modem_manager()
+            ),
+            None => String::new(),
+        }
+    }
+
+    fn of_modem_manager(&self) -> &'static str {
+        if self.holders.iter().any(|holder| holder.name == "ModemManager") {
+            " (`sudo era install --only rule` keeps ModemManager away from boards)"
+        } else {
+            ""
+        }
+    }
+
+    const fn of_hidden(&self) -> &'static str {
+        if self.are_some_hidden { " of another user, which `sudo era doctor` names" } else { "" }
+    }
+}
+
+/// Who has a port open, as far as this user can see; this process is left out. Paths are looked up below `root`, `/` but in tests.
+#[must_use]
+pub fn holders(root: &Path, port: &str) -> Vec<Holder> {
+    let port = fs::canonicalize(port).unwrap_or_else(|_| port.into());
+    let has_open = |folder: &Path| {
+        let Ok(files) = fs::read_dir(folder.join("fd")) else { return false };
+        files.flatten().any(|file| fs::read_link(file.path()).is_ok_and(|open| open == port))
+    };
+    processes(root)
+        .into_iter()
+        .filter(|(pid, folder)| *pid != std::process::id() && has_open(folder))
+        .map(|(pid, folder)| Holder { pid, name: name_of(&folder) })
+        .collect()
+}
+
+fn hides_some(root: &Path) -> bool {
+    processes(root).iter().any(|(_, folder)| fs::read_dir(folder.join("fd")).is_err())
+}
+
+/// All processes by number, with their folders.
+#[must_use]
+pub fn processes(root: &Path) -> Vec<(u32, PathBuf)> {
+    let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
+    let mut all: Vec<(u32, PathBuf)> = fs::read_dir(root.join("proc"))
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| number(&entry.path()).map(|pid| (pid, entry.path())))
+        .collect();
+    all.sort();
+    all
+}
+
+/// The name of the process with this folder.
+#[must_use]
+pub fn name_of(process: &Path) -> String {
+    fs::read_to_string(process.join("comm")).map_or_else(|_| "unknown".into(), |name| name.trim().to_owned())
+}
+
+/// Who may use a port, by its file's group.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Access {
+    /// The group of its file, if its name is known.
+    pub group: Option<String>,
+    /// Whether this process is in it.
+    pub is_member: bool,
+}
+
+/// Who may use a port, by its file's group. What `uaccess` gives beside it is not seen here, only by opening. Paths are looked up below `root`, `/`
+/// but in tests, save the port's.
+#[must_use]
+pub fn access(root: &Path, port: &str) -> Access {
+    let Ok(metadata) = fs::metadata(port) else { return Access::default() };
+    let group = named(root, "etc/group", metadata.gid());
+    let status = fs::read_to_string(root.join("proc/self/status")).unwrap_or_default();
+    let is_member = status
+        .lines()
+        .filter_map(|line| line.strip_prefix("Gid:").or_else(|| line.strip_prefix("Groups:")))
+        .flat_map(str::split_whitespace)
+        .any(|number| number.parse() == Ok(metadata.gid()));
+    Access { group, is_member }
+}
+
+/// The name of a number in a file of users or groups.
+fn named(root: &Path, file: &str, wanted: u32) -> Option<String> {
+    let all = fs::read_to_string(root.join(file)).ok()?;
+    all.lines().find_map(|line| {
+        let mut parts = line.split(':');
+        let (name, number) = (parts.next()?, parts.nth(1)?);
+        (number.parse() == Ok(wanted)).then(|| name.to_owned())
+    })
+}
+
+/// Why this process may not open a port.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Permission {
+    access: Access,
+    user: Option<String>,
+}
+
+impl Permission {
+    /// For the port at this path.
+    #[must_use]
+    pub fn of(port: &str) -> Self {
+        let root = Path::new("/");
+        let user = named(root, "etc/passwd", rustix::process::geteuid().as_raw());
+        Self { access: access(root, port), user }
+    }
+
+    pub(super) fn as_advice(&self, path: &str) -> String {
+        let user = self.user.as_deref().unwrap_or("$USER");
+        let rule = "`sudo era install --only rule`, and plug the board in again";
+        match &self.access {
+            Access { group: Some(group), is_member: false } => format!(
+                "the user {user} may not open the port {path}, as it is not in the group {group}: `sudo usermod -aG {group} {user}`, \
+                 then sign in again (or restart the service); or {rule}"
+            ),
+            Access { group: Some(group), is_member: true } => format!(
+                "the user {user} may not open the port {path}, though it is in its group {group}: see the port's mode with `ls -l {path}` \
+                 (in a container, whether it was given the device); or {rule}"
+            ),
+            Access { group: None, .. } => format!("the user {user} may not open the port {path}: {rule}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_to_do_about_a_missing_permission_names_user_and_group() {
+        let permission = |is_member| Permission {
+            access: Access { group: Some("dialout".into()), is_member },
+            user: Some("kai".into()),
+        };
+        let told = permission(false).as_advice("/dev/ttyACM0");
+        assert!(told.contains("`sudo usermod -aG dialout kai`") && told.contains("not in the group dialout"), "{told}");
+        assert!(!told.contains("cable"), "{told}");
+        let told = permission(true).as_advice("/dev/ttyACM0");
+        assert!(told.contains("though it is in its group dialout") && !told.contains("usermod"), "{told}");
+    }
+
+    #[test]
+    fn whoever_has_a_port_open_is_named() {
+        let users = |names: &[&str], are_some_hidden| Users {
+            holders: (7..).zip(names).map(|(pid, name)| Holder { pid, name: (*name).into() }).collect(),
+            are_some_hidden,
+        };
+        assert!(users(&["cat"], false).as_advice().contains("by cat (process 7): end it"));
+        assert!(users(&["ModemManager"], true).as_cause().contains("era install --only rule"));
+        assert!(users(&[], true).as_advice().contains("of another user"));
+        assert_eq!(users(&[], true).as_cause(), "");
+    }
+}
