@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 const TICK: Duration = Duration::from_millis(1);
 /// A longer time from one reading of its clock to the next is no tick that came late: the computer stood still, and the board with it. What comes late
 /// by less is counted as it is, so that the board's clock follows the computer's.
-const STALL: Duration = Duration::from_millis(5);
+const STALL: Duration = Duration::from_millis(25);
 
 /// Where the board's time comes from.
 #[derive(Clone, Copy, Debug)]
