@@ -100,7 +100,7 @@ function showProblem(problem) {
 
 async function clearFault() {
   try {
-    showState(await request("POST", "/v1/faults/clear"));
+    showState(await request("POST", "v1/faults/clear"));
   } catch (problem) {
     showProblem({ ...withAdvice(problem), title: "The fault is not cleared" });
   }
@@ -108,7 +108,7 @@ async function clearFault() {
 
 async function arm() {
   try {
-    showState(await request("POST", "/v1/arm"));
+    showState(await request("POST", "v1/arm"));
     $("error").hidden = true; // most likely it says that a touch was refused for want of this
   } catch (problem) {
     showProblem({ ...withAdvice(problem), title: "The device is not armed" });
@@ -126,7 +126,7 @@ function refusedInWords(problem) {
 function withAdvice(problem) {
   if (!isOf(problem, "token") && !isOf(problem, "role")) return problem;
   const which = isOf(problem, "role") ? "one of that role" : "one";
-  const address = `${location.origin}/#token=TOKEN`;
+  const address = `${location.origin}${location.pathname}#token=TOKEN`;
   const said = isOf(problem, "token") && !TOKEN ? "" : `${problem.detail}. `;
   return {
     ...problem,

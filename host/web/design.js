@@ -112,7 +112,7 @@ export class Design {
       try {
         const body = { ...this.touch, intensity_g: this.intensity(), moves: isNew ? {} : Object.fromEntries(this.moves) };
         if (text !== null) body.scene = text;
-        this.answer = await request("POST", "/v1/preview", body, ANSWER_MS);
+        this.answer = await request("POST", "v1/preview", body, ANSWER_MS);
         this.answered = now;
         if (isNew && this.on) {
           this.become(text, this.answer.scene);

@@ -11,6 +11,8 @@ const STOP_TRIES = 3;
 // browser.
 export const TOKEN = new URLSearchParams(location.hash.slice(1)).get("token")?.trim();
 
+// Paths are relative to the page's address: a reverse proxy may serve it below a prefix, as /era/.
+
 // The answer's body, to a question with an optional body of its own; throws a problem in the form of the daemon's
 // problem+json, whatever went wrong.
 export async function request(method, path, content, answer_ms = ANSWER_MS) {
@@ -61,10 +63,11 @@ export class Link {
 
   connect() {
     clearTimeout(this.timer);
-    const scheme = location.protocol === "https:" ? "wss" : "ws";
     const query = new URLSearchParams({ send: "scene,state,plan,field" }); // maps come only to those who ask for them
     if (TOKEN) query.set("token", TOKEN);
-    const socket = new WebSocket(`${scheme}://${location.host}/v1/live?${query}`);
+    const address = new URL(`v1/live?${query}`, document.baseURI);
+    address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(address);
     this.socket = socket;
     this.heard = performance.now();
     socket.addEventListener("open", () => {
@@ -103,7 +106,7 @@ export class Link {
   // A browser does not tell why a socket was refused; the same path without a socket is refused with the reason.
   async askWhy() {
     try {
-      await request("GET", "/v1/live");
+      await request("GET", "v1/live");
     } catch (problem) {
       const refused = problem.status === 401 || problem.status === 403;
       if (!this.open && refused !== Boolean(this.refusal)) this.handlers.refused(refused ? problem : null);
@@ -128,7 +131,7 @@ export class Link {
     }
     this.asking = true;
     try {
-      const state = await request("GET", "/v1/state");
+      const state = await request("GET", "v1/state");
       this.heard = performance.now();
       this.handlers.state(state);
     } catch {
@@ -154,7 +157,7 @@ export class Link {
     this.send({ type: "stop" });
     for (let left = STOP_TRIES; ; left -= 1) {
       try {
-        return await request("POST", "/v1/stop");
+        return await request("POST", "v1/stop");
       } catch (problem) {
         if (left <= 1) throw problem;
       }

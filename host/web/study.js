@@ -52,7 +52,7 @@ export class Studies {
     const text = this.design.toml ?? this.design.text;
     if (text) body.scene = text;
     try {
-      this.show(await request("POST", "/v1/study", body));
+      this.show(await request("POST", "v1/study", body));
     } catch (problem) {
       this.tell(`No study. ${problem.title}: ${problem.detail ?? ""}`);
       return;
@@ -62,7 +62,7 @@ export class Studies {
 
   async stop() {
     try {
-      this.show(await request("POST", "/v1/study/stop"));
+      this.show(await request("POST", "v1/study/stop"));
     } catch (problem) {
       this.tell(`The study is not stopped: ${problem.detail ?? problem.title}`);
     }
@@ -73,7 +73,7 @@ export class Studies {
     if (this.watching) return;
     this.watching = true;
     try {
-      await follow("/v1/study", (study) => this.show(study));
+      await follow("v1/study", (study) => this.show(study));
     } catch (problem) {
       this.tell(`How far the study is, is not known: ${problem.detail ?? problem.title}`);
     }

@@ -4,7 +4,7 @@ import { follow, showProgress, underWay } from "./job.js";
 import { request } from "./link.js";
 import { $, announce, fixed, show } from "./readout.js";
 
-const PATH = "/v1/tolerances";
+const PATH = "v1/tolerances";
 // Plans of scenes at the limits of what is previewed take some seconds.
 const ANSWER_MS = 30_000;
 const UNKNOWN = "not looked at";
