@@ -3,6 +3,8 @@
 use super::assets;
 use super::client::{Peer, TokenNumber};
 use super::guesses::{Digest, Guesses, MOST};
+use super::head::{check_head, read_header};
+use super::origins::{Authority, normalize_name, normalize_origin};
 use super::problem::{Kind, Problem};
 use super::strangers::Strangers;
 use crate::text_file::BYTE_ORDER_MARK;
@@ -18,6 +20,8 @@ use subtle::ConstantTimeEq;
 
 /// For how long a browser may remember that another page's requests are allowed, in s.
 const PREFLIGHT_S: u32 = 600;
+/// What is asked for where no token is sent (RFC 6750, 3).
+const CHALLENGE: &str = "Bearer realm=\"era\"";
 const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
 const FETCH_MODE: HeaderName = HeaderName::from_static("sec-fetch-mode");
 
@@ -47,7 +51,8 @@ impl Role {
     #[must_use]
     pub fn lacks(self, needed: Self) -> Problem {
         let detail = format!("this token's role is {}, and this needs {}", self.name(), needed.name());
-        Problem::new(Kind::Role, detail)
+        let challenge = format!("{CHALLENGE}, error=\"insufficient_scope\", scope=\"{}\"", needed.name());
+        Problem::new(Kind::Role, detail).header(header::WWW_AUTHENTICATE, &challenge)
     }
 
     /// What a request needs; `None` for the page's own files, which everybody may read: the page brings the token.
@@ -147,31 +152,20 @@ impl Access {
         Ok(tokens)
     }
 
-    /// An origin as browsers write it, `http://HOST[:PORT]`, without a path.
+    /// An origin as browsers send it, from one as people write it.
     ///
     /// # Errors
     /// What is wrong with it.
     pub fn origin(text: &str) -> Result<String, String> {
-        let wanted = "must be an origin as browsers send it: http://HOST or https://HOST, a port if it is not the usual \
-                      one, and nothing after it";
-        let (scheme, rest) = text.split_once("://").ok_or(wanted)?;
-        let is_host = |c: char| c.is_ascii_alphanumeric() || ".-:[]".contains(c);
-        if !matches!(scheme, "http" | "https") || rest.is_empty() || !rest.chars().all(is_host) {
-            return Err(wanted.into());
-        }
-        Ok(text.to_ascii_lowercase())
+        normalize_origin(text)
     }
 
-    /// A name as a Host header has it, without a port.
+    /// A name or an address as the daemon compares it, from one as people write it.
     ///
     /// # Errors
     /// What is wrong with it.
     pub fn host(text: &str) -> Result<String, String> {
-        let is_name = |c: char| c.is_ascii_alphanumeric() || "-.".contains(c);
-        if text.is_empty() || !text.chars().all(is_name) {
-            return Err("must be a name of letters, digits, '-' and '.', without a port".into());
-        }
-        Ok(text.to_ascii_lowercase())
+        normalize_name(text)
     }
 
     /// Whether the request comes from where it may.
@@ -179,13 +173,13 @@ impl Access {
         &self,
         method: &Method,
         headers: &HeaderMap,
+        host: Option<&Authority>,
         scheme: Option<Scheme>,
     ) -> Result<Option<HeaderValue>, Problem> {
-        let host = text(headers, &header::HOST)?;
         // A name that someone else's DNS may point here is not ours, whatever page it comes from ("DNS rebinding").
         if let Some(host) = host
-            && !is_own(host)
-            && !self.hosts.iter().any(|own| own.eq_ignore_ascii_case(name_of(host)))
+            && !host.is_own()
+            && !self.hosts.iter().any(|own| host.has_name(own))
         {
             let detail = format!(
                 "requests for {host} are not taken; use localhost or the daemon's address in numbers, or start it with \
@@ -199,14 +193,11 @@ impl Access {
             );
             Problem::new(Kind::ForeignOrigin, detail)
         };
-        if let Some(origin) = text(headers, &header::ORIGIN)? {
+        if let Some(origin) = read_header(headers, &header::ORIGIN)? {
             if self.origins.iter().any(|known| known.eq_ignore_ascii_case(origin)) {
                 return Ok(headers.get(header::ORIGIN).cloned());
             }
-            let is_own = |(scheme_of, authority): (&str, &str)| {
-                Some(authority) == host && scheme.is_none_or(|Scheme(own)| scheme_of.eq_ignore_ascii_case(own))
-            };
-            if !origin.split_once("://").is_some_and(is_own) {
+            if !host.is_some_and(|host| host.is_origin_of(origin, scheme.map(|Scheme(own)| own))) {
                 self.strangers.tell(origin, &Access::origin(origin));
                 return Err(foreign(&format!("pages of {origin}")));
             }
@@ -214,8 +205,8 @@ impl Access {
         }
         // A browser that sends no Origin (for an image, say) tells here where the request comes from. A link on another page
         // may lead to this daemon's.
-        let is_link = *method == Method::GET && text(headers, &FETCH_MODE)? == Some("navigate");
-        match text(headers, &FETCH_SITE)? {
+        let is_link = *method == Method::GET && read_header(headers, &FETCH_MODE)? == Some("navigate");
+        match read_header(headers, &FETCH_SITE)? {
             Some("cross-site" | "same-site") if !is_link => Err(foreign("other pages")),
             _ => Ok(None),
         }
@@ -227,8 +218,7 @@ impl Access {
         if self.tokens.is_empty() || request.extensions().get::<Owner>().is_some() {
             return Ok(None);
         }
-        let bearer = text(request.headers(), &header::AUTHORIZATION)?
-            .and_then(|value| value.strip_prefix("Bearer ").or_else(|| value.strip_prefix("bearer ")));
+        let bearer = read_header(request.headers(), &header::AUTHORIZATION)?.and_then(bearer);
         // A page cannot set its socket's headers. Nothing else takes it so: addresses end up in logs.
         let query = request.uri().query().filter(|_| request.uri().path() == "/v1/live").unwrap_or_default();
         let in_query = token_in_query(query);
@@ -240,11 +230,14 @@ impl Access {
             Some((role, number)) if role >= needed => Ok(Some((TokenNumber(number), role))),
             Some((role, _)) => Err(role.lacks(needed)),
             None => {
-                let detail = match given {
-                    None => "a token is wanted: Authorization: Bearer TOKEN, or ?token=TOKEN for /v1/live",
-                    Some(_) => "this token is not known",
+                let (detail, challenge) = match given {
+                    None => (
+                        "a token is wanted: Authorization: Bearer TOKEN, or ?token=TOKEN for /v1/live",
+                        CHALLENGE.into(),
+                    ),
+                    Some(_) => ("this token is not known", format!("{CHALLENGE}, error=\"invalid_token\"")),
                 };
-                Err(Problem::new(Kind::Token, detail))
+                Err(Problem::new(Kind::Token, detail).header(header::WWW_AUTHENTICATE, &challenge))
             }
         }
     }
@@ -283,7 +276,11 @@ impl Access {
 
 /// Lets a request through, or says why not.
 pub async fn check(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
-    let origin = match access.check_source(request.method(), request.headers(), request.extensions().get().copied()) {
+    let source = check_head(&request).and_then(|host| {
+        let scheme = request.extensions().get().copied();
+        access.check_source(request.method(), request.headers(), host.as_ref(), scheme)
+    });
+    let origin = match source {
         Ok(origin) => origin,
         Err(problem) => return problem.into_response(),
     };
@@ -323,19 +320,6 @@ const fn is_unreserved(c: char) -> bool {
     c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | '~')
 }
 
-/// A header as text.
-fn text<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>, Problem> {
-    headers
-        .get(name)
-        .map(|value| {
-            value.to_str().map_err(|_| {
-                let detail = format!("the header {name} must be plain ASCII");
-                Problem::new(Kind::BadHeader, detail)
-            })
-        })
-        .transpose()
-}
-
 /// The token behind an address, without what was around it in the file that a page has it from: a byte order mark, ends of lines.
 fn token_in_query(query: &str) -> Option<String> {
     let raw = query.split('&').find_map(|pair| pair.strip_prefix("token="))?;
@@ -344,16 +328,10 @@ fn token_in_query(query: &str) -> Option<String> {
     Some(plain.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&plain).trim().to_owned())
 }
 
-/// A Host header without its port.
-fn name_of(host: &str) -> &str {
-    host.rsplit_once(':').filter(|(_, port)| port.parse::<u16>().is_ok()).map_or(host, |(name, _)| name)
-}
-
-/// Whether a Host header names this machine beyond doubt: localhost, or an address in numbers.
-fn is_own(host: &str) -> bool {
-    let name = name_of(host);
-    let address = name.trim_start_matches('[').trim_end_matches(']');
-    name.eq_ignore_ascii_case("localhost") || address.parse::<std::net::IpAddr>().is_ok()
+/// The token in an `Authorization` header; the scheme's case is of no account (RFC 9110, 11.1).
+fn bearer(value: &str) -> Option<&str> {
+    let (scheme, token) = value.split_once(' ')?;
+    scheme.eq_ignore_ascii_case("bearer").then_some(token)
 }
 
 #[cfg(test)]
@@ -437,18 +415,6 @@ mod tests {
     }
 
     #[test]
-    fn origins_are_written_as_browsers_do() {
-        for good in ["http://kiosk", "https://kiosk.example:8443", "http://127.0.0.1:3000", "http://[::1]:80"] {
-            assert_eq!(Access::origin(good).as_deref(), Ok(good));
-        }
-        for bad in
-            ["kiosk", "ftp://kiosk", "http://", "http://kiosk/", "http://kiosk/page", "*", "null", "http://k\u{e4}"]
-        {
-            assert!(Access::origin(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
     fn only_what_comes_from_here_or_is_allowed_is_taken() {
         let access = Access {
             origins: vec!["https://kiosk.example".into()],
@@ -460,7 +426,8 @@ mod tests {
             for (name, value) in headers {
                 map.append(*name, HeaderValue::from_bytes(value).unwrap());
             }
-            access.check_source(method, &map, Some(Scheme("http")))
+            let host = read_header(&map, &header::HOST)?.and_then(Authority::parse);
+            access.check_source(method, &map, host.as_ref(), Some(Scheme("http")))
         };
         let good: &[&[(&'static str, &[u8])]] = &[
             &[("host", b"127.0.0.1:7878")],

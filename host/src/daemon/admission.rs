@@ -140,7 +140,8 @@ impl Admission {
     /// [`Problem`] if nothing is.
     pub fn told(&self, key: &str) -> Result<Told, Problem> {
         let known = self.known();
-        let id: Option<u64> = key.parse().ok();
+        // Of the ways to write a number its own only: `+3` and `03` are no names of the third.
+        let id = key.parse().ok().filter(|id: &u64| id.to_string() == key);
         let is_it = |known: &&Known| known.name.as_deref() == Some(key) || Some(known.id) == id;
         let Some(known) = known.iter().rev().find(is_it) else {
             let detail = format!("no request {key:?} is known; the last {KEPT} are kept");

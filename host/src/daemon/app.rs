@@ -222,6 +222,14 @@ impl App {
         self.closing.subscribe()
     }
 
+    /// Waits until no page's socket is open any more.
+    pub async fn sockets_closed(&self) {
+        let all = u32::try_from(SOCKETS).unwrap_or(u32::MAX);
+        for places in [&self.sockets, &self.watchers] {
+            let _ = places.acquire_many(all).await;
+        }
+    }
+
     /// Stops the device, before anything else ends; nothing is driven from here on.
     pub async fn close(&self) {
         self.closing.send_replace(true);

@@ -1,9 +1,10 @@
 //! Bodies: read whole and in time, and read from JSON with the field that is wrong.
 
 use super::admission::MAX_NAME;
+use super::head::check_content_coding;
 use super::problem::{Kind, Problem};
 use crate::text_file::BYTE_ORDER_MARK;
-use axum::body::Body;
+use axum::body::{Body, HttpBody};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
@@ -217,6 +218,17 @@ pub struct Most {
 /// Reads a request's body before anything is done with it.
 pub async fn whole_body(State(Most { bytes: most, time }): State<Most>, request: Request, next: Next) -> Response {
     let (parts, body) = request.into_parts();
+    // Before anything is read: whoever asks whether to send it (`Expect: 100-continue`) is told to with the first look.
+    if !body.is_end_stream()
+        && let Err(problem) = check_content_coding(&parts.headers)
+    {
+        return problem.into_response();
+    }
+    let announced = body.size_hint().lower();
+    if usize::try_from(announced).is_ok_and(|announced| announced > most) {
+        let detail = format!("the body has {announced} bytes; at most {most} bytes are taken");
+        return Problem::new(Kind::LongBody, detail).into_response();
+    }
     match tokio::time::timeout(time, axum::body::to_bytes(body, most)).await {
         Ok(Ok(mut bytes)) => {
             // A parser may pass over it (RFC 8259, 8.1), and no body means something else by it.

@@ -57,7 +57,8 @@ kinds! {
     BadQuery = "bad-query", BAD_REQUEST, "The query cannot be used";
     /// The path cannot be decoded.
     BadPath = "bad-query", BAD_REQUEST, "The path cannot be used";
-    /// A header is not plain ASCII, or `x-request-id` is too long or has other characters.
+    /// A header is not plain ASCII or there twice, `host` is missing or names no host, the request is for something that is no path, or
+    /// `x-request-id` is too long or has other characters.
     BadHeader = "bad-header", BAD_REQUEST, "A header cannot be used";
     /// Too many or too few targets.
     TouchCount = "touch-count", BAD_REQUEST, "Too many or too few touches";
@@ -85,7 +86,7 @@ kinds! {
     NoWebsocket = "no-websocket", BAD_REQUEST, "A WebSocket is served here";
     /// The live socket was asked for with another method than GET.
     NoWebsocketMethod = "no-websocket", METHOD_NOT_ALLOWED, "A WebSocket is served here";
-    /// The live socket was asked for on a connection that cannot become one.
+    /// The live socket was asked for on a connection that cannot become one, or in another version than 13.
     NoWebsocketUpgrade = "no-websocket", UPGRADE_REQUIRED, "A WebSocket is served here";
     /// The body was not complete in time.
     SlowBody = "slow-body", REQUEST_TIMEOUT, "The request took too long";
@@ -110,6 +111,10 @@ kinds! {
     NotArmed = "not-armed", CONFLICT, "The device waits to be armed";
     /// The body is said to be something else than JSON.
     ContentType = "content-type", UNSUPPORTED_MEDIA_TYPE, "JSON is wanted";
+    /// The body is compressed.
+    ContentCoding = "content-coding", UNSUPPORTED_MEDIA_TYPE, "The body is wanted as it is";
+    /// The body is sent in another way than in chunks or whole.
+    TransferCoding = "transfer-coding", NOT_IMPLEMENTED, "The transfer coding is not known";
     /// The scene has no actuator, or no usable frequency; or what a plan leaves cannot be told.
     NoPlan = "no-plan", UNPROCESSABLE_ENTITY, "This scene has no plan";
     /// The scene cannot be modelled.

@@ -106,7 +106,7 @@ impl Metrics {
             let help = "How much faster the board's clock runs than the host's, in parts per million.";
             metric("era_clock_rate_ppm", "gauge", help, &clock.rate_ppm);
             let help = "Samples of the board's clock left out as late.";
-            metric("era_clock_outliers", "gauge", help, &clock.outliers);
+            metric("era_clock_outliers_total", "counter", help, &clock.outliers);
         }
         let _ =
             writeln!(out, "# HELP era_device_state 1 for the state the device is in.\n# TYPE era_device_state gauge");

@@ -1,6 +1,7 @@
 //! The daemon: HTTP and WebSocket in front of one device session.
 //!
-//! `server` accepts connections and gives every request a task of its own, `guests` keeps a way in for stops; `access` says who may do what, `guesses` how often;
+//! `server` accepts connections and gives every request a task of its own, `guests` keeps a way in for stops, `linger` ends connections whose sender still sends;
+//! `head` looks at the head of a request, `access` says who may do what, by `origins` and tokens, `guesses` how often;
 //! `routes` and `live`
 //! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and does
 //! it, `current` is what is driven of it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
@@ -24,12 +25,15 @@ mod current;
 mod description;
 mod guesses;
 mod guests;
+mod head;
 mod kinds;
 mod limits;
+mod linger;
 pub mod listener;
 mod live;
 mod measured;
 mod metrics;
+mod origins;
 mod parts;
 mod planned;
 mod preview;
@@ -48,6 +52,7 @@ mod touch;
 mod turns;
 mod view;
 mod warm;
+mod whole;
 
 pub use access::{Access, Token};
 pub use answers::scene::SceneView;

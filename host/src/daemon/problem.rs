@@ -7,7 +7,7 @@ use crate::model::ModelError;
 use crate::planner::PlanError;
 use crate::response::ResponseError;
 use crate::scene::{PixelError, SceneError};
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::http::{HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use era_shared::protocol::Refusal;
 use serde::Serialize;
@@ -67,6 +67,9 @@ struct Content {
     /// All mistakes of a scene; the first is the one above.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     mistakes: Vec<MistakeView>,
+    /// What goes beside it into the head of an answer.
+    #[serde(skip)]
+    headers: Vec<(HeaderName, HeaderValue)>,
 }
 
 /// One mistake of a scene.
@@ -97,6 +100,7 @@ impl Problem {
             retry_after_ms: None,
             depth: None,
             mistakes: Vec::new(),
+            headers: Vec::new(),
         }))
     }
 
@@ -122,6 +126,13 @@ impl Problem {
     pub fn retry(mut self, after_ms: u64, depth: Option<usize>) -> Self {
         self.0.retry_after_ms = Some(after_ms);
         self.0.depth = depth;
+        self
+    }
+
+    /// With a line in the head of its answer.
+    #[must_use]
+    pub fn header(mut self, name: HeaderName, value: &str) -> Self {
+        self.0.headers.extend(HeaderValue::from_str(value).ok().map(|value| (name, value)));
         self
     }
 
@@ -200,6 +211,7 @@ impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let body = serde_json::to_vec(&self).unwrap_or_default();
         let mut response = (self.status(), [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
+        response.headers_mut().extend(self.0.headers);
         if let Some(ms) = self.0.retry_after_ms {
             // Whole seconds, the least of which is one (RFC 9110, 10.2.3); the body says it in ms.
             response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(ms.div_ceil(1000)));

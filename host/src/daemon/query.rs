@@ -3,7 +3,8 @@
 use super::problem::{Kind, Problem};
 use axum::extract::Query;
 use axum::http::Uri;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, Error, Unexpected};
+use serde::{Deserialize, Deserializer};
 
 /// What axum says before what is wrong.
 const BEFORE: &str = "Failed to deserialize query string: ";
@@ -17,6 +18,17 @@ pub fn read<T: DeserializeOwned>(uri: &Uri, wanted: &str) -> Result<T, Problem> 
         Ok(Query(query)) => Ok(query),
         Err(error) => Err(problem(&error.body_text(), uri, wanted)),
     }
+}
+
+/// A number as JSON has it (RFC 8259, 6), with `#[serde(default)]`: what else Rust takes for one (`+1`, `inf`, `.5`) is none.
+///
+/// # Errors
+/// That it is none.
+pub fn read_number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    let is_tight = !text.contains(char::is_whitespace);
+    let number = serde_json::from_str::<f64>(&text).ok().filter(|_| is_tight);
+    number.map(Some).ok_or_else(|| D::Error::invalid_value(Unexpected::Str(&text), &"a float"))
 }
 
 fn problem(text: &str, uri: &Uri, wanted: &str) -> Problem {

@@ -356,10 +356,13 @@ async fn scene(State(app): State<Arc<App>>) -> Response {
 struct FieldQuery {
     /// Of a touch here, in pixels from the screen's left edge, which is not driven; of the current plan if neither it nor `y_px` is
     /// given.
+    #[serde(default, deserialize_with = "super::query::read_number")]
     x_px: Option<f64>,
     /// From the screen's top edge; with `x_px`.
+    #[serde(default, deserialize_with = "super::query::read_number")]
     y_px: Option<f64>,
     /// Peak wanted there in g; 0.5 if not given.
+    #[serde(default, deserialize_with = "super::query::read_number")]
     intensity_g: Option<f64>,
 }
 
@@ -373,10 +376,11 @@ struct FieldQuery {
 async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<Response, Problem> {
     let query: FieldQuery =
         super::query::read(&uri, "x_px=NUMBER&y_px=NUMBER, with &intensity_g=NUMBER or without, or nothing")?;
+    // Whether or not it is used.
+    super::touch::check_intensity(query.intensity_g)?;
     let view = match (query.x_px, query.y_px) {
         (Some(x_px), Some(y_px)) => {
             let (x_m, y_m) = app.table.scene.place_px(x_px, y_px)?.xy_m();
-            super::touch::check_intensity(query.intensity_g)?;
             let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
             let _place = app.admission.place(client).await?;
             tokio::task::block_in_place(|| -> Result<_, Problem> {

@@ -8,6 +8,7 @@ use super::app::{App, closed};
 use super::client::Peer;
 use super::guests::{Guest, Guests};
 use super::limits::Limits;
+use super::linger::Lingering;
 use super::listener::{Incoming, Listener};
 use super::problem::{Kind, Problem};
 use super::routes;
@@ -74,7 +75,9 @@ pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Futur
     }
     shutdown.await;
     app.close().await;
-    while all.join_next().await.is_some() {}
+    // Pages are told so before the process ends.
+    let told = tokio::time::timeout(app.limits.goodbye, app.sockets_closed());
+    let _ = tokio::join!(told, async { while all.join_next().await.is_some() {} });
 }
 
 /// Accepts connections until the daemon ends, and gives those that are open then a moment.
@@ -145,7 +148,7 @@ impl Doors {
         let closing = self.closing.clone();
         match incoming {
             Incoming::Tcp(stream) => {
-                let (peer, stream) = (Peer::of(stream.peer_addr()), guest.listened(stream));
+                let (peer, stream) = (Peer::of(stream.peer_addr()), Lingering::new(guest.listened(stream)));
                 let router = router.layer(axum::Extension(Scheme("http")));
                 tasks.spawn(async move { guest.served(connection(stream, peer, router, limits, closing)).await })
             }
@@ -154,11 +157,11 @@ impl Doors {
                 // The file's permissions have asked already.
                 let router = router.layer(axum::Extension(Owner));
                 let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
-                let stream = guest.listened(stream);
+                let stream = Lingering::new(guest.listened(stream));
                 tasks.spawn(async move { guest.served(connection(stream, peer, router, limits, closing)).await })
             }
             Incoming::Tls(stream, acceptor) => {
-                let (peer, stream) = (Peer::of(stream.peer_addr()), guest.listened(stream));
+                let (peer, stream) = (Peer::of(stream.peer_addr()), Lingering::new(guest.listened(stream)));
                 let router = router.layer(axum::Extension(Scheme("https")));
                 let serving = async move {
                     match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {

@@ -42,6 +42,7 @@ pub struct TouchRequest {
     /// Plays this on the board's own clock instead of driving evenly.
     pub effect: Option<NamedEffect>,
     /// How many pulses a `pulse_train` has; 5 if not given.
+    #[serde(default, deserialize_with = "super::whole::read_whole_or_null")]
     pub count: Option<u32>,
     /// From one click, pulse or crest to the next, in ms: `double_click` 50 to 500 (120 if not given), `pulse_train` 10 to 1000 (60),
     /// `texture` 25 to 125 (50).

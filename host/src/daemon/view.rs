@@ -12,7 +12,7 @@ use utoipa::ToSchema;
 #[serde(deny_unknown_fields)]
 pub struct TouchView {
     /// The page's number for it.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "super::whole::read_whole")]
     pub id: i64,
     /// In pixels of the scene's screen.
     pub x_px: f64,

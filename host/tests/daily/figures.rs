@@ -162,3 +162,25 @@ fn what_keeps_touches_quick_drives_nothing_and_is_counted_nowhere() {
     let state = daemon.state();
     assert_eq!((&state["device"]["state"], &state["plan"]), (&json!("armed"), &Value::Null), "{state}");
 }
+
+/// As Prometheus names them: what only grows is a counter, which ends in `_total`, and nothing else does; each has its unit or says what
+/// it counts, its help and its type before it, once (<https://prometheus.io/docs/practices/naming>).
+#[test]
+fn what_counts_is_a_counter_by_its_name() {
+    let daemon = Daemon::start(EXAMPLE_PLATE);
+    daemon.wait_for(|state| state["device"]["clock"]["samples"].as_u64() >= Some(2));
+    let text = daemon.get_text("/metrics");
+    let mut types = std::collections::BTreeMap::new();
+    for line in text.lines().filter_map(|line| line.strip_prefix("# TYPE ")) {
+        let (name, kind) = line.split_once(' ').unwrap();
+        assert_eq!(kind == "counter", name.ends_with("_total"), "{line}");
+        assert!(kind == "counter" || kind == "gauge", "{line}");
+        assert!(text.contains(&format!("# HELP {name} ")), "{line}");
+        assert!(types.insert(name, kind).is_none(), "{name} is there twice");
+    }
+    assert_eq!(types.get("era_clock_outliers_total"), Some(&"counter"), "{text}");
+    for line in text.lines().filter(|line| !line.starts_with('#')) {
+        let (name, value) = line.split_once([' ', '{']).unwrap();
+        assert!(types.contains_key(name) && !value.is_empty(), "{line}");
+    }
+}

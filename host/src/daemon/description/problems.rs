@@ -13,6 +13,8 @@ const ALWAYS: &[Kind] = &[
     Kind::BadBody,
     Kind::LongBody,
     Kind::SlowBody,
+    Kind::ContentCoding,
+    Kind::TransferCoding,
     Kind::Internal,
 ];
 
@@ -119,7 +121,9 @@ fn own(path: &str) -> &'static [Kind] {
 pub fn of(path: &str, role: Option<Role>) -> Map<String, Value> {
     let mut kinds = ALWAYS.to_vec();
     // Its body is not read.
-    kinds.retain(|kind| path != "/v1/stop" || !matches!(kind, Kind::BadBody | Kind::LongBody | Kind::SlowBody));
+    let is_of_a_body =
+        |kind: &Kind| matches!(kind, Kind::BadBody | Kind::LongBody | Kind::SlowBody | Kind::ContentCoding);
+    kinds.retain(|kind| path != "/v1/stop" || !is_of_a_body(kind));
     kinds.extend(own(path));
     kinds.extend(role.map(|_| Kind::Token));
     kinds.extend(role.filter(|_| path != "/v1/stop").map(|_| Kind::Guesses));
@@ -153,13 +157,32 @@ fn response(kinds: &[Kind]) -> Value {
     ]});
     let mut response =
         json!({"description": told.join(" "), "content": {"application/problem+json": {"schema": schema}}});
+    let mut headers = Map::new();
     if kinds.iter().any(|kind| may_be_asked_again(*kind)) {
-        response["headers"] = json!({"retry-after": {
+        headers.insert("retry-after".into(), json!({
             "description": "When to ask again, in whole seconds; `retry_after_ms` says it in ms. Absent where that is not known",
             "schema": {"type": "integer", "minimum": 1},
-        }});
+        }));
+    }
+    for (name, about) in kinds.iter().filter_map(|kind| header_of(*kind)) {
+        headers.insert(name.into(), json!({"description": about, "schema": {"type": "string"}}));
+    }
+    if !headers.is_empty() {
+        response["headers"] = headers.into();
     }
     response
+}
+
+/// The header that says what is wanted instead, and what it says.
+const fn header_of(kind: Kind) -> Option<(&'static str, &'static str)> {
+    match kind {
+        Kind::Token | Kind::Role => {
+            Some(("www-authenticate", "That a token is wanted (RFC 6750), and what is wrong with the one that came"))
+        }
+        Kind::ContentCoding => Some(("accept-encoding", "`identity`: no compression is taken")),
+        Kind::NoWebsocketUpgrade => Some(("sec-websocket-version", "The version that is spoken: 13")),
+        _ => None,
+    }
 }
 
 /// Whether it may say when to ask again.

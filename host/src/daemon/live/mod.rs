@@ -1,8 +1,9 @@
 //! The WebSocket: touches in, state, plans and telemetry out.
 //!
 //! `mod` reads, `writer` writes, `fingers` drives: none of them waits for another, so that a page that reads slowly is still
-//! heard, its stop first of all.
+//! heard, its stop first of all. `closing` knows why a socket is closed.
 
+mod closing;
 mod fingers;
 mod said;
 mod writer;
@@ -11,6 +12,7 @@ use super::access::Role;
 use super::answers::live::Message as Told;
 use super::app::{App, SOCKETS};
 use super::client::Client;
+use super::head::read_header;
 use super::problem::{Kind, Problem};
 use super::touch::{Feel, MAX_DURATION_MS};
 use super::view::TouchView;
@@ -19,8 +21,8 @@ use crate::text_file::BYTE_ORDER_MARK;
 use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
-use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
-use axum::http::Uri;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
+use axum::http::{HeaderMap, Uri, header};
 use axum::response::{IntoResponse, Response};
 use fingers::Fingers;
 use futures_util::{FutureExt, StreamExt};
@@ -65,6 +67,7 @@ pub struct Incoming {
     /// Plays this when a finger comes down instead of driving evenly.
     effect: Option<NamedEffect>,
     /// How many pulses a `pulse_train` has.
+    #[serde(default, deserialize_with = "super::whole::read_whole_or_null")]
     count: Option<u32>,
     /// From one click, pulse or crest to the next, in ms.
     period_ms: Option<f64>,
@@ -85,6 +88,8 @@ enum Said {
 #[derive(Debug)]
 enum Letter {
     Ping,
+    /// The last one.
+    Close(CloseFrame),
 }
 
 /// What a page wants of its live socket.
@@ -117,16 +122,21 @@ pub async fn upgrade(
     client: Client,
     role: Option<Extension<Role>>,
     uri: Uri,
+    headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
     let upgrade = upgrade.map_err(|rejection| {
+        let is_other_version = matches!(rejection, WebSocketUpgradeRejection::InvalidWebSocketVersionHeader(_))
+            && headers.contains_key(header::SEC_WEBSOCKET_VERSION);
         let kind = match rejection.status().as_u16() {
             405 => Kind::NoWebsocketMethod,
             426 => Kind::NoWebsocketUpgrade,
+            _ if is_other_version => Kind::NoWebsocketUpgrade,
             _ => Kind::NoWebsocket,
         };
-        Problem::new(kind, rejection.body_text())
+        no_websocket(kind, rejection.body_text())
     })?;
+    check_handshake(&headers)?;
     let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
     let query: LiveQuery = super::query::read(&uri, "send=NAMES, or nothing")?;
     let wants = match &query.send {
@@ -147,7 +157,33 @@ pub async fn upgrade(
         serve(app, client, role, socket, wants).await;
         drop(place);
     };
-    Ok(upgrade.max_message_size(MOST_READ).on_upgrade(serve).into_response())
+    // Of both: what is announced as longer is not waited for.
+    Ok(upgrade.max_message_size(MOST_READ).max_frame_size(MOST_READ).on_upgrade(serve).into_response())
+}
+
+/// What is no WebSocket, with what is spoken here (RFC 6455, 4.4; RFC 9110, 15.5.22).
+fn no_websocket(kind: Kind, detail: String) -> Problem {
+    let problem = Problem::new(kind, detail).header(header::SEC_WEBSOCKET_VERSION, "13");
+    match kind {
+        Kind::NoWebsocketUpgrade => problem.header(header::CONNECTION, "upgrade").header(header::UPGRADE, "websocket"),
+        _ => problem,
+    }
+}
+
+/// That the version is there once, and a key of 16 bytes in base64 (RFC 6455, 4.2.1): 22 letters and what fills up to 24.
+fn check_handshake(headers: &HeaderMap) -> Result<(), Problem> {
+    read_header(headers, &header::SEC_WEBSOCKET_VERSION)?;
+    let key = read_header(headers, &header::SEC_WEBSOCKET_KEY)?.unwrap_or_default();
+    let is_letter = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'/');
+    match key.strip_suffix("==") {
+        Some(letters) if letters.len() == 22 && letters.bytes().all(is_letter) => Ok(()),
+        _ => {
+            let allowed = "16 bytes in base64, which are 24 characters";
+            let problem =
+                no_websocket(Kind::NoWebsocket, format!("sec-websocket-key is {key:?}, but must be {allowed}"));
+            Err(problem.at("sec-websocket-key", key.into(), allowed.into(), None))
+        }
+    }
 }
 
 async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wants: Wants) {
@@ -162,7 +198,8 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
     tokio::spawn(fingers::drive(Arc::clone(&app), client, Arc::clone(&fingers), replies.clone()));
     let mut ping = tokio::time::interval(app.limits.ping);
     let mut heard = Instant::now();
-    loop {
+    let mut is_written = true;
+    let farewell = loop {
         tokio::select! {
             message = stream.next() => match message {
                 Some(Ok(message)) => {
@@ -184,11 +221,13 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
                                 let _ = replies.try_send(error_message(&problem));
                             }
                         }
-                        Message::Close(_) => break,
+                        // The writer says it back.
+                        Message::Close(_) => break None,
                         _ => {}
                     }
                 }
-                Some(Err(_)) | None => break,
+                Some(Err(error)) => break closing::frame_for_error(error),
+                None => break None,
             },
             _ = ping.tick() => {
                 let _ = letters.try_send(Letter::Ping);
@@ -196,15 +235,25 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
             // By its own clock: a page that only answers pings is heard just after one, and at the third from there a little is left.
             () = tokio::time::sleep_until(heard + app.limits.silence) => {
                 tracing::info!("a page that has fallen silent is let go");
-                break;
+                break Some(closing::frame_for_silence(app.limits.silence));
             }
             // The page takes nothing any more, or the daemon ends.
-            _ = &mut writer => break,
+            _ = &mut writer => {
+                is_written = false;
+                break None;
+            }
         }
-    }
+    };
     app.note("gone", || json!({"socket": page.number}));
     fingers.go();
+    if let Some(farewell) = farewell {
+        let _ = letters.send(Letter::Close(farewell)).await;
+    }
     drop(letters);
+    // The socket's place is taken until it is closed.
+    if is_written {
+        let _ = writer.await;
+    }
 }
 
 /// Who is at the other end.

@@ -1,7 +1,7 @@
 //! What a page is told. A page that reads slowly gets the newest state and plan and misses what came in between; one that
 //! reads nothing is let go.
 
-use super::Letter;
+use super::{Letter, closing};
 use crate::daemon::active::{Active, Update};
 use crate::daemon::answers::live::Message as Told;
 use crate::daemon::answers::state::StateView;
@@ -70,7 +70,7 @@ pub async fn write(
     mut replies: mpsc::Receiver<Value>,
     wants: Wants,
 ) {
-    let (mut device, mut updates, mut closing) = (app.device(), app.updates(), app.closing());
+    let (mut device, mut updates, mut ending) = (app.device(), app.updates(), app.closing());
     let limit = app.limits.page;
     let mut first = Vec::new();
     first.extend(wants.scene.then(|| json!(Told::Scene(Box::new(app.scene.clone())))));
@@ -83,16 +83,18 @@ pub async fn write(
             return;
         }
     }
-    loop {
+    let farewell = loop {
         let message = tokio::select! {
             letter = letters.recv() => match letter {
                 Some(Letter::Ping) => Some(Message::Ping(axum::body::Bytes::new())),
-                None => break,
+                Some(Letter::Close(farewell)) => break Some(farewell),
+                // The page has said that it goes; that is said back.
+                None => break None,
             },
             Some(reply) = replies.recv() => Some(text(&reply)),
             changed = device.changed(), if wants.state => match changed {
                 Ok(()) => Some(text(&state_message(&app))),
-                Err(_) => break,
+                Err(_) => break Some(closing::frame_for_end()),
             },
             update = updates.recv() => match update {
                 Ok(Update::Plan(active)) if wants.plan => {
@@ -109,19 +111,22 @@ pub async fn write(
                     known = newest.clone().or(known);
                     newest.map(|active| text(&wants.plan_message(&app, &active)))
                 }
-                Err(RecvError::Closed) => break,
+                Err(RecvError::Closed) => break Some(closing::frame_for_end()),
             },
             () = over(&app, known.as_ref().map_or(0, |known| known.id)), if known.is_some() => {
                 known = None;
                 Some(text(&json!(Told::no_plan())))
             }
-            () = closed(&mut closing) => break,
+            () = closed(&mut ending) => break Some(closing::frame_for_end()),
         };
         if let Some(message) = message
             && !send(&mut sink, message, limit).await
         {
             return;
         }
+    };
+    if let Some(farewell) = farewell {
+        send(&mut sink, Message::Close(Some(farewell)), limit).await;
     }
     let _ = tokio::time::timeout(limit, sink.close()).await;
 }
@@ -144,7 +149,12 @@ fn text(message: &Value) -> Message {
 /// Whether it was taken in time.
 async fn send(sink: &mut SplitSink<WebSocket, Message>, message: Message, limit: Duration) -> bool {
     match tokio::time::timeout(limit, sink.send(message)).await {
-        Ok(sent) => sent.is_ok(),
+        Ok(Ok(())) => true,
+        // The page has closed meanwhile, which is said back.
+        Ok(Err(_)) => {
+            let _ = tokio::time::timeout(limit, sink.close()).await;
+            false
+        }
         Err(_) => {
             tracing::info!("a page that reads nothing is let go");
             false
