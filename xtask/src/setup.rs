@@ -18,6 +18,8 @@ pub enum Need {
     Python,
     /// A browser that takes commands.
     Browser,
+    /// The reverse proxy of the manual.
+    Nginx,
     /// A compiler for libFuzzer.
     Cxx,
     /// What looks through systemd's units.
@@ -29,9 +31,10 @@ pub enum Need {
 }
 
 /// What `cargo xtask test` needs.
-pub const TEST: &[Need] = &[Need::Python, Need::Browser, Need::Target];
+pub const TEST: &[Need] = &[Need::Python, Need::Browser, Need::Nginx, Need::Target];
 /// What `cargo xtask ci` needs.
-pub const CI: &[Need] = &[Need::Python, Need::Browser, Need::Cxx, Need::Systemd, Need::Lints, Need::Target];
+pub const CI: &[Need] =
+    &[Need::Python, Need::Browser, Need::Nginx, Need::Cxx, Need::Systemd, Need::Lints, Need::Target];
 
 /// What `cargo xtask python` needs.
 pub const PYTHON: &[Need] = &[Need::Python];
@@ -42,6 +45,10 @@ pub const CROSSCHECK: &[Need] = &[Need::Python];
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 /// Set by whoever wants the page's tests skipped.
 const NO_BROWSER: &str = "ERA_NO_BROWSER";
+/// Where nginx may be: Debian has it where only root looks.
+const NGINX: [&str; 2] = ["nginx", "/usr/sbin/nginx"];
+/// Set by whoever wants the test of the reverse proxy skipped.
+const NO_NGINX: &str = "ERA_NO_NGINX";
 
 impl Need {
     /// What it is, and what for.
@@ -53,6 +60,7 @@ impl Need {
                     .into()
             }
             Need::Browser => format!("a browser ({}), for the tests of the page", BROWSERS.join(", ")),
+            Need::Nginx => "nginx, for the test of the manual's reverse proxy".into(),
             Need::Cxx => "a C++ compiler (c++), for the fuzzing engine".into(),
             Need::Systemd => "systemd-analyze, for the units of `era install`".into(),
             Need::Lints => "rustfmt and clippy, for formatting and lints".into(),
@@ -65,6 +73,7 @@ impl Need {
         match self {
             Need::Python => &["python3", "python3-venv"],
             Need::Browser => &["chromium"],
+            Need::Nginx => &["nginx"],
             Need::Cxx => &["g++"],
             Need::Systemd => &["systemd"],
             Need::Lints | Need::Target => &[],
@@ -76,7 +85,7 @@ impl Need {
         match self {
             Need::Lints => Some(&["component", "add", "rustfmt", "clippy"]),
             Need::Target => Some(&["target", "add", TARGET]),
-            Need::Python | Need::Browser | Need::Cxx | Need::Systemd => None,
+            Need::Python | Need::Browser | Need::Nginx | Need::Cxx | Need::Systemd => None,
         }
     }
 }
@@ -159,8 +168,12 @@ fn message(missing: &[Need], reasons: &[String], has_apt: bool, rights: Rights) 
     commands.extend(missing.iter().filter_map(|need| Some(format!("rustup {}", need.rustup()?.join(" ")))));
     let on_debian = if packages.is_empty() || has_apt { "" } else { " on Debian and Ubuntu" };
     let _ = write!(text, "\nThis installs it{on_debian}:\n  {}", commands.join(" && "));
-    if missing.contains(&Need::Browser) {
-        let _ = write!(text, "\n({NO_BROWSER}=1 leaves out the tests of the page instead.)");
+    for (need, variable, what) in
+        [(Need::Browser, NO_BROWSER, "the tests of the page"), (Need::Nginx, NO_NGINX, "the test of the reverse proxy")]
+    {
+        if missing.contains(&need) {
+            let _ = write!(text, "\n({variable}=1 leaves out {what} instead.)");
+        }
     }
     text
 }
@@ -184,6 +197,7 @@ impl Machine for This {
             Need::Browser => {
                 std::env::var_os(NO_BROWSER).is_some() || BROWSERS.iter().any(|name| Self::runs(name, &["--version"]))
             }
+            Need::Nginx => std::env::var_os(NO_NGINX).is_some() || NGINX.iter().any(|name| Self::runs(name, &["-v"])),
             Need::Cxx => Self::runs("c++", &["--version"]),
             Need::Systemd => Self::runs("systemd-analyze", &["--version"]),
             Need::Lints => Self::runs("cargo", &["fmt", "--version"]) && Self::runs("cargo", &["clippy", "--version"]),
@@ -276,7 +290,7 @@ mod tests {
             if !self.online {
                 return Err("no mirror".into());
             }
-            let all = [Need::Python, Need::Browser, Need::Cxx, Need::Systemd];
+            let all = [Need::Python, Need::Browser, Need::Nginx, Need::Cxx, Need::Systemd];
             let got = all.into_iter().filter(|need| need.packages().iter().all(|name| packages.contains(name)));
             self.has.borrow_mut().extend(got);
             Ok(())
@@ -303,7 +317,7 @@ mod tests {
         for rights in [Rights::Root, Rights::Sudo] {
             let machine = Fake::new(&[Need::Cxx, Need::Lints], rights);
             machine.ensure(CI).unwrap();
-            assert_eq!(*machine.done.borrow(), ["python3 python3-venv chromium systemd", "Target"]);
+            assert_eq!(*machine.done.borrow(), ["python3 python3-venv chromium nginx systemd", "Target"]);
         }
     }
 
@@ -317,25 +331,27 @@ mod tests {
             "`cargo xtask test` needs",
             "python3 with",
             "a browser",
+            "nginx, for",
             "C++ compiler",
             "systemd-analyze",
             "rustfmt",
             TARGET,
             "tried: no server for Target",
-            "sudo apt-get install python3 python3-venv chromium g++ systemd && rustup component add rustfmt clippy && \
+            "sudo apt-get install python3 python3-venv chromium nginx g++ systemd && rustup component add rustfmt clippy && \
              rustup target add thumbv7em-none-eabihf",
         ] {
             assert!(told.contains(piece), "{piece:?} is not in {told}");
         }
         // What could be had is had, and not named.
-        let machine = Fake::new(&[Need::Browser], Rights::None);
+        let machine = Fake::new(&[Need::Browser, Need::Nginx], Rights::None);
         let told = machine.ensure(TEST).unwrap_err();
         assert!(machine.has(Need::Target) && !told.contains(TARGET) && !told.contains("browser"), "{told}");
+        assert!(!told.contains("nginx"), "{told}");
     }
 
     #[test]
     fn an_installation_that_fails_is_told_with_its_reason() {
-        let machine = Fake { online: false, ..Fake::new(&[Need::Browser, Need::Target], Rights::Root) };
+        let machine = Fake { online: false, ..Fake::new(&[Need::Browser, Need::Nginx, Need::Target], Rights::Root) };
         let told = machine.ensure(TEST).unwrap_err();
         assert!(told.contains("tried: no mirror") && !told.contains("sudo"), "{told}");
         let elsewhere = Fake { has_apt: false, ..Fake::new(&[Need::Target], Rights::Root) };

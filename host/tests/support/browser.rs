@@ -65,6 +65,11 @@ pub fn serve_page(listener: TcpListener, html: String) -> String {
 
 impl Browser {
     pub fn start(program: &str, width: u32, height: u32) -> Self {
+        Self::start_with(program, width, height, &[])
+    }
+
+    /// The same with more arguments.
+    pub fn start_with(program: &str, width: u32, height: u32, more: &[&str]) -> Self {
         let profile = tempfile::tempdir().unwrap();
         let mut process = Command::new(program)
             .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
@@ -72,6 +77,7 @@ impl Browser {
             .args(["--remote-debugging-port=0", "--touch-events=enabled"])
             .arg(format!("--window-size={width},{height}"))
             .arg(format!("--user-data-dir={}", profile.path().display()))
+            .args(more)
             .arg("about:blank")
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
