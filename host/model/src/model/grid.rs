@@ -148,7 +148,22 @@ impl Grid {
     #[must_use]
     pub fn attachment(&self, x_m: f64, y_m: f64) -> SparseVector {
         let (x_m, y_m) = self.attached_at(x_m, y_m);
+        if self.y.is_none() && !self.attached.is_empty() {
+            return self.beside_line(x_m);
+        }
         self.points.deflection(x_m, y_m).unwrap_or_else(|| self.row_at(x_m, y_m, Derivative::Value))
+    }
+
+    /// The deflection of a bar at the nearest line, and beside it what the slope there adds.
+    fn beside_line(&self, x_m: f64) -> SparseVector {
+        let line = self.x.at[self.x.nearest(x_m)];
+        let mut out: BTreeMap<usize, f64> = self.row_at(line, 0.0, Derivative::Value).into_iter().collect();
+        if x_m != line {
+            for (unknown, value) in self.row_at(line, 0.0, Derivative::SlopeX) {
+                *out.entry(unknown).or_insert(0.0) += (x_m - line) * value;
+            }
+        }
+        out.into_iter().collect()
     }
 
     /// A matrix over the functions, over the unknowns.
@@ -271,7 +286,7 @@ impl Grid {
         self.numbers.get(in_y * self.functions_x() + in_x).copied().flatten()
     }
 
-    /// Where an attachment is on the mesh: those that are nearly at one place at the same, on a bar at a line.
+    /// Where an attachment is on the mesh: those that are nearly at one place at the same.
     #[must_use]
     pub fn attached_at(&self, x_m: f64, y_m: f64) -> (f64, f64) {
         if self.attached.is_empty() {
@@ -279,7 +294,8 @@ impl Grid {
             return (x_m, y_m);
         }
         if self.y.is_none() {
-            return (self.x.at[self.x.nearest(x_m)], 0.0);
+            let line = self.x.at[self.x.nearest(x_m)];
+            return (if (line - x_m).abs() <= MERGE * self.size().0 { line } else { x_m }, 0.0);
         }
         let merged = MERGE * self.size().0.max(self.size().1);
         self.attached.iter().copied().find(|at| distance(*at, (x_m, y_m)) <= merged).unwrap_or((x_m, y_m))

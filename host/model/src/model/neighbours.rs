@@ -16,6 +16,35 @@ use crate::scene::Scene;
 /// to the square of this of the 1e-11 that integrals are right to.
 pub(super) const NEAR: f64 = 0.02;
 
+/// Attachments of a bar that are nearer to a line than this part of its length have none of their own: a cell as thin would make rounding, which goes with
+/// the inverse cube of its width, larger than what the stretch between them bends.
+pub(super) const NEAR_LINE: f64 = 1.5e-4;
+
+/// Two attachments that are not at one place, and are nearer to each other than that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pair {
+    /// In m.
+    pub distance_m: f64,
+    /// With what they hold the slope between them over the square of their distance, in N/m: both in series.
+    pub held: f64,
+}
+
+/// All pairs of attachments that are apart by more than nothing and at most `most_m`.
+pub(super) fn pairs(scene: &Scene, most_m: f64) -> Vec<Pair> {
+    let shift = shift(scene);
+    let all: Vec<((f64, f64), f64)> = attached(scene).map(|own| (own.at, own.held(shift))).collect();
+    let mut out = Vec::new();
+    for (k, (at, held)) in all.iter().enumerate() {
+        for (other_at, other) in &all[k + 1..] {
+            let distance_m = distance(*at, *other_at);
+            if distance_m > 0.0 && distance_m <= most_m {
+                out.push(Pair { distance_m, held: held * other / (held + other).max(f64::MIN_POSITIVE) });
+            }
+        }
+    }
+    out
+}
+
 /// Something attached.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {

@@ -1,0 +1,3 @@
+//! What panels do, in terms of relations and closed formulas: attachments that are next to each other.
+
+mod near;
