@@ -1,4 +1,9 @@
-"""What a steady press anywhere on the surface does to the actuators' gaps (docs/src/scene.md, "A press")."""
+"""What a steady press anywhere on the surface does to the actuators' gaps (docs/src/scene.md, "A press").
+
+A formulation of its own: K u = f with the stiffness of the surface, of springs and of sealed air, real, without any mass, dashpot or loss factor.
+No frequency is near enough to nothing to stand for it: a dashpot c holds by w c, a loss factor makes a spring stiffer by sqrt(1 + eta^2), and a mass M on a
+spring k takes w^2 M off it.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -6,8 +11,6 @@ import numpy as np
 
 from .scene import VACUUM_PERMITTIVITY_F_PER_M
 
-# Slow enough to stand for a steady force: what nothing holds has no answer to one.
-SLOW_HZ = 0.1
 # An electrode or the other is on for this part of the time at most.
 ON = 0.96
 # What the electrodes may take of what holds a mass, at most (docs/src/planner.md).
@@ -56,11 +59,48 @@ def _pull(actuator, volts, x):
     return ON / 2 * both * (1 / near**2 - 1 / far**2)
 
 
+# Part of the largest force below which what is left of one on a motion that nothing holds is rounding.
+BALANCED = 1e-8
+
+
+def steady(model):
+    """Coordinates [coordinate, actuator] of one of a panel's two meshes under a steady newton of each actuator; infinite under one that moves
+    what nothing holds."""
+    size = model.size
+    # Scaled by the stiffness of each coordinate, or by what its mass would be held with at the shift where it has none.
+    scale = 1 / np.sqrt(np.diagonal(model.stiffness - model.shift * model.mass))
+    stiffness = model.stiffness * scale[:, None] * scale[None, :]
+    loads = scale[:, None] * model.forces
+    values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+    free = vectors[:, : model.free_motions]
+    held = vectors[:, model.free_motions :]
+    answer = scale[:, None] * (held @ ((held.T @ loads) / values[model.free_motions :, None]))
+    pushed = np.abs(free.T @ loads).max(axis=0, initial=0.0) > BALANCED * np.abs(loads).max(axis=0)
+    answer[:, pushed] = np.inf
+    assert answer.shape == (size, model.forces.shape[1])
+    return answer
+
+
+def _of_meshes(panel, ask):
+    """An answer of the finer mesh, and the reference's own error of it: from the coarser one, and the least that is believed."""
+    fine, coarse = (ask(model, steady(model)) for model in (panel.fine, panel.coarse))
+    with np.errstate(invalid="ignore"):
+        error = np.maximum(panel.safety * np.abs(fine - coarse), panel.floor * np.abs(fine).max(initial=0.0))
+    return fine, error
+
+
 def alone(panel, points):
-    """How far a newton at each point moves each mass, [actuator, point], and the reference's own error, in m."""
-    omega = 2 * np.pi * SLOW_HZ
-    moved = np.abs(panel.accelerance(points, [SLOW_HZ])[0]) / omega**2
-    return moved, panel.accelerance_error(points, [SLOW_HZ])[0] / omega**2
+    """How far a steady newton at each point moves each mass, [actuator, point], and the reference's own error, in m; infinite on a panel that
+    nothing holds."""
+    moved, error = _of_meshes(panel, lambda model, u: np.abs(model.output_rows(points) @ u).T)
+    if panel.surface_is_free():
+        moved[:] = np.inf
+    return moved, error
+
+
+def yielding(panel):
+    """How far a steady newton of each actuator (column) moves each mass against its electrodes (row), in m."""
+    return _of_meshes(panel, lambda model, u: np.abs(model.gaps @ u))[0]
 
 
 def press(scene, panel):
@@ -74,10 +114,10 @@ def press(scene, panel):
         moved, error = (scene.press * values[np.arange(count), at] for values in (all_moved, errors))
         # A mass that hangs on the panel follows what is steady.
         moved[[a.inertial for a in actuators]] = 0.0
-    yielding = np.abs(panel.gap_change([SLOW_HZ])[0]).T
+    yields = yielding(panel)
     rails = [min(other.max_voltage for other in actuators[i % 2 :: 2]) for i in range(count)]
     taken = np.array([ON * VACUUM_PERMITTIVITY_F_PER_M * a.electrode_area * v**2 / a.air_gap**3 for a, v in zip(actuators, rails)])
-    part = (yielding @ taken).max()
+    part = (yields @ taken).max()
     volts = np.array(rails) * (np.sqrt(HELD / part) if part > HELD else 1.0)
     gaps = np.array([a.air_gap for a in actuators])
     given = np.array([np.inf if a.stop is None else a.stop for a in actuators])
@@ -87,7 +127,7 @@ def press(scene, panel):
         x = np.zeros(count)
         for _ in range(4000):
             pulls = np.array([_pull(a, v, own) for a, v, own in zip(actuators, volts, x)])
-            wanted = np.minimum(moved + yielding @ pulls, np.minimum(stops, gaps))
+            wanted = np.minimum(moved + yields @ pulls, np.minimum(stops, gaps))
             if np.abs(wanted - x).max() < 1e-10 * gaps.max():
                 break
             x += 0.5 * (wanted - x)

@@ -15,6 +15,7 @@ import scipy.linalg as la
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from .bar import Bar
+from .free import free_motions
 from .mesh import factor
 from .plate import SMALL, Plate
 
@@ -76,6 +77,7 @@ class Reduced:
 
     def __init__(self, scene, max_hz, fineness, coarser=None):
         self.scene, self.max_hz, self.fineness = scene, max_hz, fineness
+        self.free_motions = free_motions(scene)
         self.shift = -((2 * np.pi * 0.25 * max_hz) ** 2)
         attached = list(scene.supports) + list(scene.masses) + list(scene.actuators)
         self.points = sorted({(item.x, item.y) for item in attached})

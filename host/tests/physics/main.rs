@@ -1,3 +1,4 @@
-//! What panels do, in terms of relations and closed formulas: attachments that are next to each other.
+//! What panels do, in terms of relations and closed formulas: steady forces, attachments that are next to each other.
 
 mod near;
+mod steady;

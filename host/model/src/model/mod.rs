@@ -18,6 +18,7 @@
 //! * [`eigen`]: the modes, by shift-invert block Lanczos,
 //! * [`damping`]: dampers, loss factor, Rayleigh's and modal damping over a basis,
 //! * [`reduced`]: modes and residual shapes as a small model for response, planning and simulation,
+//! * `steady`: what steady forces do to it, by its springs alone,
 //! * [`coupled`]: one panel with many designs of what is attached to it,
 //! * [`bounded`]: the same question at rising orders until the bound meets a tolerance, or as long as there is time,
 //! * [`estimator`]: a bound from the differences of the orders,
@@ -57,6 +58,7 @@ pub mod sections;
 pub mod shape;
 pub mod singular;
 pub mod sparse;
+mod steady;
 pub mod stored;
 mod surroundings;
 pub mod validity;

@@ -1,12 +1,9 @@
 //! What is said of a press: how wrong the figures may be, and which actuators do not bear it.
 
 use crate::model::{Bound, ReducedModel};
-use crate::physics::softening::STATIC_HZ;
-use crate::response::Solver;
 use crate::scene::Actuator;
+use crate::table::PlanTable;
 use crate::table::press::{Pressed, Stop};
-use crate::table::{PlanTable, at_point};
-use num_complex::Complex64;
 
 /// A deflection under one point load converges more slowly than the curves' peaks that bounds are made for: 3.2 times their bound was
 /// seen.
@@ -20,6 +17,9 @@ impl PlanTable {
         let Some(([middle, coarse], estimator)) = &self.coarser else {
             return Bound::Unknown("no coarser model was made to compare with");
         };
+        if self.pressed.get(actuator).is_some_and(|pressed| pressed.alone_m.is_infinite()) {
+            return Bound::Unknown("nothing holds the panel");
+        }
         let gap_m = self.electrodes.get(actuator).map_or(0.0, |own| own.gap_m);
         let Some(pressed) = self.pressed.get(actuator).filter(|pressed| pressed.alone_m > 0.0) else {
             return Bound::Unknown("nothing is moved");
@@ -28,13 +28,13 @@ impl PlanTable {
             return Bound::Unknown("the mass is on its electrode long before");
         }
         let at = |model: &ReducedModel| {
-            let q = Solver::new(model).coordinates(STATIC_HZ).ok()?;
-            Some(at_point(&model.shape_at(pressed.at_m.0, pressed.at_m.1), q.get(actuator)?))
+            let q = model.steady_coordinates(actuator).filter(|_| model.is_surface_held())?;
+            Some(model.shape_at(pressed.at_m.0, pressed.at_m.1).dot(&q))
         };
         let (Some(fine), Some(middle), Some(coarse)) = (at(&self.model), at(middle), at(coarse)) else {
             return Bound::Unknown("nothing holds the panel");
         };
-        let difference = |a: Complex64, b: Complex64| SLOWER * (a - b).norm() / fine.norm();
+        let difference = |a: f64, b: f64| SLOWER * (a - b).abs() / fine.abs();
         estimator.response_bound(difference(coarse, middle), difference(middle, fine))
     }
 

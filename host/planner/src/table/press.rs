@@ -8,12 +8,9 @@
 
 use crate::model::ReducedModel;
 use crate::physics::limits::{Electrodes, HELD, TRAVEL_PART};
-use crate::physics::softening::{STATIC_HZ, travel_receptance};
-use crate::response::Solver;
 use crate::scene::{MAX_ACTUATORS, Mount, Scene};
-use crate::table::{SurfaceGrid, WIDEST, at_point};
-use nalgebra::{DMatrix, DVector};
-use num_complex::Complex64;
+use crate::table::{SurfaceGrid, WIDEST};
+use nalgebra::DVector;
 use serde::Serialize;
 use stiffer::Loose;
 
@@ -70,16 +67,17 @@ pub fn pressed(
     static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
 ) -> Vec<Pressed> {
     let force_n = scene.press_n;
-    let steady = Solver::new(model).coordinates(STATIC_HZ);
     let p = electrodes.len().min(MAX_ACTUATORS);
+    // Where a press moves the panel without end there is no steady place.
+    let is_held = model.is_surface_held();
+    let steady: Vec<Option<DVector<f64>>> = (0..p).map(|i| model.steady_coordinates(i).filter(|_| is_held)).collect();
     let alone: Vec<((f64, f64), f64)> = (0..p)
         .map(|i| {
             // The mass of an inertial ERA follows what is steady.
             if force_n <= 0.0 || scene.actuators.get(i).is_none_or(|own| own.mount == Mount::Inertial) {
                 return ((0.0, 0.0), 0.0);
             }
-            let q = steady.as_ref().ok().and_then(|all| all.get(i));
-            q.map_or(((0.0, 0.0), f64::INFINITY), |q| {
+            steady[i].as_ref().map_or(((0.0, 0.0), f64::INFINITY), |q| {
                 let (at_m, m_per_n) = furthest(scene, model, grid, q);
                 (at_m, force_n * m_per_n)
             })
@@ -101,14 +99,14 @@ pub fn pressed(
         sags_m = sags(electrodes, &alone, static_receptance, &taken, &all);
     }
     let loose: Vec<usize> = (0..p).filter(|i| given[*i].is_infinite() && all[*i].is_finite()).collect();
-    let springs = steady.as_ref().ok().filter(|_| !loose.is_empty()).and_then(|steady| {
-        let pressed_m: Vec<Vec<f64>> = (0..p)
-            .map(|i| displaced(scene, model, grid, &steady[i]).into_iter().map(|z| force_n * z.re).collect())
+    let springs = steady.into_iter().collect::<Option<Vec<_>>>().filter(|_| !loose.is_empty()).and_then(|steady| {
+        let pressed_m: Vec<Vec<f64>> = steady
+            .iter()
+            .map(|q| displaced(scene, model, grid, q).into_iter().map(|moved| force_n * moved).collect())
             .collect();
-        let receptance = travel_receptance(model, steady);
+        let receptance = model.steady_travel().view((0, 0), (p, p)).into_owned();
         let pulls_n: Vec<f64> = (0..p).map(|i| taken[i] * electrodes[i].gap_m * pull(TRAVEL_PART)).collect();
         let most_m: Vec<f64> = electrodes.iter().take(p).map(|own| TRAVEL_PART * own.gap_m).collect();
-        let receptance = DMatrix::from_fn(p, p, |i, j| receptance[i][j].re);
         let (pressed_m, pulls_n, most_m) = (&pressed_m, &pulls_n, &most_m);
         Loose { actuators: &loose, pressed_m, receptance, pulls_n, most_m }.springs()
     });
@@ -133,22 +131,23 @@ pub fn pressed(
 }
 
 /// Where the steady motion with these coordinates is largest, in m, and how large, on the grid and at actuators.
-fn furthest(scene: &Scene, model: &ReducedModel, grid: &SurfaceGrid, q: &DVector<Complex64>) -> ((f64, f64), f64) {
+fn furthest(scene: &Scene, model: &ReducedModel, grid: &SurfaceGrid, q: &DVector<f64>) -> ((f64, f64), f64) {
     let columns = grid.x_m.len();
     let at = |point: usize| match point.checked_sub(grid.there.len()) {
         Some(actuator) => (scene.actuators[actuator].x_m, scene.actuators[actuator].y_m),
         None => (grid.x_m[point % columns], grid.y_m[point / columns]),
     };
-    let moved = displaced(scene, model, grid, q).into_iter().map(Complex64::norm).enumerate();
+    let moved = displaced(scene, model, grid, q).into_iter().map(f64::abs).enumerate();
     // Of equals the first.
     let (point, most) = moved.fold((0, 0.0), |best, next| if next.1 > best.1 { next } else { best });
     (at(point), most)
 }
 
 /// The steady motion with these coordinates at the grid's points, 0 in cut-outs, and at the actuators.
-fn displaced(scene: &Scene, model: &ReducedModel, grid: &SurfaceGrid, q: &DVector<Complex64>) -> Vec<Complex64> {
-    let on_grid = grid.field(q).into_iter().zip(&grid.there).map(|(z, there)| if *there { z } else { Complex64::ZERO });
-    let at_actuators = scene.actuators.iter().map(|own| at_point(&model.shape_at(own.x_m, own.y_m), q));
+fn displaced(scene: &Scene, model: &ReducedModel, grid: &SurfaceGrid, q: &DVector<f64>) -> Vec<f64> {
+    let on_grid = &grid.shapes * q;
+    let on_grid = on_grid.iter().zip(&grid.there).map(|(moved, there)| if *there { *moved } else { 0.0 });
+    let at_actuators = scene.actuators.iter().map(|own| model.shape_at(own.x_m, own.y_m).dot(q));
     on_grid.chain(at_actuators).collect()
 }
 

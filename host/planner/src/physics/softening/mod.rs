@@ -20,7 +20,6 @@ mod tests;
 use crate::model::ReducedModel;
 use crate::physics::limits::{Electrodes, Limit};
 use crate::physics::{PerPair, Phasors};
-use crate::response::Solver;
 use crate::scene::{Actuator, MAX_ACTUATORS};
 use describe::{Description, Windows};
 use nalgebra::{DVector, SMatrix, SVector};
@@ -45,8 +44,6 @@ const MOST_STEPS: usize = 12;
 /// Part of the gap beyond which the motion is followed from no voltage on, so that of several motions that are possible
 /// (a softening spring bends its resonance over) the one is found that a soft start leads to.
 const FROM_REST: f64 = 0.2;
-/// Slow enough to count as steady, in Hz: a panel that nothing holds has no answer to a force that is.
-pub(crate) const STATIC_HZ: f64 = 0.1;
 /// Steps in V^2 on that way.
 const RAMP: u32 = 8;
 
@@ -340,13 +337,13 @@ pub fn travel_receptance(model: &ReducedModel, coordinates: &[DVector<Complex64>
     matrix
 }
 
-/// How far the actuators' masses yield to a steady force on each, in m/N; infinite where the model does not say.
+/// How far the actuators' masses (row) yield to a steady force on each (column), in m/N, by the springs alone
+/// ([`ReducedModel::steady_travel`]); infinite where the force drives a motion that nothing holds. Actuators beyond the most are left out.
 #[must_use]
 pub fn static_receptance(model: &ReducedModel) -> [[f64; MAX_ACTUATORS]; MAX_ACTUATORS] {
-    match Solver::new(model).coordinates(STATIC_HZ) {
-        Ok(coordinates) => travel_receptance(model, &coordinates).map(|row| row.map(|z| z.norm())),
-        Err(_) => [[f64::INFINITY; MAX_ACTUATORS]; MAX_ACTUATORS],
-    }
+    let travel = model.steady_travel();
+    let entry = |i: usize, j: usize| travel.get((i, j)).map_or(0.0, |own| own.abs());
+    std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
 }
 
 fn times(matrix: &PerPair, vector: &Phasors, p: usize) -> Phasors {
