@@ -19,7 +19,7 @@ fn reduced(scene: &SceneText, max_hz: f64) -> ReducedModel {
     model(scene, max_hz).reduce(max_hz, &[]).unwrap()
 }
 
-/// A panel so thick that it stays straight: all of a mode's energy is in the springs, and its ratio is half their loss factor.
+/// A panel so thick that it stays straight: all of a mode's energy is in the springs.
 fn rigid_panels() -> [SceneText; 4] {
     let thick = |scene: SceneText| scene.thickness(0.05);
     let plate = || thick(SceneText::plate(0.2, 0.2, 0.3));
@@ -34,7 +34,8 @@ fn rigid_panels() -> [SceneText; 4] {
     ]
 }
 
-/// Seen to fail without the losses of springs against slopes, and without those of edges.
+/// Of s^2 + 2 zeta omega s + omega^2 (1 + j eta) = 0: half the loss factor where that is small. Seen to fail without the losses of springs against slopes, and
+/// without those of edges.
 #[test]
 fn a_rigid_panel_on_rubber_has_half_its_loss_factor() {
     for scene in rigid_panels() {
@@ -44,8 +45,9 @@ fn a_rigid_panel_on_rubber_has_half_its_loss_factor() {
             let held: Vec<_> = modes.iter().filter(|mode| mode.frequency_hz > 0.0).collect();
             assert!(!held.is_empty());
             for mode in held {
-                let ratio = mode.damping_ratio - own;
-                assert!((ratio / 0.17 - 1.0).abs() < 2e-3, "{ratio} at {} Hz\n{}", mode.frequency_hz, scene.text());
+                let s = -own + Complex64::new(own * own - 1.0, -0.34).sqrt() * -1.0;
+                let (ratio, expected) = (mode.damping_ratio, -s.re / s.norm());
+                assert!((ratio / expected - 1.0).abs() < 2e-3, "{ratio} at {} Hz\n{}", mode.frequency_hz, scene.text());
             }
         }
     }

@@ -21,8 +21,12 @@ const MOST_VALUES: usize = 20_000_000;
 pub struct Modes {
     /// Undamped frequencies in Hz: float64 [mode]; exactly 0 for motions that nothing holds.
     frequency_hz: Py<PyArray1<f64>>,
-    /// Damping ratios: float64 [mode].
+    /// Damping ratios of the poles that continue from the modes: float64 [mode]; above 1 for one that does not swing, 0 for motions that nothing holds.
     damping_ratio: Py<PyArray1<f64>>,
+    /// Moduli of these poles over 2 pi, in Hz; of two that do not swing their geometric mean: float64 [mode].
+    pole_frequency_hz: Py<PyArray1<f64>>,
+    /// Upper bounds on the error of each pole, relative to its modulus: float64 [mode], NaN where there is none.
+    pole_error_bound: Py<PyArray1<f64>>,
     /// Upper bounds on the error of each frequency, relative to it (in Hz for a motion that nothing holds): float64 [mode], NaN where
     /// there is none.
     error_bound: Py<PyArray1<f64>>,
@@ -48,6 +52,8 @@ pub struct Modes {
 pickled!(Modes {
     frequency_hz,
     damping_ratio,
+    pole_frequency_hz,
+    pole_error_bound,
     error_bound,
     error_bound_missing,
     tolerance,
@@ -171,6 +177,8 @@ pub fn modes(
     Ok(Modes {
         frequency_hz: array(py, found.answer.iter().map(|mode| mode.frequency_hz).collect()),
         damping_ratio: array(py, found.answer.iter().map(|mode| mode.damping_ratio).collect()),
+        pole_frequency_hz: array(py, found.answer.iter().map(|mode| mode.pole.frequency_hz).collect()),
+        pole_error_bound: array(py, bounds_of(&found.answer.iter().map(|mode| mode.pole_bound).collect::<Vec<_>>())),
         error_bound: array(py, bounds_of(&found.bounds)),
         error_bound_missing: asked.missing,
         tolerance: asked.tolerance,

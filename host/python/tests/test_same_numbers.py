@@ -36,7 +36,7 @@ def test_modes(ask: Ask, scene: era.Scene, tolerance: float, tmp_path: Path) -> 
     told = ask(scene, "modes", "--max-hz", 400, "--tolerance", tolerance, "--npy", tmp_path / "m.npy", "--grid", "9,7")
     found = era.modes(scene, 400.0, tolerance=tolerance, grid=(9, 7))
     assert len(found) == len(told["modes"]) > 2
-    for name in ("frequency_hz", "damping_ratio", "error_bound"):
+    for name in ("frequency_hz", "damping_ratio", "pole_frequency_hz", "error_bound", "pole_error_bound"):
         assert numbers(getattr(found, name)) == [mode[name] for mode in told["modes"]]
     assert (found.unknowns, found.tolerance, found.tolerance_met) == (told["dofs"], tolerance, told["tolerance_met"])
     assert found.shape_per_sqrt_kg is not None

@@ -10,6 +10,7 @@ use crate::model::{Bound, Mode, bounded_modes};
 use crate::scene::{Laminate, Rigidities, Scene, SurfaceKind};
 use crate::study::shapes::ModeShapes;
 use crate::study::{mode_sheet, npy};
+use num_complex::Complex64;
 use serde_json::json;
 use std::fmt::Write;
 use std::path::Path;
@@ -43,8 +44,11 @@ pub fn run(options: &Options) -> Outcome {
     if options.json {
         let list: Vec<_> = modes()
             .map(|(mode, bound)| {
+                let of_pole = |s: &Complex64| json!([s.re, s.im]);
                 json!({
                     "frequency_hz": mode.frequency_hz, "damping_ratio": mode.damping_ratio, "error_bound": bound.value(),
+                    "pole_frequency_hz": mode.pole.frequency_hz, "pole_error_bound": mode.pole_bound.value(),
+                    "poles_per_s": mode.pole.eigenvalues().iter().map(of_pole).collect::<Vec<_>>(),
                 })
             })
             .collect();
@@ -99,12 +103,20 @@ fn check_size(points: usize, modes: usize) -> Result<(), Failure> {
 }
 
 fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) -> String {
-    let mut text = format!("{heading}\n mode   frequency   error at most   damping ratio");
+    let mut text = format!("{heading}\n mode   frequency   error at most   damping ratio   at        error at most");
     for (i, (mode, bound)) in modes.enumerate() {
-        let bound = bound_text(*bound);
-        let _ = write!(text, "\n{:5} {:8.3} Hz   {bound:>13}   {:.5}", i + 1, mode.frequency_hz, mode.damping_ratio);
+        let (bound, own) = (bound_text(*bound), bound_text(mode.pole_bound));
+        let Mode { frequency_hz, damping_ratio, pole, .. } = mode;
+        let pole_hz = pole.frequency_hz;
+        let _ = write!(
+            text,
+            "\n{:5} {frequency_hz:8.3} Hz   {bound:>13}   {damping_ratio:13.5} {pole_hz:8.3} Hz {own:>13}",
+            i + 1
+        );
         if mode.frequency_hz == 0.0 {
             text.push_str("   (nothing holds this motion)");
+        } else if let Some(slower) = pole.slower {
+            let _ = write!(text, "   (does not swing: {:.4e} and {:.4e} 1/s)", pole.s.re, slower.re);
         } else if mode.damping_ratio == 0.0 {
             text.push_str("   (undamped: unbounded at resonance)");
         }

@@ -1,4 +1,5 @@
-//! What panels do, in terms of relations and closed formulas: steady forces, attachments that are next to each other.
+//! What panels do, in terms of relations and closed formulas: steady forces, poles of damped modes, attachments that are next to each other.
 
 mod near;
+mod poles;
 mod steady;

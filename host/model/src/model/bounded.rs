@@ -96,6 +96,11 @@ pub trait Question {
     /// come from [`Question::ask_to_compare`].
     fn differences(&self, coarse: &Self::Answer, fine: &Self::Answer) -> Vec<f64>;
 
+    /// How many of the `parts`, the first ones, decide how far is climbed; the others are told with what bound comes of it.
+    fn deciding(&self, parts: usize) -> usize {
+        parts
+    }
+
     /// Of what the answer consists.
     fn values(&self) -> Values;
 
@@ -187,16 +192,18 @@ struct Best {
     step: usize,
     bounds: Vec<f64>,
     floors: Vec<f64>,
+    /// How many of them decide.
+    deciding: usize,
 }
 
 impl Best {
     fn largest(&self) -> f64 {
-        largest(&self.bounds)
+        largest(&self.bounds[..self.deciding])
     }
 
     /// Whether rounding is all, or nearly all, that is left.
     fn is_near_floor(&self, times: f64) -> bool {
-        self.bounds.iter().zip(&self.floors).all(|(bound, floor)| *bound <= times * floor)
+        self.bounds.iter().zip(&self.floors).take(self.deciding).all(|(bound, floor)| *bound <= times * floor)
     }
 }
 
@@ -275,12 +282,13 @@ impl<Q: Question> Ladder<'_, Q> {
                 estimate + floor
             })
             .collect();
-        let (step, found) = (fine.step, largest(&bounds));
+        let deciding = self.question.deciding(bounds.len());
+        let (step, found) = (fine.step, largest(&bounds[..deciding]));
         if let Some(step) = self.steps.get_mut(step) {
             step.bound = found;
         }
         if self.best.as_ref().is_none_or(|best| found <= best.largest() || !best.largest().is_finite()) {
-            self.best = Some(Best { step, bounds, floors });
+            self.best = Some(Best { step, bounds, floors, deciding });
         }
         let best = self.best.as_ref().map(|best| best.step);
         let kept = self.steps.len().saturating_sub(2);

@@ -17,6 +17,7 @@
 //! * `columns`: an iteration's basis,
 //! * [`eigen`]: the modes, by shift-invert block Lanczos,
 //! * [`damping`]: dampers, loss factor, Rayleigh's and modal damping over a basis,
+//! * [`poles`]: what becomes of modes under damping,
 //! * [`reduced`]: modes and residual shapes as a small model for response, planning and simulation,
 //! * `steady`: what steady forces do to it, by its springs alone,
 //! * [`coupled`]: one panel with many designs of what is attached to it,
@@ -51,6 +52,7 @@ mod orthotropic;
 pub mod panel;
 mod placement;
 pub mod points;
+pub mod poles;
 mod questions;
 pub mod reduced;
 pub mod rigid;
@@ -71,5 +73,6 @@ pub use coupled::{BarePanel, Yields};
 pub use error::ModelError;
 pub use fineness::Fineness;
 pub use panel::{Mode, PanelModel, Parts};
+pub use poles::Pole;
 pub use questions::bounded_modes;
 pub use reduced::ReducedModel;

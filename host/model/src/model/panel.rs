@@ -5,12 +5,12 @@ use super::damping::{Damping, Springs};
 use super::eigen::{Modes, Operator, modes};
 use super::fineness::Fineness;
 use super::grid::{Derivative, Grid};
-
+use super::poles::{Pole, poles};
 use super::reduced::ReducedModel;
 use super::rigid::{RigidModes, rigid_modes};
 use super::sections::{Waves, shift};
 use super::sparse::{Entries, Factor, SparseVector};
-use super::{Accuracy, ModelError};
+use super::{Accuracy, Bound, ModelError};
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
 use nalgebra::DMatrix;
 use std::sync::Arc;
@@ -35,8 +35,13 @@ const LEAST_MASS: f64 = 1e-12;
 /// Part of its aspect that rounding on a narrow strip's mesh goes with: with the cube of the aspect it was seen to be 1e-8 at
 /// 4000, which is 1e-19 of the cube, and counts as 2e-13.
 const IN_STRIPS: f64 = 0.05;
-/// Modes that a ratio of damping is computed over, as a multiple of the highest frequency asked for.
-const DAMPED_BEYOND: f64 = 1.5;
+/// Modes that poles are computed over, as a multiple of the highest frequency asked for: so much, and more for each order.
+const POLES_BEYOND: f64 = 1.0;
+const POLES_BEYOND_PER_ORDER: f64 = 0.08;
+/// Residual shapes of each load there.
+const SHAPES_FOR_POLES: usize = 3;
+/// Why a pole of a single level has no bound.
+const ONE_LEVEL: &str = "there is no other level to compare with";
 /// Residual shapes of each load of a reduced model.
 const SHAPES: usize = 2;
 /// The same for a ratio of damping, the root of a matrix that acts outside their span as well: with two, responses of a grounded
@@ -55,9 +60,12 @@ const CELL_PER_POINT: f64 = 1.0;
 pub struct Mode {
     /// Undamped frequency in Hz; exactly 0 for a motion that nothing holds.
     pub frequency_hz: f64,
-    /// Damping ratio: phi' C phi / (2 omega) plus eta phi' K_s phi / (2 omega^2), for a mass-normalised shape phi; 0 for a
-    /// rigid mode.
+    /// Damping ratio of the pole that continues from it ([`Pole::damping_ratio`]); 0 for a rigid mode.
     pub damping_ratio: f64,
+    /// That pole: what damping makes of the mode ([`super::poles`]).
+    pub pole: Pole,
+    /// Bound on the error of that pole, relative to its modulus; unknown of a single level.
+    pub pole_bound: Bound,
     /// Springs so soft hold it that it was computed with a surface that stays straight.
     pub straight: bool,
     /// Frequency in Hz of the same shape without what the masses attached weigh: how stiff it is against the panel's own
@@ -197,13 +205,13 @@ impl PanelModel {
         if is_narrow { (aspect * IN_STRIPS).max(1.0) } else { aspect }
     }
 
-    /// All modes up to `max_hz`, ascending, rigid ones first.
+    /// All modes up to `max_hz`, ascending, rigid ones first, each with the pole that continues from it.
     ///
     /// # Errors
     /// [`ModelError`] if the iteration does not settle.
     pub fn modes(&self, max_hz: f64) -> Result<Vec<Mode>, ModelError> {
         let found = self.raw_modes(max_hz)?;
-        let damping = self.damping_of(&found, max_hz)?;
+        let poles = self.poles(&found, max_hz)?;
         let attached = found.vectors.column_iter().map(|shape| -> f64 {
             let along = |vector: &[(usize, f64)]| vector.iter().map(|(i, value)| shape[*i] * value).sum::<f64>();
             self.assembled.attached.attachments.iter().map(|part| part.mass * along(&part.vector).powi(2)).sum()
@@ -214,14 +222,16 @@ impl PanelModel {
         Ok(found
             .lambda
             .iter()
+            .zip(poles)
             .enumerate()
-            .take_while(|(_, lambda)| **lambda <= highest)
-            .map(|(i, lambda)| {
+            .take_while(|(_, (lambda, _))| **lambda <= highest)
+            .map(|(i, (lambda, pole))| {
                 let omega = lambda.sqrt();
-                let ratio = damping.viscous[(i, i)] / (2.0 * omega) + damping.structural[(i, i)] / (2.0 * lambda);
                 Mode {
                     frequency_hz: omega / std::f64::consts::TAU,
-                    damping_ratio: if *lambda > 0.0 { ratio.max(0.0) } else { 0.0 },
+                    damping_ratio: pole.damping_ratio,
+                    pole,
+                    pole_bound: Bound::Unknown(ONE_LEVEL),
                     straight: *lambda <= self.straight,
                     unloaded_hz: omega / std::f64::consts::TAU / (1.0 - attached[i]).max(LEAST_MASS).sqrt(),
                 }
@@ -260,15 +270,23 @@ impl PanelModel {
         self.raw_modes((self.reduction(max_hz).modes_beyond * max_hz).max(hz_of_mode(&self.scene, least)))
     }
 
-    /// The damping of modes up to `max_hz`: over them, first, and what it needs besides.
-    fn damping_of(&self, modes: &Modes, max_hz: f64) -> Result<Damping, ModelError> {
-        let loads: Vec<_> = self.loads_of_damping().collect();
+    /// The poles that continue from modes up to `max_hz`: over these, others above them, and the residual shapes of what dashpots and losses
+    /// leave unbalanced, where there are such.
+    #[expect(clippy::cast_precision_loss, reason = "a dozen at most")]
+    fn poles(&self, modes: &Modes, max_hz: f64) -> Result<Vec<Pole>, ModelError> {
+        let failed = || ModelError::Factorisation { reason: "poles of the damped modes".to_owned() };
+        let loads: Vec<_> = self.unbalanced(modes, max_hz).into_iter().chain(self.loads_of_damping()).collect();
+        let count = modes.lambda.len();
         if loads.is_empty() {
-            return Ok(self.damping(&modes.lambda, &modes.vectors));
+            return poles(&modes.lambda, &self.damping(&modes.lambda, &modes.vectors), count, count).ok_or_else(failed);
         }
-        let more = self.raw_modes(DAMPED_BEYOND * max_hz)?;
-        let (lambda, vectors) = super::reduced::basis(self.operator(), &more, &loads, SHAPES_FOR_MODAL_RATIO);
-        Ok(self.damping(&lambda, &vectors))
+        // More at higher orders, as of a reduced model.
+        let beyond = POLES_BEYOND + POLES_BEYOND_PER_ORDER * self.fineness.order as f64;
+        let most_hz = beyond * max_hz;
+        let more =
+            if modes_below(&self.scene, most_hz) > MOST_MODES { modes.clone() } else { self.raw_modes(most_hz)? };
+        let (lambda, vectors) = super::reduced::basis(self.operator(), &more, &loads, SHAPES_FOR_POLES);
+        poles(&lambda, &self.damping(&lambda, &vectors), more.lambda.len(), count).ok_or_else(failed)
     }
 
     /// The loads whose shapes the damping is computed over: those of the ERAs, where it is a ratio of the modes without them.

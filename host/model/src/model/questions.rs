@@ -5,6 +5,7 @@ use super::estimator::Rounding;
 use super::panel::{Mode, PanelModel};
 use super::{Accuracy, ModelError};
 use crate::scene::Scene;
+use std::f64::consts::TAU;
 
 /// Coarser levels have higher frequencies: they are asked this much further, so that each mode finds its like.
 const FURTHER: f64 = 1.3;
@@ -12,7 +13,22 @@ const FURTHER: f64 = 1.3;
 /// allowed to be soft against it.
 const STRAIGHT: f64 = 1e-6;
 
+/// Times the estimate of a frequency: a pole's error goes with those of shapes, as a response's does.
+const POLE_SAFETY: f64 = 8.0;
+/// Highest modulus of a pole that has a bound, as a multiple of the highest frequency asked for.
+const RESOLVED: f64 = 2.0;
+/// Modes of the coarser level whose pole may be the one that a finer level's is compared with, relative: of two as near to each other either may
+/// have either.
+const SAME_MODE: f64 = 0.01;
+
+/// Modes up to a frequency: what is compared are their frequencies, then their poles.
 struct ModesUpTo(f64);
+
+impl ModesUpTo {
+    fn listed<'a>(&self, fine: &'a [Mode]) -> &'a [Mode] {
+        &fine[..fine.iter().take_while(|mode| mode.frequency_hz <= self.0).count()]
+    }
+}
 
 impl Question for ModesUpTo {
     type Answer = Vec<Mode>;
@@ -23,17 +39,31 @@ impl Question for ModesUpTo {
     }
 
     /// For each mode of the fine level up to the frequency: relative for an elastic one, 0 for a rigid one, whose
-    /// frequency is exact.
+    /// frequency is exact. Then the same for its pole.
     fn differences(&self, coarse: &Vec<Mode>, fine: &Vec<Mode>) -> Vec<f64> {
-        let listed = fine.iter().take_while(|mode| mode.frequency_hz <= self.0);
-        listed
-            .enumerate()
-            .map(|(k, fine)| match coarse.get(k) {
-                _ if fine.frequency_hz == 0.0 => 0.0,
-                Some(coarse) => (coarse.frequency_hz / fine.frequency_hz - 1.0).abs(),
-                None => f64::INFINITY,
-            })
-            .collect()
+        let listed = self.listed(fine);
+        let of_frequency = |(k, fine): (usize, &Mode)| match coarse.get(k) {
+            _ if fine.frequency_hz == 0.0 => 0.0,
+            Some(coarse) => (coarse.frequency_hz / fine.frequency_hz - 1.0).abs(),
+            None => f64::INFINITY,
+        };
+        let of_pole = |fine: &Mode| {
+            if fine.frequency_hz == 0.0 {
+                return 0.0;
+            }
+            // The faster one of two may be far above all modes that are known: what it is depends on every finer mesh.
+            if fine.pole.s.norm() > TAU * RESOLVED * self.0 {
+                return f64::INFINITY;
+            }
+            let is_near = |coarse: &&Mode| (coarse.frequency_hz / fine.frequency_hz - 1.0).abs() < SAME_MODE;
+            let distances = coarse.iter().filter(is_near).map(|coarse| fine.pole.distance(&coarse.pole));
+            POLE_SAFETY * distances.fold(f64::INFINITY, f64::min)
+        };
+        listed.iter().enumerate().map(of_frequency).chain(listed.iter().map(of_pole)).collect()
+    }
+
+    fn deciding(&self, parts: usize) -> usize {
+        parts / 2
     }
 
     fn values(&self) -> Values {
@@ -46,16 +76,20 @@ impl Question for ModesUpTo {
             _ if mode.straight => STRAIGHT,
             _ => rounding.of(mode.unloaded_hz),
         };
-        fine.iter().map(floor).collect()
+        let listed = self.listed(fine);
+        listed.iter().chain(listed).map(floor).collect()
     }
 }
 
-/// All modes up to `max_hz`, with a bound for each: relative to its frequency, for a rigid motion absolute in Hz (and 0).
+/// All modes up to `max_hz`, with a bound for each: relative to its frequency, for a rigid motion absolute in Hz (and 0). What is asked for is an accuracy of
+/// frequencies; the poles are told with what bound comes of it.
 ///
 /// # Errors
 /// [`ModelError`]: a frequency out of range, too many unknowns, matrices that cannot be factored.
 pub fn bounded_modes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Bounded<Vec<Mode>>, ModelError> {
     let mut found = bounded(&ModesUpTo(max_hz), scene, accuracy, max_hz)?;
     found.answer.retain(|mode| mode.frequency_hz <= max_hz);
+    let of_poles = found.bounds.split_off(found.answer.len().min(found.bounds.len()));
+    found.answer.iter_mut().zip(of_poles).for_each(|(mode, bound)| mode.pole_bound = bound);
     Ok(found)
 }
