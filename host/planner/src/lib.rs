@@ -60,6 +60,7 @@ pub use wish::{quiet, request};
 
 pub use drive::Drive;
 pub use plan::{Plan, Planned, Predicted, TargetResult};
+pub use reports::press::{PressReport, PressedActuator};
 pub use reports::report::{Report, Times};
 pub use table::{PlanTable, TableOptions};
 pub use wish::quiet::QuietResult;

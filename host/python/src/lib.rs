@@ -15,6 +15,7 @@ mod field;
 mod modes;
 mod pickles;
 mod plan;
+mod press;
 mod reach;
 mod request;
 mod response;
@@ -57,6 +58,7 @@ mod _era {
             "Field" => restored::<Field>(py, fields),
             "Modes" => restored::<Modes>(py, fields),
             "Plan" => restored::<Plan>(py, fields),
+            "Press" => restored::<Press>(py, fields),
             "Predicted" => restored::<Predicted>(py, fields),
             "QuietResult" => restored::<QuietResult>(py, fields),
             "Reach" => restored::<Reach>(py, fields),
@@ -79,6 +81,8 @@ mod _era {
     use crate::modes::{Modes, modes};
     #[pymodule_export]
     use crate::plan::{Drive, Plan, Predicted, QuietResult, TargetResult, plan};
+    #[pymodule_export]
+    use crate::press::{Press, press};
     #[pymodule_export]
     use crate::reach::{Reach, reach};
     #[pymodule_export]

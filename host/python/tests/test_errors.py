@@ -53,6 +53,9 @@ WRONG: list[tuple[str, Call, object]] = [
     ("zone_m", lambda: era.reach(PLATE, zone_m=(0.001, 0.001, 0.002, 0.002)), None),
     ("from_hz", lambda: era.reach(PLATE, from_hz=390.0), 390.0),
     ("actuator", lambda: era.reach(PLATE.with_(actuator=None)), 0),
+    ("force_n", lambda: era.press(PLATE, -1.0), -1.0),
+    ("force_n", lambda: era.press(PLATE, 1e4), 1e4),
+    ("actuator", lambda: era.press(PLATE.with_(actuator=None)), 0),
     ("effect", lambda: era.effect(PLATE, AT_M, "boom"), "boom"),  # type: ignore[arg-type]
     ("intensity_g", lambda: era.effect(PLATE, AT_M, "click", -1.0), -1.0),
     ("intensity_db", lambda: era.effect(PLATE, AT_M, "click", 0.5, intensity_db=10.0), 10.0),

@@ -47,6 +47,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Predicted": lambda: era.plan(PLATE, AT_M).predicted,
     "TargetResult": lambda: era.plan(PLATE, AT_M).targets[0],
     "QuietResult": lambda: era.plan(PLATE, AT_M, quiet=[(0.28, 0.02, 0.01, 0.1)]).quiet[0],
+    "Press": lambda: era.press(era.Scene.example("bar"), 1.0),
     "Field": lambda: era.field(PLATE, AT_M),
     "Reach": lambda: era.reach(era.Scene.example("bar")),
     "Verification": lambda: era.verify(PLATE, points=1),

@@ -247,3 +247,14 @@ def test_effect(
         told["predicted"],
         told["drives"],
     )
+
+
+@pytest.mark.parametrize("force_n", [None, 1.0, 0.0])
+def test_press(ask: Ask, scene: era.Scene, force_n: float | None) -> None:
+    told = ask(scene, "press", *(() if force_n is None else ("--force-n", force_n)))
+    found = era.press(scene, force_n)
+    assert found.to_dict() == told and found.force_n == told["force_n"]
+    for name, key, unit in [("alone_m", "alone_um", 1e6), ("sag_m", "sag_um", 1e6), ("gap_left_m", "gap_left_um", 1e6)]:
+        assert numbers(getattr(found, name)) == [own[key] and own[key] / unit for own in told["actuators"]]
+    for name in ("error_bound", "holds_v"):
+        assert numbers(getattr(found, name)) == [own[name] for own in told["actuators"]]

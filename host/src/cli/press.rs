@@ -6,7 +6,6 @@ use super::told::tell;
 use super::{Outcome, print_json, print_text};
 use crate::planner::PlanTable;
 use crate::planner::press::{Pressed, Stop};
-use serde_json::json;
 use std::fmt::Write;
 
 pub fn run(options: &Options) -> Outcome {
@@ -17,27 +16,9 @@ pub fn run(options: &Options) -> Outcome {
     let table = plan_table(&options.panel, options.keep, &scene)?;
     if options.json {
         missing(&table).iter().for_each(|line| tell!("{line}"));
-        let actuators: Vec<_> = (0..table.pressed.len()).map(|i| view(&table, i)).collect();
-        return print_json(&json!({ "force_n": scene.press_n, "actuators": actuators }));
+        return print_json(&table.report_press());
     }
     print_text(&text(&table))
-}
-
-fn view(table: &PlanTable, i: usize) -> serde_json::Value {
-    let (pressed, electrodes, actuator) = (&table.pressed[i], &table.electrodes[i], &table.scene.actuators[i]);
-    let finite = |value: f64| value.is_finite().then_some(value);
-    json!({
-        "actuator": actuator.id,
-        "at_mm": [pressed.at_m.0 * 1e3, pressed.at_m.1 * 1e3],
-        "alone_um": finite(pressed.alone_m * 1e6),
-        "error_bound": table.press_bound(i).value(),
-        "sag_um": pressed.sag_m * 1e6,
-        "stop": pressed.stop,
-        "stop_um": finite(pressed.stop_m * 1e6),
-        "stiffness_n_per_m": pressed.stiffness_n_per_m,
-        "gap_left_um": electrodes.gap_left_m(0.0) * 1e6,
-        "holds_v": electrodes.holds_v(0.0).min(electrodes.max_voltage_v),
-    })
 }
 
 /// Why bounds are missing, and of whom.

@@ -15,6 +15,7 @@ __all__ = [
     "Modes",
     "Plan",
     "Predicted",
+    "Press",
     "QuietResult",
     "Reach",
     "Response",
@@ -30,6 +31,7 @@ __all__ = [
     "field",
     "modes",
     "plan",
+    "press",
     "reach",
     "response",
     "sweep",
@@ -391,6 +393,27 @@ class Field:
     def __reduce__(self) -> tuple[Any, tuple[str, dict[str, Any]]]: ...
 
 @final
+class Press:
+    @property
+    def force_n(self) -> float: ...
+    @property
+    def actuators(self) -> list[str]: ...
+    @property
+    def at_m(self) -> NDArray[np.float64]: ...
+    @property
+    def alone_m(self) -> NDArray[np.float64]: ...
+    @property
+    def error_bound(self) -> NDArray[np.float64]: ...
+    @property
+    def sag_m(self) -> NDArray[np.float64]: ...
+    @property
+    def gap_left_m(self) -> NDArray[np.float64]: ...
+    @property
+    def holds_v(self) -> NDArray[np.float64]: ...
+    def to_dict(self) -> dict[str, Any]: ...
+    def __reduce__(self) -> tuple[Any, tuple[str, dict[str, Any]]]: ...
+
+@final
 class Reach:
     @property
     def actuators(self) -> list[str]: ...
@@ -497,6 +520,7 @@ def plan(
     explain: bool = False,
     tolerance: Optional[_Tolerance] = None,
 ) -> Plan: ...
+def press(scene: Scene, force_n: Optional[float] = None, *, tolerance: Optional[_Tolerance] = None) -> Press: ...
 def field(
     scene: Scene,
     at_m: _Place,
