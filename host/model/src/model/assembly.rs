@@ -10,7 +10,7 @@
 
 use super::ModelError;
 use super::attached::{Attached, actuators, passive};
-use super::enriched::{EdgeSprings, add_singular};
+use super::enriched::{EdgeSprings, add_singular, integrate_singular};
 use super::fineness::Fineness;
 use super::grid::{Derivative, Grid};
 use super::mesh::Lines;
@@ -145,42 +145,47 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
     Ok(Assembled { edges, air, stiffness: stiffness.build(n)?, mass: mass.build(n)?, attached, grid: Arc::new(grid) })
 }
 
-/// Gauss points in a cell beyond the elements' order: their polynomials take half as many as that, and r^2 log r of point forces is
-/// summed to 1e-6 or so of what it adds.
-const MORE_POINTS: usize = 6;
-
 /// Air that resists the mean deflection with `stiffness` in N/m.
 fn sealed_air(grid: &Grid, stiffness: f64) -> Attachment {
-    let rule = gauss(grid.element.order() + MORE_POINTS);
-    let points =
-        |from: f64, to: f64| rule.iter().map(move |(at, weight)| (from + at * (to - from), weight * (to - from)));
-    let lines = |lines: &Lines| -> Vec<[f64; 2]> { lines.at.windows(2).map(|at| [at[0], at[1]]).collect() };
-    let (in_x, in_y) = (lines(&grid.x), grid.y.as_ref().map(lines));
-    let middle = 0.5 * grid.size().1;
+    let in_x = integrals_along(grid, &grid.x);
+    let in_y = grid.y.as_ref().map_or_else(|| vec![(1.0, vec![1.0])], |y| integrals_along(grid, y));
     let (mut sums, mut size) = (vec![0.0; grid.free], 0.0);
-    let mut add = |x: f64, y: f64, weight: f64| {
-        size += weight;
-        for (unknown, value) in grid.row_at(x, y, Derivative::Value) {
-            sums[unknown] += weight * value;
-        }
-    };
-    for (cell_y, y) in
-        in_y.as_ref().map_or_else(|| vec![None], |y| y.iter().copied().map(Some).collect()).into_iter().enumerate()
-    {
-        for (cell_x, [left, right]) in in_x.iter().copied().enumerate() {
+    for (cell_y, (height, own_y)) in in_y.iter().enumerate() {
+        for (cell_x, (length, own_x)) in in_x.iter().enumerate() {
             if grid.sections.at(cell_x, cell_y).is_none() {
                 continue;
             }
-            for (x, part_x) in points(left, right) {
-                match y {
-                    None => add(x, middle, part_x),
-                    Some([top, bottom]) => points(top, bottom).for_each(|(y, part_y)| add(x, y, part_x * part_y)),
+            size += length * height;
+            for (a, along_x) in own_x.iter().enumerate() {
+                for (b, along_y) in own_y.iter().enumerate() {
+                    if let Some(number) = grid.number(grid.function(cell_x, a), grid.function(cell_y, b)) {
+                        sums[number] += along_x * along_y;
+                    }
                 }
             }
         }
     }
-    let vector = sums.into_iter().enumerate().filter(|(_, sum)| *sum != 0.0).map(|(i, sum)| (i, sum / size)).collect();
-    Attachment { vector, stiffness, ..Attachment::default() }
+    if let Some(y) = &grid.y {
+        // Exactly: with a mean that is off otherwise on every mesh, spaces that hold each other would not make levels that do.
+        integrate_singular(grid, y).into_iter().for_each(|(number, integral)| sums[number] += integral);
+    }
+    let mean = sums.into_iter().enumerate().filter(|(_, sum)| *sum != 0.0).map(|(i, sum)| (i, sum / size)).collect();
+    Attachment { vector: grid.row_over_unknowns(mean), stiffness, ..Attachment::default() }
+}
+
+/// Each cell's length along lines, and the integrals of its functions over it: exactly, as they are polynomials.
+fn integrals_along(grid: &Grid, lines: &Lines) -> Vec<(f64, Vec<f64>)> {
+    let (rule, element) = (gauss(grid.element.order()), grid.element_along(lines));
+    let cells = lines.at.windows(2).zip(lines.scale.windows(2)).map(|(at, scale)| {
+        let length = at[1] - at[0];
+        let mut sums = vec![0.0; element.order() + 1];
+        for (place, weight) in &rule {
+            let [values, ..] = element.derivatives(*place, length, [scale[0], scale[1]]);
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * length * value);
+        }
+        (length, sums)
+    });
+    cells.collect()
 }
 
 /// Springs along edges by their loss factors, where there are any.

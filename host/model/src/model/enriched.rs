@@ -6,7 +6,7 @@
 
 use super::grid::Grid;
 use super::mesh::Lines;
-use super::sections::Bending;
+use super::sections::{Bending, Section};
 use super::shape::gauss;
 use super::singular::{Jet, Singular};
 use super::sparse::Entries;
@@ -34,39 +34,77 @@ const LEAST_POINTS: usize = 4;
 /// A rectangle: x from, x to, y from, y to.
 type Rectangle = [f64; 4];
 
+/// A cell that singular functions reach, cut up for integration.
+struct EnrichedCell<'a> {
+    /// Along x and along y.
+    at: [usize; 2],
+    bounds: Rectangle,
+    section: Section,
+    /// The functions, with their unknowns.
+    active: Vec<(usize, &'a Singular)>,
+    parts: Vec<Part>,
+}
+
+/// All such cells.
+fn enriched_cells<'a>(grid: &'a Grid, y: &'a Lines) -> impl Iterator<Item = EnrichedCell<'a>> {
+    let cells = (0..y.cells()).flat_map(|cell_y| (0..grid.x.cells()).map(move |cell_x| [cell_x, cell_y]));
+    cells.filter_map(|at| {
+        let [cell_x, cell_y] = at;
+        let bounds = [grid.x.at[cell_x], grid.x.at[cell_x + 1], y.at[cell_y], y.at[cell_y + 1]];
+        let active: Vec<(usize, &Singular)> = grid.singular_in(bounds).collect();
+        let section = grid.sections.at(cell_x, cell_y).filter(|_| !active.is_empty())?;
+        let parts = rectangles(bounds, &centres(&active), &ends(&active), size(bounds));
+        Some(EnrichedCell { at, bounds, section, active, parts })
+    })
+}
+
+/// The integral of every singular function of `grid` over the surface that is there in m^2 (functions have no unit), with its number.
+pub(super) fn integrate_singular(grid: &Grid, y: &Lines) -> Vec<(usize, f64)> {
+    let rules = Rules::new(grid.element.order() + 1 + EXTRA_POINTS);
+    let mut integrals = Vec::new();
+    for EnrichedCell { bounds, active, parts, .. } in enriched_cells(grid, y) {
+        for (number, f) in active {
+            let over_part = |part: &Part| {
+                let (rule, [left, right, top, bottom]) = (rules.of(part, bounds), part.bounds);
+                let row = |y_m: f64| -> f64 {
+                    rule.iter().map(|(at, weight)| weight * f.at(left + at * (right - left), y_m).value).sum()
+                };
+                let sum: f64 = rule.iter().map(|(at, weight)| weight * row(top + at * (bottom - top))).sum();
+                sum * (right - left) * (bottom - top)
+            };
+            integrals.push((number, parts.iter().map(over_part).sum()));
+        }
+    }
+    integrals
+}
+
 /// Adds the surface's stiffness and mass that the singular functions of `grid` bring.
 pub(super) fn add_singular(grid: &Grid, y: &Lines, stiffness: &mut Entries, mass: &mut Entries) {
     let n = grid.element.order() + 1;
     let rules = Rules::new(n + EXTRA_POINTS);
-    for cell_y in 0..y.cells() {
-        for cell_x in 0..grid.x.cells() {
-            let bounds = [grid.x.at[cell_x], grid.x.at[cell_x + 1], y.at[cell_y], y.at[cell_y + 1]];
-            let active: Vec<(usize, &Singular)> = grid.singular_in(bounds).collect();
-            let Some(section) = grid.sections.at(cell_x, cell_y).filter(|_| !active.is_empty()) else { continue };
-            let (centres, ends) = (centres(&active), ends(&active));
-            let mut block = Block::new(n, active.len());
-            for part in rectangles(bounds, &centres, &ends, size(bounds)) {
-                let rule = rules.of(&part, bounds);
-                let part = part.bounds;
-                let x = Along::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
-                let y = Along::new(grid, y, cell_y, [part[2], part[3]], rule);
-                block.add(&x, &y, &active, section.bending);
+    for EnrichedCell { at: [cell_x, cell_y], bounds, section, active, parts } in enriched_cells(grid, y) {
+        let mut block = Block::new(n, active.len());
+        for part in parts {
+            let rule = rules.of(&part, bounds);
+            let part = part.bounds;
+            let x = Along::new(grid, &grid.x, cell_x, [part[0], part[1]], rule);
+            let y = Along::new(grid, y, cell_y, [part[2], part[3]], rule);
+            block.add(&x, &y, &active, section.bending);
+        }
+        let numbers: Vec<_> =
+            (0..n * n).map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n))).collect();
+        for (e, (number, _)) in active.iter().enumerate() {
+            for (k, other) in numbers.iter().enumerate() {
+                if let Some(other) = other {
+                    let [bend, inertia] = block.with_cell[e * n * n + k];
+                    both(stiffness, *number, *other, section.rigidity * bend);
+                    both(mass, *number, *other, section.per_area * inertia);
+                }
             }
-            let numbers: Vec<_> =
-                (0..n * n).map(|k| grid.number(grid.function(cell_x, k / n), grid.function(cell_y, k % n))).collect();
-            for (e, (number, _)) in active.iter().enumerate() {
-                for (k, other) in numbers.iter().enumerate() {
-                    if let Some(other) = other {
-                        let [bend, inertia] = block.with_cell[e * n * n + k];
-                        both(stiffness, *number, *other, section.rigidity * bend);
-                        both(mass, *number, *other, section.per_area * inertia);
-                    }
-                }
-                for (f, (other, _)) in active.iter().enumerate() {
-                    let [bend, inertia] = block.of_two(e, f);
-                    stiffness.add(*number, *other, section.rigidity * bend);
-                    mass.add(*number, *other, section.per_area * inertia);
-                }
+            for (f, (other, _)) in active.iter().enumerate() {
+                let [bend, inertia] = block.of_two(e, f);
+                stiffness.add(*number, *other, section.rigidity * bend);
+                mass.add(*number, *other, section.per_area * inertia);
             }
         }
     }

@@ -171,6 +171,11 @@ impl Grid {
         self.points.matrix(entries)
     }
 
+    /// A row over the functions, over the unknowns.
+    pub(super) fn row_over_unknowns(&self, row: SparseVector) -> SparseVector {
+        self.points.row(row)
+    }
+
     /// How many functions of point forces there are.
     pub(super) fn point_functions(&self) -> usize {
         self.singular.len()
