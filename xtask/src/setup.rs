@@ -20,6 +20,8 @@ pub enum Need {
     Browser,
     /// The reverse proxy of the manual.
     Nginx,
+    /// What makes certificates as people make them.
+    Openssl,
     /// A compiler for libFuzzer.
     Cxx,
     /// What looks through systemd's units.
@@ -31,10 +33,10 @@ pub enum Need {
 }
 
 /// What `cargo xtask test` needs.
-pub const TEST: &[Need] = &[Need::Python, Need::Browser, Need::Nginx, Need::Target];
+pub const TEST: &[Need] = &[Need::Python, Need::Browser, Need::Nginx, Need::Openssl, Need::Target];
 /// What `cargo xtask ci` needs.
 pub const CI: &[Need] =
-    &[Need::Python, Need::Browser, Need::Nginx, Need::Cxx, Need::Systemd, Need::Lints, Need::Target];
+    &[Need::Python, Need::Browser, Need::Nginx, Need::Openssl, Need::Cxx, Need::Systemd, Need::Lints, Need::Target];
 
 /// What `cargo xtask python` needs.
 pub const PYTHON: &[Need] = &[Need::Python];
@@ -61,6 +63,7 @@ impl Need {
             }
             Need::Browser => format!("a browser ({}), for the tests of the page", BROWSERS.join(", ")),
             Need::Nginx => "nginx, for the test of the manual's reverse proxy".into(),
+            Need::Openssl => "openssl, for certificates in the tests of clients".into(),
             Need::Cxx => "a C++ compiler (c++), for the fuzzing engine".into(),
             Need::Systemd => "systemd-analyze, for the units of `era install`".into(),
             Need::Lints => "rustfmt and clippy, for formatting and lints".into(),
@@ -74,6 +77,7 @@ impl Need {
             Need::Python => &["python3", "python3-venv"],
             Need::Browser => &["chromium"],
             Need::Nginx => &["nginx"],
+            Need::Openssl => &["openssl"],
             Need::Cxx => &["g++"],
             Need::Systemd => &["systemd"],
             Need::Lints | Need::Target => &[],
@@ -85,7 +89,7 @@ impl Need {
         match self {
             Need::Lints => Some(&["component", "add", "rustfmt", "clippy"]),
             Need::Target => Some(&["target", "add", TARGET]),
-            Need::Python | Need::Browser | Need::Nginx | Need::Cxx | Need::Systemd => None,
+            Need::Python | Need::Browser | Need::Nginx | Need::Openssl | Need::Cxx | Need::Systemd => None,
         }
     }
 }
@@ -198,6 +202,7 @@ impl Machine for This {
                 std::env::var_os(NO_BROWSER).is_some() || BROWSERS.iter().any(|name| Self::runs(name, &["--version"]))
             }
             Need::Nginx => std::env::var_os(NO_NGINX).is_some() || NGINX.iter().any(|name| Self::runs(name, &["-v"])),
+            Need::Openssl => Self::runs("openssl", &["version"]),
             Need::Cxx => Self::runs("c++", &["--version"]),
             Need::Systemd => Self::runs("systemd-analyze", &["--version"]),
             Need::Lints => Self::runs("cargo", &["fmt", "--version"]) && Self::runs("cargo", &["clippy", "--version"]),
@@ -290,7 +295,7 @@ mod tests {
             if !self.online {
                 return Err("no mirror".into());
             }
-            let all = [Need::Python, Need::Browser, Need::Nginx, Need::Cxx, Need::Systemd];
+            let all = [Need::Python, Need::Browser, Need::Nginx, Need::Openssl, Need::Cxx, Need::Systemd];
             let got = all.into_iter().filter(|need| need.packages().iter().all(|name| packages.contains(name)));
             self.has.borrow_mut().extend(got);
             Ok(())
@@ -317,7 +322,7 @@ mod tests {
         for rights in [Rights::Root, Rights::Sudo] {
             let machine = Fake::new(&[Need::Cxx, Need::Lints], rights);
             machine.ensure(CI).unwrap();
-            assert_eq!(*machine.done.borrow(), ["python3 python3-venv chromium nginx systemd", "Target"]);
+            assert_eq!(*machine.done.borrow(), ["python3 python3-venv chromium nginx openssl systemd", "Target"]);
         }
     }
 
@@ -332,18 +337,19 @@ mod tests {
             "python3 with",
             "a browser",
             "nginx, for",
+            "openssl, for",
             "C++ compiler",
             "systemd-analyze",
             "rustfmt",
             TARGET,
             "tried: no server for Target",
-            "sudo apt-get install python3 python3-venv chromium nginx g++ systemd && rustup component add rustfmt clippy && \
+            "sudo apt-get install python3 python3-venv chromium nginx openssl g++ systemd && rustup component add rustfmt clippy && \
              rustup target add thumbv7em-none-eabihf",
         ] {
             assert!(told.contains(piece), "{piece:?} is not in {told}");
         }
         // What could be had is had, and not named.
-        let machine = Fake::new(&[Need::Browser, Need::Nginx], Rights::None);
+        let machine = Fake::new(&[Need::Browser, Need::Nginx, Need::Openssl], Rights::None);
         let told = machine.ensure(TEST).unwrap_err();
         assert!(machine.has(Need::Target) && !told.contains(TARGET) && !told.contains("browser"), "{told}");
         assert!(!told.contains("nginx"), "{told}");
@@ -351,7 +357,10 @@ mod tests {
 
     #[test]
     fn an_installation_that_fails_is_told_with_its_reason() {
-        let machine = Fake { online: false, ..Fake::new(&[Need::Browser, Need::Nginx, Need::Target], Rights::Root) };
+        let machine = Fake {
+            online: false,
+            ..Fake::new(&[Need::Browser, Need::Nginx, Need::Openssl, Need::Target], Rights::Root)
+        };
         let told = machine.ensure(TEST).unwrap_err();
         assert!(told.contains("tried: no mirror") && !told.contains("sudo"), "{told}");
         let elsewhere = Fake { has_apt: false, ..Fake::new(&[Need::Target], Rights::Root) };
