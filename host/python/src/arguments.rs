@@ -6,6 +6,7 @@ use era_model::scene::{Scene, SurfaceKind};
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyBytes, PyString};
 use std::time::Duration;
 
 /// Most frequencies in one response.
@@ -69,30 +70,38 @@ impl Numbers {
             // NumPy would make it "not a number".
             return Err(refuse("None"));
         }
-        // Values below a mask are of no account, and NumPy's conversion would take them for measured ones.
+        // Values below a mask are of no account, in rows of a list too, and NumPy's other conversions would take them for measured ones.
         let masked = numpy.getattr("ma")?;
-        let first_masked = if masked.call_method1("is_masked", (given,))?.extract()? {
-            let mask = masked.call_method1("getmaskarray", (given,))?;
-            Some(mask.call_method0("argmax")?.extract()?)
-        } else {
-            None
-        };
-        let array = numpy.call_method1("asarray", (given,)).map_err(|_| refuse("entries of different lengths"))?;
+        let made = masked.call_method1("asanyarray", (given,)).map_err(|_| refuse("entries of different lengths"))?;
+        let mask = masked.call_method1("getmaskarray", (&made,))?;
+        let first_masked =
+            if mask.call_method0("any")?.extract()? { Some(mask.call_method0("argmax")?.extract()?) } else { None };
+        let array = masked.call_method1("getdata", (&made,))?;
         let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+        let flat = array.call_method0("ravel")?;
+        // NumPy would leave out imaginary parts, with a warning, read numbers from text, and count days.
         match kind.as_str() {
-            // NumPy would leave out imaginary parts, with a warning, and read numbers from text.
+            "i" | "u" | "f" => {}
             "c" => return Err(refuse("complex numbers")),
             "U" | "S" => return Err(refuse("text")),
-            _ => {}
+            "O" => {
+                for entry in flat.try_iter()? {
+                    let entry = entry?;
+                    let is_other = entry.is_instance_of::<PyString>()
+                        || entry.is_instance_of::<PyBytes>()
+                        || entry.is_instance_of::<PyBool>();
+                    if is_other {
+                        return Err(refuse(&entry.repr()?.to_string()));
+                    }
+                }
+            }
+            _ => return Err(refuse(&format!("an array of the type {}", array.getattr("dtype")?))),
         }
         let float = numpy.getattr("float64")?;
-        let Ok(array) = numpy.call_method1("ascontiguousarray", (array.clone(), float)) else {
-            return Err(refuse(&array.repr()?.to_string()));
-        };
-        // `ascontiguousarray` makes an array of one entry of a single number.
-        let shape = numpy.call_method1("shape", (given,))?.extract()?;
-        let flat: PyReadonlyArray1<'_, f64> = array.call_method0("ravel")?.extract()?;
-        Ok(Self { values: flat.as_array().to_vec(), shape, first_masked })
+        let Ok(flat) = flat.call_method1("astype", (float,)) else { return Err(refuse(&flat.repr()?.to_string())) };
+        let flat: PyReadonlyArray1<'_, f64> = flat.extract()?;
+        let values = flat.as_array().iter().copied().collect();
+        Ok(Self { values, shape: array.getattr("shape")?.extract()?, first_masked })
     }
 
     /// Refuses masked entries; `field` is what the argument is called.
@@ -156,8 +165,9 @@ impl<'py> FromPyObject<'_, 'py> for Also {
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
         let what = "another target is (x_m, y_m) or (x_m, y_m, peak_g)";
-        let own = match given.extract::<(f64, f64, Option<f64>)>() {
-            Ok((x_m, y_m, None)) => (x_m, y_m).into_pyobject(given.py())?.into_any(),
+        // A peak of None is left to the plan.
+        let own = match given.extract::<Vec<Bound<'_, PyAny>>>().as_deref() {
+            Ok([x_m, y_m, peak_g]) if peak_g.is_none() => (x_m, y_m).into_pyobject(given.py())?.into_any(),
             _ => given.to_owned(),
         };
         let numbers = Numbers::read(&own, what)?;

@@ -80,7 +80,7 @@ def test_rows_of_arrays() -> None:
 
     also = np.array([[0.2, 0.15], [0.25, 0.03]])
     assert planned(also=also) == planned(also=[tuple(row) for row in also.tolist()])
-    assert planned(also=[(0.2, 0.15, None)]) == planned(also=[[0.2, 0.15]])
+    assert planned(also=[(0.2, 0.15, None)]) == planned(also=[[0.2, 0.15, None]]) == planned(also=[[0.2, 0.15]])
     assert planned(also=[(0.2, 0.15, 0.1)]) == planned(also=np.array([[0.2, 0.15, 0.1]])) != planned(also=[(0.2, 0.15)])
     assert planned(quiet=np.array([[0.2, 0.15, 0.01, 0.02]])) == planned(quiet=[(0.2, 0.15, 0.01, 0.02)])
     corners = np.array([[0.1, 0.05], [0.15, 0.1]])
@@ -114,6 +114,7 @@ MASKED: list[tuple[str, Callable[[], object]]] = [
     ("also[0][1]", lambda: era.plan(PLATE, (0.1, 0.05), also=[np.ma.array([0.2, 0.1], mask=[False, True])])),
     ("quiet[0][3]", lambda: era.plan(PLATE, (0.1, 0.05), quiet=[np.ma.array([0.2, 0.1, 0.01, 0.1], mask=[False, False, False, True])])),
     ("zone_m[2]", lambda: era.reach(PLATE, zone_m=np.ma.array([[0.1, 0.1], [0.2, 0.2]], mask=[[False, False], [True, False]]))),
+    ("zone_m[1]", lambda: era.reach(PLATE, zone_m=[np.ma.array([0.1, 0.1], mask=[False, True]), [0.2, 0.2]])),
     ("points[0][0]", lambda: era.verify(PLATE, points=[np.ma.array([0.1, 0.05], mask=[True, False])])),
 ]
 
@@ -143,7 +144,8 @@ def test_masked_numbers_are_refused() -> None:
 
 @pytest.mark.parametrize(
     "place",
-    [[0.1, 0.05, 0.0], [[0.1, 0.05]], [], "ab", ["0.1", "0.05"], [0.1, 1j], [0.1, [0.2]], None, {"x": 1}, np.array(["a", "b"])],
+    [[0.1, 0.05, 0.0], [[0.1, 0.05]], [], "ab", ["0.1", "0.05"], [0.1, 1j], [0.1, [0.2]], None, {"x": 1}, np.array(["a", "b"])]
+    + [np.array(["0.1", "0.05"], dtype=object), [True, False], np.array([1, 2], dtype="timedelta64[s]"), [0.1, b"0.05"]],
     ids=repr,
 )
 def test_what_is_no_place(place: Any) -> None:
@@ -151,7 +153,7 @@ def test_what_is_no_place(place: Any) -> None:
         era.response(PLATE, place, BAND)
 
 
-@pytest.mark.parametrize("band", [[[100.0, 150.0]], "100", ["100", "150"], [100 + 1j], None], ids=repr)
+@pytest.mark.parametrize("band", [[[100.0, 150.0]], "100", ["100", "150"], [100 + 1j], None, [True], np.array(["100"], dtype=object)], ids=repr)
 def test_what_is_no_frequency(band: Any) -> None:
     with pytest.raises(TypeError, match="frequency_hz"):
         era.response(PLATE, (0.1, 0.05), band)

@@ -26,7 +26,10 @@ const OF_LINUX: [(Signal, &str); 4] =
 #[cfg(not(target_os = "linux"))]
 const OF_LINUX: [(Signal, &str); 0] = [];
 /// Numbers of the real-time signals of Linux, which have no names: the C library keeps the two before them.
-const REAL_TIME: std::ops::RangeInclusive<i32> = if cfg!(target_os = "linux") { 34..=64 } else { 1..=0 };
+#[cfg(target_os = "linux")]
+const REAL_TIME: std::ops::Range<i32> = 34..65;
+#[cfg(not(target_os = "linux"))]
+const REAL_TIME: std::ops::Range<i32> = 0..0;
 
 /// Listens from when it is made on.
 pub struct EndSignals(Vec<(String, Stream)>);

@@ -92,7 +92,9 @@ pub fn parse_url(text: &str) -> Result<String, String> {
 /// # Errors
 /// What is allowed.
 pub fn parse_proxy(text: &str) -> Result<HostPort, String> {
-    let rest = text.strip_prefix("http://").unwrap_or(text);
+    const SCHEME: &str = "http://";
+    let has_scheme = text.get(..SCHEME.len()).is_some_and(|first| first.eq_ignore_ascii_case(SCHEME));
+    let rest = if has_scheme { text.get(SCHEME.len()..).unwrap_or_default() } else { text };
     rest.trim_end_matches('/').parse().map_err(|error| format!("a proxy is named as http://HOST:PORT: {error}"))
 }
 

@@ -48,7 +48,9 @@ pub fn check_head(request: &Request) -> Result<Option<Authority>, Problem> {
         Problem::new(Kind::BadHeader, detail).at("host", said.into(), "NAME or NAME:PORT".into(), None)
     };
     let parse = |said: &str| Authority::parse(said).ok_or_else(|| wrong(said));
-    target.or(host).map(parse).transpose()
+    // A Host that is none is refused beside an absolute target, too (RFC 9112, 3.2).
+    let host = host.map(parse).transpose()?;
+    Ok(target.map(parse).transpose()?.or(host))
 }
 
 /// Only chunks are undone; whether their end can be found hyper has looked at.

@@ -39,6 +39,13 @@ pub fn read_whole_or_null<'de, T: Whole, D: Deserializer<'de>>(deserializer: D) 
     deserializer.deserialize_option(OptionVisitor(PhantomData))
 }
 
+/// The whole number that a float is, within what a float holds exactly; `None` for any other.
+#[expect(clippy::cast_possible_truncation, reason = "whole, and within what a float holds exactly")]
+#[must_use]
+pub fn convert_whole(value: f64) -> Option<i64> {
+    (value.fract() == 0.0 && value.abs() <= EXACT).then_some(value as i64)
+}
+
 struct WholeVisitor<T>(PhantomData<T>);
 
 impl<T: Whole> Visitor<'_> for WholeVisitor<T> {
@@ -56,10 +63,8 @@ impl<T: Whole> Visitor<'_> for WholeVisitor<T> {
         T::try_from(value).map_err(|_| E::invalid_value(Unexpected::Unsigned(value), &self))
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "whole, and within what a float holds exactly")]
     fn visit_f64<E: Error>(self, value: f64) -> Result<T, E> {
-        let is_whole = value.fract() == 0.0 && value.abs() <= EXACT;
-        let whole = is_whole.then(|| T::try_from(value as i64).ok()).flatten();
+        let whole = convert_whole(value).and_then(|whole| T::try_from(whole).ok());
         whole.ok_or_else(|| E::invalid_value(Unexpected::Float(value), &self))
     }
 }

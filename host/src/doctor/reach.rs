@@ -60,7 +60,8 @@ impl Trouble {
     #[must_use]
     pub fn told(&self, url: &str, has_ca: bool) -> Option<(String, String)> {
         let place = url.split_once("://").map_or(url, |(_, place)| place);
-        let host = place.rsplit_once(':').map_or(place, |(host, _)| host);
+        let authority = place.split('/').next().unwrap_or(place);
+        let host = authority.rsplit_once(':').map_or(authority, |(host, _)| host);
         Some(match self {
             Self::Other(_) => return None,
             Self::SpeaksTls => (
@@ -111,6 +112,8 @@ fn tls_error(error: &ureq::Error) -> Option<&rustls::Error> {
 
 /// Whether plain HTTP is answered with a record of TLS: an alert (RFC 8446, 5.1), its type 21 and the version's first byte 3.
 fn speaks_tls(place: &str) -> bool {
+    // A daemon may be below a prefix.
+    let place = place.split('/').next().unwrap_or(place);
     let place = if place.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok()) {
         place.to_owned()
     } else {

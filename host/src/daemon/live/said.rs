@@ -8,6 +8,7 @@ use crate::daemon::asked::check_finger;
 use crate::daemon::body::from_json;
 use crate::daemon::problem::{Kind, Problem};
 use crate::daemon::view::TouchView;
+use crate::daemon::whole::convert_whole;
 use crate::planner::request::MAX_TARGETS;
 use crate::scene::Scene;
 use serde::Deserialize;
@@ -64,7 +65,10 @@ impl Message {
                 let fingers = fingers.into_iter().filter_map(|finger| text.get(finger)).map(str::to_owned).collect();
                 (Cow::Owned(rest), Some(fingers))
             }
-            None => (text, None),
+            None => match parse_fingers(&text) {
+                Some((rest, fingers)) => (Cow::Owned(rest), Some(fingers)),
+                None => (text, None),
+            },
         };
         let is_touch = serde_json::from_str::<AnyTouch>(&rest).is_ok();
         Self { rest: from_json(rest.as_bytes(), WANTED_MESSAGE), is_touch, fingers }
@@ -161,13 +165,7 @@ fn id_of(text: &str) -> Option<i64> {
         id: Option<serde_json::Number>,
     }
     let id = serde_json::from_str::<OnlyId>(text).ok()?.id;
-    id.map_or(Some(0), |id| id.as_i64().or_else(|| whole(id.as_f64()?)))
-}
-
-/// A whole number that is written as a fraction, as `3.0`.
-#[expect(clippy::cast_possible_truncation, reason = "whole, and far below what an i64 holds")]
-fn whole(value: f64) -> Option<i64> {
-    (value.fract() == 0.0 && value.abs() < 1e15).then_some(value as i64)
+    id.map_or(Some(0), |id| id.as_i64().or_else(|| convert_whole(id.as_f64()?)))
 }
 
 /// That two fingers have the same number: nobody could say then which of them was lifted. The first one counts.
@@ -233,6 +231,14 @@ fn find_fingers(text: &str) -> Option<(Range<usize>, Vec<Range<usize>>)> {
     None
 }
 
+/// The rest of a message and its fingers where the key of their list is written with escapes (`"touche\u0073"`), so that the text does not show it.
+fn parse_fingers(text: &str) -> Option<(String, Vec<String>)> {
+    let mut message: serde_json::Map<String, Value> = serde_json::from_str(text).ok()?;
+    let list = message.get_mut("touches")?.as_array_mut()?;
+    let fingers = list.drain(..).map(|finger| finger.to_string()).collect();
+    Some((Value::Object(message).to_string(), fingers))
+}
+
 /// The text with quotes around words that are no JSON, `NaN` and `Infinity` above all: what has one for a value has a text then, and is told so.
 fn quote_bare_words(text: &str) -> Cow<'_, str> {
     let is_of_word = |byte: u8| byte.is_ascii_alphanumeric() || b"+-._".contains(&byte);
@@ -284,6 +290,10 @@ mod tests {
         );
         let odd = r#"{"a": {"touches": [9]}, "b": "\"touches\": [", "touches": [{"x": "],[", "y": [1, {}]}, 3]}"#;
         assert_eq!(fingers(odd), of(&[r#"{"x": "],[", "y": [1, {}]}"#, "3"]));
+        // A key may be written with escapes.
+        let escaped = r#"{"type": "touch", "touche\u0073": [{"id": 1}]}"#;
+        assert_eq!(fingers(escaped), of(&[r#"{"id":1}"#]));
+        assert!(Message::from_text(escaped).rest.is_ok());
         // A value is no key, and a list that does not end is none.
         assert_eq!(fingers(r#"{"kind": "touches", "x": [1]}"#), None);
         assert_eq!(fingers(r#"{"touches": [{"id": 1}"#), None);
