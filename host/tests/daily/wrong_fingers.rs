@@ -221,7 +221,6 @@ fn lifts_of_a_message_that_is_wrong_count() {
         (format!(r#""padding": "{padding}""#), false),
         (r#""intensity_g": 0.1"#.to_owned(), true),
     ] {
-        let what = rest.get(..40).unwrap_or(&rest).to_owned();
         let two = json!([{"id": 1, "x_px": 960, "y_px": 640}, {"id": 2, "x_px": 400, "y_px": 500}]);
         say(&mut socket, &json!({"type": "touch", "touches": two, "intensity_g": 0.1}));
         while ids(&next_of(&mut socket, "plan")) != [1, 2] {}
