@@ -29,6 +29,9 @@ MAX_HZ = 400.0
 USEFUL = 1e-2
 # Least that is believed of the program's bound, and of the reference's own.
 FLOOR = 1e-6
+# Of the panel's estimate of the reference's own error: real parts go with shapes at dashpots, which settle later than frequencies beside stiff
+# points. On scene 1-10 the finer mesh was off by 1.8 times the difference of the two, against two meshes that are finer still.
+LATER = 2.0
 # Following poles takes an eigenproblem for each step.
 MOST_FOLLOWED = 110
 
@@ -84,7 +87,7 @@ def run(context):
     values, others = poles.eigenvalues(*fine), poles.eigenvalues(*coarse)
 
     def own_error(s):
-        return panel.safety * np.abs(others - s).min() / abs(s) + panel.floor
+        return LATER * panel.safety * np.abs(others - s).min() / abs(s) + panel.floor
 
     results = []
     seen = []
