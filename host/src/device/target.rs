@@ -290,8 +290,12 @@ impl OpenDevice {
 #[must_use]
 pub fn link_trouble(path: &str, error: &LinkError) -> String {
     let users = match error {
-        LinkError::Silent { .. } | LinkError::Blocked { .. } | LinkError::Io(_) | LinkError::Unexpected { .. } => {
+        LinkError::Silent { .. } | LinkError::Blocked { .. } | LinkError::Unexpected { .. } => {
             Users::of(path).as_cause()
+        }
+        // A port that fails has most often lost its board: who may not be seen is not suspected.
+        LinkError::Io(_) => {
+            Some(Users::of(path)).filter(Users::are_known).map(|users| users.as_cause()).unwrap_or_default()
         }
         _ => String::new(),
     };

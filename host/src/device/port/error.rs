@@ -54,7 +54,7 @@ pub enum PortError {
         path: String,
     },
     /// Anything else.
-    #[error("the call {call} on the port {path} failed: {source}. Check the cable and the power of the board")]
+    #[error("the call {call} on the port {path} failed: {source}{}", advise_on(.source))]
     Failed {
         /// The port.
         path: String,
@@ -84,6 +84,32 @@ impl PortError {
             io::ErrorKind::IsADirectory => Self::NoPort { path },
             _ if source.raw_os_error() == Some(rustix::io::Errno::NOTTY.raw_os_error()) => Self::NoPort { path },
             _ => Self::Failed { path, call, source },
+        }
+    }
+}
+
+/// The sentence after an error of a call: what the system says of a board that has gone is about its cable, and nothing else is.
+fn advise_on(error: &io::Error) -> &'static str {
+    let is_gone = |errno: rustix::io::Errno| error.raw_os_error() == Some(errno.raw_os_error());
+    if [rustix::io::Errno::IO, rustix::io::Errno::NXIO, rustix::io::Errno::NODEV].into_iter().any(is_gone) {
+        ". Check the cable and the power of the board"
+    } else {
+        ""
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::io::Errno;
+
+    #[test]
+    fn only_what_is_said_of_a_board_that_has_gone_sends_to_its_cable() {
+        for (error, is_gone) in
+            [(Errno::IO, true), (Errno::NXIO, true), (Errno::NODEV, true), (Errno::MFILE, false), (Errno::NOMEM, false)]
+        {
+            let told = PortError::of_call("/dev/ttyACM0", "open", error.into()).to_string();
+            assert_eq!(told.contains("cable"), is_gone, "{told}");
         }
     }
 }

@@ -17,7 +17,7 @@ pub struct Holder {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Users {
     holders: Vec<Holder>,
-    /// Whether there are processes whose files this user may not see.
+    /// Whether there are processes that this one may not see, or whose files it may not see.
     are_some_hidden: bool,
 }
 
@@ -27,6 +27,12 @@ impl Users {
     pub fn of(port: &str) -> Self {
         let root = Path::new("/");
         Self { holders: holders(root, port), are_some_hidden: hides_some(root) }
+    }
+
+    /// Whether any can be seen.
+    #[must_use]
+    pub const fn are_known(&self) -> bool {
+        !self.holders.is_empty()
     }
 
     /// Their names, if there are any that can be seen.
@@ -39,12 +45,12 @@ impl Users {
     /// The end of a sentence that says that the port is in use.
     pub(super) fn as_advice(&self) -> String {
         match self.names() {
-            Some(names) => format!(" by {names}: end it, and the port is opened by itself{}", self.of_modem_manager()),
+            Some(names) => format!(" by {names}: end it{}", self.of_modem_manager()),
             None => format!(" by another program{}: end it", self.of_hidden()),
         }
     }
 
-    /// The end of a sentence that says that the port does not do as it should.
+    /// The sentence after one that says that the port does not do as it should. Nothing where nobody has the port open.
     #[must_use]
     pub fn as_cause(&self) -> String {
         match self.names() {
@@ -52,6 +58,11 @@ impl Users {
                 ". {names} has this port open as well, and two programs at one port take each other's bytes: end it{}",
                 self.of_modem_manager()
             ),
+            None if self.are_some_hidden => {
+                ". Another program may have this port open, which this process may not see: \
+                 `sudo era doctor` names it (`sudo era install --only rule` keeps ModemManager away from boards)"
+                    .into()
+            }
             None => String::new(),
         }
     }
@@ -84,8 +95,14 @@ pub fn holders(root: &Path, port: &str) -> Vec<Holder> {
         .collect()
 }
 
+/// Whether there are processes that this one may not see (`hidepid` of /proc, as by systemd's `ProtectProc=invisible`: the first process is not
+/// listed then), or whose files it may not see (those of other users, where this is not root's).
 fn hides_some(root: &Path) -> bool {
-    processes(root).iter().any(|(_, folder)| fs::read_dir(folder.join("fd")).is_err())
+    let all = processes(root);
+    let is_closed = |folder: &Path| {
+        fs::read_dir(folder.join("fd")).is_err_and(|error| error.kind() == std::io::ErrorKind::PermissionDenied)
+    };
+    !all.iter().any(|(pid, _)| *pid == 1) || all.iter().any(|(_, folder)| is_closed(folder))
 }
 
 /// All processes by number, with their folders.
@@ -122,7 +139,7 @@ pub struct Access {
 #[must_use]
 pub fn access(root: &Path, port: &str) -> Access {
     let Ok(metadata) = fs::metadata(port) else { return Access::default() };
-    let group = named(root, "etc/group", metadata.gid());
+    let group = find_name_of_number(root, "etc/group", metadata.gid());
     let status = fs::read_to_string(root.join("proc/self/status")).unwrap_or_default();
     let is_member = status
         .lines()
@@ -133,7 +150,7 @@ pub fn access(root: &Path, port: &str) -> Access {
 }
 
 /// The name of a number in a file of users or groups.
-fn named(root: &Path, file: &str, wanted: u32) -> Option<String> {
+fn find_name_of_number(root: &Path, file: &str, wanted: u32) -> Option<String> {
     let all = fs::read_to_string(root.join(file)).ok()?;
     all.lines().find_map(|line| {
         let mut parts = line.split(':');
@@ -154,7 +171,7 @@ impl Permission {
     #[must_use]
     pub fn of(port: &str) -> Self {
         let root = Path::new("/");
-        let user = named(root, "etc/passwd", rustix::process::geteuid().as_raw());
+        let user = find_name_of_number(root, "etc/passwd", rustix::process::geteuid().as_raw());
         Self { access: access(root, port), user }
     }
 
@@ -201,6 +218,19 @@ mod tests {
         assert!(users(&["cat"], false).as_advice().contains("by cat (process 7): end it"));
         assert!(users(&["ModemManager"], true).as_cause().contains("era install --only rule"));
         assert!(users(&[], true).as_advice().contains("of another user"));
-        assert_eq!(users(&[], true).as_cause(), "");
+        assert_eq!(users(&[], false).as_cause(), "");
+        let told = users(&[], true).as_cause();
+        assert!(told.contains("`sudo era doctor` names it") && told.contains("era install --only rule"), "{told}");
+        assert!(!users(&["cat"], true).as_cause().contains("era doctor"));
+    }
+
+    /// As systemd's `ProtectProc=invisible` has it for a service that is not root's: only its own processes are listed.
+    #[test]
+    fn a_folder_of_processes_without_the_first_hides_some() {
+        let root = tempfile::tempdir().unwrap();
+        fs::create_dir_all(root.path().join("proc/4711/fd")).unwrap();
+        assert!(hides_some(root.path()));
+        fs::create_dir_all(root.path().join("proc/1/fd")).unwrap();
+        assert!(!hides_some(root.path()));
     }
 }
