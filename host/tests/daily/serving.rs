@@ -51,6 +51,18 @@ impl Serving {
         assert!(Command::new("kill").args(["-s", name, &id]).status().unwrap().success());
     }
 
+    /// Whether it has a file open.
+    pub fn has_open(&self, path: &str) -> bool {
+        let files = std::fs::read_dir(format!("/proc/{}/fd", self.process.id())).unwrap();
+        files.flatten().any(|file| std::fs::read_link(file.path()).is_ok_and(|open| open.to_str() == Some(path)))
+    }
+
+    /// Whether it is suspended.
+    pub fn is_suspended(&self) -> bool {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.process.id())).unwrap();
+        stat.rsplit(')').next().unwrap().trim_start().starts_with('T')
+    }
+
     /// How the system schedules a thread of it: 0 as any other, 2 in turn with others of its real-time priority (SCHED_RR).
     #[cfg(target_os = "linux")]
     pub fn policy_of(&self, thread: &str) -> u32 {

@@ -53,7 +53,7 @@ pub fn await_calls(path: &str, limit: Duration) -> Result<(), PortError> {
             under_way().iter().find(|other| other.path == path).map(|other| (other.step.name(), other.since.elapsed()));
         match waits_for {
             None => return Ok(()),
-            Some((call, waited)) if begun.elapsed() >= limit => return Err(late(path, call, waited)),
+            Some((call, waited)) if begun.elapsed() >= limit => return Err(make_late_error(path, call, waited)),
             Some(_) => std::thread::sleep(LOOK),
         }
     }
@@ -79,13 +79,13 @@ pub fn call_within<T: Send + 'static>(
     let failed = |source| PortError::Failed { path: path.to_owned(), call: step.name(), source };
     let thread = std::thread::Builder::new().name("port".into()).spawn(move || {
         let given = calls(&own);
-        drop(returned);
-        // Nobody waits for it any more where the limit is over.
+        // Nobody waits for it any more where the limit is over: a port that was opened too late is closed by this, before it may be tried again.
         let _ = result.send(given);
+        drop(returned);
     });
     thread.map_err(failed)?;
     results.recv_timeout(limit).map_err(|error| match error {
-        RecvTimeoutError::Timeout => late(path, step.name(), since.elapsed()),
+        RecvTimeoutError::Timeout => make_late_error(path, step.name(), since.elapsed()),
         RecvTimeoutError::Disconnected => failed(std::io::Error::other("a mistake in this program")),
     })
 }
@@ -98,6 +98,6 @@ impl Drop for Returned {
     }
 }
 
-fn late(path: &str, call: &'static str, waited: Duration) -> PortError {
+fn make_late_error(path: &str, call: &'static str, waited: Duration) -> PortError {
     PortError::Late { path: path.to_owned(), call, waited, users: Users::of(path) }
 }

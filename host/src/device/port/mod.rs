@@ -6,7 +6,8 @@ mod open;
 pub mod users;
 
 pub use error::PortError;
-pub use open::{Port, pair};
+pub use limit::call_within;
+pub use open::{Port, open_pseudo_terminal};
 pub use users::Users;
 
 use super::usb_ids::is_board;

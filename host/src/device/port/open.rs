@@ -9,11 +9,12 @@ use rustix::fs::{FlockOperation, Mode, OFlags, fcntl_setfl, flock, open};
 use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{
-    ControlModes, InputModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush,
-    tcgetattr, tcsetattr,
+    ControlModes, InputModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, ioctl_tiocnxcl, tcdrain,
+    tcflush, tcgetattr, tcsetattr,
 };
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
+use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
 /// Time a read waits for its first byte, and a write for room.
@@ -26,11 +27,13 @@ const OPEN_TRIES: u32 = 10;
 const OPEN_AGAIN: Duration = Duration::from_millis(10);
 /// Longest time for opening and setting a port: a board on USB takes some ms.
 const OPEN_LIMIT: Duration = Duration::from_secs(1);
+/// When a port is closed, longest time for its device to take what was written last: a stop, most often.
+const SENT: Duration = Duration::from_millis(20);
 /// Longest time for closing one.
 const CLOSE_LIMIT: Duration = Duration::from_millis(250);
 
-/// An open port that this program has for itself. What its device has not taken when it is closed is dropped: the system would wait for that,
-/// up to 30 s.
+/// An open port that this program has for itself. What its device has not taken 20 ms after it is closed is dropped: the system would wait
+/// for that, up to 30 s.
 #[derive(Debug)]
 pub struct Port {
     path: String,
@@ -88,7 +91,7 @@ impl Port {
 ///
 /// # Errors
 /// If the system has none.
-pub fn pair() -> std::io::Result<(Port, String)> {
+pub fn open_pseudo_terminal() -> std::io::Result<(Port, String)> {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
     grantpt(&master)?;
     unlockpt(&master)?;
@@ -123,6 +126,23 @@ fn set_raw(settings: &mut Termios) -> Result<(), Errno> {
     settings.control_modes.remove(ControlModes::CSTOPB | ControlModes::CRTSCTS | ControlModes::PARODD);
     settings.control_modes.insert(ControlModes::CREAD | ControlModes::CLOCAL);
     settings.set_speed(UART_BAUD)
+}
+
+/// Waits until the device has taken what was written to it, and drops what it has not taken within 20 ms.
+fn send_or_drop_output(line: &OwnedFd, step: &Step) {
+    std::thread::scope(|scope| {
+        let (ended, ends) = sync_channel(1);
+        let drain = move || {
+            let _ = ended.send(tcdrain(line));
+        };
+        // Once there is nothing more to be sent that returns, and so this thread ends.
+        let thread = std::thread::Builder::new().name("drain".into()).spawn_scoped(scope, drain);
+        let sent = step.call("tcdrain", || thread.is_ok() && matches!(ends.recv_timeout(SENT), Ok(Ok(()))));
+        if !sent {
+            // A port that is gone has nothing to drop.
+            let _ = step.call("tcflush", || tcflush(line, QueueSelector::OFlush));
+        }
+    });
 }
 
 impl Read for Port {
@@ -164,13 +184,33 @@ impl Drop for Port {
     fn drop(&mut self) {
         let Some(line) = self.line.take() else { return };
         let closed = call_within(&self.path, CLOSE_LIMIT, move |step| {
-            // A port that is gone has nothing to drop, and nobody to keep away.
-            let _ = step.call("tcflush", || tcflush(&line, QueueSelector::OFlush));
+            send_or_drop_output(&line, step);
+            // A port that is gone has nobody to keep away.
             let _ = step.call("ioctl", || ioctl_tiocnxcl(&line));
             step.call("close", || drop(line));
         });
         if let Err(error) = closed {
             tracing::warn!(%error, "a port is left behind");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A last stop is written before a port is closed, and nothing waits for its answer.
+    #[test]
+    fn what_was_written_last_is_sent_before_the_port_is_closed() {
+        for _ in 0..100 {
+            let (mut device, path) = open_pseudo_terminal().unwrap();
+            let mut port = Port::open(&path).unwrap();
+            assert_eq!(port.write(b"stop").unwrap(), 4);
+            drop(port);
+            device.set_wait(Duration::from_secs(1));
+            let mut heard = [0; 8];
+            let length = device.read(&mut heard).unwrap();
+            assert_eq!(&heard[..length], b"stop");
         }
     }
 }

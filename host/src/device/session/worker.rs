@@ -6,6 +6,7 @@ use super::{Beat, Command, DriveOrder, Driven, SessionError, Snapshot};
 use crate::device::awake::Awake;
 use crate::device::client::{Attention, Client, LinkError, LinkStatistics, name};
 use crate::device::clock::ClockSync;
+use crate::device::port::PortError;
 use crate::device::target::OpenDevice;
 use era_shared::limits::BURST_MAX_MS;
 use era_shared::protocol::{Reply, Request};
@@ -442,12 +443,16 @@ impl Worker {
             tracing::warn!(%error, "stopped");
             return;
         }
-        let text = self.device.trouble(error);
-        if self.publish.borrow().problem.as_deref() != Some(&text) {
-            tracing::error!(path = self.device.path(), error = text, "device lost");
-        }
+        // Before anything that takes time, as a look at all programs does: the board may be live.
         if let Some(mut client) = self.hang_up() {
             client.stop_blindly();
+        }
+        let mut text = self.device.trouble(error);
+        if matches!(error, LinkError::Port(PortError::Busy { .. })) {
+            text += ". The port is tried again until it is free";
+        }
+        if self.publish.borrow().problem.as_deref() != Some(&text) {
+            tracing::error!(path = self.device.path(), error = text, "device lost");
         }
         let link = self.link();
         self.armed = false;

@@ -4,7 +4,7 @@ use super::board::{Clock, Defects, Mistakes, SimBoard};
 use super::heard::{Frames, SetFrame};
 use super::panel::Panel;
 use super::peaks::{TouchPeak, TouchPeaks};
-use crate::device::port::{Port as Line, pair};
+use crate::device::port::{Port as Line, open_pseudo_terminal};
 use crate::device::priority;
 use era_shared::board::Board;
 use era_shared::device::{Device, Port};
@@ -163,7 +163,7 @@ impl SimDevice {
     /// # Errors
     /// As [`Self::start`].
     pub fn start_named(panel: Panel, max_voltages_v: Vec<f64>, board_id: [u8; 12]) -> std::io::Result<Self> {
-        let (mut terminal, path) = pair()?;
+        let (mut terminal, path) = open_pseudo_terminal()?;
         let control = SimControl::default();
         let wishes = control.clone();
         let thread = std::thread::Builder::new().name("simulated-device".into()).spawn(move || {
