@@ -244,8 +244,8 @@ impl Worker {
             (snapshot.connected, snapshot.in_doubt) = (false, true);
             snapshot.doubts += 1;
             snapshot.problem = Some(format!(
-                "nothing was heard of it for {:.0} ms, and it is asked on; if it is armed it is told to stop before it was silent for 250 ms, and goes off by \
-                 itself 250 ms after the last frame that it heard",
+                "nothing was heard of it for {:.0} ms, and it is asked again. If it is armed and stays silent it is told to stop. An armed board that hears \
+                 nothing for 250 ms goes off by itself",
                 waited.as_secs_f64() * 1e3
             ));
         });
