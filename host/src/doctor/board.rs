@@ -1,7 +1,7 @@
 //! What a board says when it is asked. Every question is one that changes nothing on it.
 
 use super::facts::{Answer, Clock, Heard, Supply};
-use crate::device::port::{Port, PortError};
+use crate::device::port::{Port, PortError, call_within};
 use crate::device::target::link_trouble;
 use crate::device::timing::REAL_TIME;
 use crate::device::{Client, ClockSync, Identity, LinkError};
@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 /// How often the board's clock is read, and how long between two readings.
 const CLOCK_READINGS: u32 = 16;
 const CLOCK_EVERY: Duration = Duration::from_millis(40);
+/// Longest time for all questions, which take about 1 s: a call on the port may not return.
+const ASK_LIMIT: Duration = Duration::from_secs(15);
 
 /// Opens a port and asks who is there. The port must be a board's by its USB identity or named by the user, and nobody
 /// else may have it open.
@@ -21,10 +23,14 @@ pub fn ask(path: &str) -> Answer {
         Ok(transport) => transport,
         Err(error) => return not_opened(&error),
     };
-    match heard(&mut Client::patient(Box::new(transport), REAL_TIME.patience)) {
-        Ok(heard) => Answer::Heard(heard),
-        Err(error @ LinkError::Version { .. }) => Answer::Version(error.to_string()),
-        Err(error) => Answer::Silent(link_trouble(path, &error)),
+    let asked = call_within(path, ASK_LIMIT, move |step| {
+        step.call("read or write", || heard(&mut Client::patient(Box::new(transport), REAL_TIME.patience)))
+    });
+    match asked {
+        Ok(Ok(heard)) => Answer::Heard(heard),
+        Ok(Err(error @ LinkError::Version { .. })) => Answer::Version(error.to_string()),
+        Ok(Err(error)) => Answer::Silent(link_trouble(path, &error)),
+        Err(error) => Answer::Failed(error.to_string()),
     }
 }
 

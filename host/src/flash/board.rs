@@ -2,13 +2,15 @@
 
 use super::check::{CheckError, OnBoard, check_idle};
 use crate::device::client::name;
-use crate::device::port::PortError;
+use crate::device::port::{PortError, call_within};
 use crate::device::{Client, Identity, LinkError, OpenDevice, Target, TargetError};
 use era_shared::protocol::{BOOTLOADER_KEY, CURRENT_VERSION, MIN_VERSION, Reply, Request};
 use std::time::{Duration, Instant};
 
 /// How long a board may take from its start until its USB port is there and it answers.
 const START: Duration = Duration::from_secs(10);
+/// Beside the time that an answer may take, longest time for the calls on the port.
+const CALLS: Duration = Duration::from_secs(1);
 /// Between two looks for it.
 const LOOK_AGAIN: Duration = Duration::from_millis(300);
 
@@ -21,12 +23,9 @@ pub enum BoardError {
     /// Its port cannot be opened.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// It does not answer.
+    /// It does not answer, or not as it should.
     #[error("{0}")]
-    Silent(String),
-    /// It does not answer as it should.
-    #[error(transparent)]
-    Link(#[from] LinkError),
+    Link(String),
     /// It is in use.
     #[error(transparent)]
     Check(#[from] CheckError),
@@ -41,7 +40,8 @@ pub enum BoardError {
 pub struct Board {
     /// What it said.
     pub identity: Identity,
-    client: Client,
+    /// There until a call on its port has not returned, or it has not answered.
+    client: Option<Client>,
     // Last, so that the emulated board ends after the port was closed.
     device: OpenDevice,
 }
@@ -53,11 +53,10 @@ impl Board {
     /// [`BoardError`].
     pub fn open(target: &Target) -> Result<Self, BoardError> {
         let device = OpenDevice::open_board(target)?;
-        let mut client = device.client()?;
         let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        let reply = client.request(&hello).map_err(|error| BoardError::Silent(device.trouble(&error)))?;
+        let (client, reply) = ask_within_limit(device.client()?, &device, &hello)?;
         match Identity::from_reply(reply.clone()) {
-            Some(identity) => Ok(Self { identity, client, device }),
+            Some(identity) => Ok(Self { identity, client: Some(client), device }),
             None => Err(unexpected(&hello, &reply)),
         }
     }
@@ -94,10 +93,17 @@ impl Board {
     /// # Errors
     /// [`BoardError::Check`] if it is armed or drives, and those of the link.
     pub fn check_idle(&mut self) -> Result<(), BoardError> {
-        match self.client.request(&Request::Status)? {
+        match self.ask(&Request::Status)? {
             Reply::Status(status) => Ok(check_idle(status.state)?),
             other => Err(unexpected(&Request::Status, &other)),
         }
+    }
+
+    fn ask(&mut self, request: &Request) -> Result<Reply, BoardError> {
+        let client = self.client.take().ok_or_else(|| BoardError::Link("the link to the board was given up".into()))?;
+        let (client, reply) = ask_within_limit(client, &self.device, request)?;
+        self.client = Some(client);
+        Ok(reply)
     }
 
     /// Sends it to its bootloader; its port then goes away.
@@ -109,7 +115,7 @@ impl Board {
         if self.identity.protocol_current < request.since() {
             return Err(BoardError::TooOld(self.identity.protocol_current));
         }
-        match self.client.request(&request)? {
+        match self.ask(&request)? {
             Reply::Bootloader => Ok(()),
             other => Err(unexpected(&request, &other)),
         }
@@ -120,13 +126,28 @@ impl Board {
     /// # Errors
     /// [`BoardError::Link`].
     pub fn log(&mut self) -> Result<Vec<u8>, BoardError> {
-        match self.client.request(&Request::Log)? {
+        match self.ask(&Request::Log)? {
             Reply::Log { bytes } => Ok(bytes.to_vec()),
             other => Err(unexpected(&Request::Log, &other)),
         }
     }
 }
 
+/// Asks, no longer than an answer may take, as a call on the port may not return. After an error the client is gone, and the programs that have the
+/// port open are named.
+fn ask_within_limit(mut client: Client, device: &OpenDevice, request: &Request) -> Result<(Client, Reply), BoardError> {
+    let limit = device.timing().patience.longest().saturating_mul(2).saturating_add(CALLS);
+    let asked = request.clone();
+    let (client, reply) = call_within(device.path(), limit, move |step| {
+        let reply = step.call("read or write", || client.request(&asked));
+        (client, reply)
+    })?;
+    match reply {
+        Ok(reply) => Ok((client, reply)),
+        Err(error) => Err(BoardError::Link(device.trouble(&error))),
+    }
+}
+
 fn unexpected(request: &Request, reply: &Reply) -> BoardError {
-    LinkError::Unexpected { request: name(request), reply: format!("{reply:?}") }.into()
+    BoardError::Link(LinkError::Unexpected { request: name(request), reply: format!("{reply:?}") }.to_string())
 }
