@@ -14,6 +14,8 @@ use crate::text_file::read_text_file;
 use pages::Pages;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
 
@@ -42,7 +44,11 @@ pub fn run(options: &Replay) -> Outcome {
     }
     // What it has asked for would be driven on.
     let driven = daemon.clone();
+    let is_ended = Arc::new(AtomicBool::new(false));
+    let ended = Arc::clone(&is_ended);
     do_on_end(move |signal| {
+        // Nothing is asked for after the stop.
+        ended.store(true, Ordering::SeqCst);
         let stopped = client::call(&driven, "POST", "/v1/stop", None);
         let told = stopped.map_or_else(|failure| failure.text(), |_| "everything was stopped".into());
         tell_error(&format!("ended by {signal}: {told}"));
@@ -54,6 +60,7 @@ pub fn run(options: &Replay) -> Outcome {
         let started = Instant::now();
         for (place, asked) in recording.asked.iter().enumerate() {
             pages.listen_until(started + asked.at.div_f64(options.speed));
+            wait_for_end_if(&is_ended);
             match &asked.what {
                 What::Touch(_, body) => ask(daemon, "/v1/touch", place, Some(body.clone()), &done),
                 What::Stop => ask(daemon, "/v1/stop", place, None, &done),
@@ -67,8 +74,16 @@ pub fn run(options: &Replay) -> Outcome {
             pages.listen_until(Instant::now() + LAST);
         }
     });
+    wait_for_end_if(&is_ended);
     drop(done);
     summary(options, &recording, results.into_iter().collect(), &pages)
+}
+
+/// Does not return once a signal has come: the thread that stops everything then ends the process.
+fn wait_for_end_if(is_ended: &AtomicBool) {
+    while is_ended.load(Ordering::SeqCst) {
+        std::thread::park();
+    }
 }
 
 /// Asks in a thread of its own, as requests overlapped when they were recorded.
