@@ -101,6 +101,10 @@ pub fn main() -> ExitCode {
         refuse(&error, "")
     });
     told::set_format(arguments.log_format);
+    // Before any thread is started, the log's included.
+    if matches!(arguments.command, None | Some(command::Command::Serve(_))) {
+        signals::keep_in_background();
+    }
     log::start(arguments.verbose, arguments.log_format);
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();

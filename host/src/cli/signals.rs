@@ -1,5 +1,6 @@
 //! Signals that would end the program: a daemon stops its board first, whichever comes.
 
+use nix::sys::signal::SigSet;
 use rustix::process::{Signal, getpid, kill_process};
 use std::task::Poll;
 use tokio::signal::unix::{Signal as Stream, SignalKind, signal};
@@ -74,6 +75,18 @@ pub fn do_on_end(what: impl FnOnce(&str) + Send + 'static) {
     };
     if let Err(error) = std::thread::Builder::new().name("signals".into()).spawn(wait) {
         tracing::warn!(%error, "signals end the command at once");
+    }
+}
+
+/// Keeps the terminal from suspending the process, in this thread and in all that it starts from now on: one in the background that writes
+/// (SIGTTOU, after `stty tostop`) or reads (SIGTTIN) goes on, as it would leave its board. Blocked and not listened for: the system would repeat the
+/// call, and the signal, for ever.
+pub fn keep_in_background() {
+    let mut signals = SigSet::empty();
+    signals.add(nix::sys::signal::SIGTTOU);
+    signals.add(nix::sys::signal::SIGTTIN);
+    if let Err(error) = signals.thread_block() {
+        tracing::warn!(%error, "a terminal may suspend the daemon");
     }
 }
 
