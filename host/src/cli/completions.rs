@@ -4,7 +4,8 @@ use super::told::tell;
 use super::{Failure, Outcome, print_text};
 use clap::{Args, Command};
 use clap_complete::Shell;
-use std::path::PathBuf;
+use era_files::{Readers, replace_file_by};
+use std::path::{Path, PathBuf};
 
 #[derive(Clone, Debug, Args)]
 pub struct Completions {
@@ -37,9 +38,20 @@ pub fn man(options: &Man, command: Command) -> Outcome {
     };
     let write = || {
         std::fs::create_dir_all(folder)?;
-        clap_mangen::generate_to(command, folder)
+        let mut command = command.disable_help_subcommand(true);
+        command.build();
+        write_pages(&command, folder)
     };
     write().map_err(|error| Failure::failed(format!("cannot write man pages to {}: {error}", folder.display())))?;
     tell!("man pages are in {}: man -l {}/era.1", folder.display(), folder.display());
     Ok(())
+}
+
+/// Writes the pages of a command and of those below it, each whole or not at all.
+fn write_pages(command: &Command, folder: &Path) -> std::io::Result<()> {
+    for own in command.get_subcommands().filter(|own| !own.is_hide_set()) {
+        write_pages(own, folder)?;
+    }
+    let page = clap_mangen::Man::new(command.clone());
+    replace_file_by(&folder.join(page.get_filename()), Readers::ByUmask, |mut file| page.render(&mut file))
 }

@@ -2,6 +2,7 @@
 
 use super::args::At;
 use super::args_field::Field;
+use super::output::write_text_file;
 use super::panel::{target, tell_missing, tell_plan, touched_table};
 use super::progress::with_progress;
 use super::told::tell;
@@ -37,7 +38,7 @@ pub fn run(options: &Field) -> Outcome {
     }
     let to_output = options.csv.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {
-        std::fs::write(path, field.csv()).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+        write_text_file(path, &field.csv())?;
     }
     let off = options.tolerances.map(|off| {
         let looked = || tolerances::spread(&scene, &touched, &plan, off);

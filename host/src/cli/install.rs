@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// One of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Part {
-    /// The udev rule: who may use the board
+    /// The udev rule: who may drive the board
     Rule,
     /// The systemd unit: the daemon as a service
     Service,
@@ -34,9 +34,12 @@ pub struct Install {
     /// The program that the service runs [default: this one]
     #[arg(long, value_name = "PATH")]
     pub program: Option<PathBuf>,
-    /// The group of users who may use the board
+    /// The group of users who may drive the board
     #[arg(long, value_name = "NAME", default_value = rule::GROUP, value_parser = parse_group)]
     pub group: String,
+    /// A group of users who may write the board's firmware besides root; without it root alone may
+    #[arg(long, value_name = "NAME", value_parser = parse_group)]
+    pub flash_group: Option<String>,
     /// Write below this folder in place of /, for packages
     #[arg(long, value_name = "DIR")]
     pub root: Option<PathBuf>,
@@ -121,7 +124,11 @@ fn wanted(options: &Install, config: &Path) -> Result<Vec<Wanted>, Failure> {
     let mut wanted = Vec::new();
     if is_wanted(Part::Rule) && !options.user {
         let path = root(options).join(rule::PATH);
-        wanted.push(Wanted { part: Part::Rule, path, text: rule::text(&options.group) });
+        wanted.push(Wanted {
+            part: Part::Rule,
+            path,
+            text: rule::text(&options.group, options.flash_group.as_deref()),
+        });
     }
     if is_wanted(Part::Service) {
         let program = program(options)?;
@@ -279,8 +286,9 @@ fn steps(options: &Install, changed: &[Part], config: &Path) -> Vec<String> {
     let mut steps = Vec::new();
     let (manager, sudo) = if options.user { ("systemctl --user", "") } else { ("sudo systemctl", "sudo ") };
     if changed.contains(&Part::Rule) {
-        if !options.remove && !has_group(&options.group) {
-            steps.push(format!("sudo groupadd --system {}", options.group));
+        let groups = std::iter::once(&options.group).chain(&options.flash_group);
+        for group in groups.filter(|group| !options.remove && !has_group(group)) {
+            steps.push(format!("sudo groupadd --system {group}"));
         }
         steps.push("sudo udevadm control --reload".into());
         steps.push("sudo udevadm trigger --subsystem-match=usb --subsystem-match=tty".into());

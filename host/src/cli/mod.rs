@@ -25,6 +25,7 @@ mod log;
 mod modes;
 mod monitor;
 mod notify;
+mod output;
 mod panel;
 mod plan;
 mod plan_explain;
@@ -86,6 +87,7 @@ type Outcome = Result<(), Failure>;
 #[must_use]
 pub fn main() -> ExitCode {
     let started = Instant::now();
+    era_files::tell_size_limit_as_error();
     let arguments = command::Arguments::try_parse().unwrap_or_else(|error| {
         // Without a command the daemon runs, but its options belong to it.
         let given: Vec<String> = std::env::args().skip(1).collect();
@@ -190,7 +192,9 @@ fn print_json(value: &impl serde::Serialize) -> Outcome {
 fn print_text(text: &str) -> Outcome {
     use std::io::{ErrorKind, Write};
     match writeln!(std::io::stdout().lock(), "{text}") {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::failed(error)),
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::failed(format!("cannot write to standard output: {error}")))
+        }
         _ => Ok(()),
     }
 }

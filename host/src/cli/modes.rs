@@ -2,6 +2,7 @@
 
 use super::args::Modes as Options;
 use super::cost::Cost;
+use super::output::write_text_file;
 use super::panel::{bound_text, tell_missing, tell_steps, warn_if_thick};
 use super::progress::{with_cost, with_progress};
 use super::told::tell;
@@ -126,7 +127,8 @@ fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) 
 
 /// Writes the shapes as asked for; whether they went to standard output.
 fn write(options: &Options, scene: &Scene, shapes: &ModeShapes) -> Result<bool, Failure> {
-    let failed = |path: &Path, error: std::io::Error| Failure::failed(format!("{}: {error}", path.display()));
+    let failed =
+        |path: &Path, error: std::io::Error| Failure::failed(format!("cannot write {}: {error}", path.display()));
     if let Some(path) = &options.npy {
         let sides = [shapes.frequencies_hz.len(), shapes.y_m.len(), shapes.x_m.len()];
         let axes: [(&str, &[f64]); 3] =
@@ -145,7 +147,7 @@ fn write(options: &Options, scene: &Scene, shapes: &ModeShapes) -> Result<bool, 
     match &options.csv {
         Some(path) if path.as_os_str() == "-" => print_text(shapes.csv().trim_end()).map(|()| true),
         Some(path) => {
-            std::fs::write(path, shapes.csv()).map_err(|error| failed(path, error))?;
+            write_text_file(path, &shapes.csv())?;
             tell!("wrote {}", path.display());
             Ok(false)
         }

@@ -1,6 +1,7 @@
 //! `era field --reach` and `era field --schemes`: what a panel's actuators can do at all.
 
 use super::args_field::{Corners, Field};
+use super::output::write_text_file;
 use super::panel::{need_actuators, plan_table};
 use super::progress::with_progress;
 use super::told::tell;
@@ -291,7 +292,7 @@ fn write_csv(options: &Field, text: &str) -> Result<bool, Failure> {
     if path.as_os_str() == "-" {
         return print_text(text.trim_end()).map(|()| true);
     }
-    std::fs::write(path, text).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+    write_text_file(path, text)?;
     tell!("wrote {}", path.display());
     Ok(false)
 }

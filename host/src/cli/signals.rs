@@ -7,7 +7,7 @@ use tokio::signal::unix::{Signal as Stream, SignalKind, signal};
 
 /// Those with a name that end a process which does not listen, and that can be listened for. SIGPIPE is ignored by every program in Rust; SIGSEGV
 /// and its like are mistakes, after which nothing here can be relied on; SIGKILL cannot be heard: after these the board goes off by its dead-man
-/// timer.
+/// timer. SIGXFSZ is no end but an error where a file is written, as [`era_files::tell_size_limit_as_error`] has it.
 const NAMED: [(Signal, &str); 10] = [
     (Signal::HUP, "SIGHUP"),
     (Signal::INT, "SIGINT"),
@@ -40,8 +40,6 @@ impl EndSignals {
     /// ignored: `nohup` has a program outlive its terminal.
     #[must_use]
     pub fn listen() -> Self {
-        // A file that has grown to its limit is an error where it is written, and no end.
-        let _ = signal(SignalKind::from_raw(Signal::XFSZ.as_raw()));
         let named = NAMED.iter().chain(&OF_LINUX).filter(|(kind, _)| *kind != Signal::HUP || !is_ignored(*kind));
         let named = named.map(|(kind, name)| (kind.as_raw(), (*name).to_owned()));
         let real_time = REAL_TIME.map(|number| (number, format!("signal {number}")));

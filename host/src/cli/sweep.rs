@@ -19,19 +19,19 @@ use std::time::Instant;
 trait Stored: Arithmetic + Into<f64> {
     /// NumPy's name of the complex type.
     const TYPE: &'static str;
-    fn write(self, file: &mut impl Write) -> std::io::Result<()>;
+    fn write(self, file: &mut (impl Write + ?Sized)) -> std::io::Result<()>;
 }
 
 impl Stored for f32 {
     const TYPE: &'static str = "<c8";
-    fn write(self, file: &mut impl Write) -> std::io::Result<()> {
+    fn write(self, file: &mut (impl Write + ?Sized)) -> std::io::Result<()> {
         file.write_all(&self.to_le_bytes())
     }
 }
 
 impl Stored for f64 {
     const TYPE: &'static str = "<c16";
-    fn write(self, file: &mut impl Write) -> std::io::Result<()> {
+    fn write(self, file: &mut (impl Write + ?Sized)) -> std::io::Result<()> {
         file.write_all(&self.to_le_bytes())
     }
 }
@@ -72,7 +72,7 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
             values.into_iter().try_for_each(|(re, im)| re.write(file).and_then(|()| im.write(file)))
         })
         .and_then(|()| npy::write_axes(path, &[("frequency_hz", &frequencies_hz), ("y_m", &y_m), ("x_m", &x_m)]))
-        .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+        .map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))?;
     }
     let layout = scene.layout();
     let points = y_m.iter().flat_map(|y| x_m.iter().map(move |x| (*x, *y)));

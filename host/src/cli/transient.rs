@@ -1,6 +1,7 @@
 //! `era transient`: a point's motion after drives are switched on.
 
 use super::args::{DriveText, Transient};
+use super::output::write_text_file;
 use super::panel::{surface_point, warn_if_thick};
 use super::progress::with_progress;
 use super::told::tell;
@@ -28,7 +29,7 @@ pub fn run(options: &Transient) -> Outcome {
         if path.as_os_str() == "-" {
             return print_text(text.trim_end());
         }
-        std::fs::write(path, text).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+        write_text_file(path, &text)?;
     }
     if options.json {
         return print_json(&json!({

@@ -1,7 +1,9 @@
 //! Where the daemon listens: loopback, a socket in the file system, or with TLS anywhere.
 
+use super::leftover;
 use crate::certificate::{describe_date_fault, find_date_fault, is_nameless, read_certificates, read_private_key};
 use crate::connection::HostPort;
+use era_files::{Readers, make_private_folder, replace_file};
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
@@ -98,6 +100,14 @@ pub enum ListenError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A certificate that was made, or its key, cannot be written.
+    #[error("cannot write {file}: {source}")]
+    Unwritten {
+        /// Which file.
+        file: String,
+        /// Why.
+        source: io::Error,
+    },
 }
 
 /// What to do where the system gives no port.
@@ -157,12 +167,15 @@ impl TlsFiles {
         read_certificates(&self.certificate).is_ok_and(|all| all.first().is_some_and(is_nameless))
     }
 
-    /// Those in a folder; `None` if neither is there.
+    /// Those in a folder; `None` if neither is there, or what is there was left half-written, which [`first_certificate`] replaces.
     ///
     /// # Errors
     /// [`ListenError::Tls`]: one of them alone.
     pub fn found_in(folder: &Path) -> Result<Option<Self>, ListenError> {
         let files = Self::of(folder);
+        if leftover::find_damage(&files.certificate, &files.key).is_some() {
+            return Ok(None);
+        }
         let (there, missing) = match (files.certificate.exists(), files.key.exists()) {
             (true, true) => return Ok(Some(files)),
             (false, false) => return Ok(None),
@@ -256,7 +269,7 @@ impl Listener {
         let named = || path.display().to_string();
         let failed = |source| ListenError::Socket { path: named(), source };
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            private_folder(folder).map_err(failed)?;
+            make_private_folder(folder).map_err(failed)?;
         }
         match std::os::unix::net::UnixStream::connect(path) {
             Ok(_) => return Err(ListenError::Taken { path: named() }),
@@ -266,17 +279,25 @@ impl Listener {
             // There is none, or something that is no socket: binding says so.
             Err(_) => {}
         }
-        // Bound under another name and moved once nobody else may open it.
+        // Bound in a folder that nobody else may enter, whatever the umask is, and moved once nobody else may open it.
         let hidden = hidden(path);
-        let listener = tokio::net::UnixListener::bind(&hidden).map_err(failed)?;
-        let moved = std::fs::set_permissions(&hidden, std::fs::Permissions::from_mode(0o600)).and_then(|()| {
-            if path.exists() { Err(io::ErrorKind::AlreadyExists.into()) } else { std::fs::rename(&hidden, path) }
+        let folder = hidden.parent().unwrap_or(path);
+        // What a killed daemon that had this number has left.
+        let _ = std::fs::remove_file(&hidden);
+        let _ = std::fs::remove_dir(folder);
+        std::os::unix::fs::DirBuilderExt::mode(&mut std::fs::DirBuilder::new(), 0o700)
+            .create(folder)
+            .map_err(failed)?;
+        let bound = tokio::net::UnixListener::bind(&hidden).and_then(|listener| {
+            std::fs::set_permissions(&hidden, std::fs::Permissions::from_mode(0o600))?;
+            if path.exists() {
+                return Err(io::ErrorKind::AlreadyExists.into());
+            }
+            std::fs::rename(&hidden, path).map(|()| listener)
         });
-        if let Err(source) = moved {
-            let _ = std::fs::remove_file(&hidden);
-            return Err(failed(source));
-        }
-        Ok(Self::Unix(UnixPlace { listener, path: path.to_owned() }))
+        let _ = std::fs::remove_file(&hidden);
+        let _ = std::fs::remove_dir(folder);
+        Ok(Self::Unix(UnixPlace { listener: bound.map_err(failed)?, path: path.to_owned() }))
     }
 
     /// Whether a socket can be made there, as far as that can be told without making it.
@@ -337,7 +358,7 @@ pub enum Incoming {
 /// What a socket is called until nobody else may open it.
 #[cfg(unix)]
 fn hidden(path: &Path) -> PathBuf {
-    path.with_extension(format!("{}.new", std::process::id()))
+    path.with_file_name(format!(".{}", std::process::id())).join("s")
 }
 
 #[cfg(unix)]
@@ -385,7 +406,7 @@ pub fn lacking<'n>(files: &TlsFiles, names: &'n [String]) -> Vec<&'n str> {
 
 /// A certificate and its key in a folder: those that are there, or new ones for these names and this machine's loopback. Clients
 /// trust the certificate itself; nobody else vouches for it. So one that is there stays, though it may lack a name (see
-/// [`lacking`]): another one would shut out every client that has been given it.
+/// [`lacking`]): another one would shut out every client that has been given it. What was left half-written is replaced.
 ///
 /// # Errors
 /// [`ListenError`].
@@ -399,28 +420,26 @@ pub fn first_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, Li
     let mut all: Vec<String> = ["localhost", "127.0.0.1", "::1"].map(String::from).to_vec();
     all.extend(names.iter().cloned());
     let made = rcgen::generate_simple_self_signed(all).map_err(|error| wrong(&error))?;
-    private_folder(folder).map_err(|error| wrong(&error))?;
-    write_secret(&files.key, &made.signing_key.serialize_pem()).map_err(|error| wrong(&error))?;
-    std::fs::write(&files.certificate, made.cert.pem()).map_err(|error| wrong(&error))?;
+    let unwritten = |file: &Path| {
+        let file = file.display().to_string();
+        move |source| ListenError::Unwritten { file, source }
+    };
+    make_private_folder(folder).map_err(unwritten(folder))?;
+    if let Some((damaged, reason)) = leftover::find_damage(&files.certificate, &files.key) {
+        leftover::move_aside([&files.certificate, &files.key]).map_err(unwritten(folder))?;
+        tracing::warn!(
+            "{} {reason}, as if its writing had been cut off: certificate and key are made anew, and what was there ends in .damaged; \
+             clients need the new certificate",
+            damaged.display()
+        );
+    }
+    // The certificate last: one that is there whole has its key.
+    replace_file(&files.key, Readers::Owner, made.signing_key.serialize_pem().as_bytes())
+        .map_err(unwritten(&files.key))?;
+    if let Err(source) = replace_file(&files.certificate, Readers::Everybody, made.cert.pem().as_bytes()) {
+        let _ = std::fs::remove_file(&files.key);
+        return Err(unwritten(&files.certificate)(source));
+    }
     tracing::info!("made a certificate: clients on other machines trust {}", files.certificate.display());
     Ok(files)
-}
-
-/// A folder, made for its owner alone where there is none.
-fn private_folder(path: &Path) -> io::Result<()> {
-    let mut builder = std::fs::DirBuilder::new();
-    builder.recursive(true);
-    #[cfg(unix)]
-    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
-    builder.create(path)
-}
-
-/// A file that only its owner may read, from its first byte on.
-fn write_secret(path: &Path, text: &str) -> io::Result<()> {
-    use std::io::Write;
-    let mut options = std::fs::OpenOptions::new();
-    options.write(true).create(true).truncate(true);
-    #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-    options.open(path)?.write_all(text.as_bytes())
 }

@@ -27,6 +27,7 @@ mod guesses;
 mod guests;
 mod head;
 mod kinds;
+mod leftover;
 mod limits;
 mod linger;
 pub mod listener;

@@ -3,9 +3,9 @@
 //! Written by a thread of its own. Where the disk is slower than the fingers, lines are left out and counted: nothing that
 //! drives waits for a file.
 
+use era_files::{AppendedFile, make_private_folder};
 use serde_json::{Value, json};
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -36,12 +36,16 @@ impl Recorder {
     /// # Errors
     /// As the file system has it.
     pub fn start(path: &Path, scene: &str) -> std::io::Result<Self> {
-        let (path, file) = if Self::is_folder(path) { in_folder(path)? } else { (path.to_owned(), new(path)?) };
+        let (path, file) = if Self::is_folder(path) {
+            in_folder(path)?
+        } else {
+            (path.to_owned(), AppendedFile::create_private(path)?)
+        };
         tracing::info!("recording to {}", path.display());
         let (lines, inbox) = sync_channel(WAITING);
         let named = path.display().to_string();
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
-            if let Err(error) = write(BufWriter::new(file), &inbox) {
+            if let Err(error) = write_lines(file, &inbox) {
                 tracing::error!(%error, path = named, "nothing is recorded any more");
             }
         })?;
@@ -87,14 +91,9 @@ impl Drop for Recorder {
     }
 }
 
-/// A file that was not there.
-fn new(path: &Path) -> std::io::Result<File> {
-    std::fs::OpenOptions::new().write(true).create_new(true).open(path)
-}
-
 /// A new file named after the time (UTC, to a second), and where another start in that second has it, with a number behind.
-fn in_folder(folder: &Path) -> std::io::Result<(PathBuf, File)> {
-    std::fs::create_dir_all(folder)?;
+fn in_folder(folder: &Path) -> std::io::Result<(PathBuf, AppendedFile)> {
+    make_private_folder(folder)?;
     let mut time = String::new();
     let _ = SystemTime.format_time(&mut Writer::new(&mut time));
     // 2026-01-31T09:30:00.000000Z; some file systems have no colons.
@@ -103,20 +102,23 @@ fn in_folder(folder: &Path) -> std::io::Result<(PathBuf, File)> {
     loop {
         let behind = if number == 1 { String::new() } else { format!("-{number}") };
         let path = folder.join(format!("{time}Z{behind}.jsonl"));
-        match new(&path) {
+        match AppendedFile::create_private(&path) {
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && number < SAME_SECOND => number += 1,
             file => return file.map(|file| (path, file)),
         }
     }
 }
 
-fn write(mut file: impl Write, inbox: &Receiver<Value>) -> std::io::Result<()> {
+/// Writes lines as they come until there are no more. After an error the file ends with a whole line.
+fn write_lines(mut file: AppendedFile, inbox: &Receiver<Value>) -> std::io::Result<()> {
+    let mut text = String::new();
     while let Ok(line) = inbox.recv() {
-        writeln!(file, "{line}")?;
-        for line in inbox.try_iter() {
-            writeln!(file, "{line}")?;
+        text.clear();
+        // What waits is written at once.
+        for line in std::iter::once(line).chain(inbox.try_iter()) {
+            let _ = writeln!(text, "{line}");
         }
-        file.flush()?;
+        file.append_records(text.as_bytes())?;
     }
-    Ok(())
+    file.sync_records()
 }

@@ -108,7 +108,7 @@ fn judge_presence(facts: &Facts) -> Finding {
 
 fn judge_rule(facts: &Facts) -> Option<Finding> {
     Some(match facts.rules.as_deref()? {
-        [] => Finding::warning("udev-rule", "no udev rule gives users the board and its bootloader", RULE),
+        [] => Finding::warning("udev-rule", "no udev rule gives users the board", RULE),
         [rule, ..] => Finding::ok("udev-rule", rule.path.clone()),
     })
 }

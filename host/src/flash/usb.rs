@@ -37,7 +37,7 @@ pub enum UsbError {
     )]
     Several(usize),
     /// It is there but cannot be used.
-    #[error("{step} the board's bootloader failed: {reason}{}", if *.permission { ". This user may not use the device: see \"Rights\" in docs/src/flashing.md" } else { "" })]
+    #[error("{step} the board's bootloader failed: {reason}{}", if *.permission { ". Only root, and the group that `era install --flash-group` names, may write a board's firmware: run the same command with sudo. Nothing was erased by this: a board whose firmware is whole runs again after its power was off" } else { "" })]
     Open {
         /// What was tried.
         step: &'static str,

@@ -1,7 +1,8 @@
 //! Files that say who wrote them: others are neither overwritten nor removed, unless by force.
 
+use era_files::{Readers, replace_link_or_file};
 use std::fmt;
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// First line of every file that is written here.
@@ -77,18 +78,7 @@ pub fn write(path: &Path, text: &str, is_forced: bool) -> Result<Done, FileError
     let folder = path.parent().unwrap_or(Path::new("/"));
     std::fs::create_dir_all(folder).map_err(failed)?;
     // Nobody reads half a file, and a link is replaced rather than followed.
-    let new = path.with_extension("era-new");
-    let put = || {
-        let mut file = std::fs::File::create(&new)?;
-        file.write_all(text.as_bytes())?;
-        readable_by_all(&file)?;
-        file.sync_all()?;
-        std::fs::rename(&new, path)
-    };
-    put().map_err(|error| {
-        let _ = std::fs::remove_file(&new);
-        failed(error)
-    })?;
+    replace_link_or_file(path, Readers::Everybody, text.as_bytes()).map_err(failed)?;
     Ok(if before.is_some() { Done::Replaced } else { Done::Written })
 }
 
@@ -116,15 +106,4 @@ fn present(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
 
 fn is_own(text: &[u8]) -> bool {
     text.split(|byte| *byte == b'\n').next() == Some(MARK.as_bytes())
-}
-
-#[cfg(unix)]
-fn readable_by_all(file: &std::fs::File) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn readable_by_all(_: &std::fs::File) -> std::io::Result<()> {
-    Ok(())
 }

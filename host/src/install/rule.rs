@@ -10,10 +10,15 @@ pub const PACKAGED: [&str; 2] = ["usr/lib/udev/rules.d/70-era.rules", "lib/udev/
 /// The group that may use the board unless another one is named.
 pub const GROUP: &str = "plugdev";
 
-/// The rule's text, for a group of users.
+/// The rule's text, for a group of users who may drive the board, and one of those who may write its firmware, if there is to be one beside root.
+///
+/// Whoever may open the running board's USB device itself can reach around its serial port, and whoever may open the bootloader's can write any firmware, which need not keep any limit. So
+/// nobody is given the first, and nobody the second for sitting at the machine.
 #[must_use]
-pub fn text(group: &str) -> String {
+pub fn text(group: &str, flash_group: Option<&str>) -> String {
     let rights = format!("GROUP=\"{group}\", MODE=\"0660\", TAG+=\"uaccess\"");
+    let flashers = flash_group.map_or_else(|| "root alone".into(), |group| format!("root and the group {group}"));
+    let flash_rights = flash_group.map_or_else(String::new, |group| format!(", GROUP=\"{group}\", MODE=\"0660\""));
     let matching = |(vendor, product): (u16, u16), attribute: &str| {
         format!("{attribute}{{idVendor}}==\"{vendor:04x}\", {attribute}{{idProduct}}==\"{product:04x}\"")
     };
@@ -21,14 +26,14 @@ pub fn text(group: &str) -> String {
     let usb = "SUBSYSTEM==\"usb\", ENV{DEVTYPE}==\"usb_device\"";
     format!(
         "{MARK}\n\
-         # Whoever sits at the machine and the group {group} may use the board; ModemManager does not try it for a modem.\n\
+         # Whoever sits at the machine and the group {group} may use the board's serial port; ModemManager does not try it for a modem.\n\
          ACTION==\"remove\", GOTO=\"era_end\"\n\n\
-         # The board: its numbers are shared with other devices, its name is not.\n\
-         {usb}, {own}, ATTR{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\", {rights}\n\
+         # The board: its numbers are shared with other devices, its name is not. Its USB device stays root's.\n\
+         {usb}, {own}, ATTR{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\"\n\
          SUBSYSTEM==\"tty\", {parent}, ATTRS{{product}}==\"{BOARD_NAME}\", ENV{{ID_MM_DEVICE_IGNORE}}=\"1\", \
          ENV{{ID_MM_PORT_IGNORE}}=\"1\", {rights}\n\n\
-         # The bootloader in the chip's ROM, for `era flash`.\n\
-         {usb}, {bootloader}, ENV{{ID_MM_DEVICE_IGNORE}}=\"1\", {rights}\n\n\
+         # The bootloader in the chip's ROM, for `era flash`: for {flashers}, as it takes any firmware.\n\
+         {usb}, {bootloader}, ENV{{ID_MM_DEVICE_IGNORE}}=\"1\"{flash_rights}\n\n\
          LABEL=\"era_end\"\n"
     )
 }
@@ -52,7 +57,7 @@ mod tests {
 
     #[test]
     fn the_rule_names_board_and_bootloader() {
-        let text = text("plugdev");
+        let text = text("plugdev", None);
         assert!(is_for_board(&text) && ignores_modem_manager(&text));
         for words in ["ATTR{idProduct}==\"df11\"", "ATTRS{idVendor}==\"1209\"", "TAG+=\"uaccess\"", "GROUP=\"plugdev\""]
         {
@@ -61,7 +66,25 @@ mod tests {
         // udev continues no line, so each has to stand for itself.
         let rules: Vec<&str> = text.lines().filter(|line| line.starts_with("SUBSYSTEM")).collect();
         assert_eq!(rules.len(), 3);
-        assert!(rules.iter().all(|rule| rule.contains("MODE=\"0660\"") && rule.contains("ID_MM_DEVICE_IGNORE")));
+        assert!(rules.iter().all(|rule| rule.contains("ID_MM_DEVICE_IGNORE")));
+    }
+
+    /// By the serial port alone: who has a board's USB device, or its bootloader's, can write another firmware.
+    #[test]
+    fn the_rule_lets_nobody_flash_who_is_not_named() {
+        let rights = ["MODE", "GROUP", "OWNER", "uaccess", "0666", "0660"];
+        let of = |text: &str| -> Vec<(bool, Vec<&'static str>)> {
+            let lines: Vec<String> =
+                text.lines().filter(|line| line.starts_with("SUBSYSTEM")).map(str::to_owned).collect();
+            let given = |line: &String| rights.into_iter().filter(|word| line.contains(word)).collect();
+            lines.iter().map(|line| (line.starts_with("SUBSYSTEM==\"tty\""), given(line))).collect()
+        };
+        let tty = vec!["MODE", "GROUP", "uaccess", "0660"];
+        let alone = text("plugdev", None);
+        assert_eq!(of(&alone), [(false, vec![]), (true, tty.clone()), (false, vec![])]);
+        let named = text("plugdev", Some("builders"));
+        assert_eq!(of(&named), [(false, vec![]), (true, tty), (false, vec!["MODE", "GROUP", "0660"])]);
+        assert!(named.lines().any(|line| line.contains("df11") && line.contains("GROUP=\"builders\"")));
     }
 
     #[test]

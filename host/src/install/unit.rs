@@ -100,6 +100,7 @@ fn system_part(group: &str) -> String {
     format!(
         "# Where it may write: plan tables in /var/cache/era, certificates and recordings in {STATE}, its socket in /run/era.\n\
          CacheDirectory=era\n\
+         CacheDirectoryMode=0700\n\
          StateDirectory=era\n\
          StateDirectoryMode=0700\n\
          RuntimeDirectory=era\n\

@@ -96,8 +96,8 @@ fn what_serve_refuses_check_and_doctor_refuse() {
     write("open", &format!("arm {secret}\n"), 0o644);
     write("short", "arm short\n", 0o600);
     write("role", &format!("boss {secret}\n"), 0o600);
-    std::fs::create_dir(path("alone")).unwrap();
-    write("alone/era-cert.pem", "", 0o600);
+    // A whole certificate, which clients may have been given; a damaged one would be replaced.
+    std::fs::remove_file(era::daemon::listener::first_certificate(&path("alone"), &[]).unwrap().key).unwrap();
     let outside = "listen = \"0.0.0.0:0\"\n";
     for (more, line, words) in [
         (outside.to_owned(), 3, "is not loopback"),

@@ -191,6 +191,7 @@ fn this_repository_is_read_whole() {
             "era-planner",
             "era-python",
             "era-study",
+            "era-files",
             "era-shared",
             "hil-tests",
             "xtask",

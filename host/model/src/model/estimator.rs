@@ -18,7 +18,6 @@ use super::panel::PanelModel;
 use super::placement::{has_close_points, is_singular};
 use super::sections::Waves;
 use crate::scene::{Scene, SurfaceDamping, SurfaceKind};
-use serde::{Deserialize, Serialize};
 
 /// Times the estimate.
 const SAFETY: f64 = 1.75;
@@ -112,7 +111,7 @@ impl Rounding {
 }
 
 /// What a scene's and a mesh's kind says about how fast differences shrink.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug)]
 pub struct Estimator {
     order: usize,
     /// Least power that errors fall with.
@@ -155,12 +154,6 @@ impl Estimator {
             rounding: Rounding::new(scene, model).of_bending(),
             has_point_moment: has_point_moment(scene),
         }
-    }
-
-    /// Whether it can belong to elements of this order.
-    pub(super) fn is_plausible(&self, order: usize) -> bool {
-        let numbers = [self.power, self.response_power, self.largest_ratio, self.rounding];
-        self.order == order && numbers.iter().all(|number| number.is_finite() && *number >= 0.0)
     }
 
     /// The bound from the difference of the last two levels and, where it is known, that of the two before; infinite where they

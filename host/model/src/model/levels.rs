@@ -72,6 +72,20 @@ impl Levels {
         Self::of_meshes(scene, Self::meshes_of(scene, order, 1.0, max_hz)?, max_hz)
     }
 
+    /// The finest level alone, with what makes a bound of its differences to others.
+    ///
+    /// # Errors
+    /// As [`super::bounded::bounded()`].
+    pub(super) fn build_finest(
+        scene: &Scene,
+        fineness: Fineness,
+        max_hz: f64,
+    ) -> Result<(Estimator, ReducedModel), ModelError> {
+        let model = PanelModel::with_fineness(scene, fineness)?;
+        let reduced = model.reduce(max_hz, &[])?;
+        Ok((Estimator::new(scene, &model), reduced))
+    }
+
     fn of_meshes(scene: &Scene, [fine, middle, coarse]: [Fineness; 3], max_hz: f64) -> Result<Self, ModelError> {
         let mut steps = Vec::new();
         let mut level = |fineness: Fineness| -> Result<_, ModelError> {

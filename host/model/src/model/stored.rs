@@ -5,14 +5,12 @@
 
 use super::bounded::Step;
 use super::damping::{Coupling, Structured};
-use super::estimator::Estimator;
 use super::grid::Grid;
 use super::levels::Levels;
 use super::{Accuracy, ReducedModel};
 use crate::scene::Scene;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -186,40 +184,36 @@ impl StoredModel {
     }
 }
 
-/// [`Levels`] as plain numbers.
+/// The coarser models of [`Levels`] as plain numbers: what tells how wrong answers may be. The finest, from which answers and limits follow, is not kept: whoever
+/// could change the file would change them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StoredLevels {
-    /// Finest first.
-    models: [StoredModel; 3],
-    estimator: Estimator,
+    /// Finer first.
+    coarser: [StoredModel; 2],
     steps: Vec<Step>,
 }
 
 impl StoredLevels {
     /// The same of models that have been taken apart; `steps` are coarsest first.
     #[must_use]
-    pub fn new(fine: &ReducedModel, coarser: &[ReducedModel; 2], estimator: Estimator, steps: &[Step]) -> Self {
-        Self { models: [fine.into(), (&coarser[0]).into(), (&coarser[1]).into()], estimator, steps: steps.to_vec() }
+    pub fn new(coarser: &[ReducedModel; 2], steps: &[Step]) -> Self {
+        Self { coarser: [(&coarser[0]).into(), (&coarser[1]).into()], steps: steps.to_vec() }
     }
 
-    /// The levels that [`Levels::build`] makes of the same.
+    /// The levels that [`Levels::build`] makes of the same, the finest of them computed from the scene.
     ///
     /// # Errors
     /// [`Implausible`], if they cannot be that.
     pub fn restore(self, scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Levels, Implausible> {
-        expect_size("levels", self.steps.len(), self.models.len())?;
+        expect_size("levels", self.steps.len(), self.coarser.len() + 1)?;
         let meshes = Levels::meshes(scene, accuracy, max_hz).map_err(|_| Implausible::Differs("mesh"))?;
         if self.steps.iter().rev().zip(meshes).any(|(step, mesh)| step.fineness != mesh) {
             return Err(Implausible::Differs("mesh"));
         }
-        if !self.estimator.is_plausible(meshes[0].order) {
-            return Err(Implausible::Differs("error estimator"));
-        }
-        let models = self.models.into_par_iter().zip(self.steps.par_iter().rev());
-        let models: Vec<_> = models.map(|(model, step)| model.restore(scene, step)).collect::<Result<_, _>>()?;
-        let found = models.len();
-        let [fine, middle, coarse]: [ReducedModel; 3] =
-            models.try_into().map_err(|_| Implausible::Size { what: "levels", found, expected: 3 })?;
-        Ok(Levels { fine, coarser: [middle, coarse], estimator: self.estimator, steps: self.steps })
+        let (estimator, fine) =
+            Levels::build_finest(scene, meshes[0], max_hz).map_err(|_| Implausible::Differs("model"))?;
+        let [middle, coarse] = self.coarser;
+        let coarser = [middle.restore(scene, &self.steps[1])?, coarse.restore(scene, &self.steps[0])?];
+        Ok(Levels { fine, coarser, estimator, steps: self.steps })
     }
 }

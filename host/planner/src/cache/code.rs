@@ -11,8 +11,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Packages of the workspace and their folders, seen from this package's own.
-pub const FOLDERS: [(&str, &str); 3] =
-    [("era-planner", "."), ("era-model", "../model"), ("era-shared", "../../shared")];
+pub const FOLDERS: [(&str, &str); 4] =
+    [("era-planner", "."), ("era-files", "../files"), ("era-model", "../model"), ("era-shared", "../../shared")];
 
 /// What of a folder the compiler reads. Tests and examples are of other programs.
 const READ: [&str; 3] = ["Cargo.toml", "build.rs", "src"];

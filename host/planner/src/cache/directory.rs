@@ -1,10 +1,11 @@
-//! The files of a cache: their names, how they are written, and which of them go.
+//! The files of a cache: their names, whose they are, how they are written, and which of them go.
 
 use super::Key;
+use super::file::Unusable;
+use era_files::{NotOwn, Readers, check_own_folder, make_private_folder, remove_unfinished, replace_link_or_file};
 use std::fs;
-use std::io::{self, Write};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
 
 /// Most files that are kept.
@@ -13,33 +14,27 @@ pub const MOST_FILES: usize = 64;
 pub const MOST_BYTES: u64 = 256 << 20;
 /// How tables' files end.
 const ENDING: &str = "era-plan";
-/// How those end that are being written.
-const UNFINISHED: &str = "era-plan-part";
-
-/// Tells files apart that a process writes at the same time.
-static NEXT: AtomicU64 = AtomicU64::new(0);
 
 /// The name of a key's file.
 pub(super) fn name(key: &Key) -> String {
     format!("{key}.{ENDING}")
 }
 
-/// Writes a file that is there whole or not at all: under another name first. It is not forced onto the disk; what a
-/// crash of the machine leaves of it has another hash.
-pub(super) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// Checks that nobody but this user and root can have put a file into a directory; one that is not there yet is nobody's.
+pub(super) fn check_owner(directory: &Path) -> Result<(), Unusable> {
+    match check_own_folder(directory) {
+        Err(NotOwn::Io(error)) if error.kind() == ErrorKind::NotFound => Ok(()),
+        checked => checked.map_err(|reason| Unusable::Directory { path: directory.to_owned(), reason }),
+    }
+}
+
+/// Writes a file for its owner alone, whole or not at all, into a directory that is made for the owner alone if it is not there.
+pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), Unusable> {
     if let Some(directory) = path.parent() {
-        fs::create_dir_all(directory)?;
+        make_private_folder(directory)?;
+        check_owner(directory)?;
     }
-    let number = NEXT.fetch_add(1, Ordering::Relaxed);
-    let unfinished = path.with_extension(format!("{}-{number}.{UNFINISHED}", std::process::id()));
-    let written = fs::File::create(&unfinished)
-        .and_then(|mut file| file.write_all(bytes))
-        .and_then(|()| fs::rename(&unfinished, path));
-    if written.is_err() {
-        // It may not even exist.
-        let _ = fs::remove_file(&unfinished);
-    }
-    written
+    Ok(replace_link_or_file(path, Readers::Owner, bytes)?)
 }
 
 /// Notes that a file was used. A directory that is read only keeps its order.
@@ -53,11 +48,12 @@ pub(super) fn touch(path: &Path) {
 /// Deletes tables until at most `most_files` and `most_bytes` are left, those first that were not used for longest. Other
 /// files are left alone.
 pub(super) fn tidy(directory: &Path, most_files: usize, most_bytes: u64) {
+    remove_unfinished(directory);
     let Ok(found) = fs::read_dir(directory) else { return };
     let mut files: Vec<(SystemTime, u64, PathBuf)> = found
         .filter_map(|entry| {
             let path = entry.ok()?.path();
-            let own = path.extension().is_some_and(|ending| ending == ENDING || ending == UNFINISHED);
+            let own = path.extension().is_some_and(|ending| ending == ENDING);
             let data = path.metadata().ok().filter(|data| own && data.is_file())?;
             Some((data.modified().ok()?, data.len(), path))
         })

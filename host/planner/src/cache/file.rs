@@ -14,9 +14,10 @@ use super::directory::MOST_BYTES;
 use super::key::FORMAT;
 use crate::model::stored::Implausible;
 use crate::table::stored::StoredTable;
+use era_files::{NotOwn, read_own_file};
 use sha2::{Digest, Sha256};
-use std::io::{self, Read};
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"era-plan";
 /// Bytes before the table.
@@ -34,6 +35,17 @@ pub enum Unusable {
     /// It is larger than any that is kept.
     #[error("{0} bytes are more than the {MOST_BYTES} that are kept")]
     TooLarge(u64),
+    /// Others may have written it.
+    #[error("others may have changed it: {0}")]
+    NotOwn(NotOwn),
+    /// Others may have put files into its directory.
+    #[error("others may have changed it: {}: {reason}; or name another directory in ERA_CACHE_DIR", path.display())]
+    Directory {
+        /// The directory.
+        path: PathBuf,
+        /// Why.
+        reason: NotOwn,
+    },
     /// It is not such a file, or cut off before the table.
     #[error("it does not begin as a kept table does")]
     Header,
@@ -70,15 +82,11 @@ impl From<io::Error> for Unusable {
 
 /// The file's bytes.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, Unusable> {
-    let file = std::fs::File::open(path)?;
-    let size = file.metadata()?.len();
-    if size > MOST_BYTES {
-        return Err(Unusable::TooLarge(size));
-    }
-    let mut bytes = Vec::with_capacity(usize::try_from(size).unwrap_or_default());
-    // It may grow under our eyes.
-    file.take(MOST_BYTES).read_to_end(&mut bytes)?;
-    Ok(bytes)
+    read_own_file(path, MOST_BYTES).map_err(|reason| match reason {
+        NotOwn::Io(error) => error.into(),
+        NotOwn::TooLarge { bytes, .. } => Unusable::TooLarge(bytes),
+        reason => Unusable::NotOwn(reason),
+    })
 }
 
 /// The file's bytes for a table.

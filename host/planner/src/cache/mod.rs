@@ -3,7 +3,8 @@
 //! A file holds the table as plain numbers under a name that is the SHA-256 of all that it follows from ([`Key`]): scene, tolerance,
 //! frequencies, the code that computed it. Contents are checked as they come in: header, key, length, hash,
 //! sizes, finite numbers, samples computed anew. What fails is told in one line and computed again; a table read is bit for
-//! bit the one that was written. A directory that cannot be written to is no error.
+//! bit the one that was written. A directory that cannot be written to is no error. Files and directory are their owner's alone; what others could have changed is not
+//! used.
 //!
 //! The directory is bounded: [`MOST_FILES`] and [`MOST_BYTES`], of which those go first that have not been used for longest.
 
@@ -161,6 +162,7 @@ fn load(
     options: TableOptions,
 ) -> Result<Prepared, Unusable> {
     let started = Instant::now();
+    path.parent().map_or(Ok(()), directory::check_owner)?;
     let bytes = file::read(path)?;
     let stored = file::decode(key, &bytes)?;
     let read = started.elapsed();

@@ -1,7 +1,7 @@
 use super::{Cache, Key, Origin, Unusable, directory, file, prepare};
 use crate::model::{Accuracy, Bound};
 use crate::physics::limits::Limit;
-use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, MAX_ACTUATORS, Scene};
 use crate::{PlanTable, TableOptions, Target};
 use proptest::prelude::*;
 use std::path::PathBuf;
@@ -24,6 +24,40 @@ fn sample() -> &'static (Key, Vec<u8>) {
         let made = prepare(Some(&cache), &bar(), Accuracy::FAST, FEW).unwrap();
         (Key::new(&bar(), Accuracy::FAST, FEW).unwrap(), std::fs::read(made.kept.unwrap().0).unwrap())
     })
+}
+
+/// The limits of that table, as they were computed.
+fn limits_of_sample() -> &'static Vec<String> {
+    static LIMITS: OnceLock<Vec<String>> = OnceLock::new();
+    LIMITS.get_or_init(|| all_limits(&prepare(None, &bar(), Accuracy::FAST, FEW).unwrap().table))
+}
+
+/// Numbers all over the file, each four times as large, a quarter or 0, with a right hash.
+#[test]
+fn no_number_of_a_kept_table_changes_a_limit() {
+    let (key, bytes) = sample();
+    let mut used = 0;
+    for at in (84..bytes.len() - 8).step_by(bytes.len() / 150) {
+        for change in [4.0, 0.25, 0.0] {
+            let mut changed = bytes.clone();
+            // Wherever a number begins, one of eight places in a row is one.
+            for place in at..(at + 8).min(bytes.len() - 8) {
+                let number = f64::from_le_bytes(bytes[place..place + 8].try_into().unwrap());
+                if (1e-12..1e12).contains(&number.abs()) {
+                    changed[place..place + 8].copy_from_slice(&(change * number).to_le_bytes());
+                    break;
+                }
+            }
+            file::seal(key, &mut changed);
+            if let Ok((table, _)) =
+                file::decode(key, &changed).and_then(|stored| Ok(stored.restore(&bar(), Accuracy::FAST, FEW)?))
+            {
+                assert_eq!(&all_limits(&table), limits_of_sample(), "at {at}, times {change}");
+                used += usize::from(changed != *bytes);
+            }
+        }
+    }
+    assert!(used > 50, "{used} changed files were used");
 }
 
 /// All there is about plans at a few places, as text and to the last bit.
@@ -96,10 +130,9 @@ fn tables_of_any_scene_are_read_again() {
     }
 }
 
-/// A limit, its cause, a bound of the largest value or slope, or a product, that is not the scene's, at a frequency or in a column
-/// that is looked at.
+/// A figure over the surface that is not the scene's, at a frequency that is looked at. Limits are not kept at all.
 #[test]
-fn limits_and_figures_are_among_the_samples() {
+fn figures_are_among_the_samples() {
     let scene = bar();
     let made = prepare(None, &scene, Accuracy::FAST, FEW).unwrap();
     let restored = |change: &dyn Fn(&mut PlanTable)| {
@@ -113,23 +146,45 @@ fn limits_and_figures_are_among_the_samples() {
     fn entry(table: &mut PlanTable) -> &mut crate::table::Entry {
         table.entries[1][10].as_mut().unwrap()
     }
-    let changes: [&dyn Fn(&mut PlanTable); 8] = [
-        &|table| entry(table).max_force_n *= 1.1,
-        &|table| entry(table).widths[0].max_force_n *= 0.9,
-        &|table| entry(table).limit = other(entry(table).limit),
-        &|table| entry(table).widths[1].limit = other(entry(table).widths[1].limit),
-        &|table| entry(table).onset_v *= 1.1,
-        &|table| entry(table).overshoot[0] = 2.0 * entry(table).overshoot[0] + 1e-9,
-        &|table| entry(table).most_square *= 1.01,
-        &|table| entry(table).steepest *= 1.01,
-    ];
+    let changes: [&dyn Fn(&mut PlanTable); 3] =
+        [&|table| entry(table).mean *= 1.01, &|table| entry(table).most_square *= 1.01, &|table| {
+            entry(table).steepest *= 1.01
+        }];
     for (number, change) in changes.into_iter().enumerate() {
         assert!(restored(change).is_err(), "{number}");
     }
+    let limits: [&dyn Fn(&mut PlanTable); 8] = [
+        &|table| entry(table).max_force_n *= 4.0,
+        &|table| entry(table).widths.iter_mut().for_each(|width| width.max_force_n *= 4.0),
+        &|table| entry(table).widths.iter_mut().for_each(|width| width.travel_m_per_n = [0.0; MAX_ACTUATORS]),
+        &|table| entry(table).limit = Limit::Voltage,
+        &|table| entry(table).overshoot = [0.0; MAX_ACTUATORS],
+        &|table| entry(table).travel = Default::default(),
+        &|table| table.electrodes.iter_mut().for_each(|own| own.max_voltage_v *= 2.0),
+        &|table| table.pressed.iter_mut().for_each(|own| own.sag_m = 0.0),
+    ];
+    for (number, change) in limits.into_iter().enumerate() {
+        assert_eq!(all_limits(&restored(change).unwrap().0), all_limits(&made.table), "{number}");
+    }
 }
 
-fn other(limit: Limit) -> Limit {
-    if limit == Limit::Voltage { Limit::Travel } else { Limit::Voltage }
+/// All that limits a drive, to the last digit.
+fn all_limits(table: &PlanTable) -> Vec<String> {
+    let entries = table.entries.iter().flatten().map(|entry| {
+        let own = entry.as_ref();
+        let moved = own.map(|own| (&own.acceleration, own.travel, own.harmonic_travel, own.overshoot));
+        format!("{moved:?} {:?}", own.map(|own| (own.onset_v, own.widths, own.max_force_n, own.limit)))
+    });
+    let whole = format!(
+        "{:?} {:?} {:?} {:?} {:?} {:?}",
+        table.electrodes,
+        table.pressed,
+        table.transducers,
+        table.static_receptance,
+        table.ready_v(),
+        table.model
+    );
+    entries.chain([whole]).collect()
 }
 
 #[test]
@@ -195,6 +250,7 @@ proptest! {
         if let Ok(stored) = file::decode(key, &changed)
             && let Ok((table, _)) = stored.restore(&bar(), Accuracy::FAST, FEW)
         {
+            prop_assert_eq!(&all_limits(&table), limits_of_sample());
             let finite = |z: &num_complex::Complex64| z.re.is_finite() && z.im.is_finite();
             prop_assert!(table.entries.iter().flatten().flatten().all(|entry| entry.acceleration.iter().all(finite)));
             let _ = table.plan(&[Target { x_m: 0.1, y_m: 0.01, intensity_g: None }]);
@@ -210,9 +266,12 @@ fn numbers_of_something_else_are_found_by_samples() {
     assert!(restored(&bar(), FEW).is_ok());
     let shifted = TableOptions { from_hz: FEW.from_hz + 1.0, to_hz: FEW.to_hz + 1.0, ..FEW };
     assert!(restored(&bar(), shifted).is_err());
+    // A gap is in nothing that is kept, and its limits are those of the scene.
     let mut wider = bar();
     wider.actuators[0].air_gap_m *= 1.5;
-    assert!(restored(&wider, FEW).is_err());
+    let computed = prepare(None, &wider, Accuracy::FAST, FEW).unwrap();
+    assert_eq!(all_limits(&restored(&wider, FEW).unwrap().0), all_limits(&computed.table));
+    assert_ne!(&all_limits(&computed.table), limits_of_sample());
     let mut longer = bar();
     longer.surface.length_m *= 1.5;
     assert!(restored(&longer, FEW).is_err());

@@ -21,6 +21,7 @@ pub mod weakest;
 
 use crate::scene::Scene;
 use crate::{Plan, PlanTable, STANDARD_GRAVITY};
+use era_files::{Readers, replace_file};
 pub use maps::Maps;
 pub use schemes::{Scheme, SchemeReach};
 pub use spread::Spread;
@@ -32,7 +33,6 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use serde::Serialize;
 use std::fmt::Write;
-use std::io::BufWriter;
 use std::path::Path;
 use text::{Anchor, Drawn, Way};
 
@@ -157,9 +157,10 @@ fn write_picture(
         let area = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
         draw(&area).and_then(|()| area.present()).map_err(|error| failed(error.to_string()))?;
     }
-    let file = std::fs::File::create(path).map_err(|error| failed(error.to_string()))?;
+    let mut picture = Vec::new();
     // Large areas of one colour.
-    let encoder = PngEncoder::new_with_quality(BufWriter::new(file), CompressionType::Best, FilterType::NoFilter);
+    let encoder = PngEncoder::new_with_quality(&mut picture, CompressionType::Best, FilterType::NoFilter);
     encoder.write_image(&pixels, size.0, size.1, image::ColorType::Rgb8).map_err(|error| failed(error.to_string()))?;
+    replace_file(path, Readers::ByUmask, &picture).map_err(|error| failed(error.to_string()))?;
     Ok(size)
 }

@@ -3,12 +3,12 @@
 //! Version 1.0 of its format (numpy.lib.format): a magic number, a header padded so that the numbers begin at a multiple of 64
 //! bytes, the numbers in C order, little-endian.
 
+use era_files::{Readers, replace_file_by};
 use std::ffi::OsString;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes an array: `kind` is NumPy's name of its type, as `<f8`, and `numbers` writes its bytes.
+/// Writes an array, whole or not at all: `kind` is NumPy's name of its type, as `<f8`, and `numbers` writes its bytes.
 ///
 /// # Errors
 /// That the file cannot be written.
@@ -16,7 +16,7 @@ pub fn write(
     path: &Path,
     kind: &str,
     shape: &[usize],
-    numbers: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+    numbers: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
     let sides: Vec<String> = shape.iter().map(|side| format!("{side},")).collect();
     // A tuple of one has a comma behind it; behind the last of several it is allowed.
@@ -24,12 +24,13 @@ pub fn write(
     // Magic number, version and length take 10 bytes, the line's end one.
     let length = (header.len() + 11).next_multiple_of(64) - 11;
     header = format!("{header:length$}\n");
-    let mut file = BufWriter::new(File::create(path)?);
-    file.write_all(b"\x93NUMPY\x01\x00")?;
-    file.write_all(&u16::try_from(header.len()).map_err(io::Error::other)?.to_le_bytes())?;
-    file.write_all(header.as_bytes())?;
-    numbers(&mut file)?;
-    file.flush()
+    let length = u16::try_from(header.len()).map_err(io::Error::other)?.to_le_bytes();
+    replace_file_by(path, Readers::ByUmask, |file| {
+        file.write_all(b"\x93NUMPY\x01\x00")?;
+        file.write_all(&length)?;
+        file.write_all(header.as_bytes())?;
+        numbers(file)
+    })
 }
 
 /// Writes an array of doubles.

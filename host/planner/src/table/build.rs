@@ -71,12 +71,22 @@ pub(super) fn table(
     options: TableOptions,
     known: Option<&[Pressed]>,
 ) -> Result<PlanTable, ResponseError> {
-    let grid = SurfaceGrid::new(scene, &model, options.to_hz);
-    let products = products(scene, &model);
-    let points = (grid, products);
-    let mut computed = computed(scene, model, options.frequencies_hz(), points, Purpose::Plans, known)?;
+    let mut computed = compute_without_figures(scene, model, options, known)?;
     surface_figures(scene, &mut computed)?;
     Ok(PlanTable::of(scene, computed))
+}
+
+/// What [`table`] is made of, but for the figures that take a look at every point: `mean`, `most_square` and `steepest` of every entry are 0. All limits of voltage, force
+/// and travel are among it.
+pub(super) fn compute_without_figures(
+    scene: &Scene,
+    model: ReducedModel,
+    options: TableOptions,
+    known: Option<&[Pressed]>,
+) -> Result<Computed, ResponseError> {
+    let grid = SurfaceGrid::new(scene, &model, options.to_hz);
+    let products = products(scene, &model);
+    computed(scene, model, options.frequencies_hz(), (grid, products), Purpose::Plans, known)
 }
 
 /// A table for the strongest drives, and nothing else, at these frequencies and with these points. Of a panel that a finger touches the purpose has the table without
@@ -126,14 +136,14 @@ fn computed(
 }
 
 /// The panel's free motion.
-pub(super) fn free_motion(model: &ReducedModel) -> Option<(RiseTimes, Onset)> {
+fn free_motion(model: &ReducedModel) -> Option<(RiseTimes, Onset)> {
     let rise = RiseTimes::prepare(model)?;
     let onset = rise.onset(model);
     Some((rise, onset))
 }
 
 /// What each actuator has for making force.
-pub(super) fn drivers<'a>(
+fn drivers<'a>(
     electrodes: &'a [Electrodes],
     transducers: &'a [Transducer],
     static_receptance: &[[f64; MAX_ACTUATORS]; MAX_ACTUATORS],
@@ -150,18 +160,18 @@ pub(super) fn drivers<'a>(
 
 /// What entries are made of.
 #[derive(Clone, Copy)]
-pub(super) struct Panel<'a> {
-    pub model: &'a ReducedModel,
-    pub mass_kg: f64,
-    pub products: &'a DMatrix<f64>,
-    pub drivers: &'a [Driver<'a>],
-    pub onset: Option<&'a Onset>,
-    pub purpose: Purpose<'a>,
+struct Panel<'a> {
+    model: &'a ReducedModel,
+    mass_kg: f64,
+    products: &'a DMatrix<f64>,
+    drivers: &'a [Driver<'a>],
+    onset: Option<&'a Onset>,
+    purpose: Purpose<'a>,
 }
 
 /// The electrodes of a scene's actuators. Force limits are those of the electrodes; a rail's voltage is on all that hang on
 /// it. With what a press does to them.
-pub(super) fn electrodes_of(
+fn electrodes_of(
     scene: &Scene,
     model: &ReducedModel,
     grid: &SurfaceGrid,
@@ -197,11 +207,7 @@ pub(super) fn rows(model: &ReducedModel, frequencies_hz: &[f64]) -> Vec<Option<V
 }
 
 /// Everything but the figures that take a look at every point; `None` where the response is unbounded.
-pub(super) fn entries_at(
-    panel: Panel<'_>,
-    solver: &Solver<'_>,
-    frequency_hz: f64,
-) -> Result<Option<Vec<Entry>>, ResponseError> {
+fn entries_at(panel: Panel<'_>, solver: &Solver<'_>, frequency_hz: f64) -> Result<Option<Vec<Entry>>, ResponseError> {
     let Panel { model, mass_kg, products, drivers, onset, purpose } = panel;
     let coordinates = match solver.coordinates(frequency_hz) {
         Ok(coordinates) => coordinates,

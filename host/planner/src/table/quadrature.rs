@@ -22,21 +22,6 @@ const MOST_GAUSS_POINTS: f64 = 256.0;
 /// is q* M q, up to 1 kHz to four digits, three where little but the surroundings of a force moves: there a motion goes as
 /// r^2 log r. A bar's means are over its length.
 pub(super) fn products(scene: &Scene, model: &ReducedModel) -> DMatrix<f64> {
-    means(scene, model, model.order(), |shapes| shapes.clone())
-}
-
-/// Columns of [`products`].
-pub(super) fn products_of(scene: &Scene, model: &ReducedModel, columns: &[usize]) -> DMatrix<f64> {
-    means(scene, model, columns.len(), |shapes| shapes.select_columns(columns))
-}
-
-/// Means over the surface of the shapes' products with those that `chosen` takes of them, `count` columns.
-fn means(
-    scene: &Scene,
-    model: &ReducedModel,
-    count: usize,
-    chosen: impl Fn(&DMatrix<f64>) -> DMatrix<f64>,
-) -> DMatrix<f64> {
     let layout = scene.layout();
     let wave_m = bending_wave_m(scene, HIGHEST_FELT_HZ);
     let x = nodes(layout.x_m(), wave_m);
@@ -45,11 +30,11 @@ fn means(
         SurfaceKind::Plate => nodes(layout.y_m(), wave_m),
     };
     let x_m: Vec<f64> = x.iter().map(|(at, _)| *at).collect();
-    let mut products = DMatrix::zeros(model.order(), count);
+    let mut products = DMatrix::zeros(model.order(), model.order());
     let mut area = 0.0;
     for (y_m, height) in &y {
         let shapes = model.shapes_on(&x_m, &[*y_m]);
-        let mut weighted = chosen(&shapes);
+        let mut weighted = shapes.clone();
         for (mut row, (x_m, length)) in weighted.row_iter_mut().zip(&x) {
             let weight = if layout.at(*x_m, *y_m).is_some() { length * height } else { 0.0 };
             row *= weight;

@@ -1,20 +1,17 @@
-//! The table as plain numbers, to be kept on disk, and back again.
+//! What of a table is kept on disk, as plain numbers, and the table again.
 //!
-//! Kept is what takes time: the reduced models, their responses, the figures over the surface. Points, electrodes and the
-//! arrays that a touch reads in its own order are made again of scene and entries, so that a table read is bit for bit the
-//! one that was written. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
+//! Whoever can write to the file can write anything into it, with a right hash. So nothing is kept that a drive's limits follow from, nor what a drive does: the
+//! panel's model and every actuator's motion, force, voltage and travel at every frequency are computed from the scene at every start. Kept are the coarser models and their responses,
+//! which tell how wrong a plan may be, and the figures that take a look at every point of the surface: they say which frequencies the planner
+//! looks at, and how large errors may be, and take most of the time. Beyond sizes and finite numbers, samples of every part are computed anew and compared.
 
-use super::build::{Panel, Purpose, drivers, electrodes_of, entries_at, figures_of, free_motion, rows};
-use super::quadrature::products_of;
-use super::{Computed, Entry, HARMONICS, PlanTable, SurfaceGrid, TableOptions, Width};
+use super::build::{compute_without_figures, figures_of, rows};
+use super::{Entry, PlanTable, TableOptions};
 use crate::model::bounded::Step;
 use crate::model::levels::Levels;
-use crate::model::stored::{Implausible, StoredLevels, StoredMatrix, complex, expect_size, pairs};
+use crate::model::stored::{Implausible, StoredLevels, complex, expect_size, pairs};
 use crate::model::{Accuracy, ReducedModel};
-use crate::physics::limits::Limit;
-use crate::physics::softening::static_receptance;
-use crate::response::Solver;
-use crate::scene::{MAX_ACTUATORS, Scene};
+use crate::scene::Scene;
 use nalgebra::DVector;
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -25,125 +22,53 @@ use serde::{Deserialize, Serialize};
 const SAME_NUMBER: f64 = 1e-9;
 /// The same of figures over the surface, which are summed in single precision.
 const SAME_IN_SINGLE: f64 = 1e-4;
-/// The same of force limits, which leave room for free motions: where poles are nearly equal each has its own share of what is
-/// theirs together, as rounding will have it.
-const SAME_OF_POLES: f64 = 1e-2;
 /// What the mean (trapezoidal rule on the grid of pictures) or the largest value (at its points) may be off by against the mean
 /// square, which is by Gauss' rule: a border of a cut-out may be half a cell, a twenty-fourth of a wave, from the grid's lines.
 const OTHER_POINTS: f64 = 1.1;
-/// Parts of the list of frequencies, and of that of points, at which samples are taken.
+/// Parts of the list of frequencies at which samples are taken.
 const SAMPLES: [f64; 3] = [0.15, 0.5, 0.85];
 
 /// Accelerations of all actuators at a frequency, as pairs; `None` where they are unbounded.
 type StoredRow = Option<Vec<Vec<[f64; 2]>>>;
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct StoredEntry {
-    acceleration: Vec<[f64; 2]>,
-    mean_square: f64,
-    mean: f64,
-    most_square: f64,
-    steepest: f64,
-    travel: [[f64; 2]; MAX_ACTUATORS],
-    harmonic_travel: [[f64; MAX_ACTUATORS]; HARMONICS.len()],
-    overshoot: [f64; MAX_ACTUATORS],
-    onset_v: f64,
-    widths: [Width; 2],
-    max_force_n: f64,
-    limit: Limit,
-}
+/// Of an entry, `mean`, `most_square` and `steepest`.
+type StoredFigures = [f64; 3];
 
-impl From<&Entry> for StoredEntry {
-    fn from(entry: &Entry) -> Self {
-        Self {
-            acceleration: pairs(&entry.acceleration),
-            mean_square: entry.mean_square,
-            mean: entry.mean,
-            most_square: entry.most_square,
-            steepest: entry.steepest,
-            travel: entry.travel.map(|z| [z.re, z.im]),
-            harmonic_travel: entry.harmonic_travel,
-            overshoot: entry.overshoot,
-            onset_v: entry.onset_v,
-            widths: entry.widths,
-            max_force_n: entry.max_force_n,
-            limit: entry.limit,
-        }
+/// Gives an entry the figures that were kept; `nothing` is the acceleration in (m/s^2)/N up to which they are rounding.
+fn restore_figures(entry: &mut Entry, kept: StoredFigures, nothing: f64) -> Result<(), Implausible> {
+    if !kept.iter().all(|figure| figure.is_finite() && *figure >= 0.0) {
+        return Err(Implausible::NotFinite("figures over the surface"));
     }
-}
-
-/// Numbers of an entry other than its acceleration and its limits.
-fn figures(entry: &Entry) -> impl Iterator<Item = f64> {
-    let travel = entry.travel.map(Complex64::norm).into_iter().chain(entry.harmonic_travel.into_iter().flatten());
-    let widths = entry.widths.into_iter().flat_map(|width| [width.pulse_width, width.harmonics, width.felt_harmonics]);
-    std::iter::once(entry.mean_square).chain(travel).chain(widths)
-}
-
-/// Force limits and what they are made of.
-fn limits(entry: &Entry) -> impl Iterator<Item = f64> {
-    let widths =
-        entry.widths.into_iter().flat_map(|width| std::iter::once(width.max_force_n).chain(width.travel_m_per_n));
-    [entry.max_force_n, entry.onset_v].into_iter().chain(entry.overshoot).chain(widths)
-}
-
-impl StoredEntry {
-    /// `nothing`: acceleration in (m/s^2)/N up to which figures are rounding.
-    fn restore(self, n: usize, nothing: f64) -> Result<Entry, Implausible> {
-        const WHAT: &str = "entries";
-        let entry = Entry {
-            acceleration: complex(WHAT, &self.acceleration, n)?,
-            mean_square: self.mean_square,
-            mean: self.mean,
-            most_square: self.most_square,
-            steepest: self.steepest,
-            travel: self.travel.map(|[re, im]| Complex64::new(re, im)),
-            harmonic_travel: self.harmonic_travel,
-            overshoot: self.overshoot,
-            onset_v: self.onset_v,
-            widths: self.widths,
-            max_force_n: self.max_force_n,
-            limit: self.limit,
-        };
-        let over_surface = [entry.mean, entry.most_square, entry.steepest];
-        if !figures(&entry).chain(limits(&entry)).chain(over_surface).all(|figure| figure.is_finite() && figure >= 0.0)
-        {
-            return Err(Implausible::NotFinite(WHAT));
-        }
-        // No mean is above the root of the mean square, and no mean square above the largest: but for the points that they are taken at.
-        let is_above = |low: f64, high: f64| low > OTHER_POINTS * high;
-        let is_motion = entry.most_square.sqrt() > nothing;
-        if is_motion
-            && (is_above(entry.mean.powi(2), entry.mean_square) || is_above(entry.mean_square, entry.most_square))
-        {
-            return Err(Implausible::Differs("figures over the surface"));
-        }
-        Ok(entry)
+    [entry.mean, entry.most_square, entry.steepest] = kept;
+    // No mean is above the root of the mean square, and no mean square above the largest: but for the points that they are taken at.
+    let is_above = |low: f64, high: f64| low > OTHER_POINTS * high;
+    let is_motion = entry.most_square.sqrt() > nothing;
+    if is_motion && (is_above(entry.mean.powi(2), entry.mean_square) || is_above(entry.mean_square, entry.most_square))
+    {
+        return Err(Implausible::Differs("figures over the surface"));
     }
+    Ok(())
 }
 
-/// A [`PlanTable`] made by [`PlanTable::with_levels`], and the steps of its levels.
+/// What is kept of a [`PlanTable`] made by [`PlanTable::with_levels`], and the steps of its levels.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StoredTable {
     levels: StoredLevels,
-    entries: Vec<Vec<Option<StoredEntry>>>,
+    figures: Vec<Vec<Option<StoredFigures>>>,
     coarser_rows: [Vec<StoredRow>; 2],
-    shapes: StoredMatrix,
-    products: StoredMatrix,
 }
 
 impl StoredTable {
     /// Of a table with coarser levels, whose steps are given; `None` of one without.
     #[must_use]
     pub fn new(table: &PlanTable, steps: &[Step]) -> Option<Self> {
-        let (coarser, estimator) = table.coarser.as_ref()?;
-        let entries = |list: &Vec<Option<Entry>>| list.iter().map(|entry| entry.as_ref().map(Into::into)).collect();
+        let (coarser, _) = table.coarser.as_ref()?;
+        let figures = |entry: &Option<Entry>| entry.as_ref().map(|own| [own.mean, own.most_square, own.steepest]);
         let row = |row: &Option<Vec<DVector<Complex64>>>| row.as_ref().map(|row| row.iter().map(pairs).collect());
         Some(Self {
-            levels: StoredLevels::new(&table.model, coarser, *estimator, steps),
-            entries: table.entries.iter().map(entries).collect(),
+            levels: StoredLevels::new(coarser, steps),
+            figures: table.entries.iter().map(|list| list.iter().map(figures).collect()).collect(),
             coarser_rows: table.coarser_rows.each_ref().map(|rows| rows.iter().map(row).collect()),
-            shapes: (&table.grid.shapes).into(),
-            products: (&table.products).into(),
         })
     }
 
@@ -157,23 +82,21 @@ impl StoredTable {
         accuracy: Accuracy,
         options: TableOptions,
     ) -> Result<(PlanTable, Vec<Step>), Implausible> {
-        let Levels { fine: model, coarser, estimator, steps } = self.levels.restore(scene, accuracy, options.to_hz)?;
-        let (n, p) = (model.order(), scene.actuators.len());
-        let frequencies_hz = options.frequencies_hz();
-        expect_size("actuators", self.entries.len(), p)?;
+        let Levels { fine, coarser, estimator, steps } = self.levels.restore(scene, accuracy, options.to_hz)?;
+        let mut computed =
+            compute_without_figures(scene, fine, options, None).map_err(|_| Implausible::Differs("model"))?;
+        expect_size("actuators", self.figures.len(), computed.entries.len())?;
         let nothing = HARDLY_MOVING / scene.mass_kg();
-        let restored = |list: Vec<Option<StoredEntry>>| -> Result<Vec<Option<Entry>>, Implausible> {
-            expect_size("frequencies", list.len(), frequencies_hz.len())?;
-            list.into_iter().map(|entry| entry.map(|entry| entry.restore(n, nothing)).transpose()).collect()
-        };
-        let entries = self.entries.into_par_iter().map(restored).collect::<Result<Vec<_>, _>>()?;
-        let grid = SurfaceGrid::without_shapes(scene, options.to_hz);
-        let points = grid.weights.len();
-        let grid = SurfaceGrid { shapes: self.shapes.restore("shapes at the surface's points", points, n)?, ..grid };
-        let products = self.products.restore("products over the surface", n, n)?;
-        let (electrodes, pressed) = electrodes_of(scene, &model, &grid, &static_receptance(&model), None);
-        let free = free_motion(&model);
-        let computed = Computed { model, frequencies_hz, entries, electrodes, pressed, grid, products, free };
+        for (list, kept) in computed.entries.iter_mut().zip(self.figures) {
+            expect_size("frequencies", kept.len(), list.len())?;
+            for (entry, kept) in list.iter_mut().zip(kept) {
+                match (entry, kept) {
+                    (Some(entry), Some(kept)) => restore_figures(entry, kept, nothing)?,
+                    (None, None) => {}
+                    _ => return Err(Implausible::Differs("frequencies without a response")),
+                }
+            }
+        }
         let mut table = PlanTable::of(scene, computed);
         let [middle, coarse] = self.coarser_rows;
         table.coarser_rows = [
@@ -200,17 +123,12 @@ fn restore_rows(
     stored.into_par_iter().map(|stored| stored.map(row).transpose()).collect()
 }
 
-/// What sets an entry's limits.
-fn limited_by(entry: &Entry) -> impl Iterator<Item = Limit> {
-    std::iter::once(entry.limit).chain(entry.widths.into_iter().map(|width| width.limit))
-}
-
 /// Acceleration, relative to that of the surface under the same force, which is as good as none.
 const HARDLY_MOVING: f64 = 1e-6;
 
 /// Whether an entry's figures over the surface are those of its acceleration.
-fn over_surface(table: &PlanTable, acceleration: &DVector<Complex64>, kept: &Entry) -> bool {
-    let anew = figures_of(table.grid.field(acceleration).into_iter(), &table.grid);
+fn are_of_the_surface(table: &PlanTable, kept: &Entry) -> bool {
+    let anew = figures_of(table.grid.field(&kept.acceleration).into_iter(), &table.grid);
     // The steepest slope is a difference of neighbours in single precision: of what rounding makes of the largest value.
     let [mean, most_square, steepest] = anew;
     let (dx, dy) = table.grid.steps_m();
@@ -225,35 +143,13 @@ fn over_surface(table: &PlanTable, acceleration: &DVector<Complex64>, kept: &Ent
         && (steepest - kept.steepest).abs() <= SAME_IN_SINGLE * slope
 }
 
-/// Computes samples anew: entries with their limits, responses of the coarser levels, products and shapes.
+/// Computes samples anew: figures over the surface, and responses of the coarser levels.
 fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
-    let solver = Solver::new(&table.model);
-    let drivers = drivers(&table.electrodes, &table.transducers, &table.static_receptance);
-    let panel = Panel {
-        model: &table.model,
-        mass_kg: table.scene.mass_kg(),
-        products: &table.products,
-        drivers: &drivers,
-        onset: table.onset(),
-        purpose: Purpose::Plans,
-    };
     for k in samples(table.frequencies_hz.len()) {
-        let hz = table.frequencies_hz[k];
-        let anew = entries_at(panel, &solver, hz).map_err(|_| Implausible::Differs("entries"))?;
-        let kept: Option<Vec<&Entry>> = table.entries.iter().map(|list| list[k].as_ref()).collect();
-        let is_same = match (&anew, &kept) {
-            (Some(anew), Some(kept)) => anew.iter().zip(kept).all(|(anew, kept)| {
-                is_close(&anew.acceleration, &kept.acceleration)
-                    && figures(anew).zip(figures(kept)).all(|(anew, kept)| is_same(anew, kept, SAME_NUMBER))
-                    && limits(anew).zip(limits(kept)).all(|(anew, kept)| is_same(anew, kept, SAME_OF_POLES))
-                    && limited_by(anew).eq(limited_by(kept))
-                    && over_surface(table, &anew.acceleration, kept)
-            }),
-            (anew, kept) => anew.is_none() && kept.is_none(),
-        };
-        if !is_same {
-            return Err(Implausible::Differs("entries"));
+        if !table.entries.iter().filter_map(|list| list[k].as_ref()).all(|kept| are_of_the_surface(table, kept)) {
+            return Err(Implausible::Differs("figures over the surface"));
         }
+        let hz = table.frequencies_hz[k];
         for (model, kept) in table.coarser.iter().flat_map(|(models, _)| models).zip(&table.coarser_rows) {
             let is_same = match (rows(model, &[hz]).pop().flatten(), &kept[k]) {
                 (Some(anew), Some(kept)) => anew.iter().zip(kept).all(|(anew, kept)| is_close(anew, kept)),
@@ -262,20 +158,6 @@ fn check_samples(table: &PlanTable) -> Result<(), Implausible> {
             if !is_same {
                 return Err(Implausible::Differs("responses of a coarser level"));
             }
-        }
-    }
-    let columns: Vec<usize> = samples(table.model.order()).collect();
-    for (anew, column) in products_of(&table.scene, &table.model, &columns).column_iter().zip(&columns) {
-        if (anew - table.products.column(*column)).amax() > SAME_NUMBER * anew.amax() {
-            return Err(Implausible::Differs("products over the surface"));
-        }
-    }
-    let columns = table.grid.x_m.len();
-    for point in samples(table.grid.weights.len()) {
-        let anew = table.model.shape_at(table.grid.x_m[point % columns], table.grid.y_m[point / columns]);
-        let kept = table.grid.shapes.row(point).transpose();
-        if (&anew - kept).amax() > SAME_NUMBER * anew.amax() {
-            return Err(Implausible::Differs("shapes at the surface's points"));
         }
     }
     Ok(())

@@ -6,10 +6,10 @@
 
 use super::row::Row;
 use super::task::Task;
+use era_files::{Readers, remove_unfinished, replace_file};
 use sha2::{Digest, Sha256};
-use std::fs::{self, File};
-use std::hash::{BuildHasher, RandomState};
-use std::io::{self, Write};
+use std::fs;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// How a file of rows begins.
@@ -61,18 +61,47 @@ impl Folder {
     pub fn open(path: &Path, key: [u8; HASH]) -> Result<Self, FolderError> {
         let folder = Self { path: path.into(), key };
         let rows = folder.path.join(ROWS);
-        fs::create_dir_all(&rows).map_err(|error| FolderError::Io { doing: "make the folder", path: rows, error })?;
+        fs::create_dir_all(&rows).map_err(|error| FolderError::Io {
+            doing: "make the folder",
+            path: rows.clone(),
+            error,
+        })?;
+        [&rows, &folder.path].into_iter().for_each(|folder| remove_unfinished(folder));
         let own = hex(&key);
         let known = folder.path.join(KEY);
         match fs::read_to_string(&known) {
             Ok(text) if text.trim() == own => Ok(folder),
-            Ok(_) => Err(FolderError::Other { path: folder.path }),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                folder.write(KEY, format!("{own}\n").as_bytes())?;
-                Ok(folder)
+            Ok(text) if !is_whole_key(&text) && folder.has_rows_of_this_study_only()? => {
+                tracing::warn!("{} is not whole, and written anew", known.display());
+                folder.write_key()
             }
+            Ok(_) => Err(FolderError::Other { path: folder.path }),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => folder.write_key(),
             Err(error) => Err(FolderError::Io { doing: "read", path: known, error }),
         }
+    }
+
+    fn write_key(self) -> Result<Self, FolderError> {
+        self.write(KEY, format!("{}\n", hex(&self.key)).as_bytes())?;
+        Ok(self)
+    }
+
+    /// Whether no file of rows in the folder begins with another study's key.
+    fn has_rows_of_this_study_only(&self) -> Result<bool, FolderError> {
+        let rows = self.path.join(ROWS);
+        let failed = |error| FolderError::Io { doing: "read", path: rows.clone(), error };
+        for entry in fs::read_dir(&rows).map_err(failed)? {
+            let path = entry.map_err(failed)?.path();
+            let mut start = Vec::new();
+            let read =
+                fs::File::open(&path).and_then(|file| file.take((MAGIC.len() + HASH) as u64).read_to_end(&mut start));
+            read.map_err(|error| FolderError::Io { doing: "read", path, error })?;
+            let key = start.strip_prefix(MAGIC.as_slice()).filter(|key| key.len() == HASH);
+            if key.is_some_and(|key| key != self.key) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Where it is.
@@ -128,18 +157,7 @@ impl Folder {
     /// [`FolderError`].
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
         let path = self.path.join(name);
-        // Random, as processes on other machines and in containers may have the same numbers; no file that is there is taken.
-        let number = RandomState::new().hash_one(std::process::id());
-        let beside = path.with_file_name(format!(".part-{number:016x}"));
-        let failed = |error| FolderError::Io { doing: "write", path: path.clone(), error };
-        // One that is there is somebody else's, and is left alone.
-        let mut file = File::create_new(&beside).map_err(failed)?;
-        let written = file.write_all(bytes).and_then(|()| file.sync_all());
-        written.and_then(|()| fs::rename(&beside, &path)).map_err(|error| {
-            // What is there of it is of no use to anybody.
-            let _ = fs::remove_file(&beside);
-            failed(error)
-        })
+        replace_file(&path, Readers::ByUmask, bytes).map_err(|error| FolderError::Io { doing: "write", path, error })
     }
 }
 
@@ -166,6 +184,12 @@ pub fn decoded(key: &[u8; HASH], task: Task, bytes: &[u8]) -> Option<Vec<Row>> {
         return None;
     }
     postcard::from_bytes(body).ok()
+}
+
+/// Whether the text of a folder's key is a whole one, of whatever study.
+fn is_whole_key(text: &str) -> bool {
+    let key = text.trim();
+    key.len() == 2 * HASH && key.bytes().all(|digit| digit.is_ascii_hexdigit())
 }
 
 pub(super) fn hex(bytes: &[u8]) -> String {
@@ -217,6 +241,23 @@ mod tests {
         let refused = Folder::open(place.path(), [8; 32]).unwrap_err();
         assert!(matches!(refused, FolderError::Other { .. }), "{refused}");
         assert!(refused.to_string().contains(&place.path().display().to_string()));
+    }
+
+    /// A machine that lost its power may leave a key of no bytes, or of zeros. It is written anew, unless there are rows of another study.
+    #[test]
+    fn a_damaged_key_is_written_anew_beside_rows_of_the_same_study_only() {
+        let place = tempfile::tempdir().unwrap();
+        let key = place.path().join(KEY);
+        let task = Task::Designs { chunk: 0 };
+        Folder::open(place.path(), [7; 32]).unwrap().keep(task, &rows()).unwrap();
+        let whole = fs::read(&key).unwrap();
+        for damaged in [&b""[..], &whole[..20], &[0; 65]] {
+            fs::write(&key, damaged).unwrap();
+            let folder = Folder::open(place.path(), [7; 32]).unwrap();
+            assert_eq!((fs::read(&key).unwrap(), folder.rows(task).unwrap()), (whole.clone(), Some(rows())));
+            fs::write(&key, damaged).unwrap();
+            assert!(matches!(Folder::open(place.path(), [8; 32]), Err(FolderError::Other { .. })));
+        }
     }
 
     /// A place that cannot be written to stands for one without room: the error names it, and nothing half-written is left.
