@@ -58,7 +58,7 @@ mod tests {
         }
         let chain = [WHOLE, WHOLE].concat();
         assert!(!is_cut_off(chain.as_bytes()) && is_cut_off(&chain.as_bytes()[..WHOLE.len() + 30]));
-        assert!(is_cut_off(&vec![0; 200]) && is_cut_off(WHOLE.replace("MC4C", "\0\0\0\0").as_bytes()));
+        assert!(is_cut_off(&[0; 200]) && is_cut_off(WHOLE.replace("MC4C", "\0\0\0\0").as_bytes()));
     }
 
     /// What somebody has put there, though it may be of no use, is not taken for the daemon's own.

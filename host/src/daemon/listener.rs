@@ -268,6 +268,8 @@ impl Listener {
         use std::os::unix::fs::PermissionsExt;
         let named = || path.display().to_string();
         let failed = |source| ListenError::Socket { path: named(), source };
+        // A socket may be moved to a longer path than any that a client can name.
+        std::os::unix::net::SocketAddr::from_pathname(path).map_err(failed)?;
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             make_private_folder(folder).map_err(failed)?;
         }
@@ -307,7 +309,9 @@ impl Listener {
     #[cfg(unix)]
     pub fn check_unix(path: &Path) -> Result<(), ListenError> {
         let failed = |source| ListenError::Socket { path: path.display().to_string(), source };
-        std::os::unix::net::SocketAddr::from_pathname(hidden(path)).map_err(failed)?;
+        for longest in [path, hidden(path).as_path()] {
+            std::os::unix::net::SocketAddr::from_pathname(longest).map_err(failed)?;
+        }
         if path.exists() && !is_socket(path) { Err(failed(io::ErrorKind::AlreadyExists.into())) } else { Ok(()) }
     }
 
