@@ -17,9 +17,9 @@ fn rules_about_the_board_are_found_wherever_they_are() {
     let root = folder.path();
     assert_eq!(rules(root), None);
     plant(root, "etc/udev/rules.d/10-other.rules", "ATTRS{idVendor}==\"0483\", ATTRS{idProduct}==\"df11\"\n");
-    plant(root, "etc/udev/rules.d/70-era.txt", &era::install::rule::text("plugdev"));
+    plant(root, "etc/udev/rules.d/70-era.txt", &era::install::rule::text("plugdev", None));
     assert_eq!(rules(root), Some(Vec::new()));
-    plant(root, "usr/lib/udev/rules.d/70-era.rules", &era::install::rule::text("plugdev"));
+    plant(root, "usr/lib/udev/rules.d/70-era.rules", &era::install::rule::text("plugdev", None));
     // The same folder by another name, as on most machines.
     symlink("usr/lib", root.join("lib")).unwrap();
     plant(
