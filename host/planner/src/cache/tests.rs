@@ -305,7 +305,8 @@ fn the_oldest_files_go_first_and_others_stay() {
     for age in 0..6_u64 {
         file(&format!("{age}.era-plan"), 100, age);
     }
-    file("left.1-0.era-plan-part", 100, 1000);
+    // What a killed writer has left.
+    file(".era-0123456789abcdef.part", 100, 7200);
     file("notes.txt", 100_000, 5000);
     let left = || {
         let mut names: Vec<_> =
