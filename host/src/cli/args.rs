@@ -135,6 +135,12 @@ pub struct Serve {
     /// (one that is there, or ends in a slash)
     #[arg(long, value_name = "PATH")]
     pub record: Option<PathBuf>,
+    /// Size in MB of a recording's file after which the next one is begun [default: 256]
+    #[arg(long, value_name = "MB", value_parser = parse_record_mb)]
+    pub record_file_mb: Option<f64>,
+    /// Size in MB of all files of a recording together, in a folder those of earlier starts among them: the oldest are removed [default: 2000]
+    #[arg(long, value_name = "MB", value_parser = parse_record_mb)]
+    pub record_total_mb: Option<f64>,
     /// Time without a touch in s after which the board is disarmed [default: 5]
     #[arg(long, value_name = "S", value_parser = parse_idle)]
     pub idle_s: Option<f64>,
@@ -158,6 +164,12 @@ pub enum AfterOutage {
 
 /// Longest idle time: an hour at high voltage for a touch that may never come is enough.
 const MAX_IDLE_S: f64 = 3600.0;
+
+/// Sizes of recordings in MB.
+pub fn parse_record_mb(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| (1.0..=1e6).contains(number));
+    number.ok_or_else(|| format!("{text:?} is not a number 1 to 1000000"))
+}
 
 pub fn parse_idle(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;

@@ -2,7 +2,7 @@
 //!
 //! An option that is added to `serve` gets a row here: how it is named, what it may be, and where its value goes.
 
-use super::args::{AfterOutage, Serve, parse_idle};
+use super::args::{AfterOutage, Serve, parse_idle, parse_record_mb};
 use crate::daemon::{Access, DEFAULT_LISTEN};
 use crate::device::Target;
 use crate::model::Accuracy;
@@ -318,6 +318,32 @@ pub const KEYS: &[Key] = &[
         is_given: |serve| serve.record.is_some(),
         take: |serve, given, base| {
             serve.record = Some(given.path(base)?);
+            Some(())
+        },
+    },
+    Key {
+        name: "record_file_mb",
+        help: "Size in MB of a recording's file after which the next one is begun",
+        allowed: "a number 1 to 1000000",
+        default: "256",
+        example: "256",
+        rival: None,
+        is_given: |serve| serve.record_file_mb.is_some(),
+        take: |serve, given, _| {
+            serve.record_file_mb = Some(parse_record_mb(&given.number()?.to_string()).ok()?);
+            Some(())
+        },
+    },
+    Key {
+        name: "record_total_mb",
+        help: "Size in MB of all files of a recording together: the oldest are removed",
+        allowed: "a number 1 to 1000000",
+        default: "2000",
+        example: "2000",
+        rival: None,
+        is_given: |serve| serve.record_total_mb.is_some(),
+        take: |serve, given, _| {
+            serve.record_total_mb = Some(parse_record_mb(&given.number()?.to_string()).ok()?);
             Some(())
         },
     },

@@ -6,7 +6,7 @@ use super::signals::{EndSignals, suspend_after};
 use super::{Failure, Outcome, notify};
 use crate::connection::HostPort;
 use crate::daemon::listener::{ListenError, TlsFiles, first_certificate, lacking};
-use crate::daemon::{Access, App, DEFAULT_LISTEN, Ended, Listener, Recorder, serve_while_alive};
+use crate::daemon::{Access, App, DEFAULT_LISTEN, Ended, Kept, Listener, Recorder, serve_while_alive};
 use crate::device::session::policy::Policy;
 use crate::device::sim::Panel;
 use crate::device::{OpenDevice, SessionError, Target};
@@ -51,7 +51,7 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     let recorder = match &options.record {
         None => None,
         Some(path) => Some(
-            Recorder::start(path, &scene.name)
+            Recorder::start_with(path, &scene.name, kept(options))
                 .map_err(|error| Failure::Usage(format!("--record {}: {error}; {NEW_RECORD}", path.display())))?,
         ),
     };
@@ -112,6 +112,17 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         Ended::Asked => Ok(()),
         // A failure, so that the service manager starts it anew.
         Ended::Session => Err(Failure::failed(SessionError::Ended)),
+    }
+}
+
+/// How much of a recording is kept.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within a range of positive numbers")]
+fn kept(options: &Serve) -> Kept {
+    let bytes = |megabytes: Option<f64>, usual: u64| megabytes.map_or(usual, |number| (number * 1e6) as u64);
+    let usual = Kept::default();
+    Kept {
+        file_bytes: bytes(options.record_file_mb, usual.file_bytes),
+        total_bytes: bytes(options.record_total_mb, usual.total_bytes),
     }
 }
 

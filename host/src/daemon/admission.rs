@@ -46,7 +46,9 @@ pub struct Admission {
 #[derive(Debug)]
 struct Known {
     id: u64,
-    /// As its client calls it.
+    /// Whose it is.
+    client: Client,
+    /// As that client calls it.
     name: Option<String>,
     arrived: Instant,
     outcome: Option<Outcome>,
@@ -72,15 +74,25 @@ impl Default for Admission {
 }
 
 impl Admission {
-    /// The number of a request that has just arrived: a later one is larger, whichever is planned first.
-    pub fn arrived(&self, name: Option<String>) -> u64 {
+    /// The number of a client's request that has just arrived: a later one is larger, whichever is planned first. Where as many are kept as may be, the
+    /// oldest one of whoever has the most makes way.
+    pub fn arrived(&self, client: Client, name: Option<String>) -> u64 {
         // Under the lock, so that the list is in the order of the numbers.
         let mut known = self.known();
         let id = self.number();
         if known.len() == KEPT {
-            known.pop_front();
+            let mut counts: Vec<(Client, usize)> = Vec::new();
+            for own in known.iter() {
+                match counts.iter_mut().find(|(client, _)| client.shares_names(&own.client)) {
+                    Some((_, count)) => *count += 1,
+                    None => counts.push((own.client, 1)),
+                }
+            }
+            let crowded = counts.into_iter().max_by_key(|(_, count)| *count);
+            let oldest = crowded.and_then(|(client, _)| known.iter().position(|own| own.client.shares_names(&client)));
+            oldest.and_then(|at| known.remove(at));
         }
-        known.push_back(Known { id, name, arrived: Instant::now(), outcome: None });
+        known.push_back(Known { id, client, name, arrived: Instant::now(), outcome: None });
         id
     }
 
@@ -134,17 +146,20 @@ impl Admission {
         }
     }
 
-    /// What is known of a request, by its number or its client's name for it, of the latest of that name.
+    /// What is known of a request, by its number or by the client's own name for it, of the latest of that name. Nobody finds others' requests by
+    /// their names.
     ///
     /// # Errors
     /// [`Problem`] if nothing is.
-    pub fn told(&self, key: &str) -> Result<Told, Problem> {
+    pub fn told(&self, client: Client, key: &str) -> Result<Told, Problem> {
         let known = self.known();
         // Of the ways to write a number its own only: `+3` and `03` are no names of the third.
         let id = key.parse().ok().filter(|id: &u64| id.to_string() == key);
-        let is_it = |known: &&Known| known.name.as_deref() == Some(key) || Some(known.id) == id;
+        let is_it = |known: &&Known| {
+            Some(known.id) == id || known.name.as_deref() == Some(key) && known.client.shares_names(&client)
+        };
         let Some(known) = known.iter().rev().find(is_it) else {
-            let detail = format!("no request {key:?} is known; the last {KEPT} are kept");
+            let detail = format!("no request {key:?} of this client is known; the last {KEPT} are kept");
             return Err(Problem::new(Kind::NotFound, detail));
         };
         let ms = |until: Instant| until.saturating_duration_since(known.arrived).as_secs_f64() * 1e3;
@@ -222,22 +237,37 @@ mod tests {
     #[test]
     fn the_outcome_is_found_by_number_and_by_name() {
         let admission = Admission::default();
-        let (a, b) = (admission.arrived(Some("tap".into())), admission.arrived(None));
+        let own = Client::default();
+        let (a, b) = (admission.arrived(own, Some("tap".into())), admission.arrived(own, None));
         assert!(b > a);
-        assert_eq!(admission.told("tap").unwrap().state, "waiting");
+        assert_eq!(admission.told(own, "tap").unwrap().state, "waiting");
         admission.done(a, Ok(json!({"plan_id": a})));
         admission.done(b, Err(Problem::body("no".into())));
         for key in ["tap", &a.to_string()] {
-            let told = json!(admission.told(key).unwrap());
+            let told = json!(admission.told(own, key).unwrap());
             assert_eq!(
                 (&told["id"], &told["answer"], &told["status"]),
                 (&json!(a), &json!({"plan_id": a}), &json!(200))
             );
         }
-        assert_eq!(json!(admission.told(&b.to_string()).unwrap())["problem"]["status"], 400);
+        assert_eq!(json!(admission.told(own, &b.to_string()).unwrap())["problem"]["status"], 400);
         for _ in 0..KEPT {
-            admission.arrived(None);
+            admission.arrived(own, None);
         }
-        assert_eq!(admission.told("tap").unwrap_err().status().as_u16(), 404);
+        assert_eq!(admission.told(own, "tap").unwrap_err().status().as_u16(), 404);
+    }
+
+    #[test]
+    fn a_name_is_its_clients_own_and_nobody_pushes_anothers_out() {
+        let admission = Admission::default();
+        let (one, other) = (Client::numbered(1), Client::numbered(2));
+        let first = admission.arrived(one, Some("tap-1".into()));
+        assert_eq!(admission.told(other, "tap-1").unwrap_err().status().as_u16(), 404);
+        let second = admission.arrived(other, Some("tap-1".into()));
+        for _ in 0..2 * KEPT {
+            admission.arrived(other, None);
+        }
+        assert_eq!(admission.told(one, "tap-1").unwrap().id, first);
+        assert_eq!(admission.told(other, "tap-1").unwrap_err().status().as_u16(), 404, "{second} has made way");
     }
 }

@@ -3,11 +3,12 @@
 use super::access::Access;
 use super::active::{Active, Held, Shown, Since, Touched, Update};
 use super::admission::Admission;
+use super::answers::live::SceneTexts;
 use super::answers::scene::SceneView;
 use super::answers::touched::Achieved;
 use super::asked::Asked;
 use super::background::Place;
-use super::client::Client;
+use super::client::{Asker, Client};
 use super::limits::Limits;
 use super::metrics::Metrics;
 use super::preview::{Preview, PreviewRequest, Previews};
@@ -50,7 +51,7 @@ pub struct App {
     /// The planner's table, with scene and model.
     pub table: PlanTable,
     /// The scene as sent to pages.
-    pub scene: SceneView,
+    pub(super) scene: SceneTexts,
     /// Counters.
     pub metrics: Metrics,
     /// When the daemon started.
@@ -70,7 +71,7 @@ pub struct App {
     pub(super) session: Session,
     pub(super) previews: Previews,
     /// Small design studies.
-    pub studies: Studies,
+    pub studies: Arc<Studies>,
     /// What tolerances do to plans.
     pub looks: Looks,
     pub(super) sim: Option<SimControl>,
@@ -135,8 +136,9 @@ impl App {
         let max_voltages_v = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
         let (sim, ready_v) = (device.sim(), table.ready_v());
         let place = Place::default();
+        let scene_toml: Arc<str> = scene_toml.into();
         Ok(Self {
-            scene: SceneView::new(&table.scene),
+            scene: SceneTexts::new(SceneView::new(&table.scene)),
             metrics: Metrics::default(),
             started: Instant::now(),
             access: Arc::new(access),
@@ -146,7 +148,7 @@ impl App {
             sockets: Arc::new(Semaphore::new(SOCKETS)),
             watchers: Arc::new(Semaphore::new(SOCKETS)),
             session: Session::start(device, Needs { max_voltages_v, ready_v }, policy)?,
-            previews: Previews::new(scene_toml.clone()),
+            previews: Previews::new(Arc::clone(&scene_toml)),
             studies: Studies::new(scene_toml, place.clone()),
             looks: Looks::new(place),
             sim,
@@ -249,12 +251,16 @@ impl App {
         self.turns.again(id, begun, || board(&self.session.snapshots().borrow())).await
     }
 
-    /// What a changed scene would do; drives nothing.
+    /// What a changed scene would do; drives nothing. `read` gives what was asked for.
     ///
     /// # Errors
-    /// [`Problem`]: a scene, move or touch that cannot be used, or a newer request while this one waited.
-    pub async fn preview(&self, request: PreviewRequest) -> Result<Preview, Problem> {
-        let result = self.previews.preview(request).await;
+    /// [`Problem`]: a scene, move or touch that cannot be used, a newer request of the same client while this one waited, or one that takes too long.
+    pub async fn preview(
+        &self,
+        asker: &Asker,
+        read: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
+    ) -> Result<Preview, Problem> {
+        let result = self.previews.preview(asker.client, &asker.sender, read).await;
         self.metrics.count_preview(result.is_ok());
         result
     }
@@ -270,21 +276,21 @@ impl App {
         self.session.snapshots().borrow().breaks
     }
 
-    /// Plans for a touch, the request `id` of `client`, with all that belongs to it, and drives it unless everything was
+    /// Plans for a touch, the request `id` of `asker`, with all that belongs to it, and drives it unless everything was
     /// stopped since [`App::stops`] said `stops`.
     ///
     /// # Errors
     /// [`Problem`] that names what is wrong; nothing has changed then.
     pub async fn touch(
         self: &Arc<Self>,
-        client: Client,
+        asker: &Asker,
         id: u64,
         stops: u64,
         request: &TouchRequest,
     ) -> Result<Touched, Problem> {
         let asked = request.asked(&self.table.scene);
         let result = match asked {
-            Ok(asked) => self.try_touch(client, id, stops, &asked).await,
+            Ok(asked) => self.try_touch(asker, id, stops, &asked).await,
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
@@ -305,7 +311,10 @@ impl App {
         manner: Manner,
     ) -> Result<Touched, Problem> {
         let result = match Asked::fingers(touches, intensity, manner, &self.table.scene) {
-            Ok(asked) => self.try_touch(client, id, stops, &asked).await,
+            Ok(asked) => {
+                let asker = Asker { client, ..Asker::default() };
+                self.try_touch(&asker, id, stops, &asked).await
+            }
             Err(problem) => Err(problem),
         };
         self.metrics.count_touch(result.is_ok());
@@ -314,7 +323,7 @@ impl App {
 
     async fn try_touch(
         self: &Arc<Self>,
-        client: Client,
+        asker: &Asker,
         id: u64,
         stops: u64,
         asked: &Asked,
@@ -323,7 +332,7 @@ impl App {
             return Err(SessionError::Closed.into());
         }
         let breaks = self.breaks();
-        let place = self.admission.place(client).await?;
+        let place = self.admission.place(asker.client).await?;
         // Whoever has waited may not be wanted any more.
         self.turns.check(id)?;
         if self.session.stops() != stops {
@@ -331,13 +340,13 @@ impl App {
         }
         if let Some(spans) = &asked.spans {
             let since = Since { stops, breaks: Some(breaks) };
-            return self.in_stretches(client, place, id, asked, spans.clone(), since).await;
+            return self.in_stretches(asker, place, id, asked, spans.clone(), since).await;
         }
         let plan = tokio::task::block_in_place(|| self.plan(asked, &asked.request))?;
         drop(place);
         let since = Since { stops, breaks: None };
         let driven = self.driven(id, since, plan.clone(), &asked.touches, asked.manner).await?;
-        let trade = self.trade(client, id, asked, &asked.request, &plan).await;
+        let trade = self.trade(asker, id, asked, &asked.request, &plan).await;
         Ok(Touched { trade, ..driven })
     }
 

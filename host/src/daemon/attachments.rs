@@ -36,6 +36,8 @@ struct Attachment {
 pub struct Attachments<'t> {
     text: &'t str,
     list: Vec<Attachment>,
+    /// How many entries every list of the file has.
+    counts: BTreeMap<String, usize>,
 }
 
 impl<'t> Attachments<'t> {
@@ -58,12 +60,16 @@ impl<'t> Attachments<'t> {
                 Some(Attachment { path, line: line(entry.span().start), x_mm: span("x_mm"), y_mm: span("y_mm") })
             })
         };
-        Self { text, list: TABLES.into_iter().flat_map(entries).collect() }
+        let counts = document.into_iter().flat_map(DeTable::iter).filter_map(|(name, value)| match value.get_ref() {
+            DeValue::Array(list) => Some((name.get_ref().clone().into_owned(), list.len())),
+            _ => None,
+        });
+        Self { text, list: TABLES.into_iter().flat_map(entries).collect(), counts: counts.collect() }
     }
 
-    /// How many there are.
-    pub fn count(&self) -> usize {
-        self.list.len()
+    /// How many entries some of the file's lists have together, attachments or not.
+    pub fn count_of(&self, names: &[&str]) -> usize {
+        names.iter().filter_map(|name| self.counts.get(*name)).sum()
     }
 
     /// The line at which the table's `index`-th entry (from 1) begins.
@@ -149,6 +155,6 @@ mod tests {
     fn lines_are_those_of_the_entries() {
         let text = "\n[[support]]\nx_mm = 1\n\n[[support]]\n";
         let found = Attachments::of(text);
-        assert_eq!((found.count(), found.line("support", 2), found.line("support", 3)), (2, Some(5), None));
+        assert_eq!((found.count_of(&TABLES), found.line("support", 2), found.line("support", 3)), (2, Some(5), None));
     }
 }

@@ -1,13 +1,18 @@
-//! Work of some seconds that no request waits for: one piece at a time, whatever it is, in a thread of its own on half of the
-//! processors, so that touches and stops are not held up.
+//! Work of some seconds that no request waits for: one piece at a time, whatever it is, aside of what serves requests, so that touches and stops are
+//! not held up, and for [`LONGEST`] at most.
 
+use super::aside::{Deadline, begin_aside};
 use super::problem::{Kind, Problem};
 use crate::design::run::Observer;
 use serde::Serialize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use utoipa::ToSchema;
+
+/// Longest time for a piece of work: ten times what the largest study of the example plate takes on one processor.
+const LONGEST: Duration = Duration::from_secs(300);
 
 /// How far a piece of work is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
@@ -111,7 +116,7 @@ pub struct Told<F> {
 pub struct Job<F> {
     there: AtomicUsize,
     all: usize,
-    stops: AtomicBool,
+    deadline: Deadline,
     known: Mutex<Known<F>>,
 }
 
@@ -125,11 +130,16 @@ struct Known<F> {
 impl<F: Clone> Job<F> {
     fn new(all: usize, stage: Stage, found: F) -> Self {
         let known = Mutex::new(Known { stage, found, problem: None });
-        Self { there: AtomicUsize::new(0), all, stops: AtomicBool::new(false), known }
+        Self { there: AtomicUsize::new(0), all, deadline: Deadline::after(LONGEST), known }
     }
 
     fn known(&self) -> MutexGuard<'_, Known<F>> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Does a part of it, whose models and plans end when nobody wants it any more: on whichever thread that is.
+    pub fn during<T>(&self, part: impl FnOnce() -> T) -> T {
+        self.deadline.during(part)
     }
 
     /// Tells that only the end of it is left.
@@ -151,7 +161,7 @@ impl<F: Clone> Job<F> {
 
 impl<F: Send> Observer for Job<F> {
     fn stops(&self) -> bool {
-        self.stops.load(Ordering::Relaxed)
+        self.deadline.is_over()
     }
 
     fn does(&self, parts: usize) {
@@ -182,7 +192,7 @@ impl<F: Clone + Send + 'static> Newest<F> {
 
     /// No other part of it begins.
     pub fn stop(&self) {
-        self.current().stops.store(true, Ordering::Relaxed);
+        self.current().deadline.cancel();
     }
 
     /// Begins one of `all` parts. `found` is what there is of it now; `work` gives what there is in the end, `None` where it was
@@ -201,7 +211,7 @@ impl<F: Clone + Send + 'static> Newest<F> {
         let job = Arc::new(Job::new(all, Stage::Running, found));
         let own = Arc::clone(&job);
         let whole = move || {
-            let ended = catch_unwind(AssertUnwindSafe(|| on_half(|| work(&own))));
+            let ended = catch_unwind(AssertUnwindSafe(|| own.deadline.during(|| work(&own))));
             let ended =
                 ended.unwrap_or_else(|_| Err("it ended early; please report it with what was asked for".into()));
             let mut known = own.known();
@@ -209,25 +219,21 @@ impl<F: Clone + Send + 'static> Newest<F> {
             drop(taken);
             match ended {
                 Ok(Some(found)) => (known.found, known.stage) = (found, Stage::Done),
+                Ok(None) if own.deadline.has_run_out() => {
+                    let problem =
+                        format!("it took longer than {LONGEST:?}, which is the longest here: make it smaller");
+                    (known.problem, known.stage) = (Some(problem), Stage::Failed);
+                }
                 Ok(None) => known.stage = Stage::Stopped,
                 Err(problem) => (known.problem, known.stage) = (Some(problem), Stage::Failed),
             }
         };
         let mut current = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        std::thread::Builder::new()
-            .name(name.into())
-            .spawn(whole)
-            .map_err(|error| Problem::new(Kind::PreviewFailed, format!("no thread for the {name}: {error}")))?;
+        // Who wants to know how it ended asks for it.
+        let _ended = begin_aside(name, whole)?;
         *current = Arc::clone(&job);
         Ok(job.told())
     }
-}
-
-/// Does work on half of the processors; the others stay for touches.
-fn on_half<T: Send>(work: impl FnOnce() -> Result<T, String> + Send) -> Result<T, String> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).div_ceil(2);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| error.to_string())?;
-    pool.install(work)
 }
 
 #[cfg(test)]

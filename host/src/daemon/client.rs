@@ -1,5 +1,6 @@
 //! Who asks, as far as turns at the planner are concerned.
 
+use super::sender::Sender;
 use axum::extract::FromRequestParts;
 use axum::http::header;
 use axum::http::request::Parts;
@@ -40,11 +41,37 @@ pub struct Client {
     place: Place,
 }
 
+/// Who asks for something: the client, and whether it still waits for the answer.
+#[derive(Clone, Debug, Default)]
+pub struct Asker {
+    /// Whose turn it takes.
+    pub client: Client,
+    /// The other end of its connection.
+    pub sender: Sender,
+}
+
+impl<S: Sync> FromRequestParts<S> for Asker {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Infallible> {
+        let client = Client::from_request_parts(parts, state).await?;
+        Ok(Self { client, sender: Sender::from_request_parts(parts, state).await? })
+    }
+}
+
 #[cfg(test)]
 impl Client {
     /// One of several.
     pub const fn numbered(token: usize) -> Self {
         Self { token: Some(token), place: Place::Unknown }
+    }
+}
+
+impl Client {
+    /// Whether what the one calls its requests is known to the other: with tokens to whoever has the same, from wherever it asks.
+    #[must_use]
+    pub fn shares_names(&self, other: &Self) -> bool {
+        if self.token.is_some() { self.token == other.token } else { self == other }
     }
 }
 

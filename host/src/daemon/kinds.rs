@@ -94,7 +94,7 @@ kinds! {
     Stopped = "stopped", CONFLICT, "Stopped meanwhile";
     /// A newer touch was driven first.
     Superseded = "superseded", CONFLICT, "A newer touch came first";
-    /// A newer preview was asked for while this one waited.
+    /// A newer preview of the same client was asked for while this one waited.
     PreviewSuperseded = "superseded", CONFLICT, "Superseded";
     /// A study is under way already, and there is one such piece of work at a time.
     StudyRuns = "study-runs", CONFLICT, "A study is under way";
@@ -119,9 +119,9 @@ kinds! {
     NoPlan = "no-plan", UNPROCESSABLE_ENTITY, "This scene has no plan";
     /// The scene cannot be modelled.
     NoModel = "no-model", UNPROCESSABLE_ENTITY, "This scene has no model";
-    /// A previewed scene has more than a preview takes, or a study looks at more than the daemon does.
+    /// A previewed scene has more than a preview takes, a study more than the daemon looks at, or it took longer than may be.
     TooLarge = "too-large", UNPROCESSABLE_ENTITY, "Too large for the daemon";
-    /// Too many requests wait for the planner, or to arm or to clear a fault: `depth` says how many, `retry_after_ms` and Retry-After when to ask again.
+    /// Too many requests wait for the planner, or to arm or to clear a fault, or too many clients for previews: `depth` says how many, `retry_after_ms` and Retry-After when to ask again.
     QueueFull = "busy", TOO_MANY_REQUESTS, "Too many requests";
     /// Too many different wrong tokens came from this address within a minute: until `retry_after_ms` none is looked at from there,
     /// except with `POST /v1/stop`.

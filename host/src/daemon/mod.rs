@@ -5,8 +5,8 @@
 //! `routes` and `live`
 //! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and does
 //! it, `current` is what is driven of it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
-//! do, without driving it, `studies` which of many would do it best, `tolerances` what a plan does on a panel that is a little off; the last two are the one
-//! `background` work that there may be at a time. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
+//! do, without driving it, in `slots` of its own, `studies` which of many would do it best, `tolerances` what a plan does on a panel that is a little off; the last two are the one
+//! `background` work that there may be at a time. What takes long is done `aside`, no longer than its `sender` waits. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
 //! are. `description` makes the interface's description (OpenAPI) from all of these.
 
 mod access;
@@ -14,6 +14,7 @@ mod active;
 mod admission;
 mod answers;
 mod app;
+mod aside;
 mod asked;
 mod assets;
 mod attachments;
@@ -42,7 +43,9 @@ mod problem;
 mod query;
 mod record;
 mod routes;
+mod sender;
 mod server;
+mod slots;
 mod strangers;
 mod stretches;
 mod studies;
@@ -63,7 +66,7 @@ pub use limits::Limits;
 pub use listener::Listener;
 pub use preview::{Preview, PreviewRequest};
 pub use problem::Problem;
-pub use record::Recorder;
+pub use record::{Kept, Recorder};
 pub use routes::described as description;
 pub use server::{Ended, serve, serve_while_alive};
 pub use studies::{StudyRequest, StudyView};

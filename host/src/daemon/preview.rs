@@ -1,11 +1,15 @@
 //! What a changed scene would do, computed without driving anything: for designers who move attachments about.
 //!
-//! One preview is computed at a time, and at most one waits: a newer request takes the waiting one's place. Work is bounded
-//! by limits on the scene that are checked before anything is built.
+//! Two previews are computed at a time, one of each client, and one of each client waits: a newer request takes the place of the client's
+//! that waits. Work is bounded by limits on the scene that are checked before anything is built, by its time, and by its sender's waiting for it.
 
 use super::answers::scene::SceneView;
-use super::attachments::{Attachments, Place};
+use super::aside::{Deadline, do_aside};
+use super::attachments::{Attachments, Place, TABLES};
+use super::client::Client;
 use super::problem::{Kind, Problem};
+use super::sender::Sender;
+use super::slots::Slots;
 use super::view::{FieldView, PlanView};
 use crate::model::Accuracy;
 use crate::model::levels::Levels;
@@ -14,18 +18,29 @@ use crate::scene::{MAX_ACTUATORS, Scene};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Instant;
-use tokio::sync::{Mutex, watch};
+use std::time::{Duration, Instant};
 use utoipa::ToSchema;
 
 /// Longest scene in bytes: twenty times the examples.
 pub const MAX_SCENE: usize = 64 * 1024;
 /// Most supports, masses and actuators together: time grows with nearly the cube of them, to some 5 s at 32.
 const MAX_ATTACHMENTS: usize = 32;
+/// Most patches and cut-outs together: a grid of all of their borders is looked at for every cell and every point of the surface.
+const MAX_RECTANGLES: usize = 24;
+/// Most layers.
+const MAX_LAYERS: usize = 32;
 /// Most unknowns of the finest level: panels with a bezel or a camera hole need up to 4500.
 const MAX_UNKNOWNS: f64 = 6_000.0;
 /// Most products of unknowns and attachments: each attachment has functions of its own, which are integrated over all cells.
 const MAX_PRODUCT: f64 = 48_000.0;
+/// Most modes that are kept ([`Levels::expected_modes`]): a plate of 1.3 m by 0.8 m and 2 mm has 60.
+const MAX_MODES: f64 = 100.0;
+/// Previews that are computed at once, each of another client.
+const AT_ONCE: usize = 2;
+/// Clients that may wait for one.
+const MOST_WAITING: usize = 16;
+/// Longest time for one.
+pub(super) const LONGEST: Duration = Duration::from_secs(10);
 /// Tolerance of the model.
 const ACCURACY: Accuracy = Accuracy::FAST;
 /// What messages call a scene that came in a request.
@@ -67,84 +82,48 @@ pub struct Preview {
     pub elapsed_ms: f64,
 }
 
-/// Lets one preview at a time through.
+/// Lets previews through.
 #[derive(Debug)]
 pub struct Previews {
     /// The daemon's own scene.
-    own: String,
-    /// Held while a preview is computed.
-    turn: Arc<Mutex<()>>,
-    /// Number of the newest request.
-    newest: watch::Sender<u64>,
+    own: Arc<str>,
+    slots: Arc<Slots>,
 }
 
 impl Previews {
     /// For a daemon whose scene file has this text.
     #[must_use]
-    pub fn new(own: String) -> Self {
-        Self { own, turn: Arc::default(), newest: watch::channel(0).0 }
+    pub fn new(own: Arc<str>) -> Self {
+        Self { own, slots: Slots::new(AT_ONCE, MOST_WAITING) }
     }
 
-    /// Computes a preview once it is its turn.
+    /// Computes a preview for a client once it is its turn; `read` gives what was asked for, which is read in the same slot.
     ///
     /// # Errors
-    /// [`Problem`]: what is wrong with the request, or `superseded` if a newer one came while it waited.
-    pub async fn preview(&self, request: PreviewRequest) -> Result<Preview, Problem> {
-        let mut newest = self.newest.subscribe();
-        let mut mine = 0;
-        self.newest.send_modify(|number| {
-            *number += 1;
-            mine = *number;
-        });
-        let turn = tokio::select! {
-            // A turn that has come is taken: pages that ask again and again do not push each other out for ever.
-            biased;
-            turn = Arc::clone(&self.turn).lock_owned() => turn,
-            () = newer(&mut newest, mine) => return Err(superseded()),
+    /// [`Problem`]: what is wrong with the request, that a newer one came while it waited, or that it takes too long.
+    pub async fn preview(
+        &self,
+        client: Client,
+        sender: &Sender,
+        read: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
+    ) -> Result<Preview, Problem> {
+        let slot = tokio::select! {
+            slot = self.slots.take(client) => slot?,
+            () = sender.is_gone() => return Err(Problem::new(Kind::PreviewFailed, "its sender is gone")),
         };
-        let text = self.text(&request);
-        beside(move || {
+        let own = Arc::clone(&self.own);
+        let work = move |deadline: &Deadline| {
             // Until the work is done, also if nobody waits for it any more.
-            let _turn = turn;
-            compute(&request, &text)
-        })
-        .await
+            let _slot = slot;
+            compute(&read()?, &own, deadline)
+        };
+        do_aside("preview", LONGEST, sender, work).await
     }
 
-    /// The plan of a preview, without waiting for its turn: for work that there is one of at a time.
-    ///
-    /// # Errors
-    /// [`Problem`]: what is wrong with the request.
-    pub async fn planned(&self, request: PreviewRequest) -> Result<Planned, Problem> {
-        let text = self.text(&request);
-        beside(move || planned(&request, &text)).await
+    /// The daemon's own scene.
+    pub fn own(&self) -> Arc<str> {
+        Arc::clone(&self.own)
     }
-
-    /// The scene that a request is of.
-    fn text(&self, request: &PreviewRequest) -> String {
-        request.scene.clone().unwrap_or_else(|| self.own.clone())
-    }
-}
-
-/// Computes in a thread of its own, so that nothing else of the daemon waits for it.
-async fn beside<T: Send + 'static>(work: impl FnOnce() -> Result<T, Problem> + Send + 'static) -> Result<T, Problem> {
-    tokio::task::spawn_blocking(work).await.map_err(|error| {
-        let detail = format!("the preview ended early: {error}");
-        Problem::new(Kind::PreviewFailed, detail)
-    })?
-}
-
-/// Resolves when there is a newer request than `mine`.
-async fn newer(newest: &mut watch::Receiver<u64>, mine: u64) {
-    if newest.wait_for(|number| *number > mine).await.is_err() {
-        // The sender is gone with the daemon; whoever still waits gets a turn.
-        std::future::pending::<()>().await;
-    }
-}
-
-fn superseded() -> Problem {
-    let detail = "a newer preview was asked for while this one waited";
-    Problem::new(Kind::PreviewSuperseded, detail)
 }
 
 /// A changed scene with the plan for a touch.
@@ -158,21 +137,29 @@ pub struct Planned {
     scene_toml: String,
 }
 
-fn planned(request: &PreviewRequest, text: &str) -> Result<Planned, Problem> {
+/// The plan of a preview; `own` is the scene that it is of if it names none.
+///
+/// # Errors
+/// [`Problem`]: what is wrong with the request, or that it takes too long.
+pub fn planned(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Result<Planned, Problem> {
+    let text = request.scene.as_deref().unwrap_or(own);
     if text.len() > MAX_SCENE {
         return Err(too_large("scene", text.len(), "bytes", MAX_SCENE, None));
     }
     let attachments = Attachments::of(text);
+    check_counts(&attachments)?;
     let scene_toml = attachments.moved(&request.moves)?;
     let scene = Scene::parse(SOURCE, &scene_toml)?;
-    check(&scene, &attachments)?;
     let (x_m, y_m) = scene.place_px(request.x_px, request.y_px)?.xy_m();
     let target = Target { x_m, y_m, intensity_g: request.intensity_g };
     let options = TableOptions::preview();
-    check_unknowns(&scene, attachments.count())?;
+    check_model(&scene, options.to_hz)?;
     let planned = |levels: Levels| -> Result<_, Problem> {
+        deadline.check()?;
         let table = PlanTable::with_levels(&scene, levels, options)?;
+        deadline.check()?;
         let plan = table.plan(&[target])?;
+        deadline.check()?;
         Ok((table, plan))
     };
     // A first try takes half the time of the levels that the daemon itself plans with, and is right to 3e-3 on the
@@ -184,9 +171,9 @@ fn planned(request: &PreviewRequest, text: &str) -> Result<Planned, Problem> {
     Ok(Planned { table, plan, scene_toml })
 }
 
-fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
+fn compute(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Result<Preview, Problem> {
     let started = Instant::now();
-    let Planned { table, plan, scene_toml } = planned(request, text)?;
+    let Planned { table, plan, scene_toml } = planned(request, own, deadline)?;
     let field = FieldView::new(&table, Some(&plan), 0);
     Ok(Preview {
         scene: SceneView::new(&table.scene),
@@ -198,33 +185,52 @@ fn compute(request: &PreviewRequest, text: &str) -> Result<Preview, Problem> {
     })
 }
 
-/// The same for a scene's text.
+/// How much a scene has of everything that costs time, told before it is read as a scene: what no plan can be made of, or too much would have to
+/// be computed for.
+///
+/// # Errors
+/// [`Problem`] that says what is too much, with its line where there is one.
+pub(super) fn check_counts(attachments: &Attachments<'_>) -> Result<(), Problem> {
+    let actuators = attachments.count_of(&["actuator"]);
+    if actuators > MAX_ACTUATORS {
+        let line = attachments.line("actuator", MAX_ACTUATORS + 1);
+        return Err(too_large("actuator", actuators, "actuators", MAX_ACTUATORS, line));
+    }
+    for (tables, what, most) in [
+        (&TABLES[..], "supports, masses and actuators", MAX_ATTACHMENTS),
+        (&["patch", "cutout"], "patches and cut-outs", MAX_RECTANGLES),
+        (&["layer"], "layers", MAX_LAYERS),
+    ] {
+        let count = attachments.count_of(tables);
+        if count > most {
+            return Err(too_large("scene", count, what, most, None));
+        }
+    }
+    Ok(())
+}
+
+/// How large a model a scene needs for frequencies up to `to_hz`, told before it is built. Designs of a study may have more attachments than
+/// its scene's file, so these are counted here as well.
 ///
 /// # Errors
 /// [`Problem`] that says what is too much.
-pub(super) fn check_size(scene: &Scene, text: &str) -> Result<(), Problem> {
-    check(scene, &Attachments::of(text))?;
-    check_unknowns(scene, scene.supports.len() + scene.masses.len() + scene.actuators.len())
-}
-
-fn check_unknowns(scene: &Scene, attachments: usize) -> Result<(), Problem> {
-    let expected = Levels::expected_unknowns(scene, ACCURACY, TableOptions::preview().to_hz)?;
+pub(super) fn check_model(scene: &Scene, to_hz: f64) -> Result<(), Problem> {
+    let attachments = scene.supports.len() + scene.masses.len() + scene.actuators.len();
+    if attachments > MAX_ATTACHMENTS {
+        return Err(too_large("scene", attachments, "supports, masses and actuators", MAX_ATTACHMENTS, None));
+    }
+    let rectangles = scene.patches.len() + scene.cutouts.len();
+    if rectangles > MAX_RECTANGLES {
+        return Err(too_large("scene", rectangles, "patches and cut-outs", MAX_RECTANGLES, None));
+    }
+    let expected = Levels::expected_unknowns(scene, ACCURACY, to_hz)?;
     #[expect(clippy::cast_precision_loss, reason = "at most 32")]
     let most = MAX_UNKNOWNS.min((MAX_PRODUCT / attachments.max(1) as f64).floor());
-    if expected > most { Err(too_large("surface", expected, "unknowns", most, None)) } else { Ok(()) }
-}
-
-/// What no plan can be made of, or too much would have to be computed for, is told with its line before that is tried.
-fn check(scene: &Scene, attachments: &Attachments<'_>) -> Result<(), Problem> {
-    if scene.actuators.len() > MAX_ACTUATORS {
-        let line = attachments.line("actuator", MAX_ACTUATORS + 1);
-        return Err(too_large("actuator", scene.actuators.len(), "actuators", MAX_ACTUATORS, line));
+    if expected > most {
+        return Err(too_large("surface", expected, "unknowns", most, None));
     }
-    if attachments.count() > MAX_ATTACHMENTS {
-        let what = "supports, masses and actuators";
-        return Err(too_large("scene", attachments.count(), what, MAX_ATTACHMENTS, None));
-    }
-    Ok(())
+    let modes = Levels::expected_modes(scene, to_hz).round();
+    if modes > MAX_MODES { Err(too_large("surface", modes, "modes", MAX_MODES, None)) } else { Ok(()) }
 }
 
 /// More than is computed here; `line` is that of the scene's text.
@@ -240,40 +246,4 @@ pub(super) fn too_large<T: std::fmt::Display + Into<serde_json::Value>>(
         format!("{place}{field} has {value} {unit}, but the daemon takes at most {most} for what is not driven");
     let allowed = format!("at most {most} {unit}");
     Problem::new(Kind::TooLarge, detail).at(field, value.into(), allowed, line)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::EXAMPLE_PLATE;
-
-    fn request(x_px: f64) -> PreviewRequest {
-        PreviewRequest { x_px, y_px: 300.0, intensity_g: None, scene: None, moves: BTreeMap::new() }
-    }
-
-    /// One is computed, one waits: a third takes the place of the one that waits, never of the one that is computed.
-    #[test]
-    fn a_newer_request_supersedes_the_one_that_waits() {
-        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-        runtime.block_on(async {
-            let previews = Arc::new(Previews::new(EXAMPLE_PLATE.into()));
-            let held = Arc::clone(&previews.turn).lock_owned().await;
-            let ask = |x_px| {
-                let previews = Arc::clone(&previews);
-                tokio::spawn(async move { previews.preview(request(x_px)).await })
-            };
-            let mut seen = previews.newest.subscribe();
-            let older = ask(100.0);
-            seen.wait_for(|number| *number == 1).await.unwrap();
-            let newer = ask(960.0);
-            let problem = older.await.unwrap().unwrap_err();
-            assert!(problem.detail().contains("newer"), "{}", problem.detail());
-            assert!(!newer.is_finished());
-            drop(held);
-            let preview = newer.await.unwrap().unwrap();
-            assert_eq!(serde_json::to_value(&preview).unwrap()["plan"]["target_mm"][0], 150.0);
-            // Nothing is left behind: the next one has its turn at once.
-            previews.preview(request(960.0)).await.unwrap();
-        });
-    }
 }

@@ -1,32 +1,61 @@
-//! What is asked of the daemon and what becomes of it, line by line in a file: `era serve --record FILE`, `era replay FILE`.
+//! What is asked of the daemon and what becomes of it, line by line in files: `era serve --record PATH`, `era replay FILE`.
 //!
 //! Written by a thread of its own. Where the disk is slower than the fingers, lines are left out and counted: nothing that
-//! drives waits for a file.
+//! drives waits for a file. A file that is full is followed by another, and the oldest make way ([`Kept`]).
 
-use era_files::{AppendedFile, make_private_folder};
+mod files;
+
+use files::Files;
+pub use files::Kept;
 use serde_json::{Value, json};
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
-use std::time::Instant;
-use tracing_subscriber::fmt::format::Writer;
-use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
+use std::time::{Duration, Instant};
 
-/// Starts in one second that have a file each.
-const SAME_SECOND: u32 = 100;
-/// Lines that may wait for the disk.
+/// Lines that may wait for the disk, ...
 const WAITING: usize = 4096;
+/// ... and bytes that these may have together.
+const WAITING_BYTES: usize = 8_000_000;
 
 /// Writes down.
 #[derive(Debug)]
 pub struct Recorder {
     /// Until the end.
-    lines: Option<SyncSender<Value>>,
+    lines: Option<SyncSender<Line>>,
     thread: Option<JoinHandle<()>>,
     started: Instant,
+    waiting_bytes: Arc<AtomicUsize>,
     left_out: AtomicU64,
+}
+
+/// A line that waits.
+#[derive(Debug)]
+struct Line {
+    /// Since the recording began.
+    at: Duration,
+    kind: String,
+    left_out_before: u64,
+    /// A JSON object, as text: what it takes is known.
+    content: String,
+}
+
+impl Line {
+    /// As it is written to a file that began at `from`.
+    fn text(&self, from: Duration) -> String {
+        let at_ms = self.at.saturating_sub(from).as_secs_f64() * 1e3;
+        let mut head = json!({"at_ms": at_ms, "kind": self.kind});
+        if self.left_out_before > 0 {
+            head["left_out_before"] = self.left_out_before.into();
+        }
+        let head = head.to_string();
+        match (head.strip_suffix('}'), self.content.strip_prefix('{')) {
+            (Some(head), Some(content)) if content != "}" => format!("{head},{content}\n"),
+            _ => format!("{head}\n"),
+        }
+    }
 }
 
 impl Recorder {
@@ -36,27 +65,32 @@ impl Recorder {
     /// # Errors
     /// As the file system has it.
     pub fn start(path: &Path, scene: &str) -> std::io::Result<Self> {
-        let (path, file) = if Self::is_folder(path) {
-            in_folder(path)?
-        } else {
-            (path.to_owned(), AppendedFile::create_private(path)?)
-        };
-        tracing::info!("recording to {}", path.display());
+        Self::start_with(path, scene, Kept::default())
+    }
+
+    /// The same, with how much is kept.
+    ///
+    /// # Errors
+    /// As the file system has it.
+    pub fn start_with(path: &Path, scene: &str, kept: Kept) -> std::io::Result<Self> {
+        let files = Files::begin(path, kept, scene)?;
+        tracing::info!("recording to {}", files.path().display());
         let (lines, inbox) = sync_channel(WAITING);
-        let named = path.display().to_string();
+        let waiting_bytes = Arc::<AtomicUsize>::default();
+        let known = Arc::clone(&waiting_bytes);
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
-            if let Err(error) = write_lines(file, &inbox) {
-                tracing::error!(%error, path = named, "nothing is recorded any more");
+            let mut files = files;
+            if let Err(error) = write_lines(&mut files, &inbox, &known) {
+                tracing::error!(%error, path = %files.path().display(), "nothing is recorded any more");
             }
         })?;
-        let recorder =
-            Self { lines: Some(lines), thread: Some(thread), started: Instant::now(), left_out: AtomicU64::new(0) };
-        recorder.line("begin", || {
-            let version = env!("CARGO_PKG_VERSION");
-            let since_1970 = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-            json!({"format": 1, "version": version, "scene": scene, "unix_s": since_1970.map_or(0, |time| time.as_secs())})
-        });
-        Ok(recorder)
+        Ok(Self {
+            lines: Some(lines),
+            thread: Some(thread),
+            started: Instant::now(),
+            waiting_bytes,
+            left_out: AtomicU64::new(0),
+        })
     }
 
     /// Whether the path means a folder with a file for each start: it is one, or ends in a slash.
@@ -67,16 +101,15 @@ impl Recorder {
 
     /// A line of a kind, with its time in ms since the recording began.
     pub fn line(&self, kind: &str, content: impl FnOnce() -> Value) {
-        let mut line = json!({"at_ms": self.started.elapsed().as_secs_f64() * 1e3, "kind": kind});
-        let left_out = self.left_out.swap(0, Ordering::Relaxed);
-        if left_out > 0 {
-            line["left_out_before"] = left_out.into();
-        }
-        if let (Value::Object(line), Value::Object(content)) = (&mut line, content()) {
-            line.extend(content);
-        }
-        if self.lines.as_ref().is_none_or(|lines| lines.try_send(line).is_err()) {
-            self.left_out.fetch_add(left_out + 1, Ordering::Relaxed);
+        let left_out_before = self.left_out.swap(0, Ordering::Relaxed);
+        let at = self.started.elapsed();
+        let line = Line { at, kind: kind.into(), left_out_before, content: content().to_string() };
+        let bytes = line.content.len();
+        let before = self.waiting_bytes.fetch_add(bytes, Ordering::Relaxed);
+        let has_room = before + bytes <= WAITING_BYTES;
+        if !has_room || self.lines.as_ref().is_none_or(|lines| lines.try_send(line).is_err()) {
+            self.waiting_bytes.fetch_sub(bytes, Ordering::Relaxed);
+            self.left_out.fetch_add(left_out_before + 1, Ordering::Relaxed);
         }
     }
 }
@@ -91,34 +124,16 @@ impl Drop for Recorder {
     }
 }
 
-/// A new file named after the time (UTC, to a second), and where another start in that second has it, with a number behind.
-fn in_folder(folder: &Path) -> std::io::Result<(PathBuf, AppendedFile)> {
-    make_private_folder(folder)?;
-    let mut time = String::new();
-    let _ = SystemTime.format_time(&mut Writer::new(&mut time));
-    // 2026-01-31T09:30:00.000000Z; some file systems have no colons.
-    let time: String = time.chars().take_while(|c| *c != '.').filter(|c| *c != ':').collect();
-    let mut number = 1;
-    loop {
-        let behind = if number == 1 { String::new() } else { format!("-{number}") };
-        let path = folder.join(format!("{time}Z{behind}.jsonl"));
-        match AppendedFile::create_private(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && number < SAME_SECOND => number += 1,
-            file => return file.map(|file| (path, file)),
-        }
-    }
-}
-
 /// Writes lines as they come until there are no more. After an error the file ends with a whole line.
-fn write_lines(mut file: AppendedFile, inbox: &Receiver<Value>) -> std::io::Result<()> {
-    let mut text = String::new();
+fn write_lines(files: &mut Files, inbox: &Receiver<Line>, waiting_bytes: &AtomicUsize) -> std::io::Result<()> {
     while let Ok(line) = inbox.recv() {
-        text.clear();
         // What waits is written at once.
         for line in std::iter::once(line).chain(inbox.try_iter()) {
-            let _ = writeln!(text, "{line}");
+            waiting_bytes.fetch_sub(line.content.len(), Ordering::Relaxed);
+            files.make_room(line.content.len(), line.at)?;
+            files.put(&line.text(files.began()))?;
         }
-        file.append_records(text.as_bytes())?;
+        files.write()?;
     }
-    file.sync_records()
+    files.sync()
 }

@@ -7,10 +7,11 @@ use super::answers::told::Told;
 use super::answers::touched::TouchedView;
 use super::app::App;
 use super::body::{Most, whole_body};
-use super::client::Client;
+use super::client::{Asker, Client};
 use super::limits::Limits;
 use super::preview::{MAX_SCENE, Preview, PreviewRequest};
 use super::problem::{Kind, Problem};
+use super::sender::Sender;
 use super::studies::{StudyRequest, StudyView};
 use super::tolerances::{TolerancesRequest, TolerancesView};
 use super::touch::TouchRequest;
@@ -170,7 +171,7 @@ fn from_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, wanted: &st
 )]
 async fn touch(
     State(app): State<Arc<App>>,
-    client: Client,
+    asker: Asker,
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
@@ -178,10 +179,10 @@ async fn touch(
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number or "intensity_db"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "buzz" | "swell" | "pulse_train" | "texture", "count"?: number, "period_ms"?: number, "from_ms"?: number, "to_ms"?: number, "also"?: [{"x_px": number, "y_px": number, "intensity_g"?: number, "from_ms"?: number, "to_ms"?: number}, ...], "quiet"?: [{"x_px": number, "y_px": number, "radius_mm": number, "at_most_g": number}, ...], "objective"?: "contrast" | "reach" | "power", "grouping"?: "distinct" | "shared", "weigh"?: "equal" | "felt", "trade"?: boolean}"#;
     let request: TouchRequest = from_body(&headers, &body, wanted)?;
     let name = super::body::name(&headers)?;
-    let id = app.admission.arrived(name.clone());
+    let id = app.admission.arrived(asker.client, name.clone());
     // It has just been read as such.
     app.note("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
-    let answer = app.touch(client, id, stops, &request).await.map(|touched| json!(touched.view()));
+    let answer = app.touch(&asker, id, stops, &request).await.map(|touched| json!(touched.view()));
     app.note("outcome", || outcome(id, &answer));
     app.admission.done(id, answer.clone());
     let mut response = answer.map(Json).into_response();
@@ -208,9 +209,13 @@ fn outcome(id: u64, answer: &Result<Value, Problem>) -> Value {
     params(("id" = String, Path, description = "Its number (plan_id of its answer) or its client's name for it")),
     responses((status = 200, description = "Its outcome", body = Told)),
 )]
-async fn request(State(app): State<Arc<App>>, key: Result<Path<String>, PathRejection>) -> Result<Response, Problem> {
+async fn request(
+    State(app): State<Arc<App>>,
+    client: Client,
+    key: Result<Path<String>, PathRejection>,
+) -> Result<Response, Problem> {
     let Path(key) = key.map_err(|error| Problem::new(Kind::BadPath, error.body_text()))?;
-    let mut told = app.admission.told(&key)?;
+    let mut told = app.admission.told(client, &key)?;
     told.acceleration_peak_g = app.touch_peak_g(told.id);
     Ok(Json(told).into_response())
 }
@@ -227,18 +232,23 @@ async fn arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Pr
 
 /// Plan for a touch on a changed scene, and its field, without driving anything
 ///
-/// One preview is computed at a time and one waits; a newer request takes the place of the one that waits, which is answered with
-/// 409. The model is made for a tolerance of 1e-2.
+/// Two previews are computed at a time, one of each client, and one of each client waits; a newer request takes the place of the one that waits, which
+/// is answered with 409. One ends when its sender closes the connection, and after 10 s. The model is made for a tolerance of 1e-2.
 #[utoipa::path(
     post,
     path = "/v1/preview",
     request_body = PreviewRequest,
     responses((status = 200, description = "What the scene would do", body = Preview)),
 )]
-async fn preview(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Result<Response, Problem> {
+async fn preview(
+    State(app): State<Arc<App>>,
+    asker: Asker,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}}"#;
-    let request: PreviewRequest = from_body(&headers, &body, wanted)?;
-    Ok(Json(app.preview(request).await?).into_response())
+    let read = move || from_body::<PreviewRequest>(&headers, &body, wanted);
+    Ok(Json(app.preview(&asker, read).await?).into_response())
 }
 
 /// Begin a small design study, without driving anything
@@ -250,11 +260,15 @@ async fn preview(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -
     request_body = StudyRequest,
     responses((status = 200, description = "It has begun", body = StudyView)),
 )]
-async fn begin_study(State(app): State<Arc<App>>, headers: HeaderMap, body: Bytes) -> Result<Response, Problem> {
+async fn begin_study(
+    State(app): State<Arc<App>>,
+    sender: Sender,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
     let wanted = r#"{"study": TOML text, "scene"?: TOML text}"#;
-    let request: StudyRequest = from_body(&headers, &body, wanted)?;
-    let view = tokio::task::block_in_place(|| app.studies.begin(&request))?;
-    Ok(Json(view).into_response())
+    let read = move || from_body::<StudyRequest>(&headers, &body, wanted);
+    Ok(Json(app.studies.begin(&sender, read).await?).into_response())
 }
 
 /// How far the study is, and what it has found
@@ -283,13 +297,13 @@ async fn stop_study(State(app): State<Arc<App>>) -> Response {
 )]
 async fn begin_tolerances(
     State(app): State<Arc<App>>,
-    client: Client,
+    asker: Asker,
     headers: HeaderMap,
     body: Bytes,
 ) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}, "tolerances"?: {"springs"?: number, "youngs_modulus"?: number, "thickness"?: number, "places_mm"?: number}}"#;
-    let request: TolerancesRequest = from_body(&headers, &body, wanted)?;
-    Ok(Json(app.begin_tolerances(client, request).await?).into_response())
+    let read = move || from_body::<TolerancesRequest>(&headers, &body, wanted);
+    Ok(Json(app.begin_tolerances(&asker, read).await?).into_response())
 }
 
 /// How far the look at tolerances is, and what it has found
@@ -346,7 +360,7 @@ async fn state(State(app): State<Arc<App>>) -> Response {
 /// The scene, as a page draws it
 #[utoipa::path(get, path = "/v1/scene", responses((status = 200, description = "The scene", body = SceneView)))]
 async fn scene(State(app): State<Arc<App>>) -> Response {
-    Json(&app.scene).into_response()
+    ([(header::CONTENT_TYPE, "application/json")], app.scene.answer.clone()).into_response()
 }
 
 /// The field of the current plan, or of the plan for `x_px`, `y_px` without driving anything.
@@ -434,12 +448,19 @@ async fn wrong_method(method: Method, uri: Uri) -> Problem {
 }
 
 /// The methods that a path takes.
-fn methods(path: &str) -> Vec<String> {
+fn methods(path: &str) -> &'static [String] {
+    /// Every path with its methods, as the description has them.
+    static METHODS: LazyLock<Vec<(String, Vec<String>)>> = LazyLock::new(|| {
+        let description: Value = serde_json::from_str(described()).unwrap_or_default();
+        let paths = description["paths"].as_object().into_iter().flatten();
+        let names = |item: &Value| -> Vec<String> {
+            item.as_object().into_iter().flatten().map(|(name, _)| name.to_uppercase()).collect()
+        };
+        paths.map(|(template, item)| (template.clone(), names(item))).collect()
+    });
     let of = |template: &str| match template.split_once('{') {
         Some((begin, _)) => path.starts_with(begin),
         None => path == template,
     };
-    let description: Value = serde_json::from_str(described()).unwrap_or_default();
-    let found = description["paths"].as_object().into_iter().flatten().find(|(template, _)| of(template));
-    found.and_then(|(_, item)| item.as_object()).into_iter().flatten().map(|(name, _)| name.to_uppercase()).collect()
+    METHODS.iter().find(|(template, _)| of(template)).map_or(&[], |(_, methods)| methods.as_slice())
 }

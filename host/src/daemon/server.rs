@@ -12,6 +12,7 @@ use super::linger::Lingering;
 use super::listener::{Incoming, Listener};
 use super::problem::{Kind, Problem};
 use super::routes;
+use super::sender::Sender;
 use crate::device::SessionError;
 use axum::Router;
 use axum::response::{IntoResponse, Response};
@@ -148,24 +149,25 @@ impl Doors {
         let closing = self.closing.clone();
         match incoming {
             Incoming::Tcp(stream) => {
-                let (peer, stream) = (Peer::of(stream.peer_addr()), Lingering::new(guest.listened(stream)));
-                let router = router.layer(axum::Extension(Scheme("http")));
-                tasks.spawn(async move { guest.served(connection(stream, peer, router, limits, closing)).await })
+                let peer = Peer::of(stream.peer_addr());
+                let (sender, stream) = Sender::of_tcp(stream);
+                let (end, stream) = (End { peer, sender, scheme: Some(Scheme("http")) }, Lingering::new(guest.listened(stream)));
+                tasks.spawn(async move { guest.served(connection(stream, end, router, limits, closing)).await })
             }
             #[cfg(unix)]
             Incoming::Unix(stream) => {
-                // The file's permissions have asked already.
-                let router = router.layer(axum::Extension(Owner));
                 let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
-                let stream = Lingering::new(guest.listened(stream));
-                tasks.spawn(async move { guest.served(connection(stream, peer, router, limits, closing)).await })
+                let (sender, stream) = Sender::of_unix(stream);
+                let (end, stream) = (End { peer, sender, scheme: None }, Lingering::new(guest.listened(stream)));
+                tasks.spawn(async move { guest.served(connection(stream, end, router, limits, closing)).await })
             }
             Incoming::Tls(stream, acceptor) => {
-                let (peer, stream) = (Peer::of(stream.peer_addr()), Lingering::new(guest.listened(stream)));
-                let router = router.layer(axum::Extension(Scheme("https")));
+                let peer = Peer::of(stream.peer_addr());
+                let (sender, stream) = Sender::of_tcp(stream);
+                let (end, stream) = (End { peer, sender, scheme: Some(Scheme("https")) }, Lingering::new(guest.listened(stream)));
                 let serving = async move {
                     match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
-                        Ok(Ok(stream)) => connection(stream, peer, router, limits, closing).await,
+                        Ok(Ok(stream)) => connection(stream, end, router, limits, closing).await,
                         Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
                         Err(_) => tracing::debug!("a handshake took too long"),
                     }
@@ -176,8 +178,28 @@ impl Doors {
     }
 }
 
+/// The other end of a connection, for whoever answers its requests.
+#[derive(Clone)]
+struct End {
+    peer: Peer,
+    sender: Sender,
+    /// `None` through the socket in the file system, whose permissions have asked who it is.
+    scheme: Option<Scheme>,
+}
+
+impl End {
+    fn put_into(&self, extensions: &mut hyper::http::Extensions) {
+        extensions.insert(self.peer);
+        extensions.insert(self.sender.clone());
+        match self.scheme {
+            Some(scheme) => drop(extensions.insert(scheme)),
+            None => drop(extensions.insert(Owner)),
+        }
+    }
+}
+
 /// One connection to its end.
-async fn connection<S>(stream: S, peer: Peer, router: Router, limits: Limits, mut closing: watch::Receiver<bool>)
+async fn connection<S>(stream: S, end: End, router: Router, limits: Limits, mut closing: watch::Receiver<bool>)
 where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
@@ -186,7 +208,7 @@ where
     stream.set_write_timeout(Some(limits.answer));
     let stream = Box::pin(stream);
     let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
-        request.extensions_mut().insert(peer);
+        end.put_into(request.extensions_mut());
         let mut router = router.clone();
         // Begun here and not when the answer is first waited for: by then the sender may have hung up, and hyper drops what
         // it waits for.

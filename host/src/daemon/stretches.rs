@@ -5,7 +5,7 @@ use super::admission::Place;
 use super::answers::touched::Achieved;
 use super::app::App;
 use super::asked::Asked;
-use super::client::Client;
+use super::client::Asker;
 use super::problem::Problem;
 use super::touch::Manner;
 use super::view::TouchView;
@@ -32,7 +32,7 @@ impl App {
     /// does a board that has gone off, faulted or been away: whoever makes it ready again does not do so for a touch of before.
     pub(super) async fn in_stretches(
         self: &Arc<Self>,
-        client: Client,
+        asker: &Asker,
         place: Place,
         id: u64,
         asked: &Asked,
@@ -60,7 +60,7 @@ impl App {
         for stretch in &mut all {
             if let Some(plan) = &stretch.plan {
                 stretch.times = Some(self.table.times(plan));
-                stretch.trade = self.trade(client, id, asked, &asked.request.only(&stretch.span.targets), plan).await;
+                stretch.trade = self.trade(asker, id, asked, &asked.request.only(&stretch.span.targets), plan).await;
             }
         }
         let active = self.shown(id, shown, &asked.touches, None);

@@ -1,22 +1,29 @@
 //! Small design studies for the page: one at a time, beside everything else, of the daemon's own scene or one that is sent. Nothing is
 //! driven by them.
 
+use super::aside::{Deadline, do_aside};
+use super::attachments::Attachments;
 use super::background::{Job, Newest, Place, Stage, Told, Work};
-use super::preview::{MAX_SCENE, check_size, too_large};
+use super::preview::{MAX_SCENE, check_counts, check_model, too_large};
 use super::problem::{Kind, Problem};
-use crate::design::evaluate::Quick;
+use super::sender::Sender;
+use crate::design::bounds::{Bounds, Excess, Unusable};
+use crate::design::evaluate::{EvaluateError, Evaluator, Figures, Quick};
 use crate::design::result::{Finalist, Table};
 use crate::design::run::{Folder, Observer, Shard, Stopped, Study, run};
+use crate::design::spec::Wanted;
 use crate::design::written::{figures, worst, write};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
 use utoipa::ToSchema;
 
-/// Most designs, each counted as often as it is looked at: half a minute of the example plate on one processor.
-const MOST_LOOKS: usize = 2000;
-/// Most finalists: a second or two each.
-const MOST_FINALISTS: usize = 5;
+/// What is taken of a study. The looks are half a minute of the example plate on one processor, a finalist is a second or two.
+const BOUNDS: Bounds = Bounds { entries: 64, places: 512, written: MAX_SCENE, looks: 2000, finalists: 5 };
+/// Longest time for looking whether a study can be begun.
+const LONGEST: Duration = Duration::from_secs(10);
 /// What messages call what came in a request.
 const STUDY: &str = "study";
 /// What messages call its scene.
@@ -91,7 +98,7 @@ pub struct DesignView {
 #[derive(Debug)]
 pub struct Studies {
     /// The daemon's own scene.
-    own: String,
+    own: Arc<str>,
     place: Place,
     newest: Newest<Found>,
 }
@@ -117,8 +124,8 @@ impl From<Told<Found>> for StudyView {
 impl Studies {
     /// For a daemon whose scene file has this text.
     #[must_use]
-    pub fn new(own: String, place: Place) -> Self {
-        Self { own, place, newest: Newest::none(Found::default()) }
+    pub fn new(own: Arc<str>, place: Place) -> Arc<Self> {
+        Arc::new(Self { own, place, newest: Newest::none(Found::default()) })
     }
 
     /// How far the newest one is.
@@ -132,36 +139,71 @@ impl Studies {
         self.newest.stop();
     }
 
-    /// Begins one.
+    /// Begins one; `read` gives what was asked for. What it takes is looked at aside, as the study itself is run, and only if no other work is under
+    /// way: whoever comes then costs nothing.
     ///
     /// # Errors
     /// [`Problem`]: mistakes in the study or its scene, more than is looked at here, or other work that is under way.
-    pub fn begin(&self, request: &StudyRequest) -> Result<StudyView, Problem> {
-        let scene = request.scene.as_ref().unwrap_or(&self.own);
-        for (field, text) in [(STUDY, &request.study), (SCENE, scene)] {
+    pub async fn begin(
+        self: &Arc<Self>,
+        sender: &Sender,
+        read: impl FnOnce() -> Result<StudyRequest, Problem> + Send + 'static,
+    ) -> Result<StudyView, Problem> {
+        let taken = self.place.take(Work::Study)?;
+        let studies = Arc::clone(self);
+        let work = move |deadline: &Deadline| {
+            let study = studies.checked(&read()?)?;
+            deadline.check()?;
+            let found = Found { name: Some(study.spec.name.clone()), ..Found::default() };
+            let (all, work) = (study.designs(), move |job: &Job<Found>| computed(&study, job));
+            Ok(studies.newest.begin(taken, all, found, work)?.into())
+        };
+        do_aside("study", LONGEST, sender, work).await
+    }
+
+    /// A study whose cost is bounded.
+    fn checked(&self, request: &StudyRequest) -> Result<Study, Problem> {
+        let scene = request.scene.as_deref().unwrap_or(&self.own);
+        for (field, text) in [(STUDY, request.study.as_str()), (SCENE, scene)] {
             if text.len() > MAX_SCENE {
                 return Err(too_large(field, text.len(), "bytes", MAX_SCENE, None));
             }
         }
-        let study = Study::parse(STUDY, &request.study, SCENE, scene)?;
-        check_size(&Scene::parse(SCENE, scene)?, scene)?;
-        let looks = study.designs().saturating_mul(1 + study.scenarios());
-        if looks > MOST_LOOKS {
-            return Err(too_large("method.designs", looks, "looks at designs", MOST_LOOKS, None));
-        }
-        let method = &study.spec.method;
-        if method.finalists > MOST_FINALISTS {
-            return Err(too_large("method.finalists", method.finalists, "finalists", MOST_FINALISTS, None));
-        }
-        if method.thorough {
+        check_counts(&Attachments::of(scene))?;
+        let study = Study::parse_within(&BOUNDS, [STUDY, &request.study], [SCENE, scene])?;
+        check_model(&Scene::parse(SCENE, scene)?, study.spec.method.to_hz)?;
+        if study.spec.method.thorough {
             let detail = "method.look is \"thorough\", but must be \"quick\" here: `era study` looks thoroughly";
             let problem = Problem::new(Kind::TooLarge, detail);
             return Err(problem.at("method.look", "thorough".into(), "\"quick\"".into(), None));
         }
-        let taken = self.place.take(Work::Study)?;
-        let found = Found { name: Some(study.spec.name.clone()), ..Found::default() };
-        let (all, work) = (study.designs(), move |job: &Job<Found>| computed(&study, job));
-        Ok(self.newest.begin(taken, all, found, work)?.into())
+        Ok(study)
+    }
+}
+
+impl From<Unusable> for Problem {
+    fn from(error: Unusable) -> Self {
+        match error {
+            Unusable::Mistakes(mistakes) => mistakes.into(),
+            Unusable::Excess(Excess { field, value, unit, most }) => too_large(field, value, unit, most, None),
+        }
+    }
+}
+
+/// A quick look at designs that are no larger than a preview may be, until nobody wants it any more.
+struct Bounded<'a> {
+    quick: Quick,
+    to_hz: f64,
+    job: &'a Job<Found>,
+}
+
+impl Evaluator for Bounded<'_> {
+    fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
+        if self.job.stops() {
+            return Err(EvaluateError::Refused("the study was stopped".into()));
+        }
+        check_model(scene, self.to_hz).map_err(|problem| EvaluateError::Refused(problem.detail().into()))?;
+        self.job.during(|| self.quick.evaluate(scene, wanted))
     }
 }
 
@@ -170,8 +212,10 @@ fn computed(study: &Study, job: &Job<Found>) -> Result<Option<Found>, String> {
     let told = |error: &dyn std::fmt::Display| error.to_string();
     let place = tempfile::tempdir().map_err(|error| told(&error))?;
     let folder = Folder::open(place.path(), study.key()).map_err(|error| told(&error))?;
-    let ended = run(study, &folder, &Quick::new(study.options()), Shard::ALL, job);
-    if ended.map_err(|error| told(&error))? == Stopped::Early {
+    let quick = Quick::new(study.options());
+    let evaluator = Bounded { quick, to_hz: study.spec.method.to_hz, job };
+    let ended = run(study, &folder, &evaluator, Shard::ALL, job);
+    if ended.map_err(|error| told(&error))? == Stopped::Early || job.stops() {
         return Ok(None);
     }
     job.finishes();

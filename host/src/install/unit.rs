@@ -12,6 +12,13 @@ pub const SYSTEM_PATH: &str = "etc/systemd/system/era.service";
 pub const USERS_PATH: &str = "etc/systemd/user/era.service";
 /// Seconds without a sign of life after which the daemon is started anew.
 const WATCHDOG_S: u32 = 10;
+/// Most memory in MB. A daemon of the example plate has 50 (`cargo xtask soak`); each of the five pieces of work that may be computed aside (two
+/// previews, a study or a look at tolerances, one that is begun, a trade) is reckoned with 100, a model of 6000 unknowns with its factors and modes; 576
+/// connections with a body of 272 kB each are 160, and 8 a recording whose disk does not answer: 720. Nearly three times that for larger scenes of one's own.
+const MEMORY_MAX_MB: u32 = 2048;
+/// Most threads. Those that serve and those that compute are one or two for each processor, half as many for each of the five pieces of work that may be
+/// computed aside, and a dozen are the device's, the recorder's and the runtime's for blocking calls: 110 on a machine with 16 processors.
+const TASKS_MAX: u32 = 512;
 /// Highest real-time priority that the daemon's threads may have.
 const PRIORITY: u32 = 20;
 
@@ -78,6 +85,9 @@ impl Unit<'_> {
              # A mistake in the configuration or the scene: another start would not help.\n\
              RestartPreventExitStatus=2\n\
              LimitRTPRIO={PRIORITY}\n\
+             # Several times what it takes with all that it lets clients ask for at once.\n\
+             MemoryMax={MEMORY_MAX_MB}M\n\
+             TasksMax={TASKS_MAX}\n\
              Environment=ERA_CACHE_DIR=%C/era\n\
              {own}\
              NoNewPrivileges=yes\n\
@@ -207,6 +217,8 @@ mod tests {
             "WatchdogSec=10",
             "Restart=on-failure",
             "LimitRTPRIO=20",
+            "MemoryMax=2048M",
+            "TasksMax=512",
             "DynamicUser=yes",
             "SupplementaryGroups=plugdev",
             "ProtectSystem=strict",

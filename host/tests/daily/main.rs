@@ -9,6 +9,7 @@ mod bodies;
 mod busy;
 mod by_hand;
 mod closing;
+mod costs;
 mod drags;
 mod figures;
 mod fingers;

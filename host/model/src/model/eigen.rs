@@ -7,6 +7,7 @@
 use super::ModelError;
 use super::columns::{Columns, LANES};
 use super::sparse::{Factor, Symmetric};
+use crate::stop::Stop;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Vectors in a block: symmetric panels have pairs, equal ERAs on them up to four equal modes.
@@ -60,7 +61,11 @@ pub fn modes(operator: Operator<'_>, known: &Modes, lambda_max: f64) -> Result<M
     let mut block = space.orthonormal(start, &nothing);
     let theta_min = 1.0 / (lambda_max + operator.shift);
     let mut next_check = 4 * BLOCK;
+    let stop = Stop::current();
     loop {
+        if stop.is_asked() {
+            return Err(ModelError::Stopped);
+        }
         let next = space.extend(&block);
         let size = space.vectors.len();
         let ended = next.vectors.ncols() == 0 || size >= most;

@@ -5,12 +5,18 @@ use super::estimator::Estimator;
 use super::fineness::Fineness;
 use super::grid::expected_unknowns;
 use super::panel::{PanelModel, fineness};
+use super::sections::Section;
 use super::{Accuracy, ModelError, ReducedModel};
-use crate::scene::{Scene, SurfaceKind};
+use crate::scene::{Layer, Scene, SurfaceKind};
+use crate::stop::Stop;
+use std::f64::consts::{PI, TAU};
 use std::time::Instant;
 
 /// Size of the cells of a plate with cut-outs over the usual one.
 const BESIDE_CUTOUTS: f64 = 0.5;
+
+/// Highest frequency of the modes that a reduced model keeps, over the highest that is asked for.
+const KEPT_MODES: f64 = 2.5;
 
 /// Orders above that of a first try.
 const MORE: usize = 2;
@@ -38,6 +44,20 @@ impl Levels {
     #[expect(clippy::cast_precision_loss, reason = "about")]
     pub fn expected_unknowns(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<f64, ModelError> {
         Ok(expected_unknowns(scene, Self::meshes(scene, accuracy, max_hz)?[0]) as f64)
+    }
+
+    /// About how many modes a model for frequencies up to `max_hz` keeps, before anything is built: by Weyl's law, which counts those of a plate
+    /// as its area times the square of the wave number over 4 pi, and those of a bar as its length times the wave number over pi.
+    #[must_use]
+    pub fn expected_modes(scene: &Scene, max_hz: f64) -> f64 {
+        let omega = TAU * KEPT_MODES * max_hz;
+        let of_layer = |(extent, layer): (f64, Layer)| {
+            let section = Section::of(scene.surface.kind, &layer);
+            // Of free waves, in rad/m, squared.
+            let square = omega * (section.per_area / section.rigidity).sqrt();
+            extent * if scene.surface.kind == SurfaceKind::Bar { square.sqrt() / PI } else { square / (4.0 * PI) }
+        };
+        scene.layout().layers().map(of_layer).sum()
     }
 
     /// Levels that meet a tolerance for frequencies up to `max_hz`, unless a panel is hardly damped.
@@ -89,6 +109,9 @@ impl Levels {
     fn of_meshes(scene: &Scene, [fine, middle, coarse]: [Fineness; 3], max_hz: f64) -> Result<Self, ModelError> {
         let mut steps = Vec::new();
         let mut level = |fineness: Fineness| -> Result<_, ModelError> {
+            if Stop::current().is_asked() {
+                return Err(ModelError::Stopped);
+            }
             let started = Instant::now();
             let model = PanelModel::with_fineness(scene, fineness)?;
             let reduced = model.reduce(max_hz, &[])?;

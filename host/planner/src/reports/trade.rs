@@ -4,6 +4,7 @@
 use crate::STANDARD_GRAVITY;
 use crate::chosen::peak;
 use crate::plan::{MET, Plan, Planned};
+use crate::stop::Stop;
 use crate::table::PlanTable;
 use crate::wish::request::{Objective, PlanError, Request, Weigh};
 use serde::Serialize;
@@ -114,7 +115,8 @@ impl PlanTable {
     }
 
     /// What can be had of `request`, for which `plan` was made: `None` if that gives all that was wanted, or if there is but
-    /// one target and no quiet zone or accelerations are weighed, so that `limited_by` says everything. Takes up to some hundred plans.
+    /// one target and no quiet zone or accelerations are weighed, so that `limited_by` says everything. Takes up to some hundred plans, between
+    /// which it looks whether it is to end ([`Stop`]).
     ///
     /// # Errors
     /// [`PlanError`].
@@ -139,6 +141,7 @@ impl PlanTable {
         for (t, wanted_g) in wanted_g.iter().enumerate() {
             let mut only = request.only(&[t]);
             only.targets.iter_mut().for_each(|target| target.intensity_g = Some(*wanted_g));
+            check_is_wanted()?;
             let Planned { plan, drives, .. } = self.planned(&only)?;
             alone_g.push(plan.predicted.target_peak_g.min(*wanted_g));
             let peaks_g = shapes.iter().map(|shape| peak(&drives, shape) / STANDARD_GRAVITY).collect();
@@ -170,6 +173,7 @@ impl PlanTable {
             target.intensity_g = Some(*wanted_g);
         }
         let point = |trial: &Request| -> Result<QuietPoint, PlanError> {
+            check_is_wanted()?;
             let peaks_g = peaks(&self.plan_for(trial)?);
             let limits = trial.quiet.iter().map(|zone| zone.at_most_g).collect::<Vec<_>>();
             let part = least_part(&peaks_g, wanted_g).min(1.0);
@@ -247,6 +251,7 @@ impl Border<'_> {
 
     /// Plans for these parts; whether they are had.
     fn try_parts(&mut self, target: usize, part: f64, others_part: f64) -> Result<bool, PlanError> {
+        check_is_wanted()?;
         let wish = |(t, g): (usize, &f64)| g * if t == target { part } else { others_part };
         let asked_g: Vec<f64> = self.alone_g.iter().enumerate().map(wish).collect();
         let mut trial = self.request.clone();
@@ -273,6 +278,11 @@ impl Border<'_> {
             })
             .max_by(|a, b| a.0.total_cmp(&b.0))
     }
+}
+
+/// Between two plans: whether somebody still waits for the answer.
+fn check_is_wanted() -> Result<(), PlanError> {
+    if Stop::current().is_asked() { Err(PlanError::Stopped) } else { Ok(()) }
 }
 
 fn peaks(plan: &Plan) -> Vec<f64> {

@@ -52,6 +52,7 @@ fn own(path: &str) -> &'static [Kind] {
             Kind::NoModel,
             Kind::TooLarge,
             Kind::PreviewSuperseded,
+            Kind::QueueFull,
             Kind::PreviewFailed,
         ],
         "/v1/study" => &[
@@ -71,7 +72,6 @@ fn own(path: &str) -> &'static [Kind] {
             Kind::NoPlan,
             Kind::NoModel,
             Kind::TooLarge,
-            Kind::QueueFull,
             Kind::StudyRuns,
             Kind::TolerancesRun,
             Kind::PreviewFailed,

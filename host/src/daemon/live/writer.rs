@@ -73,13 +73,13 @@ pub async fn write(
     let (mut device, mut updates, mut ending) = (app.device(), app.updates(), app.closing());
     let limit = app.limits.page;
     let mut first = Vec::new();
-    first.extend(wants.scene.then(|| json!(Told::Scene(Box::new(app.scene.clone())))));
-    first.extend(wants.state.then(|| state_message(&app)));
+    first.extend(wants.scene.then(|| Message::Text(app.scene.message.clone())));
+    first.extend(wants.state.then(|| text(&state_message(&app))));
     // The plan that the page knows of.
     let mut known = app.active().filter(|_| wants.plan);
-    first.extend(known.as_ref().map(|active| wants.plan_message(&app, active)));
+    first.extend(known.as_ref().map(|active| text(&wants.plan_message(&app, active))));
     for message in first {
-        if !send(&mut sink, text(&message), limit).await {
+        if !send(&mut sink, message, limit).await {
             return;
         }
     }

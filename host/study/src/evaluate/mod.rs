@@ -41,6 +41,9 @@ pub enum EvaluateError {
     /// It cannot be planned for.
     #[error(transparent)]
     Plan(#[from] PlanError),
+    /// Whoever asked does not want it, or not any more.
+    #[error("{0}")]
+    Refused(String),
     /// A figure has no value.
     #[error("{figure} has no value: {reason}")]
     Figure {

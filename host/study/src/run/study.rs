@@ -5,6 +5,7 @@ use super::folder::hex;
 use super::losses::loss;
 use super::row::{Outcome, Row};
 use super::task::Task;
+use crate::bounds::{Bounds, Unusable};
 use crate::evaluate::{EvaluateError, Evaluator, Figures, parts};
 use crate::space::{Design, Scenarios, Setting, Space};
 use crate::spec::{Figure, Robust, Spec, Wanted, Way, has_few_corners};
@@ -104,26 +105,64 @@ impl Study {
         Self::of(Spec::parse(source, text)?, source, text, scene_source, scene_text)
     }
 
+    /// The same within bounds, which are looked at before anything is listed or computed.
+    ///
+    /// # Errors
+    /// [`Unusable`]: mistakes, or more than the bounds allow.
+    pub fn parse_within(
+        bounds: &Bounds,
+        [source, text]: [&str; 2],
+        [scene_source, scene_text]: [&str; 2],
+    ) -> Result<Self, Unusable> {
+        Self::checked(Some(bounds), Spec::parse(source, text)?, [source, text], [scene_source, scene_text])
+    }
+
     fn of(spec: Spec, source: &str, text: &str, scene_source: &str, scene_text: &str) -> Result<Self, SceneError> {
-        let space = Space::new(&spec, source, text, scene_source, scene_text)?;
-        let refuse = |text: String| SceneError::of(source, 0, text);
+        Self::checked(None, spec, [source, text], [scene_source, scene_text]).map_err(|error| match error {
+            Unusable::Mistakes(mistakes) => mistakes,
+            // Without bounds there is none.
+            Unusable::Excess(excess) => SceneError::of(source, 0, excess.to_string()),
+        })
+    }
+
+    fn checked(
+        bounds: Option<&Bounds>,
+        spec: Spec,
+        [source, text]: [&str; 2],
+        [scene_source, scene_text]: [&str; 2],
+    ) -> Result<Self, Unusable> {
+        if let Some(bounds) = bounds {
+            bounds.check_spec(&spec)?;
+        }
+        let space = Space::read_scene(&spec, scene_source, scene_text)?;
+        if let Some(bounds) = bounds {
+            bounds.check_space(&spec, &space)?;
+        }
+        let off = space.uncertain_values();
+        let has_corners = spec.method.robust == Robust::Corners;
+        if let Some(bounds) = bounds
+            && (!has_corners || has_few_corners(off))
+        {
+            bounds.check_looks(&spec.method, &space, Scenarios::count(off, spec.method.robust))?;
+        }
+        space.check_study(&spec, source, text)?;
+        let refused = |text: String| Unusable::Mistakes(SceneError::of(source, 0, text));
         let scene = Scene::parse(scene_source, scene_text)?;
         let figures = spec.figures();
         if scene.actuators.is_empty() || scene.actuators.len() > MAX_ACTUATORS {
             let count = scene.actuators.len();
-            return Err(refuse(format!("the scene has {count} actuators, but a study needs 1 to {MAX_ACTUATORS}")));
+            return Err(refused(format!("the scene has {count} actuators, but a study needs 1 to {MAX_ACTUATORS}")));
         }
         if scene.finger.is_some()
             && let Some(one) = figures.iter().find(|wanted| wanted.is_of_one_setting())
         {
-            return Err(refuse(format!(
+            return Err(refused(format!(
                 "{} is wanted with one setting for the whole surface, which does not know where the scene's [finger] is: leave out one of the two",
                 one.column()
             )));
         }
-        let off = space.uncertain_values();
-        if spec.method.robust == Robust::Corners && !has_few_corners(off) {
-            return Err(refuse(format!(
+        if has_corners && !has_few_corners(off) {
+            return Err(refused(format!(
                 "method.robust is \"corners\", but {off} values that may be off have too many: allowed are 8; \
                  let several vary together, or use \"latin_hypercube\""
             )));
@@ -132,13 +171,13 @@ impl Study {
         let dimensions = space.dimensions();
         if spec.method.way == Way::Sobol && dimensions.len() > MOST_SOBOL {
             let count = dimensions.len();
-            return Err(refuse(format!(
+            return Err(refused(format!(
                 "method.way is \"sobol\", which has at most {MOST_SOBOL} dimensions, but there are {count}"
             )));
         }
         let points = match Samples::new(&spec.method, dimensions) {
             Some(samples) => Points::Known(samples),
-            None if dimensions.is_empty() => return Err(refuse("an evolution needs a variable".into())),
+            None if dimensions.is_empty() => return Err(refused("an evolution needs a variable".into())),
             None => Points::Evolving(Evolution::new(&spec.method, dimensions.len())),
         };
         let designs = points.count();

@@ -5,6 +5,9 @@ use crate::spec::{Apart, Path, PathError, Step, Variable, What};
 use era_model::scene::{Scene, SceneError};
 use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
+/// Mistakes of one design that are told: every row of a study has its own.
+const MOST_TOLD: usize = 8;
+
 /// Why a design is none.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
@@ -31,7 +34,10 @@ pub enum Refused {
 impl Refused {
     fn of_scene(error: &SceneError) -> Self {
         // Without the file's name and lines: the text is the design's, not the file's.
-        Self::Scene(error.mistakes.iter().map(|mistake| mistake.text.as_str()).collect::<Vec<_>>().join("; "))
+        let told: Vec<&str> = error.mistakes.iter().take(MOST_TOLD).map(|mistake| mistake.text.as_str()).collect();
+        let more = error.mistakes.len().saturating_sub(MOST_TOLD);
+        let more = if more == 0 { String::new() } else { format!("; and {more} more mistakes") };
+        Self::Scene(told.join("; ") + &more)
     }
 }
 

@@ -26,6 +26,8 @@ use toml_edit::DocumentMut;
 pub struct Space {
     /// The scene as it is in its file.
     base: DocumentMut,
+    /// How long that is.
+    bytes: usize,
     /// What messages call that file.
     source: String,
     variables: Vec<Variable>,
@@ -47,22 +49,44 @@ impl Space {
         scene_source: &str,
         scene_text: &str,
     ) -> Result<Self, SceneError> {
+        let space = Self::read_scene(spec, scene_source, scene_text)?;
+        space.check_study(spec, source, text)?;
+        Ok(space)
+    }
+
+    /// The same of a study that is not checked against its scene yet.
+    ///
+    /// # Errors
+    /// [`SceneError`]: the scene's mistakes.
+    pub(crate) fn read_scene(spec: &Spec, scene_source: &str, scene_text: &str) -> Result<Self, SceneError> {
         Scene::parse(scene_source, scene_text)?;
         let base: DocumentMut = scene_text.parse().map_err(|error: toml_edit::TomlError| {
             SceneError::of(scene_source, 0, format!("not valid TOML: {}", error.message()))
         })?;
-        let space = Self {
+        Ok(Self {
             base,
+            bytes: scene_text.len(),
             source: scene_source.into(),
             variables: spec.variables.clone(),
             dimensions: design::dimensions(&spec.variables),
             apart: spec.apart.clone(),
             uncertain: spec.uncertain.clone(),
-        };
+        })
+    }
+
+    /// Checks the study, whose source and text these are, against its scene.
+    ///
+    /// # Errors
+    /// [`SceneError`]: where variables do not fit the scene.
+    pub(crate) fn check_study(&self, spec: &Spec, source: &str, text: &str) -> Result<(), SceneError> {
         let report = Report::new(text);
-        space.check(&report, text, &spec.figures());
-        report.finish(source)?;
-        Ok(space)
+        self.check(&report, text, &spec.figures());
+        report.finish(source)
+    }
+
+    /// How many places of the scene a path leads to; none where it leads nowhere.
+    pub(crate) fn places_of(&self, path: &Path) -> usize {
+        path.places(&self.base).map_or(0, |places| places.len())
     }
 
     /// The dimensions of the unit cube.

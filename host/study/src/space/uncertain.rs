@@ -17,6 +17,18 @@ pub struct Scenarios(
 );
 
 impl Scenarios {
+    /// How many there are for so many values that may be off, before any is listed.
+    #[must_use]
+    pub fn count(values: usize, robust: Robust) -> usize {
+        match robust {
+            _ if values == 0 => 0,
+            Robust::Corners => {
+                u32::try_from(values).ok().and_then(|values| 1_usize.checked_shl(values)).unwrap_or(usize::MAX)
+            }
+            Robust::LatinHypercube { samples } => samples,
+        }
+    }
+
     /// For so many values that may be off.
     #[must_use]
     pub fn new(values: usize, robust: Robust, seed: u64) -> Self {

@@ -4,4 +4,4 @@ mod evolution;
 mod samples;
 
 pub use evolution::Evolution;
-pub use samples::{MOST_SOBOL, Samples, latin_hypercube};
+pub use samples::{MOST_SOBOL, Samples, designs_of, latin_hypercube};

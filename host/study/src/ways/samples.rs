@@ -88,17 +88,36 @@ impl Samples {
     }
 }
 
+/// How many designs a method looks at, before any is listed; more than can be counted is the largest number.
+#[must_use]
+pub fn designs_of(method: &Method, dimensions: &[Dimension]) -> usize {
+    match method.way {
+        Way::Grid => {
+            dimensions.iter().fold(1_usize, |count, own| count.saturating_mul(level_count(own, method.levels)))
+        }
+        Way::LatinHypercube | Way::Sobol | Way::Evolution => method.designs,
+    }
+}
+
+/// How many values of a dimension are on a grid.
+fn level_count(dimension: &Dimension, usual: usize) -> usize {
+    match dimension.count {
+        Some(count) => dimension.levels.unwrap_or(count).min(count),
+        None => dimension.levels.unwrap_or(usual),
+    }
+}
+
 /// The values of a dimension on a grid: both ends, and evenly between them; of what can be counted all, or as many as asked for.
 #[expect(clippy::cast_precision_loss, reason = "small counts")]
 fn levels(dimension: &Dimension, usual: usize) -> Vec<f64> {
     match dimension.count {
         // The middle of what stands for each.
         Some(count) => {
-            let chosen = dimension.levels.unwrap_or(count).min(count);
+            let chosen = level_count(dimension, usual);
             let last = chosen.saturating_sub(1).max(1);
             (0..chosen).map(|k| (((k * (count - 1)) as f64 / last as f64).round() + 0.5) / count as f64).collect()
         }
-        None => era_model::scene::evenly(0.0, 1.0, dimension.levels.unwrap_or(usual)),
+        None => era_model::scene::evenly(0.0, 1.0, level_count(dimension, usual)),
     }
 }
 

@@ -1,0 +1,260 @@
+//! The files of a recording: one after the other, none larger than it may be, and the oldest of them removed.
+
+use super::Recorder;
+use serde_json::json;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{ErrorKind, Result, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::time::{FormatTime, SystemTime as Clock};
+
+/// Files of one name, or begun in one second.
+const SAME_NAME: u32 = 10_000;
+/// How names of a folder's files end.
+const ENDING: &str = "Z.jsonl";
+
+/// How much is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// Bytes of one file, after which the next one is begun.
+    pub file_bytes: u64,
+    /// Bytes of all files together: the oldest are removed before that. In a folder those of earlier starts count as well.
+    pub total_bytes: u64,
+}
+
+impl Default for Kept {
+    /// A day of touches, one each second, and a week.
+    fn default() -> Self {
+        Self { file_bytes: 256_000_000, total_bytes: 2_000_000_000 }
+    }
+}
+
+/// The file that is written, and those before it.
+#[derive(Debug)]
+pub struct Files {
+    /// As the recording was asked for.
+    wanted: PathBuf,
+    is_in_folder: bool,
+    kept: Kept,
+    scene: String,
+    /// All, the oldest first, with their bytes; the last is written.
+    all: VecDeque<(PathBuf, u64)>,
+    file: File,
+    /// When the file was begun, since the recording was.
+    began: Duration,
+    /// Whole lines that are not written yet.
+    waiting: String,
+}
+
+impl Files {
+    /// Begins the first one; a file that is there is not written over.
+    ///
+    /// # Errors
+    /// As the file system has it.
+    pub fn begin(wanted: &Path, kept: Kept, scene: &str) -> Result<Self> {
+        let is_in_folder = Recorder::is_folder(wanted);
+        if is_in_folder {
+            std::fs::create_dir_all(wanted)?;
+        }
+        let mut all = if is_in_folder { earlier(wanted)? } else { VecDeque::new() };
+        let (path, file) =
+            if is_in_folder { named_after_the_time(wanted)? } else { (wanted.to_owned(), create(wanted)?) };
+        all.push_back((path, 0));
+        let (wanted, scene) = (wanted.to_owned(), scene.to_owned());
+        let mut files =
+            Self { wanted, is_in_folder, kept, scene, all, file, began: Duration::ZERO, waiting: String::new() };
+        files.put_beginning()?;
+        files.write()?;
+        files.remove_oldest();
+        Ok(files)
+    }
+
+    /// The file that is written.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.all.back().map_or(&self.wanted, |(path, _)| path)
+    }
+
+    /// When it was begun, since the recording was.
+    #[must_use]
+    pub const fn began(&self) -> Duration {
+        self.began
+    }
+
+    /// Begins the next one at this time if so many bytes more would be too many for this one.
+    ///
+    /// # Errors
+    /// As the file system has it.
+    pub fn make_room(&mut self, bytes: usize, at: Duration) -> Result<()> {
+        let has = self.all.back().map_or(0, |(_, bytes)| *bytes);
+        if has + (self.waiting.len() + bytes) as u64 <= self.kept.file_bytes {
+            return Ok(());
+        }
+        self.write()?;
+        self.sync()?;
+        let (path, file) =
+            if self.is_in_folder { named_after_the_time(&self.wanted)? } else { numbered(&self.wanted)? };
+        (self.file, self.began) = (file, at);
+        self.all.push_back((path, 0));
+        self.remove_oldest();
+        self.put_beginning()
+    }
+
+    /// A whole line, which is written with the next [`Self::write`].
+    ///
+    /// # Errors
+    /// None yet.
+    pub fn put(&mut self, line: &str) -> Result<()> {
+        self.waiting.push_str(line);
+        Ok(())
+    }
+
+    /// Writes what waits.
+    ///
+    /// # Errors
+    /// As the file system has it; the file ends with a whole line then.
+    pub fn write(&mut self) -> Result<()> {
+        self.file.write_all(self.waiting.as_bytes())?;
+        if let Some((_, bytes)) = self.all.back_mut() {
+            *bytes += self.waiting.len() as u64;
+        }
+        self.waiting.clear();
+        Ok(())
+    }
+
+    /// Waits until it is on the disk.
+    ///
+    /// # Errors
+    /// As the file system has it.
+    pub fn sync(&mut self) -> Result<()> {
+        self.file.sync_data()
+    }
+
+    fn put_beginning(&mut self) -> Result<()> {
+        let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
+        let (version, scene) = (env!("CARGO_PKG_VERSION"), &self.scene);
+        let line = json!({
+            "at_ms": 0.0, "kind": "begin", "format": 1, "version": version, "scene": scene, "unix_s": since_1970,
+        });
+        self.put(&format!("{line}\n"))
+    }
+
+    /// Makes room for one more whole file; never removes the one that is written.
+    fn remove_oldest(&mut self) {
+        let most = self.kept.total_bytes.saturating_sub(self.kept.file_bytes);
+        while self.all.len() > 1 && self.all.iter().rev().skip(1).map(|(_, bytes)| bytes).sum::<u64>() > most {
+            let Some((path, _)) = self.all.pop_front() else { return };
+            if let Err(error) = std::fs::remove_file(&path) {
+                tracing::warn!(%error, "an old recording, {}, cannot be removed", path.display());
+            }
+        }
+    }
+}
+
+/// A file that was not there.
+fn create(path: &Path) -> Result<File> {
+    std::fs::OpenOptions::new().write(true).create_new(true).open(path)
+}
+
+/// The first of some names that is free.
+fn first_free(names: impl Fn(u32) -> PathBuf) -> Result<(PathBuf, File)> {
+    let mut number = 1;
+    loop {
+        let path = names(number);
+        match create(&path) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && number < SAME_NAME => number += 1,
+            file => return file.map(|file| (path, file)),
+        }
+    }
+}
+
+/// A new file named after the time (UTC, to a second), and where another has that name, with a number behind.
+fn named_after_the_time(folder: &Path) -> Result<(PathBuf, File)> {
+    let mut time = String::new();
+    let _ = Clock.format_time(&mut Writer::new(&mut time));
+    // 2026-01-31T09:30:00.000000Z; some file systems have no colons.
+    let time: String = time.chars().take_while(|c| *c != '.').filter(|c| *c != ':').collect();
+    first_free(|number| {
+        folder.join(if number == 1 { format!("{time}{ENDING}") } else { format!("{time}Z-{number}.jsonl") })
+    })
+}
+
+/// `day.jsonl` is followed by `day-2.jsonl`.
+fn numbered(first: &Path) -> Result<(PathBuf, File)> {
+    let stem = first.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let ending = first.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
+    first_free(|number| first.with_file_name(format!("{stem}-{}{ending}", number + 1)))
+}
+
+/// What earlier starts have left in a folder, the oldest first: files whose names this program gives.
+fn earlier(folder: &Path) -> Result<VecDeque<(PathBuf, u64)>> {
+    let is_own = |name: &str| {
+        let is_time = |text: &str| text.len() == 17 && text.chars().all(|c| c.is_ascii_digit() || c == '-' || c == 'T');
+        let is_numbered = |rest: &str| {
+            let number = rest.strip_prefix("Z-").and_then(|rest| rest.strip_suffix(".jsonl"));
+            number.is_some_and(|number| number.chars().all(|c| c.is_ascii_digit()))
+        };
+        name.split_once('Z').is_some_and(|(time, _)| is_time(time))
+            && name.get(17..).is_some_and(|rest| rest == ENDING || is_numbered(rest))
+    };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        let metadata = entry.metadata()?;
+        if metadata.is_file() && entry.file_name().to_str().is_some_and(is_own) {
+            found.push((metadata.modified()?, entry.path(), metadata.len()));
+        }
+    }
+    found.sort();
+    Ok(found.into_iter().map(|(_, path, bytes)| (path, bytes)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::replay::Recording;
+
+    /// Bytes of a folder's files, and their names in order.
+    fn names(folder: &Path) -> (u64, Vec<String>) {
+        let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+        let mut all: Vec<(String, u64)> =
+            entries.map(|entry| (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().len())).collect();
+        all.sort();
+        (all.iter().map(|(_, bytes)| bytes).sum(), all.into_iter().map(|(name, _)| name).collect())
+    }
+
+    #[test]
+    fn what_is_recorded_has_an_end() {
+        let kept = Kept { file_bytes: 20_000, total_bytes: 60_000 };
+        for is_in_folder in [false, true] {
+            let folder = tempfile::tempdir().unwrap();
+            let foreign = folder.path().join("notes.jsonl");
+            std::fs::write(&foreign, "mine").unwrap();
+            let path = if is_in_folder { folder.path().to_owned() } else { folder.path().join("day.jsonl") };
+            for _ in 0..2 {
+                let recorder = Recorder::start_with(&path, "desk", kept).unwrap();
+                for i in 0..1000 {
+                    recorder.line("touch", || json!({"id": i, "body": {"x_px": 1, "y_px": 2, "duration_ms": 1000}}));
+                    if i % 100 == 99 {
+                        // The disk has time.
+                        std::thread::sleep(Duration::from_millis(20));
+                    }
+                }
+                drop(recorder);
+                if !is_in_folder {
+                    std::fs::rename(&path, folder.path().join("kept")).ok();
+                    break;
+                }
+            }
+            let (bytes, names) = names(folder.path());
+            assert!((20_000..=61_000).contains(&bytes), "{bytes} {names:?}");
+            assert!(foreign.exists() && names.len() > 2, "{names:?}");
+            for name in names.iter().filter(|name| *name != "notes.jsonl") {
+                let text = std::fs::read_to_string(folder.path().join(name)).unwrap();
+                Recording::parse(&text).unwrap_or_else(|error| panic!("{name}: {error}"));
+            }
+        }
+    }
+}

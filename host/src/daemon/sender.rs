@@ -1,0 +1,145 @@
+//! Whether whoever sent a request still waits for its answer. What takes long ends when nobody does; all else is carried out in any case.
+
+use axum::extract::FromRequestParts;
+use axum::http::request::Parts;
+use std::convert::Infallible;
+use std::io;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite, Interest, ReadBuf};
+use tokio::net::{TcpStream, tcp};
+#[cfg(unix)]
+use tokio::net::{UnixStream, unix};
+
+/// Between two looks at a connection over which something has come that nobody reads yet: the next request, say.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Who has sent a request: the end of a connection from which something is read.
+#[derive(Clone, Debug, Default)]
+pub struct Sender(Option<Source>);
+
+#[derive(Clone, Debug)]
+enum Source {
+    Tcp(Arc<tcp::OwnedReadHalf>),
+    #[cfg(unix)]
+    Unix(Arc<unix::OwnedReadHalf>),
+}
+
+/// A connection whose sender is looked at while it is served.
+#[derive(Debug)]
+pub struct Watched<W> {
+    source: Source,
+    sink: W,
+}
+
+impl Sender {
+    /// One of which nothing is known: it waits for ever.
+    #[must_use]
+    pub const fn unknown() -> Self {
+        Self(None)
+    }
+
+    /// A connection, and who is at its other end.
+    #[must_use]
+    pub fn of_tcp(stream: TcpStream) -> (Self, Watched<tcp::OwnedWriteHalf>) {
+        let (read, sink) = stream.into_split();
+        let source = Source::Tcp(Arc::new(read));
+        (Self(Some(source.clone())), Watched { source, sink })
+    }
+
+    /// The same of a connection through the file system.
+    #[cfg(unix)]
+    #[must_use]
+    pub fn of_unix(stream: UnixStream) -> (Self, Watched<unix::OwnedWriteHalf>) {
+        let (read, sink) = stream.into_split();
+        let source = Source::Unix(Arc::new(read));
+        (Self(Some(source.clone())), Watched { source, sink })
+    }
+
+    /// Resolves once it has closed the connection, or its half of it. The two cannot be told from each other before something is written.
+    pub async fn is_gone(&self) {
+        let Some(source) = &self.0 else { return std::future::pending().await };
+        loop {
+            let ready = match source {
+                Source::Tcp(read) => read.ready(Interest::READABLE).await,
+                #[cfg(unix)]
+                Source::Unix(read) => read.ready(Interest::READABLE).await,
+            };
+            if ready.map_or(true, |ready| ready.is_read_closed()) {
+                return;
+            }
+            tokio::time::sleep(LOOK).await;
+        }
+    }
+}
+
+impl<S: Sync> FromRequestParts<S> for Sender {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        Ok(parts.extensions.get().cloned().unwrap_or_default())
+    }
+}
+
+impl Source {
+    fn poll_ready(&self, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        match self {
+            Self::Tcp(read) => AsRef::<TcpStream>::as_ref(&**read).poll_read_ready(context),
+            #[cfg(unix)]
+            Self::Unix(read) => AsRef::<UnixStream>::as_ref(&**read).poll_read_ready(context),
+        }
+    }
+
+    fn try_read(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::Tcp(read) => read.try_read(buffer),
+            #[cfg(unix)]
+            Self::Unix(read) => read.try_read(buffer),
+        }
+    }
+}
+
+impl<W: Unpin> AsyncRead for Watched<W> {
+    fn poll_read(self: Pin<&mut Self>, context: &mut Context<'_>, buffer: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        loop {
+            ready!(self.source.poll_ready(context))?;
+            match self.source.try_read(buffer.initialize_unfilled()) {
+                Ok(read) => {
+                    buffer.advance(read);
+                    return Poll::Ready(Ok(()));
+                }
+                // It was not ready after all, and is asked again.
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                Err(error) => return Poll::Ready(Err(error)),
+            }
+        }
+    }
+}
+
+impl<W: AsyncWrite + Unpin> AsyncWrite for Watched<W> {
+    fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.sink).poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.sink).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.sink).poll_shutdown(context)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        parts: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.sink).poll_write_vectored(context, parts)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.sink.is_write_vectored()
+    }
+}
