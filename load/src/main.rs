@@ -1,9 +1,10 @@
-//! Loads for a running daemon: `cargo xtask soak` and `cargo xtask bench daemon`.
+//! Loads for a running daemon: `cargo xtask soak`, `cargo xtask bench daemon` and `cargo xtask bench costs`.
 //!
 //! The daemon is the program as it is shipped, in a process of its own. Its board is simulated in this one, behind a line that can be
 //! pulled, cut and disturbed (`board`), so that what the board was told and went through is known without asking the daemon.
 
 mod board;
+mod costs;
 mod daemon;
 mod error;
 mod http;
@@ -29,6 +30,8 @@ enum Command {
     Soak(soak::Options),
     /// From a request to its answer, to the board and to a stop, at several rates and over every way in
     Daemon(pace::Options),
+    /// What every route costs at its worst, and how long a stop takes beside it
+    Costs(costs::Options),
 }
 
 /// A number of times, or of touches a second, that can be waited for.
@@ -41,6 +44,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Soak(options) => soak::run(&options),
         Command::Daemon(options) => pace::run(&options),
+        Command::Costs(options) => costs::run(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

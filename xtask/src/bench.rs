@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: builds the measuring program in release mode and runs it; `start` and `daemon` measure `era serve`
+//! `cargo xtask bench`: builds the measuring program in release mode and runs it; `start`, `daemon` and `costs` measure `era serve`
 //! itself, and `planner --against REV` another commit's planner as well.
 
 use crate::error::Error;
@@ -12,12 +12,12 @@ use std::process::Command;
 #[derive(Args)]
 #[command(disable_help_flag = true)]
 pub struct Options {
-    /// What to measure, and how: `model --help`, `start --help` and `daemon --help` say it all
+    /// What to measure, and how: `model --help`, `start --help`, `daemon --help` and `costs --help` say it all
     #[arg(
         trailing_var_arg = true,
         allow_hyphen_values = true,
         required = true,
-        value_name = "model|planner|study|start|daemon ..."
+        value_name = "model|planner|study|start|daemon|costs ..."
     )]
     arguments: Vec<OsString>,
 }
@@ -30,7 +30,7 @@ pub fn command(options: &Options) -> Result<(), Error> {
     if options.arguments.first().is_some_and(|what| what == "start") {
         return crate::start::command(&options.arguments);
     }
-    if options.arguments.first().is_some_and(|what| what == "daemon") {
+    if options.arguments.first().is_some_and(|what| what == "daemon" || what == "costs") {
         return crate::load::put_on(&options.arguments);
     }
     if let [what, option, revision] = options.arguments.as_slice()

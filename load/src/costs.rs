@@ -1,0 +1,162 @@
+//! What every route costs at its worst, and how long a stop takes beside it: `cargo xtask bench costs` prints the table of docs/src/http.md.
+
+mod requests;
+
+use crate::daemon::{Daemon, Plan};
+use crate::error::Error;
+use crate::http::{Http, Place};
+use crate::live::Live;
+use crate::times::{Times, number};
+use clap::Args;
+use requests::{Case, Way, cases};
+use serde_json::json;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Connections that ask for the same at once.
+const CONNECTIONS: usize = 8;
+/// Between two stops.
+const BETWEEN_STOPS: Duration = Duration::from_millis(20);
+/// Between two requests whose senders hang up: an answer is not what paces them.
+const BETWEEN_HANG_UPS: Duration = Duration::from_millis(5);
+/// Longest stop that is asked for.
+const LONGEST_STOP_MS: f64 = 10.0;
+
+/// For how long.
+#[derive(Args, Clone, Debug)]
+pub struct Options {
+    /// Time for each route, in s
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = crate::positive)]
+    seconds: f64,
+    /// The program to start
+    #[arg(long, value_name = "FILE", default_value = "target/release/era")]
+    program: PathBuf,
+}
+
+/// What was measured of one.
+struct Measured {
+    answers: Times,
+    /// Answers of each status, in words.
+    statuses: String,
+    stops: Times,
+}
+
+/// Measures all and prints a table.
+///
+/// # Errors
+/// [`Error::Missed`] if a stop took too long.
+pub fn run(options: &Options) -> Result<(), Error> {
+    let folder = tempfile::tempdir().map_err(Error::system("no folder"))?;
+    let plan = Plan {
+        program: options.program.clone(),
+        device: "sim".into(),
+        socket: folder.path().join("era.sock"),
+        cache: folder.path().join("cache"),
+        clears_silence: true,
+    };
+    let daemon = Daemon::start(&plan)?;
+    daemon.await_device()?;
+    println!(
+        "{CONNECTIONS} connections ask for the same for {} s; a stop every {BETWEEN_STOPS:?} beside them\n",
+        options.seconds
+    );
+    println!("| route | bound | answers | longest answer, ms | stops: median / p99 / longest | memory so far, MB |");
+    println!("|---|---|---|---|---|---|");
+    let mut missed = Vec::new();
+    for case in cases() {
+        let measured = measured(&daemon, &case, Duration::from_secs_f64(options.seconds))?;
+        let longest = measured.answers.longest().map_or_else(|| "-".into(), number);
+        println!(
+            "| {} | {} | {} | {longest} | {} | {} |",
+            case.route,
+            case.bound,
+            measured.statuses,
+            measured.stops.told(),
+            peak_mb(&daemon)
+        );
+        if measured.stops.longest().is_none_or(|longest| longest > LONGEST_STOP_MS) {
+            missed.push(case.route);
+        }
+    }
+    if missed.is_empty() {
+        return Ok(());
+    }
+    Err(Error::Missed(format!("a stop within {LONGEST_STOP_MS} ms beside {}", missed.join(", "))))
+}
+
+fn measured(daemon: &Daemon, case: &Case, time: Duration) -> Result<Measured, Error> {
+    let until = Instant::now() + time;
+    let mut stops = Times::default();
+    let asked = std::thread::scope(|threads| {
+        let asking: Vec<_> = (0..CONNECTIONS).map(|_| threads.spawn(|| asked(daemon, case, until))).collect();
+        let mut http = Http::new(Place::Tcp(daemon.address));
+        while Instant::now() < until {
+            let begun = Instant::now();
+            match http.post("/v1/stop", "") {
+                Ok(answer) if answer.status == 200 => stops.add(begun.elapsed()),
+                _ => stops.never(),
+            }
+            std::thread::sleep(BETWEEN_STOPS);
+        }
+        asking.into_iter().filter_map(|thread| thread.join().ok()).collect::<Vec<_>>()
+    });
+    let (mut answers, mut counts) = (Times::default(), std::collections::BTreeMap::<u16, usize>::new());
+    for one in asked {
+        let (times, own) = one.map_err(Error::Answer)?;
+        answers.join(times);
+        own.into_iter().for_each(|status| *counts.entry(status).or_default() += 1);
+    }
+    let statuses: Vec<String> = counts
+        .into_iter()
+        .map(|(status, count)| if status == 0 { format!("{count} hung up") } else { format!("{count} x {status}") })
+        .collect();
+    Ok(Measured { answers, statuses: statuses.join(", "), stops })
+}
+
+/// Times of answers, and their statuses; 0 where nobody waited for one.
+fn asked(daemon: &Daemon, case: &Case, until: Instant) -> Result<(Times, Vec<u16>), String> {
+    let (mut times, mut statuses) = (Times::default(), Vec::new());
+    let mut http = Http::new(Place::Tcp(daemon.address));
+    let mut live = None;
+    if matches!(case.way, Way::Live) {
+        live = Some(Live::open(daemon.address, "state")?);
+    }
+    let mut turn = 0;
+    while Instant::now() < until {
+        let (method, path, body) = &case.requests[turn % case.requests.len()];
+        turn += 1;
+        let begun = Instant::now();
+        match (case.way, &mut live) {
+            (Way::Live, Some(live)) => {
+                live.send(&serde_json::from_str(body).unwrap_or_else(|_| json!(body)))?;
+                // What is told meanwhile is read, so that the socket is not let go.
+                while live.read_until(Instant::now() + Duration::from_micros(100))?.is_some() {}
+                statuses.push(101);
+            }
+            (Way::HangUp, _) => {
+                let mut stream = crate::http::tcp(daemon.address).map_err(|error| error.to_string())?;
+                let length = body.len();
+                let head = format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n");
+                stream.write_all(format!("{head}{body}").as_bytes()).map_err(|error| error.to_string())?;
+                statuses.push(0);
+                std::thread::sleep(BETWEEN_HANG_UPS);
+            }
+            _ => match http.request(method, path, None, body) {
+                Ok(answer) => {
+                    times.add(begun.elapsed());
+                    statuses.push(answer.status);
+                }
+                Err(error) => return Err(format!("{method} {path}: {error}")),
+            },
+        }
+    }
+    Ok((times, statuses))
+}
+
+/// Most memory that the daemon has had so far, in MB.
+fn peak_mb(daemon: &Daemon) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", daemon.id())).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) / 1000
+}

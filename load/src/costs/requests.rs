@@ -1,0 +1,199 @@
+//! Every route of the daemon, with the dearest that it takes and the dearest that it refuses.
+
+use era::scene::EXAMPLE_PLATE;
+use serde_json::{Value, json};
+
+/// How a request is sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// And its answer waited for.
+    Answered,
+    /// And its sender hangs up.
+    HangUp,
+    /// As a message on a live socket.
+    Live,
+}
+
+/// Requests of one kind.
+pub struct Case {
+    /// Method and path, and which of its requests these are.
+    pub route: &'static str,
+    /// What bounds their cost.
+    pub bound: &'static str,
+    pub way: Way,
+    /// Method, path and body, sent in turn.
+    pub requests: Vec<(&'static str, String, String)>,
+}
+
+const STUDY: &str = "version = 1\nname = \"costs\"\nscene = \"plate.toml\"\n[[wish]]\nfigure = \"weakest_g\"\n";
+
+fn case(route: &'static str, bound: &'static str, method: &'static str, path: &str, bodies: Vec<String>) -> Case {
+    let requests = bodies.into_iter().map(|body| (method, path.to_owned(), body)).collect();
+    Case { route, bound, way: Way::Answered, requests }
+}
+
+fn read(route: &'static str, bound: &'static str, path: &str) -> Case {
+    case(route, bound, "GET", path, vec![String::new()])
+}
+
+/// With ten targets and eight quiet zones.
+fn large_touch(turn: u32, more: &Value) -> String {
+    let place = |k: u32| (f64::from((turn * 733 + k * 379) % 1920), f64::from((turn * 541 + k * 251) % 1280));
+    let target = |k: u32| json!({"x_px": place(k).0, "y_px": place(k).1, "intensity_g": 0.1 * f64::from(k)});
+    let quiet = |k: u32| json!({"x_px": place(k).0, "y_px": place(k).1, "radius_mm": 20, "at_most_g": 0.01});
+    let mut body = target(5);
+    body["also"] = (1..10).map(target).collect();
+    body["quiet"] = (20..28).map(quiet).collect();
+    if let (Some(body), Some(more)) = (body.as_object_mut(), more.as_object()) {
+        body.extend(more.clone());
+    }
+    body.to_string()
+}
+
+fn masses(count: usize) -> String {
+    let one = |i: usize| {
+        let (x, y) = (15 + 10 * (i % 27), 20 + (37 * i) % 160);
+        format!("[[mass]]\nx_mm = {x}\ny_mm = {y}\nmass_g = 1\n")
+    };
+    format!("{EXAMPLE_PLATE}\n{}", (0..count).map(one).collect::<String>())
+}
+
+fn patches(count: usize) -> String {
+    let one = |i: usize| {
+        let (x, y) = (i % 20 * 14, i / 20 * 9);
+        format!("[[patch]]\nx_mm = {x}\ny_mm = {y}\nlength_mm = 8\nwidth_mm = 5\nthickness_mm = 2.5\n")
+    };
+    format!("{EXAMPLE_PLATE}\n{}", (0..count).map(one).collect::<String>())
+}
+
+fn long(length_mm: u32) -> String {
+    EXAMPLE_PLATE.replacen("length_mm = 300", &format!("length_mm = {length_mm}"), 1)
+}
+
+fn preview(scene: &str) -> String {
+    json!({"x_px": 960, "y_px": 640, "scene": scene}).to_string()
+}
+
+fn study(text: &str) -> String {
+    json!({ "study": text }).to_string()
+}
+
+fn wrong_variables(count: usize) -> String {
+    let one = |i: usize| format!("[[variable]]\nname = \"v{i}\"\nkey = \"support[1].x_mm\"\nfrom = 1000\nto = 2000\n");
+    study(&format!("{STUDY}{}", (0..count).map(one).collect::<String>()))
+}
+
+/// All of them; the stop itself is measured beside each.
+pub fn cases() -> Vec<Case> {
+    let text = |length: usize| json!({"x_px": 1, "y_px": 2, "also": "x".repeat(length)}).to_string();
+    let live =
+        |route, bound, bodies: Vec<String>| Case { way: Way::Live, ..case(route, bound, "GET", "/v1/live", bodies) };
+    let finger = |k: u32| json!({"id": k, "x_px": 100 * k, "y_px": 100 * k, "intensity_g": 0.1});
+    let fingers = |from: u32| json!({"type": "touch", "touches": (from..from + 10).map(finger).collect::<Vec<_>>()});
+    let thickness = format!("{STUDY}[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.5\nto = 3\n");
+    vec![
+        case(
+            "`POST /v1/touch`, 10 targets, 8 quiet zones",
+            "16 KiB; 2 planned at a time, 64 wait, by turns",
+            "POST",
+            "/v1/touch",
+            (0..8)
+                .map(|turn| {
+                    large_touch(turn, &json!({"objective": (if turn % 2 == 0 { "power" } else { "contrast" })}))
+                })
+                .collect(),
+        ),
+        case(
+            "the same with `trade`",
+            "one at a time, 4 wait, 5 s, ends with its sender",
+            "POST",
+            "/v1/touch",
+            (0..4).map(|turn| large_touch(turn, &json!({"trade": true}))).collect(),
+        ),
+        case("the same, 16 kB that are no touch", "16 KiB", "POST", "/v1/touch", vec![text(16_000)]),
+        read("`GET /v1/requests/{id}`", "the last 256", "/v1/requests/none"),
+        case(
+            "`POST /v1/preview`, the example plate",
+            "2 at a time, one of each client, 16 wait, 10 s, ends with its sender",
+            "POST",
+            "/v1/preview",
+            vec![json!({"x_px": 960, "y_px": 640}).to_string()],
+        ),
+        case(
+            "the same, 32 attachments",
+            "32 attachments, 48 000 unknowns times attachments",
+            "POST",
+            "/v1/preview",
+            vec![preview(&masses(26))],
+        ),
+        case("the same, 100 modes", "100 modes, 6000 unknowns", "POST", "/v1/preview", vec![preview(&long(3000))]),
+        case("the same, 10 m long", "100 modes", "POST", "/v1/preview", vec![preview(&long(10_000))]),
+        case("the same, 200 patches", "24 patches and cut-outs", "POST", "/v1/preview", vec![preview(&patches(200))]),
+        Case {
+            way: Way::HangUp,
+            ..case(
+                "the same, 32 attachments, hung up",
+                "ends with its sender",
+                "POST",
+                "/v1/preview",
+                vec![preview(&masses(26))],
+            )
+        },
+        case(
+            "`POST /v1/study`, values that are all refused",
+            "one at a time; 64 entries, 4 MB of scenes read",
+            "POST",
+            "/v1/study",
+            vec![wrong_variables(60)],
+        ),
+        Case {
+            way: Way::HangUp,
+            ..case("the same, 50 kB, hung up", "64 entries", "POST", "/v1/study", vec![wrong_variables(600)])
+        },
+        case(
+            "the same, a Latin hypercube of 10^7",
+            "2000 looks, before any is listed",
+            "POST",
+            "/v1/study",
+            vec![study(&format!("{thickness}[method]\nway = \"latin_hypercube\"\ndesigns = 10000000\n"))],
+        ),
+        case(
+            "the same, 2000 designs",
+            "one at a time, 300 s, `POST /v1/study/stop`",
+            "POST",
+            "/v1/study",
+            vec![study(&format!("{thickness}[method]\ndesigns = 1999\n"))],
+        ),
+        read("`GET /v1/study`", "what is known is kept", "/v1/study"),
+        case("`POST /v1/study/stop`", "a flag", "POST", "/v1/study/stop", vec![String::new()]),
+        case(
+            "`POST /v1/tolerances`",
+            "as previews; one at a time, 128 panels, 300 s",
+            "POST",
+            "/v1/tolerances",
+            vec![preview(&masses(8))],
+        ),
+        read("`GET /v1/tolerances`", "what is known is kept", "/v1/tolerances"),
+        case("`POST /v1/tolerances/stop`", "a flag", "POST", "/v1/tolerances/stop", vec![String::new()]),
+        case("`POST /v1/arm`", "one at a time, 8 wait, by turns", "POST", "/v1/arm", vec![String::new()]),
+        case("`POST /v1/faults/clear`", "as `POST /v1/arm`", "POST", "/v1/faults/clear", vec![String::new()]),
+        read("`GET /v1/state`", "some kB", "/v1/state"),
+        read("`GET /v1/scene`", "made once", "/v1/scene"),
+        read("`GET /v1/field?x_px=&y_px=`", "as `POST /v1/touch`", "/v1/field?x_px=960&y_px=640"),
+        read("`GET /metrics`", "some kB", "/metrics"),
+        read("`GET /openapi.json`", "made once", "/openapi.json"),
+        read("`GET /`, and its files", "made once", "/"),
+        read("what is not there (404)", "", "/v1/nothing"),
+        case("another method (405)", "the methods are made once", "DELETE", "/v1/touch", vec![String::new()]),
+        live(
+            "`/v1/live`, ten fingers",
+            "16 KiB; 32 steps wait",
+            vec![fingers(1).to_string(), json!({"type": "touch", "touches": []}).to_string()],
+        ),
+        live(
+            "the same, 16 kB that are no message",
+            "16 KiB answered, 256 KiB read",
+            vec![json!({"type": "x".repeat(15_000)}).to_string()],
+        ),
+    ]
+}
