@@ -131,7 +131,7 @@ fn write_lines(files: &mut Files, inbox: &Receiver<Line>, waiting_bytes: &Atomic
         for line in std::iter::once(line).chain(inbox.try_iter()) {
             waiting_bytes.fetch_sub(line.content.len(), Ordering::Relaxed);
             files.make_room(line.content.len(), line.at)?;
-            files.put(&line.text(files.began()))?;
+            files.put_line(&line.text(files.began()));
         }
         files.write()?;
     }

@@ -151,7 +151,8 @@ impl Doors {
             Incoming::Tcp(stream) => {
                 let peer = Peer::of(stream.peer_addr());
                 let (sender, stream) = Sender::of_tcp(stream);
-                let (end, stream) = (End { peer, sender, scheme: Some(Scheme("http")) }, Lingering::new(guest.listened(stream)));
+                let (end, stream) =
+                    (End { peer, sender, scheme: Some(Scheme("http")) }, Lingering::new(guest.listened(stream)));
                 tasks.spawn(async move { guest.served(connection(stream, end, router, limits, closing)).await })
             }
             #[cfg(unix)]
@@ -164,7 +165,8 @@ impl Doors {
             Incoming::Tls(stream, acceptor) => {
                 let peer = Peer::of(stream.peer_addr());
                 let (sender, stream) = Sender::of_tcp(stream);
-                let (end, stream) = (End { peer, sender, scheme: Some(Scheme("https")) }, Lingering::new(guest.listened(stream)));
+                let (end, stream) =
+                    (End { peer, sender, scheme: Some(Scheme("https")) }, Lingering::new(guest.listened(stream)));
                 let serving = async move {
                     match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
                         Ok(Ok(stream)) => connection(stream, end, router, limits, closing).await,

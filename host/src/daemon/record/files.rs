@@ -65,7 +65,7 @@ impl Files {
         let (wanted, scene) = (wanted.to_owned(), scene.to_owned());
         let mut files =
             Self { wanted, is_in_folder, kept, scene, all, file, began: Duration::ZERO, waiting: String::new() };
-        files.put_beginning()?;
+        files.put_beginning();
         files.write()?;
         files.remove_oldest();
         Ok(files)
@@ -99,16 +99,13 @@ impl Files {
         (self.file, self.began) = (file, at);
         self.all.push_back((path, 0));
         self.remove_oldest();
-        self.put_beginning()
+        self.put_beginning();
+        Ok(())
     }
 
     /// A whole line, which is written with the next [`Self::write`].
-    ///
-    /// # Errors
-    /// None yet.
-    pub fn put(&mut self, line: &str) -> Result<()> {
+    pub fn put_line(&mut self, line: &str) {
         self.waiting.push_str(line);
-        Ok(())
     }
 
     /// Writes what waits.
@@ -116,12 +113,16 @@ impl Files {
     /// # Errors
     /// As the file system has it; the file ends with a whole line then.
     pub fn write(&mut self) -> Result<()> {
-        self.file.write_all(self.waiting.as_bytes())?;
-        if let Some((_, bytes)) = self.all.back_mut() {
+        let whole = self.all.back().map_or(0, |(_, bytes)| *bytes);
+        let written = self.file.write_all(self.waiting.as_bytes());
+        if written.is_err() {
+            // Half a line is none: what was written before it is worth keeping.
+            let _ = self.file.set_len(whole);
+        } else if let Some((_, bytes)) = self.all.back_mut() {
             *bytes += self.waiting.len() as u64;
         }
         self.waiting.clear();
-        Ok(())
+        written
     }
 
     /// Waits until it is on the disk.
@@ -132,13 +133,13 @@ impl Files {
         self.file.sync_data()
     }
 
-    fn put_beginning(&mut self) -> Result<()> {
+    fn put_beginning(&mut self) {
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
         let (version, scene) = (env!("CARGO_PKG_VERSION"), &self.scene);
         let line = json!({
             "at_ms": 0.0, "kind": "begin", "format": 1, "version": version, "scene": scene, "unix_s": since_1970,
         });
-        self.put(&format!("{line}\n"))
+        self.put_line(&format!("{line}\n"));
     }
 
     /// Makes room for one more whole file; never removes the one that is written.
