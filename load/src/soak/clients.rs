@@ -78,7 +78,7 @@ pub fn http(world: &World, socket: Option<&Path>, client: usize, mut random: Rng
         let at = socket.map_or(Place::Tcp(serving.address), |path| Place::Unix(path.to_owned()));
         let mut http = match known.take() {
             Some((known, http)) if known == serving => http,
-            _ => Http::new(at),
+            _ => Http::new(at.clone()),
         };
         let opened = http.opened;
         match random.u64(0..STOPS) {
@@ -100,7 +100,7 @@ pub fn http(world: &World, socket: Option<&Path>, client: usize, mut random: Rng
                         tally.times.add(begun.elapsed());
                         tally.answered(Answered::of(answer.status, &answer.json()));
                     }
-                    Err(error) => unanswered(world, serving, &name, &error, &mut tally),
+                    Err(error) => unanswered(world, (serving, at), &name, &error, &mut tally),
                 }
             }
         }
@@ -123,10 +123,10 @@ fn arm(tally: &mut Tally, answer: &io::Result<Answer>) {
     }
 }
 
-/// Asks what became of a touch that was not answered.
-fn unanswered(world: &World, serving: Serving, name: &str, error: &io::Error, tally: &mut Tally) {
+/// Asks what became of a touch that was not answered, in the way in which it was sent: names are their clients' own.
+fn unanswered(world: &World, (serving, at): (Serving, Place), name: &str, error: &io::Error, tally: &mut Tally) {
     let begun = Instant::now();
-    let mut http = Http::new(Place::Tcp(serving.address));
+    let mut http = Http::new(at);
     let mut last = String::from("nothing");
     while begun.elapsed() < ASK {
         if !world.is(serving) {
