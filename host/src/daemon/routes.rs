@@ -31,6 +31,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
+use tokio::sync::Semaphore;
 use utoipa::openapi::path::{HttpMethod, OperationBuilder, Paths};
 use utoipa::openapi::schema::{ObjectBuilder, Type};
 use utoipa::openapi::{ContentBuilder, ResponseBuilder};
@@ -38,6 +39,8 @@ use utoipa::{IntoParams, OpenApi};
 use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
 use utoipa_axum::routes;
 
+/// What fields without a place of their own are worked out in: one at a time, however many ask for them.
+static FIELDS: Semaphore = Semaphore::const_new(1);
 /// Longest request body in bytes; a touch takes under 200.
 const MAX_BODY: usize = 16 * 1024;
 /// The same for a preview: a scene whose every byte is escaped, and what goes with it.
@@ -402,10 +405,13 @@ async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<
                 Ok(FieldView::new(&app.table, Some(&plan), 0))
             })?
         }
-        (None, None) => tokio::task::block_in_place(|| match app.active() {
-            Some(active) => active.field(&app.table).clone(),
-            None => FieldView::new(&app.table, None, 0),
-        }),
+        (None, None) => {
+            let _one = FIELDS.acquire().await;
+            tokio::task::block_in_place(|| match app.active() {
+                Some(active) => active.field(&app.table).clone(),
+                None => FieldView::new(&app.table, None, 0),
+            })
+        }
         _ => {
             let detail = "give both x_px and y_px, or neither for the field of the current plan";
             return Err(Problem::new(Kind::BadQuery, detail));
