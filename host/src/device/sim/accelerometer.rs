@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn a_short_peak_is_held_until_it_is_read() {
         let mut sensor = Accelerometer::new(1e-4);
-        let mut rest = |sensor: &mut Accelerometer, steps: u32| (0..steps).for_each(|_| sensor.sample(0.0));
+        let rest = |sensor: &mut Accelerometer, steps: u32| (0..steps).for_each(|_| sensor.sample(0.0));
         (0..20).for_each(|_| sensor.sample(3.0));
         rest(&mut sensor, 10_000);
         assert_eq!(sensor.peak_m_per_s2(), 0.0);
