@@ -13,6 +13,7 @@ use tokio::sync::oneshot;
 #[derive(Clone, Debug)]
 pub struct Deadline {
     until: Instant,
+    longest: Duration,
     /// Models and plans look at it by themselves.
     stop: Stop,
 }
@@ -21,7 +22,7 @@ impl Deadline {
     /// So long from now.
     #[must_use]
     pub fn after(longest: Duration) -> Self {
-        Self { until: Instant::now() + longest, stop: Stop::default() }
+        Self { until: Instant::now() + longest, longest, stop: Stop::default() }
     }
 
     /// Nobody wants it any more.
@@ -49,7 +50,17 @@ impl Deadline {
     /// # Errors
     /// [`Problem`] if the work has to end.
     pub fn check(&self) -> Result<(), Problem> {
-        if self.is_over() { Err(Problem::new(Kind::PreviewFailed, "nobody waits for it any more")) } else { Ok(()) }
+        if self.stop.is_asked() {
+            return Err(Problem::new(Kind::PreviewFailed, "nobody waits for it any more"));
+        }
+        if self.has_run_out() { Err(self.too_long()) } else { Ok(()) }
+    }
+
+    fn too_long(&self) -> Problem {
+        let longest = self.longest;
+        let detail =
+            format!("it takes longer than {longest:?}, which is the longest that the daemon computes for one request");
+        Problem::new(Kind::TooLarge, detail)
     }
 }
 
@@ -94,17 +105,15 @@ pub async fn do_aside<T: Send + 'static>(
 ) -> Result<T, Problem> {
     let deadline = Deadline::after(longest);
     let _cancels = Cancels(deadline.clone());
-    let result = begin_aside(name, move || deadline.during(|| work(&deadline)))?;
+    let own = deadline.clone();
+    let result = begin_aside(name, move || own.during(|| work(&own)))?;
     tokio::select! {
         result = result => result.unwrap_or_else(|_| {
             let detail = format!("the {name} ended early; please report it with what was asked for");
             Err(Problem::new(Kind::PreviewFailed, detail))
         }),
         () = sender.is_gone() => Err(Problem::new(Kind::PreviewFailed, "its sender is gone")),
-        () = tokio::time::sleep(longest) => {
-            let detail = format!("the {name} takes longer than {longest:?}, which is the longest that the daemon computes for one request");
-            Err(Problem::new(Kind::TooLarge, detail))
-        }
+        () = tokio::time::sleep(longest) => Err(deadline.too_long()),
     }
 }
 
@@ -139,7 +148,7 @@ mod tests {
                 std::thread::sleep(Duration::from_millis(1));
             }
             let _ = seen.send(deadline.has_run_out());
-            Ok(())
+            deadline.check()
         };
         let problem = do_aside("test", Duration::from_millis(50), &Sender::unknown(), work).await.unwrap_err();
         assert!(problem.is("too-large") && problem.detail().contains("50ms"), "{}", problem.detail());
@@ -160,6 +169,7 @@ mod tests {
         let waiting = tokio::spawn(async move { do_aside("test", PATIENCE * 10, &Sender::unknown(), work).await });
         tokio::task::spawn_blocking(move || has_begun.recv_timeout(PATIENCE)).await.unwrap().unwrap();
         waiting.abort();
+        assert!(waiting.await.unwrap_err().is_cancelled());
         assert!(!ended.recv_timeout(PATIENCE).unwrap(), "not by its time");
     }
 
