@@ -30,10 +30,16 @@ impl Deadline {
         self.stop.ask();
     }
 
+    /// Whether nobody wants it any more.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.stop.is_asked()
+    }
+
     /// Whether the work has to end.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        self.stop.is_asked() || self.has_run_out()
+        self.is_cancelled() || self.has_run_out()
     }
 
     /// Whether that is because of the time.
@@ -50,7 +56,7 @@ impl Deadline {
     /// # Errors
     /// [`Problem`] if the work has to end.
     pub fn check(&self) -> Result<(), Problem> {
-        if self.stop.is_asked() {
+        if self.is_cancelled() {
             return Err(Problem::new(Kind::PreviewFailed, "nobody waits for it any more"));
         }
         if self.has_run_out() { Err(self.too_long()) } else { Ok(()) }

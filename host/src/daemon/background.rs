@@ -219,7 +219,9 @@ impl<F: Clone + Send + 'static> Newest<F> {
             drop(taken);
             match ended {
                 Ok(Some(found)) => (known.found, known.stage) = (found, Stage::Done),
-                Ok(None) if own.deadline.has_run_out() => {
+                // A model that was ended on its way is no mistake.
+                Ok(None) | Err(_) if own.deadline.is_cancelled() => known.stage = Stage::Stopped,
+                Ok(None) | Err(_) if own.deadline.has_run_out() => {
                     let problem =
                         format!("it took longer than {LONGEST:?}, which is the longest here: make it smaller");
                     (known.problem, known.stage) = (Some(problem), Stage::Failed);
@@ -294,6 +296,20 @@ mod tests {
         newest.stop();
         let told = ended(&newest);
         assert_eq!((told.stage, told.found, told.problem), (Stage::Stopped, 5, None));
+        // A model that was ended on its way says so, which is no mistake.
+        let (began, has_begun) = channel();
+        let ended_on_its_way = move |job: &Job<i32>| {
+            began.send(()).map_err(|error| error.to_string())?;
+            while !job.stops() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            Err("nobody waits for it".into())
+        };
+        newest.begin(place.take(Work::Study).unwrap(), 1, 6, ended_on_its_way).unwrap();
+        has_begun.recv().unwrap();
+        newest.stop();
+        let told = ended(&newest);
+        assert_eq!((told.stage, told.found, told.problem), (Stage::Stopped, 6, None));
         newest.begin(place.take(Work::Study).unwrap(), 1, 0, |_| Err("no room".into())).unwrap();
         let told = ended(&newest);
         assert_eq!((told.stage, told.problem.as_deref()), (Stage::Failed, Some("no room")));
