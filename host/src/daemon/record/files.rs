@@ -1,10 +1,10 @@
 //! The files of a recording: one after the other, none larger than it may be, and the oldest of them removed.
 
 use super::Recorder;
+use era_files::{AppendedFile, make_private_folder};
 use serde_json::json;
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::{ErrorKind, Result, Write};
+use std::io::{ErrorKind, Result};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tracing_subscriber::fmt::format::Writer;
@@ -41,7 +41,7 @@ pub struct Files {
     scene: String,
     /// All, the oldest first, with their bytes; the last is written.
     all: VecDeque<(PathBuf, u64)>,
-    file: File,
+    file: AppendedFile,
     /// When the file was begun, since the recording was.
     began: Duration,
     /// Whole lines that are not written yet.
@@ -56,11 +56,14 @@ impl Files {
     pub fn begin(wanted: &Path, kept: Kept, scene: &str) -> Result<Self> {
         let is_in_folder = Recorder::is_folder(wanted);
         if is_in_folder {
-            std::fs::create_dir_all(wanted)?;
+            make_private_folder(wanted)?;
         }
         let mut all = if is_in_folder { earlier(wanted)? } else { VecDeque::new() };
-        let (path, file) =
-            if is_in_folder { named_after_the_time(wanted)? } else { (wanted.to_owned(), create(wanted)?) };
+        let (path, file) = if is_in_folder {
+            named_after_the_time(wanted)?
+        } else {
+            (wanted.to_owned(), AppendedFile::create_private(wanted)?)
+        };
         all.push_back((path, 0));
         let (wanted, scene) = (wanted.to_owned(), scene.to_owned());
         let mut files =
@@ -113,13 +116,10 @@ impl Files {
     /// # Errors
     /// As the file system has it; the file ends with a whole line then.
     pub fn write(&mut self) -> Result<()> {
-        let whole = self.all.back().map_or(0, |(_, bytes)| *bytes);
-        let written = self.file.write_all(self.waiting.as_bytes());
-        if written.is_err() {
-            // Half a line is none: what was written before it is worth keeping.
-            let _ = self.file.set_len(whole);
-        } else if let Some((_, bytes)) = self.all.back_mut() {
-            *bytes += self.waiting.len() as u64;
+        // Half a line is none: what was written before it is worth keeping.
+        let written = self.file.append_records(self.waiting.as_bytes());
+        if let Some((_, bytes)) = self.all.back_mut() {
+            *bytes = self.file.whole_bytes();
         }
         self.waiting.clear();
         written
@@ -130,7 +130,7 @@ impl Files {
     /// # Errors
     /// As the file system has it.
     pub fn sync(&mut self) -> Result<()> {
-        self.file.sync_data()
+        self.file.sync_records()
     }
 
     fn put_beginning(&mut self) {
@@ -154,17 +154,12 @@ impl Files {
     }
 }
 
-/// A file that was not there.
-fn create(path: &Path) -> Result<File> {
-    std::fs::OpenOptions::new().write(true).create_new(true).open(path)
-}
-
 /// The first of some names that is free.
-fn first_free(names: impl Fn(u32) -> PathBuf) -> Result<(PathBuf, File)> {
+fn first_free(names: impl Fn(u32) -> PathBuf) -> Result<(PathBuf, AppendedFile)> {
     let mut number = 1;
     loop {
         let path = names(number);
-        match create(&path) {
+        match AppendedFile::create_private(&path) {
             Err(error) if error.kind() == ErrorKind::AlreadyExists && number < SAME_NAME => number += 1,
             file => return file.map(|file| (path, file)),
         }
@@ -172,7 +167,7 @@ fn first_free(names: impl Fn(u32) -> PathBuf) -> Result<(PathBuf, File)> {
 }
 
 /// A new file named after the time (UTC, to a second), and where another has that name, with a number behind.
-fn named_after_the_time(folder: &Path) -> Result<(PathBuf, File)> {
+fn named_after_the_time(folder: &Path) -> Result<(PathBuf, AppendedFile)> {
     let mut time = String::new();
     let _ = Clock.format_time(&mut Writer::new(&mut time));
     // 2026-01-31T09:30:00.000000Z; some file systems have no colons.
@@ -183,7 +178,7 @@ fn named_after_the_time(folder: &Path) -> Result<(PathBuf, File)> {
 }
 
 /// `day.jsonl` is followed by `day-2.jsonl`.
-fn numbered(first: &Path) -> Result<(PathBuf, File)> {
+fn numbered(first: &Path) -> Result<(PathBuf, AppendedFile)> {
     let stem = first.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let ending = first.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
     first_free(|number| first.with_file_name(format!("{stem}-{}{ending}", number + 1)))
