@@ -5,13 +5,61 @@ use era::model::levels::Levels;
 use era::model::{Accuracy, BarePanel};
 use era::planner::softening::static_receptance;
 use era::planner::{PlanTable, TableOptions};
-use era::scene::{Finger, Mount, Scene};
+use era::scene::random::scene_text;
+use era::scene::{EdgeKind, Finger, Mass, ModalRatio, Mount, Scene, SurfaceDamping};
 
 const OPTIONS: TableOptions = TableOptions { from_hz: 60.0, to_hz: 120.0, step_hz: 30.0 };
 
 fn table(scene: &Scene) -> PlanTable {
     let levels = Levels::build(scene, Accuracy::FAST, OPTIONS.to_hz).unwrap();
     PlanTable::with_levels(scene, levels, OPTIONS).unwrap()
+}
+
+/// The whole panel with what damps it and what weighs on it changed, and with what name.
+fn changes() -> Vec<(&'static str, fn(&mut Scene))> {
+    vec![
+        ("no damping of the surface", |scene| scene.surface.damping = SurfaceDamping::None),
+        ("loss factor of the surface or its layers", |scene| scene.surface.damping = SurfaceDamping::LossFactor(1.7)),
+        ("modal ratio", |scene| scene.surface.damping = SurfaceDamping::ModalRatio(ModalRatio::same(0.4))),
+        ("Rayleigh's damping", |scene| scene.surface.damping = SurfaceDamping::Rayleigh { alpha: 900.0, beta: 1e-3 }),
+        ("loss factors of supports", |scene| scene.supports.iter_mut().for_each(|own| own.loss_factor = 2.0)),
+        ("dashpots of supports", |scene| scene.supports.iter_mut().for_each(|own| own.damping_n_s_per_m = 1e6)),
+        ("loss factors of edges", |scene| {
+            for edge in &mut scene.edges {
+                if let EdgeKind::Elastic { loss_factor, .. } = &mut edge.kind {
+                    *loss_factor = 1.5;
+                }
+            }
+        }),
+        ("dashpots of ERAs", |scene| scene.actuators.iter_mut().for_each(|own| own.damping_n_s_per_m = 1e5)),
+        ("moving masses", |scene| scene.actuators.iter_mut().for_each(|own| own.moving_mass_kg = 300.0)),
+        ("housings", |scene| scene.actuators.iter_mut().for_each(|own| own.housing_mass_kg = 300.0)),
+        ("a heavy mass", |scene| {
+            let (x_m, y_m) = (scene.actuators[0].x_m, scene.actuators[0].y_m);
+            scene.masses.push(Mass { x_m, y_m, mass_kg: 1e4 });
+        }),
+        ("air that moves along", |scene| scene.surface.added_mass_kg_per_m2 = 40.0),
+        ("all at once", |scene| {
+            scene.surface.damping = SurfaceDamping::LossFactor(1.0);
+            scene.supports.iter_mut().for_each(|own| (own.loss_factor, own.damping_n_s_per_m) = (1.1, 1e3));
+            scene.masses.iter_mut().for_each(|own| own.mass_kg *= 1e3);
+            scene.actuators.iter_mut().for_each(|own| (own.moving_mass_kg, own.damping_n_s_per_m) = (5.0, 1e4));
+        }),
+    ]
+}
+
+/// Random bars and plates, every other one with sealed air, every third plate with a cut-out.
+fn scenes() -> Vec<Scene> {
+    let of = |stream: u64| {
+        let mut text = scene_text(34, stream);
+        if stream.is_multiple_of(2) {
+            text += &format!("[air]\nsealed_depth_mm = {}.5\n", 3 + stream);
+        }
+        let plain = Scene::parse("random", &text).ok()?;
+        let cut = format!("{text}[[cutout]]\nx_mm = 40.0\ny_mm = 20.0\nlength_mm = 21.0\nwidth_mm = 13.0\n");
+        Some(if stream.is_multiple_of(3) { Scene::parse("random", &cut).unwrap_or(plain) } else { plain })
+    };
+    (0..if std::env::var("ERA_RELATIONS").is_ok() { 80 } else { 6 }).filter_map(of).collect()
 }
 
 const LAYERED: &str = r#"
@@ -69,9 +117,58 @@ const LAYERED: &str = r#"
     max_voltage_v = 1500.0
 "#;
 
-/// Two figures of one thing: infinite both, or within a bound and what rounding makes of heavy masses.
+/// Two figures of one thing: infinite both, or within a bound and what rounding makes of heavy masses; a picometre is none.
 fn same(a: f64, b: f64, bound: f64) -> bool {
-    a == b || (a - b).abs() <= (bound + 1e-6) * a.abs().max(b.abs())
+    a == b || (a - b).abs() <= (bound + 1e-6) * a.abs().max(b.abs()) + 1e-12
+}
+
+/// Before, a hundredth of 10 Hz stood for nothing: losses, dashpots and heavy masses changed each of these by up to all of it.
+#[test]
+fn nothing_but_springs_changes_what_a_steady_force_does() {
+    let (mut compared, mut most) = (0, 0.0_f64);
+    let mut all = scenes();
+    all.push(Scene::parse("layers", LAYERED).unwrap());
+    for scene in &all {
+        let before = table(scene);
+        let yields = static_receptance(&before.model);
+        let sags = sag(scene);
+        for (what, change) in changes() {
+            let mut changed = scene.clone();
+            change(&mut changed);
+            let after = table(&changed);
+            let yields_now = static_receptance(&after.model);
+            let said = || format!("{what}: {:?}\n{scene:#?}", scene.name);
+            for i in 0..scene.actuators.len() {
+                let bounds = [&before, &after].map(|own| own.press_bound(i).value().unwrap_or(1e-3));
+                let bound = bounds[0] + bounds[1];
+                let (one, other) = (&before.pressed[i], &after.pressed[i]);
+                assert!(same(one.alone_m, other.alone_m, bound), "{}: {one:?} {other:?} {bound:e}", said());
+                // The electrodes' pull grows with the sag, and more so.
+                assert!(same(one.sag_m, other.sag_m, 10.0 * bound), "{}: {one:?} {other:?} {bound:e}", said());
+                for j in 0..scene.actuators.len() {
+                    let own = yields[i][i].max(yields[j][j]);
+                    let (a, b) = (yields[i][j], yields_now[i][j]);
+                    assert!(a == b || (a - b).abs() <= (bound + 1e-5) * own, "{}: {a} {b}", said());
+                    if a.is_finite() {
+                        (compared, most) = (compared + 1, most.max((a - b).abs() / own));
+                    }
+                }
+            }
+            for (k, (a, b)) in sags.iter().zip(sag(&changed)).enumerate() {
+                assert!(same(a.0, b.0, (a.1 + b.1) / a.0), "{}: place {k}, {a:?} {b:?}", said());
+            }
+        }
+    }
+    println!("{compared} figures, {most:.1e} of the largest apart at most");
+    assert!(compared > 150, "{compared}");
+}
+
+/// What studies say of a sag, and its error.
+fn sag(scene: &Scene) -> Vec<(f64, f64)> {
+    let panel = BarePanel::build(scene, Accuracy::FAST, OPTIONS.to_hz).unwrap();
+    let (x, y) = (0.37 * scene.surface.length_m, 0.71 * scene.surface.width_m);
+    let own = panel.yields(scene, &[x], &[y]).unwrap();
+    own.m_per_n.into_iter().zip(own.error_m_per_n).collect()
 }
 
 /// A finger's spring holds the mass under it, its mass and its dashpot do not.

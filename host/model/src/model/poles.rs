@@ -228,7 +228,9 @@ impl System {
             T::from_real((t * self.viscous[(i, j)] + if i == j { sigma } else { 0.0 }) * over(i, j))
         });
         let inverse = (&elastic + &viscous * T::from_real(sigma)).try_inverse()?;
-        let (by_velocity, by_spring) = (&inverse * &viscous, &inverse * &elastic);
+        let by_spring = &inverse * &elastic;
+        // P^-1 (C + sigma) is what is left: as a product it would lose what a heavy dashpot leaves of the slow motions.
+        let by_velocity = (DMatrix::identity(n, n) - &by_spring) * T::from_real(1.0 / sigma);
         let mut out = DMatrix::zeros(2 * n, 2 * n);
         for j in 0..n {
             for i in 0..n {
