@@ -104,7 +104,8 @@ fn check_size(points: usize, modes: usize) -> Result<(), Failure> {
 }
 
 fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) -> String {
-    let mut text = format!("{heading}\n mode   frequency   error at most   damping ratio   at        error at most");
+    let mut text =
+        format!("{heading}\n mode   frequency   error at most   damping ratio   pole at   its error at most");
     for (i, (mode, bound)) in modes.enumerate() {
         let (bound, own) = (bound_text(*bound), bound_text(mode.pole_bound));
         let Mode { frequency_hz, damping_ratio, pole, .. } = mode;
@@ -116,6 +117,8 @@ fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) 
         );
         if mode.frequency_hz == 0.0 {
             text.push_str("   (nothing holds this motion)");
+        } else if !pole.is_known() {
+            text.push_str("   (the pole of this mode was not found)");
         } else if let Some(slower) = pole.slower {
             let _ = write!(text, "   (does not swing: {:.4e} and {:.4e} 1/s)", pole.s.re, slower.re);
         } else if mode.damping_ratio == 0.0 {

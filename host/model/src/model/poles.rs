@@ -49,34 +49,59 @@ pub struct Pole {
     pub s: Complex64,
     /// The other one of a mode that does not swing, the slower one.
     pub slower: Option<Complex64>,
+    /// Whether all coordinates that are known have a part in it. Of very many modes those far away are left out, which two levels of the mesh do alike: their
+    /// difference tells nothing of that.
+    pub is_whole: bool,
 }
 
 impl Pole {
     /// Of a motion that nothing holds.
-    pub const FREE: Self = Self { damping_ratio: 0.0, frequency_hz: 0.0, s: Complex64::ZERO, slower: None };
+    pub const FREE: Self =
+        Self { damping_ratio: 0.0, frequency_hz: 0.0, s: Complex64::ZERO, slower: None, is_whole: true };
+    /// Of a mode whose pole was not found: all numbers are NaN.
+    pub const UNKNOWN: Self = Self {
+        damping_ratio: f64::NAN,
+        frequency_hz: f64::NAN,
+        s: Complex64::new(f64::NAN, f64::NAN),
+        slower: None,
+        is_whole: false,
+    };
 
     fn swinging(s: Complex64) -> Self {
         let modulus = s.norm();
         let damping_ratio = if modulus > 0.0 { (-s.re / modulus).max(0.0) } else { 0.0 };
-        Self { damping_ratio, frequency_hz: modulus / TAU, s, slower: None }
+        Self { damping_ratio, frequency_hz: modulus / TAU, s, slower: None, is_whole: true }
     }
 
     fn pair(a: Complex64, b: Complex64) -> Self {
         let (faster, slower) = if a.norm_sqr() >= b.norm_sqr() { (a, b) } else { (b, a) };
         let mean = (faster.norm() * slower.norm()).sqrt();
         let damping_ratio = if mean > 0.0 { -0.5 * (a.re + b.re) / mean } else { 0.0 };
-        Self { damping_ratio, frequency_hz: mean / TAU, s: faster, slower: Some(slower) }
+        Self { damping_ratio, frequency_hz: mean / TAU, s: faster, slower: Some(slower), is_whole: true }
     }
 
-    /// s in 1/s of the one that swings, or of the two that do not, the faster one first.
+    /// Whether it was found.
+    #[must_use]
+    pub const fn is_known(&self) -> bool {
+        !self.frequency_hz.is_nan()
+    }
+
+    /// s in 1/s of the one that swings, or of the two that do not, the faster one first; none if it was not found.
     #[must_use]
     pub fn eigenvalues(&self) -> Vec<Complex64> {
+        if !self.is_known() {
+            return Vec::new();
+        }
         [Some(self.s), self.slower].into_iter().flatten().collect()
     }
 
-    /// How far it is from another, relative: of s, or of what two have in common.
+    /// How far it is from another, relative: of s, or of what two have in common. Infinite where one of them is not known, or not from all
+    /// coordinates.
     #[must_use]
     pub fn distance(&self, other: &Self) -> f64 {
+        if !(self.is_known() && other.is_known() && self.is_whole && other.is_whole) {
+            return f64::INFINITY;
+        }
         match (self.slower, other.slower) {
             (None, None) => (self.s - other.s).norm() / self.s.norm().max(f64::MIN_POSITIVE),
             (Some(_), Some(_)) => {
@@ -127,7 +152,8 @@ pub fn poles(lambda: &[f64], damping: &Damping, modes: usize, count: usize) -> O
             from - first,
             to - first,
         );
-        found.extend(system.follow()?);
+        let is_whole = kept.len() == n;
+        found.extend(system.follow()?.into_iter().map(|pole| Pole { is_whole: pole.is_whole && is_whole, ..pole }));
     }
     Some(found)
 }
@@ -202,7 +228,8 @@ impl System {
     /// Whether an eigenvalue is the slower one of its shape's two, m s^2 + c s + k = 0 with the product k / m. With a loss factor that is the one below
     /// the real axis.
     fn is_slower(&self, s: Complex64, states: &DMatrix<Complex64>, k: usize) -> bool {
-        if self.is_lossy || s.im > REAL * s.norm() {
+        // Nearer to the axis the sign is rounding: a shape that has no part in the losses, or hardly any.
+        if s.im.abs() > REAL * s.norm() {
             return s.im < 0.0;
         }
         let shape = || self.scale.iter().enumerate().map(|(i, scale)| (states[(i, k)] / scale).norm_sqr());
@@ -285,10 +312,10 @@ impl System {
     fn follow(&self) -> Option<Vec<Pole>> {
         let mut known = self.undamped();
         let (mut t, mut next) = (0.0, 1.0);
-        for step in 0..MOST_STEPS {
+        for _ in 0..MOST_STEPS {
             let all = self.states(next)?;
             let (chosen, is_clear) = self.continued(&known, &all);
-            let is_short = next <= LEAST || t > 0.0 && next <= GROWTH.0 * t || step + 2 > MOST_STEPS;
+            let is_short = next <= LEAST || t > 0.0 && next <= GROWTH.0 * t;
             if !is_clear && !is_short {
                 next = if t > 0.0 { t * (next / t).sqrt() } else { next * FIRST };
                 continue;
@@ -305,11 +332,10 @@ impl System {
             let grown = if t > 0.0 { next / t } else { 1.0 / FIRST };
             let growth = if is_clear { grown * grown } else { grown };
             (t, next) = (next, (next * growth.clamp(GROWTH.0, GROWTH.1)).min(1.0));
-            if step + 2 >= MOST_STEPS {
-                next = 1.0;
-            }
         }
-        None
+        // Frequencies are known all the same: which mode has which pole is not.
+        let unknown = |own: &f64| if *own > 0.0 { Pole::UNKNOWN } else { Pole::FREE };
+        Some(self.lambda.get(self.from..self.to).unwrap_or_default().iter().map(unknown).collect())
     }
 
     /// Which of the states continue those that are known, and whether that is clear; `None` for motions that nothing holds, which stay at s = 0.
@@ -344,12 +370,13 @@ impl System {
         let is_real = |s: &Complex64| s.im.abs() <= REAL * s.norm();
         let mut out = Vec::with_capacity(chosen.len());
         for (k, at) in chosen.iter().enumerate() {
+            let lambda = self.lambda[self.from + k];
             let Some(at) = *at else {
-                out.push(Pole::FREE);
+                // A motion that nothing holds stays where it is; any other has lost its state.
+                out.push(if lambda > 0.0 { Pole::UNKNOWN } else { Pole::FREE });
                 continue;
             };
-            let (s, lambda) =
-                (self.improved(all.s[at], &all.states.column(at).into_owned()), self.lambda[self.from + k]);
+            let s = self.improved(all.s[at], &all.states.column(at).into_owned());
             // With a loss factor the slower one is a little below the axis.
             let is_beside = |other: &Complex64| {
                 if self.is_lossy { other.re < 0.0 && ((s - other) * (s - other)).re > 0.0 } else { is_real(other) }

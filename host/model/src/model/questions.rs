@@ -52,7 +52,7 @@ impl Question for ModesUpTo {
                 return 0.0;
             }
             // The faster one of two may be far above all modes that are known: what it is depends on every finer mesh.
-            if fine.pole.s.norm() > TAU * RESOLVED * self.0 {
+            if !fine.pole.is_known() || fine.pole.s.norm() > TAU * RESOLVED * self.0 {
                 return f64::INFINITY;
             }
             let is_near = |coarse: &&Mode| (coarse.frequency_hz / fine.frequency_hz - 1.0).abs() < SAME_MODE;
