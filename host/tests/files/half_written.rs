@@ -181,7 +181,9 @@ fn damaged_certificates_and_keys_are_reported_and_replaced() {
     };
     let half = |content: &[u8]| content[..content.len() / 2].to_vec();
     let zeros = |content: &[u8]| vec![0; content.len()];
-    let cases: [(Option<Vec<u8>>, Option<Vec<u8>>); 9] = [
+    /// What is left of a file; nothing where there is none.
+    type Left = Option<Vec<u8>>;
+    let cases: [(Left, Left); 9] = [
         (None, Some(Vec::new())),
         (None, Some(half(&key))),
         (None, Some(key.clone())),

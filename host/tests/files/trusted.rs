@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+/// What makes a file or folder one that others may have changed: what is said of it, and doing it.
+type Way<'a> = (&'a str, Box<dyn Fn() + 'a>);
+
 /// The drives of the strongest touches at two places, and what was said besides.
 fn plan(scene: &Path, cache: Option<&Path>) -> (Vec<(f64, f64)>, String) {
     let mut drives = Vec::new();
@@ -96,7 +99,7 @@ fn what_others_could_have_changed_is_not_used() {
     let elsewhere = folder.path().join("elsewhere");
     fs::write(&elsewhere, &whole).unwrap();
     let is_root = fs::metadata(folder.path()).is_ok_and(|known| std::os::unix::fs::MetadataExt::uid(&known) == 0);
-    let mut ways: Vec<(&str, Box<dyn Fn()>)> = vec![
+    let mut ways: Vec<Way<'_>> = vec![
         ("its mode is 0620", Box::new(|| mode(&table, 0o620))),
         ("its mode is 0602", Box::new(|| mode(&table, 0o602))),
         ("its mode is 0666", Box::new(|| mode(&table, 0o666))),
@@ -133,7 +136,7 @@ fn what_others_could_have_changed_is_not_used() {
         assert_eq!(fs::read(&elsewhere).unwrap(), whole);
         assert!(!plan(&scene, Some(&cache)).1.contains("is not used"), "{reason}");
     }
-    let mut ways: Vec<(&str, Box<dyn Fn()>)> = vec![
+    let mut ways: Vec<Way<'_>> = vec![
         ("its mode is 0770", Box::new(|| mode(&cache, 0o770))),
         ("its mode is 0702", Box::new(|| mode(&cache, 0o702))),
         ("its mode is 1777", Box::new(|| mode(&cache, 0o1777))),

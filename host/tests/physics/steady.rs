@@ -15,8 +15,11 @@ fn table(scene: &Scene) -> PlanTable {
     PlanTable::with_levels(scene, levels, OPTIONS).unwrap()
 }
 
-/// The whole panel with what damps it and what weighs on it changed, and with what name.
-fn changes() -> Vec<(&'static str, fn(&mut Scene))> {
+/// A change of a panel, and its name.
+type Change = (&'static str, fn(&mut Scene));
+
+/// What damps a panel and what weighs on it, changed one by one.
+fn list_changes() -> Vec<Change> {
     vec![
         ("no damping of the surface", |scene| scene.surface.damping = SurfaceDamping::None),
         ("loss factor of the surface or its layers", |scene| scene.surface.damping = SurfaceDamping::LossFactor(1.7)),
@@ -132,7 +135,7 @@ fn nothing_but_springs_changes_what_a_steady_force_does() {
         let before = table(scene);
         let yields = static_receptance(&before.model);
         let sags = sag(scene);
-        for (what, change) in changes() {
+        for (what, change) in list_changes() {
             let mut changed = scene.clone();
             change(&mut changed);
             let after = table(&changed);

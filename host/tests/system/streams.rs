@@ -47,7 +47,7 @@ impl Running {
     }
 
     /// Ends it as a service manager does; the board has heard a stop, and the process has ended as one that was asked to.
-    fn is_stopped(mut self, board: &SimDevice) {
+    fn stop_and_check(mut self, board: &SimDevice) {
         let before = board.control().stop_received();
         assert!(Command::new("kill").arg(self.process.id().to_string()).status().unwrap().success());
         let begun = Instant::now();
@@ -64,7 +64,7 @@ fn a_daemon_without_streams_serves_and_stops() {
     for script in ["exec $era <&- >&- 2>&-", "exec $era 2>&-", "exec $era >/dev/full 2>/dev/full"] {
         let running = Running::start(&board, script, |_| {});
         running.drives();
-        running.is_stopped(&board);
+        running.stop_and_check(&board);
     }
 }
 
@@ -79,7 +79,7 @@ fn a_log_that_nobody_reads_any_more_ends_nothing() {
     drop(running.process.stdout.take());
     assert_eq!(running.daemon.post("/v1/stop", "").0, 200);
     running.drives();
-    running.is_stopped(&board);
+    running.stop_and_check(&board);
 }
 
 /// Whoever reads its log reads no more of it, as a pager that waits, or a terminal that was stopped with Ctrl-S: the pipe is full.
@@ -101,7 +101,7 @@ fn a_log_that_is_stuck_holds_nothing_up() {
     assert_eq!(running.daemon.post("/v1/stop", "").0, 200);
     assert!(begun.elapsed() < Duration::from_secs(4), "{:?}", begun.elapsed());
     running.drives();
-    running.is_stopped(&board);
+    running.stop_and_check(&board);
     drop(stuck);
 }
 
