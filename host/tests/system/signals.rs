@@ -39,7 +39,7 @@ fn a_daemon_that_is_suspended_stops_the_board_first() {
     serving.signal("TSTP");
     wait_until("it is suspended", || serving.is_suspended());
     assert_ne!(board.control().stop_received(), before, "no stop was heard");
-    assert!(!board.control().watch().energised);
+    wait_until("the board is off", || !board.control().watch().energised);
     serving.signal("CONT");
     touches_are_driven(&serving.daemon);
     serving.end();
@@ -126,7 +126,10 @@ fn a_replay_that_is_ended_asks_for_nothing_after_its_stop() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
     let mut replay = command.args(["replay", file.to_str().unwrap(), "--url", &url]).spawn().unwrap();
     let next = || asked.recv_timeout(crate::LIMIT).unwrap();
-    while next() != "/v1/touch" {}
+    // By then it listens for signals.
+    for _ in 0..20 {
+        while next() != "/v1/touch" {}
+    }
     assert!(Command::new("kill").arg(replay.id().to_string()).status().unwrap().success());
     while next() != "/v1/stop" {}
     assert_eq!(replay.wait().unwrap().code(), Some(1));
