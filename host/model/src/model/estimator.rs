@@ -25,23 +25,16 @@ const SAFETY: f64 = 1.75;
 const LARGEST_RATIO: f64 = 0.7;
 /// The same where errors fall with the square of the order: from 9, 11 and 13 the ratio is 0.57, from 13, 15 and 17 it is 0.69.
 const LARGEST_RATIO_SINGULAR: f64 = 0.8;
-/// Least ratio of differences that is believed of a single value (a frequency, or a few responses), where errors fall in steps: it may hardly change
-/// from one order to the next, and be off by six times as much. (Beside a bezel two levels agreed to 1/40 of the difference before; a mode's error was
-/// 9e-6, 1.2e-6, 1.0e-6 and 4e-7 with orders 9 to 15.) With the fourth power of the order, as was measured, order 9 is wrong by 0.13 of the difference
-/// of 5 and 7, order 11 by 0.26 of that of 7 and 9; with this and the factors above the bound is 0.21 and 0.28 of it at least.
-const LEAST_RATIO_IN_STEPS: f64 = 0.07;
-/// Part of the worst mode's estimate that each other mode's is at least, where errors fall in steps: one mode may do so for three orders.
-const LEAST_OF_WORST: f64 = 0.1;
+/// Least ratio of a few responses' differences that is believed there: several modes' errors may cancel at one place for once (beside a
+/// bezel two levels agreed to 1/40 of the difference before and were wrong by six times as much as they differed). With the fourth
+/// power of the order, as was measured, order 9 is wrong by 0.13 of the difference of 5 and 7, order 11 by 0.26 of that of 7 and 9;
+/// with this and the factors above the bound is 0.21 and 0.28 of it at least.
+const LEAST_RATIO_SINGULAR: f64 = 0.07;
 /// Largest difference that is taken for small: beyond it nothing has been resolved.
 const SMALL: f64 = 0.3;
 /// Errors fall at least as this power of the order: at corners of free edges they do (measured on the free square: 7 to 9; on
 /// random scenes 4.7 and more).
 const LEAST_POWER: f64 = 5.0;
-/// The same of plates with functions of point forces, in steps. What these functions leave to the elements begins with r^6 log r, and images behind
-/// borders that they lack come next: errors fall exponentially at first, and then as new orders take up the one or the other. Between two orders
-/// they were seen to fall with a power of 2.2 only, and with 15 in the two before (80 random panels against exact solutions,
-/// `crosscheck/checks/sealed.py`, with and without sealed air).
-const LEAST_POWER_AT_POINTS: f64 = 2.0;
 /// The same with corners between clamped and free edges: cells shrink towards them, but no further beyond order 7 (measured: 2.1
 /// and more, on a cantilever with a heavy mass on its free edge).
 const LEAST_POWER_CORNER: f64 = 2.0;
@@ -120,8 +113,8 @@ pub struct Estimator {
     response_power: f64,
     /// Largest ratio of successive differences that is believed.
     largest_ratio: f64,
-    /// Whether errors of single values fall in steps.
-    in_steps: bool,
+    /// Least ratio of a few responses' that is believed.
+    least_ratio: f64,
     /// Whether a larger one may be more than chance, as the power is not known.
     may_stall: bool,
     /// Relative error of a frequency by rounding.
@@ -133,13 +126,10 @@ impl Estimator {
     pub(super) fn new(scene: &Scene, model: &PanelModel) -> Self {
         // What the mesh has no functions for: patches, cut-outs, attachments beside a corner.
         let singular = is_singular(scene, model.fineness());
-        let has_points = model.parts().point_functions > 0;
         let power = if singular {
             LEAST_POWER_SINGULAR
         } else if has_singular_corner(scene) {
             LEAST_POWER_CORNER
-        } else if has_points {
-            LEAST_POWER_AT_POINTS
         } else {
             LEAST_POWER
         };
@@ -149,7 +139,7 @@ impl Estimator {
             power,
             response_power: if is_modal { power.min(LEAST_POWER_MODAL) } else { power },
             largest_ratio: if singular { LARGEST_RATIO_SINGULAR } else { LARGEST_RATIO },
-            in_steps: singular || has_points,
+            least_ratio: if singular { LEAST_RATIO_SINGULAR } else { 0.0 },
             may_stall: has_close_points(scene, model.fineness()),
             rounding: Rounding::new(scene, model).of_bending(),
             has_point_moment: has_point_moment(scene),
@@ -159,16 +149,7 @@ impl Estimator {
     /// The bound from the difference of the last two levels and, where it is known, that of the two before; infinite where they
     /// do not shrink.
     pub(super) fn estimate(&self, before: Option<f64>, last: f64) -> f64 {
-        self.with_power(self.power, before, self.no_less(before, last))
-    }
-
-    /// The same of all modes, each with its difference before and its last.
-    pub(super) fn estimate_modes(&self, differences: &[(Option<f64>, f64)]) -> Vec<f64> {
-        let own: Vec<f64> = differences.iter().map(|(before, last)| self.estimate(*before, *last)).collect();
-        let worst = own.iter().copied().filter(|own| own.is_finite()).fold(0.0, f64::max);
-        let least = if self.in_steps { LEAST_OF_WORST * worst } else { 0.0 };
-        // A rigid motion's is nothing.
-        own.into_iter().map(|own| if own > 0.0 { own.max(least) } else { own }).collect()
+        self.with_power(self.power, before, last)
     }
 
     /// The same for curves of responses, without [`RESPONSE_SAFETY`].
@@ -178,14 +159,9 @@ impl Estimator {
 
     /// The same for a few responses, on which two levels may agree by chance.
     pub(super) fn estimate_few(&self, before: Option<f64>, last: f64) -> f64 {
-        self.estimate_curves(before, self.no_less(before, last))
-    }
-
-    /// The last difference, or what is believed at least of it after the one before.
-    fn no_less(&self, before: Option<f64>, last: f64) -> f64 {
-        let before = before.filter(|before| self.in_steps && before.is_finite());
-        let least = before.map_or(0.0, |before| LEAST_RATIO_IN_STEPS * before.min(SMALL));
-        if last < least { least } else { last }
+        let least =
+            before.filter(|before| before.is_finite()).map_or(0.0, |before| self.least_ratio * before.min(SMALL));
+        self.estimate_curves(before, if last < least { least } else { last })
     }
 
     fn with_power(&self, power: f64, before: Option<f64>, last: f64) -> f64 {
@@ -247,7 +223,7 @@ mod tests {
             power: LEAST_POWER,
             response_power: LEAST_POWER,
             largest_ratio: LARGEST_RATIO,
-            in_steps: false,
+            least_ratio: 0.0,
             may_stall,
             rounding: ROUNDING,
             has_point_moment: false,
@@ -273,25 +249,14 @@ mod tests {
         }
     }
 
-    /// Of 1e-2 and 1e-5 in succession the second is taken for chance where errors fall in steps, and for a fact elsewhere.
+    /// Of 1e-2 and 1e-5 in succession the second is taken for chance where moments are singular, and for a fact elsewhere.
     #[test]
-    fn what_shrinks_at_once_is_not_believed_where_errors_fall_in_steps() {
+    fn what_shrinks_at_once_is_not_believed_of_singular_responses() {
         let regular = of(9, false).estimate_few(Some(1e-2), 1e-5);
-        let in_steps = Estimator { in_steps: true, ..of(9, false) };
-        assert!(in_steps.estimate_few(Some(1e-2), 1e-5) > 10.0 * regular);
-        assert!(in_steps.estimate(Some(1e-2), 1e-5) > 10.0 * regular);
-        assert!(in_steps.estimate_few(Some(1e-2), f64::NAN).is_infinite());
-    }
-
-    /// A rigid motion, one that is all but settled and the worst one.
-    #[test]
-    fn no_mode_is_far_better_than_the_worst_where_errors_fall_in_steps() {
-        let differences = [(None, 0.0), (None, 1e-9), (None, 1e-5), (None, f64::INFINITY)];
-        let [regular, in_steps] =
-            [false, true].map(|in_steps| Estimator { in_steps, ..of(9, false) }.estimate_modes(&differences));
-        assert_eq!((regular[0], in_steps[0]), (0.0, 0.0));
-        assert!(in_steps[1] == LEAST_OF_WORST * in_steps[2] && regular[1] < 1e-3 * regular[2]);
-        assert_eq!((regular[2], regular[3]), (in_steps[2], in_steps[3]));
+        let singular = Estimator { least_ratio: LEAST_RATIO_SINGULAR, ..of(9, false) };
+        assert!(singular.estimate_few(Some(1e-2), 1e-5) > 10.0 * regular);
+        assert_eq!(singular.estimate(Some(1e-2), 1e-5), regular, "frequencies fall towards theirs");
+        assert!(singular.estimate_few(Some(1e-2), f64::NAN).is_infinite());
     }
 
     #[test]
