@@ -3,8 +3,7 @@
 use super::access::Access;
 use super::active::{Active, Held, Shown, Since, Touched, Update};
 use super::admission::Admission;
-use super::answers::live::SceneTexts;
-use super::answers::scene::SceneView;
+use super::answers::scene::{SceneTexts, SceneView};
 use super::answers::touched::Achieved;
 use super::asked::Asked;
 use super::background::Place;
@@ -138,7 +137,7 @@ impl App {
         let place = Place::default();
         let scene_toml: Arc<str> = scene_toml.into();
         Ok(Self {
-            scene: SceneTexts::new(SceneView::new(&table.scene)),
+            scene: SceneTexts::new(&SceneView::new(&table.scene)),
             metrics: Metrics::default(),
             started: Instant::now(),
             access: Arc::new(access),

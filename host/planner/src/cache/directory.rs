@@ -10,8 +10,6 @@ use std::time::SystemTime;
 
 /// Most files that are kept.
 pub const MOST_FILES: usize = 64;
-/// Most bytes that are kept, in one file or all of them.
-pub const MOST_BYTES: u64 = 256 << 20;
 /// How tables' files end.
 const ENDING: &str = "era-plan";
 

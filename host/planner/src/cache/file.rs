@@ -10,7 +10,6 @@
 //! ```
 
 use super::Key;
-use super::directory::MOST_BYTES;
 use super::key::FORMAT;
 use crate::model::stored::Implausible;
 use crate::table::stored::StoredTable;
@@ -19,6 +18,8 @@ use sha2::{Digest, Sha256};
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// Most bytes that are kept, in one file or all of them.
+pub const MOST_BYTES: u64 = 256 << 20;
 const MAGIC: &[u8; 8] = b"era-plan";
 /// Bytes before the table.
 const HEADER: usize = 8 + 4 + 32 + 8 + 32;

@@ -18,7 +18,8 @@ mod key;
 #[cfg(test)]
 mod tests;
 
-pub use directory::{MOST_BYTES, MOST_FILES};
+pub use directory::MOST_FILES;
+pub use file::MOST_BYTES;
 pub use file::Unusable;
 pub use key::Key;
 

@@ -7,10 +7,7 @@ use crate::daemon::active::Active;
 use crate::daemon::problem::Problem;
 use crate::daemon::view::{FieldView, PlanView, TouchView};
 use crate::planner::PlanTable;
-use axum::body::Bytes;
-use axum::extract::ws::Utf8Bytes;
 use serde::Serialize;
-use serde_json::json;
 use utoipa::ToSchema;
 
 /// A message to a page.
@@ -19,6 +16,7 @@ use utoipa::ToSchema;
 #[serde(tag = "type", rename_all = "lowercase")]
 pub enum Message {
     /// The scene, once.
+    #[expect(dead_code, reason = "part of the description; `SceneTexts` writes it once for all pages")]
     Scene(Box<SceneView>),
     /// The state, whenever it changes.
     State(Box<StateView>),
@@ -50,24 +48,6 @@ pub struct PlanMessage {
 pub struct ErrorMessage {
     /// What is wrong; `field` names the finger, as `touches[0].x_px`.
     problem: Problem,
-}
-
-/// The scene as it is sent, made once: it does not change while the daemon runs.
-#[derive(Clone, Debug)]
-pub struct SceneTexts {
-    /// To whoever asks for it.
-    pub answer: Bytes,
-    /// To pages, as a message.
-    pub message: Utf8Bytes,
-}
-
-impl SceneTexts {
-    /// Of this scene.
-    #[must_use]
-    pub fn new(scene: SceneView) -> Self {
-        let answer = serde_json::to_vec(&scene).unwrap_or_default().into();
-        Self { answer, message: json!(Message::Scene(Box::new(scene))).to_string().into() }
-    }
 }
 
 impl Message {

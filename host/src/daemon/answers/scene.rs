@@ -1,8 +1,37 @@
 //! The scene as a page draws it.
 
 use crate::scene::{Mount, Scene, Side, SurfaceKind};
+use axum::body::Bytes;
+use axum::extract::ws::Utf8Bytes;
 use serde::Serialize;
 use utoipa::ToSchema;
+
+/// The scene as it is sent, made once: it does not change while the daemon runs.
+#[derive(Clone, Debug)]
+pub struct SceneTexts {
+    /// To whoever asks for it.
+    pub answer: Bytes,
+    /// To pages, as a message of the type `scene`.
+    pub message: Utf8Bytes,
+}
+
+impl SceneTexts {
+    /// Of this scene.
+    #[must_use]
+    pub fn new(scene: &SceneView) -> Self {
+        // As the live socket's `Message::Scene`, whose file imports this one.
+        #[derive(Serialize)]
+        struct SceneMessage<'a> {
+            #[serde(rename = "type")]
+            kind: &'static str,
+            #[serde(flatten)]
+            scene: &'a SceneView,
+        }
+        let answer = serde_json::to_vec(scene).unwrap_or_default().into();
+        let message = serde_json::to_string(&SceneMessage { kind: "scene", scene }).unwrap_or_default().into();
+        Self { answer, message }
+    }
+}
 
 /// The scene, as a page draws it.
 #[derive(Clone, Debug, Serialize, ToSchema)]
