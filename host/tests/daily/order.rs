@@ -51,10 +51,16 @@ fn an_older_touch_never_overrides_a_newer_one() {
 fn what_became_of_a_request_can_be_asked_afterwards() {
     let daemon = Daemon::start(EXAMPLE_PLATE);
     let touch = r#"{"x_px": 300, "y_px": 900, "duration_ms": 3000}"#;
-    // Its sender never sees the answer.
-    send_and_go(&daemon, &post_with("/v1/touch", "X-Request-Id: tap-17\r\n", touch));
+    // Its sender never sees the answer, and asks by the same name: names are a client's own.
+    send_and_go(&daemon, &post_with("/v1/touch", "X-Request-Id: tap-17\r\nUser-Agent: sender\r\n", touch));
+    let ask = || {
+        let request = Daemon::agent().get(format!("{}/v1/requests/tap-17", daemon.url)).header("user-agent", "sender");
+        let mut response = request.call().unwrap();
+        let told = response.body_mut().read_to_string().unwrap();
+        (response.status().as_u16(), serde_json::from_str::<Value>(&told).unwrap())
+    };
     let told = loop {
-        let (status, told) = daemon.get("/v1/requests/tap-17");
+        let (status, told) = ask();
         if status == 200 && told["state"] != "waiting" {
             break told;
         }

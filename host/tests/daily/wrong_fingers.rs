@@ -105,8 +105,8 @@ fn one_wrong_finger_takes_nothing_from_the_others() {
         assert_eq!(problem["field"], field, "{text}: {problem}");
         assert_eq!(problem["type"], format!("urn:era:problem:{kind}"), "{text}: {problem}");
         assert_eq!(problem["finger"].is_i64(), has_id, "{text}: {problem}");
-        let plan = next_of(&mut socket, "plan");
-        assert_eq!(ids(&plan), [1], "{text}");
+        // The two before may be told once more, as drives that are held are renewed.
+        while ids(&next_of(&mut socket, "plan")) != [1] {}
         daemon.wait_for(|state| state["touches"].as_array().is_some_and(|touches| touches.len() == 1));
         say(&mut socket, &json!({"type": "touch", "touches": []}));
         // 400 ms after it came down: none of them vibrates.
