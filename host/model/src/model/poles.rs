@@ -2,7 +2,7 @@
 //!
 //! The diagonal of C in undamped modes is no damping ratio where dashpots couple modes: a strong one holds its point, and the pole that began
 //! as a mode ends at a motion that leaves the point at rest, with next to no damping. So all damping is scaled by t from 0 to 1, and each pole
-//! is the one whose state (q, s q) is nearly the one before: where a step turns a state by more than [`SAME`] allows, a shorter one is tried. Where
+//! is the one whose state (q, s q) is nearly the one before: where a step turns a state by more than `SAME` allows, a shorter one is tried. Where
 //! two conjugate poles meet on the real axis the mode no longer swings: from there on it has the faster one of two, and the slower one beside it.
 //!
 //! The eigenvalues are those of (A - sigma)^-1, A the state matrix, sigma of the size of the frequencies asked for: what is near sigma keeps its
