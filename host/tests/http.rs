@@ -423,7 +423,7 @@ fn the_live_socket_takes_touches_and_tells_plans() {
     assert_eq!(problem["problem"]["field"], "count");
     let problem = wait_for("error", Some(json!({"type": "dance"})));
     assert!(problem["problem"]["detail"].as_str().unwrap().contains("dance"));
-    let problem = wait_for("error", Some(json!({"type": "touch", "touches": [{"x_px": -4.0, "y_px": 0.0}]})));
+    let problem = wait_for("error", Some(json!({"type": "touch", "touches": [{"x_px": -40.0, "y_px": 0.0}]})));
     assert_eq!(problem["problem"]["field"], "touches[0].x_px");
     wait_for("state", Some(json!({"type": "touch", "touches": []})));
     daemon.wait_for(|state| state["device"]["state"] == "armed");

@@ -9,6 +9,9 @@ use std::process::Command;
 use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
+/// Starts a program with the signals that end one: whoever runs the tests may have been told to outlive its terminal, which is inherited.
+const BY: [&str; 2] = ["env", "--default-signal=HUP,INT,QUIT"];
+
 /// Every signal that would end a process and can be listened for. The board has heard a stop, and has not gone off by the silence alone.
 #[test]
 fn every_signal_that_ends_the_daemon_stops_the_board() {
@@ -17,7 +20,7 @@ fn every_signal_that_ends_the_daemon_stops_the_board() {
         "HUP", "INT", "QUIT", "TERM", "USR1", "USR2", "ALRM", "VTALRM", "PROF", "XCPU", "IO", "PWR", "STKFLT", "SYS",
         "40",
     ] {
-        let serving = Serving::start(&board, &["--after-outage", "touch"]);
+        let serving = Serving::start_under(&BY, &board, &["--after-outage", "touch"]);
         drive(&serving.daemon);
         let before = board.control().stop_received();
         let log = serving.end_by(signal);
@@ -88,8 +91,15 @@ fn a_replay_that_is_ended_stops_what_it_has_begun() {
     std::fs::write(&file, later.collect::<String>()).unwrap();
     let serving = Serving::start(&board, &[]);
     for signal in ["INT", "TERM", "HUP", "QUIT"] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_era"));
-        command.args(["replay", file.to_str().unwrap(), "--url", &serving.daemon.url]);
+        let mut command = Command::new(BY[0]);
+        command.args([
+            BY[1],
+            env!("CARGO_BIN_EXE_era"),
+            "replay",
+            file.to_str().unwrap(),
+            "--url",
+            &serving.daemon.url,
+        ]);
         let mut replay = command.spawn().unwrap();
         serving.daemon.wait_for(|state| state["device"]["state"] == "running");
         let before = board.control().stop_received();

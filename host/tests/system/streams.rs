@@ -110,7 +110,8 @@ fn a_log_that_is_stuck_holds_nothing_up() {
 fn a_closed_terminal_stops_the_board() {
     let board = board();
     // A session with a terminal of its own, which goes when this program ends.
-    let terminal = "import os, pty, sys\n\
+    let terminal = "import os, pty, signal, sys\n\
+                    signal.signal(signal.SIGHUP, signal.SIG_DFL)\n\
                     pid, master = pty.fork()\n\
                     if pid == 0:\n    os.execvp(sys.argv[1], sys.argv[1:])\n\
                     print(pid, flush=True)\n\
