@@ -4,7 +4,7 @@ use std::fmt;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpStream, ToSocketAddrs};
 use std::str::FromStr;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A name or an address in numbers, and a port.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,14 +62,18 @@ impl HostPort {
         if found.is_empty() { Err(unknown("none is known".into())) } else { Ok(found) }
     }
 
-    /// Connects to the first of its addresses that takes a connection.
+    /// Connects to the first of its addresses that takes a connection, within a time that they share: each has its part of what is left.
     ///
     /// # Errors
     /// Those of [`Self::find_addresses`], and that of the last address.
     pub fn connect_within(&self, longest: Duration) -> io::Result<TcpStream> {
         let mut result = Err(io::ErrorKind::NotFound.into());
-        for address in self.find_addresses()? {
-            result = TcpStream::connect_timeout(&address, longest);
+        let addresses = self.find_addresses()?;
+        let end = Instant::now() + longest;
+        for (address, left) in addresses.iter().zip((1..=addresses.len()).rev()) {
+            let own = end.saturating_duration_since(Instant::now()) / u32::try_from(left).unwrap_or(u32::MAX);
+            // No time at all is an error of its own.
+            result = TcpStream::connect_timeout(address, own.max(Duration::from_millis(1)));
             if result.is_ok() {
                 break;
             }

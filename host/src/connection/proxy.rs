@@ -3,6 +3,7 @@
 use super::{CONNECT, HostPort, PATIENCE};
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
+use std::time::Instant;
 
 /// Longest answer of a proxy in bytes.
 const MAX_ANSWER: usize = 8192;
@@ -27,8 +28,9 @@ pub fn open_tunnel(proxy: &HostPort, target: &HostPort) -> io::Result<TcpStream>
     let request = format!("CONNECT {target} HTTP/1.1\r\nHost: {target}\r\n\r\n");
     stream.write_all(request.as_bytes()).map_err(failed)?;
     let (mut answer, mut byte) = (Vec::new(), [0]);
+    let end = Instant::now() + PATIENCE;
     // Byte by byte: what comes after the answer is the target's.
-    while !answer.ends_with(b"\r\n\r\n") && answer.len() < MAX_ANSWER {
+    while !answer.ends_with(b"\r\n\r\n") && answer.len() < MAX_ANSWER && Instant::now() < end {
         match stream.read(&mut byte) {
             Ok(0) | Err(_) => break,
             Ok(_) => answer.extend(byte),
