@@ -1,6 +1,7 @@
 //! Attachments that are next to each other: 1 nm to 1 mm. What they are together is known in closed form, to their distance over a wave.
 
 use era::model::{Accuracy, bounded_modes};
+use era::response::bounded_curves;
 use era::scene::Scene;
 
 const MAX_HZ: f64 = 400.0;
@@ -97,6 +98,74 @@ fn rigid_supports_next_to_each_other_clamp_a_bar() {
             let off = (hz / expected - 1.0).abs();
             println!("{apart_m} m: {hz} Hz for {expected}, {off:.1e} of {bound:.1e}");
             assert!(off <= bound + 1e-8 && bound < 3e-3, "{apart_m} m: {hz} Hz for {expected}, {off:e} of {bound:e}");
+        }
+    }
+}
+
+/// A bar that is held on the left, free on the right, with a support in between and something at `place_m` from the held end.
+fn held_bar(end: &str, what: &str, place_m: f64) -> Scene {
+    let text = format!(
+        "version = 1\nname = \"held\"\n[surface]\nkind = \"bar\"\nlength_mm = 300.0\nwidth_mm = 30.0\nthickness_mm = 2.0\n\
+         [surface.material]\nyoungs_modulus_pa = 70e9\npoisson_ratio = 0.33\ndensity_kg_m3 = 2700.0\n[surface.damping]\nloss_factor = 0.02\n\
+         [[edge]]\nside = \"left\"\nkind = \"{end}\"\n[[support]]\nx_mm = 200.0\nstiffness_n_per_m = 20000.0\n{what}x_mm = {:?}\n",
+        place_m * 1e3
+    );
+    Scene::parse("held", &text).unwrap()
+}
+
+/// Before, the cell between an end and what is next to it left a bound of 27.
+#[test]
+fn what_is_next_to_a_held_end_has_a_bound_that_holds_and_says_something() {
+    let spring = |stiffness: f64| format!("[[support]]\nstiffness_n_per_m = {stiffness:e}\n");
+    for apart_m in [1e-9, 2.9e-7, 3.1e-7, 1e-6, 1e-5, 4e-5] {
+        for (end, stiffness) in [("pinned", 2e4), ("clamped", 2e4), ("pinned", 1e20), ("clamped", 1e20)] {
+            // Soft ones do nothing next to an end. Firm ones clamp a pinned end once they are far enough from it to hold its slope, and make a
+            // clamped bar shorter, by their distance or less.
+            let is_firm = stiffness > 1e6;
+            if is_firm && apart_m < 1e-6 {
+                continue;
+            }
+            let wanted = modes(&held_bar(if is_firm { "clamped" } else { end }, &spring(1.0), 0.0));
+            let found = modes(&held_bar(end, &spring(stiffness), apart_m));
+            assert_eq!(found.len(), wanted.len());
+            for ((hz, bound), (wanted, own)) in found.into_iter().zip(wanted) {
+                let off = (hz / wanted - 1.0).abs();
+                // Of a firm one: all of its distance over a quarter wave (0.1 m), four times for the two squares. Of a soft one the energy that it
+                // takes, k d^2 over E I / 0.1 m = 14 N m.
+                let moved = if is_firm { 40.0 * apart_m } else { 2e4 * apart_m * apart_m / 14.0 };
+                assert!(
+                    off <= bound + own + moved + 1e-9 && bound < 1e-2,
+                    "{end} {stiffness:e} {apart_m}: {hz} for {wanted}, {off:e} of {bound:e} and {moved:e}"
+                );
+            }
+        }
+    }
+}
+
+/// Next to a pinned end a panel moves with the distance from it, next to a clamped one with its square: so does what a force there does elsewhere.
+#[test]
+fn a_force_next_to_a_held_end_does_what_its_distance_says() {
+    let era = "[[actuator]]\nid = \"a\"\nmount = \"grounded\"\nmoving_mass_g = 1.0\nstiffness_n_per_m = 900.0\ndamping_n_s_per_m = 0.1\n\
+               electrode_area_mm2 = 900.0\nair_gap_um = 300.0\nmax_voltage_v = 1000.0\n";
+    let frequencies = [60.0, 150.0, 390.0];
+    for (end, power) in [("pinned", 1), ("clamped", 2)] {
+        let of = |place_m: f64| {
+            let scene = held_bar(end, era, place_m);
+            let found = bounded_curves(&scene, Accuracy::BALANCED, (0.26, 0.0), &frequencies).unwrap();
+            (found.answer[0].clone(), found.bounds[0].value().unwrap())
+        };
+        let (known, own) = of(2e-3);
+        for apart_m in [1e-6, 1e-5, 4e-5, 1e-4, 1e-3] {
+            let (found, bound) = of(apart_m);
+            let scale = (apart_m / 2e-3_f64).powi(power);
+            let largest = found.iter().map(|value| value.norm()).fold(0.0, f64::max);
+            for (found, known) in found.iter().zip(&known) {
+                let off = (found - known * scale).norm() / largest;
+                // The next terms: the distance of 2 mm over a quarter wave (0.1 m), squared where the end is pinned.
+                let next = if power == 1 { 1e-3 } else { 3e-2 };
+                println!("{end} {apart_m}: {off:.1e} of {bound:.1e}");
+                assert!(off <= bound + own + next && bound < 2e-2, "{end} {apart_m}: {off:e}, bound {bound:e}");
+            }
         }
     }
 }

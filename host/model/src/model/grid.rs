@@ -154,10 +154,14 @@ impl Grid {
         self.points.deflection(x_m, y_m).unwrap_or_else(|| self.row_at(x_m, y_m, Derivative::Value))
     }
 
-    /// The deflection of a bar at the nearest line, and beside it what the slope there adds.
+    /// The deflection of a bar at the nearest line, and beside it what the slope there adds. Next to a held end, where that would be next to nothing or
+    /// nothing at all, it is that of the cell there.
     fn beside_line(&self, x_m: f64) -> SparseVector {
         let line = self.x.at[self.x.nearest(x_m)];
         let mut out: BTreeMap<usize, f64> = self.row_at(line, 0.0, Derivative::Value).into_iter().collect();
+        if out.is_empty() {
+            return self.row_at(x_m, 0.0, Derivative::Value);
+        }
         if x_m != line {
             for (unknown, value) in self.row_at(line, 0.0, Derivative::SlopeX) {
                 *out.entry(unknown).or_insert(0.0) += (x_m - line) * value;

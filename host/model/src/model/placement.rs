@@ -86,12 +86,11 @@ pub(super) fn forced(scene: &Scene, layout: &Layout, fineness: Fineness) -> [Vec
     let line = |at: &f64| Forced { at: *at, width: f64::INFINITY };
     let mut forced = [layout.x_m(), layout.y_m()].map(|lines| lines.iter().map(line).collect::<Vec<_>>());
     if scene.surface.kind == SurfaceKind::Bar {
-        // A bar's third derivative jumps at a force and is smooth on either side. What is next to a line moves with its slope.
-        let mut moving = moving_lines(scene, layout);
+        // A bar's third derivative jumps at a force and is smooth on either side. What is next to a line moves with its slope, and next to a held end
+        // as the cell there does.
         let near = NEAR_LINE * scene.surface.length_m;
         for Place { at: (at, _), .. } in places(scene) {
-            if moving.iter().all(|known| (known - at).abs() > near) {
-                moving.push(at);
+            if forced[0].iter().all(|known| (known.at - at).abs() > near) {
                 forced[0].push(line(&at));
             }
         }
@@ -116,14 +115,6 @@ pub(super) fn forced(scene: &Scene, layout: &Layout, fineness: Fineness) -> [Vec
         lines.extend(strip);
     }
     forced
-}
-
-/// Borders of a bar's parts, and its ends but for held ones: next to these the slope says nothing of a deflection, or not enough.
-fn moving_lines(scene: &Scene, layout: &Layout) -> Vec<f64> {
-    let is_held = |side: Side| matches!(edge_kind(scene, side), Some(EdgeKind::Pinned | EdgeKind::Clamped));
-    let (lines, last) = (layout.x_m(), layout.x_m().len().saturating_sub(1));
-    let free = |i: &usize| !(*i == 0 && is_held(Side::Left) || *i == last && is_held(Side::Right));
-    (0..lines.len()).filter(free).map(|i| lines[i]).collect()
 }
 
 /// The nearest border if it is within `width`, or the place itself.
@@ -212,11 +203,18 @@ fn beside_lines(scene: &Scene, fineness: Fineness) -> f64 {
         BESIDE * part * (part + clamped / (1.0 + clamped))
     };
     let of_pairs = pairs(scene, near).into_iter().map(|pair| of_pair(pair.distance_m, pair.held));
-    // Beside an end or a border nothing else is held.
-    let lines = moving_lines(scene, &scene.layout());
-    let distances = attachments(scene).flat_map(|at| lines.iter().map(move |line| (line - at.0).abs()));
-    let beside_borders = distances.filter(|distance| *distance > 0.0 && *distance <= near);
-    of_pairs.chain(beside_borders.map(|distance_m| of_pair(distance_m, 0.0))).fold(0.0, f64::max)
+    let layout = scene.layout();
+    let (lines, last) = (layout.x_m(), layout.x_m().len().saturating_sub(1));
+    let is_held = |side: Side| matches!(edge_kind(scene, side), Some(EdgeKind::Pinned | EdgeKind::Clamped));
+    let beside_borders = places(scene).into_iter().flat_map(|place| {
+        lines.iter().enumerate().map(move |(k, line)| {
+            // Beside a free end or a border nothing else is held.
+            let is_held_end = k == 0 && is_held(Side::Left) || k == last && is_held(Side::Right);
+            ((line - place.at.0).abs(), if is_held_end { place.held } else { 0.0 })
+        })
+    });
+    let beside_borders = beside_borders.filter(|(distance_m, _)| *distance_m > 0.0 && *distance_m <= near);
+    of_pairs.chain(beside_borders.map(|(distance_m, held)| of_pair(distance_m, held))).sum()
 }
 
 /// What a frequency may be wrong by for attachments that count as at one place and are not: each is off by their distance, which is to the wave as the
@@ -231,7 +229,7 @@ fn merged(scene: &Scene, fineness: Fineness) -> f64 {
         let held = pair.held * pair.distance_m * pair.distance_m * lever / waves.softest;
         OFF_PLACE * pair.distance_m / fineness.cell_m + held / (1.0 + held)
     };
-    pairs(scene, MERGE * longest).into_iter().map(of_pair).fold(0.0, f64::max)
+    pairs(scene, MERGE * longest).into_iter().map(of_pair).sum()
 }
 
 /// The same for places of a plate that are near to each other.
