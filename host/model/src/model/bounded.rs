@@ -267,22 +267,24 @@ impl<Q: Question> Ladder<'_, Q> {
         let earlier = before.next().map(|coarse| self.question.differences(&coarse.answer, &middle.answer));
         let estimator = Estimator::new(self.scene, &fine.model);
         let floors = self.question.floors(&fine.answer, Rounding::new(self.scene, &fine.model));
-        let bounds: Vec<f64> = last
-            .iter()
-            .zip(&floors)
-            .enumerate()
-            .map(|(k, (last, floor))| {
-                // The level before may have had fewer parts to compare.
-                let earlier = earlier.as_ref().map(|earlier| earlier.get(k).copied().unwrap_or(f64::INFINITY));
-                let estimate = match self.question.values() {
-                    Values::Frequencies => estimator.estimate(earlier, *last),
-                    Values::Curves => RESPONSE_SAFETY * estimator.estimate_curves(earlier, *last),
-                    Values::FewResponses => RESPONSE_SAFETY * estimator.estimate_few(earlier, *last),
-                };
-                estimate + floor
-            })
-            .collect();
-        let deciding = self.question.deciding(bounds.len());
+        // The level before may have had fewer parts to compare.
+        let before = |k: usize| earlier.as_ref().map(|earlier| earlier.get(k).copied().unwrap_or(f64::INFINITY));
+        let differences: Vec<(Option<f64>, f64)> =
+            last.iter().enumerate().map(|(k, last)| (before(k), *last)).collect();
+        let responses = |estimate: &dyn Fn(Option<f64>, f64) -> f64| -> Vec<f64> {
+            differences.iter().map(|(before, last)| RESPONSE_SAFETY * estimate(*before, *last)).collect()
+        };
+        let deciding = self.question.deciding(differences.len());
+        let estimates = match self.question.values() {
+            Values::Frequencies => {
+                let (modes, others) = differences.split_at(deciding);
+                let others = others.iter().map(|(before, last)| estimator.estimate(*before, *last));
+                estimator.estimate_modes(modes).into_iter().chain(others).collect()
+            }
+            Values::Curves => responses(&|before, last| estimator.estimate_curves(before, last)),
+            Values::FewResponses => responses(&|before, last| estimator.estimate_few(before, last)),
+        };
+        let bounds: Vec<f64> = estimates.iter().zip(&floors).map(|(estimate, floor)| estimate + floor).collect();
         let (step, found) = (fine.step, largest(&bounds[..deciding]));
         if let Some(step) = self.steps.get_mut(step) {
             step.bound = found;
