@@ -31,8 +31,8 @@ const MAX_RECTANGLES: usize = 24;
 const MAX_LAYERS: usize = 32;
 /// Most unknowns of the finest level: panels with a bezel or a camera hole need up to 4500.
 const MAX_UNKNOWNS: f64 = 6_000.0;
-/// Most products of unknowns and attachments: each attachment has functions of its own, which are integrated over all cells.
-const MAX_PRODUCT: f64 = 48_000.0;
+/// Most products of unknowns and attachments, as each attachment has functions of its own, which are integrated over all cells: 32 on the example plate, whose finest level has 2436.
+const MAX_PRODUCT: f64 = 80_000.0;
 /// Most modes that are kept ([`Levels::expected_modes`]): a plate of 1.3 m by 0.8 m and 2 mm has 60.
 const MAX_MODES: f64 = 100.0;
 /// Previews that are computed at once, each of another client.

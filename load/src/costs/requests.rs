@@ -120,11 +120,11 @@ pub fn cases() -> Vec<Case> {
             vec![json!({"x_px": 960, "y_px": 640}).to_string()],
         ),
         case(
-            "the same, 20 attachments",
-            "32 attachments, 48 000 unknowns times attachments",
+            "the same, 32 attachments",
+            "32 attachments, 80 000 unknowns times attachments",
             "POST",
             "/v1/preview",
-            vec![preview(&masses(14))],
+            vec![preview(&masses(26))],
         ),
         case("the same, 100 modes", "100 modes, 6000 unknowns", "POST", "/v1/preview", vec![preview(&long(3000))]),
         case("the same, 10 m long", "100 modes", "POST", "/v1/preview", vec![preview(&long(10_000))]),
@@ -132,11 +132,11 @@ pub fn cases() -> Vec<Case> {
         Case {
             way: Way::HangUp,
             ..case(
-                "the same, 20 attachments, hung up",
+                "the same, 32 attachments, hung up",
                 "ends with its sender",
                 "POST",
                 "/v1/preview",
-                vec![preview(&masses(14))],
+                vec![preview(&masses(26))],
             )
         },
         case(
