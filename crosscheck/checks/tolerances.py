@@ -1,4 +1,4 @@
-"""`era plan --tolerances`: the weakest and the strongest of the panels with everything off, and one of both of a kind by itself, each made anew
+"""`era plan --spread`: the weakest and the strongest of the panels with everything off, and one of both of a kind by itself, each made anew
 from the told factors and places, and the peak of the plan's drives there, against the told levels."""
 
 import numpy as np
@@ -50,7 +50,7 @@ def run(context):
     asked = {"springs": rng.uniform(0.1, 0.5), "youngs_modulus": rng.uniform(0.05, 0.3), "thickness": rng.uniform(0.02, 0.15), "places_mm": places_mm}
     era = Program(context.era.binary, path, context.folder, LIMIT_S)
     touch = ("--at", f"{x * 1e3!r},{y * 1e3!r}", "--unit", "mm", "--intensity-g", float(rng.choice([0.05, 0.5, 5.0])))
-    plan = era.json("plan", *touch, "--tolerances=" + ",".join(repr(float(value)) for value in asked.values()))
+    plan = era.json("plan", *touch, "--spread=" + ",".join(repr(float(value)) for value in asked.values()))
     said = plan["off"]
     alone = {own["what"]: own for own in said["of"]}
     chosen = str(rng.choice(list(alone)))

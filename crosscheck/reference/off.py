@@ -14,7 +14,7 @@ ON_THE_BORDER = 1e-9
 
 
 def off(scene, panel):
-    """The scene with what `panel` names off: a table of factors and places (mm) as in `off` of `era plan --tolerances --json`."""
+    """The scene with what `panel` names off: a table of factors and places (mm) as in `off` of `era plan --spread --json`."""
     springs = panel.get("springs", {})
     scaled = lambda kind, item, factor: replace(item, stiffness=item.stiffness * factor, **_rotation(item, factor))
     for kind in ("supports", "edges", "actuators"):

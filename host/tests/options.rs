@@ -48,7 +48,7 @@ fn help(folder: &Path, command: &[String]) -> Help {
         if section.starts_with("Commands") && is_entry {
             commands.extend(entry.split_whitespace().next().filter(|name| *name != "help").map(str::to_owned));
         }
-        if section.starts_with("Options") && is_entry && entry.starts_with('-') {
+        if is_entry && entry.starts_with('-') {
             let long = entry.split([' ', ',']).find(|word| word.starts_with("--")).unwrap();
             let name: String = long.chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '-').collect();
             // `[=<X>]` may be left out, and is.

@@ -1,4 +1,4 @@
-//! What tolerances do to a plan, over HTTP and on the page: the numbers and words of `era plan --tolerances`, beside touches and stops; refusals; an end
+//! What tolerances do to a plan, over HTTP and on the page: the numbers and words of `era plan --spread`, beside touches and stops; refusals; an end
 //! by whoever asked.
 
 mod support;
@@ -62,7 +62,7 @@ fn http_tells_what_the_command_line_tells() {
         (&json!("done"), &json!(128), &json!(null)),
         "{told}"
     );
-    let command: Value = serde_json::from_str(&planned(&["--tolerances", "--json"])).unwrap();
+    let command: Value = serde_json::from_str(&planned(&["--spread", "--json"])).unwrap();
     for key in ["drives", "error_bound"] {
         assert_eq!(told["plan"][key], command[key], "{key}");
     }
@@ -71,6 +71,7 @@ fn http_tells_what_the_command_line_tells() {
     assert!(told["plan"]["error_bound"].as_f64().unwrap() < 1e-2, "{told}");
     assert!(told["off"]["most_db"].as_f64().unwrap() - told["off"]["least_db"].as_f64().unwrap() > 2.0, "{told}");
     let words = told["words"].as_str().unwrap();
+    // The option's former name is taken as well.
     assert!(planned(&["--tolerances"]).trim_end().ends_with(&format!("\n{words}")), "{words}");
     assert!(daemon.sim.drives_received().is_none(), "nothing was driven");
 }

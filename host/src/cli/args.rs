@@ -17,8 +17,19 @@ use super::values::{
 };
 use super::wishes::Wishes;
 
+/// Groups of options in the help of commands.
+const MODEL: &str = "Scene and model";
+pub(super) const TOUCH: &str = "Touch";
+pub(super) const PLANNER: &str = "Planner";
+const DAEMON: &str = "Daemon";
+const DEVICE: &str = "Device";
+const LISTENING: &str = "Listening";
+const ACCESS: &str = "Access";
+const RECORDING: &str = "Recording";
+
 /// The scene and how accurately to model it.
 #[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = MODEL)]
 pub struct Panel {
     /// Scene file (see docs/src/scene.md); the example plate if not given
     #[arg(long, value_name = "FILE")]
@@ -66,6 +77,7 @@ impl Panel {
 
 /// A time in place of a tolerance, for commands that climb from level to level.
 #[derive(Clone, Copy, Debug, Default, Args)]
+#[command(next_help_heading = MODEL)]
 pub struct Time {
     /// The most accurate answer that fits in this time, 50ms or 2s say, instead of a tolerance; the bound says what was reached
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["tolerance", "accuracy"])]
@@ -74,6 +86,7 @@ pub struct Time {
 
 /// Whether plan tables are kept on disk.
 #[derive(Clone, Copy, Debug, Default, Args)]
+#[command(next_help_heading = MODEL)]
 pub struct Keep {
     /// Compute the plan table even if it is on disk, and leave it there as it is (see docs/src/accuracy.md, "Start-up")
     #[arg(long)]
@@ -104,51 +117,51 @@ pub struct Serve {
     #[command(flatten)]
     pub keep: Keep,
     /// sim (the default), emulated, auto, or the path of a serial port
-    #[arg(long, value_name = "DEVICE")]
+    #[arg(long, value_name = "DEVICE", help_heading = DEVICE)]
     pub device: Option<Target>,
     /// Address or name, and port, to listen on, as 127.0.0.1:7878, localhost:7878 or [::1]:7878 [default: 127.0.0.1:7878]
-    #[arg(long, value_name = "ADDR:PORT")]
+    #[arg(long, value_name = "ADDR:PORT", help_heading = LISTENING)]
     pub listen: Option<HostPort>,
     /// Socket in the file system to listen on as well, for this user alone; `none` for none [default: era.sock in
     /// $XDG_RUNTIME_DIR, where that is set]
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", help_heading = LISTENING)]
     pub socket: Option<PathBuf>,
     /// File of tokens, a line ROLE SECRET each (view, touch or arm); requests then need one
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = ACCESS)]
     pub token_file: Option<PathBuf>,
     /// Certificate in PEM, to serve with TLS
-    #[arg(long, value_name = "FILE", requires = "tls_key")]
+    #[arg(long, value_name = "FILE", requires = "tls_key", help_heading = LISTENING)]
     pub tls_cert: Option<PathBuf>,
     /// Its private key in PEM
-    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    #[arg(long, value_name = "FILE", requires = "tls_cert", help_heading = LISTENING)]
     pub tls_key: Option<PathBuf>,
     /// Folder with a certificate and key, which are made where there are none, to serve with TLS
-    #[arg(long, value_name = "DIR", conflicts_with = "tls_cert")]
+    #[arg(long, value_name = "DIR", conflicts_with = "tls_cert", help_heading = LISTENING)]
     pub tls_dir: Option<PathBuf>,
     /// Another page that may talk to the daemon, as http://HOST:PORT; several times for several
-    #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::origin)]
+    #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::origin, help_heading = ACCESS)]
     pub allow_origin: Vec<String>,
     /// Another name by which the daemon may be called, beside localhost and addresses in numbers; several times for several
-    #[arg(long, value_name = "NAME", value_parser = crate::daemon::Access::host)]
+    #[arg(long, value_name = "NAME", value_parser = crate::daemon::Access::host, help_heading = ACCESS)]
     pub allow_host: Vec<String>,
     /// Write down what is asked and what becomes of it, for `era replay`: to a new file, or to a file of each start in a folder
     /// (one that is there, or ends in a slash)
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", help_heading = RECORDING)]
     pub record: Option<PathBuf>,
     /// Size in MB of a recording's file after which the next one is begun [default: 256]
-    #[arg(long, value_name = "MB", value_parser = parse_record_mb)]
+    #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_file_mb: Option<f64>,
     /// Size in MB of all files of a recording together, in a folder those of earlier starts among them: the oldest are removed [default: 2000]
-    #[arg(long, value_name = "MB", value_parser = parse_record_mb)]
+    #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_total_mb: Option<f64>,
     /// Time without a touch in s after which the board is disarmed [default: 5]
-    #[arg(long, value_name = "S", value_parser = parse_idle)]
+    #[arg(long, value_name = "S", value_parser = parse_idle, help_heading = DEVICE)]
     pub idle_s: Option<f64>,
     /// Let the next touch clear a latched silence of this host (fault host-silent); others wait for a person
-    #[arg(long)]
+    #[arg(long, help_heading = DEVICE)]
     pub clear_silence: bool,
     /// After the board was away: wait for `era arm`, or let the next touch arm it [default: person]
-    #[arg(long, value_name = "WHO", value_enum)]
+    #[arg(long, value_name = "WHO", value_enum, help_heading = DEVICE)]
     pub after_outage: Option<AfterOutage>,
 }
 
@@ -178,6 +191,7 @@ pub fn parse_idle(text: &str) -> Result<f64, String> {
 
 /// Where the daemon is.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = DAEMON)]
 pub struct Daemon {
     /// The daemon's address, as http://HOST:PORT, https://HOST:PORT or HOST:PORT
     #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = parse_url)]
@@ -192,7 +206,7 @@ pub struct Daemon {
     #[arg(long, value_name = "URL", value_parser = parse_proxy)]
     pub proxy: Option<HostPort>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = None::<&str>)]
     pub json: bool,
 }
 
@@ -401,6 +415,7 @@ pub enum Unit {
 
 /// The touch to plan for.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = TOUCH)]
 pub struct At {
     /// The touched point
     #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]

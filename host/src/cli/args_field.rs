@@ -46,9 +46,9 @@ pub struct Field {
     pub to: Option<f64>,
     /// For a touch: say what its drives do at the target where the panel is off, by default springs by 20 %, Young's modulus by 10 %, thickness by
     /// 5 %, places by 1 mm; takes some seconds
-    #[arg(long, value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
+    #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
         default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, conflicts_with_all = ["reach", "schemes"])]
-    pub tolerances: Option<Tolerances>,
+    pub spread: Option<Tolerances>,
     /// Write a picture, of the type PNG
     #[arg(long, value_name = "FILE.png", value_parser = parse_png)]
     pub png: Option<PathBuf>,

@@ -94,7 +94,7 @@ Examples:
   era plan --at 480,640 --window 0-300 --also 1500,700:0.3:200-500     one after the other")]
     Plan(PlanOptions),
     /// An effect at a point: what the board would play, and what the panel would do, without driving anything
-    #[command(after_help = "Example:\n  era effect --at 100,60 --unit mm --effect click --intensity-g 0.5")]
+    #[command(after_help = "Example:\n  era effect click --at 100,60 --unit mm --intensity-g 0.5")]
     Effect(EffectOptions),
     /// Peak acceleration over the surface for a touch, or what can be reached at all, as CSV or PNG
     #[command(after_help = "\

@@ -1,6 +1,6 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
-use super::args::{At, Keep, Panel, Rhythm};
+use super::args::{At, Keep, Panel, Rhythm, TOUCH};
 use super::panel::{bounds_of, target, tell_plan, touched_table};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{self, DesignError, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};
@@ -22,11 +22,14 @@ pub struct EffectOptions {
     #[command(flatten)]
     pub at: At,
     /// The same in dB above the threshold of feeling
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g")]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     /// Which effect
-    #[arg(long, value_name = "NAME")]
-    pub effect: NamedEffect,
+    #[arg(value_name = "NAME", required_unless_present = "effect", conflicts_with = "effect")]
+    pub name: Option<NamedEffect>,
+    /// The same as an option
+    #[arg(long, value_name = "NAME", hide_possible_values = true)]
+    pub effect: Option<NamedEffect>,
     /// How long, in ms
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub duration_ms: Option<f64>,
@@ -39,8 +42,9 @@ pub struct EffectOptions {
 
 pub fn run(options: &EffectOptions) -> Outcome {
     let scene = options.panel.load()?;
+    let effect = options.name.or(options.effect).ok_or_else(|| Failure::usage("no effect is named"))?;
     let request = EffectRequest {
-        effect: options.effect,
+        effect,
         duration_ms: options.duration_ms,
         count: options.rhythm.count,
         period_ms: options.rhythm.period_ms,
@@ -73,7 +77,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
     }
     let predicted = design.predicted;
     let mut text =
-        format!("{} at {:.1} mm, {:.1} mm", options.effect.name(), 1e3 * plan.target_m[0], 1e3 * plan.target_m[1]);
+        format!("{} at {:.1} mm, {:.1} mm", effect.name(), 1e3 * plan.target_m[0], 1e3 * plan.target_m[1]);
     for designed in &design.drives {
         let drive = &designed.drive;
         let _ = write!(

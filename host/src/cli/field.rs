@@ -40,7 +40,7 @@ pub fn run(options: &Field) -> Outcome {
     if let Some(path) = options.csv.as_ref().filter(|_| !to_output) {
         write_text_file(path, &field.csv())?;
     }
-    let off = options.tolerances.map(|off| {
+    let off = options.spread.map(|off| {
         let looked = || tolerances::spread(&scene, &touched, &plan, off);
         with_progress("looking at panels that are off", looked).map_err(Failure::failed)
     });

@@ -1,6 +1,6 @@
 //! `era plan`: the drives for a touch, or for several.
 
-use super::args::{At, Keep, Panel, Unit};
+use super::args::{At, Keep, PLANNER, Panel, TOUCH, Unit};
 use super::args_field::{Corners, parse_corners};
 use super::panel::{bounds_of, plan_table, point_of, target, tell_plan, touched_table};
 use super::progress::with_progress;
@@ -34,18 +34,18 @@ pub struct PlanOptions {
     #[command(flatten)]
     pub at: At,
     /// The same in dB above the threshold of feeling; for targets of --also without a peak of their own as well
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g")]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     #[command(flatten)]
     pub wishes: Wishes,
     /// For --objective reach: a rectangle in mm instead of the whole surface; on a bar only x counts
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_corners, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_corners, allow_hyphen_values = true, help_heading = PLANNER)]
     pub zone: Option<Corners>,
     /// Say what the plan does where the panel is off, by default springs by 20 %, Young's modulus by 10 %, thickness by 5 %, places by 1 mm;
     /// takes some seconds
-    #[arg(long, value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
-        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances)]
-    pub tolerances: Option<Tolerances>,
+    #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
+        default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, help_heading = PLANNER)]
+    pub spread: Option<Tolerances>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -72,7 +72,7 @@ struct Answer {
     trade: Option<Trade>,
     #[serde(skip_serializing_if = "Option::is_none")]
     stretches: Option<Vec<Stretch>>,
-    /// With `--tolerances`.
+    /// With `--spread`.
     #[serde(skip_serializing_if = "Option::is_none")]
     off: Option<Spread>,
 }
@@ -93,7 +93,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
     let plans = plans(&answer);
     tell_plan(&plans, accuracy, options.panel.explain);
     answer.tolerance_met = Bound::are_met(&bounds_of(&plans), accuracy);
-    if let Some(tolerances) = options.tolerances {
+    if let Some(tolerances) = options.spread {
         let off = || tolerances::spread(&scene, &fingers, &answer.plan, tolerances);
         answer.off = Some(with_progress("looking at panels that are off", off).map_err(Failure::failed)?);
     }

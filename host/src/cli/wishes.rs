@@ -1,5 +1,6 @@
 //! What a touch asks for besides its own place and strength, as `era plan` and `era touch` take it.
 
+use super::args::PLANNER;
 use super::values::{Point, parse_point};
 use crate::planner::schedule::Window;
 use crate::planner::{Grouping, Objective, Weigh};
@@ -7,6 +8,7 @@ use clap::Args;
 
 /// Other targets, quiet zones, times, what is optimised.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = PLANNER)]
 pub struct Wishes {
     /// When the target is wanted, in ms from the beginning [default: as long as any other]
     #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]

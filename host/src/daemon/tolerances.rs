@@ -91,7 +91,7 @@ pub struct TolerancesView {
     plan: Option<PlanView>,
     /// What the plan's drives do where the panel is off; null until it is done.
     off: Option<Spread>,
-    /// The same in words, as `era plan --tolerances` tells it; null until it is done.
+    /// The same in words, as `era plan --spread` tells it; null until it is done.
     words: Option<String>,
     /// Why it could not go on.
     problem: Option<String>,
