@@ -76,8 +76,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
         return print_json(&answer);
     }
     let predicted = design.predicted;
-    let mut text =
-        format!("{} at {:.1} mm, {:.1} mm", effect.name(), 1e3 * plan.target_m[0], 1e3 * plan.target_m[1]);
+    let mut text = format!("{} at {:.1} mm, {:.1} mm", effect.name(), 1e3 * plan.target_m[0], 1e3 * plan.target_m[1]);
     for designed in &design.drives {
         let drive = &designed.drive;
         let _ = write!(

@@ -4,6 +4,7 @@
 pub mod browser;
 pub mod described;
 pub mod old_board;
+#[path = "../../model/tests/numerics/scenes.rs"]
 pub mod scenes;
 pub mod served;
 pub mod timed_board;

@@ -5,7 +5,7 @@ mod cases;
 mod closed;
 mod panel;
 mod ritz;
-#[path = "../support/scenes.rs"]
+#[path = "../../model/tests/numerics/scenes.rs"]
 #[expect(dead_code, reason = "shared with other tests")]
 mod scenes;
 mod table;

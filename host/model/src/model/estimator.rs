@@ -7,9 +7,9 @@
 //! shows only when the waves are resolved. So d has to be that of two levels that resolve them, order 7 and 9 at least.
 //! With a third level the difference before, d', is known, and the bound is at least what a ratio d / d' that stays leaves.
 //!
-//! This is no theorem. `host/tests/bounds.rs` and `cargo xtask bench model` hold it against finer solutions on random scenes:
+//! This is no theorem. `host/model/tests/numerics/bounds.rs` and `cargo xtask bench model` hold it against finer solutions on random scenes:
 //! with orders 7 and 9 the difference is at least 2.6 times the error of order 9, 9 times in the median; with 9 and 11 it is
-//! 2.6 and 3.5 times. `host/tests/model_reference.rs` holds bounds against closed references.
+//! 2.6 and 3.5 times. `host/model/tests/numerics/model_reference.rs` holds bounds against closed references.
 
 use super::attached::attached;
 use super::bound::Bound;

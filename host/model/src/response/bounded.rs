@@ -19,7 +19,7 @@ const COMPARED: usize = 100_000;
 /// Points along a side that are compared at least.
 const LEAST_ALONG: usize = 9;
 /// Largest difference at any point over the largest at the points compared: 1.05 at most on the random scenes of
-/// `host/tests/sweep.rs`.
+/// `host/model/tests/numerics/sweep.rs`.
 const BETWEEN_POINTS: f64 = 1.25;
 
 /// Acceleration, relative to that of the surface under the same force, which is as good as none.

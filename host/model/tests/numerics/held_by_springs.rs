@@ -1,14 +1,12 @@
 //! Panels on springs that lose another part than their material does, or nothing: what damps couples the modes through the springs'
 //! forces. Responses against the bending equation solved with complex moduli.
 
-mod support;
-
-use era::model::{Accuracy, Bound};
-use era::response::bounded_curves;
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, Bound};
+use era_model::response::bounded_curves;
 use nalgebra::{Matrix4, Vector4};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
-use support::scenes::SceneText;
 
 /// What stands at an end: dynamic stiffness against deflection and against slope, per metre of edge on a plate.
 #[derive(Clone, Copy)]

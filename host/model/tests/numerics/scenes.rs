@@ -154,8 +154,9 @@ impl SceneText {
         )
     }
 
-    pub fn scene(&self) -> era::scene::Scene {
-        era::scene::Scene::parse("test scene", &self.text()).unwrap_or_else(|error| panic!("{error}\n{}", self.text()))
+    pub fn scene(&self) -> era_model::scene::Scene {
+        era_model::scene::Scene::parse("test scene", &self.text())
+            .unwrap_or_else(|error| panic!("{error}\n{}", self.text()))
     }
 
     /// Bending stiffness E I of the bar in N m^2.

@@ -1,10 +1,8 @@
 //! What breaks naive formulations: very stiff, very soft, very heavy, very thin, nothing at all, everything at once.
 
-mod support;
-
-use era::model::{Accuracy, ModelError, PanelModel, ReducedModel};
-use era::response;
-use support::scenes::SceneText;
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, ModelError, PanelModel, ReducedModel};
+use era_model::response;
 
 fn modes(scene: &SceneText, max_hz: f64) -> Vec<f64> {
     let model = PanelModel::build(&scene.scene(), Accuracy::FAST, max_hz).unwrap();
@@ -73,7 +71,7 @@ fn point_forces_in_thin_cells() {
         .era("inertial", 1.0, 0.0823, 0.0033, 5447.6, 0.2)
         .era("grounded", 0.634, 0.171, 0.0137, 4309.5, 0.2)
         .era("inertial", 0.722, 0.252, 0.0149, 1392.2, 0.2);
-    let found = era::model::bounded_modes(&scene.scene(), Accuracy::tolerance(3e-4).unwrap(), 400.0).unwrap();
+    let found = era_model::model::bounded_modes(&scene.scene(), Accuracy::tolerance(3e-4).unwrap(), 400.0).unwrap();
     let compared: Vec<_> = found.steps.iter().filter(|step| step.fineness.order >= 9).collect();
     assert!(compared.len() > 1 && compared.iter().all(|step| step.bound.is_finite()), "{compared:?}");
 }
@@ -168,7 +166,7 @@ fn an_attached_mass_of_a_million_plates() {
 fn a_million_plates_within_any_tolerance() {
     let scene = plate().mass(0.5, 0.5, 1e6 * plate().surface_mass()).corner_springs(1e4).scene();
     let answer = |tolerance: f64| {
-        let found = era::model::bounded_modes(&scene, Accuracy::tolerance(tolerance).unwrap(), 500.0).unwrap();
+        let found = era_model::model::bounded_modes(&scene, Accuracy::tolerance(tolerance).unwrap(), 500.0).unwrap();
         let bounds: Vec<f64> = found.bounds.iter().map(|bound| bound.value().unwrap()).collect();
         assert!(bounds.iter().all(|bound| *bound <= tolerance), "{tolerance:e}: {bounds:?}");
         (found.answer, bounds)
@@ -249,7 +247,7 @@ fn two_rigid_points_very_near_each_other() {
         let pair = pair.spring((150.0 + distance_mm) / 300.0, 0.5, 1e18);
         for tolerance in [1e-2, 1e-3, 1e-4, 1e-6] {
             let accuracy = Accuracy::tolerance(tolerance).unwrap();
-            let found = era::model::bounded_modes(&pair.scene(), accuracy, 360.0).unwrap();
+            let found = era_model::model::bounded_modes(&pair.scene(), accuracy, 360.0).unwrap();
             let bound = found.bounds[0].value().unwrap();
             let error = (found.answer[0].frequency_hz / expected - 1.0).abs();
             assert!(error <= bound && bound <= tolerance, "{distance_mm} mm, {tolerance:e}: {error:e} of {bound:e}");
@@ -451,11 +449,11 @@ fn equal_modes_answer_alike_whichever_way_round() {
 fn a_rigid_point_far_from_thin_cells() {
     for (x, y) in [(0.5, 0.5), (0.500_003, 0.500_005)] {
         let scene = SceneText::plate(0.3, 0.2, 0.3).edge("left", "clamped").edge("top", "pinned").spring(x, y, 1e9);
-        let fine = era::model::Fineness { cell_m: 0.075, order: 11, layers: 2 };
+        let fine = era_model::model::Fineness { cell_m: 0.075, order: 11, layers: 2 };
         let expected = PanelModel::with_fineness(&scene.scene(), fine).unwrap().modes(600.0).unwrap();
         for tolerance in [1e-2, 1e-3, 1e-6] {
             let accuracy = Accuracy::tolerance(tolerance).unwrap();
-            let found = era::model::bounded_modes(&scene.scene(), accuracy, 600.0).unwrap();
+            let found = era_model::model::bounded_modes(&scene.scene(), accuracy, 600.0).unwrap();
             for ((found, bound), expected) in found.answer.iter().zip(&found.bounds).zip(&expected) {
                 let error = (found.frequency_hz / expected.frequency_hz - 1.0).abs();
                 let bound = bound.value().unwrap();

@@ -1,11 +1,9 @@
 //! Frequencies against closed equations and converged references: beams by their frequency equations, plates by
 //! Navier, Levy and Legendre-Ritz.
 
-mod support;
-
-use era::model::{Accuracy, PanelModel, bounded_modes};
-use era::response;
-use support::scenes::SceneText;
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, PanelModel, bounded_modes};
+use era_model::response;
 
 const TOLERANCES: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-6];
 
@@ -74,7 +72,7 @@ fn bars_on_springs_and_with_masses() {
             + &["left", "right"]
                 .map(|side| format!("[[edge]]\nside = \"{side}\"\nkind = \"elastic\"\nstiffness_n_per_m = {k:e}\n"))
                 .concat();
-        let scene = era::scene::Scene::parse("elastic ends", &text).unwrap();
+        let scene = era_model::scene::Scene::parse("elastic ends", &text).unwrap();
         let modes = PanelModel::build(&scene, Accuracy::BALANCED, 500.0).unwrap().modes(500.0).unwrap();
         assert!((modes[0].frequency_hz / bar().bar_hz(beta_l[0]) - 1.0).abs() < 1e-6);
     }
@@ -177,10 +175,10 @@ fn static_deflection_under_a_point_load() {
 #[test]
 fn example_scenes() {
     for (text, expected) in [
-        (era::scene::EXAMPLE_BAR, &[67.8, 86.1, 147.4, 444.6][..]),
-        (era::scene::EXAMPLE_PLATE, &[35.0, 40.96, 47.37, 123.8, 125.9, 259.8]),
+        (era_model::scene::EXAMPLE_BAR, &[67.8, 86.1, 147.4, 444.6][..]),
+        (era_model::scene::EXAMPLE_PLATE, &[35.0, 40.96, 47.37, 123.8, 125.9, 259.8]),
     ] {
-        let scene = era::scene::Scene::parse("example", text).unwrap();
+        let scene = era_model::scene::Scene::parse("example", text).unwrap();
         let modes = PanelModel::build(&scene, Accuracy::BALANCED, 450.0).unwrap().modes(450.0).unwrap();
         for (mode, expected) in modes.iter().zip(expected) {
             assert!((mode.frequency_hz / expected - 1.0).abs() < 1e-3, "{} Hz for {expected} Hz", mode.frequency_hz);

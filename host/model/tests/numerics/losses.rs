@@ -1,15 +1,13 @@
 //! Loss factors of supports and edges against what they mean: a closed formula, the balance of power, dashpots that lose as much at one
 //! frequency, and the viscous stand-in of the time domain.
 
-mod support;
-
-use era::model::{Accuracy, PanelModel, ReducedModel};
-use era::response::{dot, modal_coordinates};
-use era::transient::reduced::ModalSystem;
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, PanelModel, ReducedModel};
+use era_model::response::{dot, modal_coordinates};
+use era_model::transient::reduced::ModalSystem;
 use nalgebra::DVector;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
-use support::scenes::SceneText;
 
 fn model(scene: &SceneText, max_hz: f64) -> PanelModel {
     PanelModel::build(&scene.scene(), Accuracy::BALANCED, max_hz).unwrap()
@@ -128,7 +126,7 @@ fn at_one_frequency_dashpots_lose_as_much() {
     let dashpots = places.iter().fold(plate(), |scene, (x, y)| scene.spring_damper(*x, *y, k, c));
     let curve = |scene: &SceneText, at| {
         let accuracy = Accuracy::tolerance(1e-5).unwrap();
-        let found = era::response::bounded_curves(&scene.scene(), accuracy, at, &[hz, 2.0 * hz]).unwrap();
+        let found = era_model::response::bounded_curves(&scene.scene(), accuracy, at, &[hz, 2.0 * hz]).unwrap();
         (DVector::from_vec(found.answer[0].clone()), found.bounds[0].value().unwrap())
     };
     let end = (bar().lossy_edge("left", k, eta), bar().spring_damper(0.0, 0.5, k, c));

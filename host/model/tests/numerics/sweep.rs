@@ -1,14 +1,12 @@
 //! The fast ways against the plain ones: few couplings against the full matrix, one folded product against point by point.
 
-mod support;
-
-use era::model::{Accuracy, PanelModel, ReducedModel};
-use era::response::sweep::{Arithmetic, SurfaceShapes};
-use era::response::{Solver, dot, modal_coordinates};
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, PanelModel, ReducedModel};
+use era_model::response::sweep::{Arithmetic, SurfaceShapes};
+use era_model::response::{Solver, dot, modal_coordinates};
+use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use num_complex::Complex64;
 use proptest::prelude::*;
-use support::scenes::SceneText;
 
 fn reduced(scene: &Scene) -> ReducedModel {
     PanelModel::build(scene, Accuracy::FAST, 400.0).unwrap().reduce(400.0, &[]).unwrap()

@@ -1,12 +1,10 @@
 //! Error bounds hold: random scenes against the program's own solutions at a hundred times the tolerance.
 
-mod support;
-
-use era::model::{Accuracy, bounded_modes};
-use era::response::bounded_curves;
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, bounded_modes};
+use era_model::response::bounded_curves;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
-use support::scenes::SceneText;
 
 /// Anywhere on a side, often at its ends, in its middle, or a little beside an end.
 fn place() -> impl Strategy<Value = f64> {
@@ -147,7 +145,7 @@ fn bounds_of_responses_hold() {
         let parsed = scene.scene();
         let at = (
             0.31 * parsed.surface.length_m,
-            if parsed.surface.kind == era::scene::SurfaceKind::Bar { 0.5 } else { 0.47 } * parsed.surface.width_m,
+            if parsed.surface.kind == era_model::scene::SurfaceKind::Bar { 0.5 } else { 0.47 } * parsed.surface.width_m,
         );
         // A curve below this is what rounding makes of none: a force on a clamped edge.
         let nothing = 1e-6 / scene.surface_mass();

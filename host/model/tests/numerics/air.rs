@@ -1,12 +1,10 @@
 //! Sealed air behind a panel against closed formulas: a piston, and pinned panels whose every mode is known, coupled by the mean alone.
 
-mod support;
-
-use era::model::{Accuracy, Bound, PanelModel, bounded_modes};
-use era::response::{bounded_curves, dot, modal_coordinates};
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, Bound, PanelModel, bounded_modes};
+use era_model::response::{bounded_curves, dot, modal_coordinates};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
-use support::scenes::SceneText;
 
 /// 1.4 times 1013.25 hPa: rho c^2 = 1.204 kg/m^3 (343.5 m/s)^2 is 142 kPa.
 const BULK_PA: f64 = 141_855.0;
@@ -222,9 +220,9 @@ fn air_takes_no_power() {
     let model = PanelModel::build(&scene.scene(), Accuracy::BALANCED, 400.0).unwrap().reduce(400.0, &[]).unwrap();
     let lossless = sealed(SceneText::plate(0.3, 0.2, 0.3).corner_springs(2e3).force(0.31, 0.42), 15.0);
     let still = PanelModel::build(&lossless.scene(), Accuracy::BALANCED, 400.0).unwrap().reduce(400.0, &[]).unwrap();
-    let shape = |model: &era::model::ReducedModel| model.shape_at(0.31 * 0.3, 0.42 * 0.2);
+    let shape = |model: &era_model::model::ReducedModel| model.shape_at(0.31 * 0.3, 0.42 * 0.2);
     for hz in [23.0, 110.0, 287.0] {
-        let at = |model: &era::model::ReducedModel| dot(&shape(model), &modal_coordinates(model, hz).unwrap()[0]);
+        let at = |model: &era_model::model::ReducedModel| dot(&shape(model), &modal_coordinates(model, hz).unwrap()[0]);
         assert!(at(&model).im < 0.0 && at(&still).im == 0.0, "{} {}", at(&model), at(&still));
     }
 }

@@ -1,18 +1,16 @@
 //! Patches, steps of bars and cut-outs against exact solutions, against plain panels that are the same, and bounds of random
 //! ones against finer solutions.
 
-mod support;
-
-use era::model::Fineness;
-use era::model::{Accuracy, PanelModel, bounded_modes};
-use era::response::{acceleration_curves, bounded_curves};
-use era::scene::Scene;
+use crate::scenes::SceneText;
+use era_model::model::Fineness;
+use era_model::model::{Accuracy, PanelModel, bounded_modes};
+use era_model::response::{acceleration_curves, bounded_curves};
+use era_model::scene::Scene;
 use nalgebra::{Matrix4, Vector4};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use std::f64::consts::TAU;
 use std::fmt::Write;
-use support::scenes::SceneText;
 
 /// A scene with rectangles, in parts of the sides.
 #[derive(Clone, Debug)]

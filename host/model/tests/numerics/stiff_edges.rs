@@ -1,10 +1,8 @@
 //! Edges on stiff springs: their bounds hold, and stiffer ones close in on the pinned edge by the law of the corner's force.
 
-mod support;
-
-use era::model::{Accuracy, bounded_modes};
-use era::response::bounded_curves;
-use support::scenes::SceneText;
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, bounded_modes};
+use era_model::response::bounded_curves;
 
 fn plate() -> SceneText {
     SceneText::plate(0.317, 0.203, 0.33).damping("loss_factor", 0.01).force(0.47, 0.44)

@@ -1,12 +1,10 @@
 //! The response against closed series, and against identities that hold for every panel.
 
-mod support;
-
-use era::model::{Accuracy, PanelModel, ReducedModel};
-use era::response::{dot, modal_coordinates};
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, PanelModel, ReducedModel};
+use era_model::response::{dot, modal_coordinates};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
-use support::scenes::SceneText;
 
 fn reduced(scene: &SceneText, max_hz: f64) -> ReducedModel {
     PanelModel::build(&scene.scene(), Accuracy::BALANCED, max_hz).unwrap().reduce(max_hz, &[]).unwrap()

@@ -1,6 +1,6 @@
 //! Motion in time against closed forms, a Runge-Kutta integration, the steady state, and the published equations.
 
-use era::transient::{
+use era_model::transient::{
     Harmonic, Initial, Outputs, Propagator, Quantity, SecondOrder, TimeGrid, TransientError, as_published, steady_state,
 };
 use nalgebra::{DMatrix, DVector};

@@ -1,11 +1,9 @@
 //! Three springs nearly in a line: the plate turns about that line slowly, and bends by the springs' forces all the same.
 
-mod support;
-
-use era::model::{Accuracy, bounded_modes};
+use crate::scenes::SceneText;
+use era_model::model::{Accuracy, bounded_modes};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
-use support::scenes::SceneText;
 
 const SIZE: (f64, f64) = (0.402, 0.208);
 const SPRINGS: [(f64, f64, f64); 3] = [(0.684, 0.389, 1.2e4), (0.816, 0.370, 1.2e4), (0.567, 0.404, 9.6e4)];
