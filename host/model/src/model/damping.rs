@@ -33,7 +33,9 @@ pub(super) fn unbalanced(scene: &Scene, assembled: &Assembled, modes: &Modes, ma
     };
     let attached = assembled.attached.attachments.iter();
     let mut loads: Vec<_> = attached.filter(couples).map(|part| part.vector.clone()).collect();
-    for edges in assembled.edges.iter().filter(|edges| own.differ_from(edges.loss_factor)) {
+    // Where no mode is that slow there are no amplitudes either.
+    let edges = assembled.edges.iter().filter(|_| !modes.lambda.is_empty());
+    for edges in edges.filter(|edges| own.differ_from(edges.loss_factor)) {
         // The modes with the amplitudes that one force gives them, and of their forces what is not a sum of others'.
         let mut forces = edges.stiffness.times(&modes.vectors);
         for (mut column, lambda) in forces.column_iter_mut().zip(&modes.lambda) {

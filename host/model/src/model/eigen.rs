@@ -132,6 +132,9 @@ impl Eigen {
     /// `None` if the iteration does not end.
     pub fn of(matrix: &DMatrix<f64>) -> Option<Self> {
         let n = matrix.nrows();
+        if n == 0 {
+            return Some(Self { values: DVector::zeros(0), vectors: DMatrix::zeros(0, 0) });
+        }
         if n < LARGE {
             let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(matrix.clone());
             return Some(Self { values: eigenvalues, vectors: eigenvectors });

@@ -462,3 +462,46 @@ fn a_rigid_point_far_from_thin_cells() {
         }
     }
 }
+
+/// Where no mode is slower than what is asked for, whatever loses energy: an edge on springs of another loss than the surface's used to be a panic.
+#[test]
+fn no_mode_is_listed_where_all_are_faster() {
+    let edge =
+        |kind: &str| format!("[[edge]]\nside = \"left\"\nkind = \"clamped\"\n[[edge]]\nside = \"right\"\n{kind}\n");
+    let elastic = |loss: f64| {
+        edge(&format!(
+            "kind = \"elastic\"\nstiffness_n_per_m2 = 1e6\nrotational_stiffness_n_per_rad = 10.0\nloss_factor = {loss:?}"
+        ))
+    };
+    let (clamped, soft, lossy) = (edge("kind = \"clamped\""), elastic(0.0), elastic(0.4));
+    let dashpot = "[[support]]\nx_mm = 100.0\ny_mm = 10.0\nstiffness_n_per_m = 1e5\ndamping_n_s_per_m = 50.0\nloss_factor = 0.3\n";
+    for kind in ["plate", "bar"] {
+        for damping in ["", "loss_factor = 0.01", "rayleigh_alpha = 3.0\nrayleigh_beta = 1e-6", "modal_ratio = 0.02"] {
+            for edges in [&clamped, &soft, &lossy] {
+                for attached in ["", dashpot, "[air]\nsealed_depth_mm = 5.0\n"] {
+                    if kind == "bar" && attached.starts_with("[air]") {
+                        continue;
+                    }
+                    let per_m = if kind == "bar" {
+                        edges.replace("_n_per_m2", "_n_per_m").replace("_n_per_rad", "_n_m_per_rad")
+                    } else {
+                        edges.clone()
+                    };
+                    let text = format!(
+                        "version = 1\nname = \"fast\"\n[surface]\nkind = \"{kind}\"\nlength_mm = 200.0\nwidth_mm = 20.0\nthickness_mm = 3.0\n\
+                         [surface.material]\nyoungs_modulus_pa = 70e9\npoisson_ratio = 0.33\ndensity_kg_m3 = 2700.0\n[surface.damping]\n{damping}\n{per_m}{attached}"
+                    );
+                    let scene =
+                        era_model::scene::Scene::parse("fast", &text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+                    for hz in [0.5, 10.0] {
+                        let found = era_model::model::bounded_modes(&scene, Accuracy::FAST, hz).unwrap();
+                        assert!(found.answer.is_empty(), "{text}");
+                    }
+                    let found =
+                        era_model::response::bounded_curves(&scene, Accuracy::FAST, (0.1, 0.01), &[0.5, 3.0]).unwrap();
+                    assert!(found.answer.is_empty(), "no ERA, no curve");
+                }
+            }
+        }
+    }
+}
