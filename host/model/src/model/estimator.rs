@@ -29,9 +29,9 @@ const LARGEST_RATIO_SINGULAR: f64 = 0.8;
 /// from one order to the next, and be off by six times as much. (Beside a bezel two levels agreed to 1/40 of the difference before; a mode's error was
 /// 9e-6, 1.2e-6, 1.0e-6 and 4e-7 with orders 9 to 15.) With the fourth power of the order, as was measured, order 9 is wrong by 0.13 of the difference
 /// of 5 and 7, order 11 by 0.26 of that of 7 and 9; with this and the factors above the bound is 0.21 and 0.28 of it at least.
-/// Responses do without where points have room for their functions: they are sums over modes, of which few are in such a step at once.
+/// A few responses do without where there are neither patches nor cut-outs: they are sums over modes, of which few are in such a step at once.
 const LEAST_RATIO_IN_STEPS: f64 = 0.07;
-/// The same of all responses where points are nearer to each other than their functions reach: on one mesh they settle at what these functions leave
+/// The same of curves where points are nearer to each other than their functions reach: on one mesh they settle at what these functions leave
 /// (differences of 3.2e-3 and 3.7e-4, and an error of 5.8e-3).
 const LEAST_RATIO_AT_CLOSE_POINTS: f64 = 0.25;
 /// Part of the worst mode's estimate that each other mode's is at least, where errors fall in steps: one mode may do so for three orders.
@@ -164,11 +164,7 @@ impl Estimator {
             response_power: if is_modal { power.min(LEAST_POWER_MODAL) } else { power },
             largest_ratio: if singular { LARGEST_RATIO_SINGULAR } else { LARGEST_RATIO },
             modes_in_steps: singular || has_points,
-            least_ratio_of_few: match (has_close_points, singular) {
-                (true, _) => LEAST_RATIO_AT_CLOSE_POINTS,
-                (false, true) => LEAST_RATIO_IN_STEPS,
-                (false, false) => 0.0,
-            },
+            least_ratio_of_few: if singular { LEAST_RATIO_IN_STEPS } else { 0.0 },
             least_ratio_of_curves: if has_close_points { LEAST_RATIO_AT_CLOSE_POINTS } else { 0.0 },
             may_stall: has_close_points,
             rounding: Rounding::new(scene, model).of_bending(),

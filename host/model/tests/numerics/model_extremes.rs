@@ -71,7 +71,7 @@ fn point_forces_in_thin_cells() {
         .era("inertial", 1.0, 0.0823, 0.0033, 5447.6, 0.2)
         .era("grounded", 0.634, 0.171, 0.0137, 4309.5, 0.2)
         .era("inertial", 0.722, 0.252, 0.0149, 1392.2, 0.2);
-    let found = era_model::model::bounded_modes(&scene.scene(), Accuracy::tolerance(3e-4).unwrap(), 400.0).unwrap();
+    let found = era_model::model::bounded_modes(&scene.scene(), Accuracy::BALANCED, 400.0).unwrap();
     let compared: Vec<_> = found.steps.iter().filter(|step| step.fineness.order >= 9).collect();
     assert!(compared.len() > 1 && compared.iter().all(|step| step.bound.is_finite()), "{compared:?}");
 }
