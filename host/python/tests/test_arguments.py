@@ -106,6 +106,8 @@ def test_grids() -> None:
         assert found is not None and found.shape[1:] == (3, 5)
 
 
+# A row of a nested sequence that is an array, beside one that is not.
+ROWS: Any = [np.ma.array([0.1, 0.1], mask=[False, True]), [0.2, 0.2]]
 MASKED: list[tuple[str, Callable[[], object]]] = [
     ("at_m[1]", lambda: era.response(PLATE, np.ma.array([0.1, 0.05], mask=[False, True]), BAND)),
     ("at_m[0]", lambda: era.plan(PLATE, np.ma.array([0.1, 0.05], mask=True))),
@@ -114,7 +116,7 @@ MASKED: list[tuple[str, Callable[[], object]]] = [
     ("also[0][1]", lambda: era.plan(PLATE, (0.1, 0.05), also=[np.ma.array([0.2, 0.1], mask=[False, True])])),
     ("quiet[0][3]", lambda: era.plan(PLATE, (0.1, 0.05), quiet=[np.ma.array([0.2, 0.1, 0.01, 0.1], mask=[False, False, False, True])])),
     ("zone_m[2]", lambda: era.reach(PLATE, zone_m=np.ma.array([[0.1, 0.1], [0.2, 0.2]], mask=[[False, False], [True, False]]))),
-    ("zone_m[1]", lambda: era.reach(PLATE, zone_m=[np.ma.array([0.1, 0.1], mask=[False, True]), [0.2, 0.2]])),
+    ("zone_m[1]", lambda: era.reach(PLATE, zone_m=ROWS)),
     ("points[0][0]", lambda: era.verify(PLATE, points=[np.ma.array([0.1, 0.05], mask=[True, False])])),
 ]
 
