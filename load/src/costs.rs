@@ -89,7 +89,7 @@ fn measured(daemon: &Daemon, case: &Case, time: Duration) -> Result<Measured, Er
     let until = Instant::now() + time;
     let mut stops = Times::default();
     let asked = std::thread::scope(|threads| {
-        let asking: Vec<_> = (0..CONNECTIONS).map(|_| threads.spawn(|| asked(daemon, case, until))).collect();
+        let asking: Vec<_> = (0..CONNECTIONS).map(|_| threads.spawn(|| measure_answers(daemon, case, until))).collect();
         let mut http = Http::new(Place::Tcp(daemon.address));
         while Instant::now() < until {
             let begun = Instant::now();
@@ -115,7 +115,7 @@ fn measured(daemon: &Daemon, case: &Case, time: Duration) -> Result<Measured, Er
 }
 
 /// Times of answers, and their statuses; 0 where nobody waited for one.
-fn asked(daemon: &Daemon, case: &Case, until: Instant) -> Result<(Times, Vec<u16>), String> {
+fn measure_answers(daemon: &Daemon, case: &Case, until: Instant) -> Result<(Times, Vec<u16>), String> {
     let (mut times, mut statuses) = (Times::default(), Vec::new());
     let mut http = Http::new(Place::Tcp(daemon.address));
     let mut live = None;

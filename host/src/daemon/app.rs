@@ -254,12 +254,12 @@ impl App {
     ///
     /// # Errors
     /// [`Problem`]: a scene, move or touch that cannot be used, a newer request of the same client while this one waited, or one that takes too long.
-    pub async fn preview(
+    pub async fn compute_preview(
         &self,
         asker: &Asker,
         read: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
     ) -> Result<Preview, Problem> {
-        let result = self.previews.preview(asker.client, &asker.sender, read).await;
+        let result = self.previews.compute_in_turn(asker.client, &asker.sender, read).await;
         self.metrics.count_preview(result.is_ok());
         result
     }

@@ -101,7 +101,7 @@ impl Previews {
     ///
     /// # Errors
     /// [`Problem`]: what is wrong with the request, that a newer one came while it waited, or that it takes too long.
-    pub async fn preview(
+    pub async fn compute_in_turn(
         &self,
         client: Client,
         sender: &Sender,
@@ -115,7 +115,7 @@ impl Previews {
         let work = move |deadline: &Deadline| {
             // Until the work is done, also if nobody waits for it any more.
             let _slot = slot;
-            compute(&read()?, &own, deadline)
+            compute_preview(&read()?, &own, deadline)
         };
         do_aside("preview", LONGEST, sender, work).await
     }
@@ -171,7 +171,7 @@ pub fn planned(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Resu
     Ok(Planned { table, plan, scene_toml })
 }
 
-fn compute(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Result<Preview, Problem> {
+fn compute_preview(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Result<Preview, Problem> {
     let started = Instant::now();
     let Planned { table, plan, scene_toml } = planned(request, own, deadline)?;
     let field = FieldView::new(&table, Some(&plan), 0);

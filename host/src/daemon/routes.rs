@@ -251,7 +251,7 @@ async fn preview(
 ) -> Result<Response, Problem> {
     let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}}"#;
     let read = move || from_body::<PreviewRequest>(&headers, &body, wanted);
-    Ok(Json(app.preview(&asker, read).await?).into_response())
+    Ok(Json(app.compute_preview(&asker, read).await?).into_response())
 }
 
 /// Begin a small design study, without driving anything

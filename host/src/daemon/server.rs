@@ -153,14 +153,14 @@ impl Doors {
                 let (sender, stream) = Sender::of_tcp(stream);
                 let (end, stream) =
                     (End { peer, sender, scheme: Some(Scheme("http")) }, Lingering::new(guest.listened(stream)));
-                tasks.spawn(async move { guest.served(connection(stream, end, router, limits, closing)).await })
+                tasks.spawn(async move { guest.served(serve_connection(stream, end, router, limits, closing)).await })
             }
             #[cfg(unix)]
             Incoming::Unix(stream) => {
                 let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
                 let (sender, stream) = Sender::of_unix(stream);
                 let (end, stream) = (End { peer, sender, scheme: None }, Lingering::new(guest.listened(stream)));
-                tasks.spawn(async move { guest.served(connection(stream, end, router, limits, closing)).await })
+                tasks.spawn(async move { guest.served(serve_connection(stream, end, router, limits, closing)).await })
             }
             Incoming::Tls(stream, acceptor) => {
                 let peer = Peer::of(stream.peer_addr());
@@ -169,7 +169,7 @@ impl Doors {
                     (End { peer, sender, scheme: Some(Scheme("https")) }, Lingering::new(guest.listened(stream)));
                 let serving = async move {
                     match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
-                        Ok(Ok(stream)) => connection(stream, end, router, limits, closing).await,
+                        Ok(Ok(stream)) => serve_connection(stream, end, router, limits, closing).await,
                         Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
                         Err(_) => tracing::debug!("a handshake took too long"),
                     }
@@ -201,7 +201,7 @@ impl End {
 }
 
 /// One connection to its end.
-async fn connection<S>(stream: S, end: End, router: Router, limits: Limits, mut closing: watch::Receiver<bool>)
+async fn serve_connection<S>(stream: S, end: End, router: Router, limits: Limits, mut closing: watch::Receiver<bool>)
 where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {

@@ -152,7 +152,7 @@ impl Studies {
         let taken = self.place.take(Work::Study)?;
         let studies = Arc::clone(self);
         let work = move |deadline: &Deadline| {
-            let study = studies.checked(&read()?)?;
+            let study = studies.read_and_check(&read()?)?;
             deadline.check()?;
             let found = Found { name: Some(study.spec.name.clone()), ..Found::default() };
             let (all, work) = (study.designs(), move |job: &Job<Found>| computed(&study, job));
@@ -162,7 +162,7 @@ impl Studies {
     }
 
     /// A study whose cost is bounded.
-    fn checked(&self, request: &StudyRequest) -> Result<Study, Problem> {
+    fn read_and_check(&self, request: &StudyRequest) -> Result<Study, Problem> {
         let scene = request.scene.as_deref().unwrap_or(&self.own);
         for (field, text) in [(STUDY, request.study.as_str()), (SCENE, scene)] {
             if text.len() > MAX_SCENE {

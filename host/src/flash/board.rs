@@ -93,13 +93,13 @@ impl Board {
     /// # Errors
     /// [`BoardError::Check`] if it is armed or drives, and those of the link.
     pub fn check_idle(&mut self) -> Result<(), BoardError> {
-        match self.ask(&Request::Status)? {
+        match self.send_request(&Request::Status)? {
             Reply::Status(status) => Ok(check_idle(status.state)?),
             other => Err(unexpected(&Request::Status, &other)),
         }
     }
 
-    fn ask(&mut self, request: &Request) -> Result<Reply, BoardError> {
+    fn send_request(&mut self, request: &Request) -> Result<Reply, BoardError> {
         let client = self.client.take().ok_or_else(|| BoardError::Link("the link to the board was given up".into()))?;
         let (client, reply) = ask_within_limit(client, &self.device, request)?;
         self.client = Some(client);
@@ -115,7 +115,7 @@ impl Board {
         if self.identity.protocol_current < request.since() {
             return Err(BoardError::TooOld(self.identity.protocol_current));
         }
-        match self.ask(&request)? {
+        match self.send_request(&request)? {
             Reply::Bootloader => Ok(()),
             other => Err(unexpected(&request, &other)),
         }
@@ -126,7 +126,7 @@ impl Board {
     /// # Errors
     /// [`BoardError::Link`].
     pub fn log(&mut self) -> Result<Vec<u8>, BoardError> {
-        match self.ask(&Request::Log)? {
+        match self.send_request(&Request::Log)? {
             Reply::Log { bytes } => Ok(bytes.to_vec()),
             other => Err(unexpected(&Request::Log, &other)),
         }

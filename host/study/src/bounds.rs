@@ -48,7 +48,7 @@ pub enum Unusable {
     Excess(#[from] Excess),
 }
 
-fn check(field: &'static str, value: usize, unit: &'static str, most: usize) -> Result<(), Excess> {
+fn check_count(field: &'static str, value: usize, unit: &'static str, most: usize) -> Result<(), Excess> {
     if value > most { Err(Excess { field, value, unit, most }) } else { Ok(()) }
 }
 
@@ -60,8 +60,8 @@ impl Bounds {
     pub(crate) fn check_spec(&self, spec: &Spec) -> Result<(), Excess> {
         let entries =
             [spec.variables.len(), spec.apart.len(), spec.wishes.len(), spec.limits.len(), spec.uncertain.len()];
-        check("study", entries.iter().sum(), "variables, wishes and other entries", self.entries)?;
-        check("method.finalists", spec.method.finalists, "finalists", self.finalists)
+        check_count("study", entries.iter().sum(), "variables, wishes and other entries", self.entries)?;
+        check_count("method.finalists", spec.method.finalists, "finalists", self.finalists)
     }
 
     /// What it takes of its scene.
@@ -85,8 +85,8 @@ impl Bounds {
         }
         places += spec.apart.iter().map(|apart| count(&apart.places)).sum::<usize>();
         places += spec.uncertain.iter().map(|own| count(&own.paths)).sum::<usize>();
-        check("study", places, "places that its keys lead to", self.places)?;
-        check("study", written, "bytes that a design writes into the scene", self.written)
+        check_count("study", places, "places that its keys lead to", self.places)?;
+        check_count("study", written, "bytes that a design writes into the scene", self.written)
     }
 
     /// How often designs are looked at; `samples` are those of what may be off.
@@ -95,6 +95,6 @@ impl Bounds {
     /// [`Excess`].
     pub(crate) fn check_looks(&self, method: &Method, space: &Space, samples: usize) -> Result<(), Excess> {
         let looks = designs_of(method, space.dimensions()).saturating_mul(samples.saturating_add(1));
-        check("method.designs", looks, "looks at designs", self.looks)
+        check_count("method.designs", looks, "looks at designs", self.looks)
     }
 }

@@ -8,14 +8,14 @@ use std::process::{Child, Command, Stdio};
 use std::thread::JoinHandle;
 
 /// `era serve` as a process of its own, which ends with the test.
-#[allow(dead_code, reason = "two test programs use a part of this each")]
+#[allow(dead_code, reason = "two test programs (`daily` and `system`) use a part of this each")]
 pub struct Serving {
     process: Child,
     pub daemon: Daemon,
     log: Option<JoinHandle<Vec<Value>>>,
 }
 
-#[allow(dead_code, reason = "as above")]
+#[allow(dead_code, reason = "two test programs (`daily` and `system`) call a part of these each")]
 impl Serving {
     pub fn start(board: &SimDevice, more: &[&str]) -> Self {
         Self::start_under(&[], board, more)

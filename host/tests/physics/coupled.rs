@@ -30,7 +30,7 @@ struct Plate {
 }
 
 impl Plate {
-    fn corners(&self) -> [[f64; 2]; 4] {
+    fn corner_places_m(&self) -> [[f64; 2]; 4] {
         let [a, b] = self.sides_m;
         [[0.0, 0.0], [a, 0.0], [0.0, b], [a, b]]
     }
@@ -44,7 +44,7 @@ impl Plate {
         if let Some(depth) = self.sealed_depth_m {
             text += &format!("[air]\nsealed_depth_mm = {:?}\n", depth * 1e3);
         }
-        for ([x, y], dashpot) in self.corners().into_iter().zip(self.dashpots) {
+        for ([x, y], dashpot) in self.corner_places_m().into_iter().zip(self.dashpots) {
             text += &format!(
                 "[[support]]\nx_mm = {:?}\ny_mm = {:?}\nstiffness_n_per_m = {:?}\ndamping_n_s_per_m = {dashpot:?}\n",
                 x * 1e3,
@@ -69,7 +69,7 @@ impl Plate {
                 + one.kronecker(&(bent_y.transpose() * &bent_y))
                 + POISSON * (&crossed + crossed.transpose())
                 + 2.0 * (1.0 - POISSON) * twisted);
-        let at_corners = DMatrix::from_columns(&self.corners().map(|[x, y]| {
+        let at_corners = DMatrix::from_columns(&self.corner_places_m().map(|[x, y]| {
             let values = |side, at| DMatrix::from_column_slice(n, 1, &polynomials(side, at));
             values(self.sides_m[0], x).kronecker(&values(self.sides_m[1], y)).column(0).into_owned()
         }));
@@ -121,20 +121,20 @@ struct Ritz {
 
 impl Ritz {
     /// The damping ratio that the mode would have if it did not couple with any other.
-    fn diagonal(&self, mode: usize) -> f64 {
+    fn uncoupled_damping_ratio(&self, mode: usize) -> f64 {
         let lost: f64 = self.dashpots.iter().enumerate().map(|(i, c)| c * self.at_corners[(mode, i)].powi(2)).sum();
         0.5 * lost / self.lambda[mode].sqrt()
     }
 
     /// Whether dashpots couple two modes: four equal ones those of one symmetry, which move the corners alike.
-    fn couples(&self, one: usize, other: usize) -> bool {
+    fn are_coupled(&self, one: usize, other: usize) -> bool {
         let [one, other] = [one, other].map(|k| self.at_corners.row(k).normalize());
         self.dashpots.iter().any(|own| *own != self.dashpots[0]) || one.dot(&other).abs() > 0.5
     }
 
     /// det(1 + s t c G(s)) (s^2 + lambda) of one mode, in which that mode's own pole of G is no more.
     fn secular(&self, s: Complex64, part: f64, mode: usize) -> Complex64 {
-        let others = self.lambda.iter().enumerate().filter(|(k, _)| *k != mode && self.couples(mode, *k));
+        let others = self.lambda.iter().enumerate().filter(|(k, _)| *k != mode && self.are_coupled(mode, *k));
         let weights: Vec<(usize, Complex64)> = others.map(|(k, lambda)| (k, 1.0 / (s * s + lambda))).collect();
         let at = &self.at_corners;
         let scaled = |i: usize| part * self.dashpots[i] / (1.0 + part * self.dashpots[i]);
@@ -177,14 +177,14 @@ impl Ritz {
 }
 
 /// Compares all poles, which are told apart; by how many times the diagonal of the damping says more where that is a hundredth at least.
-fn compare(name: &str, plate: &Plate, expected: impl Fn(&Ritz, usize, &Mode) -> Complex64) -> f64 {
+fn compare_poles_with_ritz(name: &str, plate: &Plate, expected: impl Fn(&Ritz, usize, &Mode) -> Complex64) -> f64 {
     let (modes, ritz) = (plate.modes(), plate.ritz());
     let (mut off, mut all) = (1.0_f64, Vec::<Complex64>::new());
     for (k, mode) in modes.iter().enumerate() {
         let frequency_hz = ritz.lambda[k].sqrt() / TAU;
         assert!((mode.frequency_hz / frequency_hz - 1.0).abs() < RITZ, "{name}: {mode:?} {frequency_hz}");
         let expected = expected(&ritz, k, mode);
-        let said = || format!("{name}: mode {k}, {mode:?} {expected} {}", ritz.diagonal(k));
+        let said = || format!("{name}: mode {k}, {mode:?} {expected} {}", ritz.uncoupled_damping_ratio(k));
         assert!(mode.pole.slower.is_none(), "{}", said());
         let bound = mode.pole_bound.value().unwrap_or_else(|| panic!("{}", said()));
         assert!(bound < 1e-3, "{}", said());
@@ -193,8 +193,8 @@ fn compare(name: &str, plate: &Plate, expected: impl Fn(&Ritz, usize, &Mode) -> 
         assert!((mode.damping_ratio - ratio).abs() < bound + RITZ, "{}", said());
         assert!(all.iter().all(|other| (other - expected).norm() > 1e-6 * expected.norm()), "{}", said());
         all.push(expected);
-        if ritz.diagonal(k) > 0.01 {
-            off = off.max(ritz.diagonal(k) / ratio);
+        if ritz.uncoupled_damping_ratio(k) > 0.01 {
+            off = off.max(ritz.uncoupled_damping_ratio(k) / ratio);
         }
     }
     println!("{name}: {} modes, the diagonal says up to {off:.2} times as much", modes.len());
@@ -208,7 +208,8 @@ fn before_sealed_air_dashpots_at_corners_leave_a_mode_alone() {
     let mut most = 0.0_f64;
     for (depth_mm, stiffness) in [(6.0, 2000.0), (8.5, 500.0), (9.0, 2000.0)] {
         let plate = Plate { sides_m: [0.3, 0.2], sealed_depth_m: Some(depth_mm * 1e-3), stiffness, dashpots: [4.0; 4] };
-        most = most.max(compare(&format!("{depth_mm} mm of air"), &plate, |ritz, k, _| ritz.followed(k)));
+        most =
+            most.max(compare_poles_with_ritz(&format!("{depth_mm} mm of air"), &plate, |ritz, k, _| ritz.followed(k)));
     }
     assert!(most > 10.0, "{most}");
 }
@@ -221,7 +222,7 @@ fn on_a_nearly_square_plate_dashpots_mix_the_modes() {
         let plate = Plate { sides_m: [0.3, 0.299], sealed_depth_m: None, stiffness: 2000.0, dashpots };
         // Some meet on the real axis on their way and swing again: whichever mode has them, they are roots.
         let nearest = |ritz: &Ritz, k: usize, mode: &Mode| ritz.root(mode.pole.s, 1.0, k);
-        most = most.max(compare(&format!("{dashpots:?} N s/m"), &plate, nearest));
+        most = most.max(compare_poles_with_ritz(&format!("{dashpots:?} N s/m"), &plate, nearest));
     }
     assert!(most > 2.5, "{most}");
 }

@@ -134,7 +134,7 @@ fn told_while_held(preloaded: &Preloaded, board: &SimDevice, call: &str, command
 
 /// Asks a board as `era flash` and `era monitor` do, at the port that is held.
 #[test]
-#[ignore = "another test runs it under calls that are held"]
+#[ignore = "no test of its own: tests of this file run it as a process whose calls are held"]
 fn in_a_process_of_its_own() {
     let port = std::env::var("HELD_PORT").unwrap();
     let asked = Board::open(&Target::Serial(port)).and_then(|mut board| {

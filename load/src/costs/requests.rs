@@ -27,13 +27,13 @@ pub struct Case {
 
 const STUDY: &str = "version = 1\nname = \"costs\"\nscene = \"plate.toml\"\n[[wish]]\nfigure = \"weakest_g\"\n";
 
-fn case(route: &'static str, bound: &'static str, method: &'static str, path: &str, bodies: Vec<String>) -> Case {
+fn make_case(route: &'static str, bound: &'static str, method: &'static str, path: &str, bodies: Vec<String>) -> Case {
     let requests = bodies.into_iter().map(|body| (method, path.to_owned(), body)).collect();
     Case { route, bound, way: Way::Answered, requests }
 }
 
-fn read(route: &'static str, bound: &'static str, path: &str) -> Case {
-    case(route, bound, "GET", path, vec![String::new()])
+fn make_read_case(route: &'static str, bound: &'static str, path: &str) -> Case {
+    make_case(route, bound, "GET", path, vec![String::new()])
 }
 
 /// With ten targets and eight quiet zones.
@@ -86,13 +86,15 @@ fn wrong_variables(count: usize) -> String {
 /// All of them; the stop itself is measured beside each.
 pub fn cases() -> Vec<Case> {
     let text = |length: usize| json!({"x_px": 1, "y_px": 2, "also": "x".repeat(length)}).to_string();
-    let live =
-        |route, bound, bodies: Vec<String>| Case { way: Way::Live, ..case(route, bound, "GET", "/v1/live", bodies) };
+    let live = |route, bound, bodies: Vec<String>| Case {
+        way: Way::Live,
+        ..make_case(route, bound, "GET", "/v1/live", bodies)
+    };
     let finger = |k: u32| json!({"id": k, "x_px": 100 * k, "y_px": 100 * k, "intensity_g": 0.1});
     let fingers = |from: u32| json!({"type": "touch", "touches": (from..from + 10).map(finger).collect::<Vec<_>>()});
     let thickness = format!("{STUDY}[[variable]]\nkey = \"surface.thickness_mm\"\nfrom = 1.5\nto = 3\n");
     vec![
-        case(
+        make_case(
             "`POST /v1/touch`, 10 targets, 8 quiet zones",
             "16 KiB; 2 planned at a time, 64 wait, by turns",
             "POST",
@@ -103,35 +105,41 @@ pub fn cases() -> Vec<Case> {
                 })
                 .collect(),
         ),
-        case(
+        make_case(
             "the same with `trade`",
             "one at a time, 4 wait, 5 s, ends with its sender",
             "POST",
             "/v1/touch",
             (0..4).map(|turn| large_touch(turn, &json!({"trade": true}))).collect(),
         ),
-        case("the same, 16 kB that are no touch", "16 KiB", "POST", "/v1/touch", vec![text(16_000)]),
-        read("`GET /v1/requests/{id}`", "the last 256", "/v1/requests/none"),
-        case(
+        make_case("the same, 16 kB that are no touch", "16 KiB", "POST", "/v1/touch", vec![text(16_000)]),
+        make_read_case("`GET /v1/requests/{id}`", "the last 256", "/v1/requests/none"),
+        make_case(
             "`POST /v1/preview`, the example plate",
             "2 at a time, one of each client, 16 wait, 10 s, ends with its sender",
             "POST",
             "/v1/preview",
             vec![json!({"x_px": 960, "y_px": 640}).to_string()],
         ),
-        case(
+        make_case(
             "the same, 32 attachments",
             "32 attachments, 80 000 unknowns times attachments",
             "POST",
             "/v1/preview",
             vec![preview(&masses(26))],
         ),
-        case("the same, 100 modes", "100 modes, 6000 unknowns", "POST", "/v1/preview", vec![preview(&long(3000))]),
-        case("the same, 10 m long", "100 modes", "POST", "/v1/preview", vec![preview(&long(10_000))]),
-        case("the same, 200 patches", "24 patches and cut-outs", "POST", "/v1/preview", vec![preview(&patches(200))]),
+        make_case("the same, 100 modes", "100 modes, 6000 unknowns", "POST", "/v1/preview", vec![preview(&long(3000))]),
+        make_case("the same, 10 m long", "100 modes", "POST", "/v1/preview", vec![preview(&long(10_000))]),
+        make_case(
+            "the same, 200 patches",
+            "24 patches and cut-outs",
+            "POST",
+            "/v1/preview",
+            vec![preview(&patches(200))],
+        ),
         Case {
             way: Way::HangUp,
-            ..case(
+            ..make_case(
                 "the same, 32 attachments, hung up",
                 "ends with its sender",
                 "POST",
@@ -139,7 +147,7 @@ pub fn cases() -> Vec<Case> {
                 vec![preview(&masses(26))],
             )
         },
-        case(
+        make_case(
             "`POST /v1/study`, values that are all refused",
             "one at a time; 64 entries, 4 MB of scenes read",
             "POST",
@@ -148,43 +156,43 @@ pub fn cases() -> Vec<Case> {
         ),
         Case {
             way: Way::HangUp,
-            ..case("the same, 50 kB, hung up", "64 entries", "POST", "/v1/study", vec![wrong_variables(600)])
+            ..make_case("the same, 50 kB, hung up", "64 entries", "POST", "/v1/study", vec![wrong_variables(600)])
         },
-        case(
+        make_case(
             "the same, a Latin hypercube of 10^7",
             "2000 looks, before any is listed",
             "POST",
             "/v1/study",
             vec![study(&format!("{thickness}[method]\nway = \"latin_hypercube\"\ndesigns = 10000000\n"))],
         ),
-        case(
+        make_case(
             "the same, 2000 designs",
             "one at a time, 300 s, `POST /v1/study/stop`",
             "POST",
             "/v1/study",
             vec![study(&format!("{thickness}[method]\ndesigns = 1999\n"))],
         ),
-        read("`GET /v1/study`", "what is known is kept", "/v1/study"),
-        case("`POST /v1/study/stop`", "a flag", "POST", "/v1/study/stop", vec![String::new()]),
-        case(
+        make_read_case("`GET /v1/study`", "what is known is kept", "/v1/study"),
+        make_case("`POST /v1/study/stop`", "a flag", "POST", "/v1/study/stop", vec![String::new()]),
+        make_case(
             "`POST /v1/tolerances`",
             "as previews; one at a time, 128 panels, 300 s",
             "POST",
             "/v1/tolerances",
             vec![preview(&masses(8))],
         ),
-        read("`GET /v1/tolerances`", "what is known is kept", "/v1/tolerances"),
-        case("`POST /v1/tolerances/stop`", "a flag", "POST", "/v1/tolerances/stop", vec![String::new()]),
-        case("`POST /v1/arm`", "one at a time, 8 wait, by turns", "POST", "/v1/arm", vec![String::new()]),
-        case("`POST /v1/faults/clear`", "as `POST /v1/arm`", "POST", "/v1/faults/clear", vec![String::new()]),
-        read("`GET /v1/state`", "some kB", "/v1/state"),
-        read("`GET /v1/scene`", "made once", "/v1/scene"),
-        read("`GET /v1/field?x_px=&y_px=`", "as `POST /v1/touch`", "/v1/field?x_px=960&y_px=640"),
-        read("`GET /metrics`", "some kB", "/metrics"),
-        read("`GET /openapi.json`", "made once", "/openapi.json"),
-        read("`GET /`, and its files", "made once", "/"),
-        read("what is not there (404)", "", "/v1/nothing"),
-        case("another method (405)", "the methods are made once", "DELETE", "/v1/touch", vec![String::new()]),
+        make_read_case("`GET /v1/tolerances`", "what is known is kept", "/v1/tolerances"),
+        make_case("`POST /v1/tolerances/stop`", "a flag", "POST", "/v1/tolerances/stop", vec![String::new()]),
+        make_case("`POST /v1/arm`", "one at a time, 8 wait, by turns", "POST", "/v1/arm", vec![String::new()]),
+        make_case("`POST /v1/faults/clear`", "as `POST /v1/arm`", "POST", "/v1/faults/clear", vec![String::new()]),
+        make_read_case("`GET /v1/state`", "some kB", "/v1/state"),
+        make_read_case("`GET /v1/scene`", "made once", "/v1/scene"),
+        make_read_case("`GET /v1/field?x_px=&y_px=`", "as `POST /v1/touch`", "/v1/field?x_px=960&y_px=640"),
+        make_read_case("`GET /metrics`", "some kB", "/metrics"),
+        make_read_case("`GET /openapi.json`", "made once", "/openapi.json"),
+        make_read_case("`GET /`, and its files", "made once", "/"),
+        make_read_case("what is not there (404)", "", "/v1/nothing"),
+        make_case("another method (405)", "the methods are made once", "DELETE", "/v1/touch", vec![String::new()]),
         live(
             "`/v1/live`, ten fingers",
             "16 KiB; 32 steps wait",

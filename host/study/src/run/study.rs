@@ -114,18 +114,18 @@ impl Study {
         [source, text]: [&str; 2],
         [scene_source, scene_text]: [&str; 2],
     ) -> Result<Self, Unusable> {
-        Self::checked(Some(bounds), Spec::parse(source, text)?, [source, text], [scene_source, scene_text])
+        Self::build_within(Some(bounds), Spec::parse(source, text)?, [source, text], [scene_source, scene_text])
     }
 
     fn of(spec: Spec, source: &str, text: &str, scene_source: &str, scene_text: &str) -> Result<Self, SceneError> {
-        Self::checked(None, spec, [source, text], [scene_source, scene_text]).map_err(|error| match error {
+        Self::build_within(None, spec, [source, text], [scene_source, scene_text]).map_err(|error| match error {
             Unusable::Mistakes(mistakes) => mistakes,
             // Without bounds there is none.
             Unusable::Excess(excess) => SceneError::of(source, 0, excess.to_string()),
         })
     }
 
-    fn checked(
+    fn build_within(
         bounds: Option<&Bounds>,
         spec: Spec,
         [source, text]: [&str; 2],
