@@ -13,6 +13,11 @@ pub fn edge_kind(scene: &Scene, side: Side) -> Option<EdgeKind> {
     scene.edges.iter().find(|edge| edge.side == side).map(|edge| edge.kind)
 }
 
+/// Whether an edge is pinned or clamped.
+pub fn is_rigidly_held(scene: &Scene, side: Side) -> bool {
+    matches!(edge_kind(scene, side), Some(EdgeKind::Pinned | EdgeKind::Clamped))
+}
+
 /// Part of a frequency that an edge on springs is below a pinned one's, over (b / L)^2: 2.0 on the first bending mode of a plate of
 /// 317 x 203 mm for 1e8 and for 1e10 N/m^2, less on others.
 const GIVES_WAY: f64 = 3.0;
@@ -98,7 +103,7 @@ fn soften_beside_held_ends(scene: &mut Scene, rigidity_n_m2: f64) {
     }
     let length_m = scene.surface.length_m;
     let ends = [(Side::Left, 0.0), (Side::Right, length_m)];
-    let held = ends.map(|(side, at_m)| edge_kind(scene, side).filter(|kind| is_rigid(*kind)).map(|_| at_m));
+    let held = ends.map(|(side, at_m)| is_rigidly_held(scene, side).then_some(at_m));
     for support in &mut scene.supports {
         let distances_m = held.iter().flatten().map(|at_m| (support.x_m - at_m).abs());
         if let Some(d) =
@@ -107,10 +112,6 @@ fn soften_beside_held_ends(scene: &mut Scene, rigidity_n_m2: f64) {
             support.stiffness_n_per_m /= 1.0 + support.stiffness_n_per_m * d.powi(3) / (3.0 * rigidity_n_m2);
         }
     }
-}
-
-const fn is_rigid(kind: EdgeKind) -> bool {
-    matches!(kind, EdgeKind::Pinned | EdgeKind::Clamped)
 }
 
 /// What a frequency may be wrong by, relative, for springs that were taken for a support.

@@ -3,7 +3,7 @@
 
 use super::attached::attached;
 use super::corners::{Corner, Kind, corners, layers};
-use super::edges::edge_kind;
+use super::edges::is_rigidly_held;
 use super::fineness::Fineness;
 use super::mesh::{Forced, Lines, MERGE};
 use super::neighbours::{Clusters, NEAR, NEAR_LINE, Pair, Place, distance, pairs, places};
@@ -11,7 +11,7 @@ use super::orthotropic::Medium;
 use super::sections::{Section, Waves};
 use super::singular::{Singular, Source};
 use super::surroundings::{Border, SIDES, Surroundings};
-use crate::scene::{EdgeKind, Layout, Scene, Side, SurfaceKind};
+use crate::scene::{Layout, Scene, Side, SurfaceKind};
 
 /// A singular function reaches over at least this many regular cells, or to the borders.
 const LEAST_REACH: f64 = 2.9;
@@ -205,11 +205,11 @@ fn beside_lines(scene: &Scene, fineness: Fineness) -> f64 {
     let of_pairs = pairs(scene, near).into_iter().map(|pair| of_pair(pair.distance_m, pair.held));
     let layout = scene.layout();
     let (lines, last) = (layout.x_m(), layout.x_m().len().saturating_sub(1));
-    let is_held = |side: Side| matches!(edge_kind(scene, side), Some(EdgeKind::Pinned | EdgeKind::Clamped));
     let beside_borders = places(scene).into_iter().flat_map(|place| {
         lines.iter().enumerate().map(move |(k, line)| {
             // Beside a free end or a border nothing else is held.
-            let is_held_end = k == 0 && is_held(Side::Left) || k == last && is_held(Side::Right);
+            let is_held_end =
+                k == 0 && is_rigidly_held(scene, Side::Left) || k == last && is_rigidly_held(scene, Side::Right);
             ((line - place.at.0).abs(), if is_held_end { place.held } else { 0.0 })
         })
     });
