@@ -11,21 +11,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::Failure;
+use super::headings::{ACCESS, DAEMON, DEVICE, LISTENING, MODEL, RECORDING, TOUCH};
 use super::values::{
     Point, parse_counts, parse_finite, parse_npy, parse_png, parse_point, parse_press, parse_proxy, parse_time,
     parse_url,
 };
 use super::wishes::Wishes;
-
-/// Groups of options in the help of commands.
-const MODEL: &str = "Scene and model";
-pub(super) const TOUCH: &str = "Touch";
-pub(super) const PLANNER: &str = "Planner";
-const DAEMON: &str = "Daemon";
-const DEVICE: &str = "Device";
-const LISTENING: &str = "Listening";
-const ACCESS: &str = "Access";
-const RECORDING: &str = "Recording";
 
 /// The scene and how accurately to model it.
 #[derive(Clone, Debug, Default, Args)]

@@ -1,6 +1,7 @@
 //! `era effect`: an effect as the board would play it, and what the panel would do.
 
-use super::args::{At, Keep, Panel, Rhythm, TOUCH};
+use super::args::{At, Keep, Panel, Rhythm};
+use super::headings::TOUCH;
 use super::panel::{bounds_of, target, tell_plan, touched_table};
 use super::{Failure, Outcome, print_json, print_text};
 use crate::effects::{self, DesignError, EffectRequest, Intensity, NamedEffect, design, intensity, plan_with};

@@ -18,6 +18,7 @@ mod effect;
 mod explain;
 mod field;
 mod flash;
+mod headings;
 mod install;
 mod latency;
 mod live;

@@ -1,7 +1,8 @@
 //! `era plan`: the drives for a touch, or for several.
 
-use super::args::{At, Keep, PLANNER, Panel, TOUCH, Unit};
+use super::args::{At, Keep, Panel, Unit};
 use super::args_field::{Corners, parse_corners};
+use super::headings::{PLANNER, TOUCH};
 use super::panel::{bounds_of, plan_table, point_of, target, tell_plan, touched_table};
 use super::progress::with_progress;
 use super::reach::region;

@@ -1,6 +1,6 @@
 //! What a touch asks for besides its own place and strength, as `era plan` and `era touch` take it.
 
-use super::args::PLANNER;
+use super::headings::PLANNER;
 use super::values::{Point, parse_point};
 use crate::planner::schedule::Window;
 use crate::planner::{Grouping, Objective, Weigh};
