@@ -1,5 +1,6 @@
 //! Files that grow by whole records.
 
+use crate::replaced::{folder_of, sync_folder};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
@@ -21,7 +22,9 @@ impl AppendedFile {
         options.append(true).create_new(true);
         #[cfg(unix)]
         std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-        Ok(Self { file: options.open(path)?, whole_bytes: 0 })
+        let file = options.open(path)?;
+        sync_folder(folder_of(path))?;
+        Ok(Self { file, whole_bytes: 0 })
     }
 
     /// Appends whole records.

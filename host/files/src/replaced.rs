@@ -1,10 +1,12 @@
 //! Files that are replaced as a whole.
 
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 
 /// How the name of a file begins that is being written, and how it ends. Between them are 16 random digits.
@@ -81,8 +83,16 @@ pub fn is_unfinished(name: &OsStr) -> bool {
     digits.is_some_and(|digits| digits.len() == 16 && digits.bytes().all(|digit| digit.is_ascii_hexdigit()))
 }
 
+/// [`remove_unfinished`], the first time that this process writes to a folder.
+fn remove_unfinished_once(folder: &Path) {
+    static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    if SEEN.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned()) {
+        remove_unfinished(folder);
+    }
+}
+
 /// Removes from a folder what killed writers have left there: unfinished files that nobody has written to for an hour.
-pub fn remove_unfinished(folder: &Path) {
+fn remove_unfinished(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten().filter(|entry| is_unfinished(&entry.file_name()))
     {
         let age = entry.metadata().ok().and_then(|known| SystemTime::now().duration_since(known.modified().ok()?).ok());
@@ -125,7 +135,7 @@ fn is_descriptor(path: &Path) -> bool {
     folder.is_ok_and(|folder| folder.starts_with("/proc") || folder.starts_with("/dev/fd"))
 }
 
-fn folder_of(path: &Path) -> &Path {
+pub(crate) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
@@ -142,6 +152,7 @@ fn write_and_rename(
         Ok(known) if known.is_file() => Some(OpenOptions::new().write(true).open(target)?.metadata()?),
         _ => None,
     };
+    remove_unfinished_once(folder_of(target));
     // Random, as processes on other machines and in containers may have the same numbers; no file that is there is taken.
     let number = RandomState::new().hash_one(std::process::id());
     let unfinished = folder_of(target).join(format!("{}{number:016x}{}", UNFINISHED.0, UNFINISHED.1));
@@ -197,7 +208,7 @@ fn set_mode(_: &File, _: Readers, _: Option<&Metadata>) -> io::Result<()> {
 }
 
 /// Forces a folder's names onto the disk, where the file system can.
-fn sync_folder(folder: &Path) -> io::Result<()> {
+pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     if !cfg!(unix) {
         return Ok(());
     }

@@ -319,7 +319,7 @@ pub fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> R
 #[cfg(test)]
 mod tests {
     use super::super::command::{Arguments, Command};
-    use super::super::values::parse_url;
+    use super::super::values::{hide_secret_parts, parse_url};
     use super::*;
     use clap::Parser;
 
@@ -331,6 +331,13 @@ mod tests {
         assert_eq!(parse_url("https://panel:7878/").as_deref(), Ok("https://panel:7878"));
         assert!(parse_url("ftp://panel").unwrap_err().contains("https:// only"));
         assert!(parse_url("http://").unwrap_err().contains("HOST:PORT"));
+        // As copied from a browser, or with a password: a stop would go elsewhere, and what is secret is not repeated.
+        for text in
+            ["http://panel:7878/#token=secret", "http://panel:7878/?token=secret", "http://me:secret@panel:7878"]
+        {
+            let told = format!("{} {}", parse_url(text).unwrap_err(), hide_secret_parts(text));
+            assert!(told.contains("HOST:PORT") && told.contains("panel:7878") && !told.contains("secret"), "{told}");
+        }
     }
 
     #[test]

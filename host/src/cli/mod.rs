@@ -89,7 +89,8 @@ type Outcome = Result<(), Failure>;
 pub fn main() -> ExitCode {
     let started = Instant::now();
     era_files::tell_size_limit_as_error();
-    let arguments = command::Arguments::try_parse().unwrap_or_else(|error| {
+    let arguments = command::Arguments::try_parse().unwrap_or_else(|mut error| {
+        hide_secrets(&mut error);
         // Without a command the daemon runs, but its options belong to it.
         let given: Vec<String> = std::env::args().skip(1).collect();
         let has_command =
@@ -132,6 +133,18 @@ pub fn main() -> ExitCode {
     };
     standard_error::await_written();
     code
+}
+
+/// Takes out of what is said of a wrong address what may be a password or a token.
+fn hide_secrets(error: &mut clap::Error) {
+    use clap::error::{ContextKind, ContextValue};
+    let option = error.get(ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
+    if ["--url", "--proxy"].iter().any(|own| option.starts_with(own))
+        && let Some(ContextValue::String(value)) = error.get(ContextKind::InvalidValue)
+    {
+        let told = values::hide_secret_parts(value);
+        error.insert(ContextKind::InvalidValue, ContextValue::String(told));
+    }
 }
 
 /// Ends the program as its arguments cannot be read, or ask for help.

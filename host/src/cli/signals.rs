@@ -8,10 +8,13 @@ use tokio::signal::unix::{Signal as Stream, SignalKind, signal};
 /// Those with a name that end a process which does not listen, and that can be listened for. SIGPIPE is ignored by every program in Rust; SIGSEGV
 /// and its like are mistakes, after which nothing here can be relied on; SIGKILL cannot be heard: after these the board goes off by its dead-man
 /// timer. SIGXFSZ is no end but an error where a file is written, as [`era_files::tell_size_limit_as_error`] has it.
-const NAMED: [(Signal, &str); 10] = [
+const NAMED: [(Signal, &str); 12] = [
     (Signal::HUP, "SIGHUP"),
     (Signal::INT, "SIGINT"),
     (Signal::QUIT, "SIGQUIT"),
+    (Signal::TRAP, "SIGTRAP"),
+    // What systemd sends where WatchdogSec has run out. A program that calls abort() ends all the same.
+    (Signal::ABORT, "SIGABRT"),
     (Signal::TERM, "SIGTERM"),
     (Signal::USR1, "SIGUSR1"),
     (Signal::USR2, "SIGUSR2"),

@@ -78,13 +78,31 @@ pub fn parse_url(text: &str) -> Result<String, String> {
     let (scheme, rest) = text.trim().split_once("://").unwrap_or(("http", text.trim()));
     let scheme = scheme.to_ascii_lowercase();
     if !matches!(scheme.as_str(), "http" | "https") {
+        let text = hide_secret_parts(text);
         return Err(format!("{text:?} begins with {scheme}://, but the daemon speaks http:// and https:// only"));
+    }
+    // Not repeated: there may be a password or a token in them.
+    if let Some(part) = [('@', "a user"), ('#', "what is behind #"), ('?', "what is behind ?")]
+        .iter()
+        .find_map(|(sign, part)| rest.contains(*sign).then_some(*part))
+    {
+        return Err(format!(
+            "the daemon's address is http://HOST:PORT, with a path where it is behind another server: {part} does not belong to it (a token \
+             is given with --token-file or ERA_TOKEN)"
+        ));
     }
     let rest = rest.trim_end_matches('/');
     if rest.is_empty() || rest.contains(char::is_whitespace) {
         return Err(format!("{text:?} is not of the form http://HOST:PORT"));
     }
     Ok(format!("{scheme}://{rest}"))
+}
+
+/// An address without its user, and without what is behind `?` or `#`.
+pub fn hide_secret_parts(address: &str) -> String {
+    let (shown, rest) = address.split_at(address.find(['?', '#']).unwrap_or(address.len()));
+    let shown = shown.rfind('@').map_or_else(|| shown.to_owned(), |at| format!("...{}", &shown[at..]));
+    if rest.is_empty() { shown } else { format!("{shown}...") }
 }
 
 /// A proxy's address: `http://` may be left out, and nothing else is spoken with a proxy.

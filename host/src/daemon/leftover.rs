@@ -1,7 +1,32 @@
 //! What is left of a certificate and its key whose writing was cut off: by a full disk, a kill, a power loss.
 
+use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Longest wait for another daemon that writes its certificate in the same folder: that takes some milliseconds.
+const LONGEST_WAIT: Duration = Duration::from_secs(10);
+
+/// Has a folder for this process alone until what is returned is dropped. Other programs are not kept out.
+pub(super) fn lock_folder(folder: &Path) -> io::Result<File> {
+    let (opened, begun) = (File::open(folder)?, Instant::now());
+    loop {
+        match opened.try_lock() {
+            Ok(()) => return Ok(opened),
+            Err(TryLockError::WouldBlock) if begun.elapsed() < LONGEST_WAIT => {
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            Err(TryLockError::WouldBlock) => {
+                let reason = format!("another process has had the folder locked for {LONGEST_WAIT:?}");
+                return Err(io::Error::new(io::ErrorKind::WouldBlock, reason));
+            }
+            // A file system without locks: there the second of two daemons may be late.
+            Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => return Ok(opened),
+            Err(TryLockError::Error(error)) => return Err(error),
+        }
+    }
+}
 
 /// Which of the two files in a folder for certificates that the daemon makes is damaged, and how; `None` where both or none are there and whole, and where only a whole certificate is there: clients may
 /// have been given that. The key is written before the certificate, so that one without a certificate has never been used.

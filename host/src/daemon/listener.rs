@@ -421,14 +421,19 @@ pub fn first_certificate(folder: &Path, names: &[String]) -> Result<TlsFiles, Li
     let files = TlsFiles::of(folder);
     let wrong =
         |reason: &dyn fmt::Display| ListenError::Tls { file: folder.display().to_string(), reason: reason.to_string() };
-    let mut all: Vec<String> = ["localhost", "127.0.0.1", "::1"].map(String::from).to_vec();
-    all.extend(names.iter().cloned());
-    let made = rcgen::generate_simple_self_signed(all).map_err(|error| wrong(&error))?;
     let unwritten = |file: &Path| {
         let file = file.display().to_string();
         move |source| ListenError::Unwritten { file, source }
     };
     make_private_folder(folder).map_err(unwritten(folder))?;
+    // Daemons that are started at the same time would each write a key beside the certificate of another.
+    let _alone = leftover::lock_folder(folder).map_err(unwritten(folder))?;
+    if let Some(files) = TlsFiles::found_in(folder)? {
+        return Ok(files);
+    }
+    let mut all: Vec<String> = ["localhost", "127.0.0.1", "::1"].map(String::from).to_vec();
+    all.extend(names.iter().cloned());
+    let made = rcgen::generate_simple_self_signed(all).map_err(|error| wrong(&error))?;
     if let Some((damaged, reason)) = leftover::find_damage(&files.certificate, &files.key) {
         leftover::move_aside([&files.certificate, &files.key]).map_err(unwritten(folder))?;
         tracing::warn!(

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -19,6 +19,8 @@ use std::time::{Duration, Instant};
 const WAITING: usize = 4096;
 /// ... and bytes that these may have together.
 const WAITING_BYTES: usize = 8_000_000;
+/// How long after a line was written it is on the disk at the latest, whatever becomes of the machine's power.
+const SYNCED_WITHIN: Duration = Duration::from_secs(3);
 
 /// Writes down.
 #[derive(Debug)]
@@ -126,14 +128,27 @@ impl Drop for Recorder {
 
 /// Writes lines as they come until there are no more. After an error the file ends with a whole line.
 fn write_lines(files: &mut Files, inbox: &Receiver<Line>, waiting_bytes: &AtomicUsize) -> std::io::Result<()> {
-    while let Ok(line) = inbox.recv() {
-        // What waits is written at once.
-        for line in std::iter::once(line).chain(inbox.try_iter()) {
-            waiting_bytes.fetch_sub(line.content.len(), Ordering::Relaxed);
-            files.make_room(line.content.len(), line.at)?;
-            files.put_line(&line.text(files.began()));
+    // The first line that is not yet forced onto the disk.
+    let mut unsynced: Option<Instant> = None;
+    loop {
+        let wait = unsynced.map_or(Duration::MAX, |since| SYNCED_WITHIN.saturating_sub(since.elapsed()));
+        match inbox.recv_timeout(wait) {
+            Ok(line) => {
+                // What waits is written at once.
+                for line in std::iter::once(line).chain(inbox.try_iter()) {
+                    waiting_bytes.fetch_sub(line.content.len(), Ordering::Relaxed);
+                    files.make_room(line.content.len(), line.at)?;
+                    files.put_line(&line.text(files.began()));
+                }
+                files.write()?;
+                unsynced.get_or_insert_with(Instant::now);
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return files.sync(),
         }
-        files.write()?;
+        if unsynced.is_some_and(|since| since.elapsed() >= SYNCED_WITHIN) {
+            files.sync()?;
+            unsynced = None;
+        }
     }
-    files.sync()
 }

@@ -299,5 +299,8 @@ pub fn link_trouble(path: &str, error: &LinkError) -> String {
         }
         _ => String::new(),
     };
+    let error = error.to_string();
+    // A question ends its sentence itself.
+    let users = if error.ends_with('?') { users.strip_prefix('.').unwrap_or(&users) } else { &users };
     format!("{error}{users}")
 }

@@ -103,18 +103,20 @@ struct Line {
 }
 
 impl Recording {
-    /// Reads a recording's lines. A last line that was cut off with the machine's power is left out.
+    /// Reads a recording's lines. What is behind the last whole line is left out if it cannot be read: with the machine's power a line is cut
+    /// off, even within a letter, and many file systems fill up with zeros what never came onto the disk.
     ///
     /// # Errors
     /// [`ReplayError`] with the line.
-    pub fn parse(text: &str) -> Result<Self, ReplayError> {
+    pub fn parse(bytes: &[u8]) -> Result<Self, ReplayError> {
         let mut recording = Self::default();
-        let count = text.lines().count();
-        for (number, text) in (1..).zip(text.lines()) {
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        for (number, text) in (1..).zip(bytes.split_inclusive(|byte| *byte == b'\n')) {
             let wrong = |reason: String| ReplayError { line: number, reason };
-            let line: Line = match serde_json::from_str(text) {
+            let is_rest = number > 1 && !text.ends_with(b"\n");
+            let line: Line = match serde_json::from_slice(text.trim_ascii_end()) {
                 Ok(line) => line,
-                Err(error) if number == count && number > 1 && error.is_eof() => break,
+                Err(_) if is_rest => break,
                 Err(error) => return Err(wrong(format!("not a line of a recording: {error}"))),
             };
             let at = Duration::try_from_secs_f64(line.at_ms / 1e3)
@@ -157,7 +159,7 @@ impl Recording {
             };
             recording.asked.push(Asked { at, what });
         }
-        if count == 0 {
+        if bytes.is_empty() {
             return Err(ReplayError { line: 1, reason: "there is nothing in it".into() });
         }
         Ok(recording)
@@ -199,7 +201,7 @@ mod tests {
 {"at_ms": 22.0, "kind": "gone", "socket": 7}
 {"at_ms": 22.5, "kind": "outcome", "id": 2, "status": 409, "problem": {"type": "urn:era:problem:superseded"}}
 {"at_ms": 23.0, "kind": "st"#;
-        let recording = Recording::parse(text).unwrap();
+        let recording = Recording::parse(text.as_bytes()).unwrap();
         let (asked, outcomes) = (&recording.asked, &recording.outcomes);
         assert_eq!((recording.scene.as_str(), asked.len(), recording.left_out), ("desk", 3, 2));
         assert_eq!(asked[0].at, Duration::from_micros(12_500));
@@ -207,6 +209,22 @@ mod tests {
         let answered = Outcome { status: 200, problem: None, drives: json!([]) };
         assert_eq!((&asked[2].what, &outcomes[&1]), (&What::Gone(7), &answered));
         assert_eq!(outcomes[&2].to_string(), "409 superseded");
+    }
+
+    /// What a lost power leaves behind the last whole line.
+    #[test]
+    fn what_never_came_onto_the_disk_is_left_out() {
+        let whole = "{\"at_ms\": 0, \"kind\": \"begin\", \"format\": 1, \"scene\": \"desk\"}\n{\"at_ms\": 1, \"kind\": \"stop\"}\n";
+        let rests: [&[u8]; 5] =
+            [b"", &[0; 300], b"{\"at_ms\": 2, \"kin", b"{\"at_ms\": 2, \"kind\": \"\xc3", b"{\"at_ms\": 2\0\0\0"];
+        for rest in rests {
+            let recording = Recording::parse(&[whole.as_bytes(), rest].concat()).unwrap();
+            assert_eq!(recording.asked.len(), 1, "{rest:?}");
+            // In the middle it is a mistake.
+            let more = [whole.as_bytes(), rest, b"\n", b"{\"at_ms\": 3, \"kind\": \"stop\"}\n"].concat();
+            let error = Recording::parse(&more);
+            assert!(error.is_err_and(|error| error.line == 3), "{rest:?}");
+        }
     }
 
     #[test]
@@ -222,7 +240,7 @@ mod tests {
             (format!("{begin}\n{{\"at_ms\": 1, \"kind\": \"touch\", \"id\": 1}}"), 2, "without body"),
             (format!("{begin}\n{{\"at_ms\":\n{begin}"), 2, "not a line"),
         ] {
-            let error = Recording::parse(&text).unwrap_err();
+            let error = Recording::parse(text.as_bytes()).unwrap_err();
             assert!(error.line == line && error.to_string().contains(wanted), "{text:?}: {error}");
         }
     }

@@ -135,6 +135,15 @@ fn a_proxy_that_refuses_is_told() {
     ] {
         let said = run_era(&["stop", "--proxy", wrong]);
         assert!(said.code == Some(2) && said.error.contains(words), "{wrong}: {}", said.error);
+        assert!(!said.error.contains("secret"), "{}", said.error);
+    }
+    // The daemon's own address, as copied from a browser or with a password: the stop would go elsewhere, and what is secret is not repeated.
+    for wrong in
+        ["http://127.0.0.1:9/#token=secret", "http://127.0.0.1:9?secret", "me:secret@127.0.0.1:9", "ftp://me:secret@a"]
+    {
+        let said = run_era(&["stop", "--url", wrong]);
+        assert!(said.code == Some(2) && said.error.contains("http://"), "{wrong}: {}", said.error);
+        assert!(!said.error.contains("secret"), "{}", said.error);
     }
 }
 

@@ -1,11 +1,11 @@
 //! What is recorded is replayed as it was.
 
 use crate::fingers::{live, next, say};
-use crate::line::{CALM, plate};
+use crate::line::{CALM, daemon, plate};
 use crate::secrets::write_secret;
 use crate::support::Daemon;
 use crate::support::served::Served;
-use era::daemon::{Access, Limits, Recorder, listener};
+use era::daemon::{Access, Background, Limits, Recorder, listener};
 use era::device::sim::Knobs;
 use era::scene::EXAMPLE_PLATE;
 use serde_json::{Value, json};
@@ -18,7 +18,12 @@ fn a_recording_is_replayed_with_the_same_answers() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("day.jsonl");
     {
-        let daemon = Daemon::recording(EXAMPLE_PLATE, Recorder::start(&file, "example plate").unwrap());
+        let (mut app, line) = plate(CALM);
+        app.record = Some(Recorder::start(&file, "example plate").unwrap());
+        let background = Background::start(app).unwrap();
+        let daemon =
+            Daemon { url: format!("http://{}", background.address()), sim: line.sim(), background: Some(background) };
+        daemon.wait_for(|state| state["device"]["connected"] == true);
         for x_px in [300, 900, 1500] {
             let body = json!({"x_px": x_px, "y_px": 600, "intensity_g": 0.1, "duration_ms": 20}).to_string();
             assert_eq!(daemon.post("/v1/touch", &body).0, 200);
@@ -35,7 +40,7 @@ fn a_recording_is_replayed_with_the_same_answers() {
         assert_eq!(daemon.post("/v1/stop", "").0, 200);
     }
     assert!(Recorder::start(&file, "again").is_err(), "a recording is not written over");
-    let daemon = Daemon::start(EXAMPLE_PLATE);
+    let (daemon, _line) = daemon(CALM);
     let out = Command::new(env!("CARGO_BIN_EXE_era"))
         .args(["replay", file.to_str().unwrap(), "--url", &daemon.url, "--json"])
         .output()

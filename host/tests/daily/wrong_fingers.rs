@@ -218,6 +218,7 @@ fn lifts_of_a_message_that_is_wrong_count() {
         (r#""effect": "click", "count": 3"#.to_owned(), false),
         (r#""duration_ms": 0"#.to_owned(), false),
         (r#""other": 3"#.to_owned(), false),
+        (r#""type": "touch""#.to_owned(), false),
         (format!(r#""padding": "{padding}""#), false),
         (r#""intensity_g": 0.1"#.to_owned(), true),
     ] {

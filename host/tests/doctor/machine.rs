@@ -67,7 +67,7 @@ fn who_asks_does_not_hold() {
 
 #[test]
 fn limits_and_groups_are_read() {
-    use std::os::unix::fs::MetadataExt;
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
     assert_eq!(realtime(root), None);
@@ -82,6 +82,8 @@ fn limits_and_groups_are_read() {
     }
     let port = root.join("port");
     std::fs::write(&port, "").unwrap();
+    let set_mode = |mode| std::fs::set_permissions(&port, std::fs::Permissions::from_mode(mode)).unwrap();
+    set_mode(0o660);
     let group = std::fs::metadata(&port).unwrap().gid();
     plant(root, "etc/group", &format!("nobody:x:99999:\nhaptics:x:{group}:ann,bob\n"));
     plant(root, "proc/self/status", &format!("Name:\tera\nGid:\t1 1 1 1\nGroups:\t7 {group}\n"));
@@ -90,4 +92,10 @@ fn limits_and_groups_are_read() {
     plant(root, "proc/self/status", "Gid:\t99998 99998\nGroups:\t\n");
     assert!(!access(root, port.to_str().unwrap()).is_member);
     assert_eq!(access(root, "/nowhere/port").group, None);
+    // A group that may not use the port helps nobody; root's would give much more than a port.
+    set_mode(0o600);
+    assert_eq!(access(root, port.to_str().unwrap()).group, None);
+    set_mode(0o660);
+    plant(root, "etc/group", &format!("root:x:{group}:\n"));
+    assert_eq!(access(root, port.to_str().unwrap()).group, None);
 }

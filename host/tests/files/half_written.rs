@@ -170,6 +170,23 @@ fn a_full_disk_leaves_a_certificate_that_the_next_start_makes() {
     }
 }
 
+/// Each of several daemons that make their certificate in one folder has the same one, with its key, and so has the next.
+#[test]
+fn daemons_that_start_at_once_share_one_certificate() {
+    for _ in 0..4 {
+        let shared = tempfile::tempdir().unwrap();
+        let tls = shared.path().join("tls");
+        let options = ["--tls-dir", tls.to_str().unwrap()];
+        let start = || {
+            let (_, said) = serve(folder_with_inputs().path(), None, &options);
+            assert!(said.contains("another daemon listens on the socket"), "{said}");
+        };
+        std::thread::scope(|threads| (0..4).for_each(|_| drop(threads.spawn(start))));
+        assert_eq!(files_in(&tls).len(), 2);
+        start();
+    }
+}
+
 /// What an older version, or a machine that lost its power, has left: reported, replaced, and kept beside.
 #[test]
 fn damaged_certificates_and_keys_are_reported_and_replaced() {

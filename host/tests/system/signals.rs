@@ -17,8 +17,8 @@ const BY: [&str; 2] = ["env", "--default-signal=HUP,INT,QUIT"];
 fn every_signal_that_ends_the_daemon_stops_the_board() {
     let board = board();
     for signal in [
-        "HUP", "INT", "QUIT", "TERM", "USR1", "USR2", "ALRM", "VTALRM", "PROF", "XCPU", "IO", "PWR", "STKFLT", "SYS",
-        "40",
+        "HUP", "INT", "QUIT", "TRAP", "ABRT", "TERM", "USR1", "USR2", "ALRM", "VTALRM", "PROF", "XCPU", "IO", "PWR",
+        "STKFLT", "SYS", "40",
     ] {
         let serving = Serving::start_under(&BY, &board, &["--after-outage", "touch"]);
         drive(&serving.daemon);

@@ -10,7 +10,6 @@ use super::told::tell_error;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::replay::Outcome as Answered;
 use crate::replay::{Asked, Recording, What, difference};
-use crate::text_file::read_text_file;
 use pages::Pages;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -34,8 +33,8 @@ struct Done {
 
 pub fn run(options: &Replay) -> Outcome {
     let named = |error: &dyn std::fmt::Display| Failure::Usage(format!("{}: {error}", options.file.display()));
-    let text = read_text_file(&options.file).map_err(|error| named(&error))?;
-    let recording = Recording::parse(&text).map_err(|error| named(&error))?;
+    let bytes = std::fs::read(&options.file).map_err(|error| named(&error))?;
+    let recording = Recording::parse(&bytes).map_err(|error| named(&error))?;
     let daemon = &options.daemon;
     let scene = client::call(daemon, "GET", "/v1/scene", None)?;
     let now = scene["name"].as_str().unwrap_or_default();

@@ -355,17 +355,7 @@ fn stop(app: &Arc<App>, page: Page, fingers: &Fingers, replies: &mpsc::Sender<Va
 
 /// The same for a message that cannot be used, but says that it is a stop: whatever else is wrong with it is told besides.
 fn stop_if_said(app: &Arc<App>, page: Page, message: &[u8], fingers: &Fingers, replies: &mpsc::Sender<Value>) {
-    #[derive(serde::Deserialize)]
-    struct AnyStop {
-        #[serde(rename = "type")]
-        _kind: OnlyStop,
-    }
-    #[derive(serde::Deserialize)]
-    #[serde(rename_all = "snake_case")]
-    enum OnlyStop {
-        Stop,
-    }
-    if page.role >= Role::Touch && serde_json::from_slice::<AnyStop>(message).is_ok() {
+    if page.role >= Role::Touch && said::list_types(message).iter().any(|kind| kind == "stop") {
         stop(app, page, fingers, replies);
     }
 }

@@ -11,7 +11,8 @@ use crate::daemon::view::TouchView;
 use crate::daemon::whole::convert_whole;
 use crate::planner::request::MAX_TARGETS;
 use crate::scene::Scene;
-use serde::Deserialize;
+use serde::de::{IgnoredAny, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -48,16 +49,6 @@ impl Message {
     /// Reads a message as far as that goes.
     #[must_use]
     pub fn from_text(text: &str) -> Self {
-        #[derive(Deserialize)]
-        struct AnyTouch {
-            #[serde(rename = "type")]
-            _kind: OnlyTouch,
-        }
-        #[derive(Deserialize)]
-        #[serde(rename_all = "snake_case")]
-        enum OnlyTouch {
-            Touch,
-        }
         let text = quote_bare_words(text);
         let (rest, fingers) = match find_fingers(&text) {
             Some((list, fingers)) => {
@@ -70,7 +61,8 @@ impl Message {
                 None => (text, None),
             },
         };
-        let is_touch = serde_json::from_str::<AnyTouch>(&rest).is_ok();
+        let types = list_types(rest.as_bytes());
+        let is_touch = !types.is_empty() && types.iter().all(|kind| kind == "touch");
         Self { rest: from_json(rest.as_bytes(), WANTED_MESSAGE), is_touch, fingers }
     }
 
@@ -142,6 +134,37 @@ impl Message {
         read.fingers = good.into_iter().map(|(_, finger)| finger).collect();
         read
     }
+}
+
+/// The values of all keys `type` of a message, as one that is there twice counts too; none where it is no object.
+pub fn list_types(message: &[u8]) -> Vec<Value> {
+    struct Types(Vec<Value>);
+    struct Keys;
+    impl<'de> Visitor<'de> for Keys {
+        type Value = Types;
+
+        fn expecting(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            out.write_str("an object")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Types, A::Error> {
+            let mut types = Vec::new();
+            while let Some(key) = map.next_key::<String>()? {
+                if key == "type" {
+                    types.push(map.next_value()?);
+                } else {
+                    map.next_value::<IgnoredAny>()?;
+                }
+            }
+            Ok(Types(types))
+        }
+    }
+    impl<'de> Deserialize<'de> for Types {
+        fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+            from.deserialize_map(Keys)
+        }
+    }
+    serde_json::from_slice::<Types>(message).map(|Types(types)| types).unwrap_or_default()
 }
 
 /// One finger, on the screen.

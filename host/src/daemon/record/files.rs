@@ -20,7 +20,7 @@ const ENDING: &str = "Z.jsonl";
 pub struct Kept {
     /// Bytes of one file, after which the next one is begun.
     pub file_bytes: u64,
-    /// Bytes of all files together: the oldest are removed before that. In a folder those of earlier starts count as well.
+    /// Bytes of all files together: the oldest are removed before that. Those of earlier starts count as well.
     pub total_bytes: u64,
 }
 
@@ -58,7 +58,7 @@ impl Files {
         if is_in_folder {
             make_private_folder(wanted)?;
         }
-        let mut all = if is_in_folder { earlier(wanted)? } else { VecDeque::new() };
+        let mut all = if is_in_folder { earlier(wanted)? } else { find_numbered(wanted)? };
         let (path, file) = if is_in_folder {
             named_after_the_time(wanted)?
         } else {
@@ -98,7 +98,7 @@ impl Files {
         self.write()?;
         self.sync()?;
         let (path, file) =
-            if self.is_in_folder { named_after_the_time(&self.wanted)? } else { numbered(&self.wanted)? };
+            if self.is_in_folder { named_after_the_time(&self.wanted)? } else { begin_numbered(&self.wanted)? };
         (self.file, self.began) = (file, at);
         self.all.push_back((path, 0));
         self.remove_oldest();
@@ -154,13 +154,13 @@ impl Files {
     }
 }
 
-/// The first of some names that is free.
-fn first_free(names: impl Fn(u32) -> PathBuf) -> Result<(PathBuf, AppendedFile)> {
-    let mut number = 1;
+/// The first of some names, from a number on, that is free.
+fn first_free(from: u32, names: impl Fn(u32) -> PathBuf) -> Result<(PathBuf, AppendedFile)> {
+    let mut number = from;
     loop {
         let path = names(number);
         match AppendedFile::create_private(&path) {
-            Err(error) if error.kind() == ErrorKind::AlreadyExists && number < SAME_NAME => number += 1,
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && number - from < SAME_NAME => number += 1,
             file => return file.map(|file| (path, file)),
         }
     }
@@ -172,16 +172,47 @@ fn named_after_the_time(folder: &Path) -> Result<(PathBuf, AppendedFile)> {
     let _ = Clock.format_time(&mut Writer::new(&mut time));
     // 2026-01-31T09:30:00.000000Z; some file systems have no colons.
     let time: String = time.chars().take_while(|c| *c != '.').filter(|c| *c != ':').collect();
-    first_free(|number| {
+    first_free(1, |number| {
         folder.join(if number == 1 { format!("{time}{ENDING}") } else { format!("{time}Z-{number}.jsonl") })
     })
 }
 
-/// `day.jsonl` is followed by `day-2.jsonl`.
-fn numbered(first: &Path) -> Result<(PathBuf, AppendedFile)> {
-    let stem = first.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let ending = first.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
-    first_free(|number| first.with_file_name(format!("{stem}-{}{ending}", number + 1)))
+/// `day.jsonl` is followed by `day-2.jsonl`, and that by `day-3.jsonl`, whatever of them has been removed.
+fn begin_numbered(first: &Path) -> Result<(PathBuf, AppendedFile)> {
+    let last = find_numbered(first)?.pop_back().and_then(|(path, _)| read_number(first, &path));
+    let (stem, ending) = split_name(first);
+    first_free(last.unwrap_or(1).saturating_add(1), |number| first.with_file_name(format!("{stem}-{number}{ending}")))
+}
+
+/// The files that have followed this one, the oldest first, with their bytes.
+fn find_numbered(first: &Path) -> Result<VecDeque<(PathBuf, u64)>> {
+    let folder = first.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = first.with_file_name(entry?.file_name());
+        if let (Some(number), Ok(known)) = (read_number(first, &path), std::fs::symlink_metadata(&path))
+            && known.is_file()
+        {
+            found.push((number, path, known.len()));
+        }
+    }
+    found.sort();
+    Ok(found.into_iter().map(|(_, path, bytes)| (path, bytes)).collect())
+}
+
+/// The number of a file that has followed this one.
+fn read_number(first: &Path, path: &Path) -> Option<u32> {
+    let (stem, ending) = split_name(first);
+    let name = path.file_name()?.to_str()?;
+    let number = name.strip_prefix(&format!("{stem}-"))?.strip_suffix(&ending)?;
+    number.parse().ok().filter(|own: &u32| *own >= 2 && own.to_string() == number)
+}
+
+/// A file's name before its ending, and the ending with its dot.
+fn split_name(path: &Path) -> (String, String) {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let ending = path.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
+    (stem, ending)
 }
 
 /// What earlier starts have left in a folder, the oldest first: files whose names this program gives.
@@ -239,17 +270,20 @@ mod tests {
                     }
                 }
                 drop(recorder);
-                if !is_in_folder {
-                    std::fs::rename(&path, folder.path().join("kept")).ok();
-                    break;
-                }
+            }
+            if !is_in_folder {
+                // In the order in which they were begun, though the first and others of them have been removed.
+                let numbered = find_numbered(&path).unwrap();
+                let begins: Vec<SystemTime> =
+                    numbered.iter().map(|(path, _)| std::fs::metadata(path).unwrap().modified().unwrap()).collect();
+                assert!(begins.len() > 1 && begins.is_sorted(), "{numbered:?}");
             }
             let (bytes, names) = names(folder.path());
             assert!((20_000..=61_000).contains(&bytes), "{bytes} {names:?}");
             assert!(foreign.exists() && names.len() > 2, "{names:?}");
             for name in names.iter().filter(|name| *name != "notes.jsonl") {
                 let text = std::fs::read_to_string(folder.path().join(name)).unwrap();
-                Recording::parse(&text).unwrap_or_else(|error| panic!("{name}: {error}"));
+                Recording::parse(text.as_bytes()).unwrap_or_else(|error| panic!("{name}: {error}"));
             }
         }
     }

@@ -128,7 +128,7 @@ pub fn name_of(process: &Path) -> String {
 /// Who may use a port, by its file's group.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Access {
-    /// The group of its file, if its name is known.
+    /// The group of its file, if its name is known, it may read and write, and it is not root's, which opens much more.
     pub group: Option<String>,
     /// Whether this process is in it.
     pub is_member: bool,
@@ -139,7 +139,8 @@ pub struct Access {
 #[must_use]
 pub fn access(root: &Path, port: &str) -> Access {
     let Ok(metadata) = fs::metadata(port) else { return Access::default() };
-    let group = find_name_of_number(root, "etc/group", metadata.gid());
+    let name = find_name_of_number(root, "etc/group", metadata.gid());
+    let group = name.filter(|name| metadata.mode() & 0o060 == 0o060 && name != "root");
     let status = fs::read_to_string(root.join("proc/self/status")).unwrap_or_default();
     let is_member = status
         .lines()
@@ -187,7 +188,9 @@ impl Permission {
                 "the user {user} may not open the port {path}, though it is in its group {group}: see the port's mode with `ls -l {path}` \
                  (in a container, whether it was given the device); or {rule}"
             ),
-            Access { group: None, .. } => format!("the user {user} may not open the port {path}: {rule}"),
+            Access { group: None, .. } => {
+                format!("the user {user} may not open the port {path}, and no group's members may: {rule}")
+            }
         }
     }
 }
@@ -205,6 +208,9 @@ mod tests {
         let told = permission(false).as_advice("/dev/ttyACM0");
         assert!(told.contains("`sudo usermod -aG dialout kai`") && told.contains("not in the group dialout"), "{told}");
         assert!(!told.contains("cable"), "{told}");
+        // Nobody is advised to join a group that may not use the port, nor root's.
+        let alone = Permission { access: Access::default(), user: Some("kai".into()) }.as_advice("/dev/ttyACM0");
+        assert!(!alone.contains("usermod") && alone.contains("era install"), "{alone}");
         let told = permission(true).as_advice("/dev/ttyACM0");
         assert!(told.contains("though it is in its group dialout") && !told.contains("usermod"), "{told}");
     }

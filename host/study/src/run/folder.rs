@@ -6,7 +6,7 @@
 
 use super::row::Row;
 use super::task::Task;
-use era_files::{Readers, remove_unfinished, replace_file};
+use era_files::{Readers, replace_file};
 use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::{self, Read};
@@ -66,7 +66,6 @@ impl Folder {
             path: rows.clone(),
             error,
         })?;
-        [&rows, &folder.path].into_iter().for_each(|folder| remove_unfinished(folder));
         let own = hex(&key);
         let known = folder.path.join(KEY);
         match fs::read_to_string(&known) {
