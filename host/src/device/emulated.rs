@@ -94,13 +94,13 @@ impl EmulatedBoard {
         let source = source()?;
         tracing::info!("starting {} in the emulator", elf.display());
         let mut child = Command::new("python3")
-            .arg(source.join("emulator/launch.py"))
+            .arg(source.join("tools/emulator/launch.py"))
             .arg("--elf")
             .arg(&elf)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
-            .map_err(|error| start_error("python3 emulator/launch.py", error))?;
+            .map_err(|error| start_error("python3 tools/emulator/launch.py", error))?;
         let streams = child.stdin.take().zip(child.stdout.take());
         let (input, output) = streams.ok_or_else(|| start_error("its pipes", "none"))?;
         let mut control = Control { input, output: BufReader::new(output) };
@@ -164,7 +164,7 @@ impl EmulatedBoard {
             .collect()
     }
 
-    /// One command to the bridge (see `emulator/bridge.py`) and its answer.
+    /// One command to the bridge (see `tools/emulator/bridge.py`) and its answer.
     ///
     /// # Errors
     /// [`EmulatedError::Control`].
@@ -202,7 +202,7 @@ impl Control {
 
 fn source() -> Result<PathBuf, EmulatedError> {
     let root = std::env::var_os("ERA_SOURCE").map_or_else(|| PathBuf::from(BUILT_IN), PathBuf::from);
-    let needed = root.join("emulator/launch.py");
+    let needed = root.join("tools/emulator/launch.py");
     if needed.exists() { Ok(root) } else { Err(EmulatedError::NoSource { path: needed }) }
 }
 

@@ -210,7 +210,7 @@ fn on_corners(x_mm: f64, extra: &str, loss: &str, dashpot: f64) -> Scene {
 }
 
 /// Under 1 N in its middle it sinks by 83.333 um with its springs, and bends: 91.2231 um, by the independent reference's elements
-/// (`crosscheck/reference/press.py`, right to 2e-6). What damps it and what weighs on it has no part in it. Before, supports of a loss factor of 2 took 55 % off, and
+/// (`tools/crosscheck/reference/press.py`, right to 2e-6). What damps it and what weighs on it has no part in it. Before, supports of a loss factor of 2 took 55 % off, and
 /// dashpots of 1e6 N s/m 91 %, with bounds of 5e-7 and 2e-6.
 #[test]
 fn a_plate_on_its_corners_sags_by_its_springs_and_its_bending() {

@@ -44,7 +44,7 @@ const LEAST_POWER: f64 = 5.0;
 /// The same of plates with functions of point forces, in steps. What these functions leave to the elements begins with r^6 log r, and images behind
 /// borders that they lack come next: errors fall exponentially at first, and then as new orders take up the one or the other. Between two orders
 /// they were seen to fall with a power of 2.2 only, and with 15 in the two before (80 random panels against exact solutions,
-/// `crosscheck/checks/sealed.py`, with and without sealed air).
+/// `tools/crosscheck/checks/sealed.py`, with and without sealed air).
 const LEAST_POWER_AT_POINTS: f64 = 2.0;
 /// The same where points are nearer to each other than their functions reach: what these leave hardly falls from order to order, and all at once on a
 /// finer mesh (7.7e-6, 6.6e-6 and then 5.5e-7 of a frequency; 6.2e-3, 5.8e-3 and then 3.2e-5 of a response).

@@ -52,7 +52,7 @@ pub enum StackError {
         budget: u8,
     },
     /// What the session with the emulated board leaves out.
-    #[error("the session on the emulated board never asks {0}: add it in xtask/src/stack/seen.rs")]
+    #[error("the session on the emulated board never asks {0}: add it in tools/xtask/src/stack/seen.rs")]
     NotAsked(String),
     /// The emulated board could not be asked.
     #[error("the emulated board: {0}")]

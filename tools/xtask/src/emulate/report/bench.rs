@@ -207,7 +207,7 @@ impl Bench {
         Ok(self.clock()?.saturating_sub(clock) as f64 / CLOCKS_PER_MS)
     }
 
-    /// Faults, see `emulator/faults.py`.
+    /// Faults, see `tools/emulator/faults.py`.
     ///
     /// # Errors
     /// [`Error::Bridge`].

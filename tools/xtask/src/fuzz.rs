@@ -124,8 +124,8 @@ struct End {
 impl Run {
     fn start(root: &Path, programs: &Path, name: &'static str, longest: usize, seconds: u64) -> Result<Self, Error> {
         let grown = scratch(root).join("corpus").join(name);
-        let kept = root.join("fuzz/corpus").join(name);
-        let found = root.join("fuzz/artifacts").join(name);
+        let kept = root.join("tools/fuzz/corpus").join(name);
+        let found = root.join("tools/fuzz/artifacts").join(name);
         let log = scratch(root).join(format!("{name}.log"));
         for path in [&grown, &found] {
             fs::create_dir_all(path).map_err(|source| Error::File {

@@ -36,7 +36,7 @@ fn check(database: &Path) -> (bool, String) {
 }
 
 fn is_locked(workspace: &str, package: &str) -> bool {
-    let lock = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(workspace).join("Cargo.lock");
+    let lock = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(workspace).join("Cargo.lock");
     fs::read_to_string(lock).unwrap().contains(&format!("name = \"{package}\"\n"))
 }
 

@@ -27,7 +27,7 @@ impl Environment {
     pub fn new(quick: bool, with_peers: bool) -> Result<Self, Error> {
         let own = std::env::current_exe().map_err(Error::file("era-bench"))?;
         let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let target = folder.parent().unwrap_or(folder).join("target");
+        let target = folder.ancestors().nth(2).unwrap_or(folder).join("target");
         let scripts = folder.join("peers");
         let python = target.join("bench-venv/bin/python");
         if with_peers {

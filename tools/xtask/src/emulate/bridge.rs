@@ -45,7 +45,7 @@ impl Bridge {
     /// [`Error::Start`] or [`Error::Bridge`].
     pub fn start(image: &Path, pace: Pace) -> Result<Self, Error> {
         let mut python = Command::new("python3");
-        python.arg(root()?.join("emulator/launch.py")).arg("--elf").arg(image);
+        python.arg(root()?.join("tools/emulator/launch.py")).arg("--elf").arg(image);
         if pace == Pace::Paused {
             python.arg("--paused");
         }
@@ -66,7 +66,7 @@ impl Bridge {
         &self.terminal
     }
 
-    /// One command (see `emulator/bridge.py`) and its answer.
+    /// One command (see `tools/emulator/bridge.py`) and its answer.
     ///
     /// # Errors
     /// [`Error::Bridge`] if the bridge refuses or has ended.

@@ -1,4 +1,4 @@
-//! `cargo xtask crosscheck`: the program, built in release mode, against the independent reference of `crosscheck/`.
+//! `cargo xtask crosscheck`: the program, built in release mode, against the independent reference of `tools/crosscheck/`.
 
 use crate::error::Error;
 use crate::process::run;
@@ -10,7 +10,7 @@ use std::process::Command;
 const SCENES_AMONG_TESTS: u32 = 30;
 /// The reference's own tests.
 const OWN_TESTS: [&str; 7] =
-    ["-m", "unittest", "discover", "--top-level-directory", ".", "--start-directory", "crosscheck/tests"];
+    ["-m", "unittest", "discover", "--top-level-directory", "tools", "--start-directory", "tools/crosscheck/tests"];
 
 /// Which scenes, and which comparisons.
 #[derive(Args, Default)]
@@ -91,10 +91,11 @@ fn compare(arguments: &[String]) -> Result<(), Error> {
 /// The environment's interpreter, in the repository's root, with one thread per process.
 fn python() -> Result<Command, Error> {
     let root = root()?;
-    let requirements = root.join("crosscheck/requirements.txt");
+    let requirements = root.join("tools/crosscheck/requirements.txt");
     let python =
         python_environment::ensure(&requirements, &root.join("target/crosscheck-venv")).map_err(Error::Python)?;
     let mut command = Command::new(python);
-    command.current_dir(&root).envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")]);
+    command.current_dir(&root).env("PYTHONPATH", root.join("tools"));
+    command.envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")]);
     Ok(command)
 }

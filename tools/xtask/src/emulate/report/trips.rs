@@ -20,7 +20,7 @@ const AT_NEXT_LOOK_MS: f64 = 2.0;
 /// One fault.
 struct Trip {
     name: &'static str,
-    /// For `emulator/faults.py`.
+    /// For `tools/emulator/faults.py`.
     fault: Value,
     code: FaultCode,
     /// When everything must be off, in ms after it.

@@ -23,7 +23,9 @@ pub fn test() -> Result<(), Error> {
 fn tests() -> Result<(), Error> {
     let root = root()?;
     step("firmware image", || firmware::command(&firmware::Options::default()))?;
-    step("emulator", || run(Command::new("python3").arg("emulator/launch.py").arg("--setup-only").current_dir(&root)))?;
+    step("emulator", || {
+        run(Command::new("python3").arg("tools/emulator/launch.py").arg("--setup-only").current_dir(&root))
+    })?;
     step("waveforms", || waveforms::command(&waveforms::Options::default()))?;
     step("report from the emulated board", emulate::test)?;
     // What is shipped, optimised as it is shipped, and one build for all that follows.

@@ -132,7 +132,7 @@ def run(options):
 
 def _command(options, result):
     index = result.scene.split("-")[1]
-    words = [sys.executable, "-m", "crosscheck", "--era", str(options.era), "--seed", str(options.seed), "--only", index]
+    words = ["cargo", "xtask", "crosscheck", "--seed", str(options.seed), "--only", index]
     return shlex.join([*words, "--part", result.part] + (["--plant", options.plant] if options.plant else []))
 
 

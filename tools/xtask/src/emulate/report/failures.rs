@@ -21,7 +21,7 @@ const RESTARTED_S: f64 = 0.02;
 /// One failure.
 struct Failure {
     name: &'static str,
-    /// For `emulator/faults.py`.
+    /// For `tools/emulator/faults.py`.
     fault: Value,
     code: FaultCode,
     cause: ResetCause,

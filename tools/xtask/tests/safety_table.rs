@@ -18,9 +18,9 @@ struct Repository {
 
 impl Repository {
     fn read() -> Self {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a repository").to_path_buf();
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).expect("a repository").to_path_buf();
         let mut sources = Vec::new();
-        for folder in ["host", "shared", "firmware/src", "hil-tests", "xtask", "fuzz"] {
+        for folder in ["host", "shared", "firmware/src", "hil-tests", "tools/xtask", "tools/fuzz"] {
             collect(&root.join(folder), &mut sources);
         }
         Self { root, sources }
@@ -34,7 +34,7 @@ impl Repository {
         match name.split_once("::") {
             None => self.sources.iter().any(|(_, text)| is_test(text, name)),
             Some(("sim" | "emulated" | "board", case)) => self.has_string("hil-tests/src", case),
-            Some(("report", step)) => self.has_string("xtask/src/emulate", step),
+            Some(("report", step)) => self.has_string("tools/xtask/src/emulate", step),
             Some(_) => false,
         }
     }

@@ -101,5 +101,5 @@ fn main() -> ExitCode {
 /// The repository's root.
 fn root() -> Result<PathBuf, Error> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    here.parent().map(Path::to_path_buf).ok_or_else(|| Error::NoRepository(here.to_path_buf()))
+    here.ancestors().nth(2).map(Path::to_path_buf).ok_or_else(|| Error::NoRepository(here.to_path_buf()))
 }

@@ -61,7 +61,10 @@ pub fn command(options: &Options) -> Result<(), Error> {
 /// As [`command`].
 pub fn test() -> Result<(), Error> {
     let image = image::build(false)?.0;
-    run(Command::new("python3").arg(root()?.join("emulator/launch.py")).args(["--self-test", "--elf"]).arg(&image))?;
+    run(Command::new("python3")
+        .arg(root()?.join("tools/emulator/launch.py"))
+        .args(["--self-test", "--elf"])
+        .arg(&image))?;
     report::run(&image)
 }
 

@@ -15,7 +15,7 @@ import sys
 
 HERE = pathlib.Path(__file__).resolve().parent
 REQUIREMENTS = HERE / "requirements.txt"
-ENVIRONMENT = HERE.parent / "target" / "emulator-venv"
+ENVIRONMENT = HERE.parents[1] / "target" / "emulator-venv"
 PYTHON = ENVIRONMENT / "bin" / "python"
 # Holds the requirements that the environment was made for; written last.
 STAMP = ENVIRONMENT / "requirements.installed"

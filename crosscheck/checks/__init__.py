@@ -1,1 +1,0 @@
-"""One module per comparison; see `crosscheck/README.md` for what a check provides."""

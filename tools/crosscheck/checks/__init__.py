@@ -1,0 +1,1 @@
+"""One module per comparison; see `tools/crosscheck/README.md` for what a check provides."""
