@@ -2,11 +2,14 @@
 
 mod air;
 mod bounds;
+mod coupled;
 mod held_by_springs;
 mod losses;
 mod model_extremes;
 mod model_reference;
+mod near;
 mod patches;
+mod poles;
 mod response_checks;
 mod scenes;
 mod springs_in_line;

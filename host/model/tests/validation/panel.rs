@@ -4,9 +4,9 @@
 //! resistance. Bl and R scale and shift the curve and move no peak.
 
 use super::table::percent;
-use era::model::Accuracy;
-use era::response::bounded_curves;
-use era::scene::Scene;
+use era_model::model::Accuracy;
+use era_model::response::bounded_curves;
+use era_model::scene::Scene;
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 

@@ -1,13 +1,13 @@
 //! The ways to drive a panel, against each other and against the limits.
 
-use era::model::Accuracy;
-use era::model::levels::Levels;
-use era::planner::reach::setting::{command, part};
-use era::planner::reach::{Measure, everywhere};
-use era::planner::study::{Maps, SchemeReach, rigid, schemes};
-use era::planner::table::{Part, Region};
-use era::planner::{Objective, PlanError, PlanTable, Request, TableOptions, Target};
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use era_model::model::Accuracy;
+use era_model::model::levels::Levels;
+use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use era_planner::reach::setting::{command, part};
+use era_planner::reach::{Measure, everywhere};
+use era_planner::study::{Maps, SchemeReach, rigid, schemes};
+use era_planner::table::{Part, Region};
+use era_planner::{Objective, PlanError, PlanTable, Request, TableOptions, Target};
 
 fn table(text: &str, options: TableOptions) -> PlanTable {
     let scene = Scene::parse("test", text).unwrap();

@@ -1,9 +1,9 @@
 //! Bounds of a plan's harmonics, which lie above the band that the plan's mesh was chosen for.
 
-use era::model::Accuracy;
-use era::model::levels::Levels;
-use era::planner::{PlanTable, Report, Request, TableOptions, Target};
-use era::scene::Scene;
+use era_model::model::Accuracy;
+use era_model::model::levels::Levels;
+use era_model::scene::Scene;
+use era_planner::{PlanTable, Report, Request, TableOptions, Target};
 
 /// A thin plate of odd size whose resonances near 950 Hz are sharp: on the mesh of its plans harmonics were 6 % off.
 const THIN: &str = r#"

@@ -2,18 +2,16 @@
 //! against the same panel written with a mass and a support; and what more of it must do. What can be reached with it, against plans of single
 //! places.
 
-mod support;
-
-use era::model::levels::Levels;
-use era::model::{Accuracy, BarePanel, PanelModel};
-use era::planner::study::Maps;
-use era::planner::table::touched::Touched;
-use era::planner::{PlanTable, TableOptions, Target};
-use era::response::bounded_curves;
-use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use super::scenes::SceneText;
+use era_model::model::levels::Levels;
+use era_model::model::{Accuracy, BarePanel, PanelModel};
+use era_model::response::bounded_curves;
+use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
+use era_planner::study::Maps;
+use era_planner::table::touched::Touched;
+use era_planner::{PlanTable, TableOptions, Target};
 use num_complex::Complex64;
 use std::f64::consts::TAU;
-use support::scenes::SceneText;
 
 const FINGER: &str = "[finger]\nmass_g = 5.0\ndamping_n_s_per_m = 5.0\nstiffness_n_per_m = 3e3\n";
 
@@ -147,7 +145,7 @@ fn what_can_be_reached_under_a_finger_is_what_plans_reach() {
 #[test]
 fn under_a_finger_of_nothing_nothing_changes() {
     for (scene, _) in examples() {
-        let (table, maps) = reach(&Scene { finger: Some(era::scene::Finger::default()), ..scene });
+        let (table, maps) = reach(&Scene { finger: Some(era_model::scene::Finger::default()), ..scene });
         let plain = Maps::of(&table, None).unwrap();
         for (found, plain) in maps.strongest_g.iter().zip(&plain.strongest_g) {
             let (found, plain) = (found.unwrap(), plain.unwrap());
@@ -161,8 +159,8 @@ fn under_a_finger_of_nothing_nothing_changes() {
 fn a_plan_is_that_of_a_panel_with_a_mass_and_a_support() {
     for (scene, (x_m, y_m)) in examples() {
         let mut written = Scene { finger: None, ..scene.clone() };
-        written.masses.push(era::scene::Mass { x_m, y_m, mass_kg: 5e-3 });
-        written.supports.push(era::scene::Support {
+        written.masses.push(era_model::scene::Mass { x_m, y_m, mass_kg: 5e-3 });
+        written.supports.push(era_model::scene::Support {
             x_m,
             y_m,
             stiffness_n_per_m: 3e3,
@@ -200,7 +198,7 @@ fn the_more_a_finger_damps_the_less_moves_under_it() {
         let scene = scene(&text).touched(&[place]);
         let model = PanelModel::build(&scene, Accuracy::BALANCED, 400.0).unwrap().reduce(400.0, &[place]).unwrap();
         let shape = model.shape_at(place.0, place.1);
-        era::response::acceleration_curves(&model, &shape, &frequencies_hz()).unwrap().remove(0)
+        era_model::response::acceleration_curves(&model, &shape, &frequencies_hz()).unwrap().remove(0)
     };
     let [none, some, more, most] = [0.0, 2.0, 8.0, 50.0].map(curve);
     for ((none, some), (more, most)) in none.iter().zip(&some).zip(more.iter().zip(&most)) {

@@ -1,17 +1,17 @@
-//! Published results beside the program's. `cargo test -p era-host --test validation -- --nocapture --test-threads 1` prints the
+//! Published results beside the program's. `cargo test -p era-model --test validation -- --nocapture --test-threads 1` prints the
 //! tables of `docs/src/validation.md`; the page must hold them.
 
 mod cases;
 mod closed;
 mod panel;
 mod ritz;
-#[path = "../../model/tests/numerics/scenes.rs"]
+#[path = "../numerics/scenes.rs"]
 #[expect(dead_code, reason = "shared with other tests")]
 mod scenes;
 mod table;
 mod thick;
 
-const PAGE: &str = include_str!("../../../docs/src/validation.md");
+const PAGE: &str = include_str!("../../../../docs/src/validation.md");
 
 /// Prints a table, and holds the page to it.
 fn on_the_page(lines: &[String]) {

@@ -1,7 +1,7 @@
 //! Against quadratic equations by hand, a mass on a wall of dashpots, and what each mode becomes where that is known.
 
-use era::model::damping::Damping;
-use era::model::poles::{Pole, poles};
+use era_model::model::damping::Damping;
+use era_model::model::poles::{Pole, poles};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 

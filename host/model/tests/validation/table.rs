@@ -1,7 +1,7 @@
 //! Published figures beside independent ones and the program's, as the tables of `docs/src/validation.md`.
 
-use era::model::{Accuracy, bounded_modes};
-use era::scene::Scene;
+use era_model::model::{Accuracy, bounded_modes};
+use era_model::scene::Scene;
 
 /// What the program is asked for.
 pub const TOLERANCE: f64 = 1e-6;

@@ -3,8 +3,8 @@
 //! With a dashpot c at each of some points, s is a pole where det(1 + s c G(s)) = 0, G the compliances between these points. Where all
 //! poles swing on the way, each root is followed from its mode with the damping scaled up in small steps.
 
-use era::model::{Accuracy, Mode, bounded_modes};
-use era::scene::Scene;
+use era_model::model::{Accuracy, Mode, bounded_modes};
+use era_model::scene::Scene;
 use nalgebra::{DMatrix, SymmetricEigen};
 use num_complex::Complex64;
 use std::f64::consts::TAU;

@@ -221,6 +221,6 @@ pub fn laminate_case() -> Case {
         hz: (std::f64::consts::PI / side_m).powi(2) * (d22 / (density * thickness_m)).sqrt() / std::f64::consts::TAU,
         rigid: 0,
         publication: 1e-6,
-        scene: era::scene::Scene::parse("plies", &text).unwrap(),
+        scene: era_model::scene::Scene::parse("plies", &text).unwrap(),
     }
 }

@@ -1,13 +1,13 @@
 //! The best combination that the planner finds, against all combinations, on random scenes.
 
-use era::model::Accuracy;
-use era::model::levels::Levels;
-use era::planner::allocate::Allocation;
-use era::planner::candidates::Formulation;
-use era::planner::search::Choices;
-use era::planner::{Objective, PlanTable, Quiet, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
-use era::scene::Scene;
-use era::scene::random::scene_text;
+use era_model::model::Accuracy;
+use era_model::model::levels::Levels;
+use era_model::scene::Scene;
+use era_model::scene::random::scene_text;
+use era_planner::allocate::Allocation;
+use era_planner::candidates::Formulation;
+use era_planner::search::Choices;
+use era_planner::{Objective, PlanTable, Quiet, Request, STANDARD_GRAVITY, TableOptions, Target, Work};
 
 /// By which part a touch, which looks at some hundred combinations, may be worse than the best; rounding, as measured here.
 const TOUCH_LACKS: f64 = 1e-3;

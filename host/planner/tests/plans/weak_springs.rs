@@ -1,9 +1,7 @@
 //! Plans for ERAs that electrodes nearly hold by themselves, that move nothing, or whose pulses may be wide.
 
-mod support;
-
-use era::planner::study::Maps;
-use era::planner::{Objective, Request, Target};
+use era_planner::study::Maps;
+use era_planner::{Objective, Request, Target};
 use std::fmt::Write;
 
 /// A thin bar on springs with two ERAs; `era0` has a spring of 33 N/m, which 166 V on an electrode would take away.
@@ -53,7 +51,7 @@ fn clamped_bar() -> String {
 /// A bound on the force of one that is hardly held must not make others weaker than they are with a smaller wish.
 #[test]
 fn whoever_asks_for_more_does_not_get_less() {
-    let table = support::table(&soft_bar());
+    let table = super::build_table(&soft_bar());
     for x_m in [0.091, 0.1625, 0.2665, 0.312] {
         let (mut most, mut last) = (0.0_f64, 0.0_f64);
         for wanted_g in [0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 20.0, 1000.0] {
@@ -69,7 +67,7 @@ fn whoever_asks_for_more_does_not_get_less() {
 /// Of an ERA on an edge that does not move there is only rounding.
 #[test]
 fn an_era_that_moves_nothing_is_not_driven() {
-    let table = support::table(&clamped_bar());
+    let table = super::build_table(&clamped_bar());
     for (x_m, wanted_g) in [(0.01, 1e-4), (0.2, 1e-3), (0.5377, 1e-6), (0.5377, 1e-4), (0.5377, 10.0)] {
         let plan = table.plan(&[Target { x_m, y_m: 0.0, intensity_g: Some(wanted_g) }]).unwrap();
         let edge = plan.drives.iter().find(|drive| drive.actuator == "edge").unwrap();
@@ -80,7 +78,7 @@ fn an_era_that_moves_nothing_is_not_driven() {
 /// Contrast has no unit: of a weak peak it is that of any weaker one.
 #[test]
 fn contrast_maps_are_of_peaks_that_no_limit_changes() {
-    let table = support::table(&clamped_bar());
+    let table = super::build_table(&clamped_bar());
     let maps = Maps::of(&table, None).unwrap();
     for k in (0..maps.x_mm.len()).step_by(7) {
         let Some(contrast_db) = maps.contrast_db[k] else { continue };
@@ -98,8 +96,8 @@ fn contrast_maps_are_of_peaks_that_no_limit_changes() {
 /// For the same force the widest pulse takes the least voltage, and so the least power, whatever limits the force.
 #[test]
 fn least_power_takes_the_widest_pulses() {
-    for text in [soft_bar(), era::scene::EXAMPLE_PLATE.to_owned()] {
-        let table = support::table(&text);
+    for text in [soft_bar(), era_model::scene::EXAMPLE_PLATE.to_owned()] {
+        let table = super::build_table(&text);
         for x_m in [0.05, 0.11, 0.2] {
             let targets = [Target { x_m, y_m: 0.02, intensity_g: Some(0.05) }];
             let request = Request { objective: Objective::Power, ..Request::touch(&targets) };

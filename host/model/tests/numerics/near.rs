@@ -1,8 +1,8 @@
 //! Attachments that are next to each other: 1 nm to 1 mm. What they are together is known in closed form, to their distance over a wave.
 
-use era::model::{Accuracy, bounded_modes};
-use era::response::bounded_curves;
-use era::scene::Scene;
+use era_model::model::{Accuracy, bounded_modes};
+use era_model::response::bounded_curves;
+use era_model::scene::Scene;
 
 const MAX_HZ: f64 = 400.0;
 

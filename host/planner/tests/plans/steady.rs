@@ -1,12 +1,12 @@
 //! Steady forces: what they do depends on springs alone. No damping, no loss factor and no mass changes a press, what masses yield to a steady
 //! force, or what limits follow from it; and what they do is held against closed formulas.
 
-use era::model::levels::Levels;
-use era::model::{Accuracy, BarePanel};
-use era::planner::softening::static_receptance;
-use era::planner::{PlanTable, TableOptions};
-use era::scene::random::scene_text;
-use era::scene::{EdgeKind, Finger, Mass, ModalRatio, Mount, Scene, SurfaceDamping};
+use era_model::model::levels::Levels;
+use era_model::model::{Accuracy, BarePanel};
+use era_model::scene::random::scene_text;
+use era_model::scene::{EdgeKind, Finger, Mass, ModalRatio, Mount, Scene, SurfaceDamping};
+use era_planner::softening::static_receptance;
+use era_planner::{PlanTable, TableOptions};
 
 const OPTIONS: TableOptions = TableOptions { from_hz: 60.0, to_hz: 120.0, step_hz: 30.0 };
 

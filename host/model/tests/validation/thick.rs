@@ -5,7 +5,7 @@
 use super::closed;
 use super::scenes::SceneText;
 use super::table::{TOLERANCE, digits_of, percent};
-use era::model::{Accuracy, bounded_modes};
+use era_model::model::{Accuracy, bounded_modes};
 
 /// Bending modes of FV52 in Hz: the target of its sheet, a solid of 20-node bricks.
 const SOLID_HZ: [f64; 4] = [44.762, 110.52, 110.52, 169.08];
