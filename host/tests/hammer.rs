@@ -73,13 +73,15 @@ fn touch_on_a_page(daemon: &str, who: &'static str, answered: &Sender<&'static s
 }
 
 /// What many pages do whose fingers rest: they look at the plan, and give it more time. By the calls themselves, as a page does so once a second.
-fn rest(app: &App, is_over: &AtomicBool) {
+fn rest(app: &App, runtime: &tokio::runtime::Runtime, is_over: &AtomicBool) {
     let mut next = Instant::now();
     while !is_over.load(Ordering::SeqCst) {
         let active = app.active();
         if Instant::now() >= next {
             next = Instant::now() + Duration::from_micros(100);
-            let _ = active.map(|active| app.prolong(active.id, Instant::now() + Duration::from_secs(1)));
+            if let Some(active) = active {
+                runtime.block_on(app.renew(active.id, Instant::now() + Duration::from_secs(1)));
+            }
         }
     }
 }
@@ -93,7 +95,7 @@ fn hammer(answered: &Sender<&'static str>) {
     let is_over = AtomicBool::new(false);
     let results: Vec<_> = std::thread::scope(|threads| {
         for _ in 0..2 {
-            threads.spawn(|| rest(&app, &is_over));
+            threads.spawn(|| rest(&app, &served.runtime, &is_over));
         }
         let clients = CLIENTS.map(|client| threads.spawn(move || ask(url, client, answered)));
         let results = clients.into_iter().map(|client| client.join()).collect();

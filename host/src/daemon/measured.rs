@@ -4,7 +4,7 @@ use super::answers::state::MeasuredView;
 use super::app::{App, closed};
 use crate::device::Snapshot;
 use crate::device::sim::TouchPeak;
-use crate::planner::{Plan, STANDARD_GRAVITY};
+use crate::planner::STANDARD_GRAVITY;
 use era_shared::limits::DISCHARGED_MILLIVOLTS;
 use era_shared::protocol::FaultCode;
 use era_shared::safety::State;
@@ -50,23 +50,16 @@ fn is_charged(device: &Snapshot) -> bool {
 }
 
 impl App {
-    /// Puts the simulated sensor under the first target of plan `id`.
-    pub(super) fn put_sensor(&self, id: u64, plan: &Plan) {
-        if let (Some(sim), Some(target)) = (&self.sim, plan.targets.first()) {
-            sim.set_probe(id, self.table.model.shape_at(target.x_m, target.y_m));
-        }
-    }
-
     /// What the sensor has shown under each of the last `most` touches, the newest first; nothing without a simulated sensor.
     #[must_use]
     pub fn touch_peaks(&self, most: usize) -> Vec<TouchPeak> {
-        self.sim.as_ref().map(|sim| sim.touch_peaks(most)).unwrap_or_default()
+        self.equipment.sim.as_ref().map(|sim| sim.touch_peaks(most)).unwrap_or_default()
     }
 
     /// The same of touch `id`, in g.
     #[must_use]
     pub fn touch_peak_g(&self, id: u64) -> Option<f64> {
-        self.sim.as_ref()?.touch_peak(id).map(|peak| peak.peak_m_per_s2 / STANDARD_GRAVITY)
+        self.equipment.sim.as_ref()?.touch_peak(id).map(|peak| peak.peak_m_per_s2 / STANDARD_GRAVITY)
     }
 }
 

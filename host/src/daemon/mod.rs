@@ -3,14 +3,13 @@
 //! `server` accepts connections and gives every request a task of its own, `guests` keeps a way in for stops, `linger` ends connections whose sender still sends;
 //! `head` looks at the head of a request, `access` says who may do what, by `origins` and tokens, `guesses` how often;
 //! `routes` and `live`
-//! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and does
-//! it, `current` is what is driven of it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
+//! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and plans
+//! it, `drive` has the board drive it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
 //! do, without driving it, in `slots` of its own, `studies` which of many would do it best, `tolerances` what a plan does on a panel that is a little off; the last two are the one
 //! `background` work that there may be at a time. What takes long is done `aside`, no longer than its `sender` waits. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
 //! are. `description` makes the interface's description (OpenAPI) from all of these.
 
 mod access;
-mod active;
 mod admission;
 mod answers;
 mod app;
@@ -20,10 +19,9 @@ mod assets;
 mod attachments;
 mod background;
 mod body;
-mod burst;
 mod client;
-mod current;
 mod description;
+mod drive;
 mod guesses;
 mod guests;
 mod head;
@@ -36,7 +34,6 @@ mod live;
 mod measured;
 mod metrics;
 mod origins;
-mod parts;
 mod planned;
 mod preview;
 mod problem;
@@ -49,11 +46,8 @@ mod slots;
 mod strangers;
 mod stretches;
 mod studies;
-mod tend;
-mod thin;
 mod tolerances;
 mod touch;
-mod turns;
 mod view;
 mod warm;
 mod whole;

@@ -41,7 +41,7 @@ impl App {
             return None;
         }
         let one = self.admission.place_for_trade(asker.client).await?;
-        if self.turns.check(id).is_err() {
+        if self.drive.check_newest(id).is_err() {
             return None;
         }
         let (app, request, plan) = (Arc::clone(self), request.clone(), plan.clone());

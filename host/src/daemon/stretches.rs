@@ -1,6 +1,6 @@
 //! Touches with time windows: planned all at once, driven one stretch after the other at their times.
 
-use super::active::{Since, Touched};
+use super::drive::active::{Active, AskedAt, Touched};
 use super::admission::Place;
 use super::answers::touched::Achieved;
 use super::app::App;
@@ -8,7 +8,7 @@ use super::asked::Asked;
 use super::client::Asker;
 use super::problem::Problem;
 use super::touch::Manner;
-use super::view::TouchView;
+use super::view::{PlanView, TouchView};
 use crate::planner::schedule::{Span, Stretch, stretches};
 use crate::planner::{Plan, PlanError};
 use std::sync::{Arc, Weak};
@@ -37,7 +37,7 @@ impl App {
         id: u64,
         asked: &Asked,
         spans: Vec<Span>,
-        since: Since,
+        since: AskedAt,
     ) -> Result<Touched, Problem> {
         let mut all =
             tokio::task::block_in_place(|| stretches(spans, |targets| self.plan(asked, &asked.request.only(targets))))?;
@@ -49,10 +49,10 @@ impl App {
         let (mut at_once, later): (Vec<Act>, Vec<Act>) = acts.into_iter().partition(|act| act.from.is_zero());
         let device = match at_once.pop() {
             Some(Act { hold, plan, touches, .. }) => {
-                self.driven(id, since, plan, &touches, Manner::Hold(hold)).await?.device
+                self.drive_plan(id, since, plan, touches, Manner::Hold(hold)).await?.device
             }
             None => {
-                self.make_way(id).await;
+                self.drive.overtake(id).await;
                 Achieved::nothing()
             }
         };
@@ -63,8 +63,9 @@ impl App {
                 stretch.trade = self.trade(asker, id, asked, &asked.request.only(&stretch.span.targets), plan).await;
             }
         }
-        let active = self.shown(id, shown, &asked.touches, None);
-        Ok(Touched { active, device, stretches: Some(all), trade: None, is_shown: true })
+        let plan = tokio::task::block_in_place(|| PlanView::new(&self.table, shown));
+        let active = Arc::new(Active::new(id, plan, asked.touches.clone(), None));
+        Ok(Touched { active, device, stretches: Some(all), trade: None })
     }
 }
 
@@ -84,11 +85,11 @@ fn acts(all: &[Stretch], touches: &[TouchView]) -> Vec<Act> {
 }
 
 /// Holds the daemon only while it drives, so that it can end in between.
-async fn drive_later(app: Weak<App>, id: u64, since: Since, begun: Instant, acts: Vec<Act>) {
+async fn drive_later(app: Weak<App>, id: u64, since: AskedAt, begun: Instant, acts: Vec<Act>) {
     for Act { from, hold, plan, touches } in acts {
         tokio::time::sleep_until(begun + from).await;
         let Some(app) = app.upgrade() else { return };
-        if let Err(problem) = app.driven(id, since, plan, &touches, Manner::Hold(hold)).await {
+        if let Err(problem) = app.drive_plan(id, since, plan, touches, Manner::Hold(hold)).await {
             tracing::info!(plan = id, from_ms = from.as_secs_f64() * 1e3, "not driven: {}", problem.detail());
             return;
         }

@@ -1,6 +1,6 @@
 //! Fingers, plans and fields as JSON.
 
-use super::thin::Thinned;
+use super::drive::thin::Thinned;
 use crate::effects::{Design, NamedEffect};
 use crate::planner::{Plan, PlanTable, STANDARD_GRAVITY, Times};
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 use super::scene::SceneView;
 use super::state::StateView;
 use super::touched::PlayedEffect;
-use crate::daemon::active::Active;
+use crate::daemon::drive::active::Active;
 use crate::daemon::problem::Problem;
 use crate::daemon::view::{FieldView, PlanView, TouchView};
 use crate::planner::PlanTable;

@@ -5,7 +5,7 @@ use crate::daemon::app::App;
 use crate::daemon::client::Client;
 use crate::daemon::problem::Problem;
 use crate::daemon::touch::{Feel, MAX_DURATION_MS, Manner};
-use crate::daemon::turns::superseded;
+use crate::daemon::drive::say_superseded;
 use crate::daemon::view::TouchView;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
@@ -87,7 +87,7 @@ impl Fingers {
         }
         drop(steps);
         self.changed.notify_one();
-        dropped.map_or(Ok(()), |_| Err(superseded()))
+        dropped.map_or(Ok(()), |_| Err(say_superseded()))
     }
 
     /// The fingers that are down by the last message.
@@ -230,7 +230,7 @@ impl Hand {
         let until = Instant::now() + Duration::from_millis(u64::from(MAX_DURATION_MS));
         if app.stops() != step.stops || app.breaks() != self.breaks || app.is_off() {
             self.still = None;
-        } else if !app.prolong(plan, until)
+        } else if !app.renew(plan, until).await
             && app.active().is_none()
             // What is being planned is somebody's touch, and would be older than this.
             && app.admission.is_idle()
@@ -263,7 +263,7 @@ impl Hand {
                 () = tokio::time::sleep(AGAIN), if !is_tap => {}
             }
             if fingers.is_replaced() {
-                app.drop_waiting();
+                app.withdraw(id);
             }
         };
         app.note("outcome", || match &done {
@@ -284,8 +284,7 @@ impl Hand {
                     Manner::Effect(_) => None,
                     Manner::Hold(_) => Some((self.held.map_or_else(Instant::now, |(since, _)| since), done.active.id)),
                 };
-                // It was driven, but no page has been told so: something newer was shown before it could be.
-                if done.is_shown || fingers.is_replaced() { Ok(()) } else { Err(superseded()) }
+                Ok(())
             }
             // The page itself has asked for something newer.
             Err(problem) if problem.is("superseded") && fingers.is_replaced() => Ok(()),

@@ -2,7 +2,7 @@
 //! reads nothing is let go.
 
 use super::{Letter, closing};
-use crate::daemon::active::{Active, Update};
+use crate::daemon::drive::active::{Active, Update};
 use crate::daemon::answers::live::Message as Told;
 use crate::daemon::answers::state::StateView;
 use crate::daemon::app::{App, closed};

@@ -1,21 +1,22 @@
 //! What is driven, and what a touch has led to.
 
-use super::answers::touched::{Achieved, PlayedEffect, TouchedView};
-use super::view::{FieldView, PlanView, TouchView};
+use crate::daemon::answers::touched::{Achieved, PlayedEffect, TouchedView};
+use crate::daemon::view::{FieldView, PlanView, TouchView};
 use crate::planner::schedule::Stretch;
 use crate::planner::trade::Trade;
 use crate::planner::{Plan, PlanTable};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-/// A plan as the current one.
+/// What is driven now, as it is shown.
 #[derive(Clone, Debug)]
-pub(super) struct Shown {
-    pub(super) plan: Arc<Active>,
+pub struct Current {
+    /// The plan.
+    pub active: Arc<Active>,
     /// When its drive ends.
-    pub(super) until: Instant,
-    /// `App::stops` when it was asked for.
-    pub(super) stops: u64,
+    pub until: Instant,
+    /// [`AskedAt::stops`] of its touch.
+    pub stops: u64,
 }
 
 /// The current plan and what goes with it.
@@ -76,8 +77,6 @@ pub struct Touched {
     pub stretches: Option<Vec<Stretch>>,
     /// What can be had, where it cannot be had in full and that was asked for.
     pub trade: Option<Trade>,
-    /// Whether pages are shown its plan: not where something newer was shown first.
-    pub is_shown: bool,
 }
 
 impl Touched {
@@ -89,27 +88,27 @@ impl Touched {
     }
 }
 
-/// What a touch was asked for under: none of that may have happened when it is driven.
+/// When a touch was asked for: it is not driven if any of this has happened since.
 #[derive(Clone, Copy, Debug)]
-pub struct Since {
+pub struct AskedAt {
     /// `Session::stops` at its arrival.
     pub stops: u64,
-    /// `Snapshot::breaks` then, for what begins later or goes on anew.
+    /// `Snapshot::breaks` then, for what begins later or is driven again.
     pub breaks: Option<u64>,
 }
 
-/// An even drive that is looked after for as long as it is held.
+/// An even drive that the controller looks after for as long as it goes on.
 #[derive(Clone, Debug)]
-pub struct Held {
-    /// Its drives are the last that have begun for as long as this is what `Turn::drives` said.
+pub struct Sustained {
+    /// Its drives are the last that have begun for as long as `DriveState::begin` has returned no other number.
     pub begun: u64,
-    /// When it was asked for.
-    pub since: Since,
+    /// When its touch was asked for.
+    pub since: AskedAt,
     /// The plan first made.
     pub whole: Plan,
-    /// The part of its forces that the channels' credit allows ([`super::thin`]).
+    /// The fraction of its forces that the channels' credit allows ([`super::thin`]).
     pub thin: f64,
-    /// The part of these for which there is room beside what is left of the touches before.
+    /// The fraction of these for which there is room beside what is left of the touches before.
     pub part: f64,
     /// What is shown of it.
     pub active: Arc<Active>,

@@ -1,0 +1,56 @@
+//! A touch's plan on its way to the board.
+
+use super::active::AskedAt;
+use crate::daemon::touch::Manner;
+use crate::daemon::view::TouchView;
+use crate::effects::Design;
+use crate::planner::plan_motion::PlanMotion;
+use crate::planner::{Drive, Plan};
+use std::time::Duration;
+
+/// A touch's plan on its way to the board.
+#[derive(Debug)]
+pub struct Order {
+    /// The touch's number.
+    pub id: u64,
+    /// When the touch was asked for.
+    pub since: AskedAt,
+    /// The fingers it is for.
+    pub touches: Vec<TouchView>,
+    /// For how long, and how.
+    pub manner: Manner,
+    /// The plan first made.
+    pub whole: Plan,
+    /// The fraction of its forces that the channels' credit allows.
+    pub thin: f64,
+    /// The plan with that fraction.
+    pub first: Drivable,
+}
+
+/// A plan, and what it takes to drive it.
+#[derive(Clone, Debug)]
+pub struct Drivable {
+    /// The plan.
+    pub plan: Plan,
+    /// How the masses move under it.
+    pub motion: PlanMotion,
+    /// How the board drives it.
+    pub mode: Mode,
+}
+
+/// How the board drives a plan.
+#[derive(Clone, Debug)]
+pub enum Mode {
+    /// Evenly, for as long.
+    Hold(Duration),
+    /// As an effect.
+    Effect(Box<Design>),
+}
+
+impl Drivable {
+    /// The drives of a plan that is driven evenly.
+    #[must_use]
+    pub fn even_drives(&self) -> Option<&[Drive]> {
+        matches!(self.mode, Mode::Hold(_)).then_some(self.plan.drives.as_slice())
+    }
+}
