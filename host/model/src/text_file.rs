@@ -14,15 +14,25 @@ pub fn read_text_file(path: &Path) -> Result<String> {
     decode_text(std::fs::read(path)?)
 }
 
+/// Refuses bytes that begin as a text in UTF-16 does.
+///
+/// # Errors
+/// That they do (`InvalidData`).
+pub fn refuse_utf16(bytes: &[u8]) -> Result<()> {
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        let reason = "it is in UTF-16, but must be in UTF-8: save it with that encoding";
+        return Err(Error::new(ErrorKind::InvalidData, reason));
+    }
+    Ok(())
+}
+
 /// The text of these bytes in UTF-8, without the byte order mark that it may begin with.
 ///
 /// # Errors
 /// That they are something else than UTF-8 (`InvalidData`), UTF-16 by name.
 pub fn decode_text(bytes: Vec<u8>) -> Result<String> {
     let wrong = |reason: String| Error::new(ErrorKind::InvalidData, reason);
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(wrong("it is in UTF-16, but must be in UTF-8: save it with that encoding".into()));
-    }
+    refuse_utf16(&bytes)?;
     let mut text = String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         wrong(format!("it is no text in UTF-8 (byte {})", at + 1))

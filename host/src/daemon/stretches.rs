@@ -1,11 +1,11 @@
 //! Touches with time windows: planned all at once, driven one stretch after the other at their times.
 
-use super::drive::active::{Active, AskedAt, Touched};
 use super::admission::Place;
 use super::answers::touched::Achieved;
 use super::app::App;
 use super::asked::Asked;
 use super::client::Asker;
+use super::drive::active::{Active, AskedAt, Touched};
 use super::problem::Problem;
 use super::touch::Manner;
 use super::view::{PlanView, TouchView};

@@ -129,6 +129,10 @@ pub fn assemble(scene: &Scene, fineness: Fineness) -> Result<Assembled, ModelErr
     let grid = Grid::new(scene, fineness);
     let (stiffness, mass) = surface_matrices(&grid);
     let (mut stiffness, mut mass) = (grid.over_unknowns(stiffness), grid.over_unknowns(mass));
+    if grid.y.is_none() {
+        let numbers = |cell| bar_numbers(&grid, cell);
+        grid.thin.add_bending(&mut stiffness, &cells(&grid, &grid.x), |cell| grid.sections.at(cell, 0), numbers);
+    }
     let edges = elastic_edges(scene, &grid);
     edges.iter().for_each(|(edges, _)| stiffness.add_all(edges, 1.0));
     let attached = AttachedVectors::of(&grid, scene);
@@ -217,8 +221,11 @@ fn surface_matrices(grid: &Grid) -> (Entries, Entries) {
         None => {
             for (cell, matrices) in in_x.iter().enumerate() {
                 let Some(Section { rigidity, per_area, .. }) = grid.sections.at(cell, 0) else { continue };
-                let numbers: Vec<_> = (0..n).map(|a| grid.number(grid.function(cell, a), 0)).collect();
-                add_block(&mut stiffness, &numbers, |a, b| rigidity * matrices.bend[(a, b)]);
+                let numbers = bar_numbers(grid, cell);
+                // Thin cells' bending comes over other unknowns.
+                if !grid.thin.contains(cell) {
+                    add_block(&mut stiffness, &numbers, |a, b| rigidity * matrices.bend[(a, b)]);
+                }
                 add_block(&mut mass, &numbers, |a, b| per_area * matrices.mass[(a, b)]);
             }
         }
@@ -237,6 +244,11 @@ fn surface_matrices(grid: &Grid) -> (Entries, Entries) {
         }
     }
     (stiffness, mass)
+}
+
+/// The unknowns of the functions of a bar's cell.
+fn bar_numbers(grid: &Grid, cell: usize) -> Vec<Option<usize>> {
+    (0..=grid.element.order()).map(|a| grid.number(grid.function(cell, a), 0)).collect()
 }
 
 /// Adds a plate's cell: tensor products of matrices along x (functions a and c) and along y (b and d).

@@ -4,18 +4,12 @@
 //! b = (D / k)^1/3, the only one that D in N m and k in N/m^2 make. The edge gives way there by about R / (k b), so that modes are
 //! slower than with a rigid edge by a part that goes with (b / L)^2: much more than D / (k L^3), what the edge's middle gives way.
 
-use super::neighbours::NEAR_LINE;
 use super::sections::Waves;
 use crate::scene::{EdgeKind, Scene, Side, SurfaceKind};
 
 /// How an edge is held.
 pub fn edge_kind(scene: &Scene, side: Side) -> Option<EdgeKind> {
     scene.edges.iter().find(|edge| edge.side == side).map(|edge| edge.kind)
-}
-
-/// Whether an edge is pinned or clamped.
-pub fn is_rigidly_held(scene: &Scene, side: Side) -> bool {
-    matches!(edge_kind(scene, side), Some(EdgeKind::Pinned | EdgeKind::Clamped))
 }
 
 /// Part of a frequency that an edge on springs is below a pinned one's, over (b / L)^2: 2.0 on the first bending mode of a plate of
@@ -91,27 +85,7 @@ pub fn idealised(scene: &Scene) -> Scene {
             };
         }
     }
-    soften_beside_held_ends(&mut ideal, scale.stiffest);
     ideal
-}
-
-/// Next to a held end of a bar no line lets the third derivative jump, so that what gives way there is missing: a cantilever of length d does by
-/// d^3 / (3 EI). Without it a firm support would hold the end's curvature, which reaches over a part of a cell.
-fn soften_beside_held_ends(scene: &mut Scene, rigidity_n_m2: f64) {
-    if scene.surface.kind != SurfaceKind::Bar {
-        return;
-    }
-    let length_m = scene.surface.length_m;
-    let ends = [(Side::Left, 0.0), (Side::Right, length_m)];
-    let held = ends.map(|(side, at_m)| is_rigidly_held(scene, side).then_some(at_m));
-    for support in &mut scene.supports {
-        let distances_m = held.iter().flatten().map(|at_m| (support.x_m - at_m).abs());
-        if let Some(d) =
-            distances_m.into_iter().find(|distance_m| *distance_m > 0.0 && *distance_m <= NEAR_LINE * length_m)
-        {
-            support.stiffness_n_per_m /= 1.0 + support.stiffness_n_per_m * d.powi(3) / (3.0 * rigidity_n_m2);
-        }
-    }
 }
 
 /// What a frequency may be wrong by, relative, for springs that were taken for a support.

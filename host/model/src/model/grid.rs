@@ -9,6 +9,7 @@ use super::sections::{Sections, Waves};
 use super::shape::Element;
 use super::singular::Singular;
 use super::sparse::{Entries, SparseVector};
+use super::thin_cells::ThinCells;
 use crate::scene::{EdgeKind, Scene, Side, SurfaceKind};
 use std::collections::{BTreeMap, HashSet};
 
@@ -65,6 +66,8 @@ pub struct Grid {
     attached: Vec<(f64, f64)>,
     /// Deflections that are unknowns of their own.
     points: Points,
+    /// Cells of a bar that are much thinner than the others.
+    pub(super) thin: ThinCells,
     /// Free unknowns of the surface.
     pub free: usize,
 }
@@ -83,9 +86,9 @@ impl Grid {
         let (element, straight) = (Element::new(fineness.order), Element::straight(fineness.order));
         let sections = Sections::new(scene.surface.kind, &layout, &x, y.as_ref());
         let singular = if y.is_some() { singular(scene, &layout, fineness) } else { Vec::new() };
-        let (numbers, points, free) = (Vec::new(), Points::default(), 0);
+        let (numbers, points, thin, free) = (Vec::new(), Points::default(), ThinCells::default(), 0);
         let attached = places(scene).into_iter().map(|place| place.at).collect();
-        let mut grid = Self { x, y, element, straight, sections, numbers, singular, attached, points, free };
+        let mut grid = Self { x, y, element, straight, sections, numbers, singular, attached, points, thin, free };
         let mut fixed = grid.fixed(scene);
         grid.fix_cut_away(&mut fixed);
         grid.numbers = fixed
@@ -97,7 +100,13 @@ impl Grid {
             })
             .collect();
         grid.free += grid.singular.len();
-        grid.points = grid.stiff_points(scene, fineness);
+        if grid.y.is_some() {
+            grid.points = grid.stiff_points(scene, fineness);
+        } else {
+            let numbers: Vec<_> =
+                (0..grid.x.at.len()).map(|line| [0, 1].map(|own| grid.number(grid.at_line(line) + own, 0))).collect();
+            (grid.thin, grid.points) = ThinCells::find(&grid.x.at, &grid.x.scale, fineness.cell_m, &numbers);
+        }
         grid
     }
 
@@ -108,9 +117,6 @@ impl Grid {
 
     /// The stiffly held points of a plate; on a bar each attachment has a line, and its deflection is an unknown anyway.
     fn stiff_points(&self, scene: &Scene, fineness: Fineness) -> Points {
-        if self.y.is_none() {
-            return Points::default();
-        }
         let (length, width) = self.size();
         let stiff = STIFF * Waves::of(scene).softest / length.max(width).powi(2);
         let mut clusters = Clusters::new(cell_at_attachments(scene, fineness));
@@ -148,26 +154,7 @@ impl Grid {
     #[must_use]
     pub fn attachment(&self, x_m: f64, y_m: f64) -> SparseVector {
         let (x_m, y_m) = self.attached_at(x_m, y_m);
-        if self.y.is_none() && !self.attached.is_empty() {
-            return self.beside_line(x_m);
-        }
         self.points.deflection(x_m, y_m).unwrap_or_else(|| self.row_at(x_m, y_m, Derivative::Value))
-    }
-
-    /// The deflection of a bar at the nearest line, and beside it what the slope there adds. Next to a held end, where that would be next to nothing or
-    /// nothing at all, it is that of the cell there.
-    fn beside_line(&self, x_m: f64) -> SparseVector {
-        let line = self.x.at[self.x.nearest(x_m)];
-        let mut out: BTreeMap<usize, f64> = self.row_at(line, 0.0, Derivative::Value).into_iter().collect();
-        if out.is_empty() {
-            return self.row_at(x_m, 0.0, Derivative::Value);
-        }
-        if x_m != line {
-            for (unknown, value) in self.row_at(line, 0.0, Derivative::SlopeX) {
-                *out.entry(unknown).or_insert(0.0) += (x_m - line) * value;
-            }
-        }
-        out.into_iter().collect()
     }
 
     /// A matrix over the functions, over the unknowns.
@@ -411,6 +398,7 @@ impl Grid {
                 }
             }
         }
+        self.thin.relative_unknowns().for_each(|unknown| out[unknown] = 0.0);
         for (unknown, value) in self.points.linear(c, cx, cy) {
             out[unknown] = value;
         }

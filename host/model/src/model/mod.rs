@@ -63,6 +63,7 @@ pub mod sparse;
 mod steady;
 pub mod stored;
 mod surroundings;
+mod thin_cells;
 pub mod validity;
 mod wave;
 

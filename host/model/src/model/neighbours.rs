@@ -16,10 +16,6 @@ use crate::scene::Scene;
 /// to the square of this of the 1e-11 that integrals are right to.
 pub(super) const NEAR: f64 = 0.02;
 
-/// Attachments of a bar that are nearer to a line than this part of its length have none of their own: a cell as thin would make rounding, which goes with
-/// the inverse cube of its width, larger than what the stretch between them bends.
-pub(super) const NEAR_LINE: f64 = 1.5e-4;
-
 /// Two attachments that are not at one place, and are nearer to each other than that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pair {

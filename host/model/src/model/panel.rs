@@ -197,7 +197,11 @@ impl PanelModel {
     pub fn aspect(&self) -> f64 {
         let grid = &self.assembled.grid;
         let all = [Some(&grid.x), grid.y.as_ref()].into_iter().flatten().filter(|lines| !lines.is_strip);
-        let least = all.flat_map(|lines| lines.at.windows(2).map(|at| at[1] - at[0])).fold(f64::INFINITY, f64::min);
+        let lengths = all.flat_map(|lines| lines.at.windows(2).map(|at| at[1] - at[0]).enumerate());
+        // A bar's thin cells show no rounding.
+        let least =
+            lengths.filter(|(cell, _)| grid.y.is_some() || !grid.thin.contains(*cell)).map(|(_, length)| length);
+        let least = least.fold(f64::INFINITY, f64::min);
         let (length, width) = grid.size();
         let aspect = (if grid.y.is_some() { length.max(width) } else { length }) / least;
         // Functions of point forces that end after some widths of a strip do not meet those of the other cells.

@@ -3,10 +3,9 @@
 
 use super::attached::attached;
 use super::corners::{Corner, Kind, corners, layers};
-use super::edges::is_rigidly_held;
 use super::fineness::Fineness;
 use super::mesh::{Forced, Lines, MERGE};
-use super::neighbours::{Clusters, NEAR, NEAR_LINE, Pair, Place, distance, pairs, places};
+use super::neighbours::{Clusters, NEAR, Pair, distance, pairs, places};
 use super::orthotropic::Medium;
 use super::sections::{Section, Waves};
 use super::singular::{Singular, Source};
@@ -73,9 +72,6 @@ fn along_strip(scene: &Scene, fineness: Fineness) -> [Vec<Forced>; 2] {
 /// What a place that is off by a part of a cell does to a frequency, over that part: 1.1 waves in a cell turn by 7 in it, and the square of a
 /// deflection counts.
 const OFF_PLACE: f64 = 14.0;
-/// The same for what the stretch between two attachments of a bar bends by. Of two rigid supports 3e-4 of the length apart 0.95 was seen.
-const BESIDE: f64 = 4.0;
-
 /// Places of all attachments.
 pub(super) fn attachments(scene: &Scene) -> impl Iterator<Item = (f64, f64)> {
     attached(scene).map(|attached| attached.at)
@@ -86,14 +82,8 @@ pub(super) fn forced(scene: &Scene, layout: &Layout, fineness: Fineness) -> [Vec
     let line = |at: &f64| Forced { at: *at, width: f64::INFINITY };
     let mut forced = [layout.x_m(), layout.y_m()].map(|lines| lines.iter().map(line).collect::<Vec<_>>());
     if scene.surface.kind == SurfaceKind::Bar {
-        // A bar's third derivative jumps at a force and is smooth on either side. What is next to a line moves with its slope, and next to a held end
-        // as the cell there does.
-        let near = NEAR_LINE * scene.surface.length_m;
-        for Place { at: (at, _), .. } in places(scene) {
-            if forced[0].iter().all(|known| (known.at - at).abs() > near) {
-                forced[0].push(line(&at));
-            }
-        }
+        // A bar's third derivative jumps at a force and is smooth on either side.
+        forced[0].extend(places(scene).into_iter().map(|place| line(&place.at.0)));
         return forced;
     }
     let width = |layers: usize| fineness.cell_m / 4.0_f64.powi(i32::try_from(layers).unwrap_or(i32::MAX));
@@ -187,34 +177,9 @@ pub fn has_close_points(scene: &Scene, fineness: Fineness) -> bool {
 #[must_use]
 pub fn unresolved(scene: &Scene, fineness: Fineness) -> f64 {
     if scene.surface.kind == SurfaceKind::Bar {
-        return beside_lines(scene, fineness) + merged(scene, fineness);
+        return merged(scene, fineness);
     }
     merged(scene, fineness) + between_places(scene, fineness)
-}
-
-/// Of a bar, what a frequency may be wrong by for attachments that are beside a line: they move by its deflection and its slope. The stretch between
-/// bends by less than the square of its length over the wave's; where firm springs at both ends hold its slope it is a matter of
-/// its length itself, which is missing between what is beside it.
-fn beside_lines(scene: &Scene, fineness: Fineness) -> f64 {
-    let near = NEAR_LINE * scene.surface.length_m;
-    let (rigidity, cell_m) = (Waves::of(scene).softest, fineness.cell_m);
-    let of_pair = |distance_m: f64, held: f64| {
-        let (part, clamped) = (distance_m / cell_m, held * distance_m * distance_m * cell_m / rigidity);
-        BESIDE * part * (part + clamped / (1.0 + clamped))
-    };
-    let of_pairs = pairs(scene, near).into_iter().map(|pair| of_pair(pair.distance_m, pair.held));
-    let layout = scene.layout();
-    let (lines, last) = (layout.x_m(), layout.x_m().len().saturating_sub(1));
-    let beside_borders = places(scene).into_iter().flat_map(|place| {
-        lines.iter().enumerate().map(move |(k, line)| {
-            // Beside a free end or a border nothing else is held.
-            let is_held_end =
-                k == 0 && is_rigidly_held(scene, Side::Left) || k == last && is_rigidly_held(scene, Side::Right);
-            ((line - place.at.0).abs(), if is_held_end { place.held } else { 0.0 })
-        })
-    });
-    let beside_borders = beside_borders.filter(|(distance_m, _)| *distance_m > 0.0 && *distance_m <= near);
-    of_pairs.chain(beside_borders.map(|(distance_m, held)| of_pair(distance_m, held))).sum()
 }
 
 /// What a frequency may be wrong by for attachments that count as at one place and are not: each is off by their distance, which is to the wave as the

@@ -93,6 +93,11 @@ impl Points {
         Self { held: held.collect(), unknowns: pivots, replaced }
     }
 
+    /// A change that replaces unknowns without holding any point.
+    pub(super) const fn replacing(replaced: BTreeMap<usize, SparseVector>) -> Self {
+        Self { held: Vec::new(), unknowns: Vec::new(), replaced }
+    }
+
     /// The deflection at a place over the unknowns, if it is one of these: its own, or its neighbours' and the differences.
     pub(super) fn deflection(&self, x_m: f64, y_m: f64) -> Option<SparseVector> {
         let mut point = self.held.iter().position(|held| held.at == (x_m, y_m))?;

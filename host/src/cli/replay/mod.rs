@@ -10,6 +10,7 @@ use super::told::tell_error;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::replay::Outcome as Answered;
 use crate::replay::{Asked, Recording, What, difference};
+use crate::text_file::refuse_utf16;
 use pages::Pages;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -34,6 +35,7 @@ struct Done {
 pub fn run(options: &Replay) -> Outcome {
     let named = |error: &dyn std::fmt::Display| Failure::Usage(format!("{}: {error}", options.file.display()));
     let bytes = std::fs::read(&options.file).map_err(|error| named(&error))?;
+    refuse_utf16(&bytes).map_err(|error| named(&error))?;
     let recording = Recording::parse(&bytes).map_err(|error| named(&error))?;
     let daemon = &options.daemon;
     let scene = client::call(daemon, "GET", "/v1/scene", None)?;

@@ -70,7 +70,14 @@ impl DriveState {
     }
 
     /// Takes note that a plan's drives have begun and will end at `until`; how many have begun until now.
-    pub fn begin(&mut self, id: u64, motion: &PlanMotion, even: Option<&[Drive]>, board: Board, span: [Instant; 2]) -> u64 {
+    pub fn begin(
+        &mut self,
+        id: u64,
+        motion: &PlanMotion,
+        even: Option<&[Drive]>,
+        board: Board,
+        span: [Instant; 2],
+    ) -> u64 {
         let [now, until] = span;
         let (now_s, until_s) = (self.since_zero_s(now), self.since_zero_s(until));
         self.residual.begin(id, motion, even, board, now_s, until_s);

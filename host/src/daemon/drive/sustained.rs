@@ -64,9 +64,7 @@ impl Task {
     fn grow(&mut self, equipment: &Arc<Equipment>, held: Sustained, (board, now): (Board, Instant)) {
         let Some(hold) = self.find_hold(equipment, &held) else { return };
         let of_part = |part: f64| equipment.prepare_fraction(&held.whole, held.thin, part, Manner::Hold(hold));
-        let room = |drivable: &Drivable| {
-            self.state.find_fraction(&drivable.motion, drivable.even_drives(), board, now)
-        };
+        let room = |drivable: &Drivable| self.state.find_fraction(&drivable.motion, drivable.even_drives(), board, now);
         match compute(|| grown(held.part, of_part, room)) {
             Ok(Some((part, drivable))) => self.drive_again(equipment, held, part, drivable, (board, now), false),
             Ok(None) => self.state.sustained = Some(held),
@@ -111,7 +109,8 @@ impl Task {
         let manner = Manner::Hold(hold);
         let id = held.active.id;
         let first = compute(|| equipment.prepare_fraction(&held.whole, held.thin, 1.0, manner));
-        let fitted = first.and_then(|first| self.fit(equipment, (id, first), &held.whole, held.thin, manner, (board, now)));
+        let fitted =
+            first.and_then(|first| self.fit(equipment, (id, first), &held.whole, held.thin, manner, (board, now)));
         match fitted {
             Ok((part, drivable)) => self.drive_again(equipment, held, part, drivable, (board, now), has_rested),
             // What is not driven is not shown either.

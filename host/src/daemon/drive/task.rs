@@ -304,7 +304,8 @@ impl Task {
                 Next::Drive(request) => self.take_turn(equipment, request),
                 Next::Overtake { id, reply } => {
                     self.state.raise_newest(id);
-                    let older = self.state.current.as_ref().map(|current| current.active.id).filter(|older| *older < id);
+                    let older =
+                        self.state.current.as_ref().map(|current| current.active.id).filter(|older| *older < id);
                     if let Some(older) = older {
                         self.release(equipment, older, Instant::now());
                     }
@@ -374,9 +375,7 @@ impl Task {
             tracing::info!(plan = id, part, "weaker, for what is left of the touches before");
             equipment.prepare_fraction(whole, thin, part, manner)
         };
-        let room = |drivable: &Drivable| {
-            self.state.find_fraction(&drivable.motion, drivable.even_drives(), board, now)
-        };
+        let room = |drivable: &Drivable| self.state.find_fraction(&drivable.motion, drivable.even_drives(), board, now);
         compute(|| fitted(first, weaker, room))
     }
 
@@ -411,7 +410,9 @@ impl Task {
         };
         match (purpose, begun) {
             (Purpose::Touch { request, .. }, Err(problem)) => {
-                if let Some(current) = self.state.current.as_ref().filter(|it| is_current(it, equipment, Instant::now())) {
+                if let Some(current) =
+                    self.state.current.as_ref().filter(|it| is_current(it, equipment, Instant::now()))
+                {
                     // What was driven before goes on, and so does its measurement.
                     equipment.place_sensor(current.active.id, current.active.plan.plan());
                 }
@@ -521,6 +522,7 @@ pub(super) fn show_even(
 
 /// Works something out. A mistake there takes the one touch with it, and not the task.
 pub(super) fn compute<T>(work: impl FnOnce() -> Result<T, Problem>) -> Result<T, Problem> {
-    tokio::task::block_in_place(|| catch_unwind(AssertUnwindSafe(work)))
-        .unwrap_or_else(|_| Err(Problem::new(Kind::Internal, "working out the drives failed; the daemon's log says why")))
+    tokio::task::block_in_place(|| catch_unwind(AssertUnwindSafe(work))).unwrap_or_else(|_| {
+        Err(Problem::new(Kind::Internal, "working out the drives failed; the daemon's log says why"))
+    })
 }

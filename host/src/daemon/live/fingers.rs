@@ -3,9 +3,9 @@
 use super::error_message;
 use crate::daemon::app::App;
 use crate::daemon::client::Client;
+use crate::daemon::drive::say_superseded;
 use crate::daemon::problem::Problem;
 use crate::daemon::touch::{Feel, MAX_DURATION_MS, Manner};
-use crate::daemon::drive::say_superseded;
 use crate::daemon::view::TouchView;
 use serde_json::{Value, json};
 use std::collections::VecDeque;

@@ -2,10 +2,10 @@
 //! reads nothing is let go.
 
 use super::{Letter, closing};
-use crate::daemon::drive::active::{Active, Update};
 use crate::daemon::answers::live::Message as Told;
 use crate::daemon::answers::state::StateView;
 use crate::daemon::app::{App, closed};
+use crate::daemon::drive::active::{Active, Update};
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::SinkExt;
 use futures_util::stream::SplitSink;
