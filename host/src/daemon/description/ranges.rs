@@ -42,7 +42,9 @@ pub fn put(document: &mut Value) {
         let properties = schema(document, name).and_then(|schema| schema.get_mut("properties"));
         let Some(properties) = properties.and_then(Value::as_object_mut) else { continue };
         for (field, least, most) in numbers() {
-            if let Some(own) = properties.get_mut(field) {
+            // A finger may be a little outside the screen.
+            let may_be_below = name == "Finger" && matches!(field, "x_px" | "y_px");
+            if let Some(own) = properties.get_mut(field).filter(|_| !may_be_below) {
                 // What a preview is asked for is driven by nobody, and may be anything.
                 let is_free = name == "PreviewRequest" && field == "intensity_g";
                 bound(own, least, if is_free { f64::INFINITY } else { most });
