@@ -7,9 +7,12 @@
 //!
 //! The eigenvalues are those of (A - sigma)^-1, A the state matrix, sigma of the size of the frequencies asked for: what is near sigma keeps its
 //! digits, whatever dashpots and springs there are. Loss factors have no meaning at any real s; with them a pole is one with
-//! Im s > 0 of the equation with the complex stiffness, s^2 = -lambda (1 + j eta) of a mode by itself.
+//! Im s > 0 of the equation with the complex stiffness, s^2 = -lambda (1 + j eta) of a mode by itself. The poles of that equation are no conjugate
+//! pairs, and none that loses energy by it is real: such a mode has one pole, whatever its dashpots, and no slower one beside it.
+//!
+//! Motions that nothing holds stay at s = 0, as often as twice each. Those are no mode's poles, and rounding leaves them anywhere near.
 
-use super::damping::Damping;
+use super::damping::{Coupling, Damping};
 use nalgebra::{ComplexField, DMatrix, DVector};
 use num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -30,6 +33,14 @@ const GROWTH: (f64, f64) = (1.002, 1e4);
 const FIRST: f64 = 0.1;
 /// Part of the damping below which there is none.
 const LEAST: f64 = 1e-15;
+/// Parts below which a state is one of a motion that nothing holds: of its square outside of those, and of sigma that its |s| is. A double zero is
+/// known by the root of rounding.
+const AT_REST: f64 = 1e-10;
+const AT_REST_RATE: f64 = 1e-5;
+/// Ratio above which a motion dies out before it swings.
+const DIES_OUT: f64 = 0.9;
+/// Part of its modulus by which rounding makes the real part of a pole positive at most: nothing here drives itself.
+const PASSIVE: f64 = 1e-8;
 /// Part of itself by which an eigenvalue is improved at most.
 const SMALL_STEP: f64 = 1e-3;
 /// Most eigenproblems.
@@ -52,12 +63,20 @@ pub struct Pole {
     /// Whether all coordinates that are known have a part in it. Of very many modes those far away are left out, which two levels of the mesh do alike: their
     /// difference tells nothing of that.
     pub is_whole: bool,
+    /// Whether damping couples it with other coordinates: it is not the solution of its own quadratic equation then.
+    pub is_coupled: bool,
 }
 
 impl Pole {
     /// Of a motion that nothing holds.
-    pub const FREE: Self =
-        Self { damping_ratio: 0.0, frequency_hz: 0.0, s: Complex64::ZERO, slower: None, is_whole: true };
+    pub const FREE: Self = Self {
+        damping_ratio: 0.0,
+        frequency_hz: 0.0,
+        s: Complex64::ZERO,
+        slower: None,
+        is_whole: true,
+        is_coupled: false,
+    };
     /// Of a mode whose pole was not found: all numbers are NaN.
     pub const UNKNOWN: Self = Self {
         damping_ratio: f64::NAN,
@@ -65,19 +84,42 @@ impl Pole {
         s: Complex64::new(f64::NAN, f64::NAN),
         slower: None,
         is_whole: false,
+        is_coupled: true,
     };
 
+    /// With Im s > 0, or the only one of a mode. One that grows by more than rounding does is none.
     fn swinging(s: Complex64) -> Self {
         let modulus = s.norm();
-        let damping_ratio = if modulus > 0.0 { (-s.re / modulus).max(0.0) } else { 0.0 };
-        Self { damping_ratio, frequency_hz: modulus / TAU, s, slower: None, is_whole: true }
+        if s.re > PASSIVE * modulus {
+            return Self::UNKNOWN;
+        }
+        let s = Complex64::new(s.re.min(0.0), s.im);
+        let damping_ratio = if modulus > 0.0 { -s.re / modulus } else { 0.0 };
+        Self { damping_ratio, frequency_hz: modulus / TAU, s, slower: None, is_whole: true, is_coupled: false }
     }
 
+    /// Of two that are real.
     fn pair(a: Complex64, b: Complex64) -> Self {
-        let (faster, slower) = if a.norm_sqr() >= b.norm_sqr() { (a, b) } else { (b, a) };
-        let mean = (faster.norm() * slower.norm()).sqrt();
-        let damping_ratio = if mean > 0.0 { -0.5 * (a.re + b.re) / mean } else { 0.0 };
-        Self { damping_ratio, frequency_hz: mean / TAU, s: faster, slower: Some(slower), is_whole: true }
+        let (faster, slower) = if a.re <= b.re { (a.re, b.re) } else { (b.re, a.re) };
+        if slower > 0.0 {
+            return Self::UNKNOWN;
+        }
+        let mean = (faster * slower).sqrt();
+        let damping_ratio = if mean > 0.0 { -0.5 * (faster + slower) / mean } else { 0.0 };
+        let [s, slower] = [faster, slower].map(Complex64::from);
+        Self { damping_ratio, frequency_hz: mean / TAU, s, slower: Some(slower), is_whole: true, is_coupled: false }
+    }
+
+    /// The same where the faster one of two, or the only one, was not found: what is left is the slower one.
+    #[must_use]
+    pub const fn without_faster(self) -> Self {
+        Self { slower: self.slower, ..Self::UNKNOWN }
+    }
+
+    /// Whether it is one that dies out before it swings.
+    #[must_use]
+    pub fn dies_out(&self) -> bool {
+        self.slower.is_some() || -self.s.re > DIES_OUT * self.s.norm()
     }
 
     /// Whether it was found.
@@ -86,13 +128,10 @@ impl Pole {
         !self.frequency_hz.is_nan()
     }
 
-    /// s in 1/s of the one that swings, or of the two that do not, the faster one first; none if it was not found.
+    /// s in 1/s of the one that swings, or of the two that do not, the faster one first; without those that were not found.
     #[must_use]
     pub fn eigenvalues(&self) -> Vec<Complex64> {
-        if !self.is_known() {
-            return Vec::new();
-        }
-        [Some(self.s), self.slower].into_iter().flatten().collect()
+        [Some(self.s).filter(|s| !s.is_nan()), self.slower].into_iter().flatten().collect()
     }
 
     /// How far it is from another, relative: of s, or of what two have in common. Infinite where one of them is not known, or not from all
@@ -120,9 +159,9 @@ impl Pole {
         }
         let root = (Complex64::new(0.25 * viscous * viscous - lambda, -loss)).sqrt();
         let (plus, minus) = (-0.5 * viscous + root, -0.5 * viscous - root);
-        if 0.25 * viscous * viscous > lambda {
-            // The slower one without cancellation.
-            let slower = Complex64::new(lambda, loss) / minus;
+        // The slower one without cancellation.
+        let slower = Complex64::new(lambda, loss) / minus;
+        if 0.25 * viscous * viscous > lambda && is_real(minus) && is_real(slower) {
             return Self::pair(minus, slower);
         }
         Self::swinging(if plus.im >= minus.im { plus } else { minus })
@@ -145,17 +184,31 @@ pub fn poles(lambda: &[f64], damping: &Damping, modes: usize, count: usize) -> O
         let (first, last) = (from.saturating_sub(NEIGHBOURS), (to + NEIGHBOURS).min(modes));
         let kept: Vec<usize> = (first..last).chain(modes..n).collect();
         let part = |matrix: &DMatrix<f64>| matrix.select_rows(&kept).select_columns(&kept);
+        let viscous = damping.structured.as_ref().map(|own| Viscous {
+            diagonal: own.viscous.select_rows(&kept),
+            couplings: own
+                .couplings
+                .iter()
+                .map(|coupling| Coupling { shape: coupling.shape.select_rows(&kept), ..*coupling })
+                .collect(),
+        });
         let system = System::new(
             kept.iter().map(|i| lambda[*i]).collect(),
             part(&damping.viscous),
             part(&damping.structural),
+            viscous,
             from - first,
             to - first,
         );
         let is_whole = kept.len() == n;
-        found.extend(system.follow()?.into_iter().map(|pole| Pole { is_whole: pole.is_whole && is_whole, ..pole }));
+        let told = |pole: Pole| Pole { is_whole: pole.is_whole && is_whole, is_coupled: pole != Pole::FREE, ..pole };
+        found.extend(system.follow()?.into_iter().map(told));
     }
     Some(found)
+}
+
+fn is_real(s: Complex64) -> bool {
+    s.im.abs() <= REAL * s.norm()
 }
 
 fn is_diagonal(matrix: &DMatrix<f64>) -> bool {
@@ -165,11 +218,30 @@ fn is_diagonal(matrix: &DMatrix<f64>) -> bool {
     (0..n).all(|j| (0..j).all(|i| !coupled(i, j)))
 }
 
+/// C as a diagonal and what dashpots add: of these little is left in a shape that leaves them at rest, and nothing but rounding of it in a sum over
+/// the entries of C.
+struct Viscous {
+    diagonal: DVector<f64>,
+    couplings: Vec<Coupling>,
+}
+
+impl Viscous {
+    /// x' C x.
+    fn of(&self, x: &DVector<Complex64>) -> Complex64 {
+        let own: Complex64 = x.iter().zip(&self.diagonal).map(|(x, c)| x * x * *c).sum();
+        let couplings = self.couplings.iter().filter(|coupling| coupling.viscous != 0.0);
+        let along = |coupling: &Coupling| x.iter().zip(&coupling.shape).map(|(x, b)| x * *b).sum::<Complex64>();
+        own + couplings.map(|coupling| along(coupling).powi(2) * coupling.viscous).sum::<Complex64>()
+    }
+}
+
 /// Coordinates that move together, of which some modes are followed.
 struct System {
     lambda: Vec<f64>,
     viscous: DMatrix<f64>,
     structural: DMatrix<f64>,
+    /// The same as `viscous`, where it is known in parts.
+    viscous_parts: Option<Viscous>,
     /// Whether there is a loss factor anywhere.
     is_lossy: bool,
     from: usize,
@@ -180,8 +252,8 @@ struct System {
     scale: DVector<f64>,
 }
 
-/// Eigenvalues s and their states (scaled q, s q), of length one. As many as there are coordinates swing or are the faster of two that do not;
-/// the slower ones have no part in what is followed.
+/// Eigenvalues s and their states (scaled q, s q), of length one, without those of motions that nothing holds. As many as there are coordinates swing or
+/// are the faster of two that do not; the slower ones have no part in what is followed.
 struct States {
     s: Vec<Complex64>,
     states: DMatrix<Complex64>,
@@ -189,13 +261,20 @@ struct States {
 }
 
 impl System {
-    fn new(lambda: Vec<f64>, viscous: DMatrix<f64>, structural: DMatrix<f64>, from: usize, to: usize) -> Self {
+    fn new(
+        lambda: Vec<f64>,
+        viscous: DMatrix<f64>,
+        structural: DMatrix<f64>,
+        viscous_parts: Option<Viscous>,
+        from: usize,
+        to: usize,
+    ) -> Self {
         let followed = lambda.get(from..to).unwrap_or_default();
         let held: Vec<f64> = followed.iter().copied().filter(|own| *own > 0.0).collect();
         let sigma = held.get(held.len() / 2).map_or(1.0, |own| own.sqrt());
         let scale = DVector::from_iterator(lambda.len(), lambda.iter().map(|own| (own + sigma * sigma).sqrt()));
         let is_lossy = structural.iter().any(|entry| *entry != 0.0);
-        Self { lambda, viscous, structural, is_lossy, from, to, sigma, scale }
+        Self { lambda, viscous, structural, viscous_parts, is_lossy, from, to, sigma, scale }
     }
 
     /// All eigenvalues with a part `t` of the damping; without loss factors those below the real axis are left out.
@@ -208,11 +287,18 @@ impl System {
             faer::MatRef::from_column_major_slice(matrix.as_slice(), matrix.nrows(), matrix.nrows()).eigen()
         };
         let found = found.ok()?;
-        let size = 2 * self.lambda.len();
+        let n = self.lambda.len();
+        let size = 2 * n;
         let s: Vec<Complex64> = found.S().column_vector().iter().map(|mu| self.sigma + 1.0 / mu).collect();
         let wanted: Vec<usize> = (0..size)
             .filter(|k| {
                 s[*k].re.is_finite() && s[*k].im.is_finite() && (self.is_lossy || s[*k].im > -REAL * s[*k].norm())
+            })
+            .filter(|k| {
+                let square = |i: usize| found.U()[(i, *k)].norm_sqr();
+                let moved = |i: &usize| self.lambda[*i] > 0.0;
+                let (held, all) = ((0..n).filter(moved).map(square).sum::<f64>(), (0..n).map(square).sum::<f64>());
+                s[*k].norm() > AT_REST_RATE * self.sigma || held > AT_REST * all
             })
             .collect();
         let mut states = DMatrix::from_fn(size, wanted.len(), |i, k| found.U()[(i, wanted[k])]);
@@ -367,7 +453,6 @@ impl System {
     fn told(&self, chosen: &[Option<usize>], all: &States) -> Vec<Pole> {
         let mut taken = vec![false; all.s.len()];
         chosen.iter().flatten().for_each(|at| taken[*at] = true);
-        let is_real = |s: &Complex64| s.im.abs() <= REAL * s.norm();
         let mut out = Vec::with_capacity(chosen.len());
         for (k, at) in chosen.iter().enumerate() {
             let lambda = self.lambda[self.from + k];
@@ -377,14 +462,10 @@ impl System {
                 continue;
             };
             let s = self.improved(all.s[at], &all.states.column(at).into_owned());
-            // With a loss factor the slower one is a little below the axis.
-            let is_beside = |other: &Complex64| {
-                if self.is_lossy { other.re < 0.0 && ((s - other) * (s - other)).re > 0.0 } else { is_real(other) }
-            };
-            let slower = (is_real(&s) || self.is_lossy && -s.re > s.im.abs())
+            let slower = is_real(s)
                 .then(|| {
                     let is_slower = |j: &usize| all.is_slower[*j] || (all.s[*j] - s).norm() < NEARLY_ONE * s.norm();
-                    let free = (0..all.s.len()).filter(|j| is_slower(j) && !taken[*j] && is_beside(&all.s[*j]));
+                    let free = (0..all.s.len()).filter(|j| is_slower(j) && !taken[*j] && is_real(all.s[*j]));
                     let misses = |j: &usize| (s.norm() * all.s[*j].norm() / lambda).ln().abs();
                     free.min_by(|a, b| misses(a).total_cmp(&misses(b)))
                 })
@@ -407,7 +488,8 @@ impl System {
         let times = |matrix: &DMatrix<f64>| -> Complex64 {
             (0..n).map(|j| x[j] * (0..n).map(|i| x[i] * matrix[(i, j)]).sum::<Complex64>()).sum()
         };
-        let (mass, viscous) = (x.iter().map(|x| x * x).sum::<Complex64>(), times(&self.viscous));
+        let mass: Complex64 = x.iter().map(|x| x * x).sum();
+        let viscous = self.viscous_parts.as_ref().map_or_else(|| times(&self.viscous), |parts| parts.of(&x));
         let elastic: Complex64 = x.iter().zip(&self.lambda).map(|(x, lambda)| x * x * *lambda).sum();
         let elastic = elastic + Complex64::I * if self.is_lossy { times(&self.structural) } else { Complex64::ZERO };
         let step = (s * s * mass + s * viscous + elastic) / (2.0 * s * mass + viscous);
