@@ -6,10 +6,10 @@ use crate::pickles::{Reduced, pickled, reduce};
 use crate::results::{Asked, array, bounds_of, shaped};
 use crate::run::run;
 use crate::scene::PyScene;
-use era_model::model::{bounded_modes, validity};
+use era_model::model::{Mode, bounded_modes, validity};
 use era_model::scene::Scene;
 use era_planner::study::shapes::ModeShapes;
-use numpy::{PyArray1, PyArray3};
+use numpy::{Complex64, PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -21,10 +21,14 @@ const MOST_VALUES: usize = 20_000_000;
 pub struct Modes {
     /// Undamped frequencies in Hz: float64 [mode]; exactly 0 for motions that nothing holds.
     frequency_hz: Py<PyArray1<f64>>,
-    /// Damping ratios of the poles that continue from the modes: float64 [mode]; above 1 for one that does not swing, 0 for motions that nothing holds.
+    /// Damping ratios of the poles that continue from the modes: float64 [mode]; above 1 for one that does not swing, 0 for motions that nothing holds, NaN where
+    /// the pole is not known.
     damping_ratio: Py<PyArray1<f64>>,
     /// Moduli of these poles over 2 pi, in Hz; of two that do not swing their geometric mean: float64 [mode].
     pole_frequency_hz: Py<PyArray1<f64>>,
+    /// These poles s in 1/s: complex128 [mode, 2], in column 0 with Im s >= 0, in column 1 the slower one of two that do not swing; NaN where there is none, or
+    /// it is not known.
+    poles_per_s: Py<PyArray2<Complex64>>,
     /// Upper bounds on the error of each pole, relative to its modulus: float64 [mode], NaN where there is none.
     pole_error_bound: Py<PyArray1<f64>>,
     /// Upper bounds on the error of each frequency, relative to it (in Hz for a motion that nothing holds): float64 [mode], NaN where
@@ -53,6 +57,7 @@ pickled!(Modes {
     frequency_hz,
     damping_ratio,
     pole_frequency_hz,
+    poles_per_s,
     pole_error_bound,
     error_bound,
     error_bound_missing,
@@ -78,6 +83,12 @@ impl Modes {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
         reduce(py, self)
     }
+}
+
+/// Both poles of each mode, one after the other.
+fn both_poles(modes: &[Mode]) -> Vec<Complex64> {
+    let unknown = Complex64::new(f64::NAN, f64::NAN);
+    modes.iter().flat_map(|mode| [mode.pole.s, mode.pole.slower.unwrap_or(unknown)]).collect()
 }
 
 /// What a scene's layers are together.
@@ -178,6 +189,7 @@ pub fn modes(
         frequency_hz: array(py, found.answer.iter().map(|mode| mode.frequency_hz).collect()),
         damping_ratio: array(py, found.answer.iter().map(|mode| mode.damping_ratio).collect()),
         pole_frequency_hz: array(py, found.answer.iter().map(|mode| mode.pole.frequency_hz).collect()),
+        poles_per_s: shaped(py, both_poles(&found.answer), [found.answer.len(), 2])?,
         pole_error_bound: array(py, bounds_of(&found.answer.iter().map(|mode| mode.pole_bound).collect::<Vec<_>>())),
         error_bound: array(py, bounds_of(&found.bounds)),
         error_bound_missing: asked.missing,

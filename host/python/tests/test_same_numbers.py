@@ -44,6 +44,26 @@ def test_modes(ask: Ask, scene: era.Scene, tolerance: float, tmp_path: Path) -> 
     np.testing.assert_array_equal(np.load(tmp_path / "m.x_m.npy"), np.asarray(found.x_m))
 
 
+@pytest.mark.parametrize("alpha", [1.0, 3e3])
+def test_poles(ask: Ask, alpha: float) -> None:
+    """One pole of each mode that swings, two of each that does not, whose product is the square of the frequency that is told and whose mean is the ratio."""
+    scene = era.Scene.example("bar").with_(surface={"damping": None}).with_(surface={"damping": {"rayleigh_alpha": alpha, "rayleigh_beta": 0.0}})
+    found = era.modes(scene, 400.0)
+    told = ask(scene, "modes", "--max-hz", 400)["modes"]
+    assert found.poles_per_s.shape == (len(found), 2) and len(found) == len(told)
+    for poles, mode in zip(found.poles_per_s, told):
+        known = poles[~np.isnan(poles)]
+        assert [[s.real, s.imag] for s in known.tolist()] == mode["poles_per_s"]
+        if mode["damping_ratio"] is None:
+            assert np.isnan(poles[0])
+            continue
+        modulus = np.sqrt(np.abs(np.prod(known))) if len(known) == 2 else abs(known[0])
+        assert modulus == pytest.approx(2 * np.pi * mode["pole_frequency_hz"], rel=1e-12)
+        assert -known.real.mean() == pytest.approx(mode["damping_ratio"] * modulus, rel=1e-12)
+        assert len(known) == 1 or mode["damping_ratio"] > 1 and (known.imag == 0).all()
+    assert (~np.isnan(found.poles_per_s[:, 1])).any() == (alpha > 1.0)
+
+
 @pytest.mark.parametrize("kind", ["plate", "bar"])
 def test_layers(ask: Ask, kind: str) -> None:
     """What layers are together, as the command line has it; two halves of one material that are bonded are a sheet, whose stiffness everybody knows."""

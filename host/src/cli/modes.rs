@@ -117,8 +117,14 @@ fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) 
         );
         if mode.frequency_hz == 0.0 {
             text.push_str("   (nothing holds this motion)");
+        } else if let Some(slower) = pole.slower.filter(|_| !pole.is_known()) {
+            let _ = write!(
+                text,
+                "   (does not swing: {:.4e} 1/s, and a faster one that meshes do not agree on)",
+                slower.re
+            );
         } else if !pole.is_known() {
-            text.push_str("   (the pole of this mode was not found)");
+            text.push_str("   (the pole of this mode was not found, or meshes do not agree on it)");
         } else if let Some(slower) = pole.slower {
             let _ = write!(text, "   (does not swing: {:.4e} and {:.4e} 1/s)", pole.s.re, slower.re);
         } else if mode.damping_ratio == 0.0 {

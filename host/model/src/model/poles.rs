@@ -77,7 +77,7 @@ impl Pole {
         is_whole: true,
         is_coupled: false,
     };
-    /// Of a mode whose pole was not found: all numbers are NaN.
+    /// Of a mode whose pole was not found: all numbers are NaN. A slower one may be known.
     pub const UNKNOWN: Self = Self {
         damping_ratio: f64::NAN,
         frequency_hz: f64::NAN,

@@ -3,7 +3,8 @@
 use super::bounded::{Bounded, Question, Values, bounded};
 use super::estimator::Rounding;
 use super::panel::{Mode, PanelModel};
-use super::{Accuracy, ModelError};
+use super::poles::Pole;
+use super::{Accuracy, Bound, ModelError};
 use crate::scene::Scene;
 use std::f64::consts::TAU;
 
@@ -28,6 +29,19 @@ impl ModesUpTo {
     fn listed<'a>(&self, fine: &'a [Mode]) -> &'a [Mode] {
         &fine[..fine.iter().take_while(|mode| mode.frequency_hz <= self.0).count()]
     }
+
+    /// Whether a pole is far above all modes that are known: what it is depends on every finer mesh, unless it is that of a mode by itself.
+    fn is_beyond(&self, pole: &Pole) -> bool {
+        pole.is_coupled && pole.s.norm() > TAU * RESOLVED * self.0
+    }
+
+    /// Whether a pole is one of the mesh: on a motion that dies out before it swings, and fast, levels do not agree. Beside a dashpot at a point there is less
+    /// mass the finer the mesh, and no limit.
+    fn is_of_the_mesh(&self, mode: &Mode, frequency: Bound) -> bool {
+        let is_told = mode.pole_bound.value().is_some() || frequency.value().is_none();
+        let is_left_out = !mode.pole.is_whole && !self.is_beyond(&mode.pole);
+        !is_told && !is_left_out && mode.pole.is_coupled && mode.pole.dies_out()
+    }
 }
 
 impl Question for ModesUpTo {
@@ -51,8 +65,7 @@ impl Question for ModesUpTo {
             if fine.frequency_hz == 0.0 {
                 return 0.0;
             }
-            // The faster one of two may be far above all modes that are known: what it is depends on every finer mesh.
-            if !fine.pole.is_known() || fine.pole.s.norm() > TAU * RESOLVED * self.0 {
+            if !fine.pole.is_known() || self.is_beyond(&fine.pole) {
                 return f64::INFINITY;
             }
             let is_near = |coarse: &&Mode| (coarse.frequency_hz / fine.frequency_hz - 1.0).abs() < SAME_MODE;
@@ -82,14 +95,22 @@ impl Question for ModesUpTo {
 }
 
 /// All modes up to `max_hz`, with a bound for each: relative to its frequency, for a rigid motion absolute in Hz (and 0). What is asked for is an accuracy of
-/// frequencies; the poles are told with what bound comes of it.
+/// frequencies; the poles are told with what bound comes of it, without those of which a finer mesh would say anything else
+/// ([`Pole::without_faster`]).
 ///
 /// # Errors
 /// [`ModelError`]: a frequency out of range, too many unknowns, matrices that cannot be factored.
 pub fn bounded_modes(scene: &Scene, accuracy: Accuracy, max_hz: f64) -> Result<Bounded<Vec<Mode>>, ModelError> {
-    let mut found = bounded(&ModesUpTo(max_hz), scene, accuracy, max_hz)?;
+    let question = ModesUpTo(max_hz);
+    let mut found = bounded(&question, scene, accuracy, max_hz)?;
     found.answer.retain(|mode| mode.frequency_hz <= max_hz);
     let of_poles = found.bounds.split_off(found.answer.len().min(found.bounds.len()));
-    found.answer.iter_mut().zip(of_poles).for_each(|(mode, bound)| mode.pole_bound = bound);
+    for ((mode, frequency), bound) in found.answer.iter_mut().zip(&found.bounds).zip(of_poles) {
+        mode.pole_bound = bound;
+        if question.is_of_the_mesh(mode, *frequency) {
+            mode.pole = mode.pole.without_faster();
+            mode.damping_ratio = mode.pole.damping_ratio;
+        }
+    }
     Ok(found)
 }

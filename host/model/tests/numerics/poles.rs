@@ -284,3 +284,38 @@ fn what_swings_with_its_dashpots_at_rest_never_grows() {
         }
     }
 }
+
+/// Dashpots of ERAs on a plate's edges: the fast motion beside each is one of the mesh, and what is told of it is nothing; the slow one is the ERA's spring
+/// on its dashpot. Before, the ratio was 626 with one tolerance and 684 with another.
+#[test]
+fn a_pole_is_not_told_that_a_finer_mesh_changes() {
+    let mut scene = SceneText::plate(0.3, 0.2, 0.33).thickness(3e-3);
+    for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+        scene = scene.spring_damper(x, y, 3000.0, 3.0);
+    }
+    let scene = scene.era("inertial", 1.0, 0.5, 0.05, 2000.0, 2000.0).era("grounded", 0.0, 0.5, 0.05, 2000.0, 8000.0);
+    let ask = |tolerance| bounded_modes(&scene.scene(), Accuracy::tolerance(tolerance).unwrap(), 200.0).unwrap().answer;
+    let [loose, tight] = [1e-3, 1e-4].map(ask);
+    assert!(loose.iter().any(|mode| !mode.pole.is_known()), "{loose:?}");
+    for (loose, tight) in loose.iter().zip(&tight) {
+        let said = || format!("{loose:?} {tight:?}");
+        assert_eq!(loose.pole.is_known(), tight.pole.is_known(), "{}", said());
+        assert_eq!(loose.pole.slower.is_some(), tight.pole.slower.is_some(), "{}", said());
+        if loose.pole.is_known() {
+            assert!((loose.damping_ratio / tight.damping_ratio - 1.0).abs() < 1e-3, "{}", said());
+            continue;
+        }
+        assert!(loose.damping_ratio.is_nan() && loose.pole.frequency_hz.is_nan(), "{}", said());
+        for (one, other) in loose.pole.eigenvalues().iter().zip(tight.pole.eigenvalues()) {
+            assert!((one - other).norm() < 1e-3 * one.norm(), "{}", said());
+        }
+    }
+    // A mode by itself has both, however fast: zeta = 100 at 10 Hz and more is a quadratic equation.
+    let plate =
+        SceneText::plate(0.3, 0.2, 0.33).damping("rayleigh_alpha", 2e4).edge("left", "pinned").edge("right", "pinned");
+    for mode in bounded_modes(&plate.scene(), Accuracy::BALANCED, 150.0).unwrap().answer {
+        let expected = 2e4 / (4.0 * std::f64::consts::PI * mode.frequency_hz);
+        assert!((mode.damping_ratio / expected - 1.0).abs() < 1e-6, "{mode:?} {expected}");
+        assert!(mode.pole_bound.value().is_some(), "{mode:?}");
+    }
+}
