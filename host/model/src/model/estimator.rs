@@ -71,6 +71,13 @@ pub(super) const POINT_MOMENT: &str = "a plate turns freely about a point (its s
 /// Why there is none where the levels do not agree.
 pub(super) const NOT_SETTLED: &str =
     "the finest levels that were tried do not agree yet: ask for a looser tolerance or a lower frequency";
+/// The same of what stands still, in which no frequency has part.
+const NOT_SETTLED_AT_REST: &str = "the finest levels that were tried do not agree yet: ask for another tolerance";
+/// A deflection under one point load converges more slowly than the curves' peaks that bounds are made for: 3.2 times their bound was
+/// seen.
+const SLOWER: f64 = 6.0;
+/// Times [`SLOWER`], the difference of levels below which a steady deflection is settled, whether or not it was less before.
+const SETTLED: f64 = 1e-3;
 
 pub(super) fn has_point_moment(scene: &Scene) -> bool {
     scene.surface.kind == SurfaceKind::Plate && attached(scene).any(|attached| attached.turning_n_m_per_rad > 0.0)
@@ -243,6 +250,26 @@ impl Estimator {
     }
 }
 
+impl Estimator {
+    /// The bound of a steady deflection from the relative differences of the two coarser levels and of the two finer ones.
+    ///
+    /// Where they no longer shrink, by rounding beside heavy masses or at points near to each other, the larger one counts as the last: what is left is
+    /// settled to that, and may be wrong by as much as errors fall no faster from there.
+    #[must_use]
+    pub fn steady_bound(&self, before: f64, last: f64) -> Bound {
+        let (before, last) = (SLOWER * before, SLOWER * last);
+        let is_stalled = last > self.largest_ratio * before;
+        let largest = before.max(last);
+        match self.response_bound(before, last) {
+            _ if is_stalled && !self.has_point_moment && largest <= SETTLED => {
+                self.response_bound(largest / self.largest_ratio, largest)
+            }
+            Bound::Unknown(NOT_SETTLED) => Bound::Unknown(NOT_SETTLED_AT_REST),
+            bound => bound,
+        }
+    }
+}
+
 /// The last difference, or what is believed at least of it after the one before.
 fn no_less(least_ratio: f64, before: Option<f64>, last: f64) -> f64 {
     let before = before.filter(|before| before.is_finite());
@@ -314,6 +341,21 @@ mod tests {
         assert_eq!((regular[0], in_steps[0]), (0.0, 0.0));
         assert!(in_steps[1] == LEAST_OF_WORST * in_steps[2] && regular[1] < 1e-3 * regular[2]);
         assert_eq!((regular[2], regular[3]), (in_steps[2], in_steps[3]));
+    }
+
+    /// At rest what is left of small differences is a bound, whichever of the two is larger, and of large ones none.
+    #[test]
+    fn small_differences_bound_what_stands_still() {
+        for may_stall in [false, true] {
+            let at_rest = |before, last| of(9, may_stall).steady_bound(before, last).value();
+            let [shrinking, stalled, growing] =
+                [(2e-7, 2e-8), (2e-7, 2e-7), (2e-8, 2e-7)].map(|(before, last)| at_rest(before, last).unwrap());
+            assert!(shrinking < stalled && stalled <= growing, "{shrinking:e} {stalled:e} {growing:e}");
+            assert!(growing > 10.0 * 2e-7 && growing < 1e-4, "{growing:e}");
+            assert!(at_rest(1e-2, 9e-2).is_none(), "{may_stall}");
+        }
+        let reason = of(9, true).steady_bound(1e-2, 9e-2).reason().unwrap();
+        assert!(!reason.contains("frequency"), "{reason}");
     }
 
     #[test]

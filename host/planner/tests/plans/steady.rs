@@ -4,7 +4,7 @@
 use era_model::model::levels::Levels;
 use era_model::model::{Accuracy, BarePanel};
 use era_model::scene::random::scene_text;
-use era_model::scene::{EdgeKind, Finger, Mass, ModalRatio, Mount, Scene, SurfaceDamping};
+use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, EdgeKind, Finger, Mass, ModalRatio, Mount, Scene, SurfaceDamping};
 use era_planner::softening::static_receptance;
 use era_planner::{PlanTable, TableOptions};
 
@@ -269,5 +269,104 @@ fn a_panel_that_nothing_holds_has_no_steady_place_under_a_press() {
     for (own, actuator) in (0..2).zip(&scene.actuators) {
         assert!((free[own][own] * actuator.stiffness_n_per_m - 1.0).abs() < 1e-9, "{free:?}");
         assert!(free[own][1 - own].abs() * actuator.stiffness_n_per_m < 1e-9, "{free:?}");
+    }
+}
+
+fn table_at(scene: &Scene, tolerance: f64) -> PlanTable {
+    let levels = Levels::build(scene, Accuracy::tolerance(tolerance).unwrap(), 400.0).unwrap();
+    PlanTable::with_levels(scene, levels, OPTIONS).unwrap()
+}
+
+/// A panel without its electrodes is linear: how far a press moves it is force times the same, with the same bound, on either side of the force that brings a
+/// mass to its electrode. Before, there was none beyond it.
+#[test]
+fn the_bound_of_a_press_does_not_depend_on_the_force() {
+    for name in [EXAMPLE_PLATE, EXAMPLE_BAR] {
+        let mut scene = Scene::parse("example", name).unwrap();
+        let mut per_n = Vec::new();
+        for force_n in [1e-3, 1.0, 4.7, 4.8, 50.0, 1000.0] {
+            scene.press_n = force_n;
+            let table = table_at(&scene, 1e-3);
+            for (i, own) in table.pressed.iter().enumerate() {
+                let bound = table.press_bound(i).value().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
+                assert!(bound > 0.0 && bound < 1e-3, "{force_n} N: {bound:e}");
+                per_n.push((i, own.alone_m / force_n, bound));
+            }
+        }
+        for (i, alone, bound) in &per_n {
+            let (_, first, first_bound) = per_n.iter().find(|(own, ..)| own == i).unwrap();
+            assert!((alone / first - 1.0).abs() < 1e-12 && (bound / first_bound - 1.0).abs() < 1e-6, "{per_n:?}");
+        }
+    }
+}
+
+/// Two ERAs whose own masses are of no account at rest, from 10 g to a thousand tonnes: one answer, each with a bound. Before, one of 1 t had none.
+#[test]
+fn moving_masses_take_no_bound_from_a_press() {
+    let eras = |mass_kg: f64| {
+        let mut scene = on_corners(75.0, "", "loss_factor = 0.0", 0.0);
+        let mut second = scene.actuators[0].clone();
+        (second.id, second.x_m, second.y_m) = ("second".into(), 0.2, 0.03);
+        scene.actuators.push(second);
+        for own in &mut scene.actuators {
+            (own.moving_mass_kg, own.stiffness_n_per_m) = (mass_kg, 5000.0);
+        }
+        let table = table_at(&scene, 1e-3);
+        [0, 1]
+            .map(|i| (table.pressed[i].alone_m, table.press_bound(i).value().unwrap_or_else(|| panic!("{mass_kg} kg"))))
+    };
+    let first = eras(0.01);
+    for mass_kg in [1.0, 10.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, 1e6] {
+        for ((alone, bound), (first, first_bound)) in eras(mass_kg).into_iter().zip(first) {
+            println!("{mass_kg} kg: {alone:e}, {bound:e}");
+            assert!((alone / first - 1.0).abs() <= bound + first_bound, "{mass_kg} kg: {alone} {bound:e}, {first}");
+            assert!(bound < 1e-4, "{mass_kg} kg: {bound:e}");
+        }
+    }
+}
+
+/// A large sheet on few supports, some of them near ERAs: what a looser tolerance bounds a tighter one does, too, and they agree. Before, 1e-4 and 1e-5 had no bound.
+#[test]
+fn a_tighter_tolerance_takes_no_bound_from_a_press() {
+    let support = |x: f64, y: f64, stiffness: f64| {
+        format!("[[support]]\nx_mm = {x}\ny_mm = {y}\nstiffness_n_per_m = {stiffness:?}\n")
+    };
+    let era = |id: &str, x: f64, y: f64, mass_g: f64, stiffness: f64| {
+        format!(
+            "[[actuator]]\nid = \"{id}\"\nx_mm = {x}\ny_mm = {y}\nmount = \"grounded\"\nmoving_mass_g = {mass_g}\nstiffness_n_per_m = \
+             {stiffness:?}\ndamping_n_s_per_m = 1.0\nelectrode_area_mm2 = 100.0\nair_gap_um = 200.0\nmax_voltage_v = 500.0\n"
+        )
+    };
+    let text = [
+        "version = 1\nname = \"sheet\"\n[surface]\nkind = \"plate\"\nlength_mm = 2000\nwidth_mm = 838.2\nthickness_mm = 4\n\
+         [surface.material]\nyoungs_modulus_pa = 70e9\npoisson_ratio = 0.33\ndensity_kg_m3 = 2700\n[press]\nforce_n = 1.0\n\
+         [[edge]]\nside = \"top\"\nkind = \"elastic\"\nstiffness_n_per_m2 = 6781.977\nrotational_stiffness_n_per_rad = 93.962\n\
+         [[mass]]\nx_mm = 2000\ny_mm = 0\nmass_g = 68364.0\n"
+            .into(),
+        support(1271.23, 0.0, 508.405),
+        support(0.0, 0.0, 234_749.0),
+        support(1475.34, 838.2, 7035.33),
+        support(2000.0, 510.7, 108.592),
+        support(502.52, 83.22, 597_180.0),
+        era("first", 1569.02, 90.43, 0.5736, 1093.01),
+        era("second", 387.39, 0.0, 0.44978, 3150.28),
+        era("third", 866.22, 260.61, 0.13342, 19058.0),
+    ]
+    .concat();
+    let scene = Scene::parse("sheet", &text).unwrap();
+    let found = [1e-2, 1e-3, 1e-4].map(|tolerance| {
+        let table = table_at(&scene, tolerance);
+        [0, 1, 2].map(|i| {
+            let bound = table.press_bound(i);
+            let own = &table.pressed[i];
+            println!("{tolerance} {i}: {:e} {bound:?}", own.alone_m);
+            (own.alone_m, bound.value().unwrap_or_else(|| panic!("{tolerance}: {own:?} {bound:?}")))
+        })
+    });
+    for pair in found.windows(2) {
+        for ((loose, loose_bound), (tight, tight_bound)) in pair[0].iter().zip(&pair[1]) {
+            assert!((loose / tight - 1.0).abs() <= loose_bound + tight_bound, "{found:?}");
+            assert!(*tight_bound < 2e-4, "{found:?}");
+        }
     }
 }
