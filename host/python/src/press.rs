@@ -36,6 +36,9 @@ pub struct Press {
     /// How far with the electrodes' pull at the highest voltages, a stop holding it, in m: float64 [actuator].
     #[pyo3(get)]
     sag_m: Py<PyArray1<f64>>,
+    /// Upper bounds on the error of `sag_m`, relative to it, and so of what is left of each gap: float64 [actuator], NaN where there is none.
+    #[pyo3(get)]
+    sag_error_bound: Py<PyArray1<f64>>,
     /// What is left of each gap on the nearer side, in m: float64 [actuator].
     #[pyo3(get)]
     gap_left_m: Py<PyArray1<f64>>,
@@ -45,7 +48,18 @@ pub struct Press {
     report_json: String,
 }
 
-pickled!(Press { force_n, actuators, at_m, alone_m, error_bound, sag_m, gap_left_m, holds_v, report_json });
+pickled!(Press {
+    force_n,
+    actuators,
+    at_m,
+    alone_m,
+    error_bound,
+    sag_m,
+    sag_error_bound,
+    gap_left_m,
+    holds_v,
+    report_json
+});
 
 #[pymethods]
 impl Press {
@@ -123,6 +137,7 @@ pub fn press(py: Python<'_>, scene: &PyScene, force_n: Option<f64>, tolerance: O
         alone_m: of(|own| own.alone_um.map_or(f64::NAN, |um| um / 1e6)),
         error_bound: of(|own| own.error_bound.unwrap_or(f64::NAN)),
         sag_m: of(|own| own.sag_um / 1e6),
+        sag_error_bound: of(|own| own.sag_error_bound.unwrap_or(f64::NAN)),
         gap_left_m: of(|own| own.gap_left_um / 1e6),
         holds_v: of(|own| own.holds_v),
         report_json,

@@ -279,5 +279,5 @@ def test_press(ask: Ask, scene: era.Scene, force_n: float | None) -> None:
     assert found.to_dict() == told and found.force_n == told["force_n"]
     for name, key, unit in [("alone_m", "alone_um", 1e6), ("sag_m", "sag_um", 1e6), ("gap_left_m", "gap_left_um", 1e6)]:
         assert numbers(getattr(found, name)) == [own[key] and own[key] / unit for own in told["actuators"]]
-    for name in ("error_bound", "holds_v"):
+    for name in ("error_bound", "sag_error_bound", "holds_v"):
         assert numbers(getattr(found, name)) == [own[name] for own in told["actuators"]]

@@ -40,7 +40,7 @@ fn missing(table: &PlanTable) -> Vec<String> {
 fn text(table: &PlanTable) -> String {
     let mut text = format!(
         "{}: a press of {} N where it moves each mass furthest\n \
-         actuator            at mm      alone   error at most      sag   held by            gap left   holds\n",
+         actuator            at mm      alone   error at most      sag   error at most   held by            gap left   holds\n",
         table.scene.name, table.scene.press_n
     );
     for (i, (actuator, pressed)) in table.scene.actuators.iter().zip(&table.pressed).enumerate() {
@@ -50,12 +50,12 @@ fn text(table: &PlanTable) -> String {
             Stop::Given => format!("stop, {:.0} um", stop_m * 1e6),
             Stop::Assumed => format!("no stop yet, {:.0} um", stop_m * 1e6),
         };
-        let bound = bound_text(table.press_bound(i));
+        let (bound, of_sag) = (bound_text(table.press_bound(i)), bound_text(table.sag_bound(i)));
         let electrodes = &table.electrodes[i];
         let at = format!("{:.1}, {:.1}", at_m.0 * 1e3, at_m.1 * 1e3);
         let _ = writeln!(
             text,
-            " {:12} {at:>12} {:7.0} um {bound:>15} {:5.0} um   {held:18} {:5.0} um {:5.0} V",
+            " {:12} {at:>12} {:7.0} um {bound:>15} {:5.0} um {of_sag:>15}   {held:18} {:5.0} um {:5.0} V",
             actuator.id,
             alone_m * 1e6,
             sag_m * 1e6,

@@ -28,6 +28,8 @@ pub struct PressedActuator {
     pub error_bound: Option<f64>,
     /// How far with the electrodes' pull at the highest voltages, a stop holding it, in um.
     pub sag_um: f64,
+    /// Upper bound on the error of `sag_um`, relative to it, and so of what is left of the gap; `None` where there is none.
+    pub sag_error_bound: Option<f64>,
     /// Where it is held.
     pub stop: Stop,
     /// That place in um from its middle; `None` without a stop.
@@ -53,6 +55,7 @@ impl PlanTable {
                 alone_um: finite(pressed.alone_m * 1e6),
                 error_bound: self.press_bound(i).value(),
                 sag_um: pressed.sag_m * 1e6,
+                sag_error_bound: self.sag_bound(i).value(),
                 stop: pressed.stop,
                 stop_um: finite(pressed.stop_m * 1e6),
                 stiffness_n_per_m: pressed.stiffness_n_per_m,

@@ -3,7 +3,7 @@
 use crate::model::{Bound, ReducedModel};
 use crate::scene::Actuator;
 use crate::table::PlanTable;
-use crate::table::press::{Pressed, Stop};
+use crate::table::press::{Pressed, Stop, sags_on};
 
 impl PlanTable {
     /// Bound on the relative error of how far a press alone moves an actuator's mass ([`Pressed::alone_m`]), by the coarser models. It is that of the panel, which
@@ -29,6 +29,22 @@ impl PlanTable {
         };
         let difference = |a: f64, b: f64| (a - b).abs() / fine.abs();
         estimator.steady_bound(difference(coarse, middle), difference(middle, fine))
+    }
+
+    /// Bound on the relative error of how far a press and the electrodes move an actuator's mass ([`Pressed::sag_m`]), at the place where the press moves it furthest and
+    /// with the stops that there are.
+    #[must_use]
+    pub fn sag_bound(&self, actuator: usize) -> Bound {
+        let Some(([middle, coarse], estimator)) = &self.coarser else {
+            return Bound::Unknown("no coarser model was made to compare with");
+        };
+        let on = |model| sags_on(&self.scene, model, &self.electrodes, &self.pressed).get(actuator).copied();
+        match (on(&self.model), on(middle), on(coarse)) {
+            (Some(fine), Some(middle), Some(coarse)) if fine > 0.0 => {
+                estimator.steady_bound((coarse - middle).abs() / fine, (middle - fine).abs() / fine)
+            }
+            _ => Bound::Unknown("nothing is moved"),
+        }
     }
 
     /// Which actuators do not bear the scene's press, and what would do.

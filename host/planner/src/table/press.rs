@@ -8,6 +8,7 @@
 
 use crate::model::ReducedModel;
 use crate::physics::limits::{Electrodes, HELD, TRAVEL_PART};
+use crate::physics::softening::static_receptance;
 use crate::scene::{MAX_ACTUATORS, Mount, Scene};
 use crate::table::{SurfaceGrid, WIDEST};
 use nalgebra::DVector;
@@ -159,6 +160,25 @@ fn taken(electrodes: &[Electrodes], static_receptance: &[[f64; MAX_ACTUATORS]; M
     let largest = static_receptance.iter().take(most.len()).map(part).fold(0.0, f64::max);
     let allowed = if largest > HELD { HELD / largest } else { 1.0 };
     most.into_iter().map(|s| s * allowed).collect()
+}
+
+/// The sags in m on a `model` for the places and stops that were found, all of them on another mesh's.
+#[must_use]
+pub fn sags_on(scene: &Scene, model: &ReducedModel, electrodes: &[Electrodes], pressed: &[Pressed]) -> Vec<f64> {
+    let is_held = model.is_surface_held();
+    let alone: Vec<((f64, f64), f64)> = pressed
+        .iter()
+        .enumerate()
+        .map(|(i, Pressed { at_m, alone_m, .. })| {
+            let coordinates = model.steady_coordinates(i).filter(|_| is_held && alone_m.is_finite());
+            let moved = coordinates.map(|q| scene.press_n * model.shape_at(at_m.0, at_m.1).dot(&q).abs());
+            // One that follows what is steady stays where it is.
+            (*at_m, if *alone_m > 0.0 { moved.unwrap_or(f64::INFINITY) } else { 0.0 })
+        })
+        .collect();
+    let receptance = static_receptance(model);
+    let stops_m: Vec<f64> = pressed.iter().map(|own| own.stop_m).collect();
+    sags(electrodes, &alone, &receptance, &taken(electrodes, &receptance), &stops_m)
 }
 
 /// Where the springs hold press and pull, or a stop does, in m.

@@ -291,6 +291,9 @@ fn the_bound_of_a_press_does_not_depend_on_the_force() {
                 let bound = table.press_bound(i).value().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
                 assert!(bound > 0.0 && bound < 1e-3, "{force_n} N: {bound:e}");
                 per_n.push((i, own.alone_m / force_n, bound));
+                // Between electrodes and springs the sag is known no worse than some times that, and where a stop is exactly.
+                let of_sag = table.sag_bound(i).value().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
+                assert!(of_sag > 0.0 && of_sag < 20.0 * bound + 1e-6, "{force_n} N: {of_sag:e} {bound:e} {own:?}");
             }
         }
         for (i, alone, bound) in &per_n {
