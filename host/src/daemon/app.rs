@@ -313,7 +313,7 @@ impl App {
         self.drive.release(id, when);
     }
 
-    /// [`Controller::renew`].
+    /// Has the drive of plan `id` go on until `until`: its fingers are still down. Whether it is still what is shown.
     pub async fn renew(&self, id: u64, until: Instant) -> bool {
         self.drive.renew(id, until).await
     }
