@@ -110,6 +110,17 @@ fn sweeps_that_make_no_sense_are_refused() {
     }
 }
 
+/// A script that keeps the help of a command in a file hears that it is not there.
+#[test]
+fn help_that_cannot_be_written_is_an_error() {
+    for arguments in [&["--help"][..], &["--version"], &["plan", "--help"]] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_era")).args(arguments).stdout(full).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert!(told(&output).contains("cannot write to standard output"), "{arguments:?}");
+    }
+}
+
 #[test]
 fn a_plan_table_is_kept_and_a_spoilt_one_is_told() {
     let cache = tempfile::tempdir().unwrap();

@@ -92,7 +92,7 @@ fn remove_unfinished_once(folder: &Path) {
 }
 
 /// Removes from a folder what killed writers have left there: unfinished files that nobody has written to for an hour.
-fn remove_unfinished(folder: &Path) {
+pub fn remove_unfinished(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten().filter(|entry| is_unfinished(&entry.file_name()))
     {
         let age = entry.metadata().ok().and_then(|known| SystemTime::now().duration_since(known.modified().ok()?).ok());

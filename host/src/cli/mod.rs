@@ -154,7 +154,14 @@ fn refuse(error: &clap::Error, hint: &str) -> ! {
             told::tell_refusal(told::LogFormat::Json, &format!("{error}{hint}"));
             std::process::exit(2)
         }
-        _ if hint.is_empty() => error.exit(),
+        _ if hint.is_empty() => match error.print() {
+            // Help that nobody could read; a reader that has gone away (`| head`) has read what it wanted.
+            Err(lost) if !error.use_stderr() && lost.kind() != std::io::ErrorKind::BrokenPipe => {
+                told::tell_error(&format!("cannot write to standard output: {lost}"));
+                std::process::exit(1)
+            }
+            _ => std::process::exit(error.exit_code()),
+        },
         format => {
             let _ = error.print();
             told::tell_refusal(format, hint);

@@ -2,7 +2,7 @@
 
 use super::Key;
 use super::file::Unusable;
-use era_files::{NotOwn, Readers, check_own_folder, make_private_folder, replace_link_or_file};
+use era_files::{NotOwn, Readers, check_own_folder, make_private_folder, remove_unfinished, replace_link_or_file};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -46,6 +46,7 @@ pub(super) fn touch(path: &Path) {
 /// Deletes tables until at most `most_files` and `most_bytes` are left, those first that were not used for longest. Other
 /// files are left alone.
 pub(super) fn tidy(directory: &Path, most_files: usize, most_bytes: u64) {
+    remove_unfinished(directory);
     let Ok(found) = fs::read_dir(directory) else { return };
     let mut files: Vec<(SystemTime, u64, PathBuf)> = found
         .filter_map(|entry| {
