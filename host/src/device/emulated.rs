@@ -214,7 +214,7 @@ fn firmware(source: &Path) -> Result<PathBuf, EmulatedError> {
     tracing::info!("building the firmware and what builds it: minutes the first time, seconds later");
     // Its input ends with this process, however that ends, and cargo with all that it started then does, too.
     let mut child = Command::new("python3")
-        .arg(source.join("emulator/leash.py"))
+        .arg(source.join("tools/emulator/leash.py"))
         .args(["cargo", "run", "--quiet", "--package", "xtask", "--", "firmware", "--print-path"])
         .current_dir(source)
         .stdin(Stdio::piped())
