@@ -1,9 +1,10 @@
 //! How others talk to the task that owns what is driven ([`super::task`]).
 
 use super::active::{Current, Touched, Update};
+use super::command::{Command, Published, Request, is_current, say_superseded};
 use super::equipment::Equipment;
 use super::order::Order;
-use super::task::{Command, Published, Request, Task, is_current, say_superseded};
+use super::task::Task;
 use crate::daemon::problem::Problem;
 use crate::device::SessionError;
 use std::sync::{Arc, Mutex, PoisonError};

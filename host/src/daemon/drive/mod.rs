@@ -2,11 +2,12 @@
 //!
 //! `prepare` makes of a plan an `order` that the session takes, `equipment` is what that needs: table, session, simulated sensor.
 //! `state` is what has been driven, what is left of it, and what is shown of it, as data with times handed in. `task` changes it, and looks
-//! after a drive that goes on (`sustained`); `controller` is how others talk to it. `active` is what they are told, `burst` and `thin` are
+//! after a drive that goes on (`sustained`); `controller` is how others talk to it, by `command`s. `active` is what they are told, `burst` and `thin` are
 //! the board's limits on what goes on and on.
 
 pub mod active;
 mod burst;
+mod command;
 mod controller;
 mod equipment;
 mod order;
@@ -16,6 +17,6 @@ mod sustained;
 mod task;
 pub mod thin;
 
+pub use command::say_superseded;
 pub use controller::Controller;
 pub use equipment::Equipment;
-pub use task::say_superseded;

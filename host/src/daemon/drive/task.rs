@@ -5,6 +5,7 @@
 //! goes to the session at once. A stop goes to the session first and is told here afterwards, so that nothing here can hold it up.
 
 use super::active::{Active, AskedAt, Current, Sustained, Touched, Update};
+use super::command::{Command, Published, Request, is_current, say_superseded};
 use super::equipment::{Begun, Equipment, NotBegun};
 use super::order::{Drivable, Mode, Order};
 use super::state::DriveState;
@@ -22,59 +23,6 @@ use std::pin::Pin;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
-
-/// What is told to the task.
-#[derive(Debug)]
-pub enum Command {
-    /// Drive a touch.
-    Drive(Box<Request>),
-    /// End what is driven for touches before this one, which drives nothing yet.
-    Overtake { id: u64, reply: oneshot::Sender<()> },
-    /// End the drive of a touch.
-    Release { id: u64, when: Instant },
-    /// Give the drive of a touch more time.
-    Renew { id: u64, until: Instant, reply: oneshot::Sender<bool> },
-    /// Drop a touch that waits for what is left of those before.
-    Withdraw { id: u64 },
-    /// Everything has been stopped.
-    Stopped { when: Instant },
-}
-
-/// A touch that is to be driven, and who waits for it.
-#[derive(Debug)]
-pub struct Request {
-    /// What to drive.
-    pub order: Order,
-    /// Where the answer goes.
-    pub reply: oneshot::Sender<Result<Touched, Problem>>,
-}
-
-impl Request {
-    fn refuse(self, problem: impl Into<Problem>) {
-        // Whoever has asked may have gone.
-        let _ = self.reply.send(Err(problem.into()));
-    }
-}
-
-/// What others see of the task's state.
-#[derive(Clone, Debug, Default)]
-pub struct Published {
-    /// The newest touch that is driven, or is to be.
-    pub newest: u64,
-    /// What is driven.
-    pub current: Option<Current>,
-}
-
-/// Whether it is still driven: neither is its time over, nor has everything been stopped since it was asked for.
-pub fn is_current(current: &Current, equipment: &Equipment, now: Instant) -> bool {
-    now < current.until && current.stops == equipment.session.stops()
-}
-
-/// That a newer touch stands in this one's place.
-#[must_use]
-pub fn say_superseded() -> Problem {
-    Problem::new(Kind::Superseded, "a newer touch was driven meanwhile")
-}
 
 /// The task.
 #[derive(Debug)]
@@ -192,10 +140,12 @@ impl Task {
                     None => std::future::pending().await,
                 }
             };
-            // What the board has answered comes before what is said next.
+            // What the board has answered comes before what is said next, and what is due before that: however much is said, it is done in time.
+            let is_due = due.is_some_and(|due| due <= Instant::now());
             let (command, answer) = tokio::select! {
                 biased;
                 answer = self.lane.wait_for_answer() => (None, Some(answer)),
+                () = std::future::ready(()), if is_due => (None, None),
                 command = self.inbox.recv() => match command {
                     Some(command) => (Some(command), None),
                     None => return,
@@ -452,13 +402,15 @@ impl Task {
         }
         let Drivable { plan, mode, .. } = drivable;
         let active = match mode {
-            Mode::Hold(_) => show_even(equipment, id, plan, touches, Thinned::by_credit(thin))?,
+            Mode::Hold(_) => show_even(equipment, id, plan, touches, Thinned::by_credit(thin)),
             // What is told is what the effect does, and not the even motion that it was designed from.
             Mode::Effect(design) => {
-                let plan = compute(|| Ok(PlanView::played(plan, &design)))?;
-                Arc::new(Active::new(id, plan, touches, device.effect().cloned()))
+                let plan = compute(|| Ok(PlanView::played(plan, &design)));
+                plan.map(|plan| Arc::new(Active::new(id, plan, touches, device.effect().cloned())))
             }
         };
+        // What cannot be shown is not driven on.
+        let active = active.inspect_err(|_| self.release(equipment, id, Instant::now()))?;
         self.state.current = Some(Current { active: Arc::clone(&active), until, stops });
         self.tell_pages(Update::Plan(Arc::clone(&active)));
         self.looked = Instant::now();

@@ -1,0 +1,63 @@
+//! What is told to the task that owns what is driven, and what it publishes.
+
+use super::active::{Current, Touched};
+use super::equipment::Equipment;
+use super::order::Order;
+use crate::daemon::kinds::Kind;
+use crate::daemon::problem::Problem;
+use std::time::Instant;
+use tokio::sync::oneshot;
+
+/// What is told to the task.
+#[derive(Debug)]
+pub enum Command {
+    /// Drive a touch.
+    Drive(Box<Request>),
+    /// End what is driven for touches before this one, which drives nothing yet.
+    Overtake { id: u64, reply: oneshot::Sender<()> },
+    /// End the drive of a touch.
+    Release { id: u64, when: Instant },
+    /// Give the drive of a touch more time.
+    Renew { id: u64, until: Instant, reply: oneshot::Sender<bool> },
+    /// Drop a touch that waits for what is left of those before.
+    Withdraw { id: u64 },
+    /// Everything has been stopped.
+    Stopped { when: Instant },
+}
+
+/// A touch that is to be driven, and who waits for it.
+#[derive(Debug)]
+pub struct Request {
+    /// What to drive.
+    pub order: Order,
+    /// Where the answer goes.
+    pub reply: oneshot::Sender<Result<Touched, Problem>>,
+}
+
+impl Request {
+    /// Answers that it is not driven.
+    pub fn refuse(self, problem: impl Into<Problem>) {
+        // Whoever has asked may have gone.
+        let _ = self.reply.send(Err(problem.into()));
+    }
+}
+
+/// What others see of the task's state.
+#[derive(Clone, Debug, Default)]
+pub struct Published {
+    /// The newest touch that is driven, or is to be.
+    pub newest: u64,
+    /// What is driven.
+    pub current: Option<Current>,
+}
+
+/// Whether it is still driven: neither is its time over, nor has everything been stopped since it was asked for.
+pub fn is_current(current: &Current, equipment: &Equipment, now: Instant) -> bool {
+    now < current.until && current.stops == equipment.session.stops()
+}
+
+/// That a newer touch stands in this one's place.
+#[must_use]
+pub fn say_superseded() -> Problem {
+    Problem::new(Kind::Superseded, "a newer touch was driven meanwhile")
+}
