@@ -227,7 +227,7 @@ struct Viscous {
 
 impl Viscous {
     /// x' C x.
-    fn of(&self, x: &DVector<Complex64>) -> Complex64 {
+    fn evaluate_quadratic_form(&self, x: &DVector<Complex64>) -> Complex64 {
         let own: Complex64 = x.iter().zip(&self.diagonal).map(|(x, c)| x * x * *c).sum();
         let couplings = self.couplings.iter().filter(|coupling| coupling.viscous != 0.0);
         let along = |coupling: &Coupling| x.iter().zip(&coupling.shape).map(|(x, b)| x * *b).sum::<Complex64>();
@@ -489,7 +489,8 @@ impl System {
             (0..n).map(|j| x[j] * (0..n).map(|i| x[i] * matrix[(i, j)]).sum::<Complex64>()).sum()
         };
         let mass: Complex64 = x.iter().map(|x| x * x).sum();
-        let viscous = self.viscous_parts.as_ref().map_or_else(|| times(&self.viscous), |parts| parts.of(&x));
+        let viscous =
+            self.viscous_parts.as_ref().map_or_else(|| times(&self.viscous), |parts| parts.evaluate_quadratic_form(&x));
         let elastic: Complex64 = x.iter().zip(&self.lambda).map(|(x, lambda)| x * x * *lambda).sum();
         let elastic = elastic + Complex64::I * if self.is_lossy { times(&self.structural) } else { Complex64::ZERO };
         let step = (s * s * mass + s * viscous + elastic) / (2.0 * s * mass + viscous);

@@ -166,7 +166,7 @@ impl Ritz {
     }
 
     /// What has become of a mode under all of the damping, as long as it swings.
-    fn followed(&self, mode: usize) -> Complex64 {
+    fn follow_mode(&self, mode: usize) -> Complex64 {
         let mut s = Complex64::new(0.0, self.lambda[mode].sqrt());
         for step in 0..=STEPS {
             let part = 10.0_f64.powf(6.0 * (f64::from(step) / f64::from(STEPS) - 1.0));
@@ -208,8 +208,8 @@ fn before_sealed_air_dashpots_at_corners_leave_a_mode_alone() {
     let mut most = 0.0_f64;
     for (depth_mm, stiffness) in [(6.0, 2000.0), (8.5, 500.0), (9.0, 2000.0)] {
         let plate = Plate { sides_m: [0.3, 0.2], sealed_depth_m: Some(depth_mm * 1e-3), stiffness, dashpots: [4.0; 4] };
-        most =
-            most.max(compare_poles_with_ritz(&format!("{depth_mm} mm of air"), &plate, |ritz, k, _| ritz.followed(k)));
+        most = most
+            .max(compare_poles_with_ritz(&format!("{depth_mm} mm of air"), &plate, |ritz, k, _| ritz.follow_mode(k)));
     }
     assert!(most > 10.0, "{most}");
 }

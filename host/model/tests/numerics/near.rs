@@ -184,7 +184,7 @@ fn a_force_next_to_a_held_end_does_what_its_distance_says() {
 type State = [Complex64; 4];
 
 /// A state after `length_m` of a bar with this bending stiffness and mass per length, at so many radians a second: Krylov's functions.
-fn advance(state: State, length_m: f64, rigidity: Complex64, mass_per_m: f64, omega: f64) -> State {
+fn advance_state(state: State, length_m: f64, rigidity: Complex64, mass_per_m: f64, omega: f64) -> State {
     let beta = (mass_per_m * omega * omega / rigidity).powf(0.25);
     let z = beta * length_m;
     // Sums of cosh and cos, sinh and sin, by their series where they would cancel.
@@ -212,7 +212,7 @@ fn advance(state: State, length_m: f64, rigidity: Complex64, mass_per_m: f64, om
 }
 
 /// Acceleration at `at_m` for 1 N at a grounded mass `(place, stiffness, damping, mass)` of a free bar on supports `(place, stiffness)`.
-fn respond(
+fn find_acceleration(
     (length_m, rigidity, mass_per_m): (f64, Complex64, f64),
     supports: &[(f64, f64)],
     era: (f64, f64, f64, f64),
@@ -231,7 +231,7 @@ fn respond(
     let run = |mut state: State, with_force: bool| {
         let (mut here, mut seen) = (0.0, zero);
         for (place, stiffness, force) in &stops {
-            state = advance(state, place - here, rigidity, mass_per_m, omega);
+            state = advance_state(state, place - here, rigidity, mass_per_m, omega);
             here = *place;
             if *place == at_m {
                 seen = state[0];
@@ -239,7 +239,7 @@ fn respond(
             // EI w'''' = q, so that EI w''' grows by what acts upwards.
             state[3] += if with_force { Complex64::new(*force, 0.0) } else { zero } - stiffness * state[0];
         }
-        (advance(state, length_m - here, rigidity, mass_per_m, omega), seen)
+        (advance_state(state, length_m - here, rigidity, mass_per_m, omega), seen)
     };
     let (first, first_seen) = run([one, zero, zero, zero], false);
     let (second, second_seen) = run([zero, one, zero, zero], false);
@@ -278,7 +278,7 @@ fn responses_of_what_is_beside_a_firm_support_have_bounds_that_hold() {
                 let found = bounded_curves(&scene, accuracy, (0.15, 0.0), &frequencies).unwrap();
                 let exact: Vec<Complex64> = frequencies
                     .iter()
-                    .map(|hz| respond(bar, &supports, (0.1 + apart_m, 1e5, 30.0, 5e-3), 0.15, *hz))
+                    .map(|hz| find_acceleration(bar, &supports, (0.1 + apart_m, 1e5, 30.0, 5e-3), 0.15, *hz))
                     .collect();
                 let largest = exact.iter().map(|value| value.norm()).fold(0.0, f64::max);
                 let pairs = found.answer[0].iter().zip(&exact);

@@ -7,16 +7,16 @@ use era_model::model::{Accuracy, Mode, bounded_modes};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
-fn damping(viscous: DMatrix<f64>, structural: DMatrix<f64>) -> Damping {
+fn build_damping(viscous: DMatrix<f64>, structural: DMatrix<f64>) -> Damping {
     Damping { viscous, structural, structured: None }
 }
 
-fn followed(lambda: &[f64], viscous: DMatrix<f64>, structural: DMatrix<f64>) -> Vec<Pole> {
-    poles(lambda, &damping(viscous, structural), lambda.len(), lambda.len()).unwrap()
+fn follow_poles(lambda: &[f64], viscous: DMatrix<f64>, structural: DMatrix<f64>) -> Vec<Pole> {
+    poles(lambda, &build_damping(viscous, structural), lambda.len(), lambda.len()).unwrap()
 }
 
 /// What det P(s) is against the product of the sizes of its rows.
-fn residual(lambda: &[f64], viscous: &DMatrix<f64>, structural: &DMatrix<f64>, s: Complex64) -> f64 {
+fn find_residual(lambda: &[f64], viscous: &DMatrix<f64>, structural: &DMatrix<f64>, s: Complex64) -> f64 {
     let n = lambda.len();
     let matrix = DMatrix::from_fn(n, n, |i, j| {
         let own = if i == j { s * s + lambda[i] } else { Complex64::ZERO };
@@ -34,10 +34,10 @@ fn a_strong_dashpot_holds_its_point() {
     let none = DMatrix::zeros(3, 3);
     for c in [1e-3, 1.0, 30.0, 300.0, 3e3, 1e5, 1e6] {
         let viscous = &along * along.transpose() * c;
-        let found = followed(&lambda, viscous.clone(), none.clone());
+        let found = follow_poles(&lambda, viscous.clone(), none.clone());
         for pole in &found {
             for s in [Some(pole.s), pole.slower].into_iter().flatten() {
-                assert!(residual(&lambda, &viscous, &none, s) < 1e-9, "{c}: {found:?}");
+                assert!(find_residual(&lambda, &viscous, &none, s) < 1e-9, "{c}: {found:?}");
             }
         }
         // The sum of all eigenvalues is the trace.
@@ -52,7 +52,7 @@ fn a_strong_dashpot_holds_its_point() {
         assert!(found.iter().all(|pole| pole.slower.is_none() || pole.damping_ratio > 1.0), "{found:?}");
     }
     // Held altogether: the two motions of sum of along^2 / (lambda - w^2) = 0.
-    let held = followed(&lambda, &along * along.transpose() * 1e5, none);
+    let held = follow_poles(&lambda, &along * along.transpose() * 1e5, none);
     for pole in held.iter().filter(|pole| pole.slower.is_none()) {
         let square = pole.s.norm_sqr();
         let sum: f64 = lambda.iter().zip(&along).map(|(own, along)| along * along / (own - square)).sum();
@@ -81,7 +81,7 @@ fn a_mode_by_itself_has_its_ratio() {
         (viscous[(0, 0)], viscous[(0, 1)], viscous[(1, 0)], viscous[(1, 1)]) = (2.0 * zeta * 500.0, 1e-6, 1e-6, 1.0);
         let mut structural = DMatrix::zeros(2, 2);
         structural[(0, 0)] = eta * lambda[0];
-        let found = followed(&lambda, viscous, structural)[0];
+        let found = follow_poles(&lambda, viscous, structural)[0];
         let alone = Pole::alone(lambda[0], 2.0 * zeta * 500.0, eta * lambda[0]);
         let expected = if eta == 0.0 { zeta } else { alone.damping_ratio };
         if zeta == 0.0 {
@@ -106,7 +106,7 @@ fn of_two_modes_that_are_nearly_one_a_dashpot_takes_one() {
         let lambda = [1e6, 1e6 * (1.0 + apart), 5e6];
         let along = DVector::from_row_slice(&[1.0, 1.0, 0.3]);
         let viscous = &along * along.transpose() * 40.0;
-        let found = followed(&lambda, viscous.clone(), DMatrix::zeros(3, 3));
+        let found = follow_poles(&lambda, viscous.clone(), DMatrix::zeros(3, 3));
         let mut ratios = [found[0].damping_ratio, found[1].damping_ratio];
         ratios.sort_by(f64::total_cmp);
         assert!(ratios[0] < 1e-5 && (ratios[1] / 0.04 - 1.0).abs() < 0.01, "{apart}: {found:?}");
@@ -120,9 +120,9 @@ fn a_free_motion_stays_at_rest() {
     let lambda = [0.0, 0.0, 1e5];
     let along = DVector::from_row_slice(&[1.0, 0.4, 1.2]);
     let viscous = &along * along.transpose() * 50.0;
-    let found = followed(&lambda, viscous.clone(), DMatrix::zeros(3, 3));
+    let found = follow_poles(&lambda, viscous.clone(), DMatrix::zeros(3, 3));
     assert!(found[..2].iter().all(|pole| *pole == Pole::FREE), "{found:?}");
-    assert!(residual(&lambda, &viscous, &DMatrix::zeros(3, 3), found[2].s) < 1e-12, "{found:?}");
+    assert!(find_residual(&lambda, &viscous, &DMatrix::zeros(3, 3), found[2].s) < 1e-12, "{found:?}");
 }
 
 /// From 0 to 1, the same ones at every run.
@@ -151,9 +151,9 @@ fn every_mode_has_a_pole_of_its_own() {
             let along = DVector::from_fn(n, |i, _| lambda[i].sqrt() * (2.0 * random() - 1.0));
             structural += &along * along.transpose() * random();
         }
-        let found = followed(&lambda, viscous.clone(), structural.clone());
+        let found = follow_poles(&lambda, viscous.clone(), structural.clone());
         for (k, pole) in found.iter().enumerate() {
-            assert!(residual(&lambda, &viscous, &structural, pole.s) < 1e-7, "{trial}: {pole:?}");
+            assert!(find_residual(&lambda, &viscous, &structural, pole.s) < 1e-7, "{trial}: {pole:?}");
             for other in &found[..k] {
                 assert!((pole.s - other.s).norm() > 1e-9 * pole.s.norm(), "{trial}: {pole:?} {other:?}");
             }
@@ -214,12 +214,12 @@ fn what_rests_is_no_pole_of_a_mode() {
         }
         let loss = if trial % 2 == 0 { 0.1 } else { 0.0 };
         let structural = DMatrix::from_diagonal(&DVector::from_iterator(n, lambda.iter().map(|own| loss * own)));
-        let found = followed(&lambda, viscous.clone(), structural.clone());
+        let found = follow_poles(&lambda, viscous.clone(), structural.clone());
         let slowest = lambda[free] / (viscous.trace() + lambda[free].sqrt());
         for pole in &found[free..] {
             for s in pole.eigenvalues() {
                 assert!(s.norm() > 1e-3 * slowest, "{trial}: {pole:?} {lambda:?}");
-                assert!(residual(&lambda, &viscous, &structural, s) < 1e-7, "{trial}: {pole:?}");
+                assert!(find_residual(&lambda, &viscous, &structural, s) < 1e-7, "{trial}: {pole:?}");
             }
         }
     }
@@ -237,7 +237,7 @@ fn two_poles_are_told_of_a_mode_only_where_both_are_real() {
         let viscous = &along * along.transpose() * 10.0_f64.powf(2.0 + 3.0 * random());
         let loss = [0.0, 0.1, 2.0][trial % 3];
         let structural = DMatrix::from_diagonal(&DVector::from_iterator(n, lambda.iter().map(|own| loss * own)));
-        for pole in followed(&lambda, viscous.clone(), structural.clone()) {
+        for pole in follow_poles(&lambda, viscous.clone(), structural.clone()) {
             assert!(pole.s.im >= 0.0 && pole.s.re <= 0.0, "{trial}: {pole:?}");
             let Some(slower) = pole.slower else {
                 assert!((pole.damping_ratio + pole.s.re / pole.s.norm()).abs() < 1e-12, "{trial}: {pole:?}");

@@ -54,21 +54,21 @@ impl Task {
         if is_thinned {
             self.fit_again(equipment, Sustained { thin, ..held }, false);
         } else if held.part < 1.0 {
-            self.grow(equipment, held, (board, now));
+            self.grow_drive(equipment, held, (board, now));
         } else {
             self.state.sustained = Some(held);
         }
     }
 
     /// Drives more of a plan's forces, if there is room for that.
-    fn grow(&mut self, equipment: &Arc<Equipment>, held: Sustained, (board, now): (Board, Instant)) {
+    fn grow_drive(&mut self, equipment: &Arc<Equipment>, held: Sustained, (board, now): (Board, Instant)) {
         let Some(hold) = self.find_hold(equipment, &held) else { return };
         let of_part = |part: f64| equipment.prepare_fraction(&held.whole, held.thin, part, Manner::Hold(hold));
         let room = |drivable: &Drivable| self.state.find_fraction(&drivable.motion, drivable.even_drives(), board, now);
         match compute(|| grown(held.part, of_part, room)) {
             Ok(Some((part, drivable))) => self.drive_again(equipment, held, part, drivable, (board, now), false),
             Ok(None) => self.state.sustained = Some(held),
-            Err(problem) => self.keep(held, &problem),
+            Err(problem) => self.keep_unchanged(held, &problem),
         }
     }
 
@@ -115,7 +115,7 @@ impl Task {
             Ok((part, drivable)) => self.drive_again(equipment, held, part, drivable, (board, now), has_rested),
             // What is not driven is not shown either.
             Err(_) if has_rested => self.release(equipment, id, Instant::now()),
-            Err(problem) => self.keep(held, &problem),
+            Err(problem) => self.keep_unchanged(held, &problem),
         }
     }
 
@@ -172,7 +172,7 @@ impl Task {
         self.looked = now;
     }
 
-    fn keep(&mut self, held: Sustained, problem: &Problem) {
+    fn keep_unchanged(&mut self, held: Sustained, problem: &Problem) {
         tracing::info!(plan = held.active.id, "stays as it is: {}", problem.detail());
         self.state.sustained = Some(held);
     }

@@ -48,7 +48,7 @@ enum Next {
 }
 
 impl Next {
-    const fn id(&self) -> u64 {
+    const fn touch_id(&self) -> u64 {
         match self {
             Self::Drive(request) => request.order.id,
             Self::Overtake { id, .. } => *id,
@@ -156,11 +156,11 @@ impl Task {
             let Some(equipment) = self.equipment.upgrade() else { return };
             match (command, answer) {
                 (_, Some(answer)) => self.take_answer(&equipment, answer),
-                (Some(command), _) => self.obey(&equipment, command),
+                (Some(command), _) => self.carry_out_command(&equipment, command),
                 (None, None) => self.do_what_is_due(&equipment),
             }
             self.start_next(&equipment);
-            self.publish();
+            self.publish_state();
         }
     }
 
@@ -178,7 +178,7 @@ impl Task {
             Lane::Free => self.look_after(equipment),
             Lane::Settling { request, since, .. } => {
                 if request.order.since.stops == equipment.session.stops() {
-                    self.drive(equipment, request, Some(since));
+                    self.drive_touch(equipment, request, Some(since));
                 } else {
                     request.refuse(SessionError::Stopped);
                 }
@@ -188,7 +188,7 @@ impl Task {
         }
     }
 
-    fn obey(&mut self, equipment: &Arc<Equipment>, command: Command) {
+    fn carry_out_command(&mut self, equipment: &Arc<Equipment>, command: Command) {
         match command {
             Command::Drive(request) => {
                 // Nobody waits for a place that a newer one has.
@@ -229,7 +229,7 @@ impl Task {
             Lane::Settling { request, .. } => request.order.id,
             _ => 0,
         };
-        self.state.newest().max(self.next.as_ref().map_or(0, Next::id)).max(waiting)
+        self.state.newest().max(self.next.as_ref().map_or(0, Next::touch_id)).max(waiting)
     }
 
     fn replace_next(&mut self, next: Next) {
@@ -279,7 +279,7 @@ impl Task {
             Err(problem) => return request.refuse(problem),
         };
         if after_s <= 0.0 {
-            return self.drive(equipment, request, None);
+            return self.drive_touch(equipment, request, None);
         }
         if !goes_on {
             if let Some(driven) = self.state.find_driven() {
@@ -294,7 +294,7 @@ impl Task {
     }
 
     /// Has the board drive a touch that has waited `since` then, with as much of its forces as there is room for.
-    fn drive(&mut self, equipment: &Arc<Equipment>, request: Box<Request>, since: Option<Instant>) {
+    fn drive_touch(&mut self, equipment: &Arc<Equipment>, request: Box<Request>, since: Option<Instant>) {
         let (board, now) = (equipment.read_board(), Instant::now());
         let Order { id, thin, manner, ref whole, ref first, .. } = request.order;
         match self.fit(equipment, (id, first.clone()), whole, thin, manner, (board, now)) {
@@ -373,7 +373,7 @@ impl Task {
                 let Request { order, reply } = *request;
                 let touched = self.show_touch(equipment, order, drivable, part, (begun, until), achieved);
                 // Before its sender hears of it.
-                self.publish();
+                self.publish_state();
                 let _ = reply.send(touched);
             }
             (Purpose::Again { held, has_rested }, begun) => {
@@ -448,12 +448,12 @@ impl Task {
 
     /// Publishes first what is told: whoever is told of it may ask for it.
     pub(super) fn tell_pages(&self, update: Update) {
-        self.publish();
+        self.publish_state();
         // Nobody listening is no error.
         let _ = self.updates.send(update);
     }
 
-    fn publish(&self) {
+    fn publish_state(&self) {
         self.publish.send_replace(Published { newest: self.find_newest(), current: self.state.current.clone() });
     }
 }
