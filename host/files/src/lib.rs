@@ -14,6 +14,6 @@ mod size_limit;
 pub use appended::AppendedFile;
 pub use own::{NotOwn, check_own_folder, read_own_file};
 pub use replaced::{
-    Readers, is_unfinished, make_private_folder, remove_unfinished, replace_file, replace_file_by, replace_link_or_file,
+    Readers, make_private_folder, remove_unfinished, replace_file, replace_file_by, replace_link_or_file,
 };
 pub use size_limit::tell_size_limit_as_error;

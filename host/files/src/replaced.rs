@@ -77,8 +77,7 @@ pub fn make_private_folder(path: &Path) -> io::Result<()> {
 }
 
 /// Whether a name is that of a file that is being written, or was when its writer was killed.
-#[must_use]
-pub fn is_unfinished(name: &OsStr) -> bool {
+fn is_unfinished(name: &OsStr) -> bool {
     let digits = name.to_str().and_then(|name| name.strip_prefix(UNFINISHED.0)?.strip_suffix(UNFINISHED.1));
     digits.is_some_and(|digits| digits.len() == 16 && digits.bytes().all(|digit| digit.is_ascii_hexdigit()))
 }
