@@ -3,6 +3,7 @@
 import copy
 import json
 import re
+import shutil
 import tomllib
 
 import numpy as np
@@ -43,6 +44,8 @@ def run(context):
     moved = [("actuator", 0)] + [("support", 0)] * bool(context.table.get("support"))
     (folder / "study.toml").write_text(text(context, moved, rng), encoding="utf-8")
     out = folder / "study-results"
+    # Of a run before this one, by another program perhaps.
+    shutil.rmtree(out, ignore_errors=True)
     answer = context.era.json_alone("study", folder / "study.toml", "--out", out, "--workers", 1)
     if not answer["best"]:
         return [not_comparable(WEAKEST, name, "no design is on the surface")]

@@ -13,8 +13,10 @@ mod compliance;
 pub use compliance::Yields;
 
 use super::assembly::{AttachedVectors, Attachment};
+use super::attached::{Attached, actuators, passive};
 use super::damping::Damping;
 use super::eigen::{Eigen, Modes};
+use super::grid::Grid;
 use super::panel::{PanelModel, fineness};
 use super::reduced::ReducedModel;
 use super::sparse::SparseVector;
@@ -208,10 +210,14 @@ impl BarePanel {
             surface.gemm(1.0, &load.shapes, &parts.rows(SHAPES * k, SHAPES), 1.0);
         }
         all.rows_mut(free, carried).copy_from(&vectors.rows(modes + residual, carried));
-        all.rows_mut(free + carried, basis.loads.len())
-            .copy_from(&(&local * vectors.rows(modes + residual + carried, local.ncols())));
+        let local = &local * vectors.rows(modes + residual + carried, local.ncols());
+        all.rows_mut(free + carried, basis.loads.len()).copy_from(&local);
         let damping = Damping::over(scene.surface.damping, &attached, self.model.springs(), &lambda, &all);
-        Ok(ReducedModel::new(lambda, all, damping, &attached, Arc::clone(grid)))
+        let mut model = ReducedModel::new(lambda, all, damping, &attached, Arc::clone(grid));
+        for (point_m, load) in loaded_points(grid, scene, &basis.loads, free) {
+            model.add_local_motion(point_m, local.row(load).transpose());
+        }
+        Ok(model)
     }
 
     /// Whether a scene is a design of this panel.
@@ -384,6 +390,16 @@ impl Basis {
         let each = self.loads.iter().flat_map(|other| (0..SHAPES).map(|k| dot(&load.load, &other.shapes, k)));
         self.sums.tr_mul(&DVector::from_iterator(SHAPES * self.loads.len(), each))
     }
+}
+
+/// The points of the surface (m) at which something is attached, each once, with the index of the load there.
+fn loaded_points(grid: &Grid, scene: &Scene, loads: &[Arc<Shapes>], free: usize) -> Vec<((f64, f64), usize)> {
+    let mut points: Vec<((f64, f64), usize)> = Vec::new();
+    for Attached { at: (x_m, y_m), .. } in passive(scene).chain(actuators(scene)) {
+        let load = position(loads, &grid.attachment(x_m, y_m), free);
+        points.extend(load.map(|load| ((x_m, y_m), load)).filter(|found| !points.contains(found)));
+    }
+    points
 }
 
 /// Which load pushes the surface as a vector does; none for one that is not on the surface.

@@ -39,6 +39,17 @@ pub struct ReducedModel {
     pub(super) grid: Arc<Grid>,
     /// n x unknowns, so that what a point of one cell takes of them lies in few pieces.
     pub(super) shapes: Arc<DMatrix<f64>>,
+    /// What single points move in addition to their cells' functions.
+    pub(super) local: Vec<LocalMotion>,
+}
+
+/// The deflection of a point under a force on it, as far as the functions of its cell miss it.
+#[derive(Clone, Debug)]
+pub(super) struct LocalMotion {
+    /// In m.
+    point_m: (f64, f64),
+    /// Of every coordinate, length n.
+    deflections: DVector<f64>,
 }
 
 impl ReducedModel {
@@ -67,7 +78,13 @@ impl ReducedModel {
             travel,
             grid,
             shapes: Arc::new(vectors.transpose()),
+            local: Vec::new(),
         }
+    }
+
+    /// The same with a deflection (length n) at a point of the surface (m) beside that of the mesh's functions there.
+    pub(super) fn add_local_motion(&mut self, point_m: (f64, f64), deflections: DVector<f64>) {
+        self.local.push(LocalMotion { point_m, deflections });
     }
 
     /// Number of coordinates n.
@@ -88,6 +105,7 @@ impl ReducedModel {
             travel: self.travel.select_columns(coordinates),
             grid: Arc::clone(&self.grid),
             shapes: Arc::new(self.shapes.select_rows(coordinates)),
+            local: self.local.iter().map(|local| local.restricted_to(coordinates)).collect(),
         }
     }
 
@@ -137,6 +155,11 @@ impl ReducedModel {
             let shapes = &self.shapes.as_slice()[unknown * n..(unknown + 1) * n];
             for (out, shape) in out.iter_mut().zip(shapes) {
                 *out += value * shape;
+            }
+        }
+        for local in self.local.iter().filter(|local| local.point_m == (x_m, y_m)) {
+            for (out, deflection) in out.iter_mut().zip(local.deflections.iter()) {
+                *out += deflection;
             }
         }
     }
@@ -268,5 +291,11 @@ fn orthonormalise(y: &mut DMatrix<f64>, [mass_y, f]: [&mut DMatrix<f64>; 2]) -> 
 fn scale(matrices: &mut [&mut DMatrix<f64>], column: usize, factor: f64) {
     for matrix in matrices {
         matrix.column_mut(column).scale_mut(factor);
+    }
+}
+
+impl LocalMotion {
+    fn restricted_to(&self, coordinates: &[usize]) -> Self {
+        Self { point_m: self.point_m, deflections: self.deflections.select_rows(coordinates) }
     }
 }

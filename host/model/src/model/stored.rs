@@ -180,6 +180,8 @@ impl StoredModel {
             travel: self.travel.restore("travel", p, n)?,
             shapes: Arc::new(self.shapes.restore("mode shapes", n, step.dofs)?),
             grid: Arc::new(grid),
+            // Of designs of a bare panel alone, which are not stored.
+            local: Vec::new(),
         })
     }
 }
