@@ -17,7 +17,11 @@ EVERY, FIRST = 12, 4
 MAX_HZ = 1000.0
 # Modes that are integrated; what they leave out is worked out from the same with half as many.
 BAND_HZ = 2500.0
+# A model that is reduced has no more beyond.
+HIGHEST_BAND_HZ = 1e6
 SECONDS, STEP_S = 0.1, 25e-6
+# Fewest: a short stiff panel has hardly one there, and half the band leaves out none of them.
+FEWEST = 8
 # Most modes: a share of scenes has thousands in the band.
 MOST = 220
 # The command prints no bound. Its steady state has the model's tolerance, 1e-3; a free motion's phase is off by the time
@@ -61,7 +65,9 @@ def run(context):
     words = [word for n, hz, newton, _, degrees in drives for word in ("--drive", f"{scene.actuators[n].id}:{hz}:{newton}:{degrees}")]
     where = f"at {point[0] * 1e3:.4g},{point[1] * 1e3:.4g} mm {' '.join(words)}"
     panel = context.panel(MAX_HZ)
-    system = motion.System(panel, BAND_HZ, [point])
+    band_hz, system = BAND_HZ, motion.System(panel, BAND_HZ, [point])
+    while system.size < FEWEST and (more := motion.System(panel, 2 * band_hz, [point])).size <= MOST and band_hz < HIGHEST_BAND_HZ:
+        band_hz, system = 2 * band_hz, more
     if system.size > MOST:
         return [not_comparable(quantity, name, f"{system.size} modes") for quantity in QUANTITIES]
     at = f"{point[0] * 1e3!r},{point[1] * 1e3!r}"
@@ -74,7 +80,7 @@ def run(context):
     if moved < NOTHING and answer["steady_peak_m_per_s2"] < NOTHING:
         return [not_comparable(quantity, name, "nothing moves") for quantity in QUANTITIES]
     own = motion.integrate_linear(system, plain, times)
-    half = motion.integrate_linear(motion.System(panel, BAND_HZ / 2, [point]), plain, times)
+    half = motion.integrate_linear(motion.System(panel, band_hz / 2, [point]), plain, times)
     # What modes above the band add is taken as in the steady state. Its part out of phase is damping's, and goes with velocities, which
     # at the start are not the steady ones.
     lag = [(newton * abs(system.points_rest([hz])[0, 0, number].imag), 2 * np.pi * hz) for number, hz, newton, _ in plain]
