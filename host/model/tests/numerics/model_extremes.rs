@@ -505,3 +505,106 @@ fn no_mode_is_listed_where_all_are_faster() {
         }
     }
 }
+
+/// Slow motions of heavy ERAs beside hundreds of modes: small values of the inverted operator are right to the rounding of its largest, and asked for no
+/// better. The modes are those of coarser elements.
+#[test]
+fn hundreds_of_modes_beside_slow_ones_are_found() {
+    let text = r#"
+version = 1
+name = "a table top"
+[surface]
+kind = "plate"
+length_mm = 2947.0
+width_mm = 1416.0
+[[edge]]
+side = "right"
+kind = "pinned"
+[[edge]]
+side = "left"
+kind = "pinned"
+[[support]]
+x_mm = 0.0
+y_mm = 0.0
+stiffness_n_per_m = 18882070.5414
+damping_n_s_per_m = 8125.6004
+loss_factor = 0.8542
+[[support]]
+x_mm = 2947.0
+y_mm = 0.0
+stiffness_n_per_m = 18882070.5414
+damping_n_s_per_m = 8125.6004
+loss_factor = 0.8542
+[[support]]
+x_mm = 0.0
+y_mm = 1416.0
+stiffness_n_per_m = 1619227695670.611
+damping_n_s_per_m = 43941.1248
+loss_factor = 0.8542
+[[support]]
+x_mm = 2947.0
+y_mm = 1416.0
+stiffness_n_per_m = 1619227695670.611
+damping_n_s_per_m = 43941.1248
+loss_factor = 0.8542
+[[actuator]]
+id = "era0"
+x_mm = 2192.0
+y_mm = 1416.0
+mount = "inertial"
+moving_mass_g = 19542.7858
+stiffness_n_per_m = 13659860.8558
+damping_n_s_per_m = 978.1281
+electrode_area_mm2 = 2125.6556
+air_gap_um = 706.0
+max_voltage_v = 616.0
+housing_mass_g = 16200.3385
+[[actuator]]
+id = "era1"
+x_mm = 1371.0
+y_mm = 1217.0
+mount = "inertial"
+moving_mass_g = 19542.7858
+stiffness_n_per_m = 13659860.8558
+damping_n_s_per_m = 978.1281
+electrode_area_mm2 = 2125.6556
+air_gap_um = 706.0
+max_voltage_v = 616.0
+housing_mass_g = 16200.3385
+[[layer]]
+thickness_mm = 2.9602
+angle_deg = 90
+[layer.material]
+ex_pa = 3571732631.5241
+ey_pa = 644779706.4452
+g_pa = 516935177.8400
+density_kg_m3 = 8287.8803
+poisson_ratio = 0.1662
+[[layer]]
+thickness_mm = 23.6566
+[layer.material]
+ex_pa = 4529483686.1561
+ey_pa = 596836982.4307
+g_pa = 559403188.0509
+density_kg_m3 = 5539.1526
+poisson_ratio = 1.2318
+[[layer]]
+thickness_mm = 16.5831
+angle_deg = 90
+loss_factor = 0.0057
+[layer.material]
+ex_pa = 3247695555.6571
+ey_pa = 541882297.6360
+g_pa = 231921216.3967
+density_kg_m3 = 6487.3831
+poisson_ratio = 0.6957
+"#;
+    let scene = era_model::scene::Scene::parse("scene.toml", text).unwrap();
+    let found = [Accuracy::FAST, Accuracy::REFERENCE].map(|accuracy| {
+        let model = PanelModel::build(&scene, accuracy, 400.0).unwrap();
+        assert!(model.reduce(400.0, &[]).unwrap().order() > 100);
+        model.modes(400.0).unwrap().iter().map(|mode| mode.frequency_hz).collect::<Vec<_>>()
+    });
+    assert_eq!(found[0].len(), found[1].len());
+    found[0].iter().zip(&found[1]).for_each(|(coarse, fine)| close(*coarse, *fine, 1e-3));
+}
