@@ -10,6 +10,7 @@ use super::drive::active::{Active, AskedAt, Touched, Update};
 use super::drive::{Controller, Equipment};
 use super::limits::Limits;
 use super::metrics::Metrics;
+use super::pace::Pace;
 use super::preview::{Preview, PreviewRequest, Previews};
 use super::problem::Problem;
 use super::record::Recorder;
@@ -45,6 +46,8 @@ pub struct App {
     pub started: Instant,
     /// Who may do what.
     pub access: Arc<Access>,
+    /// How often each client is answered.
+    pub pace: Arc<Pace>,
     /// Writes down what is asked and what becomes of it, where that is wanted.
     pub record: Option<Recorder>,
     /// What connections may take.
@@ -97,6 +100,7 @@ impl App {
             metrics: Metrics::default(),
             started: Instant::now(),
             access: Arc::new(access),
+            pace: Arc::default(),
             record: None,
             limits: Limits::default(),
             admission: Admission::default(),

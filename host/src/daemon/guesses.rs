@@ -34,7 +34,7 @@ impl Guesses {
     /// For how long an address has to wait before its tokens are looked at again; `wrong` is one that it has just sent.
     pub fn wait(&self, address: IpAddr, wrong: Option<Digest>, now: Instant) -> Option<Duration> {
         let mut of = self.of.lock().unwrap_or_else(PoisonError::into_inner);
-        let address = who(address);
+        let address = network_of(address);
         if of.get(&address).is_some_and(|tries| now.saturating_duration_since(tries.since) >= WINDOW) {
             of.remove(&address);
         }
@@ -60,8 +60,8 @@ impl Guesses {
     }
 }
 
-/// Whose tries count together: of IPv6 the network of 64 bits, as every machine has all of its addresses.
-fn who(address: IpAddr) -> IpAddr {
+/// What counts as one machine: of IPv6 the network of 64 bits, as every machine has all of its addresses.
+pub fn network_of(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(v6) if !v6.is_loopback() => Ipv6Addr::from_bits(v6.to_bits() >> 64 << 64).into(),
         other => other,

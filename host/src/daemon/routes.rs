@@ -9,6 +9,7 @@ use super::app::App;
 use super::body::{Most, whole_body};
 use super::client::{Asker, Client};
 use super::limits::Limits;
+use super::pace::keep_pace;
 use super::preview::{MAX_SCENE, Preview, PreviewRequest};
 use super::problem::{Kind, Problem};
 use super::sender::Sender;
@@ -126,6 +127,7 @@ pub fn router(app: Arc<App>) -> Router {
         // The bounds above hold; this one would cut previews short.
         .layer(DefaultBodyLimit::disable())
         .layer(middleware::from_fn_with_state(Arc::clone(&app.access), access::check))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), keep_pace))
         .with_state(app)
 }
 
