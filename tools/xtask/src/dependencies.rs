@@ -59,7 +59,7 @@ pub fn some_advisories() -> Result<(), Error> {
 /// [`Error::Failed`] with the first that is not as `deny.toml` wants it.
 pub fn licences() -> Result<(), Error> {
     let root = root()?;
-    install(&root)?;
+    ensure_subcommand(&root, "cargo-deny", &["cargo", "deny", "--version"])?;
     for folder in workspaces(&root) {
         let mut deny = deny(&folder, &root.join("deny.toml"));
         run(deny.args(["check", "licenses", "bans", "sources"]))?;
@@ -86,7 +86,7 @@ fn advisories(root: &Path, database: &Path) -> Result<(), Error> {
     // Its own date, not that of cloning it: what was found since then is not in it.
     let date = output(Command::new("git").arg("-C").arg(&database).args(["show", "-s", "--format=%cs", "HEAD"]))?;
     println!("advisories as of {date}, from {}", database.display());
-    install(root)?;
+    ensure_subcommand(root, "cargo-deny", &["cargo", "deny", "--version"])?;
     let config = configure(root, &database)?;
     for folder in workspaces(root) {
         // cargo-deny asks cargo for crates of all platforms, which no build has got.
@@ -137,12 +137,16 @@ fn deny(folder: &Path, config: &Path) -> Command {
     command
 }
 
-/// Gets cargo-deny if it is not there.
-fn install(root: &Path) -> Result<(), Error> {
-    let mut version = Command::new("cargo");
-    version.args(["deny", "--version"]).stdout(Stdio::null()).stderr(Stdio::null());
+/// Gets a program of a crate, if `asked`, the command that prints its version, does not find it.
+///
+/// # Errors
+/// [`Error::Start`], [`Error::Failed`].
+pub fn ensure_subcommand(root: &Path, name: &str, asked: &[&str]) -> Result<(), Error> {
+    let Some((program, arguments)) = asked.split_first() else { return Ok(()) };
+    let mut version = Command::new(program);
+    version.args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
     if version.status().is_ok_and(|status| status.success()) {
         return Ok(());
     }
-    run(Command::new("cargo").current_dir(root).args(["install", "cargo-deny", "--locked", "--quiet"]))
+    run(Command::new("cargo").current_dir(root).args(["install", name, "--locked", "--quiet"]))
 }

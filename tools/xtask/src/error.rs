@@ -154,6 +154,9 @@ pub enum Error {
     /// Files import each other in circles.
     #[error("{0} circles of imports between files that are not parent and child")]
     Circles(usize),
+    /// What a release has is not as it must be.
+    #[error("the release: {0}")]
+    Package(String),
     /// A message could not be put into a frame.
     #[error("cannot encode the request: {0:?}")]
     Encode(era_shared::link::EncodeError),

@@ -1,5 +1,5 @@
 //! Developer commands: `cargo xtask test`, `ci`, `firmware`, `emulate`, `fuzz`, `miri`, `waveforms`, `crosscheck`, `bench`,
-//! `soak`, `advisories`, `house`, `python`.
+//! `soak`, `advisories`, `house`, `python`, `dist`.
 
 mod against;
 mod bench;
@@ -7,6 +7,7 @@ mod budget;
 mod check;
 mod crosscheck;
 mod dependencies;
+mod dist;
 mod elf;
 mod emulate;
 mod error;
@@ -58,6 +59,8 @@ enum Command {
     Crosscheck(crosscheck::Options),
     /// Build the Python package, then run its tests, its examples and the check of its types
     Python,
+    /// Make all that a release has in `target/dist`: Debian's package, wheel, firmware, manual, checksums; try the package in a Debian system
+    Dist(dist::Options),
     /// Print how each crate is divided, and fail if files import each other in circles
     House(house::Options),
     /// Look for known vulnerabilities in the crates that this depends on, in a copy of the RustSec advisory database
@@ -79,6 +82,7 @@ fn main() -> ExitCode {
         Command::Waveforms(options) => waveforms::command(&options),
         Command::Crosscheck(options) => crosscheck::command(&options),
         Command::Python => python::command(),
+        Command::Dist(options) => dist::command(&options),
         Command::House(options) => house::command(options),
         Command::Advisories(options) => dependencies::command(&options),
         Command::Miri => miri::command(),

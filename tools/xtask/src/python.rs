@@ -31,9 +31,8 @@ pub fn command() -> Result<(), Error> {
 pub fn tests() -> Result<(), Error> {
     let root = root()?;
     let folder = root.join(PACKAGE);
-    let environment = root.join("target/python-venv");
-    let python = python_environment::ensure(&folder.join("requirements.txt"), &environment).map_err(Error::Python)?;
-    let wheel = wheel(&root, &python)?;
+    let python = environment(&root)?;
+    let wheel = wheel(&root)?;
     let install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--force-reinstall"];
     run(Command::new(&python).args(install).arg(&wheel))?;
     let ask = |arguments: &[&str]| {
@@ -51,8 +50,18 @@ pub fn tests() -> Result<(), Error> {
     ask(&["-m", "mypy.stubtest", "era", "--ignore-disjoint-bases"])
 }
 
+/// The interpreter of an environment with what the package's build and tests need.
+fn environment(root: &Path) -> Result<PathBuf, Error> {
+    let requirements = root.join(PACKAGE).join("requirements.txt");
+    python_environment::ensure(&requirements, &root.join("target/python-venv")).map_err(Error::Python)
+}
+
 /// Builds the wheel; its file.
-fn wheel(root: &Path, python: &Path) -> Result<PathBuf, Error> {
+///
+/// # Errors
+/// [`Error::Python`], [`Error::File`], [`Error::Start`], [`Error::Failed`].
+pub fn wheel(root: &Path) -> Result<PathBuf, Error> {
+    let python = environment(root)?;
     let out = root.join("target/python-wheel");
     let failed = |what, path: &Path| {
         let path = path.to_owned();
@@ -62,7 +71,7 @@ fn wheel(root: &Path, python: &Path) -> Result<PathBuf, Error> {
     if out.exists() {
         std::fs::remove_dir_all(&out).map_err(failed("cannot remove", &out))?;
     }
-    let mut maturin = Command::new(python);
+    let mut maturin = Command::new(&python);
     maturin.current_dir(root.join(PACKAGE)).args([
         "-m",
         "maturin",
@@ -72,7 +81,7 @@ fn wheel(root: &Path, python: &Path) -> Result<PathBuf, Error> {
         "--compatibility",
         "linux",
     ]);
-    run(maturin.arg("--interpreter").arg(python).arg("--out").arg(&out))?;
+    run(maturin.arg("--interpreter").arg(&python).arg("--out").arg(&out))?;
     let entries = std::fs::read_dir(&out).map_err(failed("cannot read", &out))?;
     let is_wheel = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "whl");
     let wheel = entries.filter_map(Result::ok).map(|entry| entry.path()).find(is_wheel);

@@ -26,6 +26,10 @@ pub enum Need {
     Cxx,
     /// What looks through systemd's units.
     Systemd,
+    /// What makes a Debian system in a folder.
+    Debootstrap,
+    /// What looks into Debian's packages.
+    Dpkg,
     /// rustfmt and clippy.
     Lints,
     /// What the firmware is compiled with.
@@ -40,6 +44,10 @@ pub const CI: &[Need] =
 
 /// What `cargo xtask python` needs.
 pub const PYTHON: &[Need] = &[Need::Python];
+/// What `cargo xtask dist` needs.
+pub const DIST: &[Need] = &[Need::Python, Need::Dpkg, Need::Target];
+/// The same with the trial of the package.
+pub const DIST_IN_CHROOT: &[Need] = &[Need::Python, Need::Dpkg, Need::Debootstrap, Need::Target];
 /// What `cargo xtask crosscheck` needs.
 pub const CROSSCHECK: &[Need] = &[Need::Python];
 
@@ -66,6 +74,8 @@ impl Need {
             Need::Openssl => "openssl, for certificates in the tests of clients".into(),
             Need::Cxx => "a C++ compiler (c++), for the fuzzing engine".into(),
             Need::Systemd => "systemd-analyze, for the units of `era install`".into(),
+            Need::Debootstrap => "debootstrap, for the trial of Debian's package".into(),
+            Need::Dpkg => "dpkg-deb and dpkg-shlibdeps, for Debian's package".into(),
             Need::Lints => "rustfmt and clippy, for formatting and lints".into(),
             Need::Target => format!("the compilation target {TARGET}, for the firmware"),
         }
@@ -80,6 +90,8 @@ impl Need {
             Need::Openssl => &["openssl"],
             Need::Cxx => &["g++"],
             Need::Systemd => &["systemd"],
+            Need::Debootstrap => &["debootstrap"],
+            Need::Dpkg => &["dpkg-dev"],
             Need::Lints | Need::Target => &[],
         }
     }
@@ -89,7 +101,7 @@ impl Need {
         match self {
             Need::Lints => Some(&["component", "add", "rustfmt", "clippy"]),
             Need::Target => Some(&["target", "add", TARGET]),
-            Need::Python | Need::Browser | Need::Nginx | Need::Openssl | Need::Cxx | Need::Systemd => None,
+            _ => None,
         }
     }
 }
@@ -205,6 +217,8 @@ impl Machine for This {
             Need::Openssl => Self::runs("openssl", &["version"]),
             Need::Cxx => Self::runs("c++", &["--version"]),
             Need::Systemd => Self::runs("systemd-analyze", &["--version"]),
+            Need::Debootstrap => Self::runs("debootstrap", &["--version"]),
+            Need::Dpkg => Self::runs("dpkg-deb", &["--version"]) && Self::runs("dpkg-shlibdeps", &["--version"]),
             Need::Lints => Self::runs("cargo", &["fmt", "--version"]) && Self::runs("cargo", &["clippy", "--version"]),
             Need::Target => target::is_here(),
         }

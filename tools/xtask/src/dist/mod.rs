@@ -1,0 +1,109 @@
+//! `cargo xtask dist`: all that a release has, in `target/dist`: Debian's package, the Python wheel, the firmware's image, the manual, and checksums.
+//! The package is tried in a Debian system of its own.
+
+mod chroot;
+mod package;
+
+use crate::error::Error;
+use crate::process::{output, run};
+use crate::{dependencies, image, python, root, setup};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// What to make.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// Do not install the package in a Debian system of its own, which root alone can make
+    #[arg(long)]
+    no_chroot: bool,
+}
+
+/// Makes everything, and tries the package.
+///
+/// # Errors
+/// What could not be built, written or installed; [`Error::Package`] where the installed program does not do what it should.
+pub fn command(options: &Options) -> Result<(), Error> {
+    setup::ensure("cargo xtask dist", if options.no_chroot { setup::DIST } else { setup::DIST_IN_CHROOT })?;
+    let root = root()?;
+    let out = root.join("target/dist");
+    clear_folder(&out)?;
+    run(Command::new("cargo").current_dir(&root).args([
+        "build",
+        "--release",
+        "--quiet",
+        "-p",
+        "era-host",
+        "--bin",
+        "era",
+    ]))?;
+    let manual = build_manual(&root, &out)?;
+    let package = package::build(&root, &out, &manual)?;
+    copy_into(&python::wheel(&root)?, &out)?;
+    let (firmware, _) = image::build(false)?;
+    let (version, _) = package::version_and_architecture(&package)?;
+    copy(&firmware, &out.join(format!("era-firmware-{version}.elf")))?;
+    write_checksums(&out)?;
+    if options.no_chroot {
+        println!("not tried: the package in a Debian system of its own (--no-chroot)");
+    } else {
+        chroot::check(&root, &package)?;
+    }
+    println!(
+        "in {}:\n{}",
+        out.display(),
+        output(Command::new("sha256sum").current_dir(&out).args(["--check", "SHA256SUMS"]))?
+    );
+    Ok(())
+}
+
+/// The manual as pages for a browser, in a folder of `out`.
+fn build_manual(root: &Path, out: &Path) -> Result<PathBuf, Error> {
+    dependencies::ensure_subcommand(root, "mdbook", &["mdbook", "--version"])?;
+    let manual = out.join("manual");
+    run(Command::new("mdbook").current_dir(root).args(["build", "docs", "--dest-dir"]).arg(&manual))?;
+    run(Command::new("tar").current_dir(out).args(["--create", "--gzip", "--file", "era-manual.tar.gz", "manual"]))?;
+    Ok(manual)
+}
+
+/// SHA-256 of each file of `out`, as `sha256sum --check` reads them.
+fn write_checksums(out: &Path) -> Result<(), Error> {
+    let mut names: Vec<PathBuf> =
+        list_files(out)?.iter().filter_map(|path| path.file_name().map(PathBuf::from)).collect();
+    names.sort();
+    let sums = output(Command::new("sha256sum").current_dir(out).args(&names))?;
+    write(&out.join("SHA256SUMS"), &format!("{sums}\n"))
+}
+
+fn list_files(folder: &Path) -> Result<Vec<PathBuf>, Error> {
+    let entries = fs::read_dir(folder).map_err(failed("cannot read", folder))?;
+    Ok(entries.filter_map(Result::ok).map(|entry| entry.path()).filter(|path| path.is_file()).collect())
+}
+
+fn clear_folder(folder: &Path) -> Result<(), Error> {
+    if folder.exists() {
+        fs::remove_dir_all(folder).map_err(failed("cannot remove", folder))?;
+    }
+    make_folder(folder)
+}
+
+fn make_folder(folder: &Path) -> Result<(), Error> {
+    fs::create_dir_all(folder).map_err(failed("cannot make", folder))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Error> {
+    fs::write(path, text).map_err(failed("cannot write", path))
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), Error> {
+    fs::copy(from, to).map(drop).map_err(failed("cannot copy", from))
+}
+
+fn copy_into(from: &Path, folder: &Path) -> Result<(), Error> {
+    copy(from, &folder.join(from.file_name().unwrap_or_default()))
+}
+
+fn failed(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Error {
+    let path = path.to_owned();
+    move |source| Error::File { what, path, source }
+}

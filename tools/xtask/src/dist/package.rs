@@ -1,0 +1,58 @@
+//! Debian's package, by cargo-deb: what is in it besides the program is made by the program itself. Its list is in `host/Cargo.toml`.
+
+use super::{clear_folder, make_folder, write};
+use crate::dependencies;
+use crate::error::Error;
+use crate::process::{output, run};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Shells, and what each calls the file of its completions.
+const COMPLETIONS: [(&str, &str); 3] = [("bash", "era"), ("zsh", "_era"), ("fish", "era.fish")];
+/// What `era install` says of its own files, which those of a package are not.
+const WRITTEN_BY: &str = "# Written by `era install`";
+
+/// Makes the package in `out` with the `manual`; its file.
+pub fn build(root: &Path, out: &Path, manual: &Path) -> Result<PathBuf, Error> {
+    dependencies::ensure_subcommand(root, "cargo-deb", &["cargo", "deb", "--version"])?;
+    stage(root, manual)?;
+    let mut deb = Command::new("cargo");
+    deb.current_dir(root).args(["deb", "--quiet", "--no-build", "--locked", "-p", "era-host", "--output"]).arg(out);
+    run(&mut deb)?;
+    let packages = super::list_files(out)?;
+    let is_package = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "deb");
+    packages.into_iter().find(is_package).ok_or_else(|| Error::Package("cargo deb made no package".into()))
+}
+
+/// A package's version and architecture.
+pub fn version_and_architecture(package: &Path) -> Result<(String, String), Error> {
+    let field = |name: &str| output(Command::new("dpkg-deb").arg("--field").arg(package).arg(name));
+    Ok((field("Version")?, field("Architecture")?))
+}
+
+/// Makes the files that `host/Cargo.toml` names below `target/deb`.
+fn stage(root: &Path, manual: &Path) -> Result<(), Error> {
+    let stage = root.join("target/deb");
+    clear_folder(&stage)?;
+    let era = |arguments: &[&str]| {
+        let mut command = Command::new(root.join("target/release/era"));
+        command.current_dir(&stage).args(arguments);
+        command
+    };
+    make_folder(&stage.join("completions"))?;
+    for (shell, file) in COMPLETIONS {
+        write(&stage.join("completions").join(file), &format!("{}\n", output(&mut era(&["completions", shell]))?))?;
+    }
+    run(&mut era(&["man", "--dir", "man"]))?;
+    write(&stage.join("era.toml"), &format!("{}\n", output(&mut era(&["config", "example"]))?))?;
+    output(&mut era(&["install", "--root", "installed", "--program", "/usr/bin/era"]))?;
+    for file in ["udev/rules.d/70-era.rules", "systemd/system/era.service"] {
+        let path = stage.join("installed/etc").join(file);
+        let text = fs::read_to_string(&path).map_err(super::failed("cannot read", &path))?;
+        let kept: String =
+            text.lines().filter(|line| !line.starts_with(WRITTEN_BY)).flat_map(|line| [line, "\n"]).collect();
+        write(&stage.join(path.file_name().unwrap_or_default()), &kept)?;
+    }
+    run(Command::new("cp").arg("--recursive").arg(manual).arg(stage.join("html")))
+}
