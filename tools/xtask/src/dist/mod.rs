@@ -41,8 +41,8 @@ pub fn command(options: &Options) -> Result<(), Error> {
     let package = package::build(&root, &out, &manual)?;
     copy_into(&python::wheel(&root)?, &out)?;
     let (firmware, _) = image::build(false)?;
-    let (version, _) = package::version_and_architecture(&package)?;
-    copy(&firmware, &out.join(format!("era-firmware-{version}.elf")))?;
+    // All parts have one version.
+    copy(&firmware, &out.join(concat!("era-firmware-", env!("CARGO_PKG_VERSION"), ".elf")))?;
     write_checksums(&out)?;
     if options.no_chroot {
         println!("not tried: the package in a Debian system of its own (--no-chroot)");

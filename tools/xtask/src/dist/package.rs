@@ -18,17 +18,13 @@ pub fn build(root: &Path, out: &Path, manual: &Path) -> Result<PathBuf, Error> {
     dependencies::ensure_subcommand(root, "cargo-deb", &["cargo", "deb", "--version"])?;
     stage(root, manual)?;
     let mut deb = Command::new("cargo");
-    deb.current_dir(root).args(["deb", "--quiet", "--no-build", "--locked", "-p", "era-host", "--output"]).arg(out);
+    deb.current_dir(root)
+        .args(["deb", "--quiet", "--no-build", "--locked", "--strip", "-p", "era-host", "--output"])
+        .arg(out);
     run(&mut deb)?;
     let packages = super::list_files(out)?;
     let is_package = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "deb");
     packages.into_iter().find(is_package).ok_or_else(|| Error::Package("cargo deb made no package".into()))
-}
-
-/// A package's version and architecture.
-pub fn version_and_architecture(package: &Path) -> Result<(String, String), Error> {
-    let field = |name: &str| output(Command::new("dpkg-deb").arg("--field").arg(package).arg(name));
-    Ok((field("Version")?, field("Architecture")?))
 }
 
 /// Makes the files that `host/Cargo.toml` names below `target/deb`.
