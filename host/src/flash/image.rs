@@ -127,7 +127,7 @@ impl Image {
         let endian = header.endian().map_err(not_elf)?;
         let (machine, entry) = (header.e_machine(endian), header.e_entry(endian));
         if machine != EM_ARM || entry % 2 == 0 {
-            return Err(ImageError::Machine { machine: machine.0, entry });
+            return Err(ImageError::Machine { machine, entry });
         }
         let mut bytes = Vec::new();
         for segment in header.program_headers(endian, elf).map_err(not_elf)? {

@@ -77,7 +77,7 @@ impl fmt::Display for LogLine {
 
 /// Makes lines of bytes, however these were cut.
 pub struct LogDecoder<'t> {
-    stream: Box<dyn StreamDecoder + Send + Sync + 't>,
+    stream: Box<dyn StreamDecoder + 't>,
     places: &'t BTreeMap<u64, Location>,
 }
 

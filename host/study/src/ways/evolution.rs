@@ -1,14 +1,11 @@
-//! Points that depend on results: the covariance matrix adaptation evolution strategy (Hansen and Ostermeier 2001), of the crate
-//! `cmaes`, asked for whole generations and told what they are worth.
+//! Points that depend on results: the covariance matrix adaptation evolution strategy (Hansen and Ostermeier 2001), several searches beside each other.
 //!
-//! The library asks a function for one value at a time, and samples a generation before it does. So every generation is had by
-//! going through all before it with the values that are known: they are the same again, as the random numbers are, and nothing
-//! but values has to be kept to go on after a stop.
+//! Every generation is had by going through all before it with the values that are known: they are the same again, as the random
+//! numbers are, and nothing but values has to be kept to go on after a stop.
 
+use super::adaptation::Adaptation;
 use crate::spec::Method;
-use cmaes::{CMAESOptions, DVector};
 use era_model::scene::random::Random;
-use std::cell::RefCell;
 
 /// A stream of random numbers of its own.
 const STREAM: u64 = 0xe701;
@@ -59,36 +56,20 @@ impl Evolution {
     #[must_use]
     pub fn ask(&self, run: usize, told: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let mut random = Random::new(self.seed, STREAM + run as u64);
-        let mut first = 0;
+        let (all, mut told) = (told.len(), told.iter());
         loop {
-            let asked = RefCell::new(Asked::default());
-            let middle = match (run, first) {
-                (0, 0) => vec![0.5; self.dimensions],
-                _ => (0..self.dimensions).map(|_| random.between(0.2, 0.8)).collect(),
+            let middle = if run == 0 && told.len() == all {
+                vec![0.5; self.dimensions]
+            } else {
+                (0..self.dimensions).map(|_| random.between(0.2, 0.8)).collect()
             };
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "any 53 bits will do")]
-            let seed = (random.unit() * (1_u64 << 53) as f64) as u64;
-            let search = CMAESOptions::new(middle, FIRST_DEVIATION)
-                .population_size(self.population)
-                .tol_x(ARRIVED)
-                .seed(seed)
-                .build(|point: &DVector<f64>| asked.borrow_mut().answer(point));
-            // Refused are no dimensions and such a population only.
-            let Ok(mut search) = search else { return vec![Vec::new(); self.population] };
-            let mut has_ended = false;
-            while !has_ended {
-                *asked.borrow_mut() =
-                    Asked { answers: told.get(first).cloned().unwrap_or_default(), points: Vec::new() };
-                has_ended = search.next().is_some();
-                if first == told.len() {
-                    return asked
-                        .borrow()
-                        .points
-                        .iter()
-                        .map(|point| point.iter().copied().map(folded).collect())
-                        .collect();
-                }
-                first += 1;
+            let mut search = Adaptation::new(middle, FIRST_DEVIATION, self.population);
+            while !search.has_ended(ARRIVED) {
+                let points = search.ask(&mut random);
+                let Some(values) = told.next() else {
+                    return points.into_iter().map(|point| point.into_iter().map(folded).collect()).collect();
+                };
+                search.tell(values);
             }
         }
     }
@@ -114,21 +95,6 @@ impl Evolution {
                 parts.into_iter().map(|part| part / whole).collect()
             }
         }
-    }
-}
-
-/// What the library asks for within a generation, and what it is answered.
-#[derive(Default)]
-struct Asked {
-    answers: Vec<f64>,
-    points: Vec<Vec<f64>>,
-}
-
-impl Asked {
-    fn answer(&mut self, point: &DVector<f64>) -> f64 {
-        self.points.push(point.iter().copied().collect());
-        // Of a generation that is only asked for, the answers are of no account.
-        self.answers.get(self.points.len() - 1).copied().unwrap_or(0.0)
     }
 }
 

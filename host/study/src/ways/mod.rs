@@ -1,5 +1,6 @@
 //! Which points of the unit cube are looked at.
 
+mod adaptation;
 mod evolution;
 mod samples;
 
