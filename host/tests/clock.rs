@@ -125,6 +125,38 @@ fn a_lasting_jump_is_believed_after_a_while() {
     assert!(error_s.abs() < 1e-3, "{error_s}");
 }
 
+/// A computer that stands still for a while, and with it a simulated board, or one that sleeps beside a real one, says nothing of an oscillator. One whose
+/// rate is another is found all the same.
+#[test]
+fn a_stall_is_no_rate() {
+    for stall_s in [0.03, 0.2, 1.5, -0.2, -3600.0] {
+        let mut board = Board { zero: Instant::now(), rate: 1.0 + 50e-6, offset_us: 5e9 };
+        let mut clock = ClockSync::new(board.zero);
+        for (number, sent_s) in times(80).enumerate() {
+            // Two of them.
+            if number == 30 || number == 45 {
+                board.offset_us -= stall_s * 1e6;
+            }
+            board.ask(&mut clock, sent_s, 1e-3, 1e-3);
+        }
+        let quality = clock.quality().expect("sampled");
+        assert!((quality.rate_ppm - 50.0).abs() < 20.0 && quality.residual_worst_s < 1e-3, "{stall_s}: {quality:?}");
+        assert!(board.error_s(&clock, 73.0).abs() < 0.2e-3, "{stall_s}");
+    }
+    let mut board = Board { zero: Instant::now(), rate: 1.0, offset_us: 5e9 };
+    let mut clock = ClockSync::new(board.zero);
+    for (number, sent_s) in times(160).enumerate() {
+        if number == 30 {
+            // From here on 5 % slow.
+            board.offset_us += 0.05 * sent_s * 1e6;
+            board.rate = 0.95;
+        }
+        board.ask(&mut clock, sent_s, 1e-3, 1e-3);
+    }
+    let quality = clock.quality().expect("sampled");
+    assert!((quality.rate_ppm + 50_000.0).abs() < 5_000.0, "{quality:?}");
+}
+
 #[test]
 fn nothing_is_known_before_it_is_asked() {
     let zero = Instant::now();

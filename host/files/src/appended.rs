@@ -22,7 +22,15 @@ impl AppendedFile {
         options.append(true).create_new(true);
         #[cfg(unix)]
         std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-        let file = options.open(path)?;
+        let file = match options.open(path) {
+            // What a writer has left that was ended, or had no room, before its first record.
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists && is_empty_file(path) => {
+                // Not written to: it may be somebody else's, or open for all to read.
+                std::fs::remove_file(path)?;
+                options.open(path)?
+            }
+            opened => opened?,
+        };
         sync_folder(folder_of(path))?;
         Ok(Self { file, whole_bytes: 0 })
     }
@@ -62,6 +70,12 @@ impl AppendedFile {
     }
 }
 
+/// Whether there is a file of no bytes; a link to one is none.
+#[must_use]
+pub fn is_empty_file(path: &Path) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|known| known.is_file() && known.len() == 0)
+}
+
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
@@ -78,5 +92,14 @@ mod tests {
         assert_eq!((std::fs::read_to_string(&path).unwrap().as_str(), file.whole_bytes()), ("one\ntwo\n", 8));
         assert_eq!(std::fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         assert_eq!(AppendedFile::create_private(&path).unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        // One without a record, of a disk that was full, is nobody's recording.
+        let left = folder.path().join("left.jsonl");
+        std::fs::write(&left, "").unwrap();
+        std::fs::set_permissions(&left, std::fs::Permissions::from_mode(0o644)).unwrap();
+        AppendedFile::create_private(&left).unwrap().append_records(b"one\n").unwrap();
+        assert_eq!(std::fs::metadata(&left).unwrap().permissions().mode() & 0o777, 0o600);
+        let link = folder.path().join("link.jsonl");
+        std::os::unix::fs::symlink("nothing", &link).unwrap();
+        assert_eq!(AppendedFile::create_private(&link).unwrap_err().kind(), io::ErrorKind::AlreadyExists);
     }
 }

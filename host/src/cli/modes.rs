@@ -109,12 +109,12 @@ fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) 
     for (i, (mode, bound)) in modes.enumerate() {
         let (bound, own) = (bound_text(*bound), bound_text(mode.pole_bound));
         let Mode { frequency_hz, damping_ratio, pole, .. } = mode;
-        let pole_hz = pole.frequency_hz;
-        let _ = write!(
-            text,
-            "\n{:5} {frequency_hz:8.3} Hz   {bound:>13}   {damping_ratio:13.5} {pole_hz:8.3} Hz {own:>13}",
-            i + 1
-        );
+        // Of a pole that is not known there are none.
+        let known = |value: f64, shown: String| if value.is_finite() { shown } else { "-".into() };
+        let ratio = known(*damping_ratio, format!("{damping_ratio:.5}"));
+        let pole_hz = known(pole.frequency_hz, format!("{:.3}", pole.frequency_hz));
+        let _ =
+            write!(text, "\n{:5} {frequency_hz:8.3} Hz   {bound:>13}   {ratio:>13} {pole_hz:>8} Hz {own:>13}", i + 1);
         if mode.frequency_hz == 0.0 {
             text.push_str("   (nothing holds this motion)");
         } else if let Some(slower) = pole.slower.filter(|_| !pole.is_known()) {

@@ -50,10 +50,9 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     // After all that may keep the daemon from starting: a file that was begun is in the next start's way.
     let recorder = match &options.record {
         None => None,
-        Some(path) => Some(
-            Recorder::start_with(path, &scene.name, kept(options))
-                .map_err(|error| Failure::Usage(format!("--record {}: {error}; {NEW_RECORD}", path.display())))?,
-        ),
+        Some(path) => Some(Recorder::start_with(path, &scene.name, kept(options)).map_err(|error| {
+            Failure::Usage(format!("--record {}: {error}{}", path.display(), record_advice(&error)))
+        })?),
     };
     let urls: Vec<String> = listeners.iter().map(|listener| usable(&listener.url(), &options.allow_host)).collect();
     let prepared = prepared_table(&options.panel, options.keep, &scene)?;
@@ -246,13 +245,23 @@ pub fn mistakes(options: &Serve) -> Vec<(&'static str, String)> {
         _ => Ok(()),
     });
     if let Err(error) = usable {
-        all.push((tls_key_name(options), error.to_string()));
+        let is_of_key = options.tls_key.as_ref().is_some_and(|key| error.is_of(key));
+        all.push((if is_of_key { "tls_key" } else { tls_key_name(options) }, error.to_string()));
     }
     // A name that has no address now may have one when the daemon starts.
     let addresses = listen_place(options).ok().and_then(|place| place.find_addresses().ok()).unwrap_or_default();
     let is_open = |address| Listener::check(address, has_tls(options), options.token_file.is_some()).err();
     all.extend(addresses.into_iter().find_map(is_open).map(|error| ("listen", error.to_string())));
     all
+}
+
+/// What to do about a recording that cannot be begun, where another place is the answer.
+fn record_advice(error: &std::io::Error) -> String {
+    use std::io::ErrorKind::{AlreadyExists, IsADirectory, NotADirectory, NotFound};
+    match error.kind() {
+        AlreadyExists | IsADirectory | NotADirectory | NotFound => format!("; {NEW_RECORD}"),
+        _ => String::new(),
+    }
 }
 
 /// What keeps a recording from being begun there. A file that was begun is not written over: a service that records to one is started once.
@@ -262,7 +271,7 @@ fn unrecordable(path: &Path) -> Option<String> {
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let shown = path.display();
-    if path.exists() {
+    if path.exists() && !era_files::is_empty_file(path) {
         return Some(format!("record is {shown}, which is there and is not written over: {NEW_RECORD}"));
     }
     let lacking = folder.filter(|folder| !folder.is_dir())?;

@@ -110,6 +110,14 @@ pub enum ListenError {
     },
 }
 
+impl ListenError {
+    /// Whether this file of certificate and key is what is wrong.
+    #[must_use]
+    pub fn is_of(&self, path: &Path) -> bool {
+        matches!(self, Self::Tls { file, .. } if *file == path.display().to_string())
+    }
+}
+
 /// What to do where the system gives no port.
 fn advise_on_port(error: &io::Error) -> &'static str {
     match error.kind() {

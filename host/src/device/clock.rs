@@ -20,6 +20,11 @@ const OUTLIER_DEVIATIONS: f64 = 5.0;
 const OUTLIER_S: f64 = 0.5e-3;
 /// For how long, in s, late samples are left out before they are believed: the clock itself has then jumped.
 const DOUBT_S: f64 = 10.0;
+/// Difference, in s, from which on the clock, or this computer, has stood still for a while: what is known of the rate stays, and the line is moved. An
+/// oscillator that is 1 % off is 10 ms off after a second.
+const JUMP_S: f64 = 20e-3;
+/// Samples between two such: of a clock whose rate is another one than was thought each sample is off, and that is to be learnt.
+const SAMPLES_BETWEEN_JUMPS: u64 = 8;
 /// Standard deviation of a prediction that is assumed where none is known, in s.
 const DEVIATION_AT_FIRST_S: f64 = 1e-3;
 /// Spread of the times of sending, in s, from which on a rate is worked out: 0.1 ms of jitter over it are 0.2 %, which is
@@ -79,6 +84,8 @@ struct Fit {
     covariance: f64,
     prediction_variance: f64,
     last_good_s: f64,
+    /// How many samples there were when the line was moved last.
+    moved_at: u64,
     residuals: VecDeque<f64>,
 }
 
@@ -113,6 +120,11 @@ impl Fit {
         if off.abs() > limit {
             if off > 0.0 && sent_s < self.last_good_s + DOUBT_S {
                 self.outliers += 1;
+                return;
+            }
+            if off.abs() > JUMP_S && self.samples > self.moved_at + SAMPLES_BETWEEN_JUMPS {
+                self.board_mean += off;
+                (self.moved_at, self.last_good_s) = (self.samples, sent_s);
                 return;
             }
             // Early, which no delay can be, or late for long: the clock is another than it was thought to be.
@@ -176,6 +188,7 @@ impl ClockSync {
                     prediction_variance: DEVIATION_AT_FIRST_S * DEVIATION_AT_FIRST_S,
                     // The first samples are believed whatever they say: there is nothing to doubt them by.
                     last_good_s: sent_s - DOUBT_S,
+                    moved_at: 0,
                     residuals: VecDeque::new(),
                 });
             }

@@ -73,7 +73,8 @@ impl Trouble {
             }
             Self::Untrusted(reason) if has_ca => (
                 format!("the certificate of {url} is not the one that --ca trusts ({reason})"),
-                "copy the daemon's certificate anew (era-cert.pem in its --tls-dir): it makes another where it was removed"
+                "if the daemon made its certificate itself, copy it anew (era-cert.pem in its --tls-dir); if an authority did, see that the file of \
+                 --tls-cert has the intermediate certificates behind the daemon's own, and --ca the authority's root"
                     .into(),
             ),
             Self::Untrusted(reason) => (

@@ -32,6 +32,42 @@ fn post_stop(socket: &Path) -> String {
     answer.lines().next().unwrap_or_default().to_owned()
 }
 
+/// Room is made after a first start that had none: the second one records.
+#[test]
+fn a_start_without_room_does_not_keep_later_ones_from_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    for limit in ["0", "unlimited"] {
+        let mut daemon = Command::new("prlimit")
+            .arg(format!("--fsize={limit}"))
+            .arg(env!("CARGO_BIN_EXE_era"))
+            .args([
+                "serve",
+                "--accuracy",
+                "fast",
+                "--listen",
+                "127.0.0.1:0",
+                "--socket",
+                "none",
+                "--record",
+                "day.jsonl",
+            ])
+            .env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"))
+            .current_dir(folder.path())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(daemon.stderr.take().unwrap()).lines().map_while(Result::ok);
+        let (put, log) = channel();
+        std::thread::spawn(move || lines.for_each(|line| put.send(line).unwrap_or_default()));
+        let wanted = if limit == "0" { "File too large" } else { "ready after" };
+        let said = find_line(&log, wanted).unwrap_or_else(|| panic!("{limit}: no {wanted:?}"));
+        assert!(!said.contains("a new file is wanted"), "{said}");
+        daemon.kill().unwrap();
+        daemon.wait().unwrap();
+    }
+    assert!(fs::read_to_string(folder.path().join("day.jsonl")).unwrap().contains("begin"));
+}
+
 /// With room for half of its first line, and for a few lines and a part of one: the end is told, the daemon answers on, and what was recorded can be read.
 #[test]
 fn a_recording_that_has_no_room_ends_with_a_whole_line() {

@@ -11,8 +11,7 @@ use crate::daemon::view::TouchView;
 use crate::daemon::whole::convert_whole;
 use crate::planner::request::MAX_TARGETS;
 use crate::scene::Scene;
-use serde::de::{IgnoredAny, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 use serde_json::Value;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -136,35 +135,50 @@ impl Message {
     }
 }
 
-/// The values of all keys `type` of a message, as one that is there twice counts too; none where it is no object.
-pub fn list_types(message: &[u8]) -> Vec<Value> {
-    struct Types(Vec<Value>);
-    struct Keys;
-    impl<'de> Visitor<'de> for Keys {
-        type Value = Types;
-
-        fn expecting(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-            out.write_str("an object")
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Types, A::Error> {
-            let mut types = Vec::new();
-            while let Some(key) = map.next_key::<String>()? {
-                if key == "type" {
-                    types.push(map.next_value()?);
+/// The texts of all keys `type` of a message's own object, or of each where there are several behind each other or in a list: one that is there twice counts
+/// too. What the message has besides need not be JSON, nor end: a stop counts that has `NaN` beside it, a comma too many, or another message behind it.
+pub fn list_types(message: &[u8]) -> Vec<String> {
+    let text = String::from_utf8_lossy(message);
+    let (bytes, mut types) = (text.as_bytes(), Vec::new());
+    let (mut at, mut depth) = (0, 0_usize);
+    // The key before a value, and whether its colon has come.
+    let (mut key, mut is_value) = (None, false);
+    while let Some(byte) = bytes.get(at) {
+        match byte {
+            b'"' => {
+                let end = end_of_string(bytes, at);
+                let word = text.get(at..end).and_then(|word| serde_json::from_str::<String>(word).ok());
+                if is_value {
+                    types.extend(word.filter(|_| depth == 1 && key.as_deref() == Some("type")));
+                    (key, is_value) = (None, false);
                 } else {
-                    map.next_value::<IgnoredAny>()?;
+                    key = word;
                 }
+                at = end;
+                continue;
             }
-            Ok(Types(types))
+            b':' => is_value = key.is_some(),
+            b'{' => (depth, key, is_value) = (depth + 1, None, false),
+            b'}' => (depth, key, is_value) = (depth.saturating_sub(1), None, false),
+            byte if byte.is_ascii_whitespace() => {}
+            _ => (key, is_value) = (None, false),
+        }
+        at += 1;
+    }
+    types
+}
+
+/// Where the string that begins at `start` ends, quotes included; the text's end where it does not.
+fn end_of_string(bytes: &[u8], start: usize) -> usize {
+    let mut at = start + 1;
+    while let Some(byte) = bytes.get(at) {
+        match byte {
+            b'\\' => at += 2,
+            b'"' => return at + 1,
+            _ => at += 1,
         }
     }
-    impl<'de> Deserialize<'de> for Types {
-        fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-            from.deserialize_map(Keys)
-        }
-    }
-    serde_json::from_slice::<Types>(message).map(|Types(types)| types).unwrap_or_default()
+    bytes.len()
 }
 
 /// One finger, on the screen.
@@ -326,6 +340,58 @@ mod tests {
             fingers(r#"{"touches": [NaN, -Infinity, 1e999, true]}"#),
             of(&["\"NaN\"", "\"-Infinity\"", "1e999", "true"])
         );
+    }
+
+    #[test]
+    fn a_stop_is_found_whatever_is_beside_it() {
+        for stop in [
+            r#"{"type":"stop"}"#,
+            r#"{ "type" : "st\u006fp" }"#,
+            r#"{"type":"stop","x":NaN}"#,
+            r#"{"x":NaN,"type":"stop"}"#,
+            r#"{"type":"stop","x":-Infinity}"#,
+            r#"{"type":"stop","x":{"y":[NaN, "}"]}}"#,
+            r#"{"x":{"y":[NaN, "}{"]}, "type":"stop"}"#,
+            "{\"type\":\"stop\"}\n{\"type\":\"stop\"}\n",
+            "{\"type\":\"touch\",\"touches\":[]}\n{\"type\":\"stop\"}",
+            r#"{"type":"stop"};"#,
+            "{\"type\":\"stop\"}\0",
+            r#"{"type":"stop"} // now"#,
+            r#"{"type":"stop",}"#,
+            r#"[{"type":"stop"}]"#,
+            r#"{"type":"touch","type":"stop"}"#,
+            r#"{"type":"stop","x":"\ud800"}"#,
+            r#"{"type":"stop","x":"#,
+        ] {
+            assert!(list_types(stop.as_bytes()).contains(&"stop".to_owned()), "{stop}");
+        }
+        assert!(list_types(b"{\"type\":\"stop\",\"x\":\"\xff\"}").contains(&"stop".to_owned()));
+        for other in [
+            "",
+            "\"",
+            "stop",
+            r#""stop""#,
+            r#"{"type":"touch","touches":[{"type":"stop"}]}"#,
+            r#"{"kind":"type", "x":"stop"}"#,
+            r#"{"x":"{\"type\":\"stop\"}"}"#,
+            r#"{"type":["stop"]}"#,
+            r#"{"type":{"x":"stop"}}"#,
+            r#"{"type"}"stop""#,
+        ] {
+            assert!(!list_types(other.as_bytes()).contains(&"stop".to_owned()), "{other}");
+        }
+    }
+
+    #[test]
+    fn lifts_are_found_whatever_is_behind_them() {
+        for text in [
+            r#"{"type":"touch","touches":[{"id":2}]}}"#,
+            r#"{"type":"touch","touches":[{"id":2}]}x"#,
+            r#"{"type":"touch","touches":[{"id":2}],}"#,
+        ] {
+            let message = Message::from_text(text);
+            assert!(message.rest.is_err() && message.is_touch && message.ids() == [2], "{text}");
+        }
     }
 
     #[test]
