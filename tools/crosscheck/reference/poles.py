@@ -9,6 +9,9 @@ raised in small steps, and each pole goes to the nearest of those of the step be
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+# The local compliance has no mass, and modes have none of it: a lossy support gives way by 1 / (1 + j eta) of what it would, which is a motion of
+# that. It gets mass enough for this frequency: at 400 Hz it is off by 4e-6 of itself.
+LOCAL_HZ = 2e5
 # Steps from damping that does next to nothing to all of it.
 STEPS = 30
 # How much nearer the own one has to be than any other.
@@ -19,7 +22,10 @@ REAL = 1e-7
 
 def modal(model):
     """Squared frequencies, viscous and hysteretic matrices over all modes of one of a panel's meshes."""
-    omega, phi = model.modes()
+    mass = model.mass.copy()
+    local = np.arange(model.size)[model.local_part]
+    mass[local, local] += (2 * np.pi * LOCAL_HZ) ** -2
+    omega, phi = model._eigen(mass, model.stiffness, model.size)
     omega = omega.copy()
     omega[: model.free_motions] = 0.0
     project = lambda matrix: phi.T @ matrix @ phi

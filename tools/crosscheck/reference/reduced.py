@@ -223,8 +223,10 @@ class Reduced:
             spring = capped * np.outer(row, row)
             self.spring_stiffness += spring
             self.held_stiffness += spring
-            self.losses += support.loss_factor * spring
-            self.dashpots += support.damping * np.outer(row, row)
+            # What it loses goes with the motion of the true one under the same force.
+            softer = capped / support.stiffness if support.stiffness > 0 else 1.0
+            self.losses += support.loss_factor * softer * spring
+            self.dashpots += support.damping * softer**2 * np.outer(row, row)
         self.own_motion = {place: used[place] / true[place] if true[place] > 0 else 1.0 for place in self.at}
         for slope, (stiffness, loss_factor) in zip(self.turning_rows, self.turning_springs):
             row = np.zeros(size)
