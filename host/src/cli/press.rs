@@ -32,7 +32,7 @@ fn missing(table: &PlanTable) -> Vec<String> {
         }
     }
     let line = |(reason, ids): &(&str, Vec<&str>)| {
-        format!("No bound is known on the way alone of {}, because {reason}.", ids.join(" and "))
+        format!("The error of how far the press alone moves {} is not known, because {reason}.", ids.join(" and "))
     };
     reasons.iter().map(line).collect()
 }

@@ -14,6 +14,9 @@ pub fn describe_redirect(url: &str, path: &str, status: u16, location: Option<&s
     );
     let (without_query, _) = new.split_once(['?', '#']).unwrap_or((&new, ""));
     let advice = match without_query.strip_suffix(path) {
+        Some(base) if base == url.trim_end_matches('/') => {
+            "that is the address that was asked: a daemon does not answer so, see what is at --url".into()
+        }
         // An address of a live socket is given as that of the daemon.
         Some(base) => format!(
             "if that is the daemon's, give --url {}",

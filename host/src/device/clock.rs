@@ -23,8 +23,9 @@ const DOUBT_S: f64 = 10.0;
 /// Difference, in s, from which on the clock, or this computer, has stood still for a while: what is known of the rate stays, and the line is moved. An
 /// oscillator that is 1 % off is 10 ms off after a second.
 const JUMP_S: f64 = 20e-3;
-/// Samples between two such: of a clock whose rate is another one than was thought each sample is off, and that is to be learnt.
-const SAMPLES_BETWEEN_JUMPS: u64 = 8;
+/// Samples in a row that have to be as predicted before one that counts as that: where the rate is another one than was thought each sample is off, and
+/// that is to be learnt.
+const GOOD_BEFORE_JUMP: u64 = 4;
 /// Standard deviation of a prediction that is assumed where none is known, in s.
 const DEVIATION_AT_FIRST_S: f64 = 1e-3;
 /// Spread of the times of sending, in s, from which on a rate is worked out: 0.1 ms of jitter over it are 0.2 %, which is
@@ -84,8 +85,8 @@ struct Fit {
     covariance: f64,
     prediction_variance: f64,
     last_good_s: f64,
-    /// How many samples there were when the line was moved last.
-    moved_at: u64,
+    /// Samples in a row, up to the last one, that were as predicted.
+    good_in_a_row: u64,
     residuals: VecDeque<f64>,
 }
 
@@ -122,15 +123,18 @@ impl Fit {
                 self.outliers += 1;
                 return;
             }
-            if off.abs() > JUMP_S && self.samples > self.moved_at + SAMPLES_BETWEEN_JUMPS {
+            let is_jump = off.abs() > JUMP_S && self.good_in_a_row >= GOOD_BEFORE_JUMP;
+            self.good_in_a_row = 0;
+            if is_jump {
                 self.board_mean += off;
-                (self.moved_at, self.last_good_s) = (self.samples, sent_s);
+                self.last_good_s = sent_s;
                 return;
             }
             // Early, which no delay can be, or late for long: the clock is another than it was thought to be.
             self.prediction_variance = DEVIATION_AT_FIRST_S * DEVIATION_AT_FIRST_S;
         } else {
             self.last_good_s = sent_s;
+            self.good_in_a_row += 1;
             self.prediction_variance = (1.0 - DECAY) * (self.prediction_variance + off * off * DECAY);
         }
         if self.residuals.len() == RESIDUALS {
@@ -188,7 +192,7 @@ impl ClockSync {
                     prediction_variance: DEVIATION_AT_FIRST_S * DEVIATION_AT_FIRST_S,
                     // The first samples are believed whatever they say: there is nothing to doubt them by.
                     last_good_s: sent_s - DOUBT_S,
-                    moved_at: 0,
+                    good_in_a_row: 0,
                     residuals: VecDeque::new(),
                 });
             }
