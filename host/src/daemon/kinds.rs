@@ -123,9 +123,6 @@ kinds! {
     TooLarge = "too-large", UNPROCESSABLE_ENTITY, "Too large for the daemon";
     /// Too many requests wait for the planner, or to arm or to clear a fault, or too many clients for previews: `depth` says how many, `retry_after_ms` and Retry-After when to ask again.
     QueueFull = "busy", TOO_MANY_REQUESTS, "Too many requests";
-    /// Too many different wrong tokens came from this address within a minute: until `retry_after_ms` none is looked at from there,
-    /// except with `POST /v1/stop`.
-    Guesses = "guesses", TOO_MANY_REQUESTS, "Too many wrong tokens";
     /// As many connections are open as there may be: this one takes `POST /v1/stop` only.
     ConnectionsFull = "busy", SERVICE_UNAVAILABLE, "Too many connections";
     /// As many live sockets are open as there may be.

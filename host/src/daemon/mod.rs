@@ -1,7 +1,7 @@
 //! The daemon: HTTP and WebSocket in front of one device session.
 //!
 //! `server` accepts connections and gives every request a task of its own, `guests` keeps a way in for stops, `linger` ends connections whose sender still sends;
-//! `head` looks at the head of a request, `pace` has those wait whose client asks too fast, `access` says who may do what, by `origins` and tokens, `guesses` how often;
+//! `head` looks at the head of a request, `pace` has those wait whose client asks too fast, `access` says who may do what, by `origins` and tokens;
 //! `routes` and `live`
 //! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and plans
 //! it, `drive` has the board drive it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
@@ -22,7 +22,6 @@ mod body;
 mod client;
 mod description;
 mod drive;
-mod guesses;
 mod guests;
 mod head;
 mod kinds;

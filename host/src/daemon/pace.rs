@@ -5,13 +5,12 @@
 //! requests beyond a pace wait, whatever they ask, but for a stop. Nobody is refused.
 
 use super::client::Peer;
-use super::guesses::network_of;
 use axum::extract::{Request, State};
 use axum::http::Method;
 use axum::middleware::Next;
 use axum::response::Response;
 use std::collections::HashMap;
-use std::net::IpAddr;
+use std::net::{IpAddr, Ipv6Addr};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -76,6 +75,14 @@ pub async fn keep_pace(State(pace): State<Arc<Pace>>, request: Request, next: Ne
         }
     }
     next.run(request).await
+}
+
+/// What counts as one machine: of IPv6 the network of 64 bits, as every machine has all of its addresses.
+fn network_of(address: IpAddr) -> IpAddr {
+    match address.to_canonical() {
+        IpAddr::V6(v6) if !v6.is_loopback() => Ipv6Addr::from_bits(v6.to_bits() >> 64 << 64).into(),
+        other => other,
+    }
 }
 
 #[cfg(test)]

@@ -126,7 +126,6 @@ pub fn of(path: &str, role: Option<Role>) -> Map<String, Value> {
     kinds.retain(|kind| path != "/v1/stop" || !is_of_a_body(kind));
     kinds.extend(own(path));
     kinds.extend(role.map(|_| Kind::Token));
-    kinds.extend(role.filter(|_| path != "/v1/stop").map(|_| Kind::Guesses));
     // Every token may look.
     kinds.extend(role.filter(|role| *role > Role::View).map(|_| Kind::Role));
     // There is always a way to stop.
@@ -187,15 +186,7 @@ const fn header_of(kind: Kind) -> Option<(&'static str, &'static str)> {
 
 /// Whether it may say when to ask again.
 const fn may_be_asked_again(kind: Kind) -> bool {
-    matches!(
-        kind,
-        Kind::QueueFull
-            | Kind::Guesses
-            | Kind::ConnectionsFull
-            | Kind::SocketsFull
-            | Kind::DeviceRefused
-            | Kind::DeviceLate
-    )
+    matches!(kind, Kind::QueueFull | Kind::ConnectionsFull | Kind::SocketsFull | Kind::DeviceRefused | Kind::DeviceLate)
 }
 
 fn urn(kind: Kind) -> String {
