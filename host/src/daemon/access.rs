@@ -1,7 +1,7 @@
 //! Who may do what: pages and names from elsewhere, tokens and their roles.
 
 use super::assets;
-use super::client::{Peer, TokenNumber};
+use super::client::TokenNumber;
 use super::head::{check_head, read_header};
 use super::origins::{Authority, normalize_name, normalize_origin};
 use super::problem::{Kind, Problem};
@@ -14,7 +14,6 @@ use axum::response::{IntoResponse, Response};
 use percent_encoding::percent_decode_str;
 use sha2::{Digest as _, Sha256};
 use std::sync::Arc;
-use std::time::Instant;
 use subtle::ConstantTimeEq;
 
 /// For how long a browser may remember that another page's requests are allowed, in s.
