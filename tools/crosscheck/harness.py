@@ -5,7 +5,6 @@ import copy
 import json
 import os
 import resource
-import signal
 import socket
 import subprocess
 import time
@@ -66,6 +65,12 @@ class ProgramFailed(Exception):
         self.command, self.code, self.stderr = command, code, stderr
 
 
+def _seconds_of_children():
+    """Processor time of all programs that have ended, in s."""
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime
+
+
 @dataclass
 class Program:
     """The `era` binary on one scene file."""
@@ -86,11 +91,13 @@ class Program:
     def _run(self, line):
         limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (self.limit_s, self.limit_s + 5))
         options = {"capture_output": True, "text": True, "env": self._environment(), "check": False, "preexec_fn": limit}
+        before = _seconds_of_children()
         try:
             done = subprocess.run(line, timeout=WAITING * self.limit_s, **options)
         except subprocess.TimeoutExpired:
             raise ProgramFailed(line, -1, f"did not end within {WAITING * self.limit_s} s") from None
-        if done.returncode == -signal.SIGXCPU:
+        # The program ends in an orderly way at that signal, with 1.
+        if done.returncode != 0 and _seconds_of_children() - before >= self.limit_s:
             raise ProgramFailed(line, done.returncode, f"did not end within {self.limit_s} s of processor time")
         if done.returncode != 0:
             raise ProgramFailed(line, done.returncode, done.stderr)
