@@ -119,7 +119,8 @@ pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
 pub fn tell_plan(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
     if plans.iter().any(|plan| plan.error_bound.is_none()) {
         tell!(
-            "no bound is known (error_bound is null) because nothing moves at the target, or because the panel's model has none (see `era response`)"
+            "no bound is known (error_bound is null): nothing moves at the target, or the three meshes of the plan do not agree yet (another --tolerance \
+             takes others), or the panel's model has none (see `era response`)"
         );
     }
     let tolerance = accuracy.value();
@@ -127,7 +128,7 @@ pub fn tell_plan(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
     if largest > tolerance {
         tell!(
             "error_bound {largest:.1e} of the target's peak is above the tolerance {tolerance:.1e}: a plan is made on the mesh \
-             that usually meets it; ask for a tighter --tolerance"
+             that usually meets it; a tighter --tolerance takes a finer one, as far as there are finer ones"
         );
     } else if explain {
         tell!("tolerance {tolerance:.0e} met: the target's peak is right to {largest:.0e}");

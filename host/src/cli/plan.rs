@@ -351,7 +351,7 @@ fn details_text(text: &mut String, plan: &Plan, details: &Report) {
         let what = if plan.limited_by.is_some() { "what it reaches" } else { "what it moves, or takes, elsewhere" };
         let _ = write!(text, "\nnot proven: another combination could be up to {more}, in {what}");
     } else {
-        text.push_str("\nproven: no other combination of the grid's frequencies is better");
+        text.push_str("\nproven: no other frequencies of the grid, one for each actuator and 20 Hz apart, are better");
     }
 }
 
