@@ -4,7 +4,7 @@
 //! Continuous integration reaches the package registries and nothing else, so it cannot fetch the database: whoever can
 //! clones it and names the clone.
 
-use crate::error::Error;
+use crate::error::{Error, file_error};
 use crate::process::{output, run};
 use crate::root;
 use clap::Args;
@@ -80,9 +80,9 @@ fn at_hand(root: &Path) -> Option<PathBuf> {
 }
 
 fn advisories(root: &Path, database: &Path) -> Result<(), Error> {
-    let database = database.canonicalize().map_err(failed("cannot find", database))?;
+    let database = database.canonicalize().map_err(file_error("cannot find", database))?;
     let crates = database.join("crates");
-    std::fs::read_dir(&crates).map_err(failed("no database of advisories: cannot read", &crates))?;
+    std::fs::read_dir(&crates).map_err(file_error("no database of advisories: cannot read", &crates))?;
     // Its own date, not that of cloning it: what was found since then is not in it.
     let date = output(Command::new("git").arg("-C").arg(&database).args(["show", "-s", "--format=%cs", "HEAD"]))?;
     println!("advisories as of {date}, from {}", database.display());
@@ -99,16 +99,16 @@ fn advisories(root: &Path, database: &Path) -> Result<(), Error> {
 /// Makes cargo-deny take a database for the clone that it would have fetched, and gives the configuration that says so.
 fn configure(root: &Path, database: &Path) -> Result<PathBuf, Error> {
     let folder = root.join("target/advisories");
-    std::fs::create_dir_all(&folder).map_err(failed("cannot make", &folder))?;
+    std::fs::create_dir_all(&folder).map_err(file_error("cannot make", &folder))?;
     let link = folder.join(CLONE);
     if link.is_symlink() {
-        std::fs::remove_file(&link).map_err(failed("cannot remove", &link))?;
+        std::fs::remove_file(&link).map_err(file_error("cannot remove", &link))?;
     }
-    symlink(database, &link).map_err(failed("cannot make", &link))?;
+    symlink(database, &link).map_err(file_error("cannot make", &link))?;
     let (own, config) = (root.join("deny.toml"), folder.join("deny.toml"));
-    let text = std::fs::read_to_string(&own).map_err(failed("cannot read", &own))?;
+    let text = std::fs::read_to_string(&own).map_err(file_error("cannot read", &own))?;
     let text = text.replace("[advisories]\n", &format!("[advisories]\ndb-path = {:?}\n", folder.display().to_string()));
-    std::fs::write(&config, text).map_err(failed("cannot write", &config))?;
+    std::fs::write(&config, text).map_err(file_error("cannot write", &config))?;
     Ok(config)
 }
 
@@ -120,11 +120,6 @@ fn symlink(target: &Path, link: &Path) -> std::io::Result<()> {
 #[cfg(not(unix))]
 fn symlink(_: &Path, _: &Path) -> std::io::Result<()> {
     Err(std::io::Error::new(std::io::ErrorKind::Unsupported, "advisories are checked on Unix"))
-}
-
-fn failed(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Error {
-    let path = path.to_owned();
-    move |source| Error::File { what, path, source }
 }
 
 fn workspaces(root: &Path) -> [PathBuf; 2] {

@@ -1,7 +1,7 @@
 //! What can go wrong in a developer command.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Why a command failed.
@@ -160,4 +160,10 @@ pub enum Error {
     /// A message could not be put into a frame.
     #[error("cannot encode the request: {0:?}")]
     Encode(era_shared::link::EncodeError),
+}
+
+/// Makes the error of a file from the system's: `what` was tried with the file at `path`, as in "cannot read".
+pub fn file_error(what: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Error + use<> {
+    let path = path.to_owned();
+    move |source| Error::File { what, path, source }
 }

@@ -82,7 +82,7 @@ fn main() -> ExitCode {
         Command::Waveforms(options) => waveforms::command(&options),
         Command::Crosscheck(options) => crosscheck::command(&options),
         Command::Python => python::command(),
-        Command::Dist(options) => dist::command(&options),
+        Command::Dist(options) => dist::make_release(&options),
         Command::House(options) => house::command(options),
         Command::Advisories(options) => dependencies::command(&options),
         Command::Miri => miri::command(),

@@ -2,7 +2,7 @@
 //!
 //! The wheel is built in release mode, as the tests are.
 
-use crate::error::Error;
+use crate::error::{Error, file_error};
 use crate::process::run;
 use crate::{root, setup};
 use std::path::{Path, PathBuf};
@@ -31,8 +31,8 @@ pub fn command() -> Result<(), Error> {
 pub fn tests() -> Result<(), Error> {
     let root = root()?;
     let folder = root.join(PACKAGE);
-    let python = environment(&root)?;
-    let wheel = wheel(&root)?;
+    let python = ensure_environment(&root)?;
+    let wheel = build_wheel(&root)?;
     let install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--force-reinstall"];
     run(Command::new(&python).args(install).arg(&wheel))?;
     let ask = |arguments: &[&str]| {
@@ -51,25 +51,21 @@ pub fn tests() -> Result<(), Error> {
 }
 
 /// The interpreter of an environment with what the package's build and tests need.
-fn environment(root: &Path) -> Result<PathBuf, Error> {
+fn ensure_environment(root: &Path) -> Result<PathBuf, Error> {
     let requirements = root.join(PACKAGE).join("requirements.txt");
     python_environment::ensure(&requirements, &root.join("target/python-venv")).map_err(Error::Python)
 }
 
-/// Builds the wheel; its file.
+/// Builds the wheel and returns its file.
 ///
 /// # Errors
 /// [`Error::Python`], [`Error::File`], [`Error::Start`], [`Error::Failed`].
-pub fn wheel(root: &Path) -> Result<PathBuf, Error> {
-    let python = environment(root)?;
+pub fn build_wheel(root: &Path) -> Result<PathBuf, Error> {
+    let python = ensure_environment(root)?;
     let out = root.join("target/python-wheel");
-    let failed = |what, path: &Path| {
-        let path = path.to_owned();
-        move |source| Error::File { what, path, source }
-    };
     // Another version's wheel has another name.
     if out.exists() {
-        std::fs::remove_dir_all(&out).map_err(failed("cannot remove", &out))?;
+        std::fs::remove_dir_all(&out).map_err(file_error("cannot remove", &out))?;
     }
     let mut maturin = Command::new(&python);
     maturin.current_dir(root.join(PACKAGE)).args([
@@ -82,8 +78,8 @@ pub fn wheel(root: &Path) -> Result<PathBuf, Error> {
         "linux",
     ]);
     run(maturin.arg("--interpreter").arg(&python).arg("--out").arg(&out))?;
-    let entries = std::fs::read_dir(&out).map_err(failed("cannot read", &out))?;
+    let entries = std::fs::read_dir(&out).map_err(file_error("cannot read", &out))?;
     let is_wheel = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "whl");
     let wheel = entries.filter_map(Result::ok).map(|entry| entry.path()).find(is_wheel);
-    wheel.ok_or_else(|| failed("found no wheel in", &out)(std::io::ErrorKind::NotFound.into()))
+    wheel.ok_or_else(|| file_error("found no wheel in", &out)(std::io::ErrorKind::NotFound.into()))
 }

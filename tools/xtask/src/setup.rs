@@ -101,7 +101,14 @@ impl Need {
         match self {
             Need::Lints => Some(&["component", "add", "rustfmt", "clippy"]),
             Need::Target => Some(&["target", "add", TARGET]),
-            _ => None,
+            Need::Python
+            | Need::Browser
+            | Need::Nginx
+            | Need::Openssl
+            | Need::Cxx
+            | Need::Systemd
+            | Need::Debootstrap
+            | Need::Dpkg => None,
         }
     }
 }

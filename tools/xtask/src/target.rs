@@ -4,7 +4,7 @@
 //! same compiler. With them cargo builds `core` and `alloc` itself, which stable cargo only does when told to behave
 //! like a nightly one (`RUSTC_BOOTSTRAP`).
 
-use crate::error::Error;
+use crate::error::{Error, file_error};
 use crate::process::{output, run, said};
 pub use crate::triple::TARGET;
 use std::fs;
@@ -120,10 +120,6 @@ fn ensure_sources(scratch: &Path) -> Result<(), Error> {
 /// Downloads Debian's `rust-src` with an apt configuration of its own, which needs no rights and leaves the machine's
 /// package lists alone.
 fn download(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
-    let file_error = |what, path: &Path| {
-        let path = path.to_path_buf();
-        move |source| Error::File { what, path, source }
-    };
     for directory in ["state/lists/partial", "cache/archives/partial", "package"] {
         let path = scratch.join(directory);
         fs::create_dir_all(&path).map_err(file_error("cannot make", &path))?;

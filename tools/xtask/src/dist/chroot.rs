@@ -22,28 +22,32 @@ const FILES: [&str; 6] = [
     "/etc/era/era.toml",
 ];
 
-/// Makes a bare Debian system of this machine's release, installs `package`, has the daemon serve the example, and removes the package.
-pub fn check(root: &Path, package: &Path) -> Result<(), Error> {
+/// Makes a bare Debian system of this machine's release, installs `package`, has the daemon serve the example, and removes the package. A system in
+/// which something fails is left to be looked at.
+///
+/// # Errors
+/// What could not be run or copied; [`Error::Package`] where a file is missing or left, or the daemon serves no page.
+pub fn try_package(root: &Path, package: &Path) -> Result<(), Error> {
     let system = root.join("target/dist-chroot");
     // Of a run that was cut short: nothing is mounted in it outside the process that does.
     if system.exists() {
         run(Command::new("rm").args(["--recursive", "--force", "--one-file-system"]).arg(&system))?;
     }
-    let (mirror, release) = mirror()?;
+    let (mirror, release) = find_mirror_and_release()?;
     println!("making a Debian system ({release}) in {}", system.display());
     let mut debootstrap = Command::new("debootstrap");
     debootstrap.args(["--variant=minbase", &release]).arg(&system).arg(mirror).stdout(Stdio::null());
     run(&mut debootstrap)?;
-    super::copy(package, &system.join("tmp/era.deb"))?;
-    run(chrooted(&system, "dpkg --install /tmp/era.deb").stdout(Stdio::null()))?;
+    super::copy_file(package, &system.join("tmp/era.deb"))?;
+    run(command_in_system(&system, "dpkg --install /tmp/era.deb").stdout(Stdio::null()))?;
     for file in FILES {
         if !system.join(file.trim_start_matches('/')).is_file() {
             return Err(Error::Package(format!("{file} is not installed")));
         }
     }
-    println!("installed: {}", output(&mut chrooted(&system, "era --version"))?);
+    println!("installed: {}", output(&mut command_in_system(&system, "era --version"))?);
     serve_page(&system)?;
-    run(chrooted(&system, "dpkg --purge era-haptics").stdout(Stdio::null()))?;
+    run(command_in_system(&system, "dpkg --purge era-haptics").stdout(Stdio::null()))?;
     match FILES.iter().find(|file| system.join(file.trim_start_matches('/')).exists()) {
         Some(file) => Err(Error::Package(format!("{file} is left after the package was removed"))),
         None => run(Command::new("rm").args(["--recursive", "--force", "--one-file-system"]).arg(&system)),
@@ -51,7 +55,7 @@ pub fn check(root: &Path, package: &Path) -> Result<(), Error> {
 }
 
 /// The first mirror of this machine's own release, as apt knows it, and the release's name.
-fn mirror() -> Result<(String, String), Error> {
+fn find_mirror_and_release() -> Result<(String, String), Error> {
     let format = "$(REPO_URI) $(CODENAME) $(CREATED_BY)";
     let known = output(Command::new("apt-get").args(["indextargets", "--format", format]))?;
     let release = output(Command::new("sh").args(["-c", ". /etc/os-release && echo \"$VERSION_CODENAME\""]))?;
@@ -65,7 +69,7 @@ fn mirror() -> Result<(String, String), Error> {
 }
 
 /// A command line in the system, with devices and processes, which are mounted for it alone.
-fn chrooted(system: &Path, line: &str) -> Command {
+fn command_in_system(system: &Path, line: &str) -> Command {
     let script =
         format!("mount --rbind /dev \"$0/dev\" && mount -t proc proc \"$0/proc\" && exec chroot \"$0\" {line}");
     let mut command = Command::new("unshare");
@@ -78,7 +82,7 @@ fn chrooted(system: &Path, line: &str) -> Command {
 fn serve_page(system: &Path) -> Result<(), Error> {
     let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
     let address = free.map_err(|error| Error::Package(format!("no free port: {error}")))?;
-    let mut serve = chrooted(system, &format!("era serve --listen {address} --socket none --device sim"));
+    let mut serve = command_in_system(system, &format!("era serve --listen {address} --socket none --device sim"));
     let started = serve.stdout(Stdio::null()).spawn();
     let mut daemon = Daemon(started.map_err(|source| Error::Start { command: shown(&serve), source })?);
     let until = Instant::now() + PATIENCE;

@@ -4,7 +4,7 @@
 mod chroot;
 mod package;
 
-use crate::error::Error;
+use crate::error::{Error, file_error};
 use crate::process::{output, run};
 use crate::{dependencies, image, python, root, setup};
 use std::fs;
@@ -23,7 +23,7 @@ pub struct Options {
 ///
 /// # Errors
 /// What could not be built, written or installed; [`Error::Package`] where the installed program does not do what it should.
-pub fn command(options: &Options) -> Result<(), Error> {
+pub fn make_release(options: &Options) -> Result<(), Error> {
     setup::ensure("cargo xtask dist", if options.no_chroot { setup::DIST } else { setup::DIST_IN_CHROOT })?;
     let root = root()?;
     let out = root.join("target/dist");
@@ -38,16 +38,16 @@ pub fn command(options: &Options) -> Result<(), Error> {
         "era",
     ]))?;
     let manual = build_manual(&root, &out)?;
-    let package = package::build(&root, &out, &manual)?;
-    copy_into(&python::wheel(&root)?, &out)?;
+    let package = package::build_package(&root, &out, &manual)?;
+    copy_to_folder(&python::build_wheel(&root)?, &out)?;
     let (firmware, _) = image::build(false)?;
     // All parts have one version.
-    copy(&firmware, &out.join(concat!("era-firmware-", env!("CARGO_PKG_VERSION"), ".elf")))?;
+    copy_file(&firmware, &out.join(concat!("era-firmware-", env!("CARGO_PKG_VERSION"), ".elf")))?;
     write_checksums(&out)?;
     if options.no_chroot {
         println!("not tried: the package in a Debian system of its own (--no-chroot)");
     } else {
-        chroot::check(&root, &package)?;
+        chroot::try_package(&root, &package)?;
     }
     println!(
         "in {}:\n{}",
@@ -72,38 +72,33 @@ fn write_checksums(out: &Path) -> Result<(), Error> {
         list_files(out)?.iter().filter_map(|path| path.file_name().map(PathBuf::from)).collect();
     names.sort();
     let sums = output(Command::new("sha256sum").current_dir(out).args(&names))?;
-    write(&out.join("SHA256SUMS"), &format!("{sums}\n"))
+    write_file(&out.join("SHA256SUMS"), &format!("{sums}\n"))
 }
 
 fn list_files(folder: &Path) -> Result<Vec<PathBuf>, Error> {
-    let entries = fs::read_dir(folder).map_err(failed("cannot read", folder))?;
+    let entries = fs::read_dir(folder).map_err(file_error("cannot read", folder))?;
     Ok(entries.filter_map(Result::ok).map(|entry| entry.path()).filter(|path| path.is_file()).collect())
 }
 
 fn clear_folder(folder: &Path) -> Result<(), Error> {
     if folder.exists() {
-        fs::remove_dir_all(folder).map_err(failed("cannot remove", folder))?;
+        fs::remove_dir_all(folder).map_err(file_error("cannot remove", folder))?;
     }
     make_folder(folder)
 }
 
 fn make_folder(folder: &Path) -> Result<(), Error> {
-    fs::create_dir_all(folder).map_err(failed("cannot make", folder))
+    fs::create_dir_all(folder).map_err(file_error("cannot make", folder))
 }
 
-fn write(path: &Path, text: &str) -> Result<(), Error> {
-    fs::write(path, text).map_err(failed("cannot write", path))
+fn write_file(path: &Path, text: &str) -> Result<(), Error> {
+    fs::write(path, text).map_err(file_error("cannot write", path))
 }
 
-fn copy(from: &Path, to: &Path) -> Result<(), Error> {
-    fs::copy(from, to).map(drop).map_err(failed("cannot copy", from))
+fn copy_file(from: &Path, to: &Path) -> Result<(), Error> {
+    fs::copy(from, to).map(drop).map_err(file_error("cannot copy", from))
 }
 
-fn copy_into(from: &Path, folder: &Path) -> Result<(), Error> {
-    copy(from, &folder.join(from.file_name().unwrap_or_default()))
-}
-
-fn failed(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Error {
-    let path = path.to_owned();
-    move |source| Error::File { what, path, source }
+fn copy_to_folder(from: &Path, folder: &Path) -> Result<(), Error> {
+    copy_file(from, &folder.join(from.file_name().unwrap_or_default()))
 }

@@ -1,8 +1,8 @@
 //! Debian's package, by cargo-deb: what is in it besides the program is made by the program itself. Its list is in `host/Cargo.toml`.
 
-use super::{clear_folder, make_folder, write};
+use super::{clear_folder, make_folder, write_file};
 use crate::dependencies;
-use crate::error::Error;
+use crate::error::{Error, file_error};
 use crate::process::{output, run};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,10 +13,13 @@ const COMPLETIONS: [(&str, &str); 3] = [("bash", "era"), ("zsh", "_era"), ("fish
 /// What `era install` says of its own files, which those of a package are not.
 const WRITTEN_BY: &str = "# Written by `era install`";
 
-/// Makes the package in `out` with the `manual`; its file.
-pub fn build(root: &Path, out: &Path, manual: &Path) -> Result<PathBuf, Error> {
+/// Makes the package in the folder `out` with the pages of the `manual`, and returns its file.
+///
+/// # Errors
+/// What could not be got, run or written; [`Error::Package`] where cargo-deb made none.
+pub fn build_package(root: &Path, out: &Path, manual: &Path) -> Result<PathBuf, Error> {
     dependencies::ensure_subcommand(root, "cargo-deb", &["cargo", "deb", "--version"])?;
-    stage(root, manual)?;
+    make_packaged_files(root, manual)?;
     let mut deb = Command::new("cargo");
     deb.current_dir(root)
         .args(["deb", "--quiet", "--no-build", "--locked", "--strip", "-p", "era-host", "--output"])
@@ -28,7 +31,7 @@ pub fn build(root: &Path, out: &Path, manual: &Path) -> Result<PathBuf, Error> {
 }
 
 /// Makes the files that `host/Cargo.toml` names below `target/deb`.
-fn stage(root: &Path, manual: &Path) -> Result<(), Error> {
+fn make_packaged_files(root: &Path, manual: &Path) -> Result<(), Error> {
     let stage = root.join("target/deb");
     clear_folder(&stage)?;
     let era = |arguments: &[&str]| {
@@ -38,17 +41,20 @@ fn stage(root: &Path, manual: &Path) -> Result<(), Error> {
     };
     make_folder(&stage.join("completions"))?;
     for (shell, file) in COMPLETIONS {
-        write(&stage.join("completions").join(file), &format!("{}\n", output(&mut era(&["completions", shell]))?))?;
+        write_file(
+            &stage.join("completions").join(file),
+            &format!("{}\n", output(&mut era(&["completions", shell]))?),
+        )?;
     }
     run(&mut era(&["man", "--dir", "man"]))?;
-    write(&stage.join("era.toml"), &format!("{}\n", output(&mut era(&["config", "example"]))?))?;
+    write_file(&stage.join("era.toml"), &format!("{}\n", output(&mut era(&["config", "example"]))?))?;
     output(&mut era(&["install", "--root", "installed", "--program", "/usr/bin/era"]))?;
     for file in ["udev/rules.d/70-era.rules", "systemd/system/era.service"] {
         let path = stage.join("installed/etc").join(file);
-        let text = fs::read_to_string(&path).map_err(super::failed("cannot read", &path))?;
+        let text = fs::read_to_string(&path).map_err(file_error("cannot read", &path))?;
         let kept: String =
             text.lines().filter(|line| !line.starts_with(WRITTEN_BY)).flat_map(|line| [line, "\n"]).collect();
-        write(&stage.join(path.file_name().unwrap_or_default()), &kept)?;
+        write_file(&stage.join(path.file_name().unwrap_or_default()), &kept)?;
     }
     run(Command::new("cp").arg("--recursive").arg(manual).arg(stage.join("html")))
 }
