@@ -5,6 +5,7 @@ mod bounds;
 mod coupled;
 mod held_by_springs;
 mod losses;
+mod many_modes;
 mod model_extremes;
 mod model_reference;
 mod near;
