@@ -1,7 +1,7 @@
 //! Files that grow by whole records.
 
 use crate::replaced::{folder_of, sync_folder};
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -13,7 +13,8 @@ pub struct AppendedFile {
 }
 
 impl AppendedFile {
-    /// Makes a file that only its owner may read; one that is there is not written over.
+    /// Makes a file that only its owner may read. One that is there is not written over; one without a record, which a writer has left that was ended or
+    /// had no room before its first, is taken over, unless its writer is still there (it holds a lock on it).
     ///
     /// # Errors
     /// As the file system has it.
@@ -23,13 +24,20 @@ impl AppendedFile {
         #[cfg(unix)]
         std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
         let file = match options.open(path) {
-            // What a writer has left that was ended, or had no room, before its first record.
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists && is_empty_file(path) => {
-                // Not written to: it may be somebody else's, or open for all to read.
-                std::fs::remove_file(path)?;
-                options.open(path)?
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists && has_no_records(path) => {
+                let left = OpenOptions::new().append(true).open(path)?;
+                lock_whole_file(&left)?;
+                // Its writer may have begun meanwhile, and ended.
+                if left.metadata()?.len() > 0 {
+                    return Err(error);
+                }
+                left
             }
-            opened => opened?,
+            opened => {
+                let made = opened?;
+                lock_whole_file(&made)?;
+                made
+            }
         };
         sync_folder(folder_of(path))?;
         Ok(Self { file, whole_bytes: 0 })
@@ -70,10 +78,34 @@ impl AppendedFile {
     }
 }
 
-/// Whether there is a file of no bytes; a link to one is none.
+/// Whether there is a file without a record as [`AppendedFile::create_private`] leaves it: of no bytes, of this process's user or root, and with no
+/// right for others. A link to one is none.
 #[must_use]
-pub fn is_empty_file(path: &Path) -> bool {
-    std::fs::symlink_metadata(path).is_ok_and(|known| known.is_file() && known.len() == 0)
+pub fn has_no_records(path: &Path) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|known| known.is_file() && known.len() == 0 && is_private(&known))
+}
+
+#[cfg(unix)]
+fn is_private(known: &std::fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    crate::own::check_owner_and_mode(known).is_ok() && known.mode() & 0o077 == 0
+}
+
+/// Who may read a file is not told by a mode here.
+#[cfg(not(unix))]
+fn is_private(_: &std::fs::Metadata) -> bool {
+    true
+}
+
+/// Locks a file until it is closed. File systems without locks do without.
+///
+/// # Errors
+/// [`io::ErrorKind::AlreadyExists`] where another writer has it.
+fn lock_whole_file(file: &File) -> io::Result<()> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(io::ErrorKind::AlreadyExists.into()),
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+    }
 }
 
 #[cfg(all(test, unix))]
@@ -92,14 +124,30 @@ mod tests {
         assert_eq!((std::fs::read_to_string(&path).unwrap().as_str(), file.whole_bytes()), ("one\ntwo\n", 8));
         assert_eq!(std::fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         assert_eq!(AppendedFile::create_private(&path).unwrap_err().kind(), io::ErrorKind::AlreadyExists);
-        // One without a record, of a disk that was full, is nobody's recording.
+    }
+
+    #[test]
+    fn a_file_without_a_record_is_taken_over_from_nobody_but_a_writer_that_has_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let is_there =
+            |path: &Path| AppendedFile::create_private(path).unwrap_err().kind() == io::ErrorKind::AlreadyExists;
         let left = folder.path().join("left.jsonl");
-        std::fs::write(&left, "").unwrap();
-        std::fs::set_permissions(&left, std::fs::Permissions::from_mode(0o644)).unwrap();
-        AppendedFile::create_private(&left).unwrap().append_records(b"one\n").unwrap();
+        let first = AppendedFile::create_private(&left).unwrap();
+        assert!(is_there(&left), "its writer is there");
+        drop(first);
+        let mut next = AppendedFile::create_private(&left).unwrap();
+        assert!(is_there(&left), "its writer is there");
+        next.append_records(b"one\n").unwrap();
+        drop(next);
+        assert!(is_there(&left), "it has a record");
+        assert_eq!(std::fs::read_to_string(&left).unwrap(), "one\n");
         assert_eq!(std::fs::metadata(&left).unwrap().permissions().mode() & 0o777, 0o600);
+        let open = folder.path().join("open.jsonl");
+        std::fs::write(&open, "").unwrap();
+        std::fs::set_permissions(&open, std::fs::Permissions::from_mode(0o644)).unwrap();
+        assert!(is_there(&open), "others may read it");
         let link = folder.path().join("link.jsonl");
         std::os::unix::fs::symlink("nothing", &link).unwrap();
-        assert_eq!(AppendedFile::create_private(&link).unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        assert!(is_there(&link));
     }
 }

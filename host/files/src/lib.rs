@@ -11,7 +11,7 @@ mod own;
 mod replaced;
 mod size_limit;
 
-pub use appended::{AppendedFile, is_empty_file};
+pub use appended::{AppendedFile, has_no_records};
 pub use own::{NotOwn, check_own_folder, read_own_file};
 pub use replaced::{
     Readers, make_private_folder, remove_unfinished, replace_file, replace_file_by, replace_link_or_file,

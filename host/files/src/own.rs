@@ -114,7 +114,7 @@ fn kind_name(kind: std::fs::FileType) -> &'static str {
 }
 
 #[cfg(unix)]
-fn check_owner_and_mode(known: &std::fs::Metadata) -> Result<(), NotOwn> {
+pub(crate) fn check_owner_and_mode(known: &std::fs::Metadata) -> Result<(), NotOwn> {
     use std::os::unix::fs::MetadataExt;
     /// Permissions of the group and of others to write.
     const FOREIGN: u32 = 0o022;

@@ -271,7 +271,7 @@ fn unrecordable(path: &Path) -> Option<String> {
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let shown = path.display();
-    if path.exists() && !era_files::is_empty_file(path) {
+    if path.exists() && !era_files::has_no_records(path) {
         return Some(format!("record is {shown}, which is there and is not written over: {NEW_RECORD}"));
     }
     let lacking = folder.filter(|folder| !folder.is_dir())?;

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
@@ -22,6 +22,24 @@ fn find_line(log: &Receiver<String>, words: &str) -> Option<String> {
     }
 }
 
+/// Starts a daemon in a folder, which records to `day.jsonl` there and serves `era.sock`, and may write files of so many bytes; and its log.
+fn start_recording(folder: &Path, most_bytes: usize) -> (Child, Receiver<String>) {
+    let mut daemon = Command::new("prlimit")
+        .arg(format!("--fsize={most_bytes}"))
+        .arg(env!("CARGO_BIN_EXE_era"))
+        .args(["serve", "--accuracy", "fast", "--listen", "127.0.0.1:0", "--socket", "era.sock"])
+        .args(["--record", "day.jsonl"])
+        .env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"))
+        .current_dir(folder)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = BufReader::new(daemon.stderr.take().unwrap()).lines().map_while(Result::ok);
+    let (put, log) = channel();
+    std::thread::spawn(move || lines.for_each(|line| put.send(line).unwrap_or_default()));
+    (daemon, log)
+}
+
 /// Posts a stop; the status line of the answer.
 fn post_stop(socket: &Path) -> String {
     let mut stream = UnixStream::connect(socket).unwrap();
@@ -36,30 +54,9 @@ fn post_stop(socket: &Path) -> String {
 #[test]
 fn a_start_without_room_does_not_keep_later_ones_from_recording() {
     let folder = tempfile::tempdir().unwrap();
-    for limit in ["0", "unlimited"] {
-        let mut daemon = Command::new("prlimit")
-            .arg(format!("--fsize={limit}"))
-            .arg(env!("CARGO_BIN_EXE_era"))
-            .args([
-                "serve",
-                "--accuracy",
-                "fast",
-                "--listen",
-                "127.0.0.1:0",
-                "--socket",
-                "none",
-                "--record",
-                "day.jsonl",
-            ])
-            .env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"))
-            .current_dir(folder.path())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let lines = BufReader::new(daemon.stderr.take().unwrap()).lines().map_while(Result::ok);
-        let (put, log) = channel();
-        std::thread::spawn(move || lines.for_each(|line| put.send(line).unwrap_or_default()));
-        let wanted = if limit == "0" { "File too large" } else { "ready after" };
+    for limit in [0, 1 << 20] {
+        let (mut daemon, log) = start_recording(folder.path(), limit);
+        let wanted = if limit == 0 { "File too large" } else { "ready after" };
         let said = find_line(&log, wanted).unwrap_or_else(|| panic!("{limit}: no {wanted:?}"));
         assert!(!said.contains("a new file is wanted"), "{said}");
         daemon.kill().unwrap();
@@ -71,22 +68,10 @@ fn a_start_without_room_does_not_keep_later_ones_from_recording() {
 /// With room for half of its first line, and for a few lines and a part of one: the end is told, the daemon answers on, and what was recorded can be read.
 #[test]
 fn a_recording_that_has_no_room_ends_with_a_whole_line() {
-    for limit in [0, 1, 50, 1000, 2001] {
+    for limit in [0, 1, 50, 1000, 2001_usize] {
         let folder = tempfile::tempdir().unwrap();
         let (socket, recording) = (folder.path().join("era.sock"), folder.path().join("day.jsonl"));
-        let mut daemon = Command::new("prlimit")
-            .arg(format!("--fsize={limit}"))
-            .arg(env!("CARGO_BIN_EXE_era"))
-            .args(["serve", "--accuracy", "fast", "--listen", "127.0.0.1:0", "--socket", "era.sock"])
-            .args(["--record", "day.jsonl"])
-            .env("ERA_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"))
-            .current_dir(folder.path())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let lines = BufReader::new(daemon.stderr.take().unwrap()).lines().map_while(Result::ok);
-        let (put, log) = channel();
-        std::thread::spawn(move || lines.for_each(|line| put.send(line).unwrap_or_default()));
+        let (mut daemon, log) = start_recording(folder.path(), limit);
         if limit < 100 {
             // Not even the first line fits: whether the daemon starts at all, it says so.
             assert!(find_line(&log, "File too large").is_some(), "{limit}");
