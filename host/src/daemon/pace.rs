@@ -46,8 +46,8 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// How long a request of `peer` that has come at `now` waits, which counts it (the generic cell rate algorithm of ITU-T I.371).
-    fn delay(&self, peer: Peer, now: Instant) -> Duration {
+    /// Counts a request of `peer` that has come at `now`, and returns how long it has to wait (the generic cell rate algorithm of ITU-T I.371).
+    fn schedule_request(&self, peer: Peer, now: Instant) -> Duration {
         let mut due = self.due.lock().unwrap_or_else(PoisonError::into_inner);
         let client = peer.into();
         if due.len() >= MOST_CLIENTS && !due.contains_key(&client) {
@@ -69,7 +69,7 @@ impl Pace {
 pub async fn keep_pace(State(pace): State<Arc<Pace>>, request: Request, next: Next) -> Response {
     let is_stop = *request.method() == Method::POST && request.uri().path() == "/v1/stop";
     if let Some(peer) = request.extensions().get::<Peer>().copied().filter(|_| !is_stop) {
-        let delay = pace.delay(peer, Instant::now());
+        let delay = pace.schedule_request(peer, Instant::now());
         if !delay.is_zero() {
             tokio::time::sleep(delay).await;
         }
@@ -89,40 +89,44 @@ fn network_of(address: IpAddr) -> IpAddr {
 mod tests {
     use super::*;
 
-    fn peer(text: &str) -> Peer {
+    fn parse_peer(text: &str) -> Peer {
         Peer::Address(text.parse().unwrap())
     }
 
     #[test]
     fn only_what_is_faster_than_the_pace_waits() {
         let (pace, start) = (Pace::default(), Instant::now());
-        let one = peer("192.0.2.1");
+        let one = parse_peer("192.0.2.1");
         for number in 0..=200 {
-            assert_eq!(pace.delay(one, start), Duration::ZERO, "{number}");
+            assert_eq!(pace.schedule_request(one, start), Duration::ZERO, "{number}");
         }
-        assert_eq!(pace.delay(one, start), BETWEEN);
-        assert_eq!(pace.delay(one, start), 2 * BETWEEN);
-        assert_eq!(pace.delay(peer("192.0.2.2"), start), Duration::ZERO);
-        assert_eq!(pace.delay(Peer::Process(Some(7)), start), Duration::ZERO);
+        assert_eq!(pace.schedule_request(one, start), BETWEEN);
+        assert_eq!(pace.schedule_request(one, start), 2 * BETWEEN);
+        assert_eq!(pace.schedule_request(parse_peer("192.0.2.2"), start), Duration::ZERO);
+        assert_eq!(pace.schedule_request(Peer::Process(Some(7)), start), Duration::ZERO);
         // One that asks a thousand times a second never waits; one that was too fast does no longer a second later.
         for number in 0..5000 {
-            assert_eq!(pace.delay(peer("192.0.2.3"), start + 2 * BETWEEN * number), Duration::ZERO, "{number}");
+            assert_eq!(
+                pace.schedule_request(parse_peer("192.0.2.3"), start + 2 * BETWEEN * number),
+                Duration::ZERO,
+                "{number}"
+            );
         }
-        assert_eq!(pace.delay(one, start + Duration::from_secs(1)), Duration::ZERO);
+        assert_eq!(pace.schedule_request(one, start + Duration::from_secs(1)), Duration::ZERO);
     }
 
     #[test]
     fn a_network_is_one_client_and_many_take_no_more_memory() {
         let (pace, start) = (Pace::default(), Instant::now());
         for number in 0..=200 {
-            assert_eq!(pace.delay(peer(&format!("2001:db8:1:2::{number:x}")), start), Duration::ZERO);
+            assert_eq!(pace.schedule_request(parse_peer(&format!("2001:db8:1:2::{number:x}")), start), Duration::ZERO);
         }
-        assert!(pace.delay(peer("2001:db8:1:2:ffff::1"), start) > Duration::ZERO);
+        assert!(pace.schedule_request(parse_peer("2001:db8:1:2:ffff::1"), start) > Duration::ZERO);
         for number in 0..3 * u32::try_from(MOST_CLIENTS).unwrap() {
-            pace.delay(Peer::Address(std::net::Ipv4Addr::from_bits(number).into()), start);
+            pace.schedule_request(Peer::Address(std::net::Ipv4Addr::from_bits(number).into()), start);
             assert!(pace.due.lock().unwrap().len() <= MOST_CLIENTS);
         }
         // Who waits longest is not forgotten.
-        assert!(pace.delay(peer("2001:db8:1:2::1"), start) > Duration::ZERO);
+        assert!(pace.schedule_request(parse_peer("2001:db8:1:2::1"), start) > Duration::ZERO);
     }
 }

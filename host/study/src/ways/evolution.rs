@@ -55,6 +55,9 @@ impl Evolution {
     /// arrived begins anew elsewhere.
     #[must_use]
     pub fn ask(&self, run: usize, told: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        if self.dimensions == 0 {
+            return vec![Vec::new(); self.population];
+        }
         let mut random = Random::new(self.seed, STREAM + run as u64);
         let (all, mut told) = (told.len(), told.iter());
         loop {
@@ -65,11 +68,11 @@ impl Evolution {
             };
             let mut search = Adaptation::new(middle, FIRST_DEVIATION, self.population);
             while !search.has_ended(ARRIVED) {
-                let points = search.ask(&mut random);
+                let points = search.draw_generation(&mut random);
                 let Some(values) = told.next() else {
                     return points.into_iter().map(|point| point.into_iter().map(folded).collect()).collect();
                 };
-                search.tell(values);
+                search.learn_from(values);
             }
         }
     }
@@ -177,6 +180,11 @@ mod tests {
         }
         assert_eq!(many.weights(1, 3), [0.0, 1.0, 0.0]);
         assert_ne!(many.weights(5, 3), many.weights(6, 3));
+    }
+
+    #[test]
+    fn nothing_to_search_is_no_endless_search() {
+        assert_eq!(evolution(0, 6, 1).ask(0, &[vec![1.0; 6]]), vec![Vec::<f64>::new(); 6]);
     }
 
     #[test]
