@@ -262,8 +262,8 @@ def softened(context, fine, coarse, target, said, bound, compare, note):
         return [Result(SOFT, context.name, np.inf, 0.0, True, f"{note}; no steady motion")], None
     own, other = (motion.softened_peak_g([target], forces)[0] for motion, (forces, _) in ((fine, solved), (coarse, rough)))
     hard = fine.peaks_g([target])[0]
-    # Of narrow pulses the program counts what the third and the fifth harmonic's motion does, no more (docs/src/planner.md, "What a
-    # plan says"); and how many are counted here is seen too.
+    # Of narrow pulses the program counts what the third and the fifth harmonic's motion does, no more (docs/src/planner.md, "Keys of
+    # a plan"); and how many are counted here is seen too.
     counts = [fine.softened(orders) for orders in ((3, 5), (3, 5, 7))]
     left_out = sum(abs(own - fine.softened_peak_g([target], count[0])[0]) if count else np.inf for count in counts)
     allowed = bound * hard + SOFTENING * fine.softening_g(target, solved[0]) + left_out
@@ -337,8 +337,8 @@ def zones(context, fine, coarse, plan, note):
 
 
 def named(context, plan, note):
-    """Where a wish is not met and a quiet zone is as strong as it may be, it is named among what limits (docs/src/planner-multi.md, "What
-    is promised")."""
+    """Where a wish is not met and a quiet zone is as strong as it may be, it is named among what limits (docs/src/planner.md, "Several
+    targets and quiet zones")."""
     full = [zone for zone in plan["quiet"] if zone["peak_g"] > zone["at_most_g"] * (1 - FULL)]
     if plan["limited_by"] is None or not full or all(target["peak_g"] <= NOTHING_G for target in plan["targets"]):
         return []

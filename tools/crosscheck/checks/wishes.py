@@ -91,7 +91,7 @@ def asked(context, places, peaks_g, *words):
 
 def refined(context, plan, places):
     """How much the plan's peaks gain, relative, from frequencies between the grid's. By as much, or so, a choice that is the best of
-    the grid's may be behind another: these are not part of the gap (docs/src/planner.md, "What the gap is of")."""
+    the grid's may be behind another: these are not part of the gap (docs/src/planner-internals.md, "The optimality gap")."""
     drives = drives_of(context.scene, plan["drives"])
     fields = [Motion(context.panel(MAX_HZ).fine, own).peaks_g(places) for own in (drives, [replace(d, frequency=float(np.round(d.frequency))) for d in drives])]
     return np.abs(fields[0] / np.maximum(fields[1], 1e-300) - 1).max()
@@ -136,7 +136,7 @@ def targets(context, places, strong):
 
 
 def best(context, plan):
-    """If a point gives every target a larger part of its wish than the plan does, it is the plan (docs/src/planner-multi.md)."""
+    """If a point gives every target a larger part of its wish than the plan does, it is the plan (docs/src/planner.md, "The trade")."""
     wanted = np.array([target["wanted_g"] for target in plan["targets"]])
     least = lambda peaks_g: (np.asarray(peaks_g) / wanted).min()
     own = least([target["peak_g"] for target in plan["targets"]]) * (0.9 if context.planted(BEST) else 1.0)

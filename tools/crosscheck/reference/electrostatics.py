@@ -11,7 +11,7 @@ from .scene import VACUUM_PERMITTIVITY_F_PER_M
 
 # Least time between one electrode's pulse and the other's (docs/src/safety.md, "guard time").
 GUARD_TIME_S = 200e-6
-# Part of the breakdown voltage, and of the gap, that may be used (docs/src/planner.md, "What is decided").
+# Part of the breakdown voltage, and of the gap, that may be used (docs/src/planner.md, "Limits").
 BREAKDOWN_PART = 0.85
 TRAVEL_PART = 1 / 3
 # Mean current that the board's supply delivers (docs/src/safety.md, "average current").

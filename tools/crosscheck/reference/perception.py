@@ -15,7 +15,7 @@ THRESHOLD_DB = np.array(
 
 def threshold_g(frequency_hz):
     """Least acceleration in g that is felt at a frequency from 10 Hz on; above 400 Hz the last slope goes on (docs/src/planner.md,
-    "What a plan says")."""
+    "Keys of a plan")."""
     frequency_hz = np.asarray(frequency_hz, dtype=float)
     slope = (THRESHOLD_DB[-1] - THRESHOLD_DB[-2]) / (THRESHOLD_HZ[-1] - THRESHOLD_HZ[-2])
     beyond = slope * np.maximum(frequency_hz - THRESHOLD_HZ[-1], 0.0)

@@ -27,7 +27,7 @@ from .surface import Surface
 HARMONICS_UP_TO_HZ = 1000.0
 LEAST_DISTANCE_HZ = 20.0
 GRID_HZ = np.arange(40.0, 401.0)
-# What plans choose pulse widths from (docs/src/planner.md, "How it is found"): without a third harmonic, least of all together, without
+# What plans choose pulse widths from (docs/src/planner-internals.md, "The plan table"): without a third harmonic, least of all together, without
 # a fifth, without a seventh; and the widest, which leaves this time between the electrodes and is never wider than this.
 DROPPING = np.array([2 / 3, 0.72, 0.8, 6 / 7])
 PLANNED_GUARD_S, WIDEST = 220e-6, 0.96
@@ -247,7 +247,7 @@ class Grid:
 
     @cached_property
     def widths(self):
-        """Pulse widths that a plan may have at every frequency [frequency, width] (docs/src/planner.md, "How it is found"): those
+        """Pulse widths that a plan may have at every frequency [frequency, width] (docs/src/planner-internals.md, "The plan table"): those
         that drop harmonics, as far as they fit, and the widest."""
         widest = np.minimum(1 - 2 * self.grid_hz * PLANNED_GUARD_S, WIDEST)[:, None]
         return np.concatenate([np.where(DROPPING <= widest, DROPPING, widest), widest], axis=1)

@@ -13,7 +13,7 @@ from .scene import VACUUM_PERMITTIVITY_F_PER_M
 
 # An electrode or the other is on for this part of the time at most.
 ON = 0.96
-# What the electrodes may take of what holds a mass, at most (docs/src/planner.md).
+# What the electrodes may take of what holds a mass, at most (docs/src/planner.md, "Limits").
 HELD = 0.6
 TRAVEL_PART = 1 / 3
 # Rounding of a cut-out's border, in m.
