@@ -233,7 +233,12 @@ def figures(context, wish, plan, target):
         compare(WAVEFORM, whole, other + rough_harmonics, min(details["waveform_peak_g"], whole), off, whole)
     results += zones(context, fine, coarse, plan, note) + named(context, plan, note)
     if details is not None and (context.index % TIMES_EVERY == 2 or context.plant in (RISE, DECAY)):
-        results += times(context, drives, target, details, note)
+        # Times to a part of the peak say nothing where either side knows the peak to no better than that.
+        off = 2 * abs(wanted - rough) / peak + bound
+        if off <= LEVEL:
+            results += times(context, drives, target, details, note)
+        else:
+            results += [not_comparable(quantity, name, f"peak known to {off:.1e}") for quantity in (RISE, DECAY)]
     return results
 
 
