@@ -87,7 +87,7 @@ fn every_example_is_one_that_is_run() {
 #[test]
 fn every_example_of_curl_leaves_proxies_alone() {
     let mut count = 0;
-    for page in ["README.md", "docs/src/http.md", "docs/src/operation.md"] {
+    for page in ["README.md", "docs/src/http.md", "docs/src/network.md"] {
         for line in file(page).lines().filter(|line| line.starts_with("curl ") || line.starts_with("$ curl ")) {
             assert!(line.contains("--noproxy '*'") || line.contains("--unix-socket"), "{page}: {line}");
             count += 1;
@@ -180,7 +180,7 @@ fn with_websockets() -> PathBuf {
     ENVIRONMENT.clone()
 }
 
-/// A daemon behind tokens and TLS, started as `docs/src/operation.md` says.
+/// A daemon behind tokens and TLS, started as `docs/src/network.md` says.
 struct Guarded {
     process: Child,
     port: String,

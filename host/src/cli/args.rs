@@ -100,7 +100,7 @@ impl Keep {
 
 #[derive(Clone, Debug, Default, Args)]
 pub struct Serve {
-    /// Configuration file; options given here come before its keys (see docs/src/operation.md)
+    /// Configuration file; options given here come before its keys (see docs/src/service.md)
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     #[command(flatten)]

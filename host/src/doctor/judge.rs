@@ -89,7 +89,7 @@ fn judge_presence(facts: &Facts) -> Finding {
             let (found, advice) = match (facts.bootloader, probe) {
                 (Some(true), _) => (
                     "a chip waits in its bootloader".into(),
-                    "an update was cut off, or the pin BOOT0 is high: run `era flash` (see flashing.md)".into(),
+                    "an update was cut off, or the pin BOOT0 is high: run `era flash` (see docs/src/bring-up.md)".into(),
                 ),
                 (_, Some(probe)) => (
                     String::from("no board by its USB identity"),
