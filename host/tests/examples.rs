@@ -87,7 +87,7 @@ fn every_example_is_one_that_is_run() {
 #[test]
 fn every_example_of_curl_leaves_proxies_alone() {
     let mut count = 0;
-    for page in ["README.md", "docs/src/http.md", "docs/src/network.md"] {
+    for page in ["README.md", "docs/src/http.md", "docs/src/network.md", "docs/src/guide-first-application.md"] {
         for line in file(page).lines().filter(|line| line.starts_with("curl ") || line.starts_with("$ curl ")) {
             assert!(line.contains("--noproxy '*'") || line.contains("--unix-socket"), "{page}: {line}");
             count += 1;
