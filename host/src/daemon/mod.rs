@@ -1,72 +1,35 @@
 //! The daemon: HTTP and WebSocket in front of one device session.
 //!
-//! `server` accepts connections and gives every request a task of its own, `guests` keeps a way in for stops, `linger` ends connections whose sender still sends;
-//! `head` looks at the head of a request, `pace` has those wait whose client asks too fast, `access` says who may do what, by `origins` and tokens;
-//! `routes` and `live`
-//! are the two ways in. `admission` numbers requests and queues them for the planner, by `client`. `app` holds what a touch needs and plans
-//! it, `drive` has the board drive it, `stretches` what has time windows; `asked` is what goes to the planner; `preview` answers what a changed scene would
-//! do, without driving it, in `slots` of its own, `studies` which of many would do it best, `tolerances` what a plan does on a panel that is a little off; the last two are the one
-//! `background` work that there may be at a time. What takes long is done `aside`, no longer than its `sender` waits. `answers` and `view` are what goes out as JSON; `problem` is how errors are told (RFC 9457), `kinds` which there
-//! are. `description` makes the interface's description (OpenAPI) from all of these.
+//! Its folders, in the order in which they use each other: `api` (what all requests and answers have in common), `access` (who may do
+//! what, and how often), `touch` (what is asked for and answered), `observe` (state, counters, recordings), `design` (previews, studies,
+//! tolerances), `drive` (what the board drives), `live` (the socket), `http` (connections and paths). `app` holds all parts of a daemon;
+//! only `live` and `http` may use it.
 
 mod access;
-mod admission;
-mod answers;
+mod api;
 mod app;
-mod aside;
-mod asked;
-mod assets;
-mod attachments;
-mod background;
-mod body;
-mod client;
-mod description;
+mod design;
 mod drive;
-mod guests;
-mod head;
-mod kinds;
-mod leftover;
-mod limits;
-mod linger;
-pub mod listener;
+mod http;
 mod live;
-mod measured;
-mod metrics;
-mod origins;
-mod pace;
-mod planned;
-mod preview;
-mod problem;
-mod query;
-mod record;
-mod routes;
-mod sender;
-mod server;
-mod slots;
-mod strangers;
-mod stretches;
-mod studies;
-mod tolerances;
+mod observe;
 mod touch;
-mod view;
-mod warm;
-mod whole;
 
-pub use access::{Access, Token};
-pub use answers::scene::SceneView;
+pub use access::limits::Limits;
+pub use access::permissions::{Access, Token};
+pub use api::problem::Problem;
 pub use app::App;
-pub use attachments::Place;
-pub use limits::Limits;
-pub use listener::Listener;
-pub use preview::{Preview, PreviewRequest};
-pub use problem::Problem;
-pub use record::{Kept, Recorder};
-pub use routes::described as description;
-pub use server::{Ended, serve, serve_while_alive};
-pub use studies::{StudyRequest, StudyView};
-pub use tolerances::{TolerancesRequest, TolerancesView};
-pub use touch::TouchRequest;
-pub use view::{FieldView, PlanView};
+pub use design::attachments::Place;
+pub use design::preview::{Preview, PreviewRequest};
+pub use design::studies::{StudyRequest, StudyView};
+pub use design::tolerances::{TolerancesRequest, TolerancesView};
+pub use http::listener::{self, Listener};
+pub use http::routes::described as description;
+pub use http::server::{Ended, serve, serve_while_alive};
+pub use observe::recording::{Kept, Recorder};
+pub use observe::scene::SceneView;
+pub use touch::plan_view::{FieldView, PlanView};
+pub use touch::request::TouchRequest;
 
 use std::net::SocketAddr;
 use std::sync::Arc;

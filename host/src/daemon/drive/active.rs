@@ -1,7 +1,7 @@
 //! What is driven, and what a touch has led to.
 
-use crate::daemon::answers::touched::{Achieved, PlayedEffect, TouchedView};
-use crate::daemon::view::{FieldView, PlanView, TouchView};
+use crate::daemon::touch::answer::{Achieved, PlayedEffect, TouchedView};
+use crate::daemon::touch::plan_view::{FieldView, PlanView, TouchView};
 use crate::planner::schedule::Stretch;
 use crate::planner::trade::Trade;
 use crate::planner::{Plan, PlanTable};
@@ -106,7 +106,7 @@ pub struct Sustained {
     pub since: AskedAt,
     /// The plan first made.
     pub whole: Plan,
-    /// The fraction of its forces that the channels' credit allows ([`super::thin`]).
+    /// The fraction of its forces that the channels' credit allows ([`super::credit`]).
     pub thin: f64,
     /// The fraction of these for which there is room beside what is left of the touches before.
     pub part: f64,

@@ -3,8 +3,8 @@
 use super::active::{Current, Touched};
 use super::equipment::Equipment;
 use super::order::Order;
-use crate::daemon::kinds::Kind;
-use crate::daemon::problem::Problem;
+use crate::daemon::api::kinds::Kind;
+use crate::daemon::api::problem::Problem;
 use std::time::Instant;
 use tokio::sync::oneshot;
 

@@ -5,7 +5,7 @@ use super::command::{Command, Published, Request, is_current, say_superseded};
 use super::equipment::Equipment;
 use super::order::Order;
 use super::task::Task;
-use crate::daemon::problem::Problem;
+use crate::daemon::api::problem::Problem;
 use crate::device::SessionError;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;

@@ -1,8 +1,8 @@
 //! What drives are worked out and carried out with: the panel's table, the session with the board, the simulated sensor.
 
+use super::active::AskedAt;
 use super::order::{Drivable, Mode};
-use crate::daemon::answers::touched::Achieved;
-use crate::daemon::drive::active::AskedAt;
+use crate::daemon::touch::answer::Achieved;
 use crate::device::convert::to_wire;
 use crate::device::sim::SimControl;
 use crate::device::{DriveOrder, EffectOrder, LinkError, Session, SessionError, Snapshot};

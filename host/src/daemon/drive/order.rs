@@ -1,8 +1,8 @@
 //! A touch's plan on its way to the board.
 
 use super::active::AskedAt;
-use crate::daemon::touch::Manner;
-use crate::daemon::view::TouchView;
+use crate::daemon::touch::plan_view::TouchView;
+use crate::daemon::touch::request::Manner;
 use crate::effects::Design;
 use crate::planner::plan_motion::PlanMotion;
 use crate::planner::{Drive, Plan};

@@ -1,13 +1,13 @@
 //! From a plan to what the session takes: as much of its forces as the channels' credit allows, and as there is room for.
 
 use super::active::AskedAt;
+use super::credit;
 use super::equipment::Equipment;
 use super::order::{Drivable, Mode, Order};
-use super::thin;
-use crate::daemon::kinds::Kind;
-use crate::daemon::problem::Problem;
-use crate::daemon::touch::Manner;
-use crate::daemon::view::TouchView;
+use crate::daemon::api::kinds::Kind;
+use crate::daemon::api::problem::Problem;
+use crate::daemon::touch::plan_view::TouchView;
+use crate::daemon::touch::request::Manner;
 use crate::effects::{DesignError, design};
 use crate::planner::Plan;
 use crate::planner::drive::on_channels;
@@ -31,7 +31,7 @@ impl Equipment {
         Ok(Order { id, since, touches, manner, whole, thin, first })
     }
 
-    /// The fraction of a plan's forces that the channels' credit allows ([`thin::part`]), as far as the credit is known.
+    /// The fraction of a plan's forces that the channels' credit allows ([`credit::part`]), as far as the credit is known.
     #[must_use]
     pub fn find_credit_fraction(&self, plan: &Plan) -> f64 {
         let snapshots = self.session.snapshots();
@@ -39,7 +39,7 @@ impl Equipment {
         let (Some(credit), Some(identity)) = (&snapshot.credit, &snapshot.identity) else { return 1.0 };
         let most_v: Vec<f64> =
             identity.channels.iter().map(|channel| f64::from(channel.max_voltage_millivolts) / 1e3).collect();
-        thin::part(&on_channels(&plan.drives), &most_v, credit)
+        credit::part(&on_channels(&plan.drives), &most_v, credit)
     }
 
     /// Prepares the fraction `thin` of a plan's forces, which credit allows, and of these the fraction `part`, for which there is room.

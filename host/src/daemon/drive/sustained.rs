@@ -2,12 +2,12 @@
 //! channel's credit falls, and are interrupted by a rest before the board would end its burst.
 
 use super::active::{Sustained, Update};
+use super::credit::{Thinned, is_worth_it};
 use super::equipment::Equipment;
 use super::order::Drivable;
 use super::task::{Lane, Purpose, Sent, Task, compute, show_even};
-use super::thin::{Thinned, is_worth_it};
-use crate::daemon::problem::Problem;
-use crate::daemon::touch::Manner;
+use crate::daemon::api::problem::Problem;
+use crate::daemon::touch::request::Manner;
 use crate::planner::Plan;
 use crate::planner::residual::{Board, Ending, NEXT_LOOK_S, grown};
 use std::sync::Arc;

@@ -6,15 +6,15 @@
 
 use super::active::{Active, AskedAt, Current, Sustained, Touched, Update};
 use super::command::{Command, Published, Request, is_current, say_superseded};
+use super::credit::Thinned;
 use super::equipment::{Begun, Equipment, NotBegun};
 use super::order::{Drivable, Mode, Order};
 use super::state::DriveState;
-use super::thin::Thinned;
-use crate::daemon::answers::touched::Achieved;
-use crate::daemon::kinds::Kind;
-use crate::daemon::problem::Problem;
-use crate::daemon::touch::Manner;
-use crate::daemon::view::{PlanView, TouchView};
+use crate::daemon::api::kinds::Kind;
+use crate::daemon::api::problem::Problem;
+use crate::daemon::touch::answer::Achieved;
+use crate::daemon::touch::plan_view::{PlanView, TouchView};
+use crate::daemon::touch::request::Manner;
 use crate::device::SessionError;
 use crate::planner::Plan;
 use crate::planner::residual::{Board, Ending, Room, fitted};

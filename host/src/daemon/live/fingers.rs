@@ -1,12 +1,12 @@
 //! The fingers of one page: what they do, in order, and driving it.
 
 use super::error_message;
+use crate::daemon::access::client::Client;
+use crate::daemon::api::problem::Problem;
 use crate::daemon::app::App;
-use crate::daemon::client::Client;
 use crate::daemon::drive::say_superseded;
-use crate::daemon::problem::Problem;
-use crate::daemon::touch::{Feel, MAX_DURATION_MS, Manner};
-use crate::daemon::view::TouchView;
+use crate::daemon::touch::plan_view::TouchView;
+use crate::daemon::touch::request::{Feel, MAX_DURATION_MS, Manner};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

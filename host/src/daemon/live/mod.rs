@@ -5,17 +5,17 @@
 
 mod closing;
 mod fingers;
-mod said;
+mod incoming;
+pub mod message;
 mod writer;
 
-use super::access::Role;
-use super::answers::live::Message as Told;
-use super::app::{App, SOCKETS};
-use super::client::Client;
-use super::head::read_header;
-use super::problem::{Kind, Problem};
-use super::touch::{Feel, MAX_DURATION_MS};
-use super::view::TouchView;
+use crate::daemon::access::client::Client;
+use crate::daemon::access::head::read_header;
+use crate::daemon::access::permissions::Role;
+use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::app::{App, SOCKETS};
+use crate::daemon::touch::plan_view::TouchView;
+use crate::daemon::touch::request::{Feel, MAX_DURATION_MS};
 use crate::effects::NamedEffect;
 use crate::text_file::BYTE_ORDER_MARK;
 use axum::Extension;
@@ -26,6 +26,7 @@ use axum::http::{HeaderMap, Uri, header};
 use axum::response::{IntoResponse, Response};
 use fingers::Fingers;
 use futures_util::{FutureExt, StreamExt};
+use message::Message as Told;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -67,7 +68,7 @@ pub struct Incoming {
     /// Plays this when a finger comes down instead of driving evenly.
     effect: Option<NamedEffect>,
     /// How many pulses a `pulse_train` has.
-    #[serde(default, deserialize_with = "super::whole::read_whole_or_null")]
+    #[serde(default, deserialize_with = "crate::daemon::api::whole_numbers::read_whole_or_null")]
     count: Option<u32>,
     /// From one click, pulse or crest to the next, in ms.
     period_ms: Option<f64>,
@@ -138,7 +139,7 @@ pub async fn upgrade(
     })?;
     check_handshake(&headers)?;
     let bad = |detail: String| Problem::new(Kind::BadQuery, detail);
-    let query: LiveQuery = super::query::read(&uri, "send=NAMES, or nothing")?;
+    let query: LiveQuery = crate::daemon::api::query::read(&uri, "send=NAMES, or nothing")?;
     let wants = match &query.send {
         None => Wants::DEFAULT,
         Some(text) => Wants::parse(text).map_err(|name| {
@@ -208,7 +209,7 @@ async fn serve(app: Arc<App>, client: Client, role: Role, socket: WebSocket, wan
                         Message::Binary(bytes) => {
                             stop_if_said(&app, page, &bytes, &fingers, &replies);
                             if page.role >= Role::Touch && let Ok(text) = std::str::from_utf8(&bytes) {
-                                lift_if_said(&app, &said::Message::from_text(text), &fingers);
+                                lift_if_said(&app, &incoming::Message::from_text(text), &fingers);
                             }
                             let problem = Problem::body("a message must be text, of JSON, and this one is binary".into());
                             let _ = replies.try_send(error_message(&problem));
@@ -272,15 +273,15 @@ fn take(app: &Arc<App>, page: Page, text: &str, fingers: &Fingers, replies: &mps
     }
     if text.len() > MAX_MESSAGE {
         stop_if_said(app, page, text.as_bytes(), fingers, replies);
-        lift_if_said(app, &said::Message::from_text(text), fingers);
+        lift_if_said(app, &incoming::Message::from_text(text), fingers);
         return Some(Problem::body(format!("the message has {} bytes, and may have {MAX_MESSAGE}", text.len())));
     }
-    let message = said::Message::from_text(text);
+    let message = incoming::Message::from_text(text);
     match &message.rest {
         Ok(Incoming { kind: Said::Touch, touches: Some(_), .. }) => {
             take_fingers(app, page, text, &message, fingers, replies)
         }
-        Ok(Incoming { kind: Said::Touch, touches: None, .. }) => Some(said::Message::lacks_fingers()),
+        Ok(Incoming { kind: Said::Touch, touches: None, .. }) => Some(incoming::Message::lacks_fingers()),
         Ok(Incoming { kind: Said::Stop, .. }) => {
             stop(app, page, fingers, replies);
             let has_more = message.count_fingers().is_some_and(|count| count > 0);
@@ -302,7 +303,7 @@ fn take_fingers(
     app: &Arc<App>,
     page: Page,
     text: &str,
-    message: &said::Message,
+    message: &incoming::Message,
     fingers: &Fingers,
     replies: &mpsc::Sender<Value>,
 ) -> Option<Problem> {
@@ -314,7 +315,7 @@ fn take_fingers(
         let message = serde_json::from_str::<Value>(text).unwrap_or_else(|_| text.into());
         json!({"socket": page.number, "message": message})
     });
-    let said::Read { fingers: down, problems } = message.read_fingers(&app.table.scene, &fingers.ids_down());
+    let incoming::Read { fingers: down, problems } = message.read_fingers(&app.table.scene, &fingers.ids_down());
     for problem in &problems {
         let _ = replies.try_send(error_message(problem));
     }
@@ -330,7 +331,7 @@ fn take_fingers(
 }
 
 /// The fingers that a message which cannot be used leaves out are lifted all the same, if it is about fingers at all.
-fn lift_if_said(app: &Arc<App>, message: &said::Message, fingers: &Fingers) {
+fn lift_if_said(app: &Arc<App>, message: &incoming::Message, fingers: &Fingers) {
     if message.is_touch && message.count_fingers().is_some() {
         let _ = fingers.keep_only(&message.ids(), app.stops());
     }
@@ -355,7 +356,7 @@ fn stop(app: &Arc<App>, page: Page, fingers: &Fingers, replies: &mpsc::Sender<Va
 
 /// The same for a message that cannot be used, but says that it is a stop: whatever else is wrong with it is told besides.
 fn stop_if_said(app: &Arc<App>, page: Page, message: &[u8], fingers: &Fingers, replies: &mpsc::Sender<Value>) {
-    if page.role >= Role::Touch && said::list_types(message).iter().any(|kind| kind == "stop") {
+    if page.role >= Role::Touch && incoming::list_types(message).iter().any(|kind| kind == "stop") {
         stop(app, page, fingers, replies);
     }
 }

@@ -1,11 +1,11 @@
 //! What a page is told. A page that reads slowly gets the newest state and plan and misses what came in between; one that
 //! reads nothing is let go.
 
+use super::message::Message as Told;
 use super::{Letter, closing};
-use crate::daemon::answers::live::Message as Told;
-use crate::daemon::answers::state::StateView;
 use crate::daemon::app::{App, closed};
 use crate::daemon::drive::active::{Active, Update};
+use crate::daemon::observe::state::StateView;
 use axum::extract::ws::{Message, WebSocket};
 use futures_util::SinkExt;
 use futures_util::stream::SplitSink;

@@ -1,0 +1,439 @@
+//! Who may do what: pages and names from elsewhere, tokens and their roles.
+
+use super::client::TokenNumber;
+use super::head::{check_head, read_header};
+use super::origins::{Authority, normalize_name, normalize_origin};
+use super::refused_pages::Strangers;
+use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::http::page_files;
+use crate::text_file::BYTE_ORDER_MARK;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use percent_encoding::percent_decode_str;
+use sha2::{Digest as _, Sha256};
+use std::sync::Arc;
+use subtle::ConstantTimeEq;
+
+/// For how long a browser may remember that another page's requests are allowed, in s.
+const PREFLIGHT_S: u32 = 600;
+/// What is asked for where no token is sent (RFC 6750, 3).
+const CHALLENGE: &str = "Bearer realm=\"era\"";
+const FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
+const FETCH_MODE: HeaderName = HeaderName::from_static("sec-fetch-mode");
+
+/// What somebody may do; each role includes those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// Read state, scene, fields, metrics, and the page.
+    View,
+    /// Drive touches, and stop.
+    Touch,
+    /// Arm, and clear faults.
+    Arm,
+}
+
+impl Role {
+    /// Its name in files and messages.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::View => "view",
+            Self::Touch => "touch",
+            Self::Arm => "arm",
+        }
+    }
+
+    /// That it does not open what needs `needed`.
+    #[must_use]
+    pub fn lacks(self, needed: Self) -> Problem {
+        let detail = format!("this token's role is {}, and this needs {}", self.name(), needed.name());
+        let challenge = format!("{CHALLENGE}, error=\"insufficient_scope\", scope=\"{}\"", needed.name());
+        Problem::new(Kind::Role, detail).header(header::WWW_AUTHENTICATE, &challenge)
+    }
+
+    /// What a request needs; `None` for the page's own files, which everybody may read: the page brings the token.
+    pub fn needed(method: &Method, path: &str) -> Option<Self> {
+        let only_reads = matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS);
+        match path {
+            "/v1/arm" | "/v1/faults/clear" => Some(Self::Arm),
+            "/openapi.json" if only_reads => None,
+            path if only_reads && page_files::paths().any(|known| known == path) => None,
+            _ if only_reads => Some(Self::View),
+            _ => Some(Self::Touch),
+        }
+    }
+}
+
+/// Marks requests of whoever may open the daemon's socket in the file system: they need no token.
+#[derive(Clone, Copy, Debug)]
+pub struct Owner;
+
+/// What the listener speaks over which a request has come, as origins name it.
+#[derive(Clone, Copy, Debug)]
+pub struct Scheme(pub &'static str);
+
+/// A secret and what it opens.
+#[derive(Clone)]
+pub struct Token {
+    /// SHA-256 of the secret, which itself is not kept. Secrets are long enough that nobody finds one by trying.
+    digest: Digest,
+    role: Role,
+}
+
+impl Token {
+    fn new(secret: &str, role: Role) -> Self {
+        Self { digest: Sha256::digest(secret).into(), role }
+    }
+}
+
+impl std::fmt::Debug for Token {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Token").field("role", &self.role).finish_non_exhaustive()
+    }
+}
+
+/// Of a secret.
+type Digest = [u8; 32];
+
+/// Least length of a secret: 128 bits in base64. That, and the pace at which a client is answered, is what stands against trying: 2000 guesses a second find one
+/// in 10^27 years on average. To shut out an address after some wrong ones would shut out all who share it, behind a proxy or a router.
+const MIN_SECRET: usize = 22;
+
+/// Who is let in. By default: whoever can connect, from the daemon's own page or from none.
+#[derive(Clone, Debug, Default)]
+pub struct Access {
+    /// Origins of other pages that may talk to the daemon: `https://kiosk.example:8443`.
+    pub origins: Vec<String>,
+    /// Names beside `localhost` and addresses in numbers by which the daemon may be called.
+    pub hosts: Vec<String>,
+    /// None: no token is asked for.
+    pub tokens: Vec<Token>,
+    /// Pages that were refused.
+    pub strangers: Arc<Strangers>,
+}
+
+impl Access {
+    /// Tokens from a file's lines: `ROLE SECRET`, with `#` before what is a comment.
+    ///
+    /// # Errors
+    /// The line and what is wrong with it.
+    pub fn tokens(text: &str) -> Result<Vec<Token>, String> {
+        let mut tokens = Vec::new();
+        // Old systems end lines with a CR alone.
+        for (number, line) in (1..).zip(text.replace("\r\n", "\n").split(['\n', '\r'])) {
+            let line = line.trim();
+            if line.is_empty() || line.starts_with('#') {
+                continue;
+            }
+            let mut words = line.split_whitespace();
+            let role = match words.next() {
+                Some("view") => Role::View,
+                Some("touch") => Role::Touch,
+                Some("arm") => Role::Arm,
+                _ => return Err(format!("line {number}: the first word must be a role: view, touch or arm")),
+            };
+            match (words.next(), words.next()) {
+                (Some(secret), None) if secret.len() >= MIN_SECRET && secret.chars().all(is_unreserved) => {
+                    tokens.push(Token::new(secret, role));
+                }
+                (Some(_), None) => {
+                    return Err(format!(
+                        "line {number}: a secret must have {MIN_SECRET} or more letters, digits, '-', '_', '.' and '~'"
+                    ));
+                }
+                _ => return Err(format!("line {number}: a role and one secret are wanted")),
+            }
+        }
+        if tokens.is_empty() {
+            return Err("there is no token in it: a line is a role (view, touch, arm) and a secret".into());
+        }
+        Ok(tokens)
+    }
+
+    /// An origin as browsers send it, from one as people write it.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn origin(text: &str) -> Result<String, String> {
+        normalize_origin(text)
+    }
+
+    /// A name or an address as the daemon compares it, from one as people write it.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn host(text: &str) -> Result<String, String> {
+        normalize_name(text)
+    }
+
+    /// Whether the request comes from where it may.
+    fn check_source(
+        &self,
+        method: &Method,
+        headers: &HeaderMap,
+        host: Option<&Authority>,
+        scheme: Option<Scheme>,
+    ) -> Result<Option<HeaderValue>, Problem> {
+        // A name that someone else's DNS may point here is not ours, whatever page it comes from ("DNS rebinding").
+        if let Some(host) = host
+            && !host.is_own()
+            && !self.hosts.iter().any(|own| host.has_name(own))
+        {
+            let detail = format!(
+                "requests for {host} are not taken; use localhost or the daemon's address in numbers, or start it with \
+                 --allow-host"
+            );
+            return Err(Problem::new(Kind::ForeignHost, detail));
+        }
+        let foreign = |who: &str| {
+            let detail = format!(
+                "requests from {who} are not taken; open the page of this daemon itself, or start it with --allow-origin"
+            );
+            Problem::new(Kind::ForeignOrigin, detail)
+        };
+        if let Some(origin) = read_header(headers, &header::ORIGIN)? {
+            if self.origins.iter().any(|known| known.eq_ignore_ascii_case(origin)) {
+                return Ok(headers.get(header::ORIGIN).cloned());
+            }
+            if !host.is_some_and(|host| host.is_origin_of(origin, scheme.map(|Scheme(own)| own))) {
+                self.strangers.tell(origin, &Access::origin(origin));
+                return Err(foreign(&format!("pages of {origin}")));
+            }
+            return Ok(None);
+        }
+        // A browser that sends no Origin (for an image, say) tells here where the request comes from. A link on another page
+        // may lead to this daemon's.
+        let is_link = *method == Method::GET && read_header(headers, &FETCH_MODE)? == Some("navigate");
+        match read_header(headers, &FETCH_SITE)? {
+            Some("cross-site" | "same-site") if !is_link => Err(foreign("other pages")),
+            _ => Ok(None),
+        }
+    }
+
+    /// Whether the request's token opens what it wants, and which that is and what else it opens, if one is asked for.
+    fn check_token(&self, request: &Request) -> Result<Option<(TokenNumber, Role)>, Problem> {
+        let Some(needed) = Role::needed(request.method(), request.uri().path()) else { return Ok(None) };
+        if self.tokens.is_empty() || request.extensions().get::<Owner>().is_some() {
+            return Ok(None);
+        }
+        let bearer = read_header(request.headers(), &header::AUTHORIZATION)?.and_then(bearer);
+        // A page cannot set its socket's headers. Nothing else takes it so: addresses end up in logs.
+        let query = request.uri().query().filter(|_| request.uri().path() == "/v1/live").unwrap_or_default();
+        let in_query = token_in_query(query);
+        let given = bearer.or(in_query.as_deref()).map(str::trim);
+        let digest: Option<Digest> = given.map(|given| Sha256::digest(given).into());
+        let role = digest.and_then(|digest| self.role(&digest));
+        match role {
+            Some((role, number)) if role >= needed => Ok(Some((TokenNumber(number), role))),
+            Some((role, _)) => Err(role.lacks(needed)),
+            None => {
+                let (detail, challenge) = match given {
+                    None => (
+                        "a token is wanted: Authorization: Bearer TOKEN, or ?token=TOKEN for /v1/live",
+                        CHALLENGE.into(),
+                    ),
+                    Some(_) => ("this token is not known", format!("{CHALLENGE}, error=\"invalid_token\"")),
+                };
+                Err(Problem::new(Kind::Token, detail).header(header::WWW_AUTHENTICATE, &challenge))
+            }
+        }
+    }
+
+    /// The most that a secret with this digest opens, and its place among the tokens. Digests are compared whole, all of them, in
+    /// a time that tells nothing of where they differ.
+    fn role(&self, given: &Digest) -> Option<(Role, usize)> {
+        let is_same = |token: &Token| bool::from(token.digest.ct_eq(given));
+        let same = self.tokens.iter().enumerate().filter(|(_, token)| is_same(token));
+        same.map(|(number, token)| (token.role, number)).max()
+    }
+}
+
+/// Lets a request through, or says why not.
+pub async fn check(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
+    let source = check_head(&request).and_then(|host| {
+        let scheme = request.extensions().get().copied();
+        access.check_source(request.method(), request.headers(), host.as_ref(), scheme)
+    });
+    let origin = match source {
+        Ok(origin) => origin,
+        Err(problem) => return problem.into_response(),
+    };
+    let is_preflight =
+        *request.method() == Method::OPTIONS && request.headers().contains_key(header::ACCESS_CONTROL_REQUEST_METHOD);
+    let mut response = if is_preflight && origin.is_some() {
+        // A browser asks without the page's token whether the page may ask with it.
+        let allowed = [
+            (header::ACCESS_CONTROL_ALLOW_METHODS, "GET, POST"),
+            (header::ACCESS_CONTROL_ALLOW_HEADERS, "authorization, content-type, x-request-id"),
+        ];
+        let age = [(header::ACCESS_CONTROL_MAX_AGE, PREFLIGHT_S.to_string())];
+        (StatusCode::NO_CONTENT, allowed, age).into_response()
+    } else {
+        match access.check_token(&request) {
+            Ok(token) => {
+                if let Some((token, role)) = token {
+                    request.extensions_mut().insert(token);
+                    request.extensions_mut().insert(role);
+                }
+                next.run(request).await
+            }
+            Err(problem) => problem.into_response(),
+        }
+    };
+    if let Some(origin) = origin {
+        let headers = response.headers_mut();
+        headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, origin);
+        headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, HeaderValue::from_static("retry-after, x-request-id"));
+        headers.append(header::VARY, HeaderValue::from_static("origin"));
+    }
+    response
+}
+
+/// Characters that stand for themselves wherever a secret is written, addresses included (RFC 3986, 2.3).
+const fn is_unreserved(c: char) -> bool {
+    c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | '~')
+}
+
+/// The token behind an address, without what was around it in the file that a page has it from: a byte order mark, ends of lines.
+fn token_in_query(query: &str) -> Option<String> {
+    let raw = query.split('&').find_map(|pair| pair.strip_prefix("token="))?;
+    // Spaces are written as `+` there, too.
+    let plain = percent_decode_str(&raw.replace('+', " ")).decode_utf8_lossy().into_owned();
+    Some(plain.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&plain).trim().to_owned())
+}
+
+/// The token in an `Authorization` header; the scheme's case is of no account (RFC 9110, 11.1).
+fn bearer(value: &str) -> Option<&str> {
+    let (scheme, token) = value.split_once(' ')?;
+    scheme.eq_ignore_ascii_case("bearer").then_some(token)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TOKENS: &str =
+        "# panel\nview AAAAAAAAAAAAAAAAAAAAAA\ntouch BBBBBBBBBBBBBBBBBBBBBBBB\n\narm CCCCCCCCCCCCCCCCCCCCCCCC\n";
+
+    #[test]
+    fn a_token_opens_its_role_and_those_below() {
+        let access = Access { tokens: Access::tokens(TOKENS).unwrap(), ..Access::default() };
+        let status = |method: &str, path: &str, token: Option<&str>| {
+            let mut request = axum::http::Request::builder().method(method).uri(path);
+            if let Some(token) = token {
+                request = request.header("authorization", format!("Bearer {token}"));
+            }
+            let result = access.check_token(&request.body(axum::body::Body::empty()).unwrap());
+            result.err().map_or(200, |problem| problem.status().as_u16())
+        };
+        let [view, touch, arm] =
+            ["AAAAAAAAAAAAAAAAAAAAAA", "BBBBBBBBBBBBBBBBBBBBBBBB", "CCCCCCCCCCCCCCCCCCCCCCCC"].map(Some);
+        for (method, path, allowed) in [
+            ("GET", "/v1/state", [401, 200, 200, 200]),
+            ("GET", "/", [200; 4]),
+            ("GET", "/link.js", [200; 4]),
+            ("POST", "/link.js", [401, 403, 200, 200]),
+            ("GET", "/metrics", [401, 200, 200, 200]),
+            ("POST", "/v1/touch", [401, 403, 200, 200]),
+            ("POST", "/v1/stop", [401, 403, 200, 200]),
+            ("GET", "/v1/live", [401, 200, 200, 200]),
+            ("POST", "/v1/arm", [401, 403, 403, 200]),
+            ("POST", "/v1/faults/clear", [401, 403, 403, 200]),
+        ] {
+            let found = [None, view, touch, arm].map(|token| status(method, path, token));
+            assert_eq!(found, allowed, "{method} {path}");
+        }
+        for wrong in ["", "A", "AAAAAAAAAAAAAAAAAAAAAB", "AAAAAAAAAAAAAAAAAAAAAAA"] {
+            assert_eq!(status("GET", "/v1/state", Some(wrong)), 401, "{wrong:?}");
+        }
+        assert_eq!(status("GET", "/v1/live?token=BBBBBBBBBBBBBBBBBBBBBBBB", None), 200);
+        assert_eq!(status("GET", "/v1/state?token=BBBBBBBBBBBBBBBBBBBBBBBB", None), 401);
+        assert_eq!(status("GET", "/v1/live?send=state&token=AAAAAAAAAAAAAAAAAAAAAA", None), 200);
+    }
+
+    /// What is compared is digests, and those in constant time (`ct_eq`): a part of a secret opens as little as none of it.
+    #[test]
+    fn nothing_but_the_whole_secret_opens() {
+        let access = Access { tokens: Access::tokens(TOKENS).unwrap(), ..Access::default() };
+        let role = |given: &str| access.role(&Sha256::digest(given).into()).map(|(role, _)| role);
+        for (secret, opens) in
+            [("A".repeat(22), Role::View), ("B".repeat(24), Role::Touch), ("C".repeat(24), Role::Arm)]
+        {
+            assert_eq!(role(&secret), Some(opens));
+            for length in 0..secret.len() {
+                assert_eq!(role(&secret[..length]), None, "{length} of {}", secret.len());
+                let mut other = secret.clone().into_bytes();
+                other[length] ^= 1;
+                assert_eq!(role(std::str::from_utf8(&other).unwrap()), None, "wrong at {length}");
+            }
+            for more in [secret.repeat(2), format!("{secret}="), format!("{secret}\0"), secret.to_lowercase()] {
+                assert_eq!(role(&more), None, "{more:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn secrets_are_neither_short_nor_shown() {
+        for (text, wanted) in [
+            ("", "no token"),
+            ("view short", "line 1"),
+            ("\nboss AAAAAAAAAAAAAAAAAAAAAA", "line 2"),
+            ("arm", "secret"),
+            ("arm AAAAAAAAAAAAAAAAAAAAA+/=", "letters"),
+        ] {
+            let error = Access::tokens(text).unwrap_err();
+            assert!(error.contains(wanted), "{text:?}: {error}");
+        }
+        let shown = format!("{:?}", Access::tokens(TOKENS).unwrap());
+        assert!(!shown.contains("AAAA") && shown.contains("View"), "{shown}");
+    }
+
+    #[test]
+    fn only_what_comes_from_here_or_is_allowed_is_taken() {
+        let access = Access {
+            origins: vec!["https://kiosk.example".into()],
+            hosts: vec!["panel.local".into()],
+            ..Access::default()
+        };
+        let taken = |method: &Method, headers: &[(&'static str, &[u8])]| {
+            let mut map = HeaderMap::new();
+            for (name, value) in headers {
+                map.append(*name, HeaderValue::from_bytes(value).unwrap());
+            }
+            let host = read_header(&map, &header::HOST)?.and_then(Authority::parse);
+            access.check_source(method, &map, host.as_ref(), Some(Scheme("http")))
+        };
+        let good: &[&[(&'static str, &[u8])]] = &[
+            &[("host", b"127.0.0.1:7878")],
+            &[("host", b"localhost:7878"), ("origin", b"http://localhost:7878")],
+            &[("host", b"[::1]:7878"), ("sec-fetch-site", b"same-origin")],
+            &[("host", b"panel.local:7878"), ("sec-fetch-site", b"none")],
+            &[("host", b"127.0.0.1"), ("origin", b"https://kiosk.example"), ("sec-fetch-site", b"cross-site")],
+            &[],
+        ];
+        for headers in good {
+            assert!(taken(&Method::POST, headers).is_ok(), "{headers:?}");
+        }
+        let bad: &[&[(&'static str, &[u8])]] = &[
+            &[("host", b"elsewhere.example")],
+            &[("host", b"localhost.elsewhere.example:7878")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"http://127.0.0.1:9999")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"https://127.0.0.1:7878")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"null")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"https://kiosk.example.evil")],
+            &[("host", b"127.0.0.1:7878"), ("sec-fetch-site", b"cross-site")],
+            &[("host", b"127.0.0.1:7878"), ("sec-fetch-site", b"same-site")],
+            // What is not ASCII was taken for absent once.
+            &[("host", b"elsewhere\xc3\xa4.example")],
+            &[("host", b"127.0.0.1:7878"), ("origin", b"http://k\xc3\xb6nig.example")],
+        ];
+        for headers in bad {
+            assert!(taken(&Method::POST, headers).is_err(), "{headers:?}");
+        }
+        // A link on another page may lead here; a form there may not.
+        let link: &[(&'static str, &[u8])] = &[("sec-fetch-site", b"cross-site"), ("sec-fetch-mode", b"navigate")];
+        assert!(taken(&Method::GET, link).is_ok() && taken(&Method::POST, link).is_err());
+    }
+}

@@ -1,0 +1,9 @@
+//! What every request and every answer has in common: problems, queries, whole numbers in JSON, helpers for schemas.
+//!
+//! Uses no other folder of the daemon.
+
+pub mod kinds;
+pub mod problem;
+pub mod query;
+pub mod schema;
+pub mod whole_numbers;

@@ -1,0 +1,203 @@
+//! Work that takes longer than a stop may wait for: on threads of its own, which the system prefers all others to, with half of the processors,
+//! and with an end. No thread that serves requests does any of it, and the daemon's end does not wait for it.
+
+use crate::daemon::access::sender::Sender;
+use crate::daemon::api::problem::{Kind, Problem};
+use crate::device::priority;
+use era_model::stop::Stop;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::{Duration, Instant};
+use tokio::sync::oneshot;
+
+/// Until when a piece of work may go on. Work looks at it wherever it can end.
+#[derive(Clone, Debug)]
+pub struct Deadline {
+    until: Instant,
+    longest: Duration,
+    /// Models and plans look at it by themselves.
+    stop: Stop,
+}
+
+impl Deadline {
+    /// So long from now.
+    #[must_use]
+    pub fn after(longest: Duration) -> Self {
+        Self { until: Instant::now() + longest, longest, stop: Stop::default() }
+    }
+
+    /// Nobody wants it any more.
+    pub fn cancel(&self) {
+        self.stop.ask();
+    }
+
+    /// Whether nobody wants it any more.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.stop.is_asked()
+    }
+
+    /// Whether the work has to end.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.is_cancelled() || self.has_run_out()
+    }
+
+    /// Whether that is because of the time.
+    #[must_use]
+    pub fn has_run_out(&self) -> bool {
+        Instant::now() >= self.until
+    }
+
+    /// Does work whose models and plans end when nobody wants it any more.
+    pub fn during<T>(&self, work: impl FnOnce() -> T) -> T {
+        self.stop.clone().during(work)
+    }
+
+    /// # Errors
+    /// [`Problem`] if the work has to end.
+    pub fn check(&self) -> Result<(), Problem> {
+        if self.is_cancelled() {
+            return Err(Problem::new(Kind::PreviewFailed, "nobody waits for it any more"));
+        }
+        if self.has_run_out() { Err(self.too_long()) } else { Ok(()) }
+    }
+
+    fn too_long(&self) -> Problem {
+        let longest = self.longest;
+        let detail =
+            format!("it takes longer than {longest:?}, which is the longest that the daemon computes for one request");
+        Problem::new(Kind::TooLarge, detail)
+    }
+}
+
+/// Cancels the work when whoever waits for it goes.
+struct Cancels(Deadline);
+
+impl Drop for Cancels {
+    fn drop(&mut self) {
+        self.0.cancel();
+    }
+}
+
+/// Begins work on a thread of this name; what comes of it is received, or that it has ended by a mistake of this program.
+///
+/// # Errors
+/// [`Problem`] if there is no thread for it.
+pub fn begin_aside<T: Send + 'static>(
+    name: &'static str,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<oneshot::Receiver<T>, Problem> {
+    let (result, receiver) = oneshot::channel();
+    let whole = move || {
+        // A mistake is told where it happens, and whoever waits hears that nothing comes.
+        if let Ok(found) = catch_unwind(AssertUnwindSafe(|| on_half_of_the_processors(work))) {
+            let _ = result.send(found);
+        }
+    };
+    let started = std::thread::Builder::new().name(name.into()).spawn(whole);
+    started.map_err(|error| Problem::new(Kind::PreviewFailed, format!("no thread for the {name}: {error}")))?;
+    Ok(receiver)
+}
+
+/// Does work for a request: no longer than `longest`, and no longer than its sender waits for the answer.
+///
+/// # Errors
+/// [`Problem`]: that of the work, that it took too long, or that its sender is gone.
+pub async fn do_aside<T: Send + 'static>(
+    name: &'static str,
+    longest: Duration,
+    sender: &Sender,
+    work: impl FnOnce(&Deadline) -> Result<T, Problem> + Send + 'static,
+) -> Result<T, Problem> {
+    let deadline = Deadline::after(longest);
+    let _cancels = Cancels(deadline.clone());
+    let own = deadline.clone();
+    let result = begin_aside(name, move || own.during(|| work(&own)))?;
+    tokio::select! {
+        result = result => result.unwrap_or_else(|_| {
+            let detail = format!("the {name} ended early; please report it with what was asked for");
+            Err(Problem::new(Kind::PreviewFailed, detail))
+        }),
+        () = sender.is_gone() => Err(Problem::new(Kind::PreviewFailed, "its sender is gone")),
+        () = tokio::time::sleep(longest) => Err(deadline.too_long()),
+    }
+}
+
+/// Does work on threads of its own, half as many as there are processors, which are to be late rather than others.
+fn on_half_of_the_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    priority::lower();
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).div_ceil(2);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(|_| priority::lower()).build();
+    match pool {
+        Ok(pool) => pool.install(work),
+        // Threads that cannot be had are done without.
+        Err(error) => {
+            tracing::warn!(%error, "no threads of its own for what takes long");
+            work()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::channel;
+
+    /// How long the tests wait for what is at once.
+    const PATIENCE: Duration = Duration::from_secs(20);
+
+    #[tokio::test]
+    async fn work_ends_with_its_time_and_tells_so() {
+        let (seen, ended) = channel();
+        let work = move |deadline: &Deadline| {
+            while !deadline.is_over() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            let _ = seen.send(deadline.has_run_out());
+            deadline.check()
+        };
+        let problem = do_aside("test", Duration::from_millis(50), &Sender::unknown(), work).await.unwrap_err();
+        assert!(problem.is("too-large") && problem.detail().contains("50ms"), "{}", problem.detail());
+        assert!(ended.recv_timeout(PATIENCE).unwrap());
+    }
+
+    #[tokio::test]
+    async fn work_ends_with_whoever_waits_for_it() {
+        let ((seen, ended), (began, has_begun)) = (channel(), channel());
+        let work = move |deadline: &Deadline| {
+            let _ = began.send(());
+            while !deadline.is_over() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            let _ = seen.send(deadline.has_run_out());
+            Ok(())
+        };
+        let waiting = tokio::spawn(async move { do_aside("test", PATIENCE * 10, &Sender::unknown(), work).await });
+        tokio::task::spawn_blocking(move || has_begun.recv_timeout(PATIENCE)).await.unwrap().unwrap();
+        waiting.abort();
+        assert!(waiting.await.unwrap_err().is_cancelled());
+        assert!(!ended.recv_timeout(PATIENCE).unwrap(), "not by its time");
+    }
+
+    #[tokio::test]
+    async fn a_mistake_in_the_work_is_told() {
+        let failed = |_: &Deadline| -> Result<(), Problem> { panic!("a mistake, on purpose") };
+        let problem = do_aside("test", PATIENCE, &Sender::unknown(), failed).await.unwrap_err();
+        assert!(problem.is("internal") && problem.detail().contains("ended early"), "{}", problem.detail());
+    }
+
+    /// As the system tells it: fields 19 of proc_thread_self's stat (proc_pid_stat(5)).
+    #[cfg(target_os = "linux")]
+    #[tokio::test]
+    async fn others_are_preferred_to_it() {
+        let nice = |_: &Deadline| {
+            let of_this_thread = || -> i32 {
+                let stat = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
+                stat.rsplit_once(')').unwrap().1.split_whitespace().nth(16).unwrap().parse().unwrap()
+            };
+            Ok(of_this_thread())
+        };
+        let nice = do_aside("test", PATIENCE, &Sender::unknown(), nice).await.unwrap();
+        assert!(nice >= 10, "{nice}");
+    }
+}

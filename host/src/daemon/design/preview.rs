@@ -1,0 +1,249 @@
+//! What a changed scene would do, computed without driving anything: for designers who move attachments about.
+//!
+//! Two previews are computed at a time, one of each client, and one of each client waits: a newer request takes the place of the client's
+//! that waits. Work is bounded by limits on the scene that are checked before anything is built, by its time, and by its sender's waiting for it.
+
+use super::attachments::{Attachments, Place, TABLES};
+use super::low_priority::{Deadline, do_aside};
+use super::slots::Slots;
+use crate::daemon::access::client::Client;
+use crate::daemon::access::sender::Sender;
+use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::observe::scene::SceneView;
+use crate::daemon::touch::plan_view::{FieldView, PlanView};
+use crate::model::Accuracy;
+use crate::model::levels::Levels;
+use crate::planner::{Plan, PlanTable, TableOptions, Target};
+use crate::scene::{MAX_ACTUATORS, Scene};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use utoipa::ToSchema;
+
+/// Longest scene in bytes: twenty times the examples.
+pub const MAX_SCENE: usize = 64 * 1024;
+/// Most supports, masses and actuators together: time grows with nearly the cube of them, to some 5 s at 32.
+const MAX_ATTACHMENTS: usize = 32;
+/// Most patches and cut-outs together: a grid of all of their borders is looked at for every cell and every point of the surface.
+const MAX_RECTANGLES: usize = 24;
+/// Most layers.
+const MAX_LAYERS: usize = 32;
+/// Most unknowns of the finest level: panels with a bezel or a camera hole need up to 4500.
+const MAX_UNKNOWNS: f64 = 6_000.0;
+/// Most products of unknowns and attachments, as each attachment has functions of its own, which are integrated over all cells: 32 on the example plate, whose finest level has 2436.
+const MAX_PRODUCT: f64 = 80_000.0;
+/// Most modes that are kept ([`Levels::expected_modes`]): a plate of 1.3 m by 0.8 m and 2 mm has 60.
+const MAX_MODES: f64 = 100.0;
+/// Previews that are computed at once, each of another client.
+const AT_ONCE: usize = 2;
+/// Clients that may wait for one.
+const MOST_WAITING: usize = 16;
+/// Longest time for one.
+pub const LONGEST: Duration = Duration::from_secs(10);
+/// Tolerance of the model.
+const ACCURACY: Accuracy = Accuracy::FAST;
+/// What messages call a scene that came in a request.
+const SOURCE: &str = "scene";
+
+/// A scene to be tried, and the touch to try it with.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[schema(examples(json!({"x_px": 960, "y_px": 640, "moves": {"support[1]": {"x_mm": 40, "y_mm": 30}}})))]
+#[serde(deny_unknown_fields)]
+pub struct PreviewRequest {
+    /// In pixels of the scene's screen, from its left edge: 0 to its `width_px`.
+    pub x_px: f64,
+    /// From its top edge: 0 to its `height_px`.
+    pub y_px: f64,
+    /// Peak wanted in g; 0.5 if not given.
+    pub intensity_g: Option<f64>,
+    /// A whole scene file (TOML) as text; the daemon's own if not given.
+    pub scene: Option<String>,
+    /// Attachments to be moved, by their names in messages: `support[2]` is the second support of the file. What is moved stays
+    /// within the surface.
+    #[serde(default)]
+    pub moves: BTreeMap<String, Place>,
+}
+
+/// What the scene would do.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct Preview {
+    /// The plan for the touch, with its error bound.
+    pub plan: PlanView,
+    /// Its field.
+    pub field: FieldView,
+    /// The scene with the moves, as a page draws it.
+    pub scene: SceneView,
+    /// The scene file with the moves; everything else in it stays as it is.
+    pub scene_toml: String,
+    /// Relative tolerance that the model was made for; `plan.error_bound` says what it is right to.
+    pub tolerance: f64,
+    /// Time from scene to field in ms, waiting left out.
+    pub elapsed_ms: f64,
+}
+
+/// Lets previews through.
+#[derive(Debug)]
+pub struct Previews {
+    /// The daemon's own scene.
+    own: Arc<str>,
+    slots: Arc<Slots>,
+}
+
+impl Previews {
+    /// For a daemon whose scene file has this text.
+    #[must_use]
+    pub fn new(own: Arc<str>) -> Self {
+        Self { own, slots: Slots::new(AT_ONCE, MOST_WAITING) }
+    }
+
+    /// Computes a preview for a client once it is its turn; `read` gives what was asked for, which is read in the same slot.
+    ///
+    /// # Errors
+    /// [`Problem`]: what is wrong with the request, that a newer one came while it waited, or that it takes too long.
+    pub async fn compute_in_turn(
+        &self,
+        client: Client,
+        sender: &Sender,
+        read: impl FnOnce() -> Result<PreviewRequest, Problem> + Send + 'static,
+    ) -> Result<Preview, Problem> {
+        let slot = tokio::select! {
+            slot = self.slots.take(client) => slot?,
+            () = sender.is_gone() => return Err(Problem::new(Kind::PreviewFailed, "its sender is gone")),
+        };
+        let own = Arc::clone(&self.own);
+        let work = move |deadline: &Deadline| {
+            // Until the work is done, also if nobody waits for it any more.
+            let _slot = slot;
+            compute_preview(&read()?, &own, deadline)
+        };
+        do_aside("preview", LONGEST, sender, work).await
+    }
+
+    /// The daemon's own scene.
+    pub fn own(&self) -> Arc<str> {
+        Arc::clone(&self.own)
+    }
+}
+
+/// A changed scene with the plan for a touch.
+#[derive(Debug)]
+pub struct Planned {
+    /// Its table, with the scene.
+    pub table: PlanTable,
+    /// The plan.
+    pub plan: Plan,
+    /// The scene file with the moves.
+    scene_toml: String,
+}
+
+/// The plan of a preview; `own` is the scene that it is of if it names none.
+///
+/// # Errors
+/// [`Problem`]: what is wrong with the request, or that it takes too long.
+pub fn planned(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Result<Planned, Problem> {
+    let text = request.scene.as_deref().unwrap_or(own);
+    if text.len() > MAX_SCENE {
+        return Err(too_large("scene", text.len(), "bytes", MAX_SCENE, None));
+    }
+    let attachments = Attachments::of(text);
+    check_counts(&attachments)?;
+    let scene_toml = attachments.moved(&request.moves)?;
+    let scene = Scene::parse(SOURCE, &scene_toml)?;
+    let (x_m, y_m) = scene.place_px(request.x_px, request.y_px)?.xy_m();
+    let target = Target { x_m, y_m, intensity_g: request.intensity_g };
+    let options = TableOptions::preview();
+    check_model(&scene, options.to_hz)?;
+    let planned = |levels: Levels| -> Result<_, Problem> {
+        deadline.check()?;
+        let table = PlanTable::with_levels(&scene, levels, options)?;
+        deadline.check()?;
+        let plan = table.plan(&[target])?;
+        deadline.check()?;
+        Ok((table, plan))
+    };
+    // A first try takes half the time of the levels that the daemon itself plans with, and is right to 3e-3 on the
+    // example plate while a corner support is dragged inwards.
+    let (mut table, mut plan) = planned(Levels::of_order(&scene, ACCURACY.order(), options.to_hz)?)?;
+    if plan.error_bound.is_none_or(|bound| bound > ACCURACY.value()) {
+        (table, plan) = planned(Levels::build(&scene, ACCURACY, options.to_hz)?)?;
+    }
+    Ok(Planned { table, plan, scene_toml })
+}
+
+fn compute_preview(request: &PreviewRequest, own: &str, deadline: &Deadline) -> Result<Preview, Problem> {
+    let started = Instant::now();
+    let Planned { table, plan, scene_toml } = planned(request, own, deadline)?;
+    let field = FieldView::new(&table, Some(&plan), 0);
+    Ok(Preview {
+        scene: SceneView::new(&table.scene),
+        plan: PlanView::new(&table, plan),
+        field,
+        scene_toml,
+        tolerance: ACCURACY.value(),
+        elapsed_ms: started.elapsed().as_secs_f64() * 1e3,
+    })
+}
+
+/// How much a scene has of everything that costs time, told before it is read as a scene: what no plan can be made of, or too much would have to
+/// be computed for.
+///
+/// # Errors
+/// [`Problem`] that says what is too much, with its line where there is one.
+pub(super) fn check_counts(attachments: &Attachments<'_>) -> Result<(), Problem> {
+    let actuators = attachments.count_of(&["actuator"]);
+    if actuators > MAX_ACTUATORS {
+        let line = attachments.line("actuator", MAX_ACTUATORS + 1);
+        return Err(too_large("actuator", actuators, "actuators", MAX_ACTUATORS, line));
+    }
+    for (tables, what, most) in [
+        (&TABLES[..], "supports, masses and actuators", MAX_ATTACHMENTS),
+        (&["patch", "cutout"], "patches and cut-outs", MAX_RECTANGLES),
+        (&["layer"], "layers", MAX_LAYERS),
+    ] {
+        let count = attachments.count_of(tables);
+        if count > most {
+            return Err(too_large("scene", count, what, most, None));
+        }
+    }
+    Ok(())
+}
+
+/// How large a model a scene needs for frequencies up to `to_hz`, told before it is built. Designs of a study may have more attachments than
+/// its scene's file, so these are counted here as well.
+///
+/// # Errors
+/// [`Problem`] that says what is too much.
+pub(super) fn check_model(scene: &Scene, to_hz: f64) -> Result<(), Problem> {
+    let attachments = scene.supports.len() + scene.masses.len() + scene.actuators.len();
+    if attachments > MAX_ATTACHMENTS {
+        return Err(too_large("scene", attachments, "supports, masses and actuators", MAX_ATTACHMENTS, None));
+    }
+    let rectangles = scene.patches.len() + scene.cutouts.len();
+    if rectangles > MAX_RECTANGLES {
+        return Err(too_large("scene", rectangles, "patches and cut-outs", MAX_RECTANGLES, None));
+    }
+    let expected = Levels::expected_unknowns(scene, ACCURACY, to_hz)?;
+    #[expect(clippy::cast_precision_loss, reason = "at most 32")]
+    let most = MAX_UNKNOWNS.min((MAX_PRODUCT / attachments.max(1) as f64).floor());
+    if expected > most {
+        return Err(too_large("surface", expected, "unknowns", most, None));
+    }
+    let modes = Levels::expected_modes(scene, to_hz).round();
+    if modes > MAX_MODES { Err(too_large("surface", modes, "modes", MAX_MODES, None)) } else { Ok(()) }
+}
+
+/// More than is computed here; `line` is that of the scene's text.
+pub(super) fn too_large<T: std::fmt::Display + Into<serde_json::Value>>(
+    field: &str,
+    value: T,
+    unit: &str,
+    most: T,
+    line: Option<usize>,
+) -> Problem {
+    let place = line.map_or_else(String::new, |line| format!("{SOURCE}:{line}: "));
+    let detail =
+        format!("{place}{field} has {value} {unit}, but the daemon takes at most {most} for what is not driven");
+    let allowed = format!("at most {most} {unit}");
+    Problem::new(Kind::TooLarge, detail).at(field, value.into(), allowed, line)
+}

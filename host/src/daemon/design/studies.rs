@@ -1,0 +1,247 @@
+//! Small design studies for the page: one at a time, beside everything else, of the daemon's own scene or one that is sent. Nothing is
+//! driven by them.
+
+use super::attachments::Attachments;
+use super::background::{Job, Newest, Place, Stage, Told, Work};
+use super::low_priority::{Deadline, do_aside};
+use super::preview::{MAX_SCENE, check_counts, check_model, too_large};
+use crate::daemon::access::sender::Sender;
+use crate::daemon::api::problem::{Kind, Problem};
+use crate::design::bounds::{Bounds, Excess, Unusable};
+use crate::design::evaluate::{EvaluateError, Evaluator, Figures, Quick};
+use crate::design::result::{Finalist, Table};
+use crate::design::run::{Folder, Observer, Shard, Stopped, Study, run};
+use crate::design::spec::Wanted;
+use crate::design::written::{figures, worst, write};
+use crate::scene::Scene;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+use utoipa::ToSchema;
+
+/// What is taken of a study. The looks are half a minute of the example plate on one processor, a finalist is a second or two.
+const BOUNDS: Bounds = Bounds { entries: 64, places: 512, written: MAX_SCENE, looks: 2000, finalists: 5 };
+/// Longest time for looking whether a study can be begun.
+const LONGEST: Duration = Duration::from_secs(10);
+/// What messages call what came in a request.
+const STUDY: &str = "study";
+/// What messages call its scene.
+const SCENE: &str = "scene";
+
+/// A study to be run.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[schema(examples(json!({"study": "version = 1\nname = \"corners\"\nscene = \"plate.toml\"\n[[variable]]\nkey = \"support.*.stiffness_n_per_m\"\nfrom = 500\nto = 8000\n[[wish]]\nfigure = \"weakest_g\"\n[method]\ndesigns = 32\n"})))]
+#[serde(deny_unknown_fields)]
+pub struct StudyRequest {
+    /// A study file (TOML) as text; the scene that it names is of no account.
+    pub study: String,
+    /// A whole scene file (TOML) as text; the daemon's own if not given.
+    pub scene: Option<String>,
+}
+
+/// A study, as far as it is.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Study)]
+pub struct StudyView {
+    /// How far it is.
+    stage: Stage,
+    /// Its name; null if there is none.
+    name: Option<String>,
+    /// Designs that have been looked at.
+    there: usize,
+    /// Of so many.
+    all: usize,
+    /// The scene as it is; null until the study is done.
+    as_it_is: Option<DesignView>,
+    /// The best first; empty until the study is done.
+    best: Vec<DesignView>,
+    /// Where no design keeps all limits, the one that is least beyond them; null elsewhere, until the study is done, and if all have failed.
+    nearest: Option<NearestView>,
+    /// Where all designs have failed, why the first one has; null elsewhere, and until the study is done.
+    all_failed: Option<String>,
+    /// Why it could not go on.
+    problem: Option<String>,
+}
+
+/// A design that is nearer to the limits than all others, none of which keeps them.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Nearest)]
+pub struct NearestView {
+    /// Its number in the study, from 1.
+    design: usize,
+    /// Which limits it breaks, with its figures.
+    reason: String,
+}
+
+/// A design that was computed anew.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Design)]
+pub struct DesignView {
+    /// Its number in the study, from 1; 0 for the scene as it is.
+    design: usize,
+    /// What was wanted of it, by the names of a study's columns.
+    figures: BTreeMap<String, f64>,
+    /// Upper bound on the relative error of `weakest_g`; null where there is none, or that is not wanted.
+    error_bound: Option<f64>,
+    /// Of what is wished for the worst of what may be off, as it was looked at first; empty where nothing may.
+    worst: BTreeMap<String, f64>,
+    /// The limits that it breaks once it is computed anew; null if it keeps all.
+    breaks: Option<String>,
+    /// Why it could not be computed anew; null if it could.
+    failed: Option<String>,
+    /// The scene file; `POST /v1/preview` takes it.
+    scene_toml: String,
+}
+
+/// The daemon's study.
+#[derive(Debug)]
+pub struct Studies {
+    /// The daemon's own scene.
+    own: Arc<str>,
+    place: Place,
+    newest: Newest<Found>,
+}
+
+/// What is known of a study.
+#[derive(Clone, Debug, Default)]
+struct Found {
+    name: Option<String>,
+    as_it_is: Option<DesignView>,
+    best: Vec<DesignView>,
+    nearest: Option<NearestView>,
+    all_failed: Option<String>,
+}
+
+impl From<Told<Found>> for StudyView {
+    fn from(told: Told<Found>) -> Self {
+        let Told { stage, there, all, found, problem } = told;
+        let Found { name, as_it_is, best, nearest, all_failed } = found;
+        Self { stage, name, there, all, as_it_is, best, nearest, all_failed, problem }
+    }
+}
+
+impl Studies {
+    /// For a daemon whose scene file has this text.
+    #[must_use]
+    pub fn new(own: Arc<str>, place: Place) -> Arc<Self> {
+        Arc::new(Self { own, place, newest: Newest::none(Found::default()) })
+    }
+
+    /// How far the newest one is.
+    #[must_use]
+    pub fn view(&self) -> StudyView {
+        self.newest.told().into()
+    }
+
+    /// No other task of it begins.
+    pub fn stop(&self) {
+        self.newest.stop();
+    }
+
+    /// Begins one; `read` gives what was asked for. What it takes is looked at aside, as the study itself is run, and only if no other work is under
+    /// way: whoever comes then costs nothing.
+    ///
+    /// # Errors
+    /// [`Problem`]: mistakes in the study or its scene, more than is looked at here, or other work that is under way.
+    pub async fn begin(
+        self: &Arc<Self>,
+        sender: &Sender,
+        read: impl FnOnce() -> Result<StudyRequest, Problem> + Send + 'static,
+    ) -> Result<StudyView, Problem> {
+        let taken = self.place.take(Work::Study)?;
+        let studies = Arc::clone(self);
+        let work = move |deadline: &Deadline| {
+            let study = studies.read_and_check(&read()?)?;
+            deadline.check()?;
+            let found = Found { name: Some(study.spec.name.clone()), ..Found::default() };
+            let (all, work) = (study.designs(), move |job: &Job<Found>| computed(&study, job));
+            Ok(studies.newest.begin(taken, all, found, work)?.into())
+        };
+        do_aside("study", LONGEST, sender, work).await
+    }
+
+    /// A study whose cost is bounded.
+    fn read_and_check(&self, request: &StudyRequest) -> Result<Study, Problem> {
+        let scene = request.scene.as_deref().unwrap_or(&self.own);
+        for (field, text) in [(STUDY, request.study.as_str()), (SCENE, scene)] {
+            if text.len() > MAX_SCENE {
+                return Err(too_large(field, text.len(), "bytes", MAX_SCENE, None));
+            }
+        }
+        check_counts(&Attachments::of(scene))?;
+        let study = Study::parse_within(&BOUNDS, [STUDY, &request.study], [SCENE, scene])?;
+        check_model(&Scene::parse(SCENE, scene)?, study.spec.method.to_hz)?;
+        if study.spec.method.thorough {
+            let detail = "method.look is \"thorough\", but must be \"quick\" here: `era study` looks thoroughly";
+            let problem = Problem::new(Kind::TooLarge, detail);
+            return Err(problem.at("method.look", "thorough".into(), "\"quick\"".into(), None));
+        }
+        Ok(study)
+    }
+}
+
+impl From<Unusable> for Problem {
+    fn from(error: Unusable) -> Self {
+        match error {
+            Unusable::Mistakes(mistakes) => mistakes.into(),
+            Unusable::Excess(Excess { field, value, unit, most }) => too_large(field, value, unit, most, None),
+        }
+    }
+}
+
+/// A quick look at designs that are no larger than a preview may be, until nobody wants it any more.
+struct Bounded<'a> {
+    quick: Quick,
+    to_hz: f64,
+    job: &'a Job<Found>,
+}
+
+impl Evaluator for Bounded<'_> {
+    fn evaluate(&self, scene: &Scene, wanted: &[Wanted]) -> Result<Figures, EvaluateError> {
+        if self.job.stops() {
+            return Err(EvaluateError::Refused("the study was stopped".into()));
+        }
+        check_model(scene, self.to_hz).map_err(|problem| EvaluateError::Refused(problem.detail().into()))?;
+        self.job.during(|| self.quick.evaluate(scene, wanted))
+    }
+}
+
+/// Runs a study in a folder that is gone afterwards; `None` if it was stopped.
+fn computed(study: &Study, job: &Job<Found>) -> Result<Option<Found>, String> {
+    let told = |error: &dyn std::fmt::Display| error.to_string();
+    let place = tempfile::tempdir().map_err(|error| told(&error))?;
+    let folder = Folder::open(place.path(), study.key()).map_err(|error| told(&error))?;
+    let quick = Quick::new(study.options());
+    let evaluator = Bounded { quick, to_hz: study.spec.method.to_hz, job };
+    let ended = run(study, &folder, &evaluator, Shard::ALL, job);
+    if ended.map_err(|error| told(&error))? == Stopped::Early || job.stops() {
+        return Ok(None);
+    }
+    job.finishes();
+    let Some(written) = write(study, &folder, &|| job.stops()).map_err(|error| told(&error))? else {
+        return Ok(None);
+    };
+    let view = |own: &Finalist| view(study, &written.table, own);
+    let nearest = written
+        .table
+        .nearest()
+        .map(|(design, entry)| NearestView { design, reason: entry.reason.clone().unwrap_or_default() });
+    let (as_it_is, best) = (Some(view(&written.finals.base)), written.finals.best.iter().map(view).collect());
+    let first = || written.table.entries.iter().find_map(|entry| entry.reason.clone());
+    let all_failed = written.table.has_failed().then(first).flatten();
+    Ok(Some(Found { name: Some(study.spec.name.clone()), as_it_is, best, nearest, all_failed }))
+}
+
+fn view(study: &Study, table: &Table, own: &Finalist) -> DesignView {
+    let verified = own.verified.as_ref();
+    DesignView {
+        design: own.design,
+        figures: figures(study, own).into_iter().filter(|(_, value)| value.is_finite()).collect(),
+        error_bound: verified.ok().and_then(|verified| verified.bound),
+        worst: worst(study, table, own).into_iter().filter(|(_, value)| value.is_finite()).collect(),
+        breaks: own.breaks(study),
+        failed: verified.err().cloned(),
+        scene_toml: own.text.clone(),
+    }
+}

@@ -1,0 +1,178 @@
+//! What tolerances do to a plan: its drives on panels that are not quite the one it was made for. Nothing is driven for it.
+
+use super::attachments::Place as Moved;
+use super::background::{Job, Newest, Place, Stage, Taken, Told, Work};
+use crate::daemon::api::problem::Problem;
+use crate::daemon::touch::plan_view::PlanView;
+use crate::daemon::touch::request::check_intensity;
+use crate::design::tolerances::{RangeError, Spread, ToleranceError, Tolerances, panels, watched_spread};
+use crate::planner::{Plan, PlanTable};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use utoipa::ToSchema;
+
+/// The field of a request that has [`Wanted`].
+const TOLERANCES: &str = "tolerances";
+
+/// How far things may be off, either way.
+#[derive(Clone, Copy, Debug, Default, Deserialize, ToSchema)]
+#[schema(as = WantedTolerances)]
+#[serde(deny_unknown_fields)]
+pub struct Wanted {
+    /// Stiffness of supports, elastic edges and actuators, each by itself, as a part of it; 0.2 if not given.
+    pub springs: Option<f64>,
+    /// Young's modulus, the same everywhere, as a part of it; 0.1 if not given.
+    pub youngs_modulus: Option<f64>,
+    /// Thickness, the same everywhere, as a part of it; 0.05 if not given.
+    pub thickness: Option<f64>,
+    /// Places of supports, masses and actuators, each coordinate by itself, in mm; 1 if not given.
+    pub places_mm: Option<f64>,
+}
+
+impl Wanted {
+    /// With what is usual for the rest.
+    fn tolerances(self) -> Tolerances {
+        let usual = Tolerances::default();
+        Tolerances {
+            springs: self.springs.unwrap_or(usual.springs),
+            youngs_modulus: self.youngs_modulus.unwrap_or(usual.youngs_modulus),
+            thickness: self.thickness.unwrap_or(usual.thickness),
+            places_mm: self.places_mm.unwrap_or(usual.places_mm),
+        }
+    }
+}
+
+/// The touch whose plan is looked at, and how far things may be off.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[schema(examples(json!({"x_px": 960, "y_px": 640, "tolerances": {"thickness": 0.02}})))]
+#[serde(deny_unknown_fields)]
+pub struct TolerancesRequest {
+    /// In pixels of the scene's screen, from its left edge: 0 to its `width_px`.
+    pub x_px: f64,
+    /// From its top edge: 0 to its `height_px`.
+    pub y_px: f64,
+    /// Peak wanted in g; 0.5 if not given.
+    pub intensity_g: Option<f64>,
+    /// A whole scene file (TOML) as text; the daemon's own if not given.
+    pub scene: Option<String>,
+    /// Attachments to be moved, as in a preview. With this or `scene`, also if nothing is moved, the plan is that of
+    /// `POST /v1/preview`; without both it is that of `POST /v1/touch`.
+    pub moves: Option<BTreeMap<String, Moved>>,
+    /// How far things may be off.
+    pub tolerances: Option<Wanted>,
+}
+
+impl TolerancesRequest {
+    /// How far things may be off, with what is usual for what is not given.
+    ///
+    /// # Errors
+    /// [`Problem`] that names a tolerance, or the intensity, that is out of range.
+    pub fn checked(&self) -> Result<Tolerances, Problem> {
+        let tolerances = self.tolerances.unwrap_or_default().tolerances();
+        tolerances.check()?;
+        check_intensity(self.intensity_g)?;
+        Ok(tolerances)
+    }
+}
+
+/// What tolerances do, as far as it is known.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct TolerancesView {
+    /// The daemon's number for it, from 1; 0 if none has been asked for yet. A larger one is somebody's newer question.
+    id: u64,
+    /// How far it is.
+    stage: Stage,
+    /// Panels that have been looked at.
+    there: usize,
+    /// Of so many.
+    all: usize,
+    /// The plan that it is about, with its error bound; null if none has been asked for yet.
+    plan: Option<PlanView>,
+    /// What the plan's drives do where the panel is off; null until it is done.
+    off: Option<Spread>,
+    /// The same in words, as `era plan --spread` tells it; null until it is done.
+    words: Option<String>,
+    /// Why it could not go on.
+    problem: Option<String>,
+}
+
+/// What is known of the newest.
+#[derive(Clone, Debug, Default)]
+struct Found {
+    id: u64,
+    plan: Option<PlanView>,
+    off: Option<Spread>,
+}
+
+impl From<Told<Found>> for TolerancesView {
+    fn from(told: Told<Found>) -> Self {
+        let Told { stage, there, all, found: Found { id, plan, off }, problem } = told;
+        Self { id, stage, there, all, plan, words: off.as_ref().map(Spread::words), off, problem }
+    }
+}
+
+/// The daemon's newest look at tolerances.
+#[derive(Debug)]
+pub struct Looks {
+    place: Place,
+    newest: Newest<Found>,
+    /// How many there were.
+    count: AtomicU64,
+}
+
+impl Looks {
+    /// None yet.
+    #[must_use]
+    pub fn new(place: Place) -> Self {
+        Self { place, newest: Newest::none(Found::default()), count: AtomicU64::new(0) }
+    }
+
+    /// How far the newest one is.
+    #[must_use]
+    pub fn view(&self) -> TolerancesView {
+        self.newest.told().into()
+    }
+
+    /// No other panel of it is begun.
+    pub fn stop(&self) {
+        self.newest.stop();
+    }
+
+    /// Takes the place for one, before anything is computed for it.
+    ///
+    /// # Errors
+    /// [`Problem`]: what is under way there.
+    pub fn take(&self) -> Result<Taken, Problem> {
+        self.place.take(Work::Tolerances)
+    }
+
+    /// Begins one, of a table's plan.
+    ///
+    /// # Errors
+    /// [`Problem`] if there is no thread for it.
+    pub fn begin(
+        &self,
+        taken: Taken,
+        table: &PlanTable,
+        plan: Plan,
+        tolerances: Tolerances,
+    ) -> Result<TolerancesView, Problem> {
+        let id = 1 + self.count.fetch_add(1, Ordering::Relaxed);
+        let scene = table.scene.clone();
+        let found = Found { id, plan: Some(PlanView::new(table, plan.clone())), off: None };
+        let (all, known) = (panels(&scene), found.clone());
+        let work = move |job: &Job<Found>| match watched_spread(&scene, &[], &plan, tolerances, job) {
+            Ok(off) => Ok(Some(Found { off: Some(off), ..known })),
+            Err(ToleranceError::Stopped) => Ok(None),
+            Err(error) => Err(error.to_string()),
+        };
+        Ok(self.newest.begin(taken, all, found, work)?.into())
+    }
+}
+
+impl From<RangeError> for Problem {
+    fn from(RangeError { field, value, most }: RangeError) -> Self {
+        Self::range(field, value, 0, most).of(Some(TOLERANCES.into()))
+    }
+}

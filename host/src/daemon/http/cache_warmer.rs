@@ -1,0 +1,72 @@
+//! Keeps what a touch needs at hand while the board is on.
+//!
+//! A touch reads some megabytes of tables and runs through as much of the program as a request does. After a second without one the
+//! processor's caches have other things in them, its own or those of others on the same machine, and the touch takes up to twice as long as one
+//! of many. This takes a part of that away again and not all (`docs/src/testing.md`). So while the board is on, which means that somebody is there, what a touch would do is done again and again, and nothing of it is
+//! driven: the way in, a plan, and what it takes to drive it.
+
+use super::routes;
+use crate::daemon::access::client::Peer;
+use crate::daemon::access::permissions::Owner;
+use crate::daemon::app::{App, closed};
+use crate::device::Snapshot;
+use crate::planner::Target;
+use axum::Router;
+use axum::body::Body;
+use axum::http::{Request, header};
+use era_shared::safety::State;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::{MissedTickBehavior, interval};
+use tower_service::Service;
+
+/// How often. Once takes some 0.4 ms, a hundredth of a processor.
+const EVERY: Duration = Duration::from_millis(50);
+
+/// Does so until the daemon ends.
+pub async fn keep(app: Arc<App>) {
+    let (router, mut closing) = (routes::router(Arc::clone(&app)), app.closing());
+    let mut ticks = interval(EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tokio::select! {
+            () = closed(&mut closing) => return,
+            _ = ticks.tick() => {}
+        }
+        // Touches that are under way keep it at hand themselves.
+        if is_on(&app.device().borrow()) && app.admission.is_idle() {
+            tokio::task::block_in_place(|| app.plan_for_nobody());
+            ask(router.clone()).await;
+        }
+    }
+}
+
+/// Whether somebody may touch next: the board is there, and armed.
+fn is_on(device: &Snapshot) -> bool {
+    device.connected && device.state().is_some_and(State::is_live)
+}
+
+/// A request that changes nothing, by the way that all take.
+async fn ask(mut router: Router) {
+    let mut request = Request::new(Body::empty());
+    *request.uri_mut() = axum::http::Uri::from_static("/v1/scene");
+    request.headers_mut().insert(header::HOST, header::HeaderValue::from_static("localhost"));
+    request.extensions_mut().insert(Peer::Process(None));
+    request.extensions_mut().insert(Owner);
+    let Ok(_answer) = router.call(request).await;
+}
+
+impl App {
+    /// What a touch where the last one was, or in the middle of the screen, would take.
+    fn plan_for_nobody(&self) {
+        let screen = &self.table.scene.screen;
+        let middle = || self.table.scene.place_px(f64::from(screen.width_px) / 2.0, f64::from(screen.height_px) / 2.0);
+        let last =
+            self.active().and_then(|active| active.plan.plan().targets.first().map(|target| (target.x_m, target.y_m)));
+        let Some((x_m, y_m)) = last.or_else(|| middle().ok().map(|place| place.xy_m())) else { return };
+        // A place in a cut-out has no plan, and nothing is lost.
+        if let Ok(plan) = self.table.plan(&[Target { x_m, y_m, intensity_g: None }]) {
+            std::hint::black_box(self.table.motion(&plan));
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! The description of the HTTP interface (OpenAPI 3.1), made from the routes and types that serve it.
+//!
+//! What a path takes and answers with comes from its handler and the types there; here it gets what they have in common: who
+//! may ask, which problems there are (`problems`), and the ranges of numbers (`ranges`).
+
+mod problems;
+mod ranges;
+
+use crate::daemon::access::permissions::Role;
+use axum::http::Method;
+use serde_json::{Map, Value, json};
+use utoipa::openapi::OpenApi;
+
+const ABOUT: &str = "Localized touch feedback: a touch at screen pixels becomes drives for electrostatic actuators. All numbers \
+    are SI unless the name says another unit. Requests of other pages than the daemon's own are refused unless --allow-origin names \
+    their origin, and where tokens are set up every request needs one: the role that each path wants is its `x-role`, which counts \
+    where tokens are asked for only. Whatever is not described here is answered with 404 (`#/components/responses/NotFound`), another \
+    method of what is with 405 (`#/components/responses/WrongMethod`). GET takes HEAD as well; pages that --allow-origin names may ask \
+    with OPTIONS first.";
+const SERVER: &str = "The daemon that this description came from: whatever scheme, name and port it was asked at, or its socket in \
+    the file system";
+const TOKEN: &str = "Where the daemon was started with --token-file; for /v1/live ?token= does as well";
+
+/// The whole description as JSON text, of what the routes declare.
+#[must_use]
+pub fn text(declared: &OpenApi) -> String {
+    let mut document = json!(declared);
+    document["info"] = json!({"title": "ERA haptics daemon", "version": "1", "description": ABOUT});
+    document["servers"] = json!([{"url": "/", "description": SERVER}]);
+    document["components"]["securitySchemes"] =
+        json!({"token": {"type": "http", "scheme": "bearer", "description": TOKEN}});
+    document["components"]["responses"] = problems::everywhere();
+    if let Some(schemas) = document.pointer_mut("/components/schemas").and_then(Value::as_object_mut) {
+        schemas.values_mut().for_each(nothing_is_null);
+        problems::put_kinds(schemas);
+    }
+    ranges::put(&mut document);
+    tidy(&mut document);
+    if let Some(paths) = document["paths"].as_object_mut() {
+        for (path, operations) in paths {
+            for (method, operation) in operations.as_object_mut().into_iter().flatten() {
+                complete(path, method, operation);
+            }
+        }
+    }
+    document.to_string()
+}
+
+/// What belongs to an operation beside what its handler says.
+fn complete(path: &str, method: &str, operation: &mut Value) {
+    let Ok(method) = Method::from_bytes(method.to_ascii_uppercase().as_bytes()) else { return };
+    let role = Role::needed(&method, path);
+    operation["security"] = if role.is_some() { json!([{}, {"token": []}]) } else { json!([]) };
+    operation["x-role"] = role.map(Role::name).into();
+    if path == "/v1/live" {
+        let message = |name: &str| json!({"$ref": format!("#/components/schemas/{name}")});
+        operation["x-websocket"] = json!({"receives": message("LiveIn"), "sends": message("LiveOut")});
+    }
+    if let Some(responses) = operation["responses"].as_object_mut() {
+        responses.extend(problems::of(path, role));
+    }
+}
+
+/// In what the daemon tells, an `Option` is null where there is nothing: its key is always there. One that may be left out says so
+/// by not being null. Requests, which are closed, may leave out what may be null.
+fn nothing_is_null(schema: &mut Value) {
+    let Value::Object(map) = schema else { return };
+    if map.get("additionalProperties") == Some(&Value::Bool(false)) {
+        return;
+    }
+    let nullable: Vec<Value> = map
+        .get("properties")
+        .and_then(Value::as_object)
+        .map(|properties| properties.iter().filter(|(_, own)| may_be_null(own)).map(|(name, _)| json!(name)).collect())
+        .unwrap_or_default();
+    if !nullable.is_empty() {
+        let required = map.entry("required").or_insert_with(|| json!([]));
+        if let Value::Array(required) = required {
+            required.extend(nullable.into_iter().filter(|name| !required.contains(name)).collect::<Vec<_>>());
+        }
+    }
+    for key in ["allOf", "oneOf", "anyOf"] {
+        if let Some(Value::Array(parts)) = map.get_mut(key) {
+            parts.iter_mut().for_each(nothing_is_null);
+        }
+    }
+}
+
+fn may_be_null(schema: &Value) -> bool {
+    let is_null = |kind: &Value| kind == "null";
+    match &schema["type"] {
+        Value::Array(kinds) => kinds.iter().any(is_null),
+        kind => is_null(kind) || schema["oneOf"].as_array().is_some_and(|parts| parts.iter().any(may_be_null)),
+    }
+}
+
+/// Comments of the source are broken at its width; and a whole number from 0 on has no sign, whose largest are beyond those of one
+/// with a sign.
+fn tidy(value: &mut Value) {
+    match value {
+        Value::Object(map) => {
+            if let Some(Value::String(text)) = map.get_mut("description") {
+                let parts: Vec<String> = text.split("\n\n").map(|part| part.replace('\n', " ")).collect();
+                *text = parts.join("\n\n");
+            }
+            if map.get("minimum").and_then(Value::as_f64).is_some_and(|least| least >= 0.0) {
+                match map.get("format").and_then(Value::as_str) {
+                    Some("int32") => map.insert("format".into(), "uint32".into()),
+                    Some("int64") => map.insert("format".into(), "uint64".into()),
+                    _ => None,
+                };
+            }
+            map.values_mut().for_each(tidy);
+        }
+        Value::Array(list) => list.iter_mut().for_each(tidy),
+        _ => {}
+    }
+}
+
+/// A schema of the components, by its name.
+fn schema<'a>(document: &'a mut Value, name: &str) -> Option<&'a mut Map<String, Value>> {
+    document.pointer_mut(&format!("/components/schemas/{name}")).and_then(Value::as_object_mut)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_may_be_null_is_always_there() {
+        let mut answer = json!({"properties": {
+            "a": {"type": ["number", "null"]}, "b": {"oneOf": [{"type": "null"}, {"$ref": "#"}]}, "c": {"type": "number"},
+        }, "required": ["a"]});
+        nothing_is_null(&mut answer);
+        assert_eq!(answer["required"], json!(["a", "b"]));
+        let mut request = json!({"properties": {"a": {"type": ["number", "null"]}}, "additionalProperties": false});
+        nothing_is_null(&mut request);
+        assert!(request.get("required").is_none());
+    }
+}

@@ -1,0 +1,98 @@
+//! Ranges of what requests take, from the numbers by which they are checked.
+
+use super::schema;
+use crate::daemon::design::attachments::TABLES;
+use crate::daemon::design::preview::MAX_SCENE;
+use crate::daemon::touch::admission::MAX_NAME;
+use crate::daemon::touch::request::{MAX_DURATION_MS, MAX_INTENSITY_G, MIN_DURATION_MS};
+use crate::design::tolerances::MOST;
+use crate::effects::intensity::{MAX_DB, MIN_DB};
+use crate::effects::named::{COUNTS, PERIODS_MS};
+use crate::planner::MAX_QUIET_ZONES;
+use crate::planner::request::{MAX_QUIET_RADIUS_M, MAX_TARGETS};
+use crate::planner::schedule::{MAX_WINDOW_MS, MIN_WINDOW_MS};
+use serde_json::{Value, json};
+
+/// Names of numbers in requests, with the least and most that each takes.
+fn numbers() -> Vec<(&'static str, f64, f64)> {
+    let (least_ms, most_ms) = (f64::from(MIN_DURATION_MS), f64::from(MAX_DURATION_MS));
+    let no_most = f64::INFINITY;
+    let mut all = vec![
+        ("intensity_g", 0.0, MAX_INTENSITY_G),
+        ("intensity_db", MIN_DB, MAX_DB),
+        ("duration_ms", least_ms, most_ms),
+        ("count", COUNTS.0, COUNTS.1),
+        ("period_ms", PERIODS_MS.0, PERIODS_MS.1),
+        ("from_ms", 0.0, MAX_WINDOW_MS - MIN_WINDOW_MS),
+        ("to_ms", MIN_WINDOW_MS, MAX_WINDOW_MS),
+        ("x_px", 0.0, no_most),
+        ("y_px", 0.0, no_most),
+        ("radius_mm", 0.0, MAX_QUIET_RADIUS_M * 1e3),
+        ("at_most_g", 0.0, no_most),
+    ];
+    all.extend(MOST.map(|(name, most)| (name, 0.0, most)));
+    all
+}
+
+/// Puts the ranges into the schemas of requests.
+pub fn put(document: &mut Value) {
+    let requests =
+        ["Touch", "Also", "QuietZone", "PreviewRequest", "TolerancesRequest", "WantedTolerances", "LiveIn", "Finger"];
+    for name in requests {
+        let properties = schema(document, name).and_then(|schema| schema.get_mut("properties"));
+        let Some(properties) = properties.and_then(Value::as_object_mut) else { continue };
+        for (field, least, most) in numbers() {
+            // A finger may be a little outside the screen.
+            let may_be_below = name == "Finger" && matches!(field, "x_px" | "y_px");
+            if let Some(own) = properties.get_mut(field).filter(|_| !may_be_below) {
+                // What a preview is asked for is driven by nobody, and may be anything.
+                let is_free = name == "PreviewRequest" && field == "intensity_g";
+                bound(own, least, if is_free { f64::INFINITY } else { most });
+            }
+        }
+        for (field, most) in [("also", MAX_TARGETS - 1), ("quiet", MAX_QUIET_ZONES), ("touches", MAX_TARGETS)] {
+            if let Some(own) = properties.get_mut(field) {
+                own["maxItems"] = most.into();
+            }
+        }
+        if let Some(scene) = properties.get_mut("scene") {
+            // Bytes in fact, of which a character takes one or more.
+            scene["maxLength"] = MAX_SCENE.into();
+        }
+        if let Some(moves) = properties.get_mut("moves") {
+            moves["propertyNames"] = json!({"pattern": format!("^({})\\[[1-9][0-9]*\\]$", TABLES.join("|"))});
+        }
+    }
+    parameters(document);
+}
+
+fn parameters(document: &mut Value) {
+    let operations = document["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
+    for operation in operations.filter_map(Value::as_object_mut).flat_map(|item| item.values_mut()) {
+        let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
+        for parameter in parameters.into_iter().flatten() {
+            let name = parameter["name"].as_str().unwrap_or_default().to_owned();
+            if name == "x-request-id" {
+                // Not of digits alone: these are the daemon's own names.
+                parameter["schema"]["pattern"] = format!("^(?=.*[A-Za-z_.-])[A-Za-z0-9_.-]{{1,{MAX_NAME}}}$").into();
+                parameter["schema"]["maxLength"] = MAX_NAME.into();
+            }
+            if let Some((_, least, most)) = numbers().into_iter().find(|(known, ..)| *known == name) {
+                bound(&mut parameter["schema"], least, most);
+            }
+        }
+    }
+}
+
+fn bound(own: &mut Value, least: f64, most: f64) {
+    own["minimum"] = number(least);
+    if most.is_finite() {
+        own["maximum"] = number(most);
+    }
+}
+
+/// A whole number as such: that of a count is one.
+#[expect(clippy::cast_possible_truncation, reason = "whole and small")]
+fn number(value: f64) -> Value {
+    if value.fract() == 0.0 { json!(value as i64) } else { json!(value) }
+}

@@ -1,0 +1,478 @@
+//! The HTTP interface.
+
+use super::body::{Most, whole_body};
+use super::{description, page_files};
+use crate::daemon::access::client::{Asker, Client};
+use crate::daemon::access::limits::Limits;
+use crate::daemon::access::pace::keep_pace;
+use crate::daemon::access::permissions;
+use crate::daemon::access::sender::Sender;
+use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::app::App;
+use crate::daemon::design::preview::{MAX_SCENE, Preview, PreviewRequest};
+use crate::daemon::design::studies::{StudyRequest, StudyView};
+use crate::daemon::design::tolerances::{TolerancesRequest, TolerancesView};
+use crate::daemon::live;
+use crate::daemon::live::message::Message;
+use crate::daemon::observe::scene::SceneView;
+use crate::daemon::observe::state::StateView;
+use crate::daemon::touch::answer::TouchedView;
+use crate::daemon::touch::outcome::Told;
+use crate::daemon::touch::plan_view::FieldView;
+use crate::daemon::touch::request::TouchRequest;
+use crate::planner::STANDARD_GRAVITY;
+use axum::body::Bytes;
+use axum::extract::rejection::PathRejection;
+use axum::extract::{DefaultBodyLimit, Path, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
+use axum::middleware;
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+use std::sync::{Arc, LazyLock};
+use std::time::Duration;
+use tokio::sync::Semaphore;
+use utoipa::openapi::path::{HttpMethod, OperationBuilder, Paths};
+use utoipa::openapi::schema::{ObjectBuilder, Type};
+use utoipa::openapi::{ContentBuilder, ResponseBuilder};
+use utoipa::{IntoParams, OpenApi};
+use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
+use utoipa_axum::routes;
+
+/// What fields without a place of their own are worked out in: one at a time, however many ask for them.
+static FIELDS: Semaphore = Semaphore::const_new(1);
+/// Longest request body in bytes; a touch takes under 200.
+const MAX_BODY: usize = 16 * 1024;
+/// The same for a preview: a scene whose every byte is escaped, and what goes with it.
+const MAX_PREVIEW_BODY: usize = 2 * MAX_SCENE + MAX_BODY;
+/// The same for a study, with its own file.
+const MAX_STUDY_BODY: usize = 4 * MAX_SCENE + MAX_BODY;
+/// What a client calls its request, and how the answer calls it.
+const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+/// The description of this interface.
+static DESCRIPTION: LazyLock<String> =
+    LazyLock::new(|| description::text(&declared(Limits::default().body).into_openapi()));
+
+/// The description of this interface (OpenAPI 3.1), as JSON text.
+#[must_use]
+pub fn described() -> &'static str {
+    &DESCRIPTION
+}
+
+/// What is said on the live socket, and problems, which no path names as a whole.
+#[derive(OpenApi)]
+#[openapi(components(schemas(live::Incoming, Message, Problem)))]
+struct Common;
+
+/// All routes with what they declare: there is no other way to add one. A body has `time` to come.
+fn declared(time: Duration) -> OpenApiRouter<Arc<App>> {
+    let mut router = OpenApiRouter::with_openapi(Common::openapi())
+        .routes(routes!(touch))
+        .routes(routes!(request))
+        .routes(routes!(arm))
+        .routes(routes!(clear_faults))
+        .routes(routes!(state))
+        .routes(routes!(scene))
+        .routes(routes!(field))
+        .routes(routes!(study))
+        .routes(routes!(stop_study))
+        .routes(routes!(tolerances))
+        .routes(routes!(stop_tolerances))
+        .routes(routes!(live::upgrade))
+        .routes(routes!(metrics))
+        .routes(routes!(openapi));
+    for (path, kind) in page_files::files() {
+        router = router.routes(page(path, kind));
+    }
+    let most = |bytes: usize| Most { bytes, time };
+    let large = OpenApiRouter::new()
+        .routes(routes!(preview))
+        .routes(routes!(begin_tolerances))
+        .layer(middleware::from_fn_with_state(most(MAX_PREVIEW_BODY), whole_body));
+    let larger = OpenApiRouter::new()
+        .routes(routes!(begin_study))
+        .layer(middleware::from_fn_with_state(most(MAX_STUDY_BODY), whole_body));
+    router
+        .layer(middleware::from_fn_with_state(most(MAX_BODY), whole_body))
+        .merge(large)
+        .merge(larger)
+        // Of a stop nothing is read: it counts though its body never comes.
+        .routes(routes!(stop))
+}
+
+/// A file of the page.
+fn page(path: &'static str, kind: &'static str) -> UtoipaMethodRouter<Arc<App>> {
+    let text = ObjectBuilder::new().schema_type(Type::String).build();
+    let file = ResponseBuilder::new()
+        .description("The file")
+        .content(kind, ContentBuilder::new().schema(Some(text)).build())
+        .build();
+    let name = if path == "/" { "page".to_owned() } else { path.trim_start_matches('/').replace('.', "_") };
+    let operation = OperationBuilder::new()
+        .operation_id(Some(name))
+        .summary(Some(if path == "/" { "The web page" } else { "A file of the web page" }))
+        .response("200", file)
+        .build();
+    let mut paths = Paths::new();
+    paths.add_path_operation(path, vec![HttpMethod::Get], operation);
+    (Vec::new(), paths, get(move || async move { page_files::asset(path) }))
+}
+
+/// All routes.
+pub fn router(app: Arc<App>) -> Router {
+    Router::from(declared(app.limits.body))
+        .fallback(not_found)
+        .method_not_allowed_fallback(wrong_method)
+        // The bounds above hold; this one would cut previews short.
+        .layer(DefaultBodyLimit::disable())
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), permissions::check))
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.pace), keep_pace))
+        .with_state(app)
+}
+
+/// Only the way to stop, where all other places are taken.
+pub fn stop_only(app: Arc<App>) -> Router {
+    Router::new()
+        .route("/v1/stop", post(stop))
+        .fallback(busy)
+        .layer(middleware::from_fn_with_state(Arc::clone(&app.access), permissions::check))
+        .layer(middleware::map_response(closes))
+        .with_state(app)
+}
+
+/// Whoever is not stopped by this connection is to come again on another, which may have all paths by then.
+async fn closes(mut response: Response) -> Response {
+    if !response.status().is_success() {
+        response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
+    response
+}
+
+async fn busy() -> Problem {
+    let detail = "as many connections are open as there may be; only POST /v1/stop is taken on this one";
+    Problem::new(Kind::ConnectionsFull, detail).retry(1000, None)
+}
+
+/// The request in a JSON body; `wanted` says in a message what it should look like.
+fn from_body<T: DeserializeOwned>(headers: &HeaderMap, body: &Bytes, wanted: &str) -> Result<T, Problem> {
+    super::body::check_type(headers)?;
+    super::body::from_json(body, wanted)
+}
+
+/// Plan for a touch and drive it
+#[utoipa::path(
+    post,
+    path = "/v1/touch",
+    params(("x-request-id" = Option<String>, Header, description = "The client's own name for the request: 1 to 64 letters, \
+        digits, '-', '_' and '.', not digits alone")),
+    request_body = TouchRequest,
+    responses((
+        status = 200,
+        description = "The plan, and what the device achieves",
+        body = TouchedView,
+        headers(("x-request-id" = String, description = "The client's name for the request, or its number")),
+    )),
+)]
+async fn touch(
+    State(app): State<Arc<App>>,
+    asker: Asker,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    let stops = app.stops();
+    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number or "intensity_db"?: number, "duration_ms"?: number, "effect"?: "click" | "double_click" | "buzz" | "swell" | "pulse_train" | "texture", "count"?: number, "period_ms"?: number, "from_ms"?: number, "to_ms"?: number, "also"?: [{"x_px": number, "y_px": number, "intensity_g"?: number, "from_ms"?: number, "to_ms"?: number}, ...], "quiet"?: [{"x_px": number, "y_px": number, "radius_mm": number, "at_most_g": number}, ...], "objective"?: "contrast" | "reach" | "power", "grouping"?: "distinct" | "shared", "weigh"?: "equal" | "felt", "trade"?: boolean}"#;
+    let request: TouchRequest = from_body(&headers, &body, wanted)?;
+    let name = super::body::name(&headers)?;
+    let id = app.admission.arrived(asker.client, name.clone());
+    // It has just been read as such.
+    app.note("touch", || json!({"id": id, "body": serde_json::from_slice::<Value>(&body).unwrap_or_default()}));
+    let answer = app.touch(&asker, id, stops, &request).await.map(|touched| json!(touched.view()));
+    app.note("outcome", || outcome(id, &answer));
+    app.admission.done(id, answer.clone());
+    let mut response = answer.map(Json).into_response();
+    let name = HeaderValue::try_from(name.unwrap_or_else(|| id.to_string()));
+    response.headers_mut().extend(name.ok().map(|name| (REQUEST_ID, name)));
+    Ok(response)
+}
+
+/// What a recording keeps of an outcome: what was driven, or why not.
+fn outcome(id: u64, answer: &Result<Value, Problem>) -> Value {
+    match answer {
+        Ok(answer) => json!({
+            "id": id, "status": 200, "drives": answer["drives"], "predicted": answer["predicted"], "device": answer["device"],
+            "targets": answer["targets"], "limited_by": answer["limited_by"], "limits": answer["limits"],
+        }),
+        Err(problem) => json!({"id": id, "status": problem.status().as_u16(), "problem": problem}),
+    }
+}
+
+/// What became of a touch; the last 256 are kept
+#[utoipa::path(
+    get,
+    path = "/v1/requests/{id}",
+    params(("id" = String, Path, description = "Its number (plan_id of its answer) or its client's name for it")),
+    responses((status = 200, description = "Its outcome", body = Told)),
+)]
+async fn request(
+    State(app): State<Arc<App>>,
+    client: Client,
+    key: Result<Path<String>, PathRejection>,
+) -> Result<Response, Problem> {
+    let Path(key) = key.map_err(|error| Problem::new(Kind::BadPath, error.body_text()))?;
+    let mut told = app.admission.told(client, &key)?;
+    told.acceleration_peak_g = app.touch_peak_g(told.id);
+    Ok(Json(told).into_response())
+}
+
+/// Arm, if need be, so that the next touch need not wait for the self-test
+#[utoipa::path(post, path = "/v1/arm", responses((status = 200, description = "The state afterwards", body = StateView)))]
+async fn arm(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
+    app.note("arm", || json!({}));
+    let armed = app.arm(client).await;
+    app.note("armed", || json!({"problem": armed.as_ref().err()}));
+    armed?;
+    Ok(Json(StateView::new(&app)).into_response())
+}
+
+/// Plan for a touch on a changed scene, and its field, without driving anything
+///
+/// Two previews are computed at a time, one of each client, and one of each client waits; a newer request takes the place of the one that waits, which
+/// is answered with 409. One ends when its sender closes the connection, and after 10 s. The model is made for a tolerance of 1e-2.
+#[utoipa::path(
+    post,
+    path = "/v1/preview",
+    request_body = PreviewRequest,
+    responses((status = 200, description = "What the scene would do", body = Preview)),
+)]
+async fn preview(
+    State(app): State<Arc<App>>,
+    asker: Asker,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}}"#;
+    let read = move || from_body::<PreviewRequest>(&headers, &body, wanted);
+    Ok(Json(app.compute_preview(&asker, read).await?).into_response())
+}
+
+/// Begin a small design study, without driving anything
+///
+/// One runs at a time, on half of the processors. What it has found is kept until the next one begins.
+#[utoipa::path(
+    post,
+    path = "/v1/study",
+    request_body = StudyRequest,
+    responses((status = 200, description = "It has begun", body = StudyView)),
+)]
+async fn begin_study(
+    State(app): State<Arc<App>>,
+    sender: Sender,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    let wanted = r#"{"study": TOML text, "scene"?: TOML text}"#;
+    let read = move || from_body::<StudyRequest>(&headers, &body, wanted);
+    Ok(Json(app.studies.begin(&sender, read).await?).into_response())
+}
+
+/// How far the study is, and what it has found
+#[utoipa::path(get, path = "/v1/study", responses((status = 200, description = "The study", body = StudyView)))]
+async fn study(State(app): State<Arc<App>>) -> Response {
+    Json(app.studies.view()).into_response()
+}
+
+/// End the study; designs that have begun are ended first
+#[utoipa::path(post, path = "/v1/study/stop", responses((status = 200, description = "The study", body = StudyView)))]
+async fn stop_study(State(app): State<Arc<App>>) -> Response {
+    app.studies.stop();
+    Json(app.studies.view()).into_response()
+}
+
+/// Begin to look at what tolerances do to a plan, without driving anything
+///
+/// The plan's drives stay as they are, and 128 panels are modelled whose springs, material, thickness and places are off: 64 with all of that at
+/// once, 16 with each by itself. One runs at a time, on half of the processors, and no study beside it. What it has found is kept until
+/// the next one begins.
+#[utoipa::path(
+    post,
+    path = "/v1/tolerances",
+    request_body = TolerancesRequest,
+    responses((status = 200, description = "It has begun", body = TolerancesView)),
+)]
+async fn begin_tolerances(
+    State(app): State<Arc<App>>,
+    asker: Asker,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    let wanted = r#"{"x_px": number, "y_px": number, "intensity_g"?: number, "scene"?: TOML text, "moves"?: {"support[1]": {"x_mm": number, "y_mm"?: number}, ...}, "tolerances"?: {"springs"?: number, "youngs_modulus"?: number, "thickness"?: number, "places_mm"?: number}}"#;
+    let read = move || from_body::<TolerancesRequest>(&headers, &body, wanted);
+    Ok(Json(app.begin_tolerances(&asker, read).await?).into_response())
+}
+
+/// How far the look at tolerances is, and what it has found
+#[utoipa::path(
+    get,
+    path = "/v1/tolerances",
+    responses((status = 200, description = "The plan and what tolerances do to it", body = TolerancesView)),
+)]
+async fn tolerances(State(app): State<Arc<App>>) -> Response {
+    Json(app.looks.view()).into_response()
+}
+
+/// End the look at tolerances; panels that have begun are ended first
+#[utoipa::path(
+    post,
+    path = "/v1/tolerances/stop",
+    responses((status = 200, description = "What is known of it", body = TolerancesView)),
+)]
+async fn stop_tolerances(State(app): State<Arc<App>>) -> Response {
+    app.looks.stop();
+    Json(app.looks.view()).into_response()
+}
+
+/// Everything off, session disarmed
+///
+/// Where the device does not answer (502), it is told to stop all the same, and its dead-man timer switches it off 250 ms after the last frame that it heard.
+#[utoipa::path(post, path = "/v1/stop", responses((status = 200, description = "The state afterwards", body = StateView)))]
+async fn stop(State(app): State<Arc<App>>) -> Result<Response, Problem> {
+    app.note("stop", || json!({}));
+    app.stop().await?;
+    Ok(Json(StateView::new(&app)).into_response())
+}
+
+/// Clear the device's latched fault
+#[utoipa::path(
+    post,
+    path = "/v1/faults/clear",
+    responses((status = 200, description = "The state afterwards", body = StateView)),
+)]
+async fn clear_faults(State(app): State<Arc<App>>, client: Client) -> Result<Response, Problem> {
+    app.note("clear", || json!({}));
+    let cleared = app.clear_faults(client).await;
+    app.note("cleared", || json!({"problem": cleared.as_ref().err()}));
+    cleared?;
+    Ok(Json(StateView::new(&app)).into_response())
+}
+
+/// Device, plan, telemetry and link as last seen
+#[utoipa::path(get, path = "/v1/state", responses((status = 200, description = "The state", body = StateView)))]
+async fn state(State(app): State<Arc<App>>) -> Response {
+    Json(StateView::new(&app)).into_response()
+}
+
+/// The scene, as a page draws it
+#[utoipa::path(get, path = "/v1/scene", responses((status = 200, description = "The scene", body = SceneView)))]
+async fn scene(State(app): State<Arc<App>>) -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], app.scene.answer.clone()).into_response()
+}
+
+/// The field of the current plan, or of the plan for `x_px`, `y_px` without driving anything.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+struct FieldQuery {
+    /// Of a touch here, in pixels from the screen's left edge, which is not driven; of the current plan if neither it nor `y_px` is
+    /// given.
+    #[serde(default, deserialize_with = "crate::daemon::api::query::read_number")]
+    x_px: Option<f64>,
+    /// From the screen's top edge; with `x_px`.
+    #[serde(default, deserialize_with = "crate::daemon::api::query::read_number")]
+    y_px: Option<f64>,
+    /// Peak wanted there in g; 0.5 if not given.
+    #[serde(default, deserialize_with = "crate::daemon::api::query::read_number")]
+    intensity_g: Option<f64>,
+}
+
+/// Predicted peak acceleration over the surface
+#[utoipa::path(
+    get,
+    path = "/v1/field",
+    params(FieldQuery),
+    responses((status = 200, description = "The field", body = FieldView)),
+)]
+async fn field(State(app): State<Arc<App>>, client: Client, uri: Uri) -> Result<Response, Problem> {
+    let query: FieldQuery = crate::daemon::api::query::read(
+        &uri,
+        "x_px=NUMBER&y_px=NUMBER, with &intensity_g=NUMBER or without, or nothing",
+    )?;
+    // Whether or not it is used.
+    crate::daemon::touch::request::check_intensity(query.intensity_g)?;
+    let view = match (query.x_px, query.y_px) {
+        (Some(x_px), Some(y_px)) => {
+            let (x_m, y_m) = app.table.scene.place_px(x_px, y_px)?.xy_m();
+            let target = crate::planner::Target { x_m, y_m, intensity_g: query.intensity_g };
+            let _place = app.admission.place(client).await?;
+            tokio::task::block_in_place(|| -> Result<_, Problem> {
+                let plan = app.table.plan(&[target])?;
+                Ok(FieldView::new(&app.table, Some(&plan), 0))
+            })?
+        }
+        (None, None) => {
+            let _one = FIELDS.acquire().await;
+            tokio::task::block_in_place(|| match app.active() {
+                Some(active) => active.field(&app.table).clone(),
+                None => FieldView::new(&app.table, None, 0),
+            })
+        }
+        _ => {
+            let detail = "give both x_px and y_px, or neither for the field of the current plan";
+            return Err(Problem::new(Kind::BadQuery, detail));
+        }
+    };
+    Ok(Json(view).into_response())
+}
+
+/// Counters in the Prometheus text format
+#[utoipa::path(
+    get,
+    path = "/metrics",
+    responses((status = 200, description = "The counters", body = String, content_type = "text/plain")),
+)]
+async fn metrics(State(app): State<Arc<App>>) -> Response {
+    let peak_g = app.touch_peaks(1).first().map(|newest| newest.peak_m_per_s2 / STANDARD_GRAVITY);
+    let text = app.metrics.text(&app.known(), app.heard_ago(), &app.admission, peak_g);
+    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
+}
+
+/// This description
+#[utoipa::path(
+    get,
+    path = "/openapi.json",
+    responses((status = 200, description = "OpenAPI 3.1", body = Object, content_type = "application/json")),
+)]
+async fn openapi() -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], described()).into_response()
+}
+
+async fn not_found(uri: Uri) -> Problem {
+    let detail = format!("there is nothing at {}; see /openapi.json for what there is", uri.path());
+    Problem::new(Kind::NotFound, detail)
+}
+
+async fn wrong_method(method: Method, uri: Uri) -> Problem {
+    let detail =
+        format!("{} does not take {method}, but {}; see /openapi.json", uri.path(), methods(uri.path()).join(", "));
+    Problem::new(Kind::WrongMethod, detail)
+}
+
+/// The methods that a path takes.
+fn methods(path: &str) -> &'static [String] {
+    /// Every path with its methods, as the description has them.
+    static METHODS: LazyLock<Vec<(String, Vec<String>)>> = LazyLock::new(|| {
+        let description: Value = serde_json::from_str(described()).unwrap_or_default();
+        let paths = description["paths"].as_object().into_iter().flatten();
+        let names = |item: &Value| -> Vec<String> {
+            item.as_object().into_iter().flatten().map(|(name, _)| name.to_uppercase()).collect()
+        };
+        paths.map(|(template, item)| (template.clone(), names(item))).collect()
+    });
+    let of = |template: &str| match template.split_once('{') {
+        Some((begin, _)) => path.starts_with(begin),
+        None => path == template,
+    };
+    METHODS.iter().find(|(template, _)| of(template)).map_or(&[], |(_, methods)| methods.as_slice())
+}

@@ -1,0 +1,248 @@
+//! Connections: accepted, limited, served, and ended.
+//!
+//! Every request runs in a task of its own from its last header byte on. A sender that hangs up ends its connection and
+//! nothing else: a stop is carried out, and a touch is driven, shown and counted, whoever still listens for the answer.
+
+use super::linger::Lingering;
+use super::listener::{Incoming, Listener};
+use super::routes;
+use super::stop_places::{Guest, Guests};
+use crate::daemon::access::client::Peer;
+use crate::daemon::access::limits::Limits;
+use crate::daemon::access::permissions::{Owner, Scheme};
+use crate::daemon::access::sender::Sender;
+use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::app::{App, closed};
+use crate::device::SessionError;
+use axum::Router;
+use axum::response::{IntoResponse, Response};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::sync::{Semaphore, watch};
+use tokio::task::JoinSet;
+use tokio_io_timeout::TimeoutStream;
+use tower_service::Service;
+
+/// After an accept that failed: the system is out of file handles, most often.
+const ACCEPT_AGAIN: Duration = Duration::from_millis(50);
+
+/// Why a daemon has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// It was asked to.
+    Asked,
+    /// The thread that looks after the device is no more, by a mistake in this program.
+    Session,
+}
+
+/// As [`serve`], and no longer than the session with the device lasts. Its thread is not started anew: it ended by a panic, so what it knew of
+/// the board is worth nothing. The board has gone off by its dead-man time and can only be driven by a daemon that begins with its hello;
+/// one that went on without would look alive and answer every touch with 503.
+pub async fn serve_while_alive(
+    app: Arc<App>,
+    listeners: Vec<Listener>,
+    shutdown: impl Future<Output = ()> + Send + 'static,
+) -> Ended {
+    let (watched, (told, ended)) = (Arc::clone(&app), watch::channel(Ended::Asked));
+    let until = async move {
+        tokio::select! {
+            () = shutdown => {}
+            () = watched.session_ended() => {
+                tracing::error!("{}; the daemon ends, to be started anew", SessionError::Ended);
+                told.send_replace(Ended::Session);
+            }
+        }
+    };
+    serve(app, listeners, until).await;
+    *ended.borrow()
+}
+
+/// Serves `app` on all `listeners` until `shutdown` resolves. The device is stopped first then, whatever connections do.
+pub async fn serve(app: Arc<App>, listeners: Vec<Listener>, shutdown: impl Future<Output = ()> + Send + 'static) {
+    let closing = app.closing();
+    let mut all = JoinSet::new();
+    for listener in listeners {
+        // Each with places of its own: a crowd at one is in nobody's way at another.
+        all.spawn(listen(listener, Doors::new(&app), closing.clone()));
+    }
+    all.spawn(super::cache_warmer::keep(Arc::clone(&app)));
+    if app.record.is_some() {
+        all.spawn(crate::daemon::observe::measurements::note(Arc::clone(&app)));
+    }
+    shutdown.await;
+    app.close().await;
+    // Pages are told so before the process ends.
+    let told = tokio::time::timeout(app.limits.goodbye, app.sockets_closed());
+    let _ = tokio::join!(told, async { while all.join_next().await.is_some() {} });
+}
+
+/// Accepts connections until the daemon ends, and gives those that are open then a moment.
+async fn listen(listener: Listener, doors: Doors, mut closing: watch::Receiver<bool>) {
+    let mut tasks = JoinSet::new();
+    loop {
+        tokio::select! {
+            () = closed(&mut closing) => break,
+            Some(_) = tasks.join_next(), if !tasks.is_empty() => {}
+            accepted = listener.accept() => match accepted {
+                Ok(incoming) => doors.enter(incoming, &mut tasks),
+                Err(error) => {
+                    tracing::warn!(%error, "a connection could not be accepted");
+                    tokio::time::sleep(ACCEPT_AGAIN).await;
+                }
+            },
+        }
+    }
+    drop(listener);
+    let goodbye = doors.limits.goodbye;
+    let all = async { while tasks.join_next().await.is_some() {} };
+    if tokio::time::timeout(goodbye, all).await.is_err() {
+        tracing::info!(open = tasks.len(), "connections that do not end are closed");
+    }
+}
+
+/// What connections are served with.
+struct Doors {
+    all: Router,
+    stop_only: Router,
+    places: Arc<Semaphore>,
+    stop_places: Arc<Semaphore>,
+    guests: Guests,
+    limits: Limits,
+    closing: watch::Receiver<bool>,
+}
+
+impl Doors {
+    fn new(app: &Arc<App>) -> Self {
+        Self {
+            all: routes::router(Arc::clone(app)),
+            stop_only: routes::stop_only(Arc::clone(app)),
+            places: Arc::new(Semaphore::new(app.limits.connections)),
+            stop_places: Arc::new(Semaphore::new(app.limits.stop_connections)),
+            guests: Guests::default(),
+            limits: app.limits,
+            closing: app.closing(),
+        }
+    }
+
+    /// Serves a connection in a task of its own, or drops it where there is no place.
+    fn enter(&self, incoming: Incoming, tasks: &mut JoinSet<()>) {
+        let place = |places: &Arc<Semaphore>| Arc::clone(places).try_acquire_owned().ok();
+        let mut limits = self.limits;
+        let (router, guest) = match place(&self.places) {
+            Some(place) => (self.all.clone(), Arc::new(Guest::new(place))),
+            None => match place(&self.stop_places).or_else(|| self.guests.make_way()) {
+                Some(place) => {
+                    limits.handshake = limits.handshake.min(limits.stop_headers);
+                    limits.headers = limits.headers.min(limits.stop_headers);
+                    let guest = Arc::new(Guest::new(place));
+                    self.guests.add(&guest);
+                    (self.stop_only.clone(), guest)
+                }
+                None => return tracing::warn!("too many connections; one is refused"),
+            },
+        };
+        let closing = self.closing.clone();
+        match incoming {
+            Incoming::Tcp(stream) => {
+                let peer = Peer::of(stream.peer_addr());
+                let (sender, stream) = Sender::of_tcp(stream);
+                let (end, stream) =
+                    (End { peer, sender, scheme: Some(Scheme("http")) }, Lingering::new(guest.listened(stream)));
+                tasks.spawn(async move { guest.served(serve_connection(stream, end, router, limits, closing)).await })
+            }
+            #[cfg(unix)]
+            Incoming::Unix(stream) => {
+                let peer = Peer::Process(stream.peer_cred().ok().and_then(|process| process.pid()));
+                let (sender, stream) = Sender::of_unix(stream);
+                let (end, stream) = (End { peer, sender, scheme: None }, Lingering::new(guest.listened(stream)));
+                tasks.spawn(async move { guest.served(serve_connection(stream, end, router, limits, closing)).await })
+            }
+            Incoming::Tls(stream, acceptor) => {
+                let peer = Peer::of(stream.peer_addr());
+                let (sender, stream) = Sender::of_tcp(stream);
+                let (end, stream) =
+                    (End { peer, sender, scheme: Some(Scheme("https")) }, Lingering::new(guest.listened(stream)));
+                let serving = async move {
+                    match tokio::time::timeout(limits.handshake, acceptor.accept(stream)).await {
+                        Ok(Ok(stream)) => serve_connection(stream, end, router, limits, closing).await,
+                        Ok(Err(error)) => tracing::debug!(%error, "a handshake failed"),
+                        Err(_) => tracing::debug!("a handshake took too long"),
+                    }
+                };
+                tasks.spawn(async move { guest.served(serving).await })
+            }
+        };
+    }
+}
+
+/// The other end of a connection, for whoever answers its requests.
+#[derive(Clone)]
+struct End {
+    peer: Peer,
+    sender: Sender,
+    /// `None` through the socket in the file system, whose permissions have asked who it is.
+    scheme: Option<Scheme>,
+}
+
+impl End {
+    fn put_into(&self, extensions: &mut hyper::http::Extensions) {
+        extensions.insert(self.peer);
+        extensions.insert(self.sender.clone());
+        match self.scheme {
+            Some(scheme) => drop(extensions.insert(scheme)),
+            None => drop(extensions.insert(Owner)),
+        }
+    }
+}
+
+/// One connection to its end.
+async fn serve_connection<S>(stream: S, end: End, router: Router, limits: Limits, mut closing: watch::Receiver<bool>)
+where
+    S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
+{
+    // Of answers that nobody takes; hyper has limits for what comes in only.
+    let mut stream = TimeoutStream::new(stream);
+    stream.set_write_timeout(Some(limits.answer));
+    let stream = Box::pin(stream);
+    let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
+        end.put_into(request.extensions_mut());
+        let mut router = router.clone();
+        // Begun here and not when the answer is first waited for: by then the sender may have hung up, and hyper drops what
+        // it waits for.
+        let task = tokio::spawn(async move { router.call(request).await });
+        async move {
+            let answer: Result<Response, Infallible> = match task.await {
+                Ok(answer) => answer,
+                Err(error) => {
+                    tracing::error!(%error, "a request failed");
+                    Ok(failed().into_response())
+                }
+            };
+            answer
+        }
+    });
+    let mut builder = http1::Builder::new();
+    // A sender that closes its half of the connection still wants its answer (`nc -N`).
+    builder.half_close(true).timer(TokioTimer::new()).header_read_timeout(limits.headers);
+    let mut connection = std::pin::pin!(builder.serve_connection(TokioIo::new(stream), service).with_upgrades());
+    let result = tokio::select! {
+        result = &mut connection => result,
+        () = closed(&mut closing) => {
+            connection.as_mut().graceful_shutdown();
+            connection.await
+        }
+    };
+    if let Err(error) = result {
+        tracing::debug!(%error, "a connection ended");
+    }
+}
+
+fn failed() -> Problem {
+    let detail = "the daemon made a mistake with this request; its log says which";
+    Problem::new(Kind::Internal, detail)
+}

@@ -1,0 +1,404 @@
+//! What a page's message says, finger by finger: one that is wrong takes nothing from the others, above all not that they are lifted.
+//!
+//! The list of fingers is cut out of the message as text, so that whatever is wrong with the text of one (a number that no float holds, a key
+//! twice, `NaN`, which some libraries write) stays its own.
+
+use super::Incoming;
+use crate::daemon::api::problem::{Kind, Problem};
+use crate::daemon::api::whole_numbers::convert_whole;
+use crate::daemon::http::body::from_json;
+use crate::daemon::touch::check::check_finger;
+use crate::daemon::touch::plan_view::TouchView;
+use crate::planner::request::MAX_TARGETS;
+use crate::scene::Scene;
+use serde::Deserialize;
+use serde_json::Value;
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// How far outside the screen a finger counts as at its edge, as a part of that side: touch controllers report such places of fingers that come
+/// over the edge.
+const EDGE_PART: f64 = 0.01;
+/// Most fingers of one message that are told to be wrong one by one.
+const MOST_TOLD: usize = 10;
+const WANTED_MESSAGE: &str = r#"{"type": "touch", "touches": [...]} or {"type": "stop"}"#;
+const WANTED_FINGER: &str =
+    r#"{"id": number, "x_px": number, "y_px": number, "intensity_g"?: number, "effect"?: text}"#;
+
+/// A message: what it says besides the fingers, and the text of each finger; `None` where it has no list of fingers.
+#[derive(Debug)]
+pub struct Message {
+    /// All but the fingers, whose list is empty in it; or what is wrong with that.
+    pub rest: Result<Incoming, Problem>,
+    /// Whether it is about fingers, whatever is wrong with the rest.
+    pub is_touch: bool,
+    fingers: Option<Vec<String>>,
+}
+
+/// Fingers that count, and what is wrong with those that do not.
+#[derive(Debug, Default)]
+pub struct Read {
+    /// With their places on the screen.
+    pub fingers: Vec<TouchView>,
+    /// One for each of the others, the first ten of them.
+    pub problems: Vec<Problem>,
+}
+
+impl Message {
+    /// Reads a message as far as that goes.
+    #[must_use]
+    pub fn from_text(text: &str) -> Self {
+        let text = quote_bare_words(text);
+        let (rest, fingers) = match find_fingers(&text) {
+            Some((list, fingers)) => {
+                let rest = [text.get(..list.start), text.get(list.end..)].map(Option::unwrap_or_default).join("[]");
+                let fingers = fingers.into_iter().filter_map(|finger| text.get(finger)).map(str::to_owned).collect();
+                (Cow::Owned(rest), Some(fingers))
+            }
+            None => match parse_fingers(&text) {
+                Some((rest, fingers)) => (Cow::Owned(rest), Some(fingers)),
+                None => (text, None),
+            },
+        };
+        let types = list_types(rest.as_bytes());
+        let is_touch = !types.is_empty() && types.iter().all(|kind| kind == "touch");
+        Self { rest: from_json(rest.as_bytes(), WANTED_MESSAGE), is_touch, fingers }
+    }
+
+    /// What is wrong where it is about fingers and has no list of them.
+    #[must_use]
+    pub fn lacks_fingers() -> Problem {
+        Problem::body(format!("touches is missing; expected {WANTED_MESSAGE}")).about("touches".into())
+    }
+
+    /// How many fingers its list has; `None` where it has no list.
+    #[must_use]
+    pub fn count_fingers(&self) -> Option<usize> {
+        self.fingers.as_ref().map(Vec::len)
+    }
+
+    /// The fingers that can be made out by their numbers, whatever else is wrong with them or the message.
+    #[must_use]
+    pub fn ids(&self) -> Vec<i64> {
+        self.fingers.iter().flatten().filter_map(|finger| id_of(finger)).collect()
+    }
+
+    /// The fingers on this scene's screen. Those that were `down` before come before others where there are more than can be driven.
+    #[must_use]
+    pub fn read_fingers(&self, scene: &Scene, down: &[i64]) -> Read {
+        let mut read = Read::default();
+        let mut seen = Vec::new();
+        let mut wrong = 0_usize;
+        let mut refuse = |problem: Problem, id: Option<i64>, problems: &mut Vec<Problem>| {
+            wrong += 1;
+            if wrong <= MOST_TOLD {
+                problems.push(match id {
+                    Some(id) => problem.finger(id),
+                    None => problem,
+                });
+            }
+        };
+        let mut good = Vec::new();
+        for (t, text) in self.fingers.iter().flatten().enumerate() {
+            let part = format!("touches[{t}]");
+            if !text.trim_start().starts_with('{') {
+                let shown: Value = serde_json::from_str(text).unwrap_or_else(|_| text.trim().into());
+                let detail = format!("{part} is {shown}, but must be an object; expected {WANTED_FINGER}");
+                refuse(Problem::body(detail).at(&part, shown, "an object".into(), None), None, &mut read.problems);
+                continue;
+            }
+            let finger = read_finger(text, scene);
+            let id = finger.as_ref().map_or_else(|_| id_of(text), |finger| Some(finger.id));
+            if let Some(id) = id.filter(|id| seen.contains(id)) {
+                refuse(same_id(t, id), Some(id), &mut read.problems);
+                continue;
+            }
+            seen.extend(id);
+            match finger {
+                Ok(finger) => good.push((t, finger)),
+                Err(problem) => refuse(problem.of(Some(part)), id, &mut read.problems),
+            }
+        }
+        // Stable: in the order of the message otherwise.
+        good.sort_by_key(|(_, finger)| !down.contains(&finger.id));
+        for (t, finger) in good.split_off(good.len().min(MAX_TARGETS)) {
+            let detail = format!("touches[{t}] is one more than the {MAX_TARGETS} fingers that are driven at once");
+            refuse(
+                Problem::new(Kind::TouchCount, detail).about(format!("touches[{t}]")),
+                Some(finger.id),
+                &mut read.problems,
+            );
+        }
+        good.sort_by_key(|(t, _)| *t);
+        read.fingers = good.into_iter().map(|(_, finger)| finger).collect();
+        read
+    }
+}
+
+/// The texts of all keys `type` of a message's own object, or of each where there are several behind each other or in a list: one that is there twice counts
+/// too. What the message has besides need not be JSON, nor end: a stop counts that has `NaN` beside it, a comma too many, or another message behind it.
+pub fn list_types(message: &[u8]) -> Vec<String> {
+    let text = String::from_utf8_lossy(message);
+    let (bytes, mut types) = (text.as_bytes(), Vec::new());
+    let (mut at, mut depth) = (0, 0_usize);
+    // The key before a value, and whether its colon has come.
+    let (mut key, mut is_value) = (None, false);
+    while let Some(byte) = bytes.get(at) {
+        match byte {
+            b'"' => {
+                let end = end_of_string(bytes, at);
+                let word = text.get(at..end).and_then(|word| serde_json::from_str::<String>(word).ok());
+                if is_value {
+                    types.extend(word.filter(|_| depth == 1 && key.as_deref() == Some("type")));
+                    (key, is_value) = (None, false);
+                } else {
+                    key = word;
+                }
+                at = end;
+                continue;
+            }
+            b':' => is_value = key.is_some(),
+            b'{' => (depth, key, is_value) = (depth + 1, None, false),
+            b'}' => (depth, key, is_value) = (depth.saturating_sub(1), None, false),
+            byte if byte.is_ascii_whitespace() => {}
+            _ => (key, is_value) = (None, false),
+        }
+        at += 1;
+    }
+    types
+}
+
+/// Where the string that begins at `start` ends, quotes included; the text's end where it does not.
+fn end_of_string(bytes: &[u8], start: usize) -> usize {
+    let mut at = start + 1;
+    while let Some(byte) = bytes.get(at) {
+        match byte {
+            b'\\' => at += 2,
+            b'"' => return at + 1,
+            _ => at += 1,
+        }
+    }
+    bytes.len()
+}
+
+/// One finger, on the screen.
+fn read_finger(text: &str, scene: &Scene) -> Result<TouchView, Problem> {
+    let mut finger: TouchView = from_json(text.as_bytes(), WANTED_FINGER)?;
+    let screen = &scene.screen;
+    for (place, side) in [(&mut finger.x_px, screen.width_px), (&mut finger.y_px, screen.height_px)] {
+        let side = f64::from(side);
+        if (-EDGE_PART * side..=(1.0 + EDGE_PART) * side).contains(place) {
+            *place = place.clamp(0.0, side);
+        }
+    }
+    check_finger(&finger, scene)?;
+    Ok(finger)
+}
+
+/// The number of a finger whatever else is wrong with it, if that can be read: 0 where it has none.
+fn id_of(text: &str) -> Option<i64> {
+    #[derive(Deserialize)]
+    struct OnlyId {
+        id: Option<serde_json::Number>,
+    }
+    let id = serde_json::from_str::<OnlyId>(text).ok()?.id;
+    id.map_or(Some(0), |id| id.as_i64().or_else(|| convert_whole(id.as_f64()?)))
+}
+
+/// That two fingers have the same number: nobody could say then which of them was lifted. The first one counts.
+fn same_id(t: usize, id: i64) -> Problem {
+    let detail = format!("touches[{t}].id is {id}, as that of a finger before it, but must be another one");
+    Problem::new(Kind::OutOfRange, detail).at(
+        &format!("touches[{t}].id"),
+        id.into(),
+        "numbers that differ".into(),
+        None,
+    )
+}
+
+/// What is in a text, for whoever looks for places in it: each byte with whether it is in a string, quotes included.
+fn with_strings(text: &str) -> impl Iterator<Item = (usize, u8, bool)> + '_ {
+    let (mut inside, mut escaped) = (false, false);
+    text.bytes().enumerate().map(move |(at, byte)| {
+        let was_inside = inside;
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' if inside => escaped = true,
+            b'"' => inside = !inside,
+            _ => {}
+        }
+        (at, byte, was_inside || inside)
+    })
+}
+
+/// Where a message has its list of fingers, brackets included, and where each of them is; `None` where there is none, or where it does not end.
+fn find_fingers(text: &str) -> Option<(Range<usize>, Vec<Range<usize>>)> {
+    const KEY: &str = "\"touches\"";
+    let (mut depth, mut start, mut finger_start, mut fingers) = (0_usize, None, 0, Vec::new());
+    // The key has been read, and its colon; nothing else has come.
+    let mut is_next = false;
+    for (at, byte, in_string) in with_strings(text) {
+        if in_string {
+            if start.is_none() && depth == 1 {
+                is_next = is_next || text.get(..=at).is_some_and(|read| read.ends_with(KEY));
+            }
+            continue;
+        }
+        match (byte, start) {
+            (b'[', None) if depth == 1 && is_next => {
+                (start, finger_start) = (Some(at), at + 1);
+                depth += 1;
+            }
+            (b'[' | b'{', _) => depth += 1,
+            (b']', Some(from)) if depth == 2 => {
+                if text.get(finger_start..at).is_some_and(|last| !last.trim().is_empty()) || !fingers.is_empty() {
+                    fingers.push(finger_start..at);
+                }
+                return Some((from..at + 1, fingers));
+            }
+            (b']' | b'}', _) => depth = depth.checked_sub(1)?,
+            (b',', Some(_)) if depth == 2 => {
+                fingers.push(finger_start..at);
+                finger_start = at + 1;
+            }
+            _ => {}
+        }
+        is_next &= byte == b':' || byte.is_ascii_whitespace();
+    }
+    None
+}
+
+/// The rest of a message and its fingers where the key of their list is written with escapes (`"touche\u0073"`), so that the text does not show it.
+fn parse_fingers(text: &str) -> Option<(String, Vec<String>)> {
+    let mut message: serde_json::Map<String, Value> = serde_json::from_str(text).ok()?;
+    let list = message.get_mut("touches")?.as_array_mut()?;
+    let fingers = list.drain(..).map(|finger| finger.to_string()).collect();
+    Some((Value::Object(message).to_string(), fingers))
+}
+
+/// The text with quotes around words that are no JSON, `NaN` and `Infinity` above all: what has one for a value has a text then, and is told so.
+fn quote_bare_words(text: &str) -> Cow<'_, str> {
+    let is_of_word = |byte: u8| byte.is_ascii_alphanumeric() || b"+-._".contains(&byte);
+    let mut words: Vec<Range<usize>> = Vec::new();
+    for (at, byte, in_string) in with_strings(text) {
+        match words.last_mut() {
+            Some(word) if !in_string && is_of_word(byte) && word.end == at => word.end = at + 1,
+            _ if !in_string && is_of_word(byte) => words.push(at..at + 1),
+            _ => {}
+        }
+    }
+    let is_bare = |word: &Range<usize>| {
+        let word = text.get(word.clone()).unwrap_or_default();
+        let is_number = word.trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit());
+        !is_number && !["true", "false", "null"].contains(&word)
+    };
+    words.retain(is_bare);
+    if words.is_empty() {
+        return Cow::Borrowed(text);
+    }
+    let mut quoted = String::with_capacity(text.len() + 2 * words.len());
+    let mut done = 0;
+    for word in words {
+        quoted.push_str(text.get(done..word.start).unwrap_or_default());
+        quoted.push('"');
+        quoted.push_str(text.get(word.clone()).unwrap_or_default());
+        quoted.push('"');
+        done = word.end;
+    }
+    quoted.push_str(text.get(done..).unwrap_or_default());
+    Cow::Owned(quoted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fingers(text: &str) -> Option<Vec<String>> {
+        Message::from_text(text).fingers.map(|all| all.iter().map(|one| one.trim().to_owned()).collect())
+    }
+
+    #[test]
+    fn fingers_are_cut_out_of_a_message() {
+        let of = |list: &[&str]| Some(list.iter().map(|one| (*one).to_owned()).collect::<Vec<_>>());
+        assert_eq!(fingers(r#"{"type": "touch", "touches": []}"#), of(&[]));
+        assert_eq!(
+            fingers(r#"{"touches" : [ {"id":1}, {"id": 2} ], "type":"touch"}"#),
+            of(&[r#"{"id":1}"#, r#"{"id": 2}"#])
+        );
+        let odd = r#"{"a": {"touches": [9]}, "b": "\"touches\": [", "touches": [{"x": "],[", "y": [1, {}]}, 3]}"#;
+        assert_eq!(fingers(odd), of(&[r#"{"x": "],[", "y": [1, {}]}"#, "3"]));
+        // A key may be written with escapes.
+        let escaped = r#"{"type": "touch", "touche\u0073": [{"id": 1}]}"#;
+        assert_eq!(fingers(escaped), of(&[r#"{"id":1}"#]));
+        assert!(Message::from_text(escaped).rest.is_ok());
+        // A value is no key, and a list that does not end is none.
+        assert_eq!(fingers(r#"{"kind": "touches", "x": [1]}"#), None);
+        assert_eq!(fingers(r#"{"touches": [{"id": 1}"#), None);
+        assert_eq!(fingers(r#"{"touches": null, "x": [1]}"#), None);
+        assert_eq!(fingers("]]]}"), None);
+        assert_eq!(
+            fingers(r#"{"touches": [NaN, -Infinity, 1e999, true]}"#),
+            of(&["\"NaN\"", "\"-Infinity\"", "1e999", "true"])
+        );
+    }
+
+    #[test]
+    fn a_stop_is_found_whatever_is_beside_it() {
+        for stop in [
+            r#"{"type":"stop"}"#,
+            r#"{ "type" : "st\u006fp" }"#,
+            r#"{"type":"stop","x":NaN}"#,
+            r#"{"x":NaN,"type":"stop"}"#,
+            r#"{"type":"stop","x":-Infinity}"#,
+            r#"{"type":"stop","x":{"y":[NaN, "}"]}}"#,
+            r#"{"x":{"y":[NaN, "}{"]}, "type":"stop"}"#,
+            "{\"type\":\"stop\"}\n{\"type\":\"stop\"}\n",
+            "{\"type\":\"touch\",\"touches\":[]}\n{\"type\":\"stop\"}",
+            r#"{"type":"stop"};"#,
+            "{\"type\":\"stop\"}\0",
+            r#"{"type":"stop"} // now"#,
+            r#"{"type":"stop",}"#,
+            r#"[{"type":"stop"}]"#,
+            r#"{"type":"touch","type":"stop"}"#,
+            r#"{"type":"stop","x":"\ud800"}"#,
+            r#"{"type":"stop","x":"#,
+        ] {
+            assert!(list_types(stop.as_bytes()).contains(&"stop".to_owned()), "{stop}");
+        }
+        assert!(list_types(b"{\"type\":\"stop\",\"x\":\"\xff\"}").contains(&"stop".to_owned()));
+        for other in [
+            "",
+            "\"",
+            "stop",
+            r#""stop""#,
+            r#"{"type":"touch","touches":[{"type":"stop"}]}"#,
+            r#"{"kind":"type", "x":"stop"}"#,
+            r#"{"x":"{\"type\":\"stop\"}"}"#,
+            r#"{"type":["stop"]}"#,
+            r#"{"type":{"x":"stop"}}"#,
+            r#"{"type"}"stop""#,
+        ] {
+            assert!(!list_types(other.as_bytes()).contains(&"stop".to_owned()), "{other}");
+        }
+    }
+
+    #[test]
+    fn lifts_are_found_whatever_is_behind_them() {
+        for text in [
+            r#"{"type":"touch","touches":[{"id":2}]}}"#,
+            r#"{"type":"touch","touches":[{"id":2}]}x"#,
+            r#"{"type":"touch","touches":[{"id":2}],}"#,
+        ] {
+            let message = Message::from_text(text);
+            assert!(message.rest.is_err() && message.is_touch && message.ids() == [2], "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_json_is_quoted_and_all_else_stays() {
+        for same in [r#"{"a": [1e5, -2.5E-3, true, false, null, "NaN é \" x"]}"#, "", "[", r#"{"a": "é"#] {
+            assert_eq!(quote_bare_words(same), same);
+        }
+        assert_eq!(quote_bare_words(r#"{"a":NaN,"b":-Infinity}"#), r#"{"a":"NaN","b":"-Infinity"}"#);
+    }
+}

@@ -1,0 +1,215 @@
+//! Everything there is to know now: device, plan, measurements, link, daemon.
+
+use super::device::DeviceView;
+use crate::daemon::api::schema::ms;
+use crate::daemon::app::App;
+use crate::daemon::touch::plan_view::{PlanView, TouchView};
+use crate::device::Snapshot;
+use crate::device::convert::from_wire;
+use crate::device::sim::TouchPeak;
+use crate::planner::STANDARD_GRAVITY;
+use era_shared::protocol::{ChannelStatus, StatusReply};
+use era_shared::safety::State;
+use serde::Serialize;
+use std::time::Duration;
+use utoipa::ToSchema;
+
+/// Touches whose peaks are told.
+const MOST_PEAKS: usize = 16;
+
+/// Device, plan, measurements and link as last seen.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = State)]
+pub struct StateView {
+    /// The device.
+    device: DeviceView,
+    /// What is driven; null if nothing is.
+    plan: Option<PlanView>,
+    /// The number of that plan, which is its request's.
+    plan_id: Option<u64>,
+    /// The fingers or targets that it is for.
+    touches: Vec<TouchView>,
+    /// What the device measures; null while it is not connected, and until it has told.
+    telemetry: Option<TelemetryView>,
+    /// The link to the device.
+    link: LinkView,
+    /// The daemon itself.
+    daemon: DaemonView,
+}
+
+/// What a recording keeps of the device.
+#[derive(Clone, Debug, Serialize)]
+pub struct MeasuredView {
+    connected: bool,
+    in_doubt: bool,
+    /// Null while it is not connected.
+    state: Option<&'static str>,
+    fault: Option<&'static str>,
+    outages: u32,
+    restarts: u32,
+    /// Measured voltage of each rail in V; null while it is not connected, and of a device that does not tell.
+    rail_v: Option<Vec<f64>>,
+    telemetry: Option<TelemetryView>,
+}
+
+/// What the device measures.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Telemetry)]
+struct TelemetryView {
+    /// Since the board started, in ms.
+    uptime_ms: u64,
+    /// Largest acceleration at the board's sensor in g since the newest touch began, kept until the next one begins, whoever reads it; of a board
+    /// that is not simulated as `acceleration_recent_g`. Null without a sensor.
+    acceleration_peak_g: Option<f64>,
+    /// Largest acceleration at the board's sensor in g since the daemon last asked the board, some ten times a second; null without a sensor.
+    acceleration_recent_g: Option<f64>,
+    /// The same for each of the last 16 touches, the newest first: under its finger, until the next touch began. Empty for boards that are not
+    /// simulated.
+    touch_peaks: Vec<TouchPeakView>,
+    /// One per channel.
+    channels: Vec<ChannelView>,
+}
+
+/// What the sensor has shown under a touch.
+#[derive(Clone, Copy, Debug, Serialize, ToSchema)]
+#[schema(as = TouchPeak)]
+struct TouchPeakView {
+    /// The touch's number, which is its plan's.
+    plan_id: u64,
+    /// Largest acceleration in g from its beginning until the next touch began, or until now.
+    peak_g: f64,
+}
+
+/// What a channel does.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Channel)]
+struct ChannelView {
+    /// The scene's actuator that is on it; null if none is.
+    actuator: Option<String>,
+    /// Whether it drives.
+    active: bool,
+    /// Fundamental of its force in Hz, while it drives.
+    frequency_hz: Option<f64>,
+    /// Electrode voltage in V, while it drives.
+    voltage_v: Option<f64>,
+    /// Part of its half period for which an electrode is on, while it drives.
+    pulse_width: Option<f64>,
+}
+
+/// The link to the device.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Link)]
+struct LinkView {
+    /// Median of the last round trips in ms.
+    round_trip_ms_median: Option<f64>,
+    /// Longest of the last round trips in ms.
+    round_trip_ms_worst: Option<f64>,
+    /// Mean difference between one of the last round trips and the next in ms.
+    round_trip_ms_jitter: Option<f64>,
+    /// Time since the device last answered in ms, to a sign of life if to nothing else; null if it never did.
+    keep_alive_age_ms: Option<f64>,
+    /// Frames sent, repeats included.
+    frames_sent: u64,
+    /// Frames sent again as no answer came.
+    repeats: u64,
+    /// Stretches of received bytes that were no frame.
+    crc_errors: u64,
+    /// Longest time between two signs of life to the armed device, in ms.
+    longest_gap_ms: f64,
+}
+
+/// The daemon itself.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+#[schema(as = Daemon)]
+struct DaemonView {
+    /// Its version.
+    version: &'static str,
+    /// For how long it has run, in s.
+    uptime_s: f64,
+}
+
+impl StateView {
+    /// Everything there is to know now.
+    #[must_use]
+    pub fn new(app: &App) -> Self {
+        let (active, heard_ago) = (app.active(), app.heard_ago());
+        let device = app.known();
+        Self {
+            device: DeviceView::new(&device),
+            plan: active.as_ref().map(|active| active.plan.clone()),
+            plan_id: active.as_ref().map(|active| active.id),
+            touches: active.as_ref().map(|active| active.touches.clone()).unwrap_or_default(),
+            telemetry: TelemetryView::new(app, &device).filter(|_| device.connected),
+            link: LinkView::new(&device, heard_ago),
+            daemon: DaemonView { version: env!("CARGO_PKG_VERSION"), uptime_s: app.started.elapsed().as_secs_f64() },
+        }
+    }
+}
+
+impl MeasuredView {
+    /// What is known of it in `device`.
+    #[must_use]
+    pub fn new(app: &App, device: &Snapshot) -> Self {
+        let here = device.connected;
+        let volts = |millivolts: &u32| f64::from(*millivolts) / 1e3;
+        Self {
+            connected: here,
+            in_doubt: device.in_doubt,
+            state: device.state().filter(|_| here).map(State::name),
+            fault: device.status.as_ref().and_then(|status| status.fault).map(|fault| fault.code.name()),
+            outages: device.outages,
+            restarts: device.restarts,
+            rail_v: device
+                .details
+                .as_ref()
+                .filter(|_| here)
+                .map(|known| known.rail_millivolts.iter().map(volts).collect()),
+            telemetry: TelemetryView::new(app, device).filter(|_| here),
+        }
+    }
+}
+
+impl TelemetryView {
+    fn new(app: &App, device: &Snapshot) -> Option<Self> {
+        let telemetry = device.telemetry.as_ref()?;
+        let names = &app.table.scene.actuators;
+        let channel = |(i, channel): (usize, &ChannelStatus)| {
+            let si = channel.drive.as_ref().map(from_wire);
+            ChannelView {
+                actuator: names.get(i).map(|actuator| actuator.id.clone()),
+                active: si.is_some(),
+                frequency_hz: si.map(|drive| drive.frequency_hz),
+                voltage_v: si.map(|drive| drive.voltage_v),
+                pulse_width: si.map(|drive| drive.pulse_width),
+            }
+        };
+        let channels = |status: &StatusReply| status.channels.iter().enumerate().map(channel).collect();
+        let recent_g = telemetry.acceleration_peak_mm_per_s2.map(|peak| f64::from(peak) / 1e3 / STANDARD_GRAVITY);
+        let view =
+            |peak: &TouchPeak| TouchPeakView { plan_id: peak.plan_id, peak_g: peak.peak_m_per_s2 / STANDARD_GRAVITY };
+        let touch_peaks: Vec<TouchPeakView> = app.touch_peaks(MOST_PEAKS).iter().map(view).collect();
+        Some(Self {
+            uptime_ms: telemetry.uptime_us / 1000,
+            acceleration_peak_g: touch_peaks.first().map(|newest| newest.peak_g).or(recent_g),
+            acceleration_recent_g: recent_g,
+            touch_peaks,
+            channels: device.status.as_ref().map(channels).unwrap_or_default(),
+        })
+    }
+}
+
+impl LinkView {
+    fn new(device: &Snapshot, heard_ago: Option<Duration>) -> Self {
+        let trips = device.round_trips;
+        Self {
+            round_trip_ms_median: trips.median.map(ms),
+            round_trip_ms_worst: trips.worst.map(ms),
+            round_trip_ms_jitter: trips.jitter.map(ms),
+            keep_alive_age_ms: heard_ago.map(ms),
+            frames_sent: device.link.frames_sent,
+            repeats: device.link.repeats,
+            crc_errors: device.link.bad_frames,
+            longest_gap_ms: ms(device.longest_gap),
+        }
+    }
+}

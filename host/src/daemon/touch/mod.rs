@@ -1,0 +1,14 @@
+//! A touch, from what is asked for to what is answered, without planning or driving it.
+//!
+//! `request` is what is asked for, `check` validates it and turns it into the planner's units, `admission` numbers requests and gives
+//! places at the planner in turn. `answer` is what a touch has led to, `outcome` what became of a request, `plan_view` plans and fields
+//! as JSON.
+//!
+//! Uses `api` and `access`.
+
+pub mod admission;
+pub mod answer;
+pub mod check;
+pub mod outcome;
+pub mod plan_view;
+pub mod request;
