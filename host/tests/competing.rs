@@ -4,7 +4,7 @@ mod support;
 
 use era::planner::perception::weight;
 use era::planner::table::at_point;
-use era::planner::trade::Trade;
+use era::planner::trade::{Trade, explore_trade, plan_with_trade};
 use era::planner::{
     Grouping, Objective, Plan, PlanError, PlanTable, Quiet, Request, STANDARD_GRAVITY, Target, Weigh, Work,
 };
@@ -15,9 +15,9 @@ fn trade_of(table: &PlanTable, targets: &[(f64, f64, f64)], quiet: &[Quiet]) -> 
     let targets: Vec<Target> =
         targets.iter().map(|(x_m, y_m, g)| Target { x_m: *x_m, y_m: *y_m, intensity_g: Some(*g) }).collect();
     let request = Request { quiet: quiet.to_vec(), ..Request::touch(&targets) };
-    let plan = table.plan_for(&request).unwrap();
+    let plan = table.plan_request(&request).unwrap();
     assert!(plan.limited_by.is_some(), "{plan:?}");
-    let trade = table.trade(&request, &plan).unwrap().unwrap();
+    let trade = explore_trade(&table, &request, &plan).unwrap().unwrap();
     (request, trade)
 }
 
@@ -92,9 +92,9 @@ fn quiet_zones_are_traded_against_the_targets() {
     assert!(trade.quiet[0].part < 1e-6 && trade.quiet[1].at_most_g == Some(vec![0.002]), "{trade:?}");
     // What is met needs no trade, and one target alone has none.
     let met = Request::touch(&request.targets);
-    assert_eq!(table.trade(&met, &without), Ok(None));
+    assert_eq!(explore_trade(&table, &met, &without), Ok(None));
     let far = Request::touch(&[Target { intensity_g: Some(1e3), ..request.targets[0] }]);
-    assert_eq!(table.trade(&far, &table.plan_for(&far).unwrap()), Ok(None));
+    assert_eq!(explore_trade(&table, &far, &table.plan_request(&far).unwrap()), Ok(None));
 }
 
 /// A resonant ERA whose narrow pulses (its rail is at the voltage of another) move the mass by harmonics as well: in the zone around a
@@ -163,7 +163,7 @@ fn peaks_in_quiet_zones_are_of_the_motion_that_targets_have() {
     let there = Quiet { x_m: target.x_m, y_m: target.y_m, radius_m: 0.0, at_most_g: 3.0 };
     let besides = Quiet { x_m: 0.099, y_m: 0.019, radius_m: 0.035, at_most_g: 0.04 };
     let request = Request { quiet: vec![there, besides], work: Work::Study, ..Request::touch(&[target]) };
-    let plan = table.plan_for(&request).unwrap();
+    let plan = table.plan_request(&request).unwrap();
     let narrow = plan.drives.iter().any(|drive| drive.voltage_v > 0.0 && drive.pulse_width < 0.4);
     let (rest_g, moving_g) = (plan.predicted.target_peak_g, plan.predicted.softened_peak_g);
     assert!(narrow && moving_g > 1.02 * rest_g, "nothing is tested: {plan:?}");
@@ -182,10 +182,10 @@ fn quiet_zones_are_quiet_everywhere() {
             let zone = Quiet { x_m, y_m, radius_m, at_most_g: 0.05 };
             let target = Target { x_m: 0.06, y_m: 0.05, intensity_g: Some(0.5) };
             let request = Request { quiet: vec![zone], work, ..Request::touch(&[target]) };
-            let plan = table.plan_for(&request).unwrap();
+            let plan = table.plan_request(&request).unwrap();
             let [told] = plan.quiet.as_slice() else { panic!("{:?}", plan.quiet) };
             assert!(told.peak_g <= 0.05 * (1.0 + 1e-9) && told.radius_m == radius_m, "{told:?}");
-            let field = table.field(&plan);
+            let field = table.compute_peak_field(&plan);
             let points = table.grid.y_m.iter().flat_map(|y| table.grid.x_m.iter().map(move |x| (*x, *y)));
             let inside = points.zip(&field).filter(|((x, y), _)| (x - x_m).hypot(y - y_m) <= radius_m);
             let most_g = inside.filter_map(|(_, peak)| *peak).fold(0.0, f64::max) / STANDARD_GRAVITY;
@@ -209,7 +209,7 @@ fn a_plan_is_as_good_as_what_it_is_traded_for() {
         (vec![target(0.1, 0.1, 8.0), target(0.25, 0.15, 6.0)], vec![]),
     ] {
         let request = Request { quiet, work: Work::Study, ..Request::touch(&targets) };
-        let (planned, trade) = table.planned_with_trade(&request).unwrap();
+        let (planned, trade) = plan_with_trade(&table, &request).unwrap();
         let plan = planned.plan;
         let part = |peaks_g: &[f64]| {
             let parts = peaks_g.iter().zip(&plan.targets).map(|(peak, target)| peak / target.wanted_g);
@@ -233,7 +233,7 @@ fn what_limits_phases_and_even_plans_has_a_name() {
     let table = support::table(EXAMPLE_PLATE);
     let target = Target { x_m: 0.1, y_m: 0.07, intensity_g: Some(50.0) };
     for (grouping, objective) in [(Grouping::Shared, Objective::Contrast), (Grouping::Distinct, Objective::Reach)] {
-        let plan = table.plan_for(&Request { grouping, objective, ..Request::touch(&[target]) }).unwrap();
+        let plan = table.plan_request(&Request { grouping, objective, ..Request::touch(&[target]) }).unwrap();
         let limits = plan.limited_by.unwrap();
         assert!(limits.contains(" of "), "{grouping:?} {objective:?}: {limits}");
     }
@@ -246,7 +246,8 @@ fn accelerations_may_count_as_they_are_felt() {
     let mut differ = 0;
     for (x_m, y_m) in spread(12, 0.3, 0.2) {
         let target = Target { x_m, y_m, intensity_g: Some(0.2) };
-        let plan = |weigh| table.plan_for(&Request { weigh, work: Work::Study, ..Request::touch(&[target]) }).unwrap();
+        let plan =
+            |weigh| table.plan_request(&Request { weigh, work: Work::Study, ..Request::touch(&[target]) }).unwrap();
         let (equal, felt) = (plan(Weigh::Equal), plan(Weigh::Felt));
         let shape = table.model.shape_at(x_m, y_m);
         // Felt peak at the target, and felt mean square over the surface, of the fundamentals.
@@ -277,5 +278,5 @@ fn accelerations_may_count_as_they_are_felt() {
         objective: Objective::Reach,
         ..Request::touch(&[Target { x_m: 0.1, y_m: 0.1, intensity_g: None }])
     };
-    assert!(matches!(table.plan_for(&both), Err(PlanError::Together { option: "weigh", .. })));
+    assert!(matches!(table.plan_request(&both), Err(PlanError::Together { option: "weigh", .. })));
 }

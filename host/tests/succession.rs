@@ -140,7 +140,7 @@ fn ordinary_touches_are_neither_late_nor_weaker() {
             let along = f64::from(i) / 300.0;
             let plan = plan_at(&table, 0.05 + 0.9 * along, 0.5 + 0.4 * (9.0 * along).sin(), intensity_g);
             let begun = Instant::now();
-            let motion = table.motion(&plan).unwrap();
+            let motion = table.predict_motion(&plan).unwrap();
             took.push(begun.elapsed().as_secs_f64() * 1e6);
             let drives = Some(plan.drives.as_slice());
             let room = residual.room(&motion, drives, now_s, board);

@@ -2,7 +2,7 @@
 //!
 //! Rooms, in the order in which they use each other: `physics` is what electrodes and masses do ([`limits`], [`softening`] in closing
 //! gaps, [`rise`]); [`table`] what does not depend on the touch (response of every actuator at every frequency of a grid, energy over
-//! the surface, force limits); `wish` what is asked for ([`request`], [`quiet`] zones); `choose` frequencies ([`search`]) and forces
+//! the surface, force limits); [`request`] what is asked for; `choose` frequencies ([`search`]) and forces
 //! ([`allocate`]); `motion` masses under a plan's drives; [`reach`] one setting for a whole surface; [`plan`] the result; `reports` what
 //! is said of it ([`explain`], [`trade`]). Beside them [`perception`], what a fingertip feels of it, and [`cache`], tables kept on disk.
 //! [`effects`] and [`study`] build on all of that.
@@ -34,7 +34,7 @@
 
 pub mod cache;
 mod choose;
-pub mod chosen;
+pub mod chosen_drive;
 pub mod drive;
 pub mod effects;
 mod millimetres;
@@ -45,26 +45,25 @@ pub mod plan;
 pub mod quick;
 pub mod reach;
 mod reports;
+pub mod request;
 pub mod study;
 pub mod table;
-mod wish;
 
 pub use choose::{allocate, assignment, candidates, search, shared_frequency};
 use era_model::{model, response, scene, stop, transient};
 pub use motion::{plan_motion, residual};
 pub use physics::{Phasors, limits, rise, softening};
 pub use plan::limitation;
-pub use reports::{explain, schedule, trade};
+pub use reports::{explain, press_bounds, press_report, report, schedule, trade};
 pub use table::press;
-pub use wish::{quiet, request};
 
 pub use drive::Drive;
 pub use plan::{Plan, Planned, Predicted, TargetResult};
-pub use reports::press::{PressReport, PressedActuator};
+pub use reports::press_report::{PressReport, PressedActuator};
 pub use reports::report::{Report, Times};
+pub use request::quiet_zones::QuietResult;
+pub use request::{Grouping, Objective, PlanError, Quiet, Request, Target, Weigh, Work};
 pub use table::{PlanTable, TableOptions};
-pub use wish::quiet::QuietResult;
-pub use wish::request::{Grouping, Objective, PlanError, Quiet, Request, Target, Weigh, Work};
 
 /// Standard gravity in m/s^2: intensities are given in g, as is usual in haptics.
 pub const STANDARD_GRAVITY: f64 = 9.80665;

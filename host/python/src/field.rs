@@ -107,8 +107,8 @@ pub fn field(
     let target = Target { x_m, y_m, intensity_g };
     let (plan, values, bound, [x_m, y_m]) = with_touched_table(py, &scene, accuracy, vec![(x_m, y_m)], move |table| {
         let plan = table.plan(&[target])?;
-        let values = on_grid(table.field(&plan));
-        let bound = table.field_bound(&plan);
+        let values = on_grid(table.compute_peak_field(&plan));
+        let bound = era_planner::plan::bound_field_error(table, &plan);
         Ok((plan, values, bound, [table.grid.x_m.clone(), table.grid.y_m.clone()]))
     })?;
     let asked = Asked::of(&[bound], accuracy);

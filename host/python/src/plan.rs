@@ -375,9 +375,9 @@ pub fn plan(
     let places: Vec<(f64, f64)> = request.targets.iter().map(|target| (target.x_m, target.y_m)).collect();
     let plan_with = move |table: &PlanTable| -> Result<(Found, Asked, [String; 3]), Raised> {
         let request = at_level(table, request, intensity_db)?;
-        let (planned, trade) = table.planned_with_trade(&request)?;
-        let report = table.report(&planned);
-        let explanation = explain.then(|| table.explain(&request)).transpose()?;
+        let (planned, trade) = era_planner::trade::plan_with_trade(table, &request)?;
+        let report = era_planner::report::report_plan(table, &planned);
+        let explanation = explain.then(|| era_planner::explain::explain_plan(table, &request)).transpose()?;
         let found = planned.plan;
         let bound = found.error_bound.map_or(ErrorBound::Unknown("nothing moves at the target"), ErrorBound::AtMost);
         let told = [write_json(&report)?, write_json(&trade)?, write_json(&explanation)?];

@@ -126,7 +126,7 @@ pub fn press(py: Python<'_>, scene: &PyScene, force_n: Option<f64>, tolerance: O
         }
         Arc::make_mut(&mut scene).press_n = force_n;
     }
-    let report = with_table(py, &scene, accuracy, |table| Ok(table.report_press()))?;
+    let report = with_table(py, &scene, accuracy, |table| Ok(era_planner::press_report::report_press(table)))?;
     let report_json = write_json(&report)?;
     let of = |figure: fn(&PressedActuator) -> f64| array(py, report.actuators.iter().map(figure).collect());
     let places = report.actuators.iter().flat_map(|own| own.at_mm.map(|at_mm| at_mm / 1e3)).collect();

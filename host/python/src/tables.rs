@@ -62,7 +62,7 @@ pub fn with_table<T: Send + 'static>(
     let (found, doubts) = run_beside(py, move |pool| {
         let shared = table(pool, &own, accuracy)?;
         let table = shared.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok((pool.install(|| work(&table))?, table.press_warnings()))
+        Ok((pool.install(|| work(&table))?, era_planner::press_bounds::list_press_warnings(&table)))
     })?;
     warn(py, doubts)?;
     Ok(found)

@@ -72,7 +72,7 @@ pub fn run(options: &EffectOptions) -> Outcome {
         answer["tolerance_met"] = json!(Bound::are_met(&bounds_of(&[&plan]), accuracy));
         answer["plan_timing"] = json!(timing);
         // The same as the daemon says it.
-        answer["times"] = json!(table.times(&plan));
+        answer["times"] = json!(crate::planner::report::compute_times(&table, &plan));
         answer["plan_level_db"] = json!(level_db);
         return print_json(&answer);
     }

@@ -26,7 +26,7 @@ pub fn run(options: &Field) -> Outcome {
     let table = touched_table(&options.panel, options.keep, &scene, &touched)?;
     let plan = table.plan(&[target])?;
     let field = study::Field::of(&table, &plan);
-    let bound = table.field_bound(&plan);
+    let bound = crate::planner::plan::bound_field_error(&table, &plan);
     let accuracy = options.panel.accuracy()?;
     tell_missing(&[bound], accuracy);
     tell_plan(&[&plan], accuracy, options.panel.explain);

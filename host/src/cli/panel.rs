@@ -270,7 +270,7 @@ pub fn prepared_table(panel: &Panel, keep: Keep, scene: &Scene) -> Result<Prepar
         with_cost(what, Cost::of_table(scene, accuracy, options)?, prepare)
     }?;
     tell_steps(panel, scene, accuracy, &prepared.steps);
-    for warning in prepared.table.press_warnings() {
+    for warning in crate::planner::press_bounds::list_press_warnings(&prepared.table) {
         tracing::warn!("{warning}");
     }
     Ok(prepared)

@@ -137,13 +137,13 @@ fn answer(
     match spans {
         None => {
             let request = at_level(table, request, options.intensity_db)?;
-            let (planned, trade) = table.planned_with_trade(&request)?;
-            let details = Some(table.report(&planned));
+            let (planned, trade) = crate::planner::trade::plan_with_trade(table, &request)?;
+            let details = Some(crate::planner::report::report_plan(table, &planned));
             let explanations = explanations(table, options, [&request].into_iter())?;
             Ok(Answer {
                 details,
                 trade,
-                times: table.times(&planned.plan),
+                times: crate::planner::report::compute_times(table, &planned.plan),
                 plan: planned.plan,
                 tolerance,
                 tolerance_met: None,
@@ -157,13 +157,13 @@ fn answer(
             let mut trades = Vec::new();
             let mut all = stretches(spans, |targets| -> Result<Plan, PlanError> {
                 let request = at_level(table, request.only(targets), options.intensity_db)?;
-                let (planned, trade) = table.planned_with_trade(&request)?;
+                let (planned, trade) = crate::planner::trade::plan_with_trade(table, &request)?;
                 requests.push(request);
                 trades.push(trade);
                 Ok(planned.plan)
             })?;
             for (stretch, trade) in all.iter_mut().filter(|stretch| stretch.plan.is_some()).zip(trades) {
-                stretch.times = stretch.plan.as_ref().map(|plan| table.times(plan));
+                stretch.times = stretch.plan.as_ref().map(|plan| crate::planner::report::compute_times(table, plan));
                 stretch.trade = trade;
             }
             let explanations = explanations(table, options, requests.iter())?;
@@ -171,7 +171,7 @@ fn answer(
             let first = all.iter().find(|stretch| stretch.span.targets.first() == Some(&0));
             let plan = first.and_then(|stretch| stretch.plan.clone()).ok_or(PlanError::Count { count: 0 })?;
             Ok(Answer {
-                times: table.times(&plan),
+                times: crate::planner::report::compute_times(table, &plan),
                 plan,
                 tolerance,
                 tolerance_met: None,
@@ -201,7 +201,7 @@ fn explanations<'a>(
 ) -> Result<Vec<Explanation>, Failure> {
     let mut all = Vec::new();
     for request in requests.filter(|_| options.panel.explain) {
-        all.push(table.explain(request).map_err(Failure::failed)?);
+        all.push(crate::planner::explain::explain_plan(table, request).map_err(Failure::failed)?);
     }
     Ok(all)
 }

@@ -61,7 +61,7 @@ mod tests {
         let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz).unwrap();
         let table = PlanTable::with_levels(&scene, levels, options).unwrap();
         let request = Request::touch(&[Target { x_m: 0.06, y_m: 0.0, intensity_g: Some(0.3) }]);
-        let explanation = table.explain(&request).unwrap();
+        let explanation = crate::planner::explain::explain_plan(&table, &request).unwrap();
         assert_eq!(explanation.candidates.len(), 2);
         for candidates in &explanation.candidates {
             assert_eq!(candidates.frequencies.iter().filter(|frequency| frequency.chosen).count().min(1), 1);

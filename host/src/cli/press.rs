@@ -16,7 +16,7 @@ pub fn run(options: &Options) -> Outcome {
     let table = plan_table(&options.panel, options.keep, &scene)?;
     if options.json {
         missing(&table).iter().for_each(|line| tell!("{line}"));
-        return print_json(&table.report_press());
+        return print_json(&crate::planner::press_report::report_press(&table));
     }
     print_text(&text(&table))
 }
@@ -25,7 +25,7 @@ pub fn run(options: &Options) -> Outcome {
 fn missing(table: &PlanTable) -> Vec<String> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for (i, actuator) in table.scene.actuators.iter().enumerate() {
-        let Some(reason) = table.press_bound(i).reason() else { continue };
+        let Some(reason) = crate::planner::press_bounds::bound_press_travel_error(table, i).reason() else { continue };
         match reasons.iter_mut().find(|(known, _)| *known == reason) {
             Some((_, ids)) => ids.push(&actuator.id),
             None => reasons.push((reason, vec![&actuator.id])),
@@ -50,7 +50,10 @@ fn text(table: &PlanTable) -> String {
             Stop::Given => format!("stop, {:.0} um", stop_m * 1e6),
             Stop::Assumed => format!("no stop yet, {:.0} um", stop_m * 1e6),
         };
-        let (bound, of_sag) = (bound_text(table.press_bound(i)), bound_text(table.sag_bound(i)));
+        let (bound, of_sag) = (
+            bound_text(crate::planner::press_bounds::bound_press_travel_error(table, i)),
+            bound_text(crate::planner::press_bounds::bound_sag_error(table, i)),
+        );
         let electrodes = &table.electrodes[i];
         let at = format!("{:.1}, {:.1}", at_m.0 * 1e3, at_m.1 * 1e3);
         let _ = writeln!(

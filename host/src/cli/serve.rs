@@ -381,7 +381,7 @@ fn warm_up(app: &Arc<App>) {
     let app = Arc::clone(app);
     let started = std::thread::Builder::new().name("warm-up".into()).spawn(move || {
         let started = Instant::now();
-        app.table.prepare_reach();
+        crate::planner::reach::prepare_whole_surface_setting(&app.table);
         tracing::debug!("reach prepared in {:.0} ms", ms(started.elapsed()));
     });
     if let Err(error) = started {

@@ -174,7 +174,7 @@ pub fn compare_request(
     panel: &Panel,
     request: &planner::Request,
 ) -> Result<Comparison, VerifyError> {
-    let plan = table.plan_for(request)?;
+    let plan = table.plan_request(request)?;
     if plan.drives.iter().all(|drive| drive.voltage_v == 0.0) {
         return Err(VerifyError::Nothing);
     }

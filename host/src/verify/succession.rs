@@ -57,10 +57,10 @@ pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order
     let mut board = Board::Down;
     let mut turned = Vec::with_capacity(turns.len());
     for (id, Turn { plan, hold_s, pause_s }) in (0..).zip(turns) {
-        let whole_motion = table.motion(plan).ok_or(VerifyError::Unknown)?;
+        let whole_motion = table.predict_motion(plan).ok_or(VerifyError::Unknown)?;
         let of_part = |part: f64| {
-            let plan = if part < 1.0 { table.weaker(plan, part)? } else { (*plan).clone() };
-            let motion = table.motion(&plan).ok_or(VerifyError::Unknown)?;
+            let plan = if part < 1.0 { crate::planner::plan::derate_plan(table, plan, part)? } else { (*plan).clone() };
+            let motion = table.predict_motion(&plan).ok_or(VerifyError::Unknown)?;
             Ok::<_, VerifyError>((plan, motion))
         };
         let room = match order {

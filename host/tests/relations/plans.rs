@@ -32,7 +32,7 @@ fn on_surface(spec: &Spec, [x, y]: [f64; 2]) -> (f64, f64) {
 }
 
 fn planned(table: &PlanTable, request: &Request) -> Result<Planned, TestCaseError> {
-    table.planned(request).map_err(|error| TestCaseError::fail(error.to_string()))
+    table.plan_with_details(request).map_err(|error| TestCaseError::fail(error.to_string()))
 }
 
 /// What a plan moves beyond 10 mm of the target, as the mean square over the table's own grid of fundamentals and, over all the surface,

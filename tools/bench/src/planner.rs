@@ -199,7 +199,7 @@ fn with_phases(scene: &Scene, table: &PlanTable, actuators: usize) -> Result<[St
         let target = touch(scene, number, 0.1);
         let plan = |grouping| {
             let request = Request { grouping, ..Request::touch(&[target]) };
-            table.plan_for(&request)
+            table.plan_request(&request)
         };
         let distinct = plan(Grouping::Distinct)?;
         let started = Instant::now();

@@ -1,6 +1,7 @@
 use super::{Cache, Key, Origin, Unusable, directory, file, prepare};
 use crate::model::{Accuracy, Bound};
 use crate::physics::limits::Limit;
+use crate::plan::bound::bound_field_error;
 use crate::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, MAX_ACTUATORS, Scene};
 use crate::{PlanTable, TableOptions, Target};
 use proptest::prelude::*;
@@ -67,7 +68,7 @@ fn plans(table: &PlanTable) -> Vec<String> {
     let plan = |(x, y): (f64, f64)| {
         let mut plan = table.plan(&[Target { x_m: x * length, y_m: y * width, intensity_g: Some(0.3) }]).unwrap();
         plan.elapsed_us = 0.0;
-        let bound = match table.field_bound(&plan) {
+        let bound = match bound_field_error(table, &plan) {
             Bound::AtMost(bound) => bound.to_bits(),
             Bound::Unknown(_) => 0,
         };

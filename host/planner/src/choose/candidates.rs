@@ -4,11 +4,11 @@ use crate::choose::allocate::Allocation;
 use crate::choose::assignment::{Assignment, lags};
 use crate::choose::search::{BestCombination, Candidate, Choices, Fits, is_better};
 use crate::perception;
+use crate::request::quiet_zones::QuietZones;
+use crate::request::target_zone::Zone;
+use crate::request::{Objective, Request, Weigh, Work};
 use crate::scene::{EPS0, MAX_ACTUATORS};
 use crate::table::{Entry, PlanTable, SINGLE, Width, at_point};
-use crate::wish::quiet::QuietZones;
-use crate::wish::request::{Objective, Request, Weigh, Work};
-use crate::wish::zone::Zone;
 use crate::{ELECTRODE_CABLE_F, MIN_SPACING_HZ};
 use nalgebra::DVector;
 

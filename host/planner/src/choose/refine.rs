@@ -4,9 +4,9 @@ use crate::MIN_SPACING_HZ;
 use crate::choose::allocate::Allocation;
 use crate::choose::candidates::Formulation;
 use crate::choose::search::{BestCombination, Choices};
-use crate::chosen::{Chosen, meets};
+use crate::chosen_drive::{Chosen, meets};
 use crate::scene::MAX_ACTUATORS;
-use crate::table::{Entry, PlanTable, Width};
+use crate::table::{PlanTable, Width};
 
 /// Least relative gain that a frequency off the grid must bring.
 const LEAST_GAIN: f64 = 1e-3;
@@ -26,117 +26,103 @@ pub struct Selection {
     pub gap: f64,
 }
 
-impl PlanTable {
-    /// The drives of the combination `found` among `choices`, refined off the grid.
-    pub(crate) fn refined(
-        &self,
-        formulation: &Formulation<'_>,
-        choices: &Choices,
-        found: &BestCombination,
-    ) -> Selection {
-        let p = choices.candidates.len();
-        let mut drives: Vec<Chosen> = (0..p)
-            .map(|i| {
-                let tag = choices.candidates[i][found.chosen[i]].tag;
-                let (k, w) = (tag / 2, tag % 2);
-                let row = self.grid_row(k);
-                let width = row.get(i).map_or_else(Width::default, |entry| entry.widths[w]);
-                Chosen {
-                    frequency_hz: self.frequencies_hz[k],
-                    on_grid: Some(k),
-                    row,
-                    width,
-                    force_n: 0.0,
-                    phase_rad: 0.0,
-                }
-            })
-            .collect();
-        let mut allocation = found.allocation.clone();
-        let mut own = formulation.empty(&choices.wanted);
-        let hz: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
-        // To first order the whole gains what its parts earn more at the dual variables that they have.
-        let worth = LIKELY * LEAST_GAIN * if allocation.met >= 1.0 { allocation.cost } else { allocation.met };
-        let better: Vec<_> = (0..p).map(|i| self.better_frequency(formulation, choices, found, i, &hz)).collect();
-        let mut moved = Vec::new();
-        if better.iter().flatten().map(|(_, gain)| gain).sum::<f64>() >= worth {
-            for (i, (hz, _)) in better.into_iter().enumerate().filter_map(|(i, better)| Some((i, better?))) {
-                if let Ok(row) = self.row_for(hz, i) {
-                    moved.push((i, hz, row));
-                }
+/// The drives of the combination `found` among `choices`, refined off the grid.
+pub(crate) fn refine_between_grid(
+    table: &PlanTable,
+    formulation: &Formulation<'_>,
+    choices: &Choices,
+    found: &BestCombination,
+) -> Selection {
+    let p = choices.candidates.len();
+    let mut drives: Vec<Chosen> = (0..p)
+        .map(|i| {
+            let tag = choices.candidates[i][found.chosen[i]].tag;
+            let (k, w) = (tag / 2, tag % 2);
+            let row = table.entries_at(k);
+            let width = row.get(i).map_or_else(Width::default, |entry| entry.widths[w]);
+            Chosen { frequency_hz: table.frequencies_hz[k], on_grid: Some(k), row, width, force_n: 0.0, phase_rad: 0.0 }
+        })
+        .collect();
+    let mut allocation = found.allocation.clone();
+    let mut own = formulation.empty(&choices.wanted);
+    let hz: Vec<f64> = drives.iter().map(|drive| drive.frequency_hz).collect();
+    // To first order the whole gains what its parts earn more at the dual variables that they have.
+    let worth = LIKELY * LEAST_GAIN * if allocation.met >= 1.0 { allocation.cost } else { allocation.met };
+    let better: Vec<_> = (0..p).map(|i| find_better_frequency(table, formulation, choices, found, i, &hz)).collect();
+    let mut moved = Vec::new();
+    if better.iter().flatten().map(|(_, gain)| gain).sum::<f64>() >= worth {
+        for (i, (hz, _)) in better.into_iter().enumerate().filter_map(|(i, better)| Some((i, better?))) {
+            if let Ok(row) = table.row_for(hz, i) {
+                moved.push((i, hz, row));
             }
         }
-        if !moved.is_empty() {
-            // All of them, and what they give together.
-            let mut trial = drives.clone();
-            for (i, hz, row) in moved {
+    }
+    if !moved.is_empty() {
+        // All of them, and what they give together.
+        let mut trial = drives.clone();
+        for (i, hz, row) in moved {
+            let w = choices.candidates[i][found.chosen[i]].tag % 2;
+            let width = row.get(i).map_or_else(Width::default, |entry| entry.widths[w]);
+            trial[i] = Chosen { frequency_hz: hz, on_grid: None, row, width, ..trial[i].clone() };
+        }
+        own.frequencies_hz = trial.iter().map(|drive| drive.frequency_hz).collect();
+        let mut at = [0; MAX_ACTUATORS];
+        for (i, drive) in trial.iter().enumerate() {
+            if let Some(entry) = drive.row.get(i) {
+                formulation.add(&mut own, i, i, 0, entry, drive.frequency_hz);
                 let w = choices.candidates[i][found.chosen[i]].tag % 2;
-                let width = row.get(i).map_or_else(Width::default, |entry| entry.widths[w]);
-                trial[i] = Chosen { frequency_hz: hz, on_grid: None, row, width, ..trial[i].clone() };
-            }
-            own.frequencies_hz = trial.iter().map(|drive| drive.frequency_hz).collect();
-            let mut at = [0; MAX_ACTUATORS];
-            for (i, drive) in trial.iter().enumerate() {
-                if let Some(entry) = drive.row.get(i) {
-                    formulation.add(&mut own, i, i, 0, entry, drive.frequency_hz);
-                    let w = choices.candidates[i][found.chosen[i]].tag % 2;
-                    at[i] = own.candidates[i].iter().position(|c| c.tag % 2 == w).unwrap_or(0);
-                }
-            }
-            let fits = |a: f64, b: f64| (a - b).abs() >= MIN_SPACING_HZ && !meets(a, b);
-            let keeps = (0..p).all(|i| (0..i).all(|j| fits(own.frequencies_hz[i], own.frequencies_hz[j])));
-            let refined = own.allocation(&at);
-            let is_better = refined.met > allocation.met * (1.0 + LEAST_GAIN)
-                || refined.met >= allocation.met && refined.cost < allocation.cost * (1.0 - LEAST_GAIN);
-            if keeps && is_better {
-                drives = trial;
-                allocation = refined;
+                at[i] = own.candidates[i].iter().position(|c| c.tag % 2 == w).unwrap_or(0);
             }
         }
-        for (drive, force_n) in drives.iter_mut().zip(allocation.forces_n) {
-            drive.force_n = force_n;
+        let fits = |a: f64, b: f64| (a - b).abs() >= MIN_SPACING_HZ && !meets(a, b);
+        let keeps = (0..p).all(|i| (0..i).all(|j| fits(own.frequencies_hz[i], own.frequencies_hz[j])));
+        let refined = own.allocation(&at);
+        let is_better = refined.met > allocation.met * (1.0 + LEAST_GAIN)
+            || refined.met >= allocation.met && refined.cost < allocation.cost * (1.0 - LEAST_GAIN);
+        if keeps && is_better {
+            drives = trial;
+            allocation = refined;
         }
-        let active = allocation.duals.load.iter().enumerate().filter(|(_, dual)| **dual > 0.0).map(|(row, _)| row);
-        Selection { active: active.collect(), drives, allocation, gap: found.gap }
     }
+    for (drive, force_n) in drives.iter_mut().zip(allocation.forces_n) {
+        drive.force_n = force_n;
+    }
+    let active = allocation.duals.load.iter().enumerate().filter(|(_, dual)| **dual > 0.0).map(|(row, _)| row);
+    Selection { active: active.collect(), drives, allocation, gap: found.gap }
+}
 
-    /// All entries at a frequency of the grid.
-    pub(crate) fn grid_row(&self, k: usize) -> Vec<Entry> {
-        self.entries.iter().filter_map(|list| list.get(k)?.clone()).collect()
+/// The vertex of the parabola through what an actuator earns, at the dual variables of the best combination, at its frequency
+/// and the two beside it, and by how much more it earns there; `None` where that is at the grid's, or nearer than the
+/// spacing to another drive's frequency.
+fn find_better_frequency(
+    table: &PlanTable,
+    formulation: &Formulation<'_>,
+    choices: &Choices,
+    found: &BestCombination,
+    i: usize,
+    hz: &[f64],
+) -> Option<(f64, f64)> {
+    let tag = choices.candidates[i][found.chosen[i]].tag;
+    let (k, w) = (tag / 2, tag % 2);
+    let own = *table.frequencies_hz.get(k)?;
+    let earned = |k: usize| -> Option<f64> {
+        let mut one = formulation.empty(&choices.wanted);
+        one.frequencies_hz.push(own);
+        formulation.add(&mut one, i, 0, k, table.entry(i, k)?, *table.frequencies_hz.get(k)?);
+        let index = w.min(one.candidates[i].len() - 1);
+        Some(one.earned(i, index, &found.allocation))
+    };
+    let (low, middle, high) = (earned(k.checked_sub(1)?)?, earned(k)?, earned(k + 1)?);
+    let (below, above) = (own - table.frequencies_hz[k - 1], table.frequencies_hz[k + 1] - own);
+    // Slopes towards the neighbours; the vertex lies where their mean line crosses zero.
+    let (left, right) = ((middle - low) / below, (high - middle) / above);
+    let curvature = 2.0 * (right - left) / (below + above);
+    if curvature >= 0.0 || !curvature.is_finite() {
+        return None;
     }
-
-    /// The vertex of the parabola through what an actuator earns, at the dual variables of the best combination, at its frequency
-    /// and the two beside it, and by how much more it earns there; `None` where that is at the grid's, or nearer than the
-    /// spacing to another drive's frequency.
-    fn better_frequency(
-        &self,
-        formulation: &Formulation<'_>,
-        choices: &Choices,
-        found: &BestCombination,
-        i: usize,
-        hz: &[f64],
-    ) -> Option<(f64, f64)> {
-        let tag = choices.candidates[i][found.chosen[i]].tag;
-        let (k, w) = (tag / 2, tag % 2);
-        let own = *self.frequencies_hz.get(k)?;
-        let earned = |k: usize| -> Option<f64> {
-            let mut one = formulation.empty(&choices.wanted);
-            one.frequencies_hz.push(own);
-            formulation.add(&mut one, i, 0, k, self.entry(i, k)?, *self.frequencies_hz.get(k)?);
-            let index = w.min(one.candidates[i].len() - 1);
-            Some(one.earned(i, index, &found.allocation))
-        };
-        let (low, middle, high) = (earned(k.checked_sub(1)?)?, earned(k)?, earned(k + 1)?);
-        let (below, above) = (own - self.frequencies_hz[k - 1], self.frequencies_hz[k + 1] - own);
-        // Slopes towards the neighbours; the vertex lies where their mean line crosses zero.
-        let (left, right) = ((middle - low) / below, (high - middle) / above);
-        let curvature = 2.0 * (right - left) / (below + above);
-        if curvature >= 0.0 || !curvature.is_finite() {
-            return None;
-        }
-        let slope = (left * above + right * below) / (below + above);
-        let step = (-slope / curvature).clamp(-below, above);
-        let free = hz.iter().enumerate().all(|(j, other)| j == i || (own + step - other).abs() >= MIN_SPACING_HZ);
-        let gain = (slope + 0.5 * curvature * step) * step;
-        (free && step.abs() > 1e-3 * (below + above)).then_some((own + step, gain))
-    }
+    let slope = (left * above + right * below) / (below + above);
+    let step = (-slope / curvature).clamp(-below, above);
+    let free = hz.iter().enumerate().all(|(j, other)| j == i || (own + step - other).abs() >= MIN_SPACING_HZ);
+    let gain = (slope + 0.5 * curvature * step) * step;
+    (free && step.abs() > 1e-3 * (below + above)).then_some((own + step, gain))
 }

@@ -16,8 +16,8 @@ mod mixture;
 mod tests;
 
 use crate::choose::allocate::{Allocation, Duals, Setting, allocate};
+use crate::request::Work;
 use crate::scene::MAX_ACTUATORS;
-use crate::wish::request::Work;
 use branch::BranchAndBound;
 
 /// One actuator at one frequency with one pulse width.

@@ -8,13 +8,14 @@
 //! together is not known beforehand: peaks are given as the mean over all offsets, with the least and the most.
 
 use super::click;
+use super::effect_drive::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
 use super::envelope::{Cut, length_s, levels};
 use super::error::DesignError;
 use super::named::{EffectRequest, NamedEffect, Shape};
-use super::part::{PREDICTED_S, Part, Peak, STEP_S, combined, parts, signals};
 use super::supply::keep_within_supply;
 use super::travel::{Within, keep_within_travel};
 use crate::drive::{Drive, SiDrive, on_channels};
+use crate::motion::plan_motion::predict_effect_motion;
 use crate::motion::plan_motion::{PlanMotion, Push};
 use crate::physics::rise::RiseTimes;
 use crate::plan::limitation::{self, Limitation, add};
@@ -103,7 +104,7 @@ impl Design {
         let pushes: Vec<Push> = self.drives.iter().enumerate().map(push).collect();
         let mut travel_m = [0.0; MAX_ACTUATORS];
         travel_m.iter_mut().zip(&self.travel_m).for_each(|(travel, known)| *travel = *known);
-        table.motion_of(&pushes, &travel_m)
+        predict_effect_motion(table, &pushes, &travel_m)
     }
 
     /// Adds a reason why it is weaker than was asked for.

@@ -85,12 +85,12 @@ pub fn plan_with<'a>(
 ) -> Result<Plan, PlanError> {
     let mut request = request.clone();
     let wanted_db = match intensity {
-        None => return table.plan_for(&request),
+        None => return table.plan_request(&request),
         Some(Intensity::G(g)) => {
             for target in &mut request.targets {
                 target.intensity_g = target.intensity_g.or(Some(g));
             }
-            return table.plan_for(&request);
+            return table.plan_request(&request);
         }
         Some(Intensity::AboveThresholdDb(db)) => db,
     };
@@ -98,7 +98,7 @@ pub fn plan_with<'a>(
         return Err(PlanError::Range { field: "intensity_db", value: wanted_db, min: MIN_DB, max: MAX_DB });
     }
     let is_open: Vec<bool> = request.targets.iter().map(|target| target.intensity_g.is_none()).collect();
-    let mut plan = table.plan_for(&request)?;
+    let mut plan = table.plan_request(&request)?;
     let Some(rise) = rise() else { return Ok(plan) };
     let shapes: Vec<_> = request.targets.iter().map(|target| shape_of(table, target.x_m, target.y_m)).collect();
     for _ in 0..PLANNING_ROUNDS {
@@ -115,7 +115,7 @@ pub fn plan_with<'a>(
         if furthest_db < CLOSE_DB {
             break;
         }
-        plan = table.plan_for(&request)?;
+        plan = table.plan_request(&request)?;
         if plan.limited_by.is_some() {
             break;
         }

@@ -6,13 +6,13 @@
 
 pub mod click;
 pub mod design;
+mod effect_drive;
 pub mod envelope;
 mod error;
 pub mod intensity;
 pub mod motion;
 pub mod named;
-mod part;
-mod played;
+mod plan_view;
 mod supply;
 mod travel;
 pub mod view;

@@ -1,6 +1,6 @@
 //! What the supply's mean current leaves of an effect's drives.
 
-use super::part::Part;
+use super::effect_drive::Part;
 use crate::PlanTable;
 use crate::physics::limits::{Electrodes, Limit, most_mean_current_a};
 use era_shared::supply::rail_of;
@@ -38,7 +38,7 @@ pub fn rail_v(electrodes: &[Electrodes], parts: &[Part], actuator: usize, scale:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::part::parts;
+    use crate::effects::effect_drive::parts;
     use crate::model::{Accuracy, PanelModel};
     use crate::scene::{EXAMPLE_PLATE, Scene};
     use crate::{TableOptions, Target};

@@ -10,8 +10,8 @@
 //! time in which the free motions decay, and what is then stepped, [`Shortened`], is stepped to its end. What they have
 //! left where they decay too slowly for that is added to the travel found.
 
+use super::effect_drive::Part;
 use super::envelope::{Cut, length_s, levels};
-use super::part::Part;
 use super::supply::rail_v;
 use crate::PlanTable;
 use crate::physics::limits::{Electrodes, Limit};
@@ -288,7 +288,7 @@ fn on(part: &Part, levels: &[f64], time_s: f64) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::part::parts;
+    use super::super::effect_drive::parts;
     use super::super::{EffectRequest, NamedEffect};
     use super::*;
     use crate::model::{Accuracy, PanelModel};

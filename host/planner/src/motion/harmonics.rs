@@ -1,8 +1,8 @@
 //! What the odd harmonics of the square-edged forces move, up to the highest frequency that is felt.
 
-use crate::chosen::Chosen;
+use crate::chosen_drive::Chosen;
 use crate::model::ReducedModel;
-use crate::motion::safe::Settled;
+use crate::motion::driven_panel::Settled;
 use crate::response::Solver;
 use crate::table::{PlanTable, at_point, harmonic_part};
 use crate::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
@@ -14,11 +14,9 @@ use std::f64::consts::TAU;
 #[derive(Clone, Debug, Default)]
 pub struct Harmonics(Vec<(f64, DVector<Complex64>)>);
 
-impl PlanTable {
-    /// The harmonics of drives that have been made safe.
-    pub(crate) fn harmonics(&self, drives: &[Chosen], settled: &Settled) -> Harmonics {
-        harmonics_on(&self.model, drives, settled)
-    }
+/// The harmonics of drives that have been made safe.
+pub(crate) fn compute_drive_harmonics(table: &PlanTable, drives: &[Chosen], settled: &Settled) -> Harmonics {
+    harmonics_on(&table.model, drives, settled)
 }
 
 /// The harmonics of drives on one of the models.

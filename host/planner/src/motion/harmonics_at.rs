@@ -4,11 +4,12 @@
 //! They have a bound of their own, from the same drives on the coarser levels, and where that is not enough levels of their own.
 
 use super::harmonics::harmonics_on;
-use crate::chosen::Chosen;
+use crate::chosen_drive::Chosen;
 use crate::model::estimator::Estimator;
 use crate::model::levels::Levels;
 use crate::model::{Accuracy, Bound, ReducedModel};
-use crate::motion::safe::Settled;
+use crate::motion::driven_panel::Settled;
+use crate::motion::harmonics::compute_drive_harmonics;
 use crate::perception::threshold_m_per_s2;
 use crate::plan::bound::{NO_LEVELS, UNBOUNDED};
 use crate::table::PlanTable;
@@ -44,38 +45,36 @@ impl HarmonicsAt {
     }
 }
 
-impl PlanTable {
-    /// What the harmonics of drives that have been made safe do at a place in m, where the fundamentals' peak is `peak_m_per_s2`.
-    pub(crate) fn harmonics_at(
-        &self,
-        drives: &[Chosen],
-        settled: &Settled,
-        at: (f64, f64),
-        peak_m_per_s2: f64,
-    ) -> HarmonicsAt {
-        let coarser = self.coarser.as_ref().map(|(models, estimator)| (models, estimator));
-        let mut best = on_levels(&self.model, coarser, drives, settled, at);
-        if coarser.is_none() {
-            return best;
-        }
-        if best.sum_m_per_s2 <= NOTHING * peak_m_per_s2 {
-            (best.sum_bound, best.strongest_bound) = (Bound::Unknown(UNMOVED), Bound::Unknown(UNMOVED));
-            return best;
-        }
-        let highest_hz = self.harmonics(drives, settled).highest_hz();
-        // A reduced model for them has more modes; there is none where the panel is too large for that.
-        for accuracy in OWN {
-            if best.worst() <= ENOUGH {
-                break;
-            }
-            let Ok(own) = Levels::build(&self.scene, accuracy, highest_hz) else { break };
-            let found = on_levels(&own.fine, Some((&own.coarser, &own.estimator)), drives, settled, at);
-            if found.worst() < best.worst() {
-                best = found;
-            }
-        }
-        best
+/// What the harmonics of drives that have been made safe do at a place in m, where the fundamentals' peak is `peak_m_per_s2`.
+pub(crate) fn compute_harmonics_at(
+    table: &PlanTable,
+    drives: &[Chosen],
+    settled: &Settled,
+    at: (f64, f64),
+    peak_m_per_s2: f64,
+) -> HarmonicsAt {
+    let coarser = table.coarser.as_ref().map(|(models, estimator)| (models, estimator));
+    let mut best = on_levels(&table.model, coarser, drives, settled, at);
+    if coarser.is_none() {
+        return best;
     }
+    if best.sum_m_per_s2 <= NOTHING * peak_m_per_s2 {
+        (best.sum_bound, best.strongest_bound) = (Bound::Unknown(UNMOVED), Bound::Unknown(UNMOVED));
+        return best;
+    }
+    let highest_hz = compute_drive_harmonics(table, drives, settled).highest_hz();
+    // A reduced model for them has more modes; there is none where the panel is too large for that.
+    for accuracy in OWN {
+        if best.worst() <= ENOUGH {
+            break;
+        }
+        let Ok(own) = Levels::build(&table.scene, accuracy, highest_hz) else { break };
+        let found = on_levels(&own.fine, Some((&own.coarser, &own.estimator)), drives, settled, at);
+        if found.worst() < best.worst() {
+            best = found;
+        }
+    }
+    best
 }
 
 fn on_levels(

@@ -5,12 +5,14 @@
 //! panel beside them is linear: the steady motion is a sum over the panel's poles ([`Onset`]), each of
 //! which goes on by itself, and decays, once the forces have ended. [`crate::motion::residual`] adds up what several plans leave.
 
-use crate::chosen::Chosen;
+use crate::chosen_drive::Chosen;
 use crate::drive::Drive;
-use crate::motion::closer::CLOSING;
-use crate::motion::safe::{Applied, LEFT_OUT, harmonics_m};
+use crate::motion::driven_panel::build_driven_panel;
+use crate::motion::driven_panel::{Applied, LEFT_OUT, harmonics_m};
+use crate::motion::strong_softening::CLOSING;
+use crate::motion::strong_softening::{bound_added_travel_m, compute_rise_travel_m};
 use crate::physics::limits::{Electrodes, HELD, TRAVEL_PART};
-use crate::physics::rise::{DecayingMode, Onset, Participation};
+use crate::physics::rise::{Onset, Participation};
 use crate::physics::softening::{Line, Motion};
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{GROWN, HARMONICS, PlanTable, harmonic_part};
@@ -73,111 +75,101 @@ pub struct Push {
     pub levels: Vec<f64>,
 }
 
-impl PlanTable {
-    /// How far a plan's drives, with their responses, take the masses and what they leave; `None` where that cannot be told: at a
-    /// resonance without damping, or without poles.
-    pub(crate) fn motion_of_drives(&self, chosen: &[Chosen], drives: &[Drive]) -> Option<PlanMotion> {
-        let onset = self.onset()?;
-        let applied = applied(drives);
-        let problem = self.problem(chosen, applied);
-        let motion = problem.settled().unwrap_or_else(|_| at_most(chosen, &problem.lines, &problem.leaders));
-        let mut lines = Vec::new();
-        let (mut steady_m, mut at_once_m) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
-        for ((leader, force_n), travel_m) in problem.leaders.iter().zip(&motion.force_n).zip(&motion.travel_m) {
-            let frequency_hz = chosen.get(*leader)?.frequency_hz;
-            let added = onset.overshoots_at_once(force_n, frequency_hz, travel_m);
-            for (i, travel) in travel_m.iter().enumerate() {
-                steady_m[i] += LEFT_OUT * travel.norm();
-                at_once_m[i] += LEFT_OUT * (travel.norm() + GROWN * added[i]);
-            }
-            let rise_s = rise_s(applied.get(*leader)?);
-            lines.push(line(chosen, *leader, 1, rise_s, onset.participations(force_n, frequency_hz, rise_s)));
+/// How far a plan's drives, with their responses, take the masses and what they leave; `None` where that cannot be told: at a
+/// resonance without damping, or without poles.
+pub(crate) fn predict_drive_motion(table: &PlanTable, chosen: &[Chosen], drives: &[Drive]) -> Option<PlanMotion> {
+    let onset = table.onset()?;
+    let applied = applied(drives);
+    let problem = build_driven_panel(table, chosen, applied);
+    let motion = problem.settled().unwrap_or_else(|_| at_most(chosen, &problem.lines, &problem.leaders));
+    let mut lines = Vec::new();
+    let (mut steady_m, mut at_once_m) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
+    for ((leader, force_n), travel_m) in problem.leaders.iter().zip(&motion.force_n).zip(&motion.travel_m) {
+        let frequency_hz = chosen.get(*leader)?.frequency_hz;
+        let added = onset.overshoots_at_once(force_n, frequency_hz, travel_m);
+        for (i, travel) in travel_m.iter().enumerate() {
+            steady_m[i] += LEFT_OUT * travel.norm();
+            at_once_m[i] += LEFT_OUT * (travel.norm() + GROWN * added[i]);
         }
-        let harmonic_m = harmonics_m(chosen, &applied, 1.0, &HARMONICS);
-        let harmonics = harmonics(onset, chosen, &applied);
-        for (mode, k) in onset.decaying_modes().iter().zip(0..) {
-            let left: f64 =
-                harmonics.iter().filter_map(|line| line.participations.get(k)).map(Participation::left).sum();
-            add(&mut at_once_m, &mode.travel.map(|travel| travel * left));
-        }
-        add(&mut steady_m, &harmonic_m);
-        add(&mut at_once_m, &harmonic_m);
-        lines.extend(harmonics);
-        let limit_m = self.limits_m();
-        // What the plan was made for, unless it is told better; of weak ones it need not be.
-        let mut soft_m = limit_m;
-        if at_once_m.iter().zip(&limit_m).any(|(at_once, limit)| *at_once > WEAK * limit) {
-            let alone_m = harmonics_m(chosen, &applied, 1.0, &CLOSING.map(f64::from));
-            let besides_m = self.besides(chosen, &problem, &motion, &alone_m);
-            let besides_m =
-                besides_m.map_or([f64::INFINITY; MAX_ACTUATORS], |besides_m| besides_m.map(|m| LEFT_OUT * m));
-            add(&mut steady_m, &besides_m);
-            add(&mut at_once_m, &besides_m);
-            if let Some(Ok(risen_m)) = self.risen(chosen, &problem, &motion) {
-                for (i, soft) in soft_m.iter_mut().enumerate() {
-                    *soft = soft.min(LEFT_OUT * risen_m[i] + besides_m[i] + harmonic_m[i]);
-                }
-            }
-        }
-        soft_m.iter_mut().zip(&at_once_m).for_each(|(soft, at_once)| *soft = soft.min(*at_once));
-        let growth = self.growth(&motion.softening_n_per_m);
-        Some(PlanMotion { limit_m, steady_m, at_once_m, soft_m, growth, lines })
+        let rise_s = rise_s(applied.get(*leader)?);
+        lines.push(line(chosen, *leader, 1, rise_s, onset.participations(force_n, frequency_hz, rise_s)));
     }
+    let harmonic_m = harmonics_m(chosen, &applied, 1.0, &HARMONICS);
+    let harmonics = harmonics(onset, chosen, &applied);
+    for (mode, k) in onset.decaying_modes().iter().zip(0..) {
+        let left: f64 = harmonics.iter().filter_map(|line| line.participations.get(k)).map(Participation::left).sum();
+        add(&mut at_once_m, &mode.travel.map(|travel| travel * left));
+    }
+    add(&mut steady_m, &harmonic_m);
+    add(&mut at_once_m, &harmonic_m);
+    lines.extend(harmonics);
+    let limit_m = travel_limits_m(table);
+    // What the plan was made for, unless it is told better; of weak ones it need not be.
+    let mut soft_m = limit_m;
+    if at_once_m.iter().zip(&limit_m).any(|(at_once, limit)| *at_once > WEAK * limit) {
+        let alone_m = harmonics_m(chosen, &applied, 1.0, &CLOSING.map(f64::from));
+        let besides_m = bound_added_travel_m(table, chosen, &problem, &motion, &alone_m);
+        let besides_m = besides_m.map_or([f64::INFINITY; MAX_ACTUATORS], |besides_m| besides_m.map(|m| LEFT_OUT * m));
+        add(&mut steady_m, &besides_m);
+        add(&mut at_once_m, &besides_m);
+        if let Some(Ok(risen_m)) = compute_rise_travel_m(table, chosen, &problem, &motion) {
+            for (i, soft) in soft_m.iter_mut().enumerate() {
+                *soft = soft.min(LEFT_OUT * risen_m[i] + besides_m[i] + harmonic_m[i]);
+            }
+        }
+    }
+    soft_m.iter_mut().zip(&at_once_m).for_each(|(soft, at_once)| *soft = soft.min(*at_once));
+    let growth = compute_growth(table, &motion.softening_n_per_m);
+    Some(PlanMotion { limit_m, steady_m, at_once_m, soft_m, growth, lines })
+}
 
-    /// What softenings in N/m make of motions that there are already ([`PlanMotion::growth`]).
-    fn growth(&self, softening_n_per_m: &PerActuator) -> PerActuator {
-        self.static_receptance.map(|row| {
-            let taken: f64 = row.iter().zip(softening_n_per_m).map(|(g, s)| if *s > 0.0 { g * s } else { 0.0 }).sum();
-            (1.0 - taken.min(HELD)).powf(-0.5)
+/// What softenings in N/m make of motions that there are already ([`PlanMotion::growth`]).
+fn compute_growth(table: &PlanTable, softening_n_per_m: &PerActuator) -> PerActuator {
+    table.static_receptance.map(|row| {
+        let taken: f64 = row.iter().zip(softening_n_per_m).map(|(g, s)| if *s > 0.0 { g * s } else { 0.0 }).sum();
+        (1.0 - taken.min(HELD)).powf(-0.5)
+    })
+}
+
+/// How far an effect takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles.
+#[must_use]
+pub fn predict_effect_motion(table: &PlanTable, pushes: &[Push], travel_m: &PerActuator) -> Option<PlanMotion> {
+    let onset = table.onset()?;
+    let line = |push: &Push| {
+        let closed = travel_m.get(push.channel)? / table.electrodes.get(push.channel)?.gap_m;
+        let force_n = push.force_n / (1.0 - closed.min(TRAVEL_PART)).powi(2);
+        let participations = onset.played(push.channel, force_n, push.frequency_hz, &push.levels);
+        let (channel, drive_hz) = (push.channel, push.frequency_hz);
+        Some(ForceLine {
+            channel,
+            is_shared: false,
+            harmonic: 1,
+            drive_hz,
+            phase_rad: 0.0,
+            rise_s: 0.0,
+            participations,
         })
-    }
-
-    /// How far an effect takes the masses, which is known (`travel_m`), and what it leaves; `None` without poles.
-    #[must_use]
-    pub fn motion_of(&self, pushes: &[Push], travel_m: &PerActuator) -> Option<PlanMotion> {
-        let onset = self.onset()?;
-        let line = |push: &Push| {
-            let closed = travel_m.get(push.channel)? / self.electrodes.get(push.channel)?.gap_m;
-            let force_n = push.force_n / (1.0 - closed.min(TRAVEL_PART)).powi(2);
-            let participations = onset.played(push.channel, force_n, push.frequency_hz, &push.levels);
-            let (channel, drive_hz) = (push.channel, push.frequency_hz);
-            Some(ForceLine {
-                channel,
-                is_shared: false,
-                harmonic: 1,
-                drive_hz,
-                phase_rad: 0.0,
-                rise_s: 0.0,
-                participations,
-            })
-        };
-        let lines = pushes.iter().map(line).collect::<Option<Vec<_>>>()?;
-        let [steady_m, at_once_m, soft_m] = [*travel_m; 3];
-        let mut softening_n_per_m = [0.0; MAX_ACTUATORS];
-        for push in pushes {
-            if let (Some(s), Some(own)) = (softening_n_per_m.get_mut(push.channel), self.electrodes.get(push.channel)) {
-                let closed = (travel_m.get(push.channel)? / own.gap_m).min(TRAVEL_PART);
-                *s = push.force_n * own.softening_per_newton(1.0) / (1.0 - closed).powi(3);
-            }
+    };
+    let lines = pushes.iter().map(line).collect::<Option<Vec<_>>>()?;
+    let [steady_m, at_once_m, soft_m] = [*travel_m; 3];
+    let mut softening_n_per_m = [0.0; MAX_ACTUATORS];
+    for push in pushes {
+        if let (Some(s), Some(own)) = (softening_n_per_m.get_mut(push.channel), table.electrodes.get(push.channel)) {
+            let closed = (travel_m.get(push.channel)? / own.gap_m).min(TRAVEL_PART);
+            *s = push.force_n * own.softening_per_newton(1.0) / (1.0 - closed).powi(3);
         }
-        let growth = self.growth(&softening_n_per_m);
-        Some(PlanMotion { limit_m: self.limits_m(), steady_m, at_once_m, soft_m, growth, lines })
     }
+    let growth = compute_growth(table, &softening_n_per_m);
+    Some(PlanMotion { limit_m: travel_limits_m(table), steady_m, at_once_m, soft_m, growth, lines })
+}
 
-    /// The poles that [`PlanMotion`]s tell of.
-    #[must_use]
-    pub fn decaying_modes(&self) -> Vec<DecayingMode> {
-        self.onset().map_or_else(Vec::new, Onset::decaying_modes)
+/// A third of every gap in m; infinite for actuators that there are not.
+pub(crate) fn travel_limits_m(table: &PlanTable) -> PerActuator {
+    let mut limits = [f64::INFINITY; MAX_ACTUATORS];
+    for (limit, electrodes) in limits.iter_mut().zip(&table.electrodes) {
+        *limit = Electrodes::most_travel_m(electrodes);
     }
-
-    /// A third of every gap in m; infinite for actuators that there are not.
-    pub(crate) fn limits_m(&self) -> PerActuator {
-        let mut limits = [f64::INFINITY; MAX_ACTUATORS];
-        for (limit, electrodes) in limits.iter_mut().zip(&self.electrodes) {
-            *limit = Electrodes::most_travel_m(electrodes);
-        }
-        limits
-    }
+    limits
 }
 
 /// What a plan's drives apply to the electrodes.

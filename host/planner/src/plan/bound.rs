@@ -1,6 +1,6 @@
 //! How wrong a plan's prediction may be.
 
-use crate::chosen::Chosen;
+use crate::chosen_drive::Chosen;
 use crate::model::estimator::Estimator;
 use crate::model::{Bound, ReducedModel};
 use crate::plan::{Plan, TargetResult};
@@ -23,100 +23,101 @@ fn of_phasors(estimator: &Estimator, peak: f64, [coarse, middle, fine]: [&[Compl
     estimator.response_bound(difference(coarse, middle), difference(middle, fine))
 }
 
-impl PlanTable {
-    /// A bound on the relative error of the first target's peak: the same drives on the coarser models, and the
-    /// differences of the phasors, added up as the peak adds their magnitudes (equation 23).
-    pub(crate) fn bound(&self, drives: &[Chosen], target: &TargetResult) -> Bound {
-        let Some(([middle, coarse], estimator)) = &self.coarser else { return Bound::Unknown(NO_LEVELS) };
-        let peak = target.peak_g * STANDARD_GRAVITY;
-        if peak <= 0.0 {
-            return Bound::Unknown(UNMOVED);
-        }
-        let at = (target.x_m, target.y_m);
-        let shape = self.model.shape_at(at.0, at.1);
-        let fine = drives.iter().enumerate().map(|(i, drive)| {
-            drive.row.get(i).map_or(Complex64::ZERO, |entry| at_point(&shape, &entry.acceleration)) * drive.force_n
-        });
-        let fine: Vec<Complex64> = fine.collect();
-        let phasors = |level: usize, model: &ReducedModel| -> Option<Vec<Complex64>> {
-            let shape = model.shape_at(at.0, at.1);
-            let each = drives.iter().enumerate().map(|(i, drive)| {
-                if let Some(k) = drive.on_grid {
-                    let row = self.coarser_rows.get(level)?.get(k)?.as_ref()?;
-                    return Some(at_point(&shape, row.get(i)?) * drive.force_n);
-                }
-                let omega = std::f64::consts::TAU * drive.frequency_hz;
-                let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
-                Some(at_point(&shape, q.get(i)?) * (-omega * omega * drive.force_n))
-            });
-            each.collect()
-        };
-        let (Some(middle), Some(coarse)) = (phasors(0, middle), phasors(1, coarse)) else {
-            return Bound::Unknown(UNBOUNDED);
-        };
-        of_phasors(estimator, peak, [&coarse, &middle, &fine])
+/// A bound on the relative error of the first target's peak: the same drives on the coarser models, and the
+/// differences of the phasors, added up as the peak adds their magnitudes (equation 23).
+pub(crate) fn bound_peak_error(table: &PlanTable, drives: &[Chosen], target: &TargetResult) -> Bound {
+    let Some(([middle, coarse], estimator)) = &table.coarser else { return Bound::Unknown(NO_LEVELS) };
+    let peak = target.peak_g * STANDARD_GRAVITY;
+    if peak <= 0.0 {
+        return Bound::Unknown(UNMOVED);
     }
-
-    /// Bounds on the relative error of peaks at points of the grid, each of a setting of its own at the table's frequencies: as for a
-    /// plan's target.
-    pub(crate) fn setting_bounds<'a>(&self, settings: impl Iterator<Item = (usize, &'a [Part])>) -> Vec<Bound> {
-        let Some(([middle, coarse], estimator)) = &self.coarser else {
-            return settings.map(|_| Bound::Unknown(NO_LEVELS)).collect();
-        };
-        let shapes = [middle, coarse].map(|model| model.shapes_on(&self.grid.x_m, &self.grid.y_m));
-        let bound = |(point, setting): (usize, &[Part])| {
-            let fine = setting.iter().enumerate().map(|(i, part)| {
-                let entry = self.entries.get(i)?.get(part.frequency)?.as_ref()?;
-                Some(at_point(&self.grid.shapes.row(point).transpose(), &entry.acceleration) * part.drive.force_n)
-            });
-            let coarser = |level: usize| -> Option<Vec<Complex64>> {
-                let shape = shapes[level].row(point).transpose();
-                let each = setting.iter().enumerate().map(|(i, part)| {
-                    let row = self.coarser_rows.get(level)?.get(part.frequency)?.as_ref()?;
-                    Some(at_point(&shape, row.get(i)?) * part.drive.force_n)
-                });
-                each.collect()
-            };
-            let (Some(fine), Some(middle), Some(coarse)) = (fine.collect::<Option<Vec<_>>>(), coarser(0), coarser(1))
-            else {
-                return Bound::Unknown(UNBOUNDED);
-            };
-            let peak: f64 = fine.iter().map(|phasor| phasor.norm()).sum();
-            if peak > 0.0 { of_phasors(estimator, peak, [&coarse, &middle, &fine]) } else { Bound::Unknown(UNMOVED) }
-        };
-        settings.map(bound).collect()
-    }
-
-    /// A bound on the error of [`PlanTable::field`] at any point, relative to the field's largest value: as for the target, but at
-    /// every point.
-    #[must_use]
-    pub fn field_bound(&self, plan: &Plan) -> Bound {
-        let Some(([middle, coarse], estimator)) = &self.coarser else { return Bound::Unknown(NO_LEVELS) };
-        let largest = self.field(plan).into_iter().flatten().fold(0.0, f64::max);
-        if largest <= 0.0 {
-            return Bound::Unknown(UNMOVED);
-        }
-        // For each drive the accelerations at all points.
-        let fields = |model: &ReducedModel| -> Option<Vec<DVector<Complex64>>> {
-            let shapes = model.shapes_on(&self.grid.x_m, &self.grid.y_m).map(Complex64::from);
-            let each = plan.drives.iter().map(|drive| {
-                let actuator = self.scene.actuators.iter().position(|actuator| actuator.id == drive.actuator)?;
-                let omega = std::f64::consts::TAU * drive.frequency_hz;
-                let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
-                Some(&shapes * q.get(actuator)? * Complex64::from(-omega * omega * drive.force_n))
-            });
-            each.collect()
-        };
-        let (Some(fine), Some(middle), Some(coarse)) = (fields(&self.model), fields(middle), fields(coarse)) else {
-            return Bound::Unknown(UNBOUNDED);
-        };
-        let difference = |a: &[DVector<Complex64>], b: &[DVector<Complex64>]| {
-            let mut sum = DVector::zeros(self.grid.weights.len());
-            for (a, b) in a.iter().zip(b) {
-                sum += (a - b).map(|z| z.norm());
+    let at = (target.x_m, target.y_m);
+    let shape = table.model.shape_at(at.0, at.1);
+    let fine = drives.iter().enumerate().map(|(i, drive)| {
+        drive.row.get(i).map_or(Complex64::ZERO, |entry| at_point(&shape, &entry.acceleration)) * drive.force_n
+    });
+    let fine: Vec<Complex64> = fine.collect();
+    let phasors = |level: usize, model: &ReducedModel| -> Option<Vec<Complex64>> {
+        let shape = model.shape_at(at.0, at.1);
+        let each = drives.iter().enumerate().map(|(i, drive)| {
+            if let Some(k) = drive.on_grid {
+                let row = table.coarser_rows.get(level)?.get(k)?.as_ref()?;
+                return Some(at_point(&shape, row.get(i)?) * drive.force_n);
             }
-            sum.amax() / largest
+            let omega = std::f64::consts::TAU * drive.frequency_hz;
+            let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
+            Some(at_point(&shape, q.get(i)?) * (-omega * omega * drive.force_n))
+        });
+        each.collect()
+    };
+    let (Some(middle), Some(coarse)) = (phasors(0, middle), phasors(1, coarse)) else {
+        return Bound::Unknown(UNBOUNDED);
+    };
+    of_phasors(estimator, peak, [&coarse, &middle, &fine])
+}
+
+/// Bounds on the relative error of peaks at points of the grid, each of a setting of its own at the table's frequencies: as for a
+/// plan's target.
+pub(crate) fn bound_setting_errors<'a>(
+    table: &PlanTable,
+    settings: impl Iterator<Item = (usize, &'a [Part])>,
+) -> Vec<Bound> {
+    let Some(([middle, coarse], estimator)) = &table.coarser else {
+        return settings.map(|_| Bound::Unknown(NO_LEVELS)).collect();
+    };
+    let shapes = [middle, coarse].map(|model| model.shapes_on(&table.grid.x_m, &table.grid.y_m));
+    let bound = |(point, setting): (usize, &[Part])| {
+        let fine = setting.iter().enumerate().map(|(i, part)| {
+            let entry = table.entries.get(i)?.get(part.frequency)?.as_ref()?;
+            Some(at_point(&table.grid.shapes.row(point).transpose(), &entry.acceleration) * part.drive.force_n)
+        });
+        let coarser = |level: usize| -> Option<Vec<Complex64>> {
+            let shape = shapes[level].row(point).transpose();
+            let each = setting.iter().enumerate().map(|(i, part)| {
+                let row = table.coarser_rows.get(level)?.get(part.frequency)?.as_ref()?;
+                Some(at_point(&shape, row.get(i)?) * part.drive.force_n)
+            });
+            each.collect()
         };
-        estimator.response_bound(difference(&coarse, &middle), difference(&middle, &fine))
+        let (Some(fine), Some(middle), Some(coarse)) = (fine.collect::<Option<Vec<_>>>(), coarser(0), coarser(1))
+        else {
+            return Bound::Unknown(UNBOUNDED);
+        };
+        let peak: f64 = fine.iter().map(|phasor| phasor.norm()).sum();
+        if peak > 0.0 { of_phasors(estimator, peak, [&coarse, &middle, &fine]) } else { Bound::Unknown(UNMOVED) }
+    };
+    settings.map(bound).collect()
+}
+
+/// A bound on the error of [`PlanTable::field`] at any point, relative to the field's largest value: as for the target, but at
+/// every point.
+#[must_use]
+pub fn bound_field_error(table: &PlanTable, plan: &Plan) -> Bound {
+    let Some(([middle, coarse], estimator)) = &table.coarser else { return Bound::Unknown(NO_LEVELS) };
+    let largest = table.compute_peak_field(plan).into_iter().flatten().fold(0.0, f64::max);
+    if largest <= 0.0 {
+        return Bound::Unknown(UNMOVED);
     }
+    // For each drive the accelerations at all points.
+    let fields = |model: &ReducedModel| -> Option<Vec<DVector<Complex64>>> {
+        let shapes = model.shapes_on(&table.grid.x_m, &table.grid.y_m).map(Complex64::from);
+        let each = plan.drives.iter().map(|drive| {
+            let actuator = table.scene.actuators.iter().position(|actuator| actuator.id == drive.actuator)?;
+            let omega = std::f64::consts::TAU * drive.frequency_hz;
+            let q = response::modal_coordinates(model, drive.frequency_hz).ok()?;
+            Some(&shapes * q.get(actuator)? * Complex64::from(-omega * omega * drive.force_n))
+        });
+        each.collect()
+    };
+    let (Some(fine), Some(middle), Some(coarse)) = (fields(&table.model), fields(middle), fields(coarse)) else {
+        return Bound::Unknown(UNBOUNDED);
+    };
+    let difference = |a: &[DVector<Complex64>], b: &[DVector<Complex64>]| {
+        let mut sum = DVector::zeros(table.grid.weights.len());
+        for (a, b) in a.iter().zip(b) {
+            sum += (a - b).map(|z| z.norm());
+        }
+        sum.amax() / largest
+    };
+    estimator.response_bound(difference(&coarse, &middle), difference(&middle, &fine))
 }

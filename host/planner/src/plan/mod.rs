@@ -1,23 +1,35 @@
 //! The plan for a touch.
 
 pub(crate) mod bound;
+pub(crate) mod derating;
 pub mod limitation;
-mod nearest;
-mod weaker;
+mod reached_limits;
 
 use crate::STANDARD_GRAVITY;
 use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
+use crate::choose::refine::refine_between_grid;
 use crate::choose::search::Fits;
-use crate::chosen::{Chosen, MadeOf, groups, meets, peak};
+use crate::choose::shared_frequency::drives::choose_shared_frequency;
+use crate::chosen_drive::{Chosen, MadeOf, groups, meets, peak};
 use crate::drive::Drive;
 use crate::millimetres;
+use crate::motion::driven_panel::Settled;
 use crate::motion::plan_motion::PlanMotion;
-use crate::motion::safe::Settled;
+use crate::motion::plan_motion::predict_drive_motion;
+use crate::motion::quiet_limits::settle_within_quiet_zones;
+use crate::motion::settle::settled_peak_m_per_s2;
+use crate::motion::strong_softening::settle_with_harmonics;
 use crate::perception::above_threshold_db;
+use crate::plan::bound::bound_peak_error;
+use crate::plan::reached_limits::find_nearly_reached_limits;
+use crate::reach::selection::select_reach_drives;
+use crate::request::quiet_zones::QuietResult;
+use crate::request::{Grouping, Objective, PlanError, Request, Target, Weigh, Work};
+use crate::request::{snap_to_surface, surface_y_m, validate_request};
 use crate::table::{PlanTable, at_point};
-use crate::wish::quiet::QuietResult;
-use crate::wish::request::{Grouping, Objective, PlanError, Request, Target, Weigh, Work};
+pub use bound::bound_field_error;
+pub use derating::derate_plan;
 use limitation::{Limitation, add};
 use nalgebra::DVector;
 use serde::Serialize;
@@ -125,36 +137,36 @@ impl PlanTable {
     /// # Errors
     /// [`PlanError`].
     pub fn plan(&self, targets: &[Target]) -> Result<Plan, PlanError> {
-        self.plan_for(&Request::touch(targets))
+        self.plan_request(&Request::touch(targets))
     }
 
     /// The drives for a request.
     ///
     /// # Errors
     /// [`PlanError`].
-    pub fn plan_for(&self, request: &Request) -> Result<Plan, PlanError> {
-        self.planned(request).map(|planned| planned.plan)
+    pub fn plan_request(&self, request: &Request) -> Result<Plan, PlanError> {
+        self.plan_with_details(request).map(|planned| planned.plan)
     }
 
     /// The same with everything it came from.
     ///
     /// # Errors
     /// [`PlanError`].
-    pub fn planned(&self, request: &Request) -> Result<Planned, PlanError> {
+    pub fn plan_with_details(&self, request: &Request) -> Result<Planned, PlanError> {
         let started = Instant::now();
-        let wanted_g = self.check(request)?;
-        let request = &self.placed(request)?;
+        let wanted_g = validate_request(self, request)?;
+        let request = &snap_to_surface(self, request)?;
         let mut formulation = Formulation::new(self, request);
         let wanted: Vec<f64> =
             wanted_g.iter().enumerate().map(|(t, g)| formulation.countable(g * STANDARD_GRAVITY, t)).collect();
         let mut selection = match request.grouping {
             Grouping::Distinct if request.objective == Objective::Reach => {
-                self.evened(&formulation, request.zone, &wanted)?
+                select_reach_drives(self, &formulation, request.zone, &wanted)?
             }
-            Grouping::Distinct => self.chosen(&mut formulation, request, &wanted)?,
-            Grouping::Shared => self.at_shared_frequency(&formulation, &wanted)?,
+            Grouping::Distinct => choose_distinct_frequencies(self, &mut formulation, request, &wanted)?,
+            Grouping::Shared => choose_shared_frequency(self, &formulation, &wanted)?,
         };
-        let settled = self.settled_quietly(&formulation.quiet, &mut selection.drives);
+        let settled = settle_within_quiet_zones(self, &formulation.quiet, &mut selection.drives);
         let (settled, quiet) = settled.ok_or(PlanError::NoFrequencies)?;
         let peaks_g: Vec<f64> =
             formulation.zone.targets.iter().map(|shape| peak(&selection.drives, shape) / STANDARD_GRAVITY).collect();
@@ -164,22 +176,22 @@ impl PlanTable {
             .zip(wanted_g.iter().zip(&peaks_g))
             .map(|(target, (wanted_g, peak_g))| TargetResult {
                 x_m: target.x_m,
-                y_m: self.y_m(target.y_m),
+                y_m: surface_y_m(self, target.y_m),
                 wanted_g: *wanted_g,
                 peak_g: *peak_g,
             })
             .collect();
         let first = *targets.first().ok_or(PlanError::Count { count: 0 })?;
-        let limits = self.limitations(request, &selection, &settled, &targets);
+        let limits = find_limitations(self, request, &selection, &settled, &targets);
         let plan = Plan {
             target_m: [first.x_m, first.y_m],
-            predicted: self.predict(&formulation, &selection.drives, &settled, first.peak_g),
+            predicted: predict_accelerations(self, &formulation, &selection.drives, &settled, first.peak_g),
             limited_by: limitation::text(&limits),
             limits,
-            error_bound: self.bound(&selection.drives, &first).value(),
+            error_bound: bound_peak_error(self, &selection.drives, &first).value(),
             targets,
             quiet,
-            drives: self.drives(&selection.drives, &settled),
+            drives: build_drives(self, &selection.drives, &settled),
             optimality_gap: gap(&selection, &settled),
             objective: request.objective,
             grouping: request.grouping,
@@ -192,52 +204,13 @@ impl PlanTable {
     /// How far `plan`, one of this table's, takes the masses and what it leaves; `None` where that cannot be told: at a
     /// resonance without damping, or without poles.
     #[must_use]
-    pub fn motion(&self, plan: &Plan) -> Option<PlanMotion> {
-        self.motion_of_drives(&plan.made_of.0, &plan.drives)
-    }
-
-    /// Distinct frequencies: the best combination, refined; with further points of quiet zones until none is too strong.
-    fn chosen(
-        &self,
-        formulation: &mut Formulation<'_>,
-        request: &Request,
-        wanted: &[f64],
-    ) -> Result<Selection, PlanError> {
-        let mut selection = self.chosen_for_rows(formulation, request, wanted)?;
-        let [touch, study] = QUIET_ROUNDS;
-        for _ in 1..if request.work == Work::Touch { touch } else { study } {
-            if !formulation.quiet.add_violated(&selection.drives) {
-                break;
-            }
-            selection = self.chosen_for_rows(formulation, request, wanted)?;
-        }
-        Ok(selection)
-    }
-
-    fn chosen_for_rows(
-        &self,
-        formulation: &Formulation<'_>,
-        request: &Request,
-        wanted: &[f64],
-    ) -> Result<Selection, PlanError> {
-        let is_plain = wanted.len() == 1
-            && request.quiet.is_empty()
-            && request.objective == Objective::Contrast
-            && request.weigh == Weigh::Equal;
-        let choices_for = |fits: &dyn Fn(f64, f64) -> bool| match wanted {
-            [wanted] if is_plain => formulation.shortlist(*wanted, fits),
-            _ => formulation.all(wanted),
-        };
-        // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
-        let best = |fits: Fits<'_>| formulation.best_of(choices_for(fits), fits);
-        let (choices, found) =
-            best(&|a, b| !meets(a, b)).or_else(|| best(&|_, _| true)).ok_or(PlanError::NoFrequencies)?;
-        Ok(self.refined(formulation, &choices, &found))
+    pub fn predict_motion(&self, plan: &Plan) -> Option<PlanMotion> {
+        predict_drive_motion(self, &plan.made_of.0, &plan.drives)
     }
 
     /// Peak acceleration (equation 23) at every point of the grid in m/s^2; `None` in cut-outs.
     #[must_use]
-    pub fn field(&self, plan: &Plan) -> Vec<Option<f64>> {
+    pub fn compute_peak_field(&self, plan: &Plan) -> Vec<Option<f64>> {
         let mut sums: Vec<(f64, Vec<num_complex::Complex64>)> = Vec::new();
         for (actuator, drive) in plan.drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
             let Ok(row) = self.row_at(drive.frequency_hz) else { continue };
@@ -252,124 +225,162 @@ impl PlanTable {
         let peak = |point: usize| sums.iter().map(|(_, field)| field[point].norm()).sum();
         self.grid.there.iter().enumerate().map(|(point, there)| there.then(|| peak(point))).collect()
     }
+}
 
-    pub(super) fn drives(&self, chosen: &[Chosen], settled: &Settled) -> Vec<Drive> {
-        chosen
-            .iter()
-            .zip(self.scene.actuators.iter().zip(&settled.applied))
-            .map(|(chosen, (actuator, applied))| Drive {
-                actuator: actuator.id.clone(),
-                frequency_hz: chosen.frequency_hz,
-                voltage_v: applied.voltage_v,
-                pulse_width: applied.pulse_width,
-                phase_rad: chosen.phase_rad,
-                force_n: chosen.force_n,
+/// Distinct frequencies: the best combination, refined; with further points of quiet zones until none is too strong.
+fn choose_distinct_frequencies(
+    table: &PlanTable,
+    formulation: &mut Formulation<'_>,
+    request: &Request,
+    wanted: &[f64],
+) -> Result<Selection, PlanError> {
+    let mut selection = choose_for_current_rows(table, formulation, request, wanted)?;
+    let [touch, study] = QUIET_ROUNDS;
+    for _ in 1..if request.work == Work::Touch { touch } else { study } {
+        if !formulation.quiet.add_violated(&selection.drives) {
+            break;
+        }
+        selection = choose_for_current_rows(table, formulation, request, wanted)?;
+    }
+    Ok(selection)
+}
+
+fn choose_for_current_rows(
+    table: &PlanTable,
+    formulation: &Formulation<'_>,
+    request: &Request,
+    wanted: &[f64],
+) -> Result<Selection, PlanError> {
+    let is_plain = wanted.len() == 1
+        && request.quiet.is_empty()
+        && request.objective == Objective::Contrast
+        && request.weigh == Weigh::Equal;
+    let choices_for = |fits: &dyn Fn(f64, f64) -> bool| match wanted {
+        [wanted] if is_plain => formulation.shortlist(*wanted, fits),
+        _ => formulation.all(wanted),
+    };
+    // Where another's harmonic meets a drive it changes, by an amount that no one asked for, what is felt there.
+    let best = |fits: Fits<'_>| formulation.best_of(choices_for(fits), fits);
+    let (choices, found) = best(&|a, b| !meets(a, b)).or_else(|| best(&|_, _| true)).ok_or(PlanError::NoFrequencies)?;
+    Ok(refine_between_grid(table, formulation, &choices, &found))
+}
+
+pub(super) fn build_drives(table: &PlanTable, chosen: &[Chosen], settled: &Settled) -> Vec<Drive> {
+    chosen
+        .iter()
+        .zip(table.scene.actuators.iter().zip(&settled.applied))
+        .map(|(chosen, (actuator, applied))| Drive {
+            actuator: actuator.id.clone(),
+            frequency_hz: chosen.frequency_hz,
+            voltage_v: applied.voltage_v,
+            pulse_width: applied.pulse_width,
+            phase_rad: chosen.phase_rad,
+            force_n: chosen.force_n,
+        })
+        .collect()
+}
+
+pub(super) fn predict_accelerations(
+    table: &PlanTable,
+    formulation: &Formulation<'_>,
+    drives: &[Chosen],
+    settled: &Settled,
+    target_peak_g: f64,
+) -> Predicted {
+    let zone = &formulation.zone;
+    let (mut near, mut all, mut near_mean, mut mean) = (0.0, 0.0, 0.0, 0.0);
+    for group in groups(drives) {
+        match group.as_slice() {
+            [i] => {
+                let Some(entry) = drives[*i].row.get(*i) else { continue };
+                let force = drives[*i].force_n;
+                near += zone.mean_square(&entry.acceleration) * force * force;
+                all += entry.mean_square * force * force;
+                near_mean += zone.mean(&entry.acceleration) * force;
+                // Off the grid what the table has is an estimate, 2 % off where a resonance is between two frequencies.
+                let of_one =
+                    if drives[*i].on_grid.is_some() { entry.mean } else { table.grid.mean(&entry.acceleration) };
+                mean += of_one * force;
+            }
+            members => {
+                let sum = sum_accelerations(table, drives, members);
+                near += zone.mean_square(&sum);
+                all += table.mean_square(&sum);
+                near_mean += zone.mean(&sum);
+                mean += table.grid.mean(&sum);
+            }
+        }
+    }
+    let components = |shape: &DVector<f64>| -> Vec<(f64, f64)> {
+        groups(drives)
+            .map(|group| {
+                let hz = drives[group[0]].frequency_hz;
+                (hz, at_point(shape, &sum_accelerations(table, drives, &group)).norm())
             })
             .collect()
+    };
+    let shape = zone.targets.first();
+    let closer = settle_with_harmonics(table, drives, settled);
+    let settled = closer.as_ref().unwrap_or(settled);
+    Predicted {
+        target_peak_g,
+        mean_elsewhere_g: ((mean - zone.part * near_mean) / (1.0 - zone.part)).max(0.0) / STANDARD_GRAVITY,
+        contrast_db: contrast_db(near, if all > 0.0 { zone.elsewhere(all, near) } else { 0.0 }),
+        softened_peak_g: shape.map_or(0.0, |shape| settled_peak_m_per_s2(drives, settled, shape)) / STANDARD_GRAVITY,
+        above_threshold_db: shape.and_then(|shape| above_threshold_db(&components(shape))),
     }
+}
 
-    pub(super) fn predict(
-        &self,
-        formulation: &Formulation<'_>,
-        drives: &[Chosen],
-        settled: &Settled,
-        target_peak_g: f64,
-    ) -> Predicted {
-        let zone = &formulation.zone;
-        let (mut near, mut all, mut near_mean, mut mean) = (0.0, 0.0, 0.0, 0.0);
-        for group in groups(drives) {
-            match group.as_slice() {
-                [i] => {
-                    let Some(entry) = drives[*i].row.get(*i) else { continue };
-                    let force = drives[*i].force_n;
-                    near += zone.mean_square(&entry.acceleration) * force * force;
-                    all += entry.mean_square * force * force;
-                    near_mean += zone.mean(&entry.acceleration) * force;
-                    // Off the grid what the table has is an estimate, 2 % off where a resonance is between two frequencies.
-                    let of_one =
-                        if drives[*i].on_grid.is_some() { entry.mean } else { self.grid.mean(&entry.acceleration) };
-                    mean += of_one * force;
-                }
-                members => {
-                    let sum = self.together(drives, members);
-                    near += zone.mean_square(&sum);
-                    all += self.mean_square(&sum);
-                    near_mean += zone.mean(&sum);
-                    mean += self.grid.mean(&sum);
-                }
-            }
-        }
-        let components = |shape: &DVector<f64>| -> Vec<(f64, f64)> {
-            groups(drives)
-                .map(|group| {
-                    let hz = drives[group[0]].frequency_hz;
-                    (hz, at_point(shape, &self.together(drives, &group)).norm())
-                })
-                .collect()
-        };
-        let shape = zone.targets.first();
-        let closer = self.among_harmonics(drives, settled);
-        let settled = closer.as_ref().unwrap_or(settled);
-        Predicted {
-            target_peak_g,
-            mean_elsewhere_g: ((mean - zone.part * near_mean) / (1.0 - zone.part)).max(0.0) / STANDARD_GRAVITY,
-            contrast_db: contrast_db(near, if all > 0.0 { zone.elsewhere(all, near) } else { 0.0 }),
-            softened_peak_g: shape.map_or(0.0, |shape| self.settled_peak(drives, settled, shape)) / STANDARD_GRAVITY,
-            above_threshold_db: shape.and_then(|shape| above_threshold_db(&components(shape))),
+/// Acceleration coordinates of drives at one frequency together, with their phases.
+fn sum_accelerations(table: &PlanTable, drives: &[Chosen], members: &[usize]) -> DVector<num_complex::Complex64> {
+    let mut sum = DVector::zeros(table.model.order());
+    for i in members {
+        if let Some(entry) = drives[*i].row.get(*i) {
+            let force = num_complex::Complex64::from_polar(drives[*i].force_n, drives[*i].phase_rad);
+            sum += &entry.acceleration * force;
         }
     }
+    sum
+}
 
-    /// Acceleration coordinates of drives at one frequency together, with their phases.
-    fn together(&self, drives: &[Chosen], members: &[usize]) -> DVector<num_complex::Complex64> {
-        let mut sum = DVector::zeros(self.model.order());
-        for i in members {
-            if let Some(entry) = drives[*i].row.get(*i) {
-                let force = num_complex::Complex64::from_polar(drives[*i].force_n, drives[*i].phase_rad);
-                sum += &entry.acceleration * force;
-            }
-        }
-        sum
+fn find_limitations(
+    table: &PlanTable,
+    request: &Request,
+    selection: &Selection,
+    settled: &Settled,
+    targets: &[TargetResult],
+) -> Vec<Limitation> {
+    let is_met = match request.weigh {
+        Weigh::Equal => targets.iter().all(|target| target.peak_g >= target.wanted_g * MET),
+        // In weighed accelerations, which are not the targets' own.
+        Weigh::Felt => selection.allocation.met * settled.scale >= MET,
+    };
+    if is_met {
+        return Vec::new();
     }
-
-    fn limitations(
-        &self,
-        request: &Request,
-        selection: &Selection,
-        settled: &Settled,
-        targets: &[TargetResult],
-    ) -> Vec<Limitation> {
-        let is_met = match request.weigh {
-            Weigh::Equal => targets.iter().all(|target| target.peak_g >= target.wanted_g * MET),
-            // In weighed accelerations, which are not the targets' own.
-            Weigh::Felt => selection.allocation.met * settled.scale >= MET,
-        };
-        if is_met {
-            return Vec::new();
-        }
-        let mut found = Vec::new();
-        if let Some((actuator, limit)) = settled.limited {
-            add(&mut found, Limitation::of(self, limit, actuator));
-        }
-        if settled.is_quieted {
-            add(&mut found, Limitation::QuietZone);
-        }
-        if selection.allocation.met < 1.0 {
-            for (i, drive) in selection.drives.iter().enumerate() {
-                if drive.force_n >= drive.width.max_force_n * settled.scale * MET && drive.width.max_force_n > 0.0 {
-                    add(&mut found, Limitation::of(self, drive.width.limit, i));
-                }
-            }
-            for row in &selection.active {
-                let limit = self.limits.name(*row);
-                let of = |(actuator, limit)| Limitation::of(self, limit, actuator);
-                add(&mut found, limit.map_or(Limitation::QuietZone, of));
-            }
-        }
-        if found.is_empty() {
-            found = self.nearest_limits(selection, settled.scale);
-        }
-        if found.is_empty() { vec![Limitation::Node] } else { found }
+    let mut found = Vec::new();
+    if let Some((actuator, limit)) = settled.limited {
+        add(&mut found, Limitation::of(table, limit, actuator));
     }
+    if settled.is_quieted {
+        add(&mut found, Limitation::QuietZone);
+    }
+    if selection.allocation.met < 1.0 {
+        for (i, drive) in selection.drives.iter().enumerate() {
+            if drive.force_n >= drive.width.max_force_n * settled.scale * MET && drive.width.max_force_n > 0.0 {
+                add(&mut found, Limitation::of(table, drive.width.limit, i));
+            }
+        }
+        for row in &selection.active {
+            let limit = table.limits.name(*row);
+            let of = |(actuator, limit)| Limitation::of(table, limit, actuator);
+            add(&mut found, limit.map_or(Limitation::QuietZone, of));
+        }
+    }
+    if found.is_empty() {
+        found = find_nearly_reached_limits(table, selection, settled.scale);
+    }
+    if found.is_empty() { vec![Limitation::Node] } else { found }
 }
 
 /// By which part another combination could be better; what safety took away another might not have lost.

@@ -1,20 +1,20 @@
 //! How strong a panel can be shaken everywhere at once: the objective `reach`.
 //!
 //! [`space`] is what each actuator can do at each frequency, shared limits included, [`search`] the frequencies and forces whose
-//! weakest place is the strongest, of some points, [`mod@everywhere`] of the whole surface; [`setting`] makes safe what any of them would
-//! command, as of every plan, and `evened` makes it a plan.
+//! weakest place is the strongest, of some points, [`max_min`] of the whole surface; [`setting`] makes safe what any of them would
+//! command, as of every plan, and `selection` makes it a plan.
 
-mod evened;
-pub mod everywhere;
+pub mod max_min;
 pub mod measure;
 pub mod search;
+pub(crate) mod selection;
 pub mod setting;
 pub mod space;
 
 #[cfg(test)]
 mod tests;
 
-pub use everywhere::everywhere;
+pub use max_min::{everywhere, prepare_whole_surface_setting};
 pub use measure::Measure;
 pub use search::Best;
 pub use space::{Choice, Space};

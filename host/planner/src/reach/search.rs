@@ -7,8 +7,8 @@
 use super::space::Space;
 use crate::MIN_SPACING_HZ;
 use crate::choose::search::{Candidate, Choices};
+use crate::request::Work;
 use crate::scene::MAX_ACTUATORS;
-use crate::wish::request::Work;
 
 /// Relative difference of minima that counts as none.
 const EQUAL_VALUES: f64 = 1e-9;

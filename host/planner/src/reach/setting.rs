@@ -1,8 +1,9 @@
 //! What is commanded: one setting of all actuators, made safe as plans are, and what it does.
 
 use super::measure::Measure;
-use crate::chosen::Chosen;
+use crate::chosen_drive::Chosen;
 use crate::drive::Drive;
+use crate::motion::settle::settle_drives;
 use crate::table::{Part, PlanTable, Width};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
@@ -40,13 +41,13 @@ pub fn command(table: &PlanTable, setting: &mut [Part]) -> Option<f64> {
         .map(|(i, part)| Chosen {
             frequency_hz: part.drive.frequency_hz,
             on_grid: Some(part.frequency),
-            row: table.grid_row(part.frequency),
+            row: table.entries_at(part.frequency),
             width: width(table, i, part.frequency),
             force_n: part.drive.force_n,
             phase_rad: part.drive.phase_rad,
         })
         .collect();
-    let settled = table.settled(&mut drives)?;
+    let settled = settle_drives(table, &mut drives)?;
     for ((part, drive), applied) in setting.iter_mut().zip(&drives).zip(&settled.applied) {
         part.drive.force_n = drive.force_n;
         part.drive.voltage_v = applied.voltage_v;

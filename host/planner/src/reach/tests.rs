@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::choose::linear::Programme;
-use crate::wish::request::Work;
+use crate::request::Work;
 use proptest::prelude::*;
 
 /// All choices, the same linear program over all points for each.

@@ -4,10 +4,10 @@ use crate::choose::candidates::Formulation;
 use crate::model::levels::Levels;
 use crate::model::{Accuracy, ModelError};
 use crate::plan::{Plan, contrast_db};
+use crate::request::{Grouping, Objective, PlanError, Request};
 use crate::response::ResponseError;
 use crate::scene::{MAX_ACTUATORS, SurfaceKind};
 use crate::table::{PlanTable, TableOptions, at_point, harmonic_part};
-use crate::wish::request::{Grouping, Objective, PlanError, Request};
 use crate::{HIGHEST_FELT_HZ, STANDARD_GRAVITY};
 use serde::Serialize;
 
@@ -99,168 +99,163 @@ pub enum ExplainError {
     Response(#[from] ResponseError),
 }
 
-impl PlanTable {
-    /// Explains the plan that `request` has.
-    ///
-    /// # Errors
-    /// [`ExplainError`].
-    pub fn explain(&self, request: &Request) -> Result<Explanation, ExplainError> {
-        let planned = self.planned(request)?;
-        let formulation = Formulation::new(self, request);
-        let plan = &planned.plan;
-        let candidates = (0..self.entries.len()).map(|i| self.candidates_of(&formulation, plan, i)).collect();
-        let pulse_widths = WIDTHS.iter().map(|width| self.with_width(plan, *width)).collect();
-        let mut alternatives = vec![self.alternative("this plan".into(), &formulation, plan)];
-        let mut add = |change: &str, request: Request| match self.plan_for(&request) {
-            Ok(plan) => alternatives.push(self.alternative(change.into(), &formulation, &plan)),
-            // What does not go together is no alternative.
-            Err(PlanError::Together { .. }) => {}
-            Err(error) => alternatives.push(Alternative {
-                change: format!("{change}: {error}"),
-                target_peak_g: 0.0,
-                contrast_db: 0.0,
-                power_mw: 0.0,
-                limited_by: None,
-                weakest_g: None,
-            }),
-        };
-        for objective in Objective::ALL.into_iter().filter(|objective| *objective != request.objective) {
-            let name = format!("objective {}", objective.name());
-            add(&name, Request { objective, grouping: Grouping::Distinct, ..request.clone() });
-        }
-        for (name, grouping) in
-            [("distinct frequencies", Grouping::Distinct), ("one shared frequency, with phases", Grouping::Shared)]
-        {
-            if grouping != request.grouping && self.entries.len() > 1 {
-                add(name, Request { grouping, objective: Objective::Contrast, ..request.clone() });
-            }
-        }
-        if let Some(more) = self.one_more(request)? {
-            alternatives.push(more);
-        }
-        Ok(Explanation { candidates, pulse_widths, alternatives })
+/// Explains the plan that `request` has.
+///
+/// # Errors
+/// [`ExplainError`].
+pub fn explain_plan(table: &PlanTable, request: &Request) -> Result<Explanation, ExplainError> {
+    let planned = table.plan_with_details(request)?;
+    let formulation = Formulation::new(table, request);
+    let plan = &planned.plan;
+    let candidates = (0..table.entries.len()).map(|i| list_candidates(table, &formulation, plan, i)).collect();
+    let pulse_widths = WIDTHS.iter().map(|width| evaluate_pulse_width(table, plan, *width)).collect();
+    let mut alternatives = vec![describe_alternative(table, "this plan".into(), &formulation, plan)];
+    let mut add = |change: &str, request: Request| match table.plan_request(&request) {
+        Ok(plan) => alternatives.push(describe_alternative(table, change.into(), &formulation, &plan)),
+        // What does not go together is no alternative.
+        Err(PlanError::Together { .. }) => {}
+        Err(error) => alternatives.push(Alternative {
+            change: format!("{change}: {error}"),
+            target_peak_g: 0.0,
+            contrast_db: 0.0,
+            power_mw: 0.0,
+            limited_by: None,
+            weakest_g: None,
+        }),
+    };
+    for objective in Objective::ALL.into_iter().filter(|objective| *objective != request.objective) {
+        let name = format!("objective {}", objective.name());
+        add(&name, Request { objective, grouping: Grouping::Distinct, ..request.clone() });
     }
+    for (name, grouping) in
+        [("distinct frequencies", Grouping::Distinct), ("one shared frequency, with phases", Grouping::Shared)]
+    {
+        if grouping != request.grouping && table.entries.len() > 1 {
+            add(name, Request { grouping, objective: Objective::Contrast, ..request.clone() });
+        }
+    }
+    if let Some(more) = try_one_more_actuator(table, request)? {
+        alternatives.push(more);
+    }
+    Ok(Explanation { candidates, pulse_widths, alternatives })
+}
 
-    /// The maxima over frequency of the contrast that an actuator makes alone.
-    fn candidates_of(&self, formulation: &Formulation<'_>, plan: &Plan, actuator: usize) -> Candidates {
-        let step_hz = self.frequencies_hz.get(1).zip(self.frequencies_hz.first()).map_or(0.0, |(b, a)| b - a);
-        let chosen_hz = plan.drives.get(actuator).map_or(f64::NAN, |drive| drive.frequency_hz);
-        let contrast = |k: usize| -> Option<f64> {
-            let entry = self.entry(actuator, k)?;
-            let near = formulation.zone.mean_square(&entry.acceleration);
-            Some(contrast_db(near, formulation.energy(entry, &entry.widths[0])))
-        };
-        let values: Vec<Option<f64>> = (0..self.frequencies_hz.len()).map(contrast).collect();
-        let is_peak = |k: usize| {
-            let beside = |k: Option<usize>| k.and_then(|k| values.get(k).copied().flatten());
-            values[k].is_some_and(|own| {
-                let lower = |other: Option<f64>| other.is_none_or(|other| other <= own);
-                lower(beside(k.checked_sub(1))) && lower(beside(k.checked_add(1)))
+/// The maxima over frequency of the contrast that an actuator makes alone.
+fn list_candidates(table: &PlanTable, formulation: &Formulation<'_>, plan: &Plan, actuator: usize) -> Candidates {
+    let step_hz = table.frequencies_hz.get(1).zip(table.frequencies_hz.first()).map_or(0.0, |(b, a)| b - a);
+    let chosen_hz = plan.drives.get(actuator).map_or(f64::NAN, |drive| drive.frequency_hz);
+    let contrast = |k: usize| -> Option<f64> {
+        let entry = table.entry(actuator, k)?;
+        let near = formulation.zone.mean_square(&entry.acceleration);
+        Some(contrast_db(near, formulation.energy(entry, &entry.widths[0])))
+    };
+    let values: Vec<Option<f64>> = (0..table.frequencies_hz.len()).map(contrast).collect();
+    let is_peak = |k: usize| {
+        let beside = |k: Option<usize>| k.and_then(|k| values.get(k).copied().flatten());
+        values[k].is_some_and(|own| {
+            let lower = |other: Option<f64>| other.is_none_or(|other| other <= own);
+            lower(beside(k.checked_sub(1))) && lower(beside(k.checked_add(1)))
+        })
+    };
+    let mut frequencies: Vec<Frequency> = (0..values.len())
+        .filter(|k| is_peak(*k) || (table.frequencies_hz[*k] - chosen_hz).abs() <= 0.5 * step_hz)
+        .filter_map(|k| {
+            let entry = table.entry(actuator, k)?;
+            let shape = formulation.zone.targets.first()?;
+            Some(Frequency {
+                frequency_hz: table.frequencies_hz[k],
+                contrast_db: values[k]?,
+                reach_g: at_point(shape, &entry.acceleration).norm() * entry.max_force_n / STANDARD_GRAVITY,
+                limit: entry.limit.name(),
+                chosen: (table.frequencies_hz[k] - chosen_hz).abs() <= step_hz,
             })
-        };
-        let mut frequencies: Vec<Frequency> = (0..values.len())
-            .filter(|k| is_peak(*k) || (self.frequencies_hz[*k] - chosen_hz).abs() <= 0.5 * step_hz)
-            .filter_map(|k| {
-                let entry = self.entry(actuator, k)?;
-                let shape = formulation.zone.targets.first()?;
-                Some(Frequency {
-                    frequency_hz: self.frequencies_hz[k],
-                    contrast_db: values[k]?,
-                    reach_g: at_point(shape, &entry.acceleration).norm() * entry.max_force_n / STANDARD_GRAVITY,
-                    limit: entry.limit.name(),
-                    chosen: (self.frequencies_hz[k] - chosen_hz).abs() <= step_hz,
-                })
-            })
-            .collect();
-        frequencies.sort_by(|a, b| b.contrast_db.total_cmp(&a.contrast_db));
-        // The chosen one is told whatever its rank.
-        let rest = frequencies.split_off(frequencies.len().min(TOLD));
-        if !frequencies.iter().any(|frequency| frequency.chosen) {
-            frequencies.extend(rest.into_iter().find(|frequency| frequency.chosen));
-        }
-        let id = self.scene.actuators.get(actuator).map_or_else(String::new, |actuator| actuator.id.clone());
-        Candidates { actuator: id, frequencies }
+        })
+        .collect();
+    frequencies.sort_by(|a, b| b.contrast_db.total_cmp(&a.contrast_db));
+    // The chosen one is told whatever its rank.
+    let rest = frequencies.split_off(frequencies.len().min(TOLD));
+    if !frequencies.iter().any(|frequency| frequency.chosen) {
+        frequencies.extend(rest.into_iter().find(|frequency| frequency.chosen));
     }
+    let id = table.scene.actuators.get(actuator).map_or_else(String::new, |actuator| actuator.id.clone());
+    Candidates { actuator: id, frequencies }
+}
 
-    fn with_width(&self, plan: &Plan, pulse_width: f64) -> PulseWidth {
-        let solver = crate::response::Solver::new(&self.model);
-        let (mut fundamental, mut harmonics) = (0.0, 0.0);
-        for (i, drive) in plan.drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
-            let numbers = (0..).map(|k| f64::from(2 * k + 1));
-            for n in numbers.take_while(|n| *n == 1.0 || n * drive.frequency_hz <= HIGHEST_FELT_HZ) {
-                let hz = n * drive.frequency_hz;
-                let Ok(coordinates) = solver.coordinates(hz) else { continue };
-                let Some(q) = coordinates.get(i) else { continue };
-                let force = drive.force_n * harmonic_part(n, pulse_width) * (std::f64::consts::TAU * hz).powi(2);
-                let square = self.mean_square(q) * force * force;
-                if n == 1.0 { fundamental += square } else { harmonics += square }
-            }
-        }
-        PulseWidth {
-            pulse_width,
-            force: (std::f64::consts::FRAC_PI_2 * pulse_width).sin(),
-            harmonics_db: (harmonics > 0.0 && fundamental > 0.0)
-                .then(|| 10.0 * (harmonics / fundamental).log10())
-                .filter(|db| *db >= LEAST_HARMONICS_DB),
+fn evaluate_pulse_width(table: &PlanTable, plan: &Plan, pulse_width: f64) -> PulseWidth {
+    let solver = crate::response::Solver::new(&table.model);
+    let (mut fundamental, mut harmonics) = (0.0, 0.0);
+    for (i, drive) in plan.drives.iter().enumerate().filter(|(_, drive)| drive.force_n > 0.0) {
+        let numbers = (0..).map(|k| f64::from(2 * k + 1));
+        for n in numbers.take_while(|n| *n == 1.0 || n * drive.frequency_hz <= HIGHEST_FELT_HZ) {
+            let hz = n * drive.frequency_hz;
+            let Ok(coordinates) = solver.coordinates(hz) else { continue };
+            let Some(q) = coordinates.get(i) else { continue };
+            let force = drive.force_n * harmonic_part(n, pulse_width) * (std::f64::consts::TAU * hz).powi(2);
+            let square = table.mean_square(q) * force * force;
+            if n == 1.0 { fundamental += square } else { harmonics += square }
         }
     }
+    PulseWidth {
+        pulse_width,
+        force: (std::f64::consts::FRAC_PI_2 * pulse_width).sin(),
+        harmonics_db: (harmonics > 0.0 && fundamental > 0.0)
+            .then(|| 10.0 * (harmonics / fundamental).log10())
+            .filter(|db| *db >= LEAST_HARMONICS_DB),
+    }
+}
 
-    fn alternative(&self, change: String, formulation: &Formulation<'_>, plan: &Plan) -> Alternative {
-        let power = |(i, drive): (usize, &crate::drive::Drive)| {
-            formulation.power_w_per_n(i, drive.frequency_hz, drive.pulse_width) * drive.force_n
-        };
-        Alternative {
-            change,
-            target_peak_g: plan.predicted.target_peak_g,
-            contrast_db: plan.predicted.contrast_db,
-            power_mw: plan.drives.iter().enumerate().map(power).sum::<f64>() * 1e3,
-            limited_by: plan.limited_by.clone(),
-            weakest_g: (plan.objective == Objective::Reach)
-                .then(|| self.field(plan).into_iter().flatten().fold(f64::INFINITY, f64::min) / STANDARD_GRAVITY),
-        }
+fn describe_alternative(table: &PlanTable, change: String, formulation: &Formulation<'_>, plan: &Plan) -> Alternative {
+    let power = |(i, drive): (usize, &crate::drive::Drive)| {
+        formulation.power_w_per_n(i, drive.frequency_hz, drive.pulse_width) * drive.force_n
+    };
+    Alternative {
+        change,
+        target_peak_g: plan.predicted.target_peak_g,
+        contrast_db: plan.predicted.contrast_db,
+        power_mw: plan.drives.iter().enumerate().map(power).sum::<f64>() * 1e3,
+        limited_by: plan.limited_by.clone(),
+        weakest_g: (plan.objective == Objective::Reach).then(|| {
+            table.compute_peak_field(plan).into_iter().flatten().fold(f64::INFINITY, f64::min) / STANDARD_GRAVITY
+        }),
     }
+}
 
-    /// One more actuator like the first, at the best of nine places (three on a bar) for the most contrast; `None` where the
-    /// board has no channel left.
-    fn one_more(&self, request: &Request) -> Result<Option<Alternative>, ExplainError> {
-        let Some(like) = self.scene.actuators.first().filter(|_| self.scene.actuators.len() < MAX_ACTUATORS) else {
-            return Ok(None);
-        };
-        let surface = &self.scene.surface;
-        let rows: &[f64] = if surface.kind == SurfaceKind::Bar { &PLACES[1..2] } else { &PLACES };
-        let mut best: Option<Alternative> = None;
-        for (x, y) in rows.iter().flat_map(|y| PLACES.iter().map(move |x| (*x, *y))) {
-            let Ok(place) = self.scene.place(x * surface.length_m, y * surface.width_m) else { continue };
-            let (x_m, y_m) = place.xy_m();
-            let is_taken = |other: &crate::scene::Actuator| (other.x_m - x_m).hypot(other.y_m - y_m) < 1e-3;
-            if self.scene.actuators.iter().any(is_taken) {
-                continue;
-            }
-            let mut scene = self.scene.clone();
-            let mut more = like.clone();
-            (more.id, more.x_m, more.y_m) = (String::from("one more"), x_m, y_m);
-            scene.actuators.push(more);
-            let options = TableOptions::preview();
-            let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz)?;
-            let table = Self::build(&scene, levels.fine, options)?;
-            let request = Request { grouping: Grouping::Distinct, objective: Objective::Contrast, ..request.clone() };
-            // Where this one has no plan another place may.
-            let Ok(plan) = table.plan_for(&request) else { continue };
-            let change = format!(
-                "one more actuator like {}, at {:.0}, {:.0} mm (modelled to 1 %)",
-                like.id,
-                x_m * 1e3,
-                y_m * 1e3
-            );
-            let found = table.alternative(change, &Formulation::new(&table, &request), &plan);
-            let is_better = |best: &Alternative| {
-                let (more, less) = (found.target_peak_g, best.target_peak_g);
-                more > less * (1.0 + 1e-6) || more >= less * (1.0 - 1e-6) && found.contrast_db > best.contrast_db
-            };
-            if best.as_ref().is_none_or(is_better) {
-                best = Some(found);
-            }
+/// One more actuator like the first, at the best of nine places (three on a bar) for the most contrast; `None` where the
+/// board has no channel left.
+fn try_one_more_actuator(table: &PlanTable, request: &Request) -> Result<Option<Alternative>, ExplainError> {
+    let Some(like) = table.scene.actuators.first().filter(|_| table.scene.actuators.len() < MAX_ACTUATORS) else {
+        return Ok(None);
+    };
+    let surface = &table.scene.surface;
+    let rows: &[f64] = if surface.kind == SurfaceKind::Bar { &PLACES[1..2] } else { &PLACES };
+    let mut best: Option<Alternative> = None;
+    for (x, y) in rows.iter().flat_map(|y| PLACES.iter().map(move |x| (*x, *y))) {
+        let Ok(place) = table.scene.place(x * surface.length_m, y * surface.width_m) else { continue };
+        let (x_m, y_m) = place.xy_m();
+        let is_taken = |other: &crate::scene::Actuator| (other.x_m - x_m).hypot(other.y_m - y_m) < 1e-3;
+        if table.scene.actuators.iter().any(is_taken) {
+            continue;
         }
-        Ok(best)
+        let mut scene = table.scene.clone();
+        let mut more = like.clone();
+        (more.id, more.x_m, more.y_m) = (String::from("one more"), x_m, y_m);
+        scene.actuators.push(more);
+        let options = TableOptions::preview();
+        let levels = Levels::build(&scene, Accuracy::FAST, options.to_hz)?;
+        let table = PlanTable::build(&scene, levels.fine, options)?;
+        let request = Request { grouping: Grouping::Distinct, objective: Objective::Contrast, ..request.clone() };
+        // Where this one has no plan another place may.
+        let Ok(plan) = table.plan_request(&request) else { continue };
+        let change =
+            format!("one more actuator like {}, at {:.0}, {:.0} mm (modelled to 1 %)", like.id, x_m * 1e3, y_m * 1e3);
+        let found = describe_alternative(&table, change, &Formulation::new(&table, &request), &plan);
+        let is_better = |best: &Alternative| {
+            let (more, less) = (found.target_peak_g, best.target_peak_g);
+            more > less * (1.0 + 1e-6) || more >= less * (1.0 - 1e-6) && found.contrast_db > best.contrast_db
+        };
+        if best.as_ref().is_none_or(is_better) {
+            best = Some(found);
+        }
     }
+    Ok(best)
 }

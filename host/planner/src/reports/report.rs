@@ -1,5 +1,8 @@
 //! What is told of a plan besides its drives, by those who have the time: harmonics, rise and decay.
 
+use crate::motion::harmonics::compute_drive_harmonics;
+use crate::motion::harmonics_at::compute_harmonics_at;
+use crate::motion::strong_softening::find_moving_harmonics;
 use crate::perception::level_db;
 use crate::plan::{Plan, Planned};
 use crate::table::PlanTable;
@@ -38,64 +41,63 @@ pub struct Times {
     pub decays_to_10_ms: Option<f64>,
 }
 
-impl PlanTable {
-    /// When a plan's first target vibrates, and when it has stopped.
-    #[must_use]
-    pub fn times(&self, plan: &Plan) -> Times {
-        let shape = plan.targets.first().map(|target| self.model.shape_at(target.x_m, target.y_m));
-        let drives: Vec<Drive> = plan
-            .drives
-            .iter()
-            .enumerate()
-            .filter(|(_, drive)| drive.force_n > 0.0)
-            .map(|(actuator, drive)| Drive {
-                actuator,
-                frequency_hz: drive.frequency_hz,
-                force_n: drive.force_n,
-                phase_rad: drive.phase_rad,
-            })
-            .collect();
-        let timing = self.rise().zip(shape).map(|(rise, shape)| rise.times(&shape, &drives));
-        let ms = |seconds: Option<f64>| seconds.map(|seconds| seconds * 1e3);
-        Times {
-            reaches_90_ms: ms(timing.and_then(|timing| timing.reaches_90_s)),
-            decays_to_10_ms: ms(timing.and_then(|timing| timing.decays_to_10_s)),
-        }
+/// When a plan's first target vibrates, and when it has stopped.
+#[must_use]
+pub fn compute_times(table: &PlanTable, plan: &Plan) -> Times {
+    let shape = plan.targets.first().map(|target| table.model.shape_at(target.x_m, target.y_m));
+    let drives: Vec<Drive> = plan
+        .drives
+        .iter()
+        .enumerate()
+        .filter(|(_, drive)| drive.force_n > 0.0)
+        .map(|(actuator, drive)| Drive {
+            actuator,
+            frequency_hz: drive.frequency_hz,
+            force_n: drive.force_n,
+            phase_rad: drive.phase_rad,
+        })
+        .collect();
+    let timing = table.rise().zip(shape).map(|(rise, shape)| rise.times(&shape, &drives));
+    let ms = |seconds: Option<f64>| seconds.map(|seconds| seconds * 1e3);
+    Times {
+        reaches_90_ms: ms(timing.and_then(|timing| timing.reaches_90_s)),
+        decays_to_10_ms: ms(timing.and_then(|timing| timing.decays_to_10_s)),
     }
+}
 
-    /// The report on a plan.
-    #[must_use]
-    pub fn report(&self, planned: &Planned) -> Report {
-        let shape = planned.shapes.first();
-        let motions = self.harmonics(&planned.drives, &planned.settled);
-        let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
-        // What comes to them in moving gaps.
-        let moving = shape.and_then(|shape| self.moving_harmonics(&planned.drives, &planned.settled, shape));
-        let at_rest = |hz: f64| harmonics.iter().filter(|(own, _)| *own == hz).map(|(_, peak)| peak).sum::<f64>();
-        let felt = moving.iter().flatten().filter(|(hz, _)| *hz <= HIGHEST_FELT_HZ);
-        let more_m_per_s2: f64 = felt.map(|(hz, peak)| (peak - at_rest(*hz)).max(0.0)).sum();
-        let target = planned.plan.targets.first();
-        let at = target.map(|target| {
-            self.harmonics_at(
-                &planned.drives,
-                &planned.settled,
-                (target.x_m, target.y_m),
-                target.peak_g * STANDARD_GRAVITY,
-            )
-        });
-        let sum_m_per_s2 = at.map_or(0.0, |at| at.sum_m_per_s2);
-        let bound_db = |part: f64| -20.0 * (1.0 - part).log10();
-        Report {
-            waveform_peak_g: planned.plan.predicted.softened_peak_g + (sum_m_per_s2 + more_m_per_s2) / STANDARD_GRAVITY,
-            harmonics_g: sum_m_per_s2 / STANDARD_GRAVITY,
-            harmonics_error_bound: at.and_then(|at| at.sum_bound.value()),
-            strongest_harmonic_db: at.and_then(|at| level_db(at.strongest)),
-            // A level goes further down than up by the same part; where all of it may be wrong, by any amount.
-            strongest_harmonic_error_db: at
-                .and_then(|at| at.strongest_bound.value())
-                .filter(|part| *part < 1.0)
-                .map(bound_db),
-            times: self.times(&planned.plan),
-        }
+/// The report on a plan.
+#[must_use]
+pub fn report_plan(table: &PlanTable, planned: &Planned) -> Report {
+    let shape = planned.shapes.first();
+    let motions = compute_drive_harmonics(table, &planned.drives, &planned.settled);
+    let harmonics: Vec<(f64, f64)> = shape.map(|shape| motions.peaks(shape).collect()).unwrap_or_default();
+    // What comes to them in moving gaps.
+    let moving = shape.and_then(|shape| find_moving_harmonics(table, &planned.drives, &planned.settled, shape));
+    let at_rest = |hz: f64| harmonics.iter().filter(|(own, _)| *own == hz).map(|(_, peak)| peak).sum::<f64>();
+    let felt = moving.iter().flatten().filter(|(hz, _)| *hz <= HIGHEST_FELT_HZ);
+    let more_m_per_s2: f64 = felt.map(|(hz, peak)| (peak - at_rest(*hz)).max(0.0)).sum();
+    let target = planned.plan.targets.first();
+    let at = target.map(|target| {
+        compute_harmonics_at(
+            table,
+            &planned.drives,
+            &planned.settled,
+            (target.x_m, target.y_m),
+            target.peak_g * STANDARD_GRAVITY,
+        )
+    });
+    let sum_m_per_s2 = at.map_or(0.0, |at| at.sum_m_per_s2);
+    let bound_db = |part: f64| -20.0 * (1.0 - part).log10();
+    Report {
+        waveform_peak_g: planned.plan.predicted.softened_peak_g + (sum_m_per_s2 + more_m_per_s2) / STANDARD_GRAVITY,
+        harmonics_g: sum_m_per_s2 / STANDARD_GRAVITY,
+        harmonics_error_bound: at.and_then(|at| at.sum_bound.value()),
+        strongest_harmonic_db: at.and_then(|at| level_db(at.strongest)),
+        // A level goes further down than up by the same part; where all of it may be wrong, by any amount.
+        strongest_harmonic_error_db: at
+            .and_then(|at| at.strongest_bound.value())
+            .filter(|part| *part < 1.0)
+            .map(bound_db),
+        times: compute_times(table, &planned.plan),
     }
 }

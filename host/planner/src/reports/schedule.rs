@@ -6,7 +6,7 @@
 use crate::plan::Plan;
 use crate::reports::report::Times;
 use crate::reports::trade::Trade;
-use crate::wish::request::{MAX_TARGETS, PlanError, Request, within};
+use crate::request::{MAX_TARGETS, PlanError, Request, within};
 use serde::Serialize;
 
 /// Latest end of a window in ms: as long as the board drives in one burst.

@@ -2,11 +2,12 @@
 //! against what the targets get.
 
 use crate::STANDARD_GRAVITY;
-use crate::chosen::peak;
+use crate::chosen_drive::peak;
 use crate::plan::{MET, Plan, Planned};
+use crate::request::surface_y_m;
+use crate::request::{Objective, PlanError, Request, Weigh};
 use crate::stop::Stop;
 use crate::table::PlanTable;
-use crate::wish::request::{Objective, PlanError, Request, Weigh};
 use serde::Serialize;
 
 /// Steps of a curve from nothing to all that its target can have.
@@ -73,130 +74,125 @@ pub struct QuietPoint {
     pub peaks_g: Vec<f64>,
 }
 
-impl PlanTable {
-    /// The plan for a request, and what can be had where it does not give all. Where a plan made for that gives every target a
-    /// larger part of its wish, within the same quiet zones, it is the plan.
-    ///
-    /// # Errors
-    /// [`PlanError`].
-    pub fn planned_with_trade(&self, request: &Request) -> Result<(Planned, Option<Trade>), PlanError> {
-        let planned = self.planned(request)?;
-        let Some((trade, seen)) = self.seen_trade(request, &planned.plan)? else { return Ok((planned, None)) };
-        let wanted_g: Vec<f64> = planned.plan.targets.iter().map(|target| target.wanted_g).collect();
-        let own = least_part(&peaks(&planned.plan), &wanted_g);
-        let best =
-            seen.iter().max_by(|a, b| least_part(&a.peaks_g, &wanted_g).total_cmp(&least_part(&b.peaks_g, &wanted_g)));
-        let Some(best) = best.filter(|seen| least_part(&seen.peaks_g, &wanted_g) > own * (1.0 + NO_GAIN)) else {
-            return Ok((planned, Some(trade)));
-        };
-        // What it was made for, and what it gives, which may be more: of the plans for these the better one. Both, as frequencies
-        // between the grid's are chosen for what is asked.
-        let given_g: Vec<f64> = best.peaks_g.iter().zip(&wanted_g).map(|(peak, wanted)| peak.min(*wanted)).collect();
-        let mut found: Option<(f64, Planned)> = None;
-        for asked_g in [&best.asked_g, &given_g] {
-            let mut asked = request.clone();
-            asked.targets.iter_mut().zip(asked_g).for_each(|(target, g)| target.intensity_g = Some(*g));
-            let trial = self.planned(&asked)?;
-            let part = least_part(&peaks(&trial.plan), &wanted_g);
-            if part > found.as_ref().map_or(own, |(part, _)| *part) {
-                found = Some((part, trial));
-            }
+/// The plan for a request, and what can be had where it does not give all. Where a plan made for that gives every target a
+/// larger part of its wish, within the same quiet zones, it is the plan.
+///
+/// # Errors
+/// [`PlanError`].
+pub fn plan_with_trade(table: &PlanTable, request: &Request) -> Result<(Planned, Option<Trade>), PlanError> {
+    let planned = table.plan_with_details(request)?;
+    let Some((trade, seen)) = collect_trade(table, request, &planned.plan)? else { return Ok((planned, None)) };
+    let wanted_g: Vec<f64> = planned.plan.targets.iter().map(|target| target.wanted_g).collect();
+    let own = least_part(&peaks(&planned.plan), &wanted_g);
+    let best =
+        seen.iter().max_by(|a, b| least_part(&a.peaks_g, &wanted_g).total_cmp(&least_part(&b.peaks_g, &wanted_g)));
+    let Some(best) = best.filter(|seen| least_part(&seen.peaks_g, &wanted_g) > own * (1.0 + NO_GAIN)) else {
+        return Ok((planned, Some(trade)));
+    };
+    // What it was made for, and what it gives, which may be more: of the plans for these the better one. Both, as frequencies
+    // between the grid's are chosen for what is asked.
+    let given_g: Vec<f64> = best.peaks_g.iter().zip(&wanted_g).map(|(peak, wanted)| peak.min(*wanted)).collect();
+    let mut found: Option<(f64, Planned)> = None;
+    for asked_g in [&best.asked_g, &given_g] {
+        let mut asked = request.clone();
+        asked.targets.iter_mut().zip(asked_g).for_each(|(target, g)| target.intensity_g = Some(*g));
+        let trial = table.plan_with_details(&asked)?;
+        let part = least_part(&peaks(&trial.plan), &wanted_g);
+        if part > found.as_ref().map_or(own, |(part, _)| *part) {
+            found = Some((part, trial));
         }
-        let Some((part, mut better)) = found else { return Ok((planned, Some(trade))) };
-        for (target, wanted_g) in better.plan.targets.iter_mut().zip(wanted_g) {
-            target.wanted_g = wanted_g;
-        }
-        if part < MET && better.plan.limits.is_empty() {
-            (better.plan.limited_by, better.plan.limits) = (planned.plan.limited_by, planned.plan.limits);
-        }
-        // The bound stands; what is known is nearer to it.
-        better.plan.optimality_gap = ((1.0 + planned.plan.optimality_gap) * own / part - 1.0).max(0.0);
-        Ok((better, Some(trade)))
     }
+    let Some((part, mut better)) = found else { return Ok((planned, Some(trade))) };
+    for (target, wanted_g) in better.plan.targets.iter_mut().zip(wanted_g) {
+        target.wanted_g = wanted_g;
+    }
+    if part < MET && better.plan.limits.is_empty() {
+        (better.plan.limited_by, better.plan.limits) = (planned.plan.limited_by, planned.plan.limits);
+    }
+    // The bound stands; what is known is nearer to it.
+    better.plan.optimality_gap = ((1.0 + planned.plan.optimality_gap) * own / part - 1.0).max(0.0);
+    Ok((better, Some(trade)))
+}
 
-    /// What can be had of `request`, for which `plan` was made: `None` if that gives all that was wanted, or if there is but
-    /// one target and no quiet zone or accelerations are weighed, so that `limited_by` says everything. Takes up to some hundred plans, between
-    /// which it looks whether it is to end ([`Stop`]).
-    ///
-    /// # Errors
-    /// [`PlanError`].
-    pub fn trade(&self, request: &Request, plan: &Plan) -> Result<Option<Trade>, PlanError> {
-        Ok(self.seen_trade(request, plan)?.map(|(trade, _)| trade))
-    }
+/// What can be had of `request`, for which `plan` was made: `None` if that gives all that was wanted, or if there is but
+/// one target and no quiet zone or accelerations are weighed, so that `limited_by` says everything. Takes up to some hundred plans, between
+/// which it looks whether it is to end ([`Stop`]).
+///
+/// # Errors
+/// [`PlanError`].
+pub fn explore_trade(table: &PlanTable, request: &Request, plan: &Plan) -> Result<Option<Trade>, PlanError> {
+    Ok(collect_trade(table, request, plan)?.map(|(trade, _)| trade))
+}
 
-    /// The same with all plans that were looked at.
-    fn seen_trade(&self, request: &Request, plan: &Plan) -> Result<Option<(Trade, Vec<Seen>)>, PlanError> {
-        let has_parts = request.targets.len() > 1 || !request.quiet.is_empty();
-        if plan.limited_by.is_none()
-            || !has_parts
-            || request.objective == Objective::Reach
-            || request.weigh == Weigh::Felt
-        {
-            return Ok(None);
-        }
-        let wanted_g: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g).collect();
-        let shapes: Vec<_> =
-            request.targets.iter().map(|target| self.model.shape_at(target.x_m, self.y_m(target.y_m))).collect();
-        let (mut alone_g, mut seen) = (Vec::with_capacity(shapes.len()), Vec::with_capacity(shapes.len()));
-        for (t, wanted_g) in wanted_g.iter().enumerate() {
-            let mut only = request.only(&[t]);
-            only.targets.iter_mut().for_each(|target| target.intensity_g = Some(*wanted_g));
-            check_is_wanted()?;
-            let Planned { plan, drives, .. } = self.planned(&only)?;
-            alone_g.push(plan.predicted.target_peak_g.min(*wanted_g));
-            let peaks_g = shapes.iter().map(|shape| peak(&drives, shape) / STANDARD_GRAVITY).collect();
-            let asked_g = (0..shapes.len()).map(|other| if other == t { *wanted_g } else { 0.0 }).collect();
-            seen.push(Seen { asked_g, peaks_g });
-        }
-        seen.push(Seen { asked_g: wanted_g.clone(), peaks_g: peaks(plan) });
-        let mut border = Border { table: self, request, alone_g: &alone_g, seen };
-        let curves = match alone_g.len() {
-            0 | 1 => 0,
-            2 => 1,
-            more => more,
-        };
-        let mut targets = Vec::new();
-        for target in (0..curves).filter(|t| alone_g[*t] > 0.0) {
-            targets.push(border.curve(target)?);
-        }
-        let seen = border.seen;
-        let quiet = self.quiet_trade(request, &wanted_g)?;
-        Ok(Some((Trade { alone_g, targets, quiet }, seen)))
+/// The same with all plans that were looked at.
+fn collect_trade(table: &PlanTable, request: &Request, plan: &Plan) -> Result<Option<(Trade, Vec<Seen>)>, PlanError> {
+    let has_parts = request.targets.len() > 1 || !request.quiet.is_empty();
+    if plan.limited_by.is_none() || !has_parts || request.objective == Objective::Reach || request.weigh == Weigh::Felt
+    {
+        return Ok(None);
     }
+    let wanted_g: Vec<f64> = plan.targets.iter().map(|target| target.wanted_g).collect();
+    let shapes: Vec<_> =
+        request.targets.iter().map(|target| table.model.shape_at(target.x_m, surface_y_m(table, target.y_m))).collect();
+    let (mut alone_g, mut seen) = (Vec::with_capacity(shapes.len()), Vec::with_capacity(shapes.len()));
+    for (t, wanted_g) in wanted_g.iter().enumerate() {
+        let mut only = request.only(&[t]);
+        only.targets.iter_mut().for_each(|target| target.intensity_g = Some(*wanted_g));
+        check_is_wanted()?;
+        let Planned { plan, drives, .. } = table.plan_with_details(&only)?;
+        alone_g.push(plan.predicted.target_peak_g.min(*wanted_g));
+        let peaks_g = shapes.iter().map(|shape| peak(&drives, shape) / STANDARD_GRAVITY).collect();
+        let asked_g = (0..shapes.len()).map(|other| if other == t { *wanted_g } else { 0.0 }).collect();
+        seen.push(Seen { asked_g, peaks_g });
+    }
+    seen.push(Seen { asked_g: wanted_g.clone(), peaks_g: peaks(plan) });
+    let mut border = Border { table: table, request, alone_g: &alone_g, seen };
+    let curves = match alone_g.len() {
+        0 | 1 => 0,
+        2 => 1,
+        more => more,
+    };
+    let mut targets = Vec::new();
+    for target in (0..curves).filter(|t| alone_g[*t] > 0.0) {
+        targets.push(border.curve(target)?);
+    }
+    let seen = border.seen;
+    let quiet = explore_quiet_limits(table, request, &wanted_g)?;
+    Ok(Some((Trade { alone_g, targets, quiet }, seen)))
+}
 
-    fn quiet_trade(&self, request: &Request, wanted_g: &[f64]) -> Result<Vec<QuietPoint>, PlanError> {
-        if request.quiet.is_empty() {
-            return Ok(Vec::new());
-        }
-        let mut trial = request.clone();
-        for (target, wanted_g) in trial.targets.iter_mut().zip(wanted_g) {
-            target.intensity_g = Some(*wanted_g);
-        }
-        let point = |trial: &Request| -> Result<QuietPoint, PlanError> {
-            check_is_wanted()?;
-            let peaks_g = peaks(&self.plan_for(trial)?);
-            let limits = trial.quiet.iter().map(|zone| zone.at_most_g).collect::<Vec<_>>();
-            let part = least_part(&peaks_g, wanted_g).min(1.0);
-            Ok(QuietPoint { at_most_g: (!limits.is_empty()).then_some(limits), part, peaks_g })
-        };
-        let free = point(&Request { quiet: Vec::new(), ..trial.clone() })?;
-        let mut points = vec![point(&trial)?];
-        let is_free = |point: &QuietPoint| point.part >= free.part * (1.0 - NO_GAIN);
-        if points.iter().any(is_free) {
-            return Ok(Vec::new());
-        }
-        for _ in 0..MOST_DOUBLINGS {
-            trial.quiet.iter_mut().for_each(|zone| zone.at_most_g = 2.0 * zone.at_most_g.max(LEAST_QUIET_G));
-            let next = point(&trial)?;
-            let is_last = is_free(&next);
-            points.push(next);
-            if is_last {
-                break;
-            }
-        }
-        points.push(free);
-        Ok(points)
+fn explore_quiet_limits(table: &PlanTable, request: &Request, wanted_g: &[f64]) -> Result<Vec<QuietPoint>, PlanError> {
+    if request.quiet.is_empty() {
+        return Ok(Vec::new());
     }
+    let mut trial = request.clone();
+    for (target, wanted_g) in trial.targets.iter_mut().zip(wanted_g) {
+        target.intensity_g = Some(*wanted_g);
+    }
+    let point = |trial: &Request| -> Result<QuietPoint, PlanError> {
+        check_is_wanted()?;
+        let peaks_g = peaks(&table.plan_request(trial)?);
+        let limits = trial.quiet.iter().map(|zone| zone.at_most_g).collect::<Vec<_>>();
+        let part = least_part(&peaks_g, wanted_g).min(1.0);
+        Ok(QuietPoint { at_most_g: (!limits.is_empty()).then_some(limits), part, peaks_g })
+    };
+    let free = point(&Request { quiet: Vec::new(), ..trial.clone() })?;
+    let mut points = vec![point(&trial)?];
+    let is_free = |point: &QuietPoint| point.part >= free.part * (1.0 - NO_GAIN);
+    if points.iter().any(is_free) {
+        return Ok(Vec::new());
+    }
+    for _ in 0..MOST_DOUBLINGS {
+        trial.quiet.iter_mut().for_each(|zone| zone.at_most_g = 2.0 * zone.at_most_g.max(LEAST_QUIET_G));
+        let next = point(&trial)?;
+        let is_last = is_free(&next);
+        points.push(next);
+        if is_last {
+            break;
+        }
+    }
+    points.push(free);
+    Ok(points)
 }
 
 /// A plan that was looked at, in g of all targets.
@@ -256,7 +252,7 @@ impl Border<'_> {
         let asked_g: Vec<f64> = self.alone_g.iter().enumerate().map(wish).collect();
         let mut trial = self.request.clone();
         trial.targets.iter_mut().zip(&asked_g).for_each(|(target, g)| target.intensity_g = Some(*g));
-        let peaks_g = peaks(&self.table.plan_for(&trial)?);
+        let peaks_g = peaks(&self.table.plan_request(&trial)?);
         self.seen.push(Seen { asked_g, peaks_g });
         Ok(self.best(target, part).is_some_and(|(had, _)| had >= others_part * (1.0 - ON_BORDER)))
     }

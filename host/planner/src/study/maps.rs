@@ -3,6 +3,7 @@
 use super::strongest::{Strongest, strongest};
 use super::touched::TouchedReach;
 use crate::model::{Accuracy, Bound};
+use crate::plan::bound::bound_setting_errors;
 use crate::quick::QuickError;
 use crate::reach::Measure;
 use crate::reach::Space;
@@ -70,7 +71,7 @@ impl Maps {
             })
             .collect::<Result<_, PlanError>>()?;
         let settings = view.points.iter().zip(&found).map(|(point, strongest)| (*point, strongest.setting.as_slice()));
-        let bounds = view.on_grid(table, table.setting_bounds(settings).into_iter().map(Bound::value));
+        let bounds = view.on_grid(table, bound_setting_errors(table, settings).into_iter().map(Bound::value));
         Ok(Self {
             error_bound: bounds.into_iter().map(Option::flatten).collect(),
             contrast_db: view.on_grid(table, contrasts.iter().map(|(contrast_db, _)| *contrast_db)),
@@ -121,7 +122,7 @@ impl Maps {
             let bounded = bounded.ok_or(PlanError::NoFrequencies)?;
             let space = Space::of(&bounded, &bounded.grid.shapes.select_rows(&[point]), |hz| Measure::G.weight(hz));
             let own = strongest(&bounded, &space).into_iter().next().flatten().ok_or(PlanError::NoFrequencies)?;
-            bounds[weakest] = bounded.setting_bounds(std::iter::once((point, own.setting.as_slice()))).pop();
+            bounds[weakest] = bound_setting_errors(&bounded, std::iter::once((point, own.setting.as_slice()))).pop();
             found[weakest] = own;
         }
         let bounds = view.on_grid(table, bounds);

@@ -12,7 +12,7 @@ pub mod rigid;
 pub mod sag;
 pub mod schemes;
 pub mod shapes;
-pub mod shared;
+pub mod single_frequency;
 pub mod spread;
 pub mod strongest;
 mod text;
@@ -69,7 +69,7 @@ impl Field {
         Self {
             x_mm: table.grid.x_m.iter().map(|x| x * 1e3).collect(),
             y_mm: table.grid.y_m.iter().map(|y| y * 1e3).collect(),
-            peak_g: table.field(plan).into_iter().map(|peak| Some(peak? / STANDARD_GRAVITY)).collect(),
+            peak_g: table.compute_peak_field(plan).into_iter().map(|peak| Some(peak? / STANDARD_GRAVITY)).collect(),
         }
     }
 

@@ -5,11 +5,11 @@
 //! frequency phasors add, of motion at a point and of travel, and at distinct ones moduli do.
 
 use super::rigid;
-use super::shared::{self, Phases};
+use super::single_frequency::{self, Phases};
 use super::spread::{Spread, below};
 use super::strongest::strongest;
 use crate::PlanError;
-use crate::reach::everywhere::{EQUAL_MINIMA, strongest_everywhere};
+use crate::reach::max_min::{EQUAL_MINIMA, strongest_everywhere};
 use crate::reach::setting::{command, peaks};
 use crate::reach::{Measure, Space};
 use crate::table::{Part, PlanTable, Region, View};
@@ -83,7 +83,8 @@ pub fn compare(table: &PlanTable, region: Option<Region>, measure: Measure) -> R
     }
     let view = View::new(table, region).ok_or(PlanError::NoFrequencies)?;
     let compared = Compared { table, view, measure };
-    let together = |phases| shared::strongest(table, &compared.view, measure, phases).ok_or(PlanError::NoFrequencies);
+    let together =
+        |phases| single_frequency::strongest(table, &compared.view, measure, phases).ok_or(PlanError::NoFrequencies);
     let in_phase = together(Phases::Equal)?;
     let chosen = together(Phases::Chosen)?.or(&in_phase);
     let distinct = compared.distinct().ok_or(PlanError::NoFrequencies)?;
@@ -105,7 +106,7 @@ pub fn compare(table: &PlanTable, region: Option<Region>, measure: Measure) -> R
 /// How many amplitude ratios and phases the schemes with one frequency try at each, before refinement.
 #[must_use]
 pub fn tried(table: &PlanTable) -> [usize; 2] {
-    [Phases::Equal, Phases::Chosen].map(|phases| shared::tried(table.electrodes.len(), phases))
+    [Phases::Equal, Phases::Chosen].map(|phases| single_frequency::tried(table.electrodes.len(), phases))
 }
 
 struct Compared<'a> {
@@ -122,8 +123,8 @@ struct SchemeResult {
     per_touch: Vec<f64>,
 }
 
-impl From<shared::StrongestSetting> for SchemeResult {
-    fn from(found: shared::StrongestSetting) -> Self {
+impl From<single_frequency::StrongestSetting> for SchemeResult {
+    fn from(found: single_frequency::StrongestSetting) -> Self {
         Self { setting: found.one, scale: found.scale, at_most: None, per_touch: found.each }
     }
 }

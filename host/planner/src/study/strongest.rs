@@ -3,9 +3,9 @@
 use crate::PlanTable;
 use crate::reach::setting::command;
 use crate::reach::{Space, search};
+use crate::request::Work;
 use crate::stop::Stop;
 use crate::table::Part;
-use crate::wish::request::Work;
 use rayon::prelude::*;
 
 /// Neighbouring points that are searched in turn, each with the one before as a hint.

@@ -1,10 +1,10 @@
 //! The place of a surface where the least can be had, and what driving it takes.
 
-use super::shared::{self, Phases};
+use super::single_frequency::{self, Phases};
 use super::strongest::{Strongest, strongest};
 use super::touched::TouchedReach;
 use crate::PlanTable;
-use crate::reach::everywhere::strongest_everywhere;
+use crate::reach::max_min::strongest_everywhere;
 use crate::reach::setting::{command, peaks};
 use crate::reach::{Measure, Space};
 use crate::table::touched::{Touched, TouchedError};
@@ -85,12 +85,12 @@ fn at_one_frequency(
     view: &View,
     measure: Measure,
     phases: Phases,
-) -> Option<shared::StrongestSetting> {
-    let found = shared::strongest(table, view, measure, phases)?;
+) -> Option<single_frequency::StrongestSetting> {
+    let found = single_frequency::strongest(table, view, measure, phases)?;
     match phases {
         Phases::Equal => Some(found),
         // Equal phases are among those that can be chosen, and their search may have come further.
-        Phases::Chosen => Some(found.or(&shared::strongest(table, view, measure, Phases::Equal)?)),
+        Phases::Chosen => Some(found.or(&single_frequency::strongest(table, view, measure, Phases::Equal)?)),
     }
 }
 

@@ -1,36 +1,37 @@
 //! What the planner knows before a touch comes: how every actuator moves the panel at every frequency of a grid.
 
+mod actuator_setting;
 mod band;
 mod build;
+mod efficiency_bounds;
 mod entry;
 mod forces;
 mod gains;
 mod grid;
-mod part;
 pub mod press;
 mod quadrature;
-mod rough;
 pub(crate) mod shared_limits;
 pub(super) mod stored;
 pub mod touched;
 mod view;
 
+pub use actuator_setting::Part;
 pub use band::BandError;
+pub use efficiency_bounds::Rough;
 pub use entry::{Entry, HARMONICS, Width, at_point};
 pub use forces::WIDEST;
 pub(super) use forces::{GROWN, harmonic_part, harmonics_m_per_n, travel_by, travel_m_per_n};
 pub use gains::{Gains, SINGLE};
 pub use grid::SurfaceGrid;
-pub use part::Part;
-pub use rough::Rough;
 pub use view::{NoPoint, Region, View};
 
+use crate::MIN_SPACING_HZ;
 use crate::model::ReducedModel;
 use crate::model::estimator::Estimator;
 use crate::model::levels::Levels;
 use crate::physics::PerPair;
 use crate::physics::limits::Electrodes;
-use crate::physics::rise::{Onset, RiseTimes};
+use crate::physics::rise::{DecayingMode, Onset, RiseTimes};
 use crate::physics::softening::{Transducer, static_receptance};
 use crate::response::ResponseError;
 use crate::scene::{MAX_ACTUATORS, Scene};
@@ -247,6 +248,37 @@ impl PlanTable {
         table.coarser = coarser;
         table.coarser_rows = coarser_rows.map(|rows| keep(rows, &kept));
         Some(table)
+    }
+
+    /// The table without the frequencies below and above what is asked for, all of it where nothing is.
+    ///
+    /// # Errors
+    /// [`BandError`] if what is left has no room for a frequency of each actuator.
+    pub fn in_band(self, from_hz: Option<f64>, to_hz: Option<f64>) -> Result<Self, BandError> {
+        if from_hz.is_none() && to_hz.is_none() {
+            return Ok(self);
+        }
+        let ends = |table: &Self| table.frequencies_hz.first().copied().zip(table.frequencies_hz.last().copied());
+        let (least_hz, most_hz) = ends(&self).unwrap_or_default();
+        let (from_hz, to_hz) = (from_hz.unwrap_or(least_hz), to_hz.unwrap_or(most_hz));
+        let actuators = self.electrodes.len();
+        // A small count.
+        let needed_hz = (1..actuators).fold(0.0, |sum, _| sum + MIN_SPACING_HZ);
+        let error = BandError { from_hz, to_hz, least_hz, most_hz, actuators, needed_hz };
+        let table = self.between(from_hz, to_hz).ok_or(error)?;
+        let (first, last) = ends(&table).unwrap_or_default();
+        if last - first < needed_hz { Err(error) } else { Ok(table) }
+    }
+
+    /// All entries at a frequency of the grid.
+    pub(crate) fn entries_at(&self, k: usize) -> Vec<Entry> {
+        self.entries.iter().filter_map(|list| list.get(k)?.clone()).collect()
+    }
+
+    /// The poles that [`crate::plan_motion::PlanMotion`]s tell of.
+    #[must_use]
+    pub fn decaying_modes(&self) -> Vec<DecayingMode> {
+        self.onset().map_or_else(Vec::new, Onset::decaying_modes)
     }
 
     /// The entries of all actuators at one frequency, on the grid or off it.

@@ -13,9 +13,9 @@ use crate::scene::{MAX_ACTUATORS, Mount, Scene};
 use crate::table::{SurfaceGrid, WIDEST};
 use nalgebra::DVector;
 use serde::Serialize;
-use stiffer::Loose;
+use stiffness::Loose;
 
-mod stiffer;
+mod stiffness;
 
 /// Most rounds in which sags are found; each adds at most a part [`HELD`] of the one before.
 const SAG_ROUNDS: usize = 100;

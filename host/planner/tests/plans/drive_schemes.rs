@@ -158,15 +158,15 @@ fn a_touch_may_ask_for_the_reach_of_a_region() {
     let region = Region { x_m: [0.1, 0.15], y_m: [0.0, 0.02] };
     let request = |zone| Request { objective: Objective::Reach, zone, ..Request::touch(&[target]) };
     let weakest = |zone| {
-        let plan = table.plan_for(&request(zone)).unwrap();
-        let peaks = table.field(&plan);
+        let plan = table.plan_request(&request(zone)).unwrap();
+        let peaks = table.compute_peak_field(&plan);
         let columns = table.grid.x_m.len();
         let own = peaks.iter().enumerate().filter(|(point, _)| (0.1..=0.15).contains(&table.grid.x_m[point % columns]));
         own.filter_map(|(_, peak)| *peak).fold(f64::INFINITY, f64::min)
     };
     let (part, whole) = (weakest(Some(region)), weakest(None));
     assert!(part > 1.02 * whole, "{part} {whole}");
-    let refused = |request: Request| table.plan_for(&request).unwrap_err();
+    let refused = |request: Request| table.plan_request(&request).unwrap_err();
     let contrast = Request { objective: Objective::Contrast, ..request(Some(region)) };
     assert!(matches!(refused(contrast), PlanError::Together { option: "zone", .. }));
     let outside = Region { x_m: [0.1, 3.0], ..region };

@@ -3,6 +3,7 @@
 use era_model::model::Accuracy;
 use era_model::model::levels::Levels;
 use era_model::scene::Scene;
+use era_planner::report::report_plan;
 use era_planner::{PlanTable, Report, Request, TableOptions, Target};
 
 /// A thin plate of odd size whose resonances near 950 Hz are sharp: on the mesh of its plans harmonics were 6 % off.
@@ -91,7 +92,7 @@ fn report(scene: &Scene, accuracy: Accuracy, (x_m, y_m): (f64, f64)) -> Report {
     let levels = Levels::build(scene, accuracy, options.to_hz).unwrap();
     let table = PlanTable::with_levels(scene, levels, options).unwrap();
     let target = Target { x_m, y_m, intensity_g: Some(2.0) };
-    table.report(&table.planned(&Request::touch(&[target])).unwrap())
+    report_plan(&table, &table.plan_with_details(&Request::touch(&[target])).unwrap())
 }
 
 /// Whatever the plan's tolerance is, the harmonics of its drives are the same within their bounds, and the bound says something.

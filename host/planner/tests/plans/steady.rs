@@ -5,6 +5,7 @@ use era_model::model::levels::Levels;
 use era_model::model::{Accuracy, BarePanel};
 use era_model::scene::random::scene_text;
 use era_model::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, EdgeKind, Finger, Mass, ModalRatio, Mount, Scene, SurfaceDamping};
+use era_planner::press_bounds::{bound_press_travel_error, bound_sag_error};
 use era_planner::softening::static_receptance;
 use era_planner::{PlanTable, TableOptions};
 
@@ -144,7 +145,7 @@ fn nothing_but_springs_changes_what_a_steady_force_does() {
             let yields_now = static_receptance(&after.model);
             let said = || format!("{what}: {:?}\n{scene:#?}", scene.name);
             for i in 0..scene.actuators.len() {
-                let bounds = [&before, &after].map(|own| own.press_bound(i).value().unwrap_or(1e-3));
+                let bounds = [&before, &after].map(|own| bound_press_travel_error(own, i).value().unwrap_or(1e-3));
                 let bound = bounds[0] + bounds[1];
                 let (one, other) = (&before.pressed[i], &after.pressed[i]);
                 assert!(are_equal(one.alone_m, other.alone_m, bound), "{}: {one:?} {other:?} {bound:e}", said());
@@ -230,7 +231,7 @@ fn a_plate_on_its_corners_sags_by_its_springs_and_its_bending() {
         for (extra, loss, dashpot) in cases {
             let scene = on_corners(x_mm, extra, loss, dashpot);
             let table = table(&scene);
-            let (found, bound) = (table.pressed[0].alone_m, table.press_bound(0).value().unwrap());
+            let (found, bound) = (table.pressed[0].alone_m, bound_press_travel_error(&table, 0).value().unwrap());
             println!("{x_mm} {extra:?} {loss:?} {dashpot}: {:.5} um, bound {bound:.1e}", found * 1e6);
             // The furthest place is a corner's edge, where the grid has a point.
             assert!((found / expected - 1.0).abs() < bound + 3e-6, "{x_mm} {loss} {dashpot}: {found}, {bound:e}");
@@ -254,7 +255,7 @@ fn a_panel_that_nothing_holds_has_no_steady_place_under_a_press() {
     // A support and a grounded ERA: it turns about the line through both.
     let turns = table(&scene);
     assert!(turns.pressed[0].alone_m.is_infinite(), "{:?}", turns.pressed[0]);
-    assert!(turns.press_bound(0).value().is_none());
+    assert!(bound_press_travel_error(&turns, 0).value().is_none());
     // The ERA's own spring still holds its mass against its own electrodes, and the inertial one's against its own.
     let yields = static_receptance(&turns.model);
     assert!(yields[0][0].is_finite() && yields[0][0] > 0.0 && yields[1][1].is_finite(), "{yields:?}");
@@ -288,11 +289,12 @@ fn the_bound_of_a_press_does_not_depend_on_the_force() {
             scene.press_n = force_n;
             let table = table_at(&scene, 1e-3);
             for (i, own) in table.pressed.iter().enumerate() {
-                let bound = table.press_bound(i).value().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
+                let bound =
+                    bound_press_travel_error(&table, i).value().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
                 assert!(bound > 0.0 && bound < 1e-3, "{force_n} N: {bound:e}");
                 per_n.push((i, own.alone_m / force_n, bound));
                 // Between electrodes and springs the sag is known no worse than some times that, and where a stop is exactly.
-                let of_sag = table.sag_bound(i).value().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
+                let of_sag = bound_sag_error(&table, i).value().unwrap_or_else(|| panic!("{force_n} N: {own:?}"));
                 assert!(of_sag > 0.0 && of_sag < 20.0 * bound + 1e-6, "{force_n} N: {of_sag:e} {bound:e} {own:?}");
             }
         }
@@ -315,8 +317,12 @@ fn moving_masses_take_no_bound_from_a_press() {
             (own.moving_mass_kg, own.stiffness_n_per_m) = (mass_kg, 5000.0);
         }
         let table = table_at(&scene, 1e-3);
-        [0, 1]
-            .map(|i| (table.pressed[i].alone_m, table.press_bound(i).value().unwrap_or_else(|| panic!("{mass_kg} kg"))))
+        [0, 1].map(|i| {
+            (
+                table.pressed[i].alone_m,
+                bound_press_travel_error(&table, i).value().unwrap_or_else(|| panic!("{mass_kg} kg")),
+            )
+        })
     };
     let first = eras(0.01);
     for mass_kg in [1.0, 10.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, 1e6] {
@@ -360,7 +366,7 @@ fn a_tighter_tolerance_takes_no_bound_from_a_press() {
     let found = [1e-2, 1e-3, 1e-4].map(|tolerance| {
         let table = table_at(&scene, tolerance);
         [0, 1, 2].map(|i| {
-            let bound = table.press_bound(i);
+            let bound = bound_press_travel_error(&table, i);
             let own = &table.pressed[i];
             println!("{tolerance} {i}: {:e} {bound:?}", own.alone_m);
             (own.alone_m, bound.value().unwrap_or_else(|| panic!("{tolerance}: {own:?} {bound:?}")))

@@ -101,7 +101,7 @@ fn least_power_takes_the_widest_pulses() {
         for x_m in [0.05, 0.11, 0.2] {
             let targets = [Target { x_m, y_m: 0.02, intensity_g: Some(0.05) }];
             let request = Request { objective: Objective::Power, ..Request::touch(&targets) };
-            let plan = table.plan_for(&request).unwrap();
+            let plan = table.plan_request(&request).unwrap();
             for drive in plan.drives.iter().filter(|drive| drive.force_n > 0.0) {
                 // A board's guard of 200 us and a tenth.
                 let widest = (1.0 - 2.0 * drive.frequency_hz * 220e-6).min(0.96);

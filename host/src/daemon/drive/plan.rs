@@ -47,7 +47,7 @@ impl App {
         let (app, request, plan) = (Arc::clone(self), request.clone(), plan.clone());
         let work = move |_: &Deadline| {
             let _one = one;
-            Ok(app.table.trade(&request, &plan)?)
+            Ok(crate::planner::trade::explore_trade(&app.table, &request, &plan)?)
         };
         match do_aside("trade", LONGEST_TRADE, &asker.sender, work).await {
             Ok(trade) => trade,

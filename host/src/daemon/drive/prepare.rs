@@ -47,7 +47,11 @@ impl Equipment {
     /// # Errors
     /// As [`Self::prepare_order`].
     pub fn prepare_fraction(&self, whole: &Plan, thin: f64, part: f64, manner: Manner) -> Result<Drivable, Problem> {
-        let mut plan = if thin * part < 1.0 { self.table.weaker(whole, thin * part)? } else { whole.clone() };
+        let mut plan = if thin * part < 1.0 {
+            crate::planner::plan::derate_plan(&self.table, whole, thin * part)?
+        } else {
+            whole.clone()
+        };
         if part >= 1.0 {
             // Nothing is left of the touches before that would be in its way.
             (plan.limits, plan.limited_by) = (whole.limits.clone(), whole.limited_by.clone());
@@ -58,7 +62,7 @@ impl Equipment {
     /// Works out what it takes to drive a plan that has the fraction `part` of the forces first planned.
     fn prepare_plan(&self, plan: Plan, part: f64, manner: Manner) -> Result<Drivable, Problem> {
         let (motion, mode) = match manner {
-            Manner::Hold(hold) => (self.table.motion(&plan), Mode::Hold(hold)),
+            Manner::Hold(hold) => (self.table.predict_motion(&plan), Mode::Hold(hold)),
             Manner::Effect(request) => {
                 let rise = self.table.rise().ok_or(DesignError::Unbounded)?;
                 let mut wished = plan.clone();

@@ -59,7 +59,7 @@ impl App {
         tokio::spawn(drive_later(Arc::downgrade(self), id, since, begun, later));
         for stretch in &mut all {
             if let Some(plan) = &stretch.plan {
-                stretch.times = Some(self.table.times(plan));
+                stretch.times = Some(crate::planner::report::compute_times(&self.table, plan));
                 stretch.trade = self.trade(asker, id, asked, &asked.request.only(&stretch.span.targets), plan).await;
             }
         }

@@ -66,7 +66,7 @@ impl App {
         let Some((x_m, y_m)) = last.or_else(|| middle().ok().map(|place| place.xy_m())) else { return };
         // A place in a cut-out has no plan, and nothing is lost.
         if let Ok(plan) = self.table.plan(&[Target { x_m, y_m, intensity_g: None }]) {
-            std::hint::black_box(self.table.motion(&plan));
+            std::hint::black_box(self.table.predict_motion(&plan));
         }
     }
 }

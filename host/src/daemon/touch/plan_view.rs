@@ -47,7 +47,7 @@ impl PlanView {
     /// The view of `plan`, one of this table's.
     #[must_use]
     pub fn new(table: &PlanTable, plan: Plan) -> Self {
-        Self { times: table.times(&plan), plan, even: None, thinned: None }
+        Self { times: crate::planner::report::compute_times(table, &plan), plan, even: None, thinned: None }
     }
 
     /// The view of `plan` while an effect designed for it is played: what is told is what the effect does.
@@ -117,7 +117,7 @@ impl FieldView {
         let grid = &table.grid;
         let in_g = |peak: f64| round(part * peak / STANDARD_GRAVITY);
         let peak_g: Vec<Option<f64>> = match plan {
-            Some(plan) => table.field(plan).into_iter().map(|peak| peak.map(in_g)).collect(),
+            Some(plan) => table.compute_peak_field(plan).into_iter().map(|peak| peak.map(in_g)).collect(),
             None => grid.there.iter().map(|there| there.then_some(0.0)).collect(),
         };
         Self {

@@ -5,7 +5,7 @@ use crate::spec::{Drives, Figure, Settings, Wanted};
 use era_planner::perception::level_db;
 use era_planner::reach::Measure;
 use era_planner::study::rigid;
-use era_planner::study::shared::Phases;
+use era_planner::study::single_frequency::Phases;
 use era_planner::study::touched::TouchedReach;
 use era_planner::study::weakest::{
     Weakest, every_touch, every_touch_at_one_frequency, every_touch_at_one_frequency_touched, every_touch_touched,
@@ -73,7 +73,7 @@ impl Known<'_> {
             Figure::ContrastDb => self.plan(wanted)?.1.predicted.contrast_db,
             Figure::RiseMs => {
                 let (table, plan) = self.plan(wanted)?;
-                let rise = table.times(&plan).reaches_90_ms;
+                let rise = era_planner::report::compute_times(&table, &plan).reaches_90_ms;
                 rise.ok_or_else(|| nothing("the motion never settles, or cannot be followed"))?
             }
             Figure::RigidModeHz => rigid::last_rigid_hz(self.table).unwrap_or(0.0),

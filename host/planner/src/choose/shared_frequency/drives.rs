@@ -5,10 +5,10 @@ use crate::MOST_CONDITION;
 use crate::choose::allocate::{Allocation, Duals};
 use crate::choose::candidates::Formulation;
 use crate::choose::refine::Selection;
-use crate::chosen::Chosen;
+use crate::chosen_drive::Chosen;
+use crate::request::PlanError;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, Width, at_point};
-use crate::wish::request::PlanError;
 use num_complex::Complex64;
 
 /// Part of a wish that is met.
@@ -16,45 +16,43 @@ const MET_BY_PHASORS: f64 = 1.0 - 1e-9;
 /// Times as much that stronger pulses have to reach to be taken: their harmonics move the panel more.
 const MORE: f64 = 1.0 + 1e-3;
 
-impl PlanTable {
-    /// The drives for one target with the least energy elsewhere, all at one frequency.
-    pub(crate) fn at_shared_frequency(
-        &self,
-        formulation: &Formulation<'_>,
-        wanted: &[f64],
-    ) -> Result<Selection, PlanError> {
-        let wanted = wanted.first().copied().unwrap_or(0.0);
-        // All with their quieter pulses, or, if that does not reach, all with their stronger ones; harmonics are those of the
-        // pulses taken.
-        let best = |strong: bool| {
-            let data = Data::new(self, formulation, strong);
-            best(&data.field(self), wanted).ok_or(PlanError::NoFrequencies)
-        };
-        let (mut found, mut strong) = (best(false)?, false);
-        if found.reached < wanted * MET_BY_PHASORS {
-            let stronger = best(true)?;
-            if stronger.reached > found.reached * MORE {
-                (found, strong) = (stronger, true);
-            }
+/// The drives for one target with the least energy elsewhere, all at one frequency.
+pub(crate) fn choose_shared_frequency(
+    table: &PlanTable,
+    formulation: &Formulation<'_>,
+    wanted: &[f64],
+) -> Result<Selection, PlanError> {
+    let wanted = wanted.first().copied().unwrap_or(0.0);
+    // All with their quieter pulses, or, if that does not reach, all with their stronger ones; harmonics are those of the
+    // pulses taken.
+    let best = |strong: bool| {
+        let data = Data::new(table, formulation, strong);
+        best(&data.field(table), wanted).ok_or(PlanError::NoFrequencies)
+    };
+    let (mut found, mut strong) = (best(false)?, false);
+    if found.reached < wanted * MET_BY_PHASORS {
+        let stronger = best(true)?;
+        if stronger.reached > found.reached * MORE {
+            (found, strong) = (stronger, true);
         }
-        let row = self.grid_row(found.frequency);
-        let drive = |(i, force): (usize, &Complex64)| Chosen {
-            frequency_hz: self.frequencies_hz[found.frequency],
-            on_grid: Some(found.frequency),
-            width: row.get(i).map_or_else(Width::default, |entry| *entry.pulse(strong)),
-            row: row.clone(),
-            force_n: force.norm(),
-            phase_rad: if force.norm() > 0.0 { force.arg() } else { 0.0 },
-        };
-        let met = if wanted > 0.0 { (found.reached / wanted).min(1.0) } else { 1.0 };
-        let forces_n = found.forces_n.map(Complex64::norm);
-        Ok(Selection {
-            drives: found.forces_n.iter().take(self.entries.len()).enumerate().map(drive).collect(),
-            allocation: Allocation { forces_n, met, cost: found.energy, duals: Duals::default() },
-            active: Vec::new(),
-            gap: if found.proven_gap > 1e-8 { found.proven_gap } else { 0.0 },
-        })
     }
+    let row = table.entries_at(found.frequency);
+    let drive = |(i, force): (usize, &Complex64)| Chosen {
+        frequency_hz: table.frequencies_hz[found.frequency],
+        on_grid: Some(found.frequency),
+        width: row.get(i).map_or_else(Width::default, |entry| *entry.pulse(strong)),
+        row: row.clone(),
+        force_n: force.norm(),
+        phase_rad: if force.norm() > 0.0 { force.arg() } else { 0.0 },
+    };
+    let met = if wanted > 0.0 { (found.reached / wanted).min(1.0) } else { 1.0 };
+    let forces_n = found.forces_n.map(Complex64::norm);
+    Ok(Selection {
+        drives: found.forces_n.iter().take(table.entries.len()).enumerate().map(drive).collect(),
+        allocation: Allocation { forces_n, met, cost: found.energy, duals: Duals::default() },
+        active: Vec::new(),
+        gap: if found.proven_gap > 1e-8 { found.proven_gap } else { 0.0 },
+    })
 }
 
 /// The field at a target.

@@ -12,7 +12,7 @@
 //! - `drives`: a plan from it.
 
 mod barrier;
-mod drives;
+pub(crate) mod drives;
 mod optimum;
 mod program;
 #[cfg(test)]

@@ -75,7 +75,7 @@ fn a_stop_holds_what_springs_do_not() {
     // Springs of a bit more than 1.5 times the stiffness would do; with them it is borne, with some less it is not.
     let enough = assumed.stiffness_n_per_m.unwrap();
     assert!(enough > 60e3 && enough < 63e3, "{enough}");
-    let with = |stiffness: f64| block("[press]\nforce_n = 10.0", "").scene_with(stiffness);
+    let with = |stiffness: f64| stop_with_stiffness(&block("[press]\nforce_n = 10.0", ""), stiffness);
     assert_eq!(with(enough * 1.001), Stop::None);
     assert_eq!(with(enough * 0.99), Stop::Assumed);
     let given = block("[press]\nforce_n = 10.0", "stop_um = 120").pressed[0];
@@ -88,16 +88,13 @@ fn a_stop_holds_what_springs_do_not() {
     assert_eq!((none.alone_m, none.sag_m, none.stop), (0.0, 0.0, Stop::None));
 }
 
-impl PlanTable {
-    /// Where the mass is held with springs of another stiffness.
-    fn scene_with(&self, stiffness_n_per_m: f64) -> Stop {
-        let mut scene = self.scene.clone();
-        scene.actuators[0].stiffness_n_per_m = stiffness_n_per_m;
-        let options = TableOptions { step_hz: 20.0, ..TableOptions::default() };
-        let model =
-            PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
-        PlanTable::build(&scene, model, options).unwrap().pressed[0].stop
-    }
+/// Where the mass is held with springs of another stiffness.
+fn stop_with_stiffness(table: &PlanTable, stiffness_n_per_m: f64) -> Stop {
+    let mut scene = table.scene.clone();
+    scene.actuators[0].stiffness_n_per_m = stiffness_n_per_m;
+    let options = TableOptions { step_hz: 20.0, ..TableOptions::default() };
+    let model = PanelModel::build(&scene, Accuracy::FAST, options.to_hz).unwrap().reduce(options.to_hz, &[]).unwrap();
+    PlanTable::build(&scene, model, options).unwrap().pressed[0].stop
 }
 
 /// The force law of one electrode after the other, at its two ends.

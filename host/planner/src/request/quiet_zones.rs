@@ -6,11 +6,12 @@
 //! scaled away.
 
 use crate::STANDARD_GRAVITY;
-use crate::chosen::Chosen;
-use crate::chosen::peak;
+use crate::chosen_drive::Chosen;
+use crate::chosen_drive::peak;
 use crate::millimetres;
+use crate::request::Quiet;
+use crate::request::surface_y_m;
 use crate::table::PlanTable;
-use crate::wish::request::Quiet;
 use nalgebra::DVector;
 use serde::Serialize;
 
@@ -76,7 +77,7 @@ impl QuietZones {
                 // What lies beyond an edge is moved onto it, which stays within the zone.
                 let (x, y) =
                     ((zone.x_m + dx).clamp(0.0, surface.length_m), (zone.y_m + dy).clamp(0.0, surface.width_m));
-                table.scene.cutout_at(x, y).is_none().then(|| table.model.shape_at(x, table.y_m(y)))
+                table.scene.cutout_at(x, y).is_none().then(|| table.model.shape_at(x, surface_y_m(table, y)))
             };
             let asked = ASKED * zone.at_most_g * STANDARD_GRAVITY;
             made.rows.extend(at(0.0, 0.0).map(|shape| (shape, asked)));

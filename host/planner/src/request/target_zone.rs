@@ -1,10 +1,11 @@
 //! What counts as "at the target": the surface within 10 mm of it.
 
-use super::around::around;
+use super::disc_quadrature::around;
 use crate::physics::PerPair;
+use crate::request::Target;
+use crate::request::surface_y_m;
 use crate::scene::MAX_ACTUATORS;
 use crate::table::{PlanTable, at_point};
-use crate::wish::request::Target;
 use era_model::kernel;
 use nalgebra::DVector;
 use num_complex::Complex64;
@@ -29,8 +30,9 @@ impl Zone {
     #[must_use]
     pub fn new(table: &PlanTable, targets: &[Target]) -> Self {
         let shapes: Vec<DVector<f64>> =
-            targets.iter().map(|target| table.model.shape_at(target.x_m, table.y_m(target.y_m))).collect();
-        let places: Vec<(f64, f64)> = targets.iter().map(|target| (target.x_m, table.y_m(target.y_m))).collect();
+            targets.iter().map(|target| table.model.shape_at(target.x_m, surface_y_m(table, target.y_m))).collect();
+        let places: Vec<(f64, f64)> =
+            targets.iter().map(|target| (target.x_m, surface_y_m(table, target.y_m))).collect();
         let mut points = Vec::with_capacity(7 * targets.len());
         let mut area = 0.0;
         for ((own, place), shape) in around(&table.scene, &places, table.wave_m).into_iter().zip(&places).zip(&shapes) {

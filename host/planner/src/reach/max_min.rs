@@ -4,8 +4,8 @@ use super::measure::Measure;
 use super::search;
 use super::setting::{self, peaks};
 use super::space::Space;
+use crate::request::Work;
 use crate::table::{Part, PlanTable, Region, View};
-use crate::wish::request::Work;
 use nalgebra::DMatrix;
 use num_complex::Complex64;
 
@@ -30,16 +30,14 @@ pub fn everywhere(table: &PlanTable, region: Option<Region>) -> Option<(Vec<Part
     Some((setting, gap))
 }
 
-impl PlanTable {
-    /// The setting of [`everywhere`] for the whole surface, found when it is first asked for.
-    pub(crate) fn everywhere(&self) -> Option<&(Vec<Part>, f64)> {
-        self.evened.get_or_init(|| everywhere(self, None)).as_ref()
-    }
+/// The setting of [`everywhere`] for the whole surface, found when it is first asked for.
+pub(crate) fn whole_surface_setting(table: &PlanTable) -> Option<&(Vec<Part>, f64)> {
+    table.evened.get_or_init(|| everywhere(table, None)).as_ref()
+}
 
-    /// Finds that setting now, for those who will ask.
-    pub fn prepare_reach(&self) {
-        let _ = self.everywhere();
-    }
+/// Finds that setting now, for those who will ask.
+pub fn prepare_whole_surface_setting(table: &PlanTable) {
+    let _ = whole_surface_setting(table);
 }
 
 /// The setting with the largest minimum on a view's finer grid, and a bound on that: the optimum at the points of `space`, those of the

@@ -1,4 +1,8 @@
-//! What is asked of the planner.
+//! What is asked of the planner: targets with the surface around them, quiet zones, and what is optimised.
+
+pub(crate) mod disc_quadrature;
+pub mod quiet_zones;
+pub(crate) mod target_zone;
 
 use crate::scene::{MAX_ACTUATORS, PlaceError, SurfaceKind, along_side};
 use crate::table::{PlanTable, Region, View};
@@ -230,85 +234,81 @@ fn range_text(min: f64, max: f64) -> String {
     if max.is_finite() { format!("{min} to {max}") } else { format!("of finite numbers from {min} up") }
 }
 
-impl PlanTable {
-    /// The targets' intensities in g, after everything has been looked at.
-    pub(crate) fn check(&self, request: &Request) -> Result<Vec<f64>, PlanError> {
-        let targets = &request.targets;
-        if self.scene.actuators.is_empty() {
-            return Err(PlanError::NoActuators);
-        }
-        if self.scene.actuators.len() > MAX_ACTUATORS {
-            return Err(PlanError::Actuators { count: self.scene.actuators.len() });
-        }
-        if targets.is_empty() || targets.len() > MAX_TARGETS {
-            return Err(PlanError::Count { count: targets.len() });
-        }
-        if request.quiet.len() > MAX_QUIET_ZONES {
-            return Err(PlanError::Quiet { count: request.quiet.len() });
-        }
-        if request.grouping == Grouping::Shared {
-            let is_plain = targets.len() == 1 && request.quiet.is_empty() && request.objective == Objective::Contrast;
-            if !is_plain {
-                let allowed = "one target without quiet zones and the objective contrast";
-                return Err(PlanError::Together { option: "grouping", value: "shared", allowed });
-            }
-        }
-        if request.objective == Objective::Reach && !(targets.len() == 1 && request.quiet.is_empty()) {
-            let allowed = "one target without quiet zones";
-            return Err(PlanError::Together { option: "objective", value: "reach", allowed });
-        }
-        if let Some(zone) = request.zone {
-            if request.objective != Objective::Reach {
-                return Err(PlanError::Together { option: "zone", value: "given", allowed: "the objective reach" });
-            }
-            for (x_m, y_m) in zone.x_m.into_iter().zip(zone.y_m) {
-                along_side("zone.x_mm", x_m, self.scene.surface.length_m)?;
-                along_side("zone.y_mm", y_m, self.scene.surface.width_m)?;
-            }
-            if View::new(self, Some(zone)).is_none() {
-                return Err(PlanError::EmptyZone);
-            }
-        }
-        if request.weigh == Weigh::Felt
-            && (request.grouping == Grouping::Shared || request.objective == Objective::Reach)
-        {
-            let allowed = "distinct frequencies and the objectives contrast and power";
-            return Err(PlanError::Together { option: "weigh", value: "felt", allowed });
-        }
-        for quiet in &request.quiet {
-            self.scene.place(quiet.x_m, quiet.y_m)?;
-            within("radius_mm", quiet.radius_m, 0.0, MAX_QUIET_RADIUS_M, 1e3)?;
-            within("at_most_g", quiet.at_most_g, 0.0, f64::INFINITY, 1.0)?;
-        }
-        targets
-            .iter()
-            .map(|target| {
-                self.scene.place(target.x_m, target.y_m)?;
-                let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
-                within("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
-                Ok(intensity_g)
-            })
-            .collect()
+/// The targets' intensities in g, after everything has been looked at.
+pub(crate) fn validate_request(table: &PlanTable, request: &Request) -> Result<Vec<f64>, PlanError> {
+    let targets = &request.targets;
+    if table.scene.actuators.is_empty() {
+        return Err(PlanError::NoActuators);
     }
-
-    /// The request with its targets and quiet zones where they are on the surface, after [`PlanTable::check`].
-    pub(crate) fn placed(&self, request: &Request) -> Result<Request, PlanError> {
-        let mut request = request.clone();
-        for target in &mut request.targets {
-            (target.x_m, target.y_m) = self.scene.place(target.x_m, target.y_m)?.xy_m();
-        }
-        for quiet in &mut request.quiet {
-            (quiet.x_m, quiet.y_m) = self.scene.place(quiet.x_m, quiet.y_m)?.xy_m();
-        }
-        Ok(request)
+    if table.scene.actuators.len() > MAX_ACTUATORS {
+        return Err(PlanError::Actuators { count: table.scene.actuators.len() });
     }
-
-    /// A bar's points lie on its axis.
-    pub(crate) fn y_m(&self, y_m: f64) -> f64 {
-        match self.scene.surface.kind {
-            SurfaceKind::Bar => self.scene.surface.width_m / 2.0,
-            SurfaceKind::Plate => y_m,
+    if targets.is_empty() || targets.len() > MAX_TARGETS {
+        return Err(PlanError::Count { count: targets.len() });
+    }
+    if request.quiet.len() > MAX_QUIET_ZONES {
+        return Err(PlanError::Quiet { count: request.quiet.len() });
+    }
+    if request.grouping == Grouping::Shared {
+        let is_plain = targets.len() == 1 && request.quiet.is_empty() && request.objective == Objective::Contrast;
+        if !is_plain {
+            let allowed = "one target without quiet zones and the objective contrast";
+            return Err(PlanError::Together { option: "grouping", value: "shared", allowed });
         }
+    }
+    if request.objective == Objective::Reach && !(targets.len() == 1 && request.quiet.is_empty()) {
+        let allowed = "one target without quiet zones";
+        return Err(PlanError::Together { option: "objective", value: "reach", allowed });
+    }
+    if let Some(zone) = request.zone {
+        if request.objective != Objective::Reach {
+            return Err(PlanError::Together { option: "zone", value: "given", allowed: "the objective reach" });
+        }
+        for (x_m, y_m) in zone.x_m.into_iter().zip(zone.y_m) {
+            along_side("zone.x_mm", x_m, table.scene.surface.length_m)?;
+            along_side("zone.y_mm", y_m, table.scene.surface.width_m)?;
+        }
+        if View::new(table, Some(zone)).is_none() {
+            return Err(PlanError::EmptyZone);
+        }
+    }
+    if request.weigh == Weigh::Felt && (request.grouping == Grouping::Shared || request.objective == Objective::Reach) {
+        let allowed = "distinct frequencies and the objectives contrast and power";
+        return Err(PlanError::Together { option: "weigh", value: "felt", allowed });
+    }
+    for quiet in &request.quiet {
+        table.scene.place(quiet.x_m, quiet.y_m)?;
+        within("radius_mm", quiet.radius_m, 0.0, MAX_QUIET_RADIUS_M, 1e3)?;
+        within("at_most_g", quiet.at_most_g, 0.0, f64::INFINITY, 1.0)?;
+    }
+    targets
+        .iter()
+        .map(|target| {
+            table.scene.place(target.x_m, target.y_m)?;
+            let intensity_g = target.intensity_g.unwrap_or(DEFAULT_INTENSITY_G);
+            within("intensity_g", intensity_g, 0.0, f64::INFINITY, 1.0)?;
+            Ok(intensity_g)
+        })
+        .collect()
+}
+
+/// The request with its targets and quiet zones where they are on the surface, after [`PlanTable::check`].
+pub(crate) fn snap_to_surface(table: &PlanTable, request: &Request) -> Result<Request, PlanError> {
+    let mut request = request.clone();
+    for target in &mut request.targets {
+        (target.x_m, target.y_m) = table.scene.place(target.x_m, target.y_m)?.xy_m();
+    }
+    for quiet in &mut request.quiet {
+        (quiet.x_m, quiet.y_m) = table.scene.place(quiet.x_m, quiet.y_m)?.xy_m();
+    }
+    Ok(request)
+}
+
+/// A bar's points lie on its axis.
+pub(crate) fn surface_y_m(table: &PlanTable, y_m: f64) -> f64 {
+    match table.scene.surface.kind {
+        SurfaceKind::Bar => table.scene.surface.width_m / 2.0,
+        SurfaceKind::Plate => y_m,
     }
 }
 

@@ -1,6 +1,7 @@
 //! What a press does to every actuator, as commands and the Python package print it.
 
 use crate::physics::limits::Electrodes;
+use crate::reports::press_bounds::{bound_press_travel_error, bound_sag_error};
 use crate::scene::Actuator;
 use crate::table::PlanTable;
 use crate::table::press::{Pressed, Stop};
@@ -42,26 +43,24 @@ pub struct PressedActuator {
     pub holds_v: f64,
 }
 
-impl PlanTable {
-    /// What the scene's press does to every actuator.
-    #[must_use]
-    pub fn report_press(&self) -> PressReport {
-        let finite = |value: f64| value.is_finite().then_some(value);
-        let all = self.scene.actuators.iter().zip(&self.pressed).zip(&self.electrodes).enumerate();
-        let report =
-            |(i, ((actuator, pressed), electrodes)): (usize, ((&Actuator, &Pressed), &Electrodes))| PressedActuator {
-                actuator: actuator.id.clone(),
-                at_mm: [pressed.at_m.0 * 1e3, pressed.at_m.1 * 1e3],
-                alone_um: finite(pressed.alone_m * 1e6),
-                error_bound: self.press_bound(i).value(),
-                sag_um: pressed.sag_m * 1e6,
-                sag_error_bound: self.sag_bound(i).value(),
-                stop: pressed.stop,
-                stop_um: finite(pressed.stop_m * 1e6),
-                stiffness_n_per_m: pressed.stiffness_n_per_m,
-                gap_left_um: electrodes.gap_left_m(0.0) * 1e6,
-                holds_v: electrodes.holds_v(0.0).min(electrodes.max_voltage_v),
-            };
-        PressReport { force_n: self.scene.press_n, actuators: all.map(report).collect() }
-    }
+/// What the scene's press does to every actuator.
+#[must_use]
+pub fn report_press(table: &PlanTable) -> PressReport {
+    let finite = |value: f64| value.is_finite().then_some(value);
+    let all = table.scene.actuators.iter().zip(&table.pressed).zip(&table.electrodes).enumerate();
+    let report =
+        |(i, ((actuator, pressed), electrodes)): (usize, ((&Actuator, &Pressed), &Electrodes))| PressedActuator {
+            actuator: actuator.id.clone(),
+            at_mm: [pressed.at_m.0 * 1e3, pressed.at_m.1 * 1e3],
+            alone_um: finite(pressed.alone_m * 1e6),
+            error_bound: bound_press_travel_error(table, i).value(),
+            sag_um: pressed.sag_m * 1e6,
+            sag_error_bound: bound_sag_error(table, i).value(),
+            stop: pressed.stop,
+            stop_um: finite(pressed.stop_m * 1e6),
+            stiffness_n_per_m: pressed.stiffness_n_per_m,
+            gap_left_um: electrodes.gap_left_m(0.0) * 1e6,
+            holds_v: electrodes.holds_v(0.0).min(electrodes.max_voltage_v),
+        };
+    PressReport { force_n: table.scene.press_n, actuators: all.map(report).collect() }
 }
