@@ -81,10 +81,10 @@ pub fn table(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: us
     row("f32", &single, apart, 4.0, machine::<f32>(runs));
     table.below = remarks;
     table.above.push(format!(
-        "The problem of (c), {} unknowns, {} coordinates; sweep: shapes at the points and all responses, one thread. Operations: \
-         of the products, after symmetry. The limit is what operations would take at the rate of a large product, plus what \
-         writing the result into memory of its own takes. \"From f64\": \
-         largest difference relative to a curve's peak.",
+        "The problem of (c), {} unknowns, {} coordinates. The sweep computes the shapes at the points and all responses, \
+         with one thread. The operations are those of the products, after symmetry. The limit by operations is their time \
+         at the rate of a large product. The limit by bytes is the time for writing the result into separate memory. \
+         \"From f64\" is the largest difference from double precision, relative to the peak of a curve.",
         double.unknowns, double.coordinates
     ));
     Ok(table)

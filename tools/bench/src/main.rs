@@ -219,8 +219,9 @@ fn side_by_side(
         own.push(bounded.clone());
         let mut all = peers::table(&report, &own, problem);
         all.below.push(format!(
-            "The tightest answer (order {}, cells of {} mm) and the next lower order on its mesh are {} apart. With a bound: all \
-             meshes of the ladder (as `era sweep` does it), all of the time in set-up.",
+            "The most accurate answer (order {}, cells of {} mm) and the next lower order on the same mesh differ by {}. \
+         The row with a bound computes all meshes of the sequence, like `era sweep`; its whole time is in the column \
+         \"set-up\".",
             TIGHTEST.order,
             TIGHTEST.cell_m * 1e3,
             relative(uncertainty)

@@ -88,10 +88,11 @@ pub fn table(report: &Report, own: &[Own], problem: &Problem) -> Table {
     let columns = ["method", "mesh", "unknowns", "set-up", "sweep", "timed at", "total", "error"];
     let mut table = Table::new("(c) Side by side: every measurement", &columns);
     table.above.push(format!(
-        "Example plate with a loss factor of 0.005, {} frequencies from 50 to 1000 Hz, two loads, {} points. One thread each. \
-         Error: largest on any curve relative to the curve's peak, against the tightest answer. Set-up: from the scene to \
-         matrices and modes. \"Timed at\" fewer frequencies: the median of those times all (the ones with the largest \
-         errors are among them). NumPy {}, SciPy {}.",
+        "Example plate with a loss factor of 0.005, {} frequencies from 50 to 1000 Hz, two loads, {} points. Each method \
+         has one thread. The error is the largest difference from the most accurate answer on any curve, relative to the \
+         peak of the curve. The set-up leads from the scene to matrices and modes. If a method was timed at fewer \
+         frequencies, its sweep time is the median of these times, multiplied by the number of all frequencies. The \
+         frequencies with the largest errors are among them. NumPy {}, SciPy {}.",
         problem.frequencies_hz.len(),
         problem.points(),
         report.numpy,

@@ -67,9 +67,9 @@ pub fn tables() -> Result<Vec<Table>, Error> {
         "Time per plan",
         &["actuators", "touches", "median", "p99", "longest", "proven the best", "table", "made in"],
     );
-    times.above.push("Example plate, balanced, 1001 frequencies, one thread; all of a plan: the best combination, proven, refined off the \
-         grid, made safe under the moving masses, with prediction and error bound. Touches at 0.05 to 0.5 g, and at 20 g, \
-         which no place has.".into());
+    times.above.push("Example plate, balanced, 1001 frequencies, one thread. The time is for the complete plan: the best \
+         combination, its proof, the refinement between the frequencies of the grid, the safety check with moving masses, \
+         the prediction and the error bound. Touches ask for 0.05 to 0.5 g, and for 20 g, which no place reaches.".into());
     let mut checks = Table::new(
         "Against brute force",
         &[
@@ -83,9 +83,10 @@ pub fn tables() -> Result<Vec<Table>, Error> {
             "of a touch's budget",
         ],
     );
-    checks.above.push("All combinations of frequencies (at least 20 Hz apart) and pulse widths, the forces of each by the same convex \
-         problem. Difference: of the cost, or of the reach where the wish is out of reach; of the search with a study's budget and with \
-         a touch's. A difference above 1e-9 of the study's is an error.".into());
+    checks.above.push("All combinations of frequencies (at least 20 Hz apart) and pulse widths, with the forces of each \
+         by the same convex problem. The difference is that of the cost, or of the reached peak if the wanted peak is not \
+         possible. It is given for a search with the budget of a study and with the budget of a touch. A difference above \
+         1e-9 with the budget of a study is an error.".into());
     let mut phases =
         Table::new("With phases", &["actuators", "median", "p99", "contrast over distinct frequencies, median"]);
     phases.above.push("One shared frequency of 1001, 0.1 g.".into());

@@ -70,8 +70,9 @@ pub fn price(environment: &Environment, problem: &Problem) -> Result<Table, Erro
         ]);
     }
     table.above.push(format!(
-        "Loss factor 0.005, {} frequencies from 50 to {MAX_HZ} Hz, {} points, two actuators, single precision. Alone: the level that \
-         answered, from the scene to all values. Medians of {runs} runs.",
+        "Loss factor 0.005, {} frequencies from 50 to {MAX_HZ} Hz, {} points, two actuators, single precision. \"Answer \
+         alone\": the time of the mesh that gave the answer, from the scene to all values. \"Levels as they were\": the \
+         sequence of meshes of an earlier version. Medians of {runs} runs.",
         problem.frequencies_hz.len(),
         problem.points()
     ));
@@ -159,9 +160,10 @@ pub fn tightness(environment: &Environment) -> Result<Table, Error> {
         found.row(what, whose, &mut table);
     }
     table.above.push(format!(
-        "{scenes} scenes of `era verify --scenes` (seed {SEED}), up to {BAND_HZ} Hz, at tolerances 1e-2, 1e-3 and 1e-4 in turn; the error is \
-         against this program's answer at a hundredth of the tolerance, so that a bound below it is counted where it is below by \
-         more than that answer's own bound. Errors below {ROUNDING:e} are rounding's and left out."
+        "{scenes} scenes of `era verify --scenes` (seed {SEED}), up to {BAND_HZ} Hz, at tolerances 1e-2, 1e-3 and 1e-4 in \
+         turn. The error is the difference from this program's answer at a hundredth of the tolerance. A bound counts as below the \
+         error if it is smaller by more than the bound of that answer. Errors below {ROUNDING:e} are rounding errors and \
+         are left out."
     ));
     Ok(table)
 }

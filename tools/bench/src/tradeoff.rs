@@ -107,9 +107,10 @@ pub fn responses(environment: &Environment, problem: &Problem) -> Result<(Table,
     }
     table.above.push(format!(
         "Example plate with a loss factor of 0.005: acceleration at {}, {} mm for 1 N at each of two actuators, {} frequencies \
-         from 50 to 1000 Hz, with the bound. Time: all meshes of the ladder, from scene to answer, in a process of its own. \
-         Error: relative to the curve's peak, against the tightest answer (order {}, cells of {} mm; the next lower order is \
-         {} off it).",
+         from 50 to 1000 Hz, with the bound. \"Time\" is for all meshes of the sequence, from the scene to the answer, in \
+         a separate process. \
+         The error is the difference from the most accurate answer, relative to the peak of the curve. The most accurate \
+         answer has order {} and cells of {} mm; the next lower order differs by {}.",
         POINT_M.0 * 1e3,
         POINT_M.1 * 1e3,
         frequencies_hz.len(),
@@ -182,8 +183,8 @@ pub fn modes(environment: &Environment) -> Result<(Table, Vec<Point>), Error> {
     }
     let names: Vec<_> = references.iter().map(|reference| reference.name).collect();
     table.above.push(format!(
-        "{} panels: {}. Time: all of them. Unknowns and memory: the largest. The references have nine or ten digits: errors below \
-         {KNOWN_TO:.0e} cannot be told.",
+        "{} panels: {}. \"Time\" is for all panels. Unknowns and memory are the largest values. The references have nine \
+         or ten digits, so errors below {KNOWN_TO:.0e} cannot be measured.",
         names.len(),
         names.join("; ")
     ));
