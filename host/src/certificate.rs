@@ -44,8 +44,8 @@ pub fn read_private_key(path: &Path) -> Result<PrivateKeyDer<'static>, String> {
     // Of PKCS #8, and of the older files of `openssl`.
     if has("BEGIN ENCRYPTED PRIVATE KEY") || has("Proc-Type: 4,ENCRYPTED") {
         return Err(format!(
-            "the key is encrypted with a passphrase, and nobody is there to give it when the daemon starts: \
-             `openssl pkey -in {} -out NEW` writes it without one",
+            "the key is encrypted with a passphrase, and the daemon cannot ask for a passphrase at its start: \
+             `openssl pkey -in {} -out NEW` writes the key without one",
             path.display()
         ));
     }
@@ -57,18 +57,18 @@ pub fn read_private_key(path: &Path) -> Result<PrivateKeyDer<'static>, String> {
 }
 
 fn describe_damage(error: &dyn fmt::Display) -> String {
-    format!("the file is damaged ({error}): put back what was there, or make a new certificate and key")
+    format!("the file is damaged ({error}): restore it, or make a new certificate and key")
 }
 
 /// Why nothing of the kind is in a file; `tool` is the command of `openssl` that turns it into PEM.
 fn describe_absence(path: &Path, bytes: &[u8], wanted: &str, tool: &str) -> String {
     if bytes.trim_ascii().is_empty() {
-        return format!("the file is empty, and a {wanted} in PEM is wanted");
+        return format!("the file is empty, but must have a {wanted} in PEM");
     }
     if DER.iter().any(|begin| bytes.starts_with(begin)) {
         let path = path.display();
         return format!(
-            "the file is in DER, and PEM is wanted: `openssl {tool} -in {path} -inform der -out NEW` makes it so"
+            "the file is in DER, but must be in PEM: `openssl {tool} -in {path} -inform der -out NEW` converts it"
         );
     }
     let kinds = ["CERTIFICATE-----", "PUBLIC KEY-----", "OPENSSH PRIVATE KEY-----", "PRIVATE KEY-----"];

@@ -314,7 +314,7 @@ fn a_board_that_was_away_is_armed_by_the_pages_button() {
         daemon.sim.restart();
         browser.wait_for("document.querySelector('#fault button')?.textContent === 'Arm the device'");
         let told = browser.value("document.querySelector('#fault').textContent");
-        assert!(told.as_str().unwrap().contains("was away"), "{told}");
+        assert!(told.as_str().unwrap().contains("had an outage"), "{told}");
         // Until then a touch does nothing, and its error is gone with what it was about.
         let place = browser.point("#panel", 0.4, 0.5);
         browser.click(place);

@@ -242,7 +242,7 @@ export class Readout {
     const box = $("fault");
     const count = device.fault?.count > 1 ? `, ${device.fault.count} times` : "";
     const lost = `The device does not answer. ${device.problem ?? ""}`;
-    const away = "The device was away. Nothing is driven until it is armed: see that nobody is in the way.";
+    const away = "The device had an outage. Check that nobody touches it, then arm it.";
     let [text, button, act] = ["", "", null];
     if (device.fault) {
       text = `Fault ${device.fault.code} (${device.fault.name}${count}). ${device.fault.message}`;

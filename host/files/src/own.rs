@@ -11,7 +11,7 @@ pub enum NotOwn {
     #[error("{0}")]
     Io(#[from] io::Error),
     /// It is something else.
-    #[error("it is {found}, and must be {wanted}")]
+    #[error("it is {found}, but must be {wanted}")]
     Kind {
         /// What it is.
         found: &'static str,
@@ -20,7 +20,7 @@ pub enum NotOwn {
     },
     /// Somebody else may have written it.
     #[error(
-        "it belongs to the user with the number {owner}, and must belong to {own} (who runs this program) or to root"
+        "it belongs to the user with the number {owner}, but must belong to {own} (who runs this program) or to root"
     )]
     Owner {
         /// Its owner.
@@ -35,7 +35,7 @@ pub enum NotOwn {
         mode: u32,
     },
     /// It is larger than what is read.
-    #[error("{bytes} bytes are more than the {most_bytes} that are read")]
+    #[error("it has {bytes} bytes, but at most {most_bytes} are read")]
     TooLarge {
         /// Its size.
         bytes: u64,

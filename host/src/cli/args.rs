@@ -22,7 +22,7 @@ use super::wishes::Wishes;
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = MODEL)]
 pub struct Panel {
-    /// Scene file (see docs/src/scene.md); the example plate if not given
+    /// Scene file (see docs/src/scene.md) [default: the example plate]
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
     /// fast (1e-2), balanced (1e-3, the default) or reference (1e-6)
@@ -31,7 +31,7 @@ pub struct Panel {
     /// Relative tolerance as a number, 1e-8 to 0.1
     #[arg(long, value_name = "REL")]
     pub tolerance: Option<f64>,
-    /// Say on standard error what was modelled, what was left out, and what each step towards the tolerance cost and bought
+    /// Print on standard error what was modelled, what was left out, and the time and gain of each step towards the tolerance
     #[arg(long)]
     pub explain: bool,
 }
@@ -70,7 +70,7 @@ impl Panel {
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = MODEL)]
 pub struct Time {
-    /// The most accurate answer that fits in this time, 50ms or 2s say, instead of a tolerance; the bound says what was reached
+    /// Instead of a tolerance: the most accurate answer within this time, such as 50ms or 2s; the bound says what was reached
     #[arg(long, value_name = "TIME", value_parser = parse_time, conflicts_with_all = ["tolerance", "accuracy"])]
     pub within: Option<Duration>,
 }
@@ -79,7 +79,7 @@ pub struct Time {
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = MODEL)]
 pub struct Keep {
-    /// Compute the plan table even if it is on disk, and leave it there as it is (see docs/src/accuracy.md, "Start-up")
+    /// Compute the plan table even if it is on disk, and do not change the file (see docs/src/accuracy.md, "Start-up")
     #[arg(long)]
     pub no_cache: bool,
 }
@@ -100,58 +100,59 @@ impl Keep {
 
 #[derive(Clone, Debug, Default, Args)]
 pub struct Serve {
-    /// Configuration file; options given here come before its keys (see docs/src/service.md)
+    /// Configuration file; options on the command line override its keys (see docs/src/service.md)
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     #[command(flatten)]
     pub panel: Panel,
     #[command(flatten)]
     pub keep: Keep,
-    /// sim (the default), emulated, auto, or the path of a serial port
+    /// sim (the default), emulated, auto (finds the board), or the path of a serial port
     #[arg(long, value_name = "DEVICE", help_heading = DEVICE)]
     pub device: Option<Target>,
-    /// Address or name, and port, to listen on, as 127.0.0.1:7878, localhost:7878 or [::1]:7878 [default: 127.0.0.1:7878]
+    /// Listening address or name, with a port, such as 127.0.0.1:7878, localhost:7878 or [::1]:7878 [default: 127.0.0.1:7878]
     #[arg(long, value_name = "ADDR:PORT", help_heading = LISTENING)]
     pub listen: Option<HostPort>,
-    /// Socket in the file system to listen on as well, for this user alone; `none` for none [default: era.sock in
-    /// $XDG_RUNTIME_DIR, where that is set]
+    /// Additional Unix socket, for this user alone; `none` for no socket [default: era.sock in
+    /// $XDG_RUNTIME_DIR, if this variable is set]
     #[arg(long, value_name = "PATH", help_heading = LISTENING)]
     pub socket: Option<PathBuf>,
-    /// File of tokens, a line ROLE SECRET each (view, touch or arm); requests then need one
+    /// File of tokens, with lines ROLE SECRET (view, touch or arm); requests then need a token
     #[arg(long, value_name = "FILE", help_heading = ACCESS)]
     pub token_file: Option<PathBuf>,
-    /// Certificate in PEM, to serve with TLS
+    /// Serve with TLS, with this certificate in PEM
     #[arg(long, value_name = "FILE", requires = "tls_key", help_heading = LISTENING)]
     pub tls_cert: Option<PathBuf>,
-    /// Its private key in PEM
+    /// Private key of the certificate, in PEM
     #[arg(long, value_name = "FILE", requires = "tls_cert", help_heading = LISTENING)]
     pub tls_key: Option<PathBuf>,
-    /// Folder with a certificate and key, which are made where there are none, to serve with TLS
+    /// Serve with TLS, with the certificate and key in this folder; the daemon makes them if there are none
     #[arg(long, value_name = "DIR", conflicts_with = "tls_cert", help_heading = LISTENING)]
     pub tls_dir: Option<PathBuf>,
-    /// Another page that may talk to the daemon, as http://HOST:PORT; several times for several
+    /// Origin of other pages that may use the daemon, such as http://HOST:PORT; can be repeated
     #[arg(long, value_name = "ORIGIN", value_parser = crate::daemon::Access::origin, help_heading = ACCESS)]
     pub allow_origin: Vec<String>,
-    /// Another name by which the daemon may be called, beside localhost and addresses in numbers; several times for several
+    /// Name that clients may use for the daemon, in addition to localhost and numeric addresses; can be repeated
     #[arg(long, value_name = "NAME", value_parser = crate::daemon::Access::host, help_heading = ACCESS)]
     pub allow_host: Vec<String>,
-    /// Write down what is asked and what becomes of it, for `era replay`: to a new file, or to a file of each start in a folder
-    /// (one that is there, or ends in a slash)
+    /// Record requests and their results for `era replay`: to a new file, or to a folder (an existing one, or a path that
+    /// ends in a slash), which gets a file for each start
     #[arg(long, value_name = "PATH", help_heading = RECORDING)]
     pub record: Option<PathBuf>,
-    /// Size in MB of a recording's file after which the next one is begun [default: 256]
+    /// Size in MB at which a recording begins its next file [default: 256]
     #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_file_mb: Option<f64>,
-    /// Size in MB of all files of a recording together, in a folder those of earlier starts among them: the oldest are removed [default: 2000]
+    /// Size in MB of all files of a recording, in a folder including those of earlier starts, at which the oldest is removed
+    /// [default: 2000]
     #[arg(long, value_name = "MB", value_parser = parse_record_mb, help_heading = RECORDING)]
     pub record_total_mb: Option<f64>,
-    /// Time without a touch in s after which the board is disarmed [default: 5]
+    /// Disarm the board after this time in s without a touch [default: 5]
     #[arg(long, value_name = "S", value_parser = parse_idle, help_heading = DEVICE)]
     pub idle_s: Option<f64>,
-    /// Let the next touch clear a latched silence of this host (fault host-silent); others wait for a person
+    /// Let the next touch clear the fault host-silent of this host; other faults wait for a person
     #[arg(long, help_heading = DEVICE)]
     pub clear_silence: bool,
-    /// After the board was away: wait for `era arm`, or let the next touch arm it [default: person]
+    /// After an outage of the board: who arms it again [default: person]
     #[arg(long, value_name = "WHO", value_enum, help_heading = DEVICE)]
     pub after_outage: Option<AfterOutage>,
 }
@@ -184,16 +185,16 @@ pub fn parse_idle(text: &str) -> Result<f64, String> {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = DAEMON)]
 pub struct Daemon {
-    /// The daemon's address, as http://HOST:PORT, https://HOST:PORT or HOST:PORT
+    /// The daemon's address: http://HOST:PORT, https://HOST:PORT or HOST:PORT
     #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:7878", value_parser = parse_url)]
     pub url: String,
-    /// File with the token, where the daemon asks for one; the variable ERA_TOKEN does as well
+    /// File with the token, if the daemon needs one; the variable ERA_TOKEN has the same effect
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
-    /// Certificate in PEM that the daemon's is to be trusted by: its own, if nobody else has signed it
+    /// Trusted certificate in PEM: that of the authority, or the daemon's own if no authority has signed it
     #[arg(long, value_name = "FILE")]
     pub ca: Option<PathBuf>,
-    /// Proxy that connects to the daemon (CONNECT), as http://HOST:PORT; without it there is none, whatever the environment names
+    /// Proxy that connects to the daemon (CONNECT), such as http://HOST:PORT; variables of the environment name no proxy
     #[arg(long, value_name = "URL", value_parser = parse_proxy)]
     pub proxy: Option<HostPort>,
     /// Print JSON
@@ -215,17 +216,17 @@ pub struct Touch {
     /// The same in dB above the threshold of feeling
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = parse_finite, conflicts_with = "intensity_g")]
     pub intensity_db: Option<f64>,
-    /// How long, in ms
+    /// Duration in ms
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = parse_finite)]
     pub duration_ms: Option<f64>,
-    /// Play an effect instead of an even drive, timed by the board itself
+    /// Play an effect instead of a steady drive, timed by the board itself
     #[arg(long, value_name = "NAME")]
     pub effect: Option<NamedEffect>,
     #[command(flatten)]
     pub rhythm: Rhythm,
     #[command(flatten)]
     pub wishes: Wishes,
-    /// Say what can be had instead where it cannot all be had
+    /// Show alternatives if not all wishes can be met
     #[arg(long)]
     pub trade: bool,
     #[command(flatten)]
@@ -249,7 +250,7 @@ pub struct Press {
     pub panel: Panel,
     #[command(flatten)]
     pub keep: Keep,
-    /// Force in N, 0 to 1000, in place of the scene's ([press] force_n, 5 if it names none)
+    /// Force in N, 0 to 1000 [default: the scene's [press] force_n, or 5]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_press)]
     pub force_n: Option<f64>,
     /// Print JSON
@@ -266,7 +267,7 @@ pub struct Modes {
     /// Highest frequency in Hz
     #[arg(long, value_name = "F", default_value_t = 500.0, allow_negative_numbers = true)]
     pub max_hz: f64,
-    /// For --csv, --npy and --png: columns and rows of the grid, border to border; a bar has one row, its axis
+    /// For --csv, --npy and --png: columns and rows of the grid, borders included; a bar has one row, its axis
     #[arg(long, value_name = "NX,NY", value_parser = parse_counts, default_value = "49,33")]
     pub grid: (usize, usize),
     /// Write the mass-normalised shapes, a line mode,frequency_hz,error_bound,x_mm,y_mm,shape_per_sqrt_kg per mode and point;
@@ -274,7 +275,7 @@ pub struct Modes {
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
     /// Write the mass-normalised shapes: a NumPy array [mode, row, column] of float64 in kg^-1/2, NaN in cut-outs; and its axes
-    /// beside it, for modes.npy in modes.frequency_hz.npy, modes.y_m.npy and modes.x_m.npy
+    /// in the same folder, for modes.npy in modes.frequency_hz.npy, modes.y_m.npy and modes.x_m.npy
     #[arg(long, value_name = "FILE.npy", value_parser = parse_npy)]
     pub npy: Option<PathBuf>,
     /// Draw the shapes on one sheet, with supports, masses, actuators and held edges
@@ -291,7 +292,7 @@ pub struct Sweep {
     pub panel: Panel,
     #[command(flatten)]
     pub time: Time,
-    /// Columns and rows of the grid, border to border; a bar has one row, its axis
+    /// Columns and rows of the grid, borders included; a bar has one row, its axis
     #[arg(long, value_name = "NX,NY", value_parser = parse_counts, default_value = "49,33")]
     pub grid: (usize, usize),
     #[command(flatten)]
@@ -348,14 +349,13 @@ pub struct Transient {
     /// Unit of --at
     #[arg(long, value_enum, default_value_t = Unit::Mm)]
     pub unit: Unit,
-    /// An actuator, its frequency, force amplitude and phase of the cosine (-90, a sine, unless given); several times for
-    /// several drives
+    /// An actuator, its frequency, force amplitude and phase of the cosine in degrees (default -90, a sine); can be repeated
     #[arg(long, value_name = "ID:HZ:NEWTON[:DEG]", value_parser = parse_drive, required = true)]
     pub drive: Vec<DriveText>,
-    /// How long in s
+    /// Duration in s
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
     pub duration: f64,
-    /// Between two times in s
+    /// Time step in s
     #[arg(long, value_name = "S", default_value_t = 1e-4, allow_negative_numbers = true)]
     pub step: f64,
     /// Write time_s,displacement_m,acceleration_m_per_s2 lines; `-` is standard output
@@ -431,10 +431,10 @@ pub struct Verify {
     /// Peak acceleration wanted at each, in g
     #[arg(long, value_name = "A", default_value_t = crate::planner::DEFAULT_INTENSITY_G, allow_negative_numbers = true)]
     pub intensity_g: f64,
-    /// Largest relative difference that passes
+    /// Largest relative difference that counts as agreement
     #[arg(long, value_name = "REL", default_value_t = 0.05)]
     pub limit: f64,
-    /// Random scenes in place of one: prediction and simulation on so many, with what is known of each difference
+    /// Compare prediction and simulation on this number of random scenes, with the known causes of each difference
     #[arg(long, value_name = "N", conflicts_with_all = ["scene", "points", "intensity_g", "limit"])]
     pub scenes: Option<u64>,
     /// Touches on each random scene, at random places and intensities
@@ -443,7 +443,7 @@ pub struct Verify {
     /// Another seed gives other scenes
     #[arg(long, value_name = "N", default_value_t = 1, requires = "scenes")]
     pub seed: u64,
-    /// Scenes at a time; as many as there are processors if not given
+    /// Scenes at a time [default: the number of processors]
     #[arg(long, value_name = "N", requires = "scenes")]
     pub jobs: Option<u16>,
     /// Print JSON
@@ -455,10 +455,10 @@ pub struct Verify {
 pub struct Replay {
     #[command(flatten)]
     pub daemon: Daemon,
-    /// What `era serve --record` wrote
+    /// File that `era serve --record` wrote
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// How many times as fast as it was recorded
+    /// Speed relative to the recording
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = parse_speed)]
     pub speed: f64,
 }
@@ -474,13 +474,13 @@ pub struct Latency {
     pub panel: Panel,
     #[command(flatten)]
     pub keep: Keep,
-    /// Peak acceleration asked for, in g; as a touch that does not say unless given
+    /// Peak acceleration in g [default: that of a touch]
     #[arg(long, value_name = "A")]
     pub intensity_g: Option<f64>,
     /// Number of touches
     #[arg(long, value_name = "N", default_value_t = 1000)]
     pub touches: u32,
-    /// Time N clicks instead, each the first of a board whose rails are down, and as many after `POST /v1/arm`
+    /// Instead, time N clicks that each begin with the rails at zero, and N clicks after `POST /v1/arm`
     #[arg(long, value_name = "N", conflicts_with = "touches", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub first_clicks: Option<u32>,
     /// Print JSON

@@ -8,19 +8,19 @@ use std::path::PathBuf;
 pub struct Flash {
     /// The image, an ELF file [default: what `cargo xtask firmware` has built]
     pub image: Option<PathBuf>,
-    /// Through a debug probe, by the program probe-rs (the default if it is installed and finds one)
+    /// Use a debug probe with the program probe-rs (the default if probe-rs is installed and finds a probe)
     #[arg(long, conflicts_with = "dfu")]
     pub probe: bool,
-    /// Over the board's own USB connector, by the chip's bootloader
+    /// Use the board's own USB connector and the chip's bootloader
     #[arg(long)]
     pub dfu: bool,
     /// auto (the default), or the path of the board's serial port
     #[arg(long, value_name = "PORT")]
     pub port: Option<Target>,
-    /// Do not ask; the high-voltage supply is off
+    /// Confirm that the high-voltage supply is off, without a question
     #[arg(short, long)]
     pub yes: bool,
-    /// Also a step back in the protocol
+    /// Write the image even if its protocol version is older
     #[arg(long)]
     pub force: bool,
     /// Print JSON
@@ -33,7 +33,7 @@ pub struct Monitor {
     /// auto (the default), emulated, or the path of the board's serial port
     #[arg(long, value_name = "PORT", conflicts_with = "probe")]
     pub port: Option<Target>,
-    /// Through a debug probe, by the program probe-rs
+    /// Use a debug probe with the program probe-rs
     #[arg(long)]
     pub probe: bool,
     /// The image that the board runs [default: what `cargo xtask firmware` has built]

@@ -24,18 +24,18 @@ pub struct Field {
     /// Peak acceleration wanted, in g
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub intensity_g: Option<f64>,
-    /// Instead of a touch's field: at every point the strongest peak that can be had there, the contrast of the quietest
-    /// drive, and the frequencies for both
+    /// Instead of a touch's field: for every point, the strongest possible peak, the contrast of the quietest drive, and the
+    /// frequencies of both
     #[arg(long, conflicts_with_all = ["at", "intensity_g", "schemes"])]
     pub reach: bool,
-    /// Instead of a touch's field: the least peak anywhere with one frequency for all actuators, with phases, and with
-    /// distinct frequencies, side by side
+    /// Instead of a touch's field: compare the lowest peak on the surface for one frequency, for phases, and for distinct
+    /// frequencies
     #[arg(long, conflicts_with_all = ["at", "intensity_g"])]
     pub schemes: bool,
     /// For --reach and --schemes: a rectangle in mm instead of the whole surface; on a bar only x counts
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_corners, conflicts_with = "at", allow_hyphen_values = true)]
     pub zone: Option<Corners>,
-    /// For --schemes: acceleration counts in dB above the threshold of feeling at its frequency, instead of in g
+    /// For --schemes: use dB above the threshold of feeling at each frequency instead of g
     #[arg(long, conflicts_with_all = ["at", "reach"])]
     pub felt: bool,
     /// Lowest frequency for --reach and --schemes in Hz [default: all that the planner uses]
@@ -44,8 +44,8 @@ pub struct Field {
     /// Highest frequency for --reach and --schemes in Hz [default: all that the planner uses]
     #[arg(long, value_name = "F", conflicts_with = "at", allow_negative_numbers = true, value_parser = parse_finite)]
     pub to: Option<f64>,
-    /// For a touch: say what its drives do at the target where the panel is off, by default springs by 20 %, Young's modulus by 10 %, thickness by
-    /// 5 %, places by 1 mm; takes some seconds
+    /// For a touch: compute the effect of tolerances at the target, by default 20 % for springs, 10 % for Young's modulus, 5 % for
+    /// thickness, 1 mm for places; takes some seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
         default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, conflicts_with_all = ["reach", "schemes"])]
     pub spread: Option<Tolerances>,

@@ -175,7 +175,7 @@ fn state_text(answer: &Value) -> String {
         );
     }
     if device["waits_to_be_armed"] == true {
-        text.push_str("\nit was away, and nothing is driven until `era arm` arms it");
+        text.push_str("\nit had an outage, and nothing is driven until `era arm` arms it");
     }
     let clock = &device["clock"];
     if !clock.is_null() {
@@ -236,8 +236,8 @@ impl Contact {
     pub fn new(url: &str, ca: Option<&Path>, proxy: Option<&HostPort>, token: Option<String>) -> Result<Self, Failure> {
         if proxy.is_some() && token.is_some() && !url.starts_with("https://") {
             return Err(Failure::Usage(format!(
-                "with --proxy a token is sent over TLS only, as the proxy could read it otherwise: {url} is to be an address with \
-                 https://, or is asked without --proxy"
+                "with --proxy a token is sent over TLS only, because the proxy could read it otherwise: use an \
+                 https:// address in place of {url}, or omit --proxy"
             )));
         }
         let given = ca.map_or_else(
@@ -284,9 +284,9 @@ pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) ->
     let mut answer =
         sent.map_err(|error| match Trouble::of(&error, &daemon.url).told(&daemon.url, daemon.ca.is_some()) {
             Some((found, advice)) => Failure::failed(format!("{found}: {advice}")),
-            None => {
-                Failure::failed(format!("no answer from {url}: {error}. Does the daemon run? `era serve` starts it"))
-            }
+            None => Failure::failed(format!(
+                "no answer from {url}: {error}. Check that the daemon runs; `era serve` starts it"
+            )),
         })?;
     let status = answer.status();
     if status.is_redirection() {
@@ -295,7 +295,9 @@ pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) ->
         return Err(Failure::failed(format!("{found}: {advice}")));
     }
     let body: Value = answer.body_mut().read_json().map_err(|error| {
-        Failure::failed(format!("{url} answered {status}, but not with JSON ({error}): is it an era daemon?"))
+        Failure::failed(format!(
+            "{url} answered {status}, but not with JSON ({error}): check that this is the address of an era daemon"
+        ))
     })?;
     Ok(Answer { status: status.as_u16(), body })
 }
@@ -375,7 +377,7 @@ mod tests {
         let text = state_text(&state);
         assert!(text.contains("\n  left         off\n  (channel 2)  off; the scene has no actuator"), "{text}");
         assert!(text.contains("fault 0 (host-silent): Check the cable. `era clear` clears it\n"), "{text}");
-        assert!(text.contains("\nit was away, and nothing is driven until `era arm`"), "{text}");
+        assert!(text.contains("\nit had an outage, and nothing is driven until `era arm`"), "{text}");
     }
 
     #[test]

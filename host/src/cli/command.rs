@@ -52,18 +52,19 @@ pub enum Command {
     /// Ask a running daemon to switch everything off
     #[command(after_help = "Example:\n  era stop")]
     Stop(Daemon),
-    /// Ask a running daemon to clear its device's latched fault, once the cause is gone; nothing is armed
+    /// Ask a running daemon to clear its device's latched fault, once the cause is gone; this does not arm the device
     #[command(
         after_help = "Example:\n  era clear\n  era clear --url https://panel.local:7878 --ca era-cert.pem --token-file token"
     )]
     Clear(Daemon),
-    /// Ask a running daemon to arm its device ahead of a touch, or after it was away; it begins with its self-test
+    /// Ask a running daemon to arm its device before a touch or after an outage; this begins with the self-test
     #[command(after_help = "Example:\n  era arm")]
     Arm(Daemon),
     /// Show what a running daemon and its device are doing
     #[command(after_help = "Example:\n  era state --json")]
     State(Daemon),
-    /// Ask a running daemon for all that a recording (`era serve --record`) has, in its times, and compare the answers
+    /// Send the requests of a recording (`era serve --record`) to a running daemon again, at the recorded times, and compare
+    /// the answers
     #[command(after_help = "Example:\n  era serve --record day.jsonl\n  era replay day.jsonl --speed 4")]
     Replay(Replay),
     /// List a panel's modes: frequencies and damping ratios; write and draw their shapes
@@ -72,31 +73,31 @@ Examples:
   era modes --scene examples/scenes/bar.toml --max-hz 500 --tolerance 1e-6
   era modes --png modes.png --npy modes.npy        the shapes, as a picture and for NumPy")]
     Modes(Modes),
-    /// What a finger's press does to the gaps of actuators, and what voltage is still safe there
+    /// Show the effect of a finger's press on the gaps of actuators, and the voltage that is still safe
     #[command(after_help = "Example:\n  era press --scene examples/scenes/plate.toml --force-n 2")]
     Press(Press),
-    /// Acceleration at a point per newton at each actuator, over frequency
+    /// Compute the acceleration at a point per newton at each actuator, over frequency
     #[command(after_help = "Example:\n  era response --at 100,60 --from 50 --to 400 --step 2")]
     Response(Response),
-    /// Acceleration at every point of a grid per newton at each actuator, over frequency
+    /// Compute the acceleration at every point of a grid per newton at each actuator, over frequency
     #[command(after_help = "Example:\n  era sweep --from 50 --to 1000 --step 1 --grid 49,33 --npy plate.npy")]
     Sweep(Sweep),
-    /// Motion of a point after drives are switched on
+    /// Compute the motion of a point after drives are switched on
     #[command(
         after_help = "Example:\n  era transient --at 100,60 --drive left:120:0.1 --drive right:88:0.1:90 --duration 0.5 --csv -"
     )]
     Transient(Transient),
-    /// The drives for a touch, without driving anything
+    /// Plan the drives for a touch, without driving anything
     #[command(after_help = "\
 Examples:
   era plan --at 100,60 --unit mm --json
   era plan --at 480,640 --also 1500,700:0.3 --quiet 960,640:15:0.02    two targets, and a place to be spared
   era plan --at 480,640 --window 0-300 --also 1500,700:0.3:200-500     one after the other")]
     Plan(PlanOptions),
-    /// An effect at a point: what the board would play, and what the panel would do, without driving anything
+    /// Design an effect at a point and predict the motion of the panel, without driving anything
     #[command(after_help = "Example:\n  era effect click --at 100,60 --unit mm --intensity-g 0.5")]
     Effect(EffectOptions),
-    /// Peak acceleration over the surface for a touch, or what can be reached at all, as CSV or PNG
+    /// Compute the peak acceleration over the surface, for a touch or the largest possible, as CSV or PNG
     #[command(after_help = "\
 Examples:
   era field --at 480,640 --png map.png --csv map.csv
@@ -104,14 +105,14 @@ Examples:
   era field --schemes                     dead zones: one frequency, phases, distinct frequencies
   era field --schemes --from 124 --zone 0,0,150,200 --felt    of a band and a part of the surface, as it is felt")]
     Field(Field),
-    /// A design study: places, springs, materials varied, the best designs looked for and written as scenes
+    /// Run a design study: vary places, springs and materials, and write the best designs as scenes
     #[command(after_help = "\
 Examples:
   era study examples/studies/placement.toml              stopped with Ctrl-C, the same command goes on
   era study placement.toml --out results --shard 3/16    the third of 16 shares, for a job array
   era study placement.toml --out results --gather        when all shares are there")]
     Study(Study),
-    /// Compare predicted peaks with those that the simulated device measures
+    /// Compare predicted peaks with the peaks that the simulated device measures
     #[command(after_help = "Example:\n  era verify --scene examples/scenes/bar.toml --points 3")]
     Verify(Verify),
     /// Measure the time from a touch request to the last byte of its frame at the device
@@ -130,14 +131,14 @@ Examples:
   era flash firmware.elf --port /dev/ttyACM0 --dfu
   PROBE_RS_PROBE=0483:374e:0012 era flash --probe")]
     Flash(Flash),
-    /// Show the log of a board's firmware as it comes in
+    /// Show the log of a board's firmware continuously
     #[command(after_help = "\
 Examples:
   era monitor                             over the link of the board that is connected
   era monitor --port emulated             the firmware on the emulated board
   era monitor --probe                     through a debug probe (not yet tried on a real board)")]
     Monitor(Monitor),
-    /// Look for what keeps the daemon from the board, and say what to do; nothing is driven
+    /// Find problems with the board, the daemon and this machine, and say what to do; nothing is driven
     #[command(after_help = "\
 Examples:
   era doctor

@@ -16,7 +16,7 @@ pub struct Completions {
 
 #[derive(Clone, Debug, Args)]
 pub struct Man {
-    /// Write the pages of the program and of every command into this folder; without it, the program's own page is printed
+    /// Write the pages of the program and of every command into this folder [default: print the program's own page]
     #[arg(long, value_name = "DIR")]
     pub dir: Option<PathBuf>,
 }

@@ -98,7 +98,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "accuracy",
-        help: "How accurately it is modelled: fast, balanced or reference",
+        help: "Accuracy of the model: fast, balanced or reference",
         allowed: "\"fast\", \"balanced\" or \"reference\"",
         default: "balanced",
         example: "\"balanced\"",
@@ -111,7 +111,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "tolerance",
-        help: "The same as a relative tolerance, in place of accuracy",
+        help: "Relative tolerance of the model, in place of accuracy",
         allowed: "a number 1e-8 to 0.1",
         default: "that of accuracy",
         example: "1e-3",
@@ -126,7 +126,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "explain",
-        help: "Tell in the log what was modelled, and what each step cost",
+        help: "Log what was modelled, and the time of each step",
         allowed: "true or false",
         default: "false",
         example: "false",
@@ -153,7 +153,7 @@ pub const KEYS: &[Key] = &[
     Key {
         name: "device",
         help: "The device: auto for a board, the path of its serial port, emulated, or sim, which drives no board",
-        allowed: "\"sim\", \"emulated\", \"auto\" or the path of a serial port, as \"/dev/ttyACM0\"",
+        allowed: "\"sim\", \"emulated\", \"auto\" or the path of a serial port, such as \"/dev/ttyACM0\"",
         default: "sim",
         example: "\"auto\"",
         rival: None,
@@ -165,8 +165,8 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "listen",
-        help: "Address or name, and port, to listen on",
-        allowed: "an address or a name, and a port, as \"127.0.0.1:7878\", \"localhost:7878\" or \"[::1]:7878\"",
+        help: "Listening address or name, with a port",
+        allowed: "an address or a name, and a port, such as \"127.0.0.1:7878\", \"localhost:7878\" or \"[::1]:7878\"",
         default: DEFAULT_LISTEN,
         example: "\"127.0.0.1:7878\"",
         rival: None,
@@ -178,9 +178,9 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "socket",
-        help: "Socket in the file system to listen on as well, for this user alone; none for none",
+        help: "Additional Unix socket, for this user alone; none for no socket",
         allowed: "a path, or \"none\"",
-        default: "era.sock in $XDG_RUNTIME_DIR, where that is set",
+        default: "era.sock in $XDG_RUNTIME_DIR, if this variable is set",
         example: "\"none\"",
         rival: None,
         is_given: |serve| serve.socket.is_some(),
@@ -192,7 +192,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "token_file",
-        help: "File of tokens, a line ROLE SECRET each (view, touch or arm)",
+        help: "File of tokens, with lines ROLE SECRET (view, touch or arm)",
         allowed: "the path of a file",
         default: "none",
         example: "\"tokens\"",
@@ -205,7 +205,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "tls_cert",
-        help: "Certificate in PEM, to serve with TLS; with tls_key",
+        help: "Serve with TLS, with this certificate in PEM; needs tls_key",
         allowed: "the path of a file",
         default: "none",
         example: "\"tls_cert.pem\"",
@@ -218,7 +218,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "tls_key",
-        help: "Its private key in PEM",
+        help: "Private key of tls_cert, in PEM",
         allowed: "the path of a file",
         default: "none",
         example: "\"tls_key.pem\"",
@@ -231,7 +231,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "tls_dir",
-        help: "Folder with a certificate and key, made where there are none, to serve with TLS",
+        help: "Serve with TLS, with the certificate and key in this folder; the daemon makes them if there are none",
         allowed: "the path of a folder",
         default: "none",
         example: "\"tls\"",
@@ -244,8 +244,8 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "allow_origin",
-        help: "Other pages that may talk to the daemon",
-        allowed: "a list of origins, as [\"http://kiosk.example:8080\"]",
+        help: "Origins of other pages that may use the daemon",
+        allowed: "a list of origins, such as [\"http://kiosk.example:8080\"]",
         default: "none",
         example: "[\"http://kiosk.example:8080\"]",
         rival: None,
@@ -257,8 +257,8 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "allow_host",
-        help: "Other names by which the daemon may be called",
-        allowed: "a list of names, as [\"panel.local\"]",
+        help: "Other names that clients may use for the daemon",
+        allowed: "a list of names, such as [\"panel.local\"]",
         default: "none",
         example: "[\"panel.local\"]",
         rival: None,
@@ -270,7 +270,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "idle_s",
-        help: "Time without a touch in s after which the board is disarmed",
+        help: "Disarm the board after this time in s without a touch",
         allowed: "a number 0.1 to 3600",
         default: "5",
         example: "5",
@@ -284,7 +284,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "clear_silence",
-        help: "Let the next touch clear a latched silence of this host",
+        help: "Let the next touch clear the fault host-silent of this host",
         allowed: "true or false",
         default: "false",
         example: "false",
@@ -297,7 +297,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "after_outage",
-        help: "Who arms a board that was away: a person with `era arm`, or the next touch",
+        help: "Who arms the board after an outage: a person with `era arm`, or the next touch",
         allowed: "\"person\" or \"touch\"",
         default: "person",
         example: "\"person\"",
@@ -310,8 +310,8 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record",
-        help: "Where to write down what is asked and what becomes of it: a folder, for a file of each start, or a new file",
-        allowed: "the path of a folder that is there or ends in a slash, or of a new file",
+        help: "Where to record requests and their results: a folder, which gets a file for each start, or a new file",
+        allowed: "the path of an existing folder, of a folder with a slash at the end, or of a new file",
         default: "none",
         example: "\"records/\"",
         rival: None,
@@ -323,7 +323,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record_file_mb",
-        help: "Size in MB of a recording's file after which the next one is begun",
+        help: "Size in MB at which a recording begins its next file",
         allowed: "a number 1 to 1000000",
         default: "256",
         example: "256",
@@ -336,7 +336,7 @@ pub const KEYS: &[Key] = &[
     },
     Key {
         name: "record_total_mb",
-        help: "Size in MB of all files of a recording together: the oldest are removed",
+        help: "Size in MB of all files of a recording, at which the oldest is removed",
         allowed: "a number 1 to 1000000",
         default: "2000",
         example: "2000",

@@ -22,28 +22,28 @@ const CERTIFICATE: &str = "era-cert.pem";
 
 #[derive(Clone, Debug, Args)]
 pub struct Doctor {
-    /// The device that does not do as it should: auto, or the path of a serial port; sim and emulated need no hardware.
-    /// Without it a board is looked for by its USB identity, and no other port is written to
+    /// The device to check: auto, or the path of a serial port; sim and emulated need no hardware.
+    /// Without this option, the doctor looks for a board by its USB identity and writes to no other port
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<Target>,
-    /// The daemon's configuration file: it is checked, and its device and address are looked at
+    /// The daemon's configuration file; the doctor checks the file, its device and its address
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// A scene file to check
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
-    /// The daemon's address, as http://HOST:PORT, https://HOST:PORT or HOST:PORT [default: that of the configuration, or
+    /// The daemon's address: http://HOST:PORT, https://HOST:PORT or HOST:PORT [default: that of the configuration, or
     /// http://127.0.0.1:7878]
     #[arg(long, value_name = "URL", value_parser = parse_url)]
     pub url: Option<String>,
-    /// File with the token, where the daemon asks for one; the variable ERA_TOKEN does as well [default: that of the
+    /// File with the token, if the daemon needs one; the variable ERA_TOKEN has the same effect [default: that of the
     /// configuration]
     #[arg(long, value_name = "FILE")]
     pub token_file: Option<PathBuf>,
-    /// Certificate in PEM that the daemon's is to be trusted by [default: that of the configuration]
+    /// Trusted certificate in PEM for the connection to the daemon [default: that of the configuration]
     #[arg(long, value_name = "FILE")]
     pub ca: Option<PathBuf>,
-    /// Proxy that connects to the daemon (CONNECT), as http://HOST:PORT; without it there is none, whatever the environment names
+    /// Proxy that connects to the daemon (CONNECT), such as http://HOST:PORT; variables of the environment name no proxy
     #[arg(long, value_name = "URL", value_parser = parse_proxy)]
     pub proxy: Option<HostPort>,
     /// Print JSON
@@ -62,8 +62,8 @@ pub fn run(options: &Doctor) -> Outcome {
     }
     match problems {
         0 => Ok(()),
-        1 => Err(Failure::failed("1 problem; what to do is told with it")),
-        many => Err(Failure::failed(format!("{many} problems; what to do is told with each"))),
+        1 => Err(Failure::failed("1 problem; the line below it says what to do")),
+        many => Err(Failure::failed(format!("{many} problems; the line below each says what to do"))),
     }
 }
 

@@ -31,7 +31,7 @@ pub struct EffectOptions {
     /// The same as an option
     #[arg(long, value_name = "NAME", hide_possible_values = true)]
     pub effect: Option<NamedEffect>,
-    /// How long, in ms
+    /// Duration in ms
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     pub duration_ms: Option<f64>,
     #[command(flatten)]

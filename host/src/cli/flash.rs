@@ -31,7 +31,7 @@ enum Way {
 
 pub fn run(options: &Flash) -> Outcome {
     if matches!(options.port, Some(Target::Sim | Target::Emulated)) {
-        return Err(Failure::usage("only a board can be flashed: --port takes auto or the path of a serial port"));
+        return Err(Failure::usage("only a board can be flashed: use --port with auto or the path of a serial port"));
     }
     let path = options.image.clone().unwrap_or_else(default_path);
     let (image, _) = Image::read(&path).map_err(Failure::usage)?;
@@ -91,7 +91,7 @@ impl Job<'_> {
         let waiting = way == Way::Dfu && usb::find().map_err(Failure::failed)?.is_some();
         match &self.options.port {
             Some(_) if waiting => Err(Failure::failed(
-                "a board already waits in its bootloader: leave --port out to flash that one, or disconnect it",
+                "a board is already in its bootloader: omit --port to flash that board, or disconnect it",
             )),
             None if waiting => Ok(None),
             port => match Board::open(port.as_ref().unwrap_or(&Target::Auto)) {
@@ -112,7 +112,7 @@ impl Job<'_> {
             Some(board) => {
                 if probe.board_id().map_err(Failure::failed)? != board.identity.board_id {
                     return Err(Failure::failed(format!(
-                        "the probe is at another board than the one that answers at {}: nothing was changed",
+                        "the probe is connected to another board than the one that answers at {}: nothing was changed",
                         board.path()
                     )));
                 }
@@ -176,12 +176,12 @@ impl Job<'_> {
         if self.options.yes {
             return Ok(());
         }
-        let question = "The high-voltage supply must be off at its own switch: while it is flashed, the chip does not hold \
-                        the pins that disable it.";
+        let question = "The high-voltage supply must be off at its own switch: a chip that is being flashed does \
+                        not hold the pins that disable the supply.";
         if !std::io::stdin().is_terminal() {
-            return Err(Failure::usage(format!("{question} --yes says that it is off")));
+            return Err(Failure::usage(format!("{question} Use --yes if the supply is off")));
         }
-        eprint!("{question} Is it off? [y/N] ");
+        eprint!("{question} Is the supply off? [y/N] ");
         let mut answer = String::new();
         std::io::stderr().flush().map_err(Failure::failed)?;
         std::io::stdin().lock().read_line(&mut answer).map_err(Failure::failed)?;
@@ -200,8 +200,8 @@ impl Job<'_> {
                 Ok(true)
             }
             Ok(board) => Err(Failure::failed(format!(
-                "the image was written and read back, but the board at {} answers with {}: is it another board? Otherwise \
-                 power it down and up",
+                "the image was written and read back, but the board at {} answers with {}: check that it is the \
+                 same board, and if so power it down and up",
                 board.path(),
                 Version(board.identity.firmware)
             ))),

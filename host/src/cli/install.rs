@@ -22,7 +22,7 @@ pub enum Part {
 
 #[derive(Clone, Debug, Args)]
 pub struct Install {
-    /// A service of this user rather than of the machine; the udev rule, which needs root, is left out
+    /// Install a service of this user instead of the machine, without the udev rule, which needs root
     #[arg(long)]
     pub user: bool,
     /// Only one of the two files
@@ -37,7 +37,7 @@ pub struct Install {
     /// The group of users who may drive the board
     #[arg(long, value_name = "NAME", default_value = rule::GROUP, value_parser = parse_group)]
     pub group: String,
-    /// A group of users who may write the board's firmware besides root; without it root alone may
+    /// The group of users who may write the board's firmware [default: none; only root may]
     #[arg(long, value_name = "NAME", value_parser = parse_group)]
     pub flash_group: Option<String>,
     /// Write below this folder in place of /, for packages
@@ -78,7 +78,7 @@ pub fn run(options: &Install) -> Outcome {
         return Err(Failure::usage("udev rules and systemd units are for Linux"));
     }
     if options.user && options.only == Some(Part::Rule) {
-        return Err(Failure::usage("a udev rule holds for the whole machine: leave --user out"));
+        return Err(Failure::usage("a udev rule applies to the whole machine: omit --user"));
     }
     let config = config_path(options)?;
     let wanted = wanted(options, &config)?;
@@ -211,7 +211,7 @@ fn users_configuration() -> Result<PathBuf, Failure> {
     let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     folder("XDG_CONFIG_HOME")
         .or_else(|| folder("HOME").map(|home| home.join(".config")))
-        .ok_or_else(|| Failure::failed("neither XDG_CONFIG_HOME nor HOME names a folder: --root and --config do"))
+        .ok_or_else(|| Failure::failed("neither XDG_CONFIG_HOME nor HOME names a folder: use --root and --config"))
 }
 
 /// What will not work as it is.
@@ -238,14 +238,18 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
         }
         if let Some(path) = serve.record.as_ref().filter(|path| !Recorder::is_folder(path)) {
             tell!(
-                "record is the file {}, which is begun once and not written over: the service would not start a second time. A folder, with a slash at its \
-                 end, has a file for each start",
+                "record is the file {}, and a recording never replaces a file: the service would not start a \
+                 second time. Name a folder, with a slash at its end, which gets a file for each start",
                 path.display()
             );
         }
         for (key, path) in [("tls_dir", serve.tls_dir), ("record", serve.record)] {
             if let Some(path) = path.filter(|path| !path.starts_with(unit::STATE)) {
-                tell!("{key} is {}, where the service may not write: {} is its own", path.display(), unit::STATE);
+                tell!(
+                    "{key} is {}, where the service may not write: it may write below {}",
+                    path.display(),
+                    unit::STATE
+                );
             }
         }
     }
@@ -258,7 +262,7 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
         && is_build(&program)
     {
         tell!(
-            "{} is in a build's folder, whose next build replaces it and `cargo clean` removes it. Better:\n  \
+            "{} is in the folder of a build: the next build replaces it, and `cargo clean` removes it. Better:\n \
              sudo install -m 755 {} /usr/local/bin/\n  sudo /usr/local/bin/era install",
             program.display(),
             program.display()
@@ -266,8 +270,8 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
     }
     if !options.user && ["/root/", "/home/", "/tmp/"].iter().any(|private| run.contains(private)) {
         tell!(
-            "the service's own user may not reach {run}: put program and configuration where all can read them \
-             (/usr/local/bin, /etc/era), or use --user"
+            "the user of the service may not read {run}: put program and configuration where every user can read \
+             them (/usr/local/bin, /etc/era), or use --user"
         );
     }
 }

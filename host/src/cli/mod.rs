@@ -99,7 +99,7 @@ pub fn main() -> ExitCode {
             let wrong = error.get(clap::error::ContextKind::InvalidArg).map(ToString::to_string).unwrap_or_default();
             refuse(
                 &error,
-                &format!("Options come after a command; those of the daemon after `serve`: era serve {wrong} ..."),
+                &format!("Options follow a command. The options of the daemon follow `serve`: era serve {wrong} ..."),
             );
         }
         refuse(&error, "")
@@ -114,7 +114,7 @@ pub fn main() -> ExitCode {
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
         let what = panic.payload_as_str().unwrap_or("no message").lines().next().unwrap_or_default();
         // Where standard error is closed (`2>&1 | head`) that is the panic, and another one would end in an abort.
-        told::tell_error(&format!("this is a mistake in era itself{place}: {what}; please report it with the scene"));
+        told::tell_error(&format!("this is a defect of era itself{place}: {what}; please report it with the scene"));
     }));
     // A panic is a defect, but never a status that scripts do not know, nor a page of frames for the user.
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(arguments, started)));

@@ -33,8 +33,8 @@ pub fn run(options: &Monitor) -> Outcome {
     tracing::info!("log of firmware {} at {}", Version(running), board.path());
     if running != image.header.firmware {
         tracing::warn!(
-            "{} is {}, the board runs {}: lines may be missing or wrong; --elf names the right image, or era flash writes \
-             this one",
+            "{} is {}, but the board runs {}: lines may be missing or wrong; name the right image with --elf, or \
+             write this image with era flash",
             path.display(),
             Version(image.header.firmware),
             Version(running)
@@ -65,7 +65,7 @@ fn taken(target: &Target) -> Option<String> {
     let holders = machine::holders(Path::new("/"), &port);
     let names: Vec<String> = holders.iter().map(|it| format!("{} (process {})", it.name, it.pid)).collect();
     let advice = if holders.iter().any(|holder| holder.name == "era") {
-        "a daemon has its board's port for itself: end it first (`systemctl stop era`, if it is the service)"
+        "a daemon needs the port of its board alone: end the daemon first (`systemctl stop era`, if it is the service)"
     } else {
         "end that program first"
     };

@@ -31,9 +31,7 @@ async fn tick(period: Duration, is_alive: impl Fn() -> bool, tell: impl Fn()) {
         if alive {
             tell();
         } else if was_alive {
-            tracing::error!(
-                "the device session has ended: the service manager is no longer told that the daemon is well"
-            );
+            tracing::error!("the device session has ended: the service manager gets no more signs of life");
         }
         was_alive = alive;
     }
@@ -41,7 +39,7 @@ async fn tick(period: Duration, is_alive: impl Fn() -> bool, tell: impl Fn()) {
 
 fn send(state: &[NotifyState<'_>]) {
     if let Err(error) = sd_notify::notify(state) {
-        tracing::warn!(%error, "the service manager cannot be told");
+        tracing::warn!(%error, "the service manager cannot be notified");
     }
 }
 

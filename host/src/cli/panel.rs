@@ -103,14 +103,11 @@ pub fn bound_text(bound: Bound) -> String {
 /// Says on standard error why bounds are missing, and where they are above what was asked for.
 pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
     if let Some(reason) = bounds.iter().find_map(|bound| bound.reason()) {
-        tell!("no bound is known (error_bound is null) because {reason}");
+        tell!("no bound is known (error_bound is null), because {reason}");
     }
     let largest = bounds.iter().filter_map(|bound| bound.value()).fold(0.0, f64::max);
     if accuracy.time().is_none() && largest > accuracy.value() {
-        tell!(
-            "error_bound {largest:.1e} is above the tolerance {:.1e}, and the finest meshes did not bring it down",
-            accuracy.value()
-        );
+        tell!("error_bound {largest:.1e} is above the tolerance {:.1e}, even with the finest meshes", accuracy.value());
     }
 }
 
@@ -119,19 +116,20 @@ pub fn tell_missing(bounds: &[Bound], accuracy: Accuracy) {
 pub fn tell_plan(plans: &[&Plan], accuracy: Accuracy, explain: bool) {
     if plans.iter().any(|plan| plan.error_bound.is_none()) {
         tell!(
-            "no bound is known (error_bound is null): nothing moves at the target, or the three meshes of the plan do not agree yet (another --tolerance \
-             takes others), or the panel's model has none (see `era response`)"
+            "no bound is known (error_bound is null): nothing moves at the target, or the three meshes of the \
+             plan do not agree (another --tolerance uses other meshes), or the model of the panel has no bound \
+             (see `era response`)"
         );
     }
     let tolerance = accuracy.value();
     let Some(largest) = plans.iter().filter_map(|plan| plan.error_bound).reduce(f64::max) else { return };
     if largest > tolerance {
         tell!(
-            "error_bound {largest:.1e} of the target's peak is above the tolerance {tolerance:.1e}: a plan is made on the mesh \
-             that usually meets it; a tighter --tolerance takes a finer one, as far as there are finer ones"
+            "error_bound {largest:.1e} of the target's peak is above the tolerance {tolerance:.1e}: a plan uses \
+             the mesh that usually meets the tolerance; a smaller --tolerance uses a finer mesh, if there is one"
         );
     } else if explain {
-        tell!("tolerance {tolerance:.0e} met: the target's peak is right to {largest:.0e}");
+        tell!("tolerance {tolerance:.0e} met: the relative error of the target's peak is at most {largest:.0e}");
     }
 }
 
@@ -295,7 +293,7 @@ fn tell_finger(panel: &Panel, scene: &Scene) {
     if let Some(Finger { mass_kg, damping_n_s_per_m, stiffness_n_per_m }) = scene.finger.filter(|_| panel.explain) {
         let mass_g = mass_kg * 1e3;
         tell!(
-            "a finger of {mass_g} g, {damping_n_s_per_m} N s/m and {stiffness_n_per_m} N/m is on the place asked for"
+            "a finger of {mass_g} g, {damping_n_s_per_m} N s/m and {stiffness_n_per_m} N/m is on the requested place"
         );
     }
 }

@@ -34,7 +34,7 @@ pub struct PlanOptions {
     pub keep: Keep,
     #[command(flatten)]
     pub at: At,
-    /// The same in dB above the threshold of feeling; for targets of --also without a peak of their own as well
+    /// The same in dB above the threshold of feeling; also for targets of --also without their own peak
     #[arg(long, value_name = "DB", allow_negative_numbers = true, conflicts_with = "intensity_g", help_heading = TOUCH)]
     pub intensity_db: Option<f64>,
     #[command(flatten)]
@@ -42,8 +42,8 @@ pub struct PlanOptions {
     /// For --objective reach: a rectangle in mm instead of the whole surface; on a bar only x counts
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = parse_corners, allow_hyphen_values = true, help_heading = PLANNER)]
     pub zone: Option<Corners>,
-    /// Say what the plan does where the panel is off, by default springs by 20 %, Young's modulus by 10 %, thickness by 5 %, places by 1 mm;
-    /// takes some seconds
+    /// Compute the effect of tolerances on the plan, by default 20 % for springs, 10 % for Young's modulus, 5 % for thickness,
+    /// 1 mm for places; takes some seconds
     #[arg(long, alias = "tolerances", value_name = "SPRINGS,MODULUS,THICKNESS,MM", num_args = 0..=1, require_equals = true,
         default_missing_value = "0.2,0.1,0.05,1", value_parser = parse_tolerances, help_heading = PLANNER)]
     pub spread: Option<Tolerances>,
@@ -108,8 +108,8 @@ pub fn run(options: &PlanOptions) -> Outcome {
 fn table(scene: &Scene, options: &PlanOptions, request: &Request, is_in_stretches: bool) -> Result<PlanTable, Failure> {
     let PlanOptions { panel, keep, .. } = options;
     if scene.finger.is_some() && is_in_stretches {
-        let advice = "time windows do not go with the scene's [finger], which would come and go";
-        return Err(Failure::usage(format!("{advice}: leave out one of the two")));
+        let advice = "time windows cannot be combined with the scene's [finger], which would come and go";
+        return Err(Failure::usage(format!("{advice}: omit one of the two")));
     }
     if scene.finger.is_some() && request.objective == Objective::Reach {
         tell!("the scene's [finger] is left out: the objective reach is one setting for touches of any place");
@@ -286,7 +286,7 @@ fn plan_text(text: &mut String, plan: &Plan) {
         predicted.target_peak_g, predicted.mean_elsewhere_g, predicted.contrast_db
     );
     if let Some(bound) = plan.error_bound {
-        let _ = write!(text, " (the target's peak is right to {bound:.0e})");
+        let _ = write!(text, " (error at the target at most {bound:.0e})");
     }
     if plan.targets.len() > 1 {
         for target in &plan.targets {
@@ -330,15 +330,15 @@ fn level(db: Option<f64>, threshold: &str) -> String {
 const HARMONICS_PART: f64 = 1e-9;
 
 fn details_text(text: &mut String, plan: &Plan, details: &Report) {
-    let _ = write!(text, "\nwith the masses moving: {:.3} g", plan.predicted.softened_peak_g);
+    let _ = write!(text, "\nwith moving masses: {:.3} g at the target", plan.predicted.softened_peak_g);
     let _ = write!(text, ", {}", level(plan.predicted.above_threshold_db, "the threshold of feeling"));
     let _ = write!(text, "; with harmonics at most {:.3} g", details.waveform_peak_g);
     // Less is rounding.
     if details.harmonics_g > HARMONICS_PART * details.waveform_peak_g {
-        let _ = write!(text, " (the strongest {}", level(details.strongest_harmonic_db, "its threshold"));
+        let _ = write!(text, " (the strongest harmonic is {}", level(details.strongest_harmonic_db, "its threshold"));
         match details.harmonics_error_bound {
-            Some(bound) => _ = write!(text, "; theirs within {:.1e} of it)", bound),
-            None => text.push_str("; how wrong theirs may be is not known)"),
+            Some(bound) => _ = write!(text, "; relative error of the harmonics at most {:.1e})", bound),
+            None => text.push_str("; the error of the harmonics is not known)"),
         }
     }
     times_text(text, &details.times);
@@ -348,10 +348,14 @@ fn details_text(text: &mut String, plan: &Plan, details: &Report) {
         } else {
             format!("{:.2} % better", 100.0 * plan.optimality_gap)
         };
-        let what = if plan.limited_by.is_some() { "what it reaches" } else { "what it moves, or takes, elsewhere" };
-        let _ = write!(text, "\nnot proven: another combination could be up to {more}, in {what}");
+        let what = if plan.limited_by.is_some() {
+            "the intensity at the target"
+        } else {
+            "the motion elsewhere, or the power"
+        };
+        let _ = write!(text, "\nnot proven: another combination of frequencies could be up to {more} in {what}");
     } else {
-        text.push_str("\nproven: no other frequencies of the grid, one for each actuator and 20 Hz apart, are better");
+        text.push_str("\nproven: no other frequencies of the grid are better (one for each actuator, 20 Hz apart)");
     }
 }
 
@@ -359,7 +363,7 @@ fn times_text(text: &mut String, times: &Times) {
     let ms = |time: Option<f64>| time.map_or_else(|| String::from("never"), |ms| format!("after {ms:.0} ms"));
     let _ = write!(
         text,
-        "\nonce the rails are up 90 % of it {}, down to 10 % {}",
+        "\nafter the rails are up: 90 % of the peak {}; after the end: 10 % {}",
         ms(times.reaches_90_ms),
         ms(times.decays_to_10_ms)
     );
@@ -368,9 +372,9 @@ fn times_text(text: &mut String, times: &Times) {
 fn trade_text(text: &mut String, trade: Option<&Trade>) {
     let Some(trade) = trade else { return };
     let list = |values: &[f64]| values.iter().map(|g| format!("{g:.3}")).collect::<Vec<_>>().join("  ");
-    let _ = write!(text, "\nalone each target gets: {} g", list(&trade.alone_g));
+    let _ = write!(text, "\npeaks if each target is the only one: {} g", list(&trade.alone_g));
     for curve in &trade.targets {
-        let _ = write!(text, "\ntarget {} against the others, peaks of all in g:", curve.target + 1);
+        let _ = write!(text, "\ntarget {} weighed against the others, peaks of all targets in g:", curve.target + 1);
         for point in &curve.points {
             let parts = format!("{:4.0} %, others {:5.1} %", 100.0 * point.part, 100.0 * point.others_part);
             let _ = write!(text, "\n  {parts}:  {}", list(&point.peaks_g));
@@ -378,7 +382,7 @@ fn trade_text(text: &mut String, trade: Option<&Trade>) {
     }
     for (i, point) in trade.quiet.iter().enumerate() {
         if i == 0 {
-            text.push_str("\nthe targets, by what the quiet zones allow:");
+            text.push_str("\npeaks of the targets, for different limits of the quiet zones:");
         }
         let zones = point.at_most_g.as_ref().map_or_else(|| "anything".into(), |g| format!("{} g", list(g)));
         let _ = write!(text, "\n  {zones}:  {} g, {:.1} % of the wishes", list(&point.peaks_g), 100.0 * point.part);

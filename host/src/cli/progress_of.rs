@@ -118,7 +118,7 @@ pub fn stop_on_signals() -> Arc<AtomicBool> {
         let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
         runtime.block_on(async { shutdown(EndSignals::listen()).await });
         flag.store(true, Ordering::Relaxed);
-        tell!("stopping when the chunks that have begun are done; once more ends at once, which loses these only");
+        tell!("stopping after the chunks that have begun; a second Ctrl-C ends at once and loses these chunks only");
         runtime.block_on(async { shutdown(EndSignals::listen()).await });
         standard_error::await_written();
         std::process::exit(1);

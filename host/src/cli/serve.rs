@@ -22,7 +22,7 @@ use tokio::net::TcpListener;
 /// Name of the daemon's socket in the user's folder for such.
 const SOCKET: &str = "era.sock";
 /// What can be recorded to.
-const NEW_RECORD: &str = "a new file is wanted, or a folder (with a slash at its end) for a file of each start";
+const NEW_RECORD: &str = "name a new file, or a folder (with a slash at its end), which gets a file for each start";
 /// Where the first plan is tried, in parts of the way to the screen's middle.
 const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 
@@ -60,8 +60,8 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     let table = prepared.table;
     if table.scene.finger.is_some() {
         tracing::warn!(
-            "the scene's [finger] is in no plan of the daemon: what it drives has to be safe when the finger is lifted; \
-             `era plan` and `era field` have it"
+            "the daemon's plans ignore the scene's [finger], because a drive must be safe when the finger is \
+             lifted; `era plan` and `era field` include it"
         );
     }
     let target = options.device.clone().unwrap_or(Target::Sim);
@@ -87,10 +87,7 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         scene.name
     );
     if let Some(file) = &options.token_file {
-        tracing::info!(
-            "a browser opens it with #token=TOKEN at the address's end, TOKEN being one of {}",
-            file.display()
-        );
+        tracing::info!("a browser needs #token=TOKEN at the end of the address, with a token of {}", file.display());
     }
     if target == Target::Sim && options.device.is_none() {
         match &options.config {
@@ -218,13 +215,13 @@ pub fn mistakes(options: &Serve) -> Vec<(&'static str, String)> {
         (Some(path), None) => {
             all.push((
                 "tls_cert",
-                format!("tls_cert is {}, and wants tls_key as well: its private key", path.display()),
+                format!("tls_cert is {}, and needs tls_key as well: its private key", path.display()),
             ));
         }
         (None, Some(path)) => {
             all.push((
                 "tls_key",
-                format!("tls_key is {}, and wants tls_cert as well: its certificate", path.display()),
+                format!("tls_key is {}, and needs tls_cert as well: its certificate", path.display()),
             ));
         }
         _ => {}
@@ -272,7 +269,9 @@ fn unrecordable(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let shown = path.display();
     if path.exists() && !era_files::has_no_records(path) {
-        return Some(format!("record is {shown}, which is there and is not written over: {NEW_RECORD}"));
+        return Some(format!(
+            "record is {shown}, which exists already, and a recording never replaces a file: {NEW_RECORD}"
+        ));
     }
     let lacking = folder.filter(|folder| !folder.is_dir())?;
     Some(format!("record is {shown}, but there is no folder {}: {NEW_RECORD}", lacking.display()))
@@ -283,7 +282,7 @@ fn listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) -> Resu
     let tls = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => {
             let files = TlsFiles { certificate: certificate.clone(), key: key.clone() };
-            tell_lacking(&files, &options.allow_host, "clients that call the daemon so need one that names it");
+            tell_lacking(&files, &options.allow_host, "clients that use this name need a certificate with it");
             if files.is_nameless() {
                 tracing::warn!(
                     "{} names no host (subjectAltName): `era --ca` takes it, but browsers and other clients refuse it",
@@ -298,8 +297,8 @@ fn listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) -> Resu
             names.extend((!is_every).then(|| place.host().to_owned()));
             let files = first_certificate(folder, &names).map_err(refused)?;
             let advice = format!(
-                "it stays, as clients trust it; to have another one made, move era-cert.pem and era-key.pem out of {}, \
-                 restart, and give every client the new era-cert.pem",
+                "it is kept, because clients trust it; for another certificate, move era-cert.pem and \
+                 era-key.pem out of {}, restart, and give the new era-cert.pem to every client",
                 folder.display()
             );
             tell_lacking(&files, &names, &advice);
@@ -330,7 +329,7 @@ fn listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) -> Resu
 fn tell_lacking(files: &TlsFiles, names: &[String], advice: &str) {
     let lacking = lacking(files, names);
     if !lacking.is_empty() {
-        tracing::warn!("{} is not made out to {}: {advice}", files.certificate.display(), lacking.join(", "));
+        tracing::warn!("{} does not contain {}: {advice}", files.certificate.display(), lacking.join(", "));
     }
 }
 
@@ -385,7 +384,7 @@ fn warm_up(app: &Arc<App>) {
         tracing::debug!("reach prepared in {:.0} ms", ms(started.elapsed()));
     });
     if let Err(error) = started {
-        tracing::debug!(%error, "the first request for reach will prepare it itself");
+        tracing::debug!(%error, "the first request for reach will prepare it");
     }
 }
 
@@ -409,7 +408,7 @@ async fn stop(app: Weak<App>) {
     if let Some(app) = app.upgrade()
         && let Err(error) = app.stop().await
     {
-        tracing::warn!(%error, "could not stop the device before the process is suspended; its dead-man timer does it");
+        tracing::warn!(%error, "could not stop the device before the process is suspended; its dead-man timer stops it");
     }
 }
 

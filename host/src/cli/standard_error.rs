@@ -38,7 +38,7 @@ fn write_all(waiting: &Receiver<Text>) {
                 let lost = LOST.swap(0, Ordering::Relaxed);
                 // That it is closed can be told nobody.
                 if lost > 0 {
-                    let _ = writeln!(out, "(standard error took nothing for a while: {lost} lines are lost)");
+                    let _ = writeln!(out, "(standard error accepted no text for a while: {lost} lines are lost)");
                 }
                 let _ = out.write_all(&bytes);
             }

@@ -22,7 +22,7 @@ impl From<FolderError> for Failure {
         match error {
             FolderError::Other { .. } => Failure::usage(error),
             FolderError::Io { .. } => Failure::failed(format!(
-                "{error}; what was computed before is kept, and the same command goes on from there"
+                "{error}; the results so far are kept, and the same command continues from them"
             )),
         }
     }
@@ -73,20 +73,20 @@ pub fn run(options: &Options) -> Outcome {
             Err(RunError::Folder(error)) => return Err(error.into()),
             Ok(Stopped::Early) => {
                 return Err(Failure::failed(format!(
-                    "stopped: {there} of {all} designs are in {}; the same command goes on from there",
+                    "stopped: {there} of {all} designs are in {}; the same command continues from them",
                     path.display()
                 )));
             }
             Ok(Stopped::Done) if !shard.is_all() && all == 0 => {
                 return print_text(&format!(
-                    "{}: share {shard} has nothing to do, as the study has fewer chunks (searches, for an evolution) than there are shares: \
-                     with a smaller `chunk`, or more `runs`, in [method] it has more",
+                    "{}: share {shard} has nothing to do, because the study has fewer chunks (searches, for an \
+                     evolution) than shares: set a smaller `chunk`, or more `runs`, in [method]",
                     study.spec.name
                 ));
             }
             Ok(Stopped::Done) if !shard.is_all() => {
                 return print_text(&format!(
-                    "{}: share {shard} is in {}, {all} designs; when all shares are, `--gather` makes the results",
+                    "{}: share {shard} is in {}, {all} designs; when all shares are there, `--gather` makes the results",
                     study.spec.name,
                     path.display()
                 ));
@@ -95,9 +95,9 @@ pub fn run(options: &Options) -> Outcome {
         }
     }
     let halt = || stops.load(std::sync::atomic::Ordering::Relaxed);
-    let written = super::progress::with_progress("computing the finalists anew", || write(&study, &folder, &halt))?;
+    let written = super::progress::with_progress("computing the finalists again", || write(&study, &folder, &halt))?;
     let Some(written) = written else {
-        return Err(Failure::failed("stopped while the finalists were computed anew; the same command goes on"));
+        return Err(Failure::failed("stopped while the finalists were computed again; the same command continues"));
     };
     if options.json {
         return print_json(&written.summary(&study, &path));

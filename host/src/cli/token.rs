@@ -17,14 +17,14 @@ pub fn read_token(file: Option<&Path>) -> Result<Option<String>, Failure> {
     let wrong = |what: String| Failure::Usage(format!("{}: {what}", path.display()));
     let text = private_file::read(path).map_err(wrong)?;
     let token = find_token(&text).map_err(wrong)?;
-    token.map(Some).ok_or_else(|| wrong("there is no token in it: a line with a secret is wanted".into()))
+    token.map(Some).ok_or_else(|| wrong("it contains no token: it must have a line with a secret".into()))
 }
 
 /// That of the variable; one that is set to nothing is none.
 fn token_of_variable() -> Result<Option<String>, Failure> {
     let Some(value) = std::env::var_os(TOKEN_VARIABLE) else { return Ok(None) };
     let wrong = |what: &str| Failure::Usage(format!("the variable {TOKEN_VARIABLE}: {what}"));
-    let text = value.into_string().map_err(|_| wrong("it is no text in UTF-8"))?;
+    let text = value.into_string().map_err(|_| wrong("it is not UTF-8 text"))?;
     find_token(text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&text)).map_err(|what| wrong(&what))
 }
 
@@ -36,7 +36,7 @@ fn find_token(text: &str) -> Result<Option<String>, String> {
     match token.chars().enumerate().find(|(_, c)| !c.is_ascii_graphic()) {
         None => Ok(Some(token.to_owned())),
         Some((i, c)) => Err(format!(
-            "character {} of the token is {}, and tokens have letters, digits, '-', '_', '.' and '~' only",
+            "character {} of the token is {}, but tokens have letters, digits, '-', '_', '.' and '~' only",
             i + 1,
             c.escape_unicode()
         )),

@@ -50,12 +50,12 @@ pub fn parse_finite(text: &str) -> Result<f64, String> {
 
 /// Names of files are refused before anything is computed.
 pub fn parse_npy(text: &str) -> Result<PathBuf, String> {
-    named(text, "npy", "arrays are NumPy's, and the name has to end in .npy")
+    named(text, "npy", "arrays are NumPy files: the name must end in .npy")
 }
 
 /// The extension says of what type a picture is.
 pub fn parse_png(text: &str) -> Result<PathBuf, String> {
-    named(text, "png", "pictures are PNG, and the name has to end in .png")
+    named(text, "png", "pictures are PNG files: the name must end in .png")
 }
 
 fn named(text: &str, extension: &str, otherwise: &str) -> Result<PathBuf, String> {
@@ -87,8 +87,8 @@ pub fn parse_url(text: &str) -> Result<String, String> {
         .find_map(|(sign, part)| rest.contains(*sign).then_some(*part))
     {
         return Err(format!(
-            "the daemon's address is http://HOST:PORT, with a path where it is behind another server: {part} does not belong to it (a token \
-             is given with --token-file or ERA_TOKEN)"
+            "the daemon's address has the form http://HOST:PORT, with a path if the daemon is behind another \
+             server: {part} is not part of an address (use --token-file or ERA_TOKEN for a token)"
         ));
     }
     let rest = rest.trim_end_matches('/');
@@ -113,7 +113,7 @@ pub fn parse_proxy(text: &str) -> Result<HostPort, String> {
     const SCHEME: &str = "http://";
     let has_scheme = text.get(..SCHEME.len()).is_some_and(|first| first.eq_ignore_ascii_case(SCHEME));
     let rest = if has_scheme { text.get(SCHEME.len()..).unwrap_or_default() } else { text };
-    rest.trim_end_matches('/').parse().map_err(|error| format!("a proxy is named as http://HOST:PORT: {error}"))
+    rest.trim_end_matches('/').parse().map_err(|error| format!("a proxy has the form http://HOST:PORT: {error}"))
 }
 
 /// What may be off: springs, Young's modulus and thickness by parts of themselves, places by mm.

@@ -10,22 +10,22 @@ use clap::Args;
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = PLANNER)]
 pub struct Wishes {
-    /// When the target is wanted, in ms from the beginning [default: as long as any other]
+    /// Time window of the target, in ms from the beginning [default: the whole time]
     #[arg(long, value_name = "FROM-TO", value_parser = parse_window)]
     pub window: Option<Window>,
-    /// Another target, its peak in g, and when it is wanted; several times for several
+    /// Another target, with its peak in g and its time window; can be repeated
     #[arg(long, value_name = "X,Y[:G[:FROM-TO]]", value_parser = parse_also, allow_hyphen_values = true)]
     pub also: Vec<Also>,
-    /// A place to be spared, its radius in mm and the most peak acceleration there in g; several times for several
+    /// A quiet zone, with its radius in mm and its largest peak acceleration in g; can be repeated
     #[arg(long, value_name = "X,Y:MM:G", value_parser = parse_quiet, allow_hyphen_values = true)]
     pub quiet: Vec<Spared>,
-    /// What is made least, or most
+    /// What the planner optimises
     #[arg(long, value_enum, default_value_t)]
     pub objective: Objective,
     /// Which actuators share a frequency
     #[arg(long, value_enum, default_value_t)]
     pub grouping: Grouping,
-    /// How accelerations of different frequencies count: with `felt` as they are felt, 1 g at 150 Hz as 1 g
+    /// How accelerations of different frequencies count; `felt` weighs them by sensitivity, with 1 g at 150 Hz as 1 g
     #[arg(long, value_enum, default_value_t)]
     pub weigh: Weigh,
 }

@@ -97,13 +97,13 @@ impl FromStr for HostPort {
 
     fn from_str(text: &str) -> Result<Self, String> {
         const WANTED: &str =
-            "an address or a name and a port are wanted, as 127.0.0.1:7878, localhost:7878 or [::1]:7878";
+            "it must be an address or a name, and a port, such as 127.0.0.1:7878, localhost:7878 or [::1]:7878";
         let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
         if let Some((scheme, _)) = text.split_once("://") {
             return Err(format!("it begins with {scheme}://, which does not belong here: {WANTED}"));
         }
         if text.starts_with("unix:") || text.starts_with('/') {
-            return Err(format!("a socket in the file system is given with --socket; here {WANTED}"));
+            return Err(format!("use --socket for a socket in the file system; here {WANTED}"));
         }
         if is_number(text) {
             return Err(format!(
@@ -114,7 +114,7 @@ impl FromStr for HostPort {
             let (host, behind) = rest.split_once(']').ok_or_else(|| format!("its bracket is not closed: {WANTED}"))?;
             // What is behind `%` is the name of an interface.
             let (ip, _) = host.split_once('%').unwrap_or((host, ""));
-            ip.parse::<Ipv6Addr>().map_err(|_| format!("[{host}] is no address of IPv6: {WANTED}"))?;
+            ip.parse::<Ipv6Addr>().map_err(|_| format!("[{host}] is not an IPv6 address: {WANTED}"))?;
             (host, behind.strip_prefix(':').ok_or_else(|| format!("it has no port: [{host}]:7878"))?)
         } else {
             let (host, port) = text.rsplit_once(':').ok_or_else(|| match text {
@@ -122,14 +122,15 @@ impl FromStr for HostPort {
                 _ => format!("it has no port: {text}:7878"),
             })?;
             if host.contains(':') {
-                return Err(format!("an address of IPv6 stands in brackets before its port: {WANTED}"));
+                return Err(format!("an IPv6 address needs brackets before its port: {WANTED}"));
             }
             (host, port)
         };
         let number = port.parse::<u16>().ok().filter(|_| is_number(port));
-        let number = number.ok_or_else(|| format!("{port:?} is no port: a whole number from 0 to 65535 is wanted"))?;
+        let number =
+            number.ok_or_else(|| format!("{port:?} is not a port: it must be a whole number from 0 to 65535"))?;
         match host {
-            "" => return Err(format!("it has no address before its port: 127.0.0.1{text}, say")),
+            "" => return Err(format!("it has no address before its port; for example 127.0.0.1{text}")),
             "*" => {
                 return Err(format!(
                     "all addresses of this machine are 0.0.0.0:{number} (IPv4) or [::]:{number} (with IPv6)"
@@ -139,11 +140,11 @@ impl FromStr for HostPort {
         }
         let is_numeric = host.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
         if is_numeric && host.parse::<Ipv4Addr>().is_err() {
-            return Err(format!("{host} is no address of IPv4, which has four numbers from 0 to 255"));
+            return Err(format!("{host} is not an IPv4 address, which has four numbers from 0 to 255"));
         }
         let is_of_name = |c: char| c.is_ascii_alphanumeric() || "-_.:%".contains(c);
         if !host.chars().all(is_of_name) {
-            return Err(format!("{host:?} is no name of a machine: letters, digits, '-' and '.' are"));
+            return Err(format!("{host:?} is not the name of a machine: a name has letters, digits, '-' and '.' only"));
         }
         Ok(Self::new(host, number))
     }

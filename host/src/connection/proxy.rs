@@ -41,8 +41,8 @@ pub fn open_tunnel(proxy: &HostPort, target: &HostPort) -> io::Result<TcpStream>
     let status = first.strip_prefix("HTTP/1.").and_then(|rest| rest.split(' ').nth(1)?.parse::<u16>().ok());
     match status {
         Some(200..300) => Ok(stream),
-        Some(407) => Err(told(format!("asks for a password (407) before it connects to {target}, and era sends none"))),
-        Some(status) => Err(told(format!("answers {status} when it is to connect to {target}"))),
-        None => Err(told(format!("gave no answer of a proxy when it was to connect to {target}"))),
+        Some(407) => Err(told(format!("needs a password (407) to connect to {target}, and era sends no password"))),
+        Some(status) => Err(told(format!("answers {status} to the request to connect to {target}"))),
+        None => Err(told(format!("did not answer like a proxy to the request to connect to {target}"))),
     }
 }

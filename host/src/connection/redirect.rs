@@ -5,8 +5,8 @@
 #[must_use]
 pub fn describe_redirect(url: &str, path: &str, status: u16, location: Option<&str>) -> (String, String) {
     let Some(location) = location else {
-        let found = format!("{url}{path} answers {status} (elsewhere) without saying where, so nothing was done");
-        return (found, "a daemon does not answer so: see what is at --url".into());
+        let found = format!("{url}{path} answers {status} (a redirect) without a new address, so nothing was done");
+        return (found, "a daemon does not answer in this way: check the address of --url".into());
     };
     let new = resolve_location(&format!("{url}{path}"), location);
     let found = format!(
@@ -15,14 +15,15 @@ pub fn describe_redirect(url: &str, path: &str, status: u16, location: Option<&s
     let (without_query, _) = new.split_once(['?', '#']).unwrap_or((&new, ""));
     let advice = match without_query.strip_suffix(path) {
         Some(base) if base == url.trim_end_matches('/') => {
-            "that is the address that was asked: a daemon does not answer so, see what is at --url".into()
+            "this is the address of the request itself, and a daemon does not answer in this way: check the address of --url"
+                .into()
         }
         // An address of a live socket is given as that of the daemon.
         Some(base) => format!(
-            "if that is the daemon's, give --url {}",
+            "if this is the daemon's address, use --url {}",
             base.replacen("ws", "http", usize::from(base.starts_with("ws")))
         ),
-        None => "that is no address of a daemon: see what is at --url".into(),
+        None => "this is not the address of a daemon: check the address of --url".into(),
     };
     (found, advice)
 }

@@ -17,11 +17,12 @@ pub enum LinkError {
     #[error(transparent)]
     Port(#[from] super::port::PortError),
     /// The emulator has ended, and does not start again.
-    #[error("{0}; it is tried again")]
+    #[error("{0}; the daemon tries again")]
     Emulator(String),
     /// Nothing, or nothing readable, came back.
     #[error(
-        "the device gave no readable answer to {request}, which was sent {attempts} times in {waited:.0?}. Is it an ERA board, and is another program using its port?"
+        "the device gave no readable answer to {request}, which was sent {attempts} times in {waited:.0?}. Check \
+         that it is an ERA board, and that no other program uses its port"
     )]
     Silent {
         /// The request's name.
@@ -32,15 +33,17 @@ pub enum LinkError {
         attempts: u32,
     },
     /// The port takes no bytes: the board hangs, or its USB controller does.
-    #[error("the device's port took no bytes for {waited:?}. Does the board run, and is the cable in?")]
+    #[error(
+        "the device's port took no bytes for {waited:?}. Check that the board has power and that its cable is connected"
+    )]
     Blocked {
         /// How long was waited.
         waited: Duration,
     },
     /// There is another board than before.
     #[error(
-        "the board at this port is {found}, and this daemon drives {wanted}: plug that one in again, or restart the daemon to \
-         use this one"
+        "the board at this port is {found}, and this daemon drives {wanted}: connect {wanted} again, or restart \
+         the daemon to use {found}"
     )]
     OtherBoard {
         /// Identifier of the board that the session began with.
@@ -77,7 +80,7 @@ pub enum LinkError {
     Refused(Refusal),
     /// A stop was sent in its place, and the device has obeyed that.
     #[error(
-        "{request} was not carried out or has been ended: the device was told to stop after {waited:.0?} without an answer"
+        "{request} was not carried out, or has been ended: the device was told to stop because it gave no answer for {waited:.0?}"
     )]
     Halted {
         /// The request's name.
@@ -88,7 +91,7 @@ pub enum LinkError {
         by_order: bool,
     },
     /// The device answered another question than was asked.
-    #[error("the device answered {request} with {reply}: it runs other software than this program knows")]
+    #[error("the device answered {request} with {reply}: this program does not know the firmware of the device")]
     Unexpected {
         /// The request's name.
         request: &'static str,

@@ -50,7 +50,7 @@ pub fn refusal_text(refusal: &Refusal) -> String {
         Refusal::Version { got, device_min, device_current } => {
             format!("protocol version {got} is not one of the device's {device_min} to {device_current}")
         }
-        Refusal::Malformed => "it could not understand the request".into(),
+        Refusal::Malformed => "the device could not decode the request".into(),
         Refusal::State { state, event } => format!("{} is not allowed in state {}", event.name(), state.name()),
         Refusal::Drive { channel, error } => format!("channel {channel}: {}", drive_error_text(error)),
         Refusal::DuplicateChannel { channel } => format!("channel {channel} is named twice"),
@@ -67,14 +67,14 @@ pub fn refusal_text(refusal: &Refusal) -> String {
         Refusal::StillThere(code) => {
             format!("the cause of fault {} ({}) is still there. {}", code.number(), code.name(), code.advice())
         }
-        Refusal::NoDrive { channel } => format!("channel {channel} has no drive that an effect could shape"),
+        Refusal::NoDrive { channel } => format!("channel {channel} has no drive, and an effect needs one"),
         Refusal::Start { start_us, now_us } => {
-            format!("the start at {start_us} us of the board's time is too far from its now, {now_us} us")
+            format!("the start at {start_us} us of the board's time is too far from its present time, {now_us} us")
         }
         Refusal::Effect => {
-            "the effect has no segments, a level beyond 1000, or is to be played 0 or more than 1000 times".into()
+            "the effect has no segments, has a level beyond 1000, or is repeated 0 or more than 1000 times".into()
         }
-        Refusal::QueueFull { channel } => format!("as many effects wait for channel {channel} as can"),
+        Refusal::QueueFull { channel } => format!("the queue of effects for channel {channel} is full"),
         Refusal::Burst { requested_ms, min_ms, max_ms } => {
             format!("burst_ms {requested_ms} is outside {min_ms} to {max_ms}")
         }

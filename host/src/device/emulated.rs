@@ -193,7 +193,7 @@ impl Control {
     fn line(&mut self) -> Result<Value, String> {
         let mut line = String::new();
         match self.output.read_line(&mut line) {
-            Ok(0) => Err("it ended; its messages on standard error say why".into()),
+            Ok(0) => Err("its process ended; standard error has the reason".into()),
             Ok(_) => serde_json::from_str(&line).map_err(|error| format!("{error} in {line:?}")),
             Err(error) => Err(error.to_string()),
         }
@@ -211,7 +211,7 @@ fn firmware(source: &Path) -> Result<PathBuf, EmulatedError> {
     if let Some(path) = std::env::var_os("ERA_FIRMWARE") {
         return Ok(path.into());
     }
-    tracing::info!("building the firmware and what builds it: minutes the first time, seconds later");
+    tracing::info!("building the firmware and its build tool: this takes minutes the first time, and seconds later");
     // Its input ends with this process, however that ends, and cargo with all that it started then does, too.
     let mut child = Command::new("python3")
         .arg(source.join("tools/emulator/leash.py"))

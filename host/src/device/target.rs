@@ -33,7 +33,7 @@ impl FromStr for Target {
             "emulated" => Ok(Target::Emulated),
             "auto" => Ok(Target::Auto),
             path if is_path(path) => Ok(Target::Serial(path.into())),
-            _ => Err("must be sim, emulated, auto or the path of a serial port, as /dev/ttyACM0".into()),
+            _ => Err("must be sim, emulated, auto or the path of a serial port, such as /dev/ttyACM0".into()),
         }
     }
 }
@@ -68,8 +68,8 @@ pub enum TargetError {
     },
     /// No port answered.
     #[error(
-        "no ERA board is among the serial ports ({ports}). Connect one, name its port if it has no USB of its own (ST-LINK), \
-         or use --device sim"
+        "no ERA board is among the serial ports ({ports}). Connect a board, name its port if it is connected \
+         through an ST-LINK, or use --device sim"
     )]
     NoneFound {
         /// Ports there are.
@@ -82,7 +82,7 @@ pub enum TargetError {
     #[error(transparent)]
     Emulated(#[from] EmulatedError),
     /// A simulation, where a board is wanted.
-    #[error("the simulated device runs no firmware: name a board's serial port, or auto")]
+    #[error("the simulated device has no firmware: name a board's serial port, or auto")]
     NoBoard,
 }
 
@@ -222,7 +222,9 @@ impl OpenDevice {
     pub fn trouble(&self, error: &LinkError) -> String {
         match (&self.keeper, error) {
             (Keeper::Emulated(_), LinkError::Io(source)) => {
-                format!("the emulator's port failed: {source}. Where its process has ended, it is started again")
+                format!(
+                    "the emulator's port failed: {source}. If the emulator's process has ended, the daemon starts it again"
+                )
             }
             _ => link_trouble(&self.path, error),
         }

@@ -76,26 +76,30 @@ fn judge_presence(facts: &Facts) -> Finding {
         (Wanted::Simulated(kind), _) => Finding::ok("board", format!("none is needed for the device {kind}")),
         (Wanted::Port(path), _) if !boards.contains(&path.as_str()) => Finding::ok(
             "board",
-            format!("{path} is named; by its USB identity it is no board, which a UART need not be"),
+            format!("{path} is named; its USB identity is not that of a board, which is possible for a UART"),
         ),
         (_, [one]) => Finding::ok("board", format!("at {one}")),
         (Wanted::Port(path), _) => Finding::ok("board", format!("at {path}")),
         (_, [first, ..]) => Finding::warning(
             "board",
             format!("{} boards are connected: {}", boards.len(), boards.join(", ")),
-            format!("name one with --device; {first} was looked at"),
+            format!("name one with --device; this check used {first}"),
         ),
         (wanted, []) => {
             let (found, advice) = match (facts.bootloader, probe) {
                 (Some(true), _) => (
-                    "a chip waits in its bootloader".into(),
-                    "an update was cut off, or the pin BOOT0 is high: run `era flash` (see docs/src/bring-up.md)".into(),
+                    "a chip is in its bootloader".into(),
+                    "an update was interrupted, or the pin BOOT0 is high: run `era flash` (see docs/src/bring-up.md)"
+                        .into(),
                 ),
                 (_, Some(probe)) => (
-                    String::from("no board by its USB identity"),
-                    format!("{CABLE}; if its UART is at the debug probe, name it: --device {}", probe.path),
+                    String::from("no port has the USB identity of a board"),
+                    format!(
+                        "{CABLE}; if its UART is connected to the debug probe, name the port: --device {}",
+                        probe.path
+                    ),
                 ),
-                _ => ("no board is connected".into(), format!("{CABLE}; the simulated device needs none")),
+                _ => ("no board is connected".into(), format!("{CABLE}; the simulated device needs no board")),
             };
             if *wanted == Wanted::Board {
                 Finding::problem("board", found, advice)
@@ -108,7 +112,7 @@ fn judge_presence(facts: &Facts) -> Finding {
 
 fn judge_rule(facts: &Facts) -> Option<Finding> {
     Some(match facts.rules.as_deref()? {
-        [] => Finding::warning("udev-rule", "no udev rule gives users the board", RULE),
+        [] => Finding::warning("udev-rule", "no udev rule lets users open the board's port", RULE),
         [rule, ..] => Finding::ok("udev-rule", rule.path.clone()),
     })
 }
@@ -117,10 +121,10 @@ fn judge_modem_manager(facts: &Facts) -> Finding {
     let keeps_away = facts.rules.iter().flatten().any(|rule| rule.ignores_modem_manager);
     match facts.modem_manager {
         None => Finding::ok("modem-manager", "does not run"),
-        Some(_) if keeps_away => Finding::ok("modem-manager", "runs, and the udev rule keeps it away from the board"),
+        Some(_) if keeps_away => Finding::ok("modem-manager", "runs, and ignores the board because of the udev rule"),
         Some(pid) => Finding::warning(
             "modem-manager",
-            format!("runs (process {pid}), and opens the port of a board that is plugged in for some seconds"),
+            format!("runs (process {pid}), and opens the port of a newly connected board for some seconds"),
             RULE,
         ),
     }
@@ -131,26 +135,26 @@ fn judge_daemon(facts: &Facts) -> Finding {
     match &facts.daemon {
         Daemon::Absent if facts.is_address_named => Finding::problem(
             "daemon",
-            format!("nobody answers at {address}"),
-            "see that the daemon runs (`era serve`, `systemctl status era`), that the address is that of its --listen, and that no \
-             firewall is in between",
+            format!("no daemon answers at {address}"),
+            "check that the daemon runs (`era serve`, `systemctl status era`), that this is the address of its \
+             --listen, and that no firewall blocks the connection",
         ),
-        Daemon::Absent => Finding::ok("daemon", format!("none runs at {address}")),
+        Daemon::Absent => Finding::ok("daemon", format!("no daemon runs at {address}")),
         Daemon::Stranger(answer) => Finding::problem(
             "daemon",
-            format!("{address} is taken by something that is no era daemon ({answer})"),
-            "let the daemon listen elsewhere: era serve --listen 127.0.0.1:PORT, or `listen` in its configuration",
+            format!("another program than an era daemon answers at {address} ({answer})"),
+            "use another address for the daemon: era serve --listen 127.0.0.1:PORT, or `listen` in its configuration",
         ),
         Daemon::Guarded(reason) => Finding::warning(
             "daemon",
-            format!("one runs at {address} and asks for a token, so nothing is known of its device: {reason}"),
-            "era doctor --token-file FILE, or the variable ERA_TOKEN; a token of the role view is enough",
+            format!("a daemon runs at {address} and needs a token, so its device was not checked: {reason}"),
+            "use era doctor --token-file FILE, or the variable ERA_TOKEN; a token of the role view is sufficient",
         ),
         Daemon::Hidden { found, advice } => Finding::warning("daemon", found.clone(), advice.clone()),
         Daemon::Runs { version, port, problem: Some(problem), .. } => Finding::problem(
             "daemon",
             format!("version {version} runs at {address}, but its device at {port} is not connected: {problem}"),
-            "see what is said of the port below; the daemon connects again by itself",
+            "see the checks of the port below; the daemon connects again by itself",
         ),
         Daemon::Runs { version, port, kind, .. } => {
             let own = env!("CARGO_PKG_VERSION");
@@ -165,14 +169,14 @@ fn judge_daemon(facts: &Facts) -> Finding {
 }
 
 /// What gives users the board.
-const RULE: &str = "sudo era install --only rule, and plug the board in again";
+const RULE: &str = "run sudo era install --only rule, and connect the board again";
 
 /// The port itself: may it be opened, and who has it.
 fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> {
     let Chosen { path, access, holders, answer } = chosen;
     let mut all = vec![match answer {
         Answer::Denied => {
-            let own = if access.is_member { ", which this user is in" } else { "" };
+            let own = if access.is_member { ", and this user is a member" } else { "" };
             let (group, join) = match &access.group {
                 Some(group) => (
                     format!(" (group {group}{own})"),
@@ -180,20 +184,20 @@ fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> 
                 ),
                 None => (String::new(), String::new()),
             };
-            let first = if has_rule { "plug the board in again, so that the udev rule acts" } else { RULE };
+            let first = if has_rule { "connect the board again, so that the udev rule takes effect" } else { RULE };
             Finding::problem("permission", format!("this user may not open {path}{group}"), format!("{first}{join}"))
         }
         Answer::Missing => Finding::problem(
             "permission",
             format!("there is no {path}"),
-            "name one of the ports above, or plug the board in",
+            "name one of the ports above, or connect the board",
         ),
         Answer::Failed(reason) => Finding::problem(
             "permission",
             format!("{path} cannot be opened: {reason}"),
-            "is it a serial port? Unplug the board and plug it in again",
+            "check that it is a serial port; disconnect the board and connect it again",
         ),
-        Answer::NotAsked | Answer::Busy => Finding::ok("permission", format!("not tried, as {path} is in use")),
+        Answer::NotAsked | Answer::Busy => Finding::ok("permission", format!("not tried, because {path} is in use")),
         _ => Finding::ok("permission", format!("this user may open {path}")),
     }];
     let own = matches!(daemon, Daemon::Runs { port, .. } if port == path);
@@ -203,33 +207,33 @@ fn judge_port(chosen: &Chosen, daemon: &Daemon, has_rule: bool) -> Vec<Finding> 
     all.push(match answer {
         _ if own && !beside.is_empty() => Finding::problem(
             "port",
-            format!("{path} is the running daemon's, and is open in {} as well", beside.join(", ")),
+            format!("the running daemon has {path} open, and {} has it open as well", beside.join(", ")),
             "end that program: it takes bytes from the daemon",
         ),
-        _ if own => Finding::ok("port", format!("{path} is the running daemon's, which was asked in its place")),
+        _ if own => Finding::ok("port", format!("the running daemon has {path} open, and has answered for its device")),
         Answer::NotAsked => Finding::problem(
             "port",
             format!("{path} is open in {}", names.join(", ")),
-            "end that program; a second one on the same port takes bytes from the first",
+            "end that program; two programs on one port take bytes from each other",
         ),
         Answer::Busy => Finding::problem(
             "port",
             format!("{path} is held by another program"),
-            "end it; `sudo era doctor` sees which one it is",
+            "end that program; `sudo era doctor` names it",
         ),
         Answer::Denied | Answer::Missing | Answer::Failed(_) => return all,
-        _ => Finding::ok("port", format!("nobody else has {path} open, as far as this user can see")),
+        _ => Finding::ok("port", format!("no other program has {path} open, as far as this user can see")),
     });
     all.push(match answer {
         Answer::Silent(reason) => Finding::problem(
             "firmware",
-            format!("nothing on {path} answers as a board does: {reason}"),
-            "is it the board's port? Power it down and up; `era flash` writes its firmware",
+            format!("no board answers at {path}: {reason}"),
+            "check that it is the board's port; power the board down and up; `era flash` writes its firmware",
         ),
         Answer::Version(reason) => Finding::problem(
             "firmware",
             reason.clone(),
-            "`era flash` updates the board; a newer board needs a newer era",
+            "`era flash` updates an older board; a newer board needs a newer version of era",
         ),
         _ => return all,
     });
@@ -243,6 +247,6 @@ fn judge_realtime(limit: u64) -> Finding {
     Finding::warning(
         "realtime",
         "threads of this user get no real-time priority (RLIMIT_RTPRIO): on a busy machine commands may be late",
-        "the unit of `era install` sets LimitRTPRIO; for a shell: a line `@GROUP - rtprio 20` in /etc/security/limits.d/era.conf",
+        "the unit of `era install` sets LimitRTPRIO; for a shell, add a line `@GROUP - rtprio 20` to /etc/security/limits.d/era.conf",
     )
 }

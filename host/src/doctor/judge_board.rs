@@ -18,8 +18,8 @@ pub fn judge(heard: &Heard) -> Vec<Finding> {
     let mut all = vec![judge_firmware(heard)];
     all.push(judge_fault(heard));
     if heard.waits_to_be_armed {
-        let found = "the board was away, and waits to be armed";
-        all.push(Finding::warning("armed", found, "see that nobody is in the way, then `era arm`"));
+        let found = "the board had an outage, and waits to be armed";
+        all.push(Finding::warning("armed", found, "check that nobody touches board or panel, then run `era arm`"));
     }
     all.extend(heard.supply.as_ref().map(judge_loops));
     all.extend(heard.supply.as_ref().map(|supply| judge_rails(supply, heard.state.as_deref())));
@@ -28,7 +28,7 @@ pub fn judge(heard: &Heard) -> Vec<Finding> {
     if again > 0 {
         let found = format!("{again} of {sent} frames had to be sent again");
         all.push(if again.saturating_mul(REPEATS) > sent {
-            Finding::warning("link", found, "another cable, a shorter one, or another USB port")
+            Finding::warning("link", found, "use another or shorter cable, or another USB port")
         } else {
             Finding::ok("link", found)
         });
@@ -41,8 +41,8 @@ fn judge_firmware(heard: &Heard) -> Finding {
     match protocol {
         Some(spoken) if *spoken < CURRENT_VERSION => Finding::warning(
             "firmware",
-            format!("{firmware}, which speaks protocol version {spoken}; this program speaks {CURRENT_VERSION}, too"),
-            "`era flash` updates it: effects, the clock and measurements of the supply need the newer one",
+            format!("{firmware}, protocol version {spoken}; this program also speaks version {CURRENT_VERSION}"),
+            "`era flash` updates the firmware: effects, the clock and measurements of the supply need the newer version",
         ),
         Some(spoken) => Finding::ok("firmware", format!("{firmware}, protocol version {spoken}")),
         None => Finding::ok("firmware", format!("{firmware}, protocol version not known")),
@@ -53,7 +53,7 @@ fn judge_firmware(heard: &Heard) -> Finding {
 pub fn judge_other(heard: &Heard) -> Option<Finding> {
     let fault = heard.fault.as_ref()?;
     let found = format!("{} ({}) is latched on the daemon's device", fault.code, fault.name);
-    Some(Finding::problem("daemon-fault", found, format!("{} `era clear` has the daemon clear it", fault.advice)))
+    Some(Finding::problem("daemon-fault", found, format!("{} `era clear` clears the fault", fault.advice)))
 }
 
 fn judge_fault(heard: &Heard) -> Finding {
@@ -61,19 +61,19 @@ fn judge_fault(heard: &Heard) -> Finding {
     match (&heard.fault, &heard.failure) {
         (Some(fault), _) => {
             let found = format!("{} ({}) is latched", fault.code, fault.name);
-            Finding::problem("fault", found, format!("{} `era clear` has the daemon clear it", fault.advice))
+            Finding::problem("fault", found, format!("{} `era clear` clears the fault", fault.advice))
         }
         (None, Some(failure)) => Finding::warning(
             "fault",
-            format!("none is latched; the previous run of the firmware failed: {failure}"),
+            format!("no fault is latched; the previous run of the firmware failed: {failure}"),
             "keep the log (`era monitor`) and report it",
         ),
         (None, None) if heard.was_watchdog => Finding::warning(
             "fault",
-            "none is latched; a watchdog started the firmware anew",
+            "no fault is latched; the watchdog has restarted the firmware",
             "keep the log (`era monitor`) and report it",
         ),
-        (None, None) => Finding::ok("fault", format!("none is latched; the board's state is {state}")),
+        (None, None) => Finding::ok("fault", format!("no fault is latched; the board's state is {state}")),
     }
 }
 
@@ -81,7 +81,7 @@ fn judge_loops(supply: &Supply) -> Finding {
     let open: Vec<(&str, &str)> = [
         (supply.interlock_closed, ("the enclosure is open", "close it")),
         (supply.stop_released, ("the emergency stop is pressed", "release it")),
-        (supply.earth_bonded, ("panel or masses are not bonded to earth", "do not touch; mend the bond")),
+        (supply.earth_bonded, ("panel or masses are not bonded to earth", "do not touch the panel; repair the bond")),
     ]
     .into_iter()
     .filter(|(is_well, _)| !is_well)
@@ -106,14 +106,14 @@ fn judge_rails(supply: &Supply, state: Option<&str>) -> Finding {
     if is_off && supply.rail_v.iter().any(|volts| *volts > CHARGED_V) {
         return Finding::problem(
             "supply",
-            format!("{found}, though the board is off"),
+            format!("{found}, although the board is off"),
             "do not open the enclosure; switch the supply off at its own switch, wait a minute and measure",
         );
     }
     if is_off {
-        return Finding::ok("supply", format!("{found}; whether it can be switched on shows when the board is armed"));
+        return Finding::ok("supply", format!("{found}; the supply is tested when the board is armed"));
     }
-    Finding::ok("supply", format!("{found}; the board is {}", state.unwrap_or("in a state that is not known")))
+    Finding::ok("supply", format!("{found}; the board is {}", state.unwrap_or("in an unknown state")))
 }
 
 fn judge_clock(clock: Clock) -> Finding {
@@ -124,15 +124,15 @@ fn judge_clock(clock: Clock) -> Finding {
     if rate_ppm.is_some_and(|rate| rate.abs() > RATE_PPM) {
         return Finding::problem(
             "clock",
-            format!("{found}: the board's oscillator is within 1 % if it is well"),
-            "compare its frequencies with a counter; power the board down and up; if it stays, replace it",
+            format!("{found}: a working oscillator of the board is within 1 %"),
+            "compare its frequencies with a counter; power the board down and up; if this does not help, replace the board",
         );
     }
     if known_s > KNOWN_S {
         return Finding::warning(
             "clock",
-            format!("{found}: effects are played evenly, but begin later"),
-            "the machine or the link is busy: allow real-time priority, and take a USB port without a hub",
+            format!("{found}: effects keep their shape, but begin later"),
+            "the machine or the link is busy: allow real-time priority, and use a USB port without a hub",
         );
     }
     Finding::ok("clock", found)

@@ -66,36 +66,39 @@ impl Trouble {
             Self::Other(_) => return None,
             Self::SpeaksTls => (
                 format!("{place} speaks TLS, and was asked without"),
-                format!("give --url https://{place} and --ca with its certificate (era-cert.pem in its --tls-dir)"),
+                format!("use --url https://{place} and --ca with its certificate (era-cert.pem in its --tls-dir)"),
             ),
             Self::SpeaksPlain => {
-                (format!("{place} speaks no TLS, and was asked with it"), format!("give --url http://{place}"))
+                (format!("{place} does not speak TLS, and was asked with TLS"), format!("use --url http://{place}"))
             }
             Self::Untrusted(reason) if has_ca => (
                 format!("the certificate of {url} is not the one that --ca trusts ({reason})"),
-                "if the daemon made its certificate itself, copy it anew (era-cert.pem in its --tls-dir); if an authority did, see that the file of \
-                 --tls-cert has the intermediate certificates behind the daemon's own, and --ca the authority's root"
+                "if the daemon made its certificate itself, copy the certificate again (era-cert.pem in its \
+                 --tls-dir); if an authority signed it, the file of --tls-cert must have the intermediate \
+                 certificates after the daemon's own, and --ca must name the authority's root"
                     .into(),
             ),
             Self::Untrusted(reason) => (
                 format!("the certificate of {url} is not trusted ({reason})"),
-                "give --ca with the daemon's certificate (era-cert.pem in its --tls-dir)".into(),
+                "use --ca with the daemon's certificate (era-cert.pem in its --tls-dir)".into(),
             ),
             Self::Dates(told) => (
                 format!("the certificate of {url} {told}"),
-                "if the clock is right, give the daemon another certificate (one that it made itself: move era-cert.pem and \
-                 era-key.pem out of its --tls-dir, and restart it), and every client that trusts the old one by --ca"
+                "if the clock is right, give the daemon another certificate (if the daemon made it: move \
+                 era-cert.pem and era-key.pem out of its --tls-dir, and restart the daemon), and give the new \
+                 certificate to every client with --ca"
                     .into(),
             ),
             Self::Proxy(told) => (
                 told.clone(),
-                "see that --proxy names it, and that it connects to this port; without --proxy the daemon is asked directly".into(),
+                "check that --proxy names the right proxy, and that the proxy connects to this port; without --proxy the connection is direct"
+                    .into(),
             ),
             Self::OtherName(reason) => (
                 format!("the certificate of {url} is for other names ({reason})"),
                 format!(
-                    "call the daemon by one of those, or have it make a certificate with --allow-host {host} in its folder \
-                     (remove the one that is there, and give clients the new one)"
+                    "use one of these names, or let the daemon make a certificate with --allow-host {host} \
+                     (remove the old certificate from its folder, and give the new one to clients)"
                 ),
             ),
         })

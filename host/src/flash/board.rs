@@ -31,7 +31,8 @@ pub enum BoardError {
     Check(#[from] CheckError),
     /// Its firmware is too old.
     #[error(
-        "the board's firmware speaks ERA protocol version {0} and cannot be asked for its bootloader: hold the pin BOOT0 (PB8) high while it is powered, or use a debug probe"
+        "the board's firmware speaks ERA protocol version {0}, which has no request for the bootloader: hold the \
+         pin BOOT0 (PB8) high while you switch the power on, or use a debug probe"
     )]
     TooOld(u8),
 }

@@ -39,7 +39,8 @@ pub enum CheckError {
     Simulated,
     /// It would speak less than now.
     #[error(
-        "the image speaks ERA protocol versions up to {image}, the board's firmware up to {board}: this would be a step back. --force does it nevertheless"
+        "the image speaks ERA protocol versions up to {image}, the board's firmware up to {board}: this would be \
+         a step back. --force writes the image nevertheless"
     )]
     Downgrade {
         /// Newest version that the image speaks.
@@ -49,7 +50,8 @@ pub enum CheckError {
     },
     /// This program could not talk to it afterwards.
     #[error(
-        "the image speaks ERA protocol versions {image_min} to {image_current}, this program {MIN_VERSION} to {CURRENT_VERSION}: update this program first. --force writes it nevertheless"
+        "the image speaks ERA protocol versions {image_min} to {image_current}, this program {MIN_VERSION} to \
+         {CURRENT_VERSION}: update this program first. --force writes the image nevertheless"
     )]
     Unspoken {
         /// Oldest version that the image speaks.

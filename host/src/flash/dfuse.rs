@@ -110,7 +110,8 @@ pub enum DfuError {
     },
     /// It is in a state in which it should not be.
     #[error(
-        "{step} at {address:#010x}: the bootloader is in state {state}, which it should not be in. Power the board down and up, then run the same command again"
+        "{step} at {address:#010x}: the bootloader is in the unexpected state {state}. Power the board down and \
+         up, then run the same command again"
     )]
     State {
         /// What was done.
@@ -124,11 +125,11 @@ pub enum DfuError {
 
 const fn status_text(status: u8) -> &'static str {
     match status {
-        1 => "the address is not one of its flash (errTARGET)",
+        1 => "the address is not in its flash (errTARGET)",
         3 => "it could not write (errWRITE)",
         4 => "it could not erase (errERASE)",
         6 => "it could not program (errPROG): the flash there was not erased",
-        7 => "what it wrote reads otherwise (errVERIFY)",
+        7 => "what it wrote differs when it is read back (errVERIFY)",
         8 => "the address is out of range (errADDRESS)",
         11 => {
             "the flash is protected (errVENDOR): take the read protection away with a debug probe, which erases the chip"

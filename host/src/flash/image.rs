@@ -41,7 +41,7 @@ pub enum ImageError {
         reason: String,
     },
     /// Not an ELF file of 32 bits, little-endian.
-    #[error("this is no 32-bit ELF file: {0}. `cargo xtask firmware` prints the path of one")]
+    #[error("this is not a 32-bit ELF file: {0}. `cargo xtask firmware` prints the path of such a file")]
     NotElf(String),
     /// For another processor.
     #[error(
@@ -54,9 +54,7 @@ pub enum ImageError {
         entry: u32,
     },
     /// Something of it is to be loaded outside the flash.
-    #[error(
-        "{length} bytes of it are to be loaded to {address:#010x}, outside the flash ({FLASH_START:#010x} and 512 KiB)"
-    )]
+    #[error("the image loads {length} bytes to {address:#010x}, outside the flash ({FLASH_START:#010x} and 512 KiB)")]
     OutsideFlash {
         /// Where to.
         address: u32,
@@ -64,7 +62,9 @@ pub enum ImageError {
         length: u32,
     },
     /// A vector table does not make sense.
-    #[error("the vector table at {address:#010x} is not one of a firmware for this chip: initial stack pointer {stack_pointer:#010x} (must be in RAM, {:#010x} to {:#010x}), reset vector {reset:#010x} (must be odd, in flash)", RAM.start, RAM.end)]
+    #[error("the vector table at {address:#010x} is not that of a firmware for this chip: initial stack pointer \
+             {stack_pointer:#010x} (must be in RAM, {:#010x} to {:#010x}), reset vector {reset:#010x} (must be \
+             odd, in flash)", RAM.start, RAM.end)]
     VectorTable {
         /// Where it is.
         address: u32,
@@ -75,7 +75,7 @@ pub enum ImageError {
     },
     /// The header is missing, or not known here.
     #[error("{}", match .0 {
-        HeaderError::Missing => "there is no image header: this is no firmware of an ERA board, or an old one".to_owned(),
+        HeaderError::Missing => "there is no image header: this is not the firmware of an ERA board, or it is too old".to_owned(),
         HeaderError::Format(format) => format!("the image header has format {format}, this program knows format 1: update this program"),
     })]
     Header(HeaderError),

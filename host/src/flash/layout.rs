@@ -9,7 +9,7 @@ use std::ops::Range;
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum LayoutError {
     /// Not of the form that it should have.
-    #[error("the bootloader describes its memory as {0:?}, which cannot be understood")]
+    #[error("the bootloader describes its memory as {0:?}, which this program cannot interpret")]
     Malformed(String),
     /// Another chip.
     #[error(
@@ -21,7 +21,7 @@ pub enum LayoutError {
     },
     /// Pages that are protected.
     #[error(
-        "the page at {address:#010x} is write-protected by the option bytes; take the protection away with a debug probe"
+        "the page at {address:#010x} is write-protected by the option bytes; remove the protection with a debug probe"
     )]
     Protected {
         /// Where.

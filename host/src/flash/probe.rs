@@ -17,7 +17,7 @@ const UNIQUE_ID: u32 = 0x1FFF_7590;
 #[derive(Debug, thiserror::Error)]
 pub enum ProbeError {
     /// The program is missing.
-    #[error("probe-rs is not installed ({0}). Install it as https://probe.rs says, or use --dfu")]
+    #[error("probe-rs is not installed ({0}). Install it as described at https://probe.rs, or use --dfu")]
     NotInstalled(std::io::Error),
     /// No probe.
     #[error("probe-rs finds no debug probe. Connect one and check that this user may use it, or use --dfu")]

@@ -33,11 +33,19 @@ pub enum UsbError {
     None,
     /// More than one.
     #[error(
-        "{0} devices in ST's bootloader are connected, and which is the board cannot be told: disconnect the others"
+        "{0} devices in ST's bootloader are connected, and the program cannot identify the board: disconnect the others"
     )]
     Several(usize),
     /// It is there but cannot be used.
-    #[error("{step} the board's bootloader failed: {reason}{}", if *.permission { ". Only root, and the group that `era install --flash-group` names, may write a board's firmware: run the same command with sudo. Nothing was erased by this: a board whose firmware is whole runs again after its power was off" } else { "" })]
+    #[error("{step} the board's bootloader failed: {reason}{}", if *.permission { ". Only root, and the group \
+                                                                                   that `era install \
+                                                                                   --flash-group` names, may \
+                                                                                   write a board's firmware: run \
+                                                                                   the same command with sudo. \
+                                                                                   Nothing was erased: a board \
+                                                                                   with complete firmware runs \
+                                                                                   again after you switch its \
+                                                                                   power off and on" } else { "" })]
     Open {
         /// What was tried.
         step: &'static str,
@@ -124,7 +132,9 @@ fn flash_interface(device: &Device) -> Result<(u8, u8, Layout), UsbError> {
         });
         match Layout::parse(&name) {
             Ok(layout) if !too_short => return Ok((setting.interface_number(), setting.alternate_setting(), layout)),
-            Ok(_) => unfit = broken(format!("it takes fewer than {TRANSFER_SIZE} bytes at a time: it is not ST's")),
+            Ok(_) => {
+                unfit = broken(format!("it accepts fewer than {TRANSFER_SIZE} bytes at a time, unlike ST's bootloader"))
+            }
             Err(error) => unfit = error.into(),
         }
     }

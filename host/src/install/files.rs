@@ -39,10 +39,10 @@ impl fmt::Display for Done {
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
     /// It is somebody else's.
-    #[error("{} was not written by `era install`: it is left as it is; --force takes it", .0.display())]
+    #[error("{} was not written by `era install` and is not changed; --force replaces or removes it", .0.display())]
     Foreign(PathBuf),
     /// The system says no.
-    #[error("cannot {what} {}: {source}{}", path.display(), if source.kind() == ErrorKind::PermissionDenied { ". Run it as root (sudo), or look with --print" } else { "" })]
+    #[error("cannot {what} {}: {source}{}", path.display(), if source.kind() == ErrorKind::PermissionDenied { ". Run the command as root (sudo), or use --print to see the files" } else { "" })]
     Io {
         /// What was tried.
         what: &'static str,

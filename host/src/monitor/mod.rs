@@ -11,7 +11,9 @@ use std::fmt;
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum MonitorError {
     /// The file holds no tables.
-    #[error("the image holds no log texts{0}: build it with `cargo xtask firmware`, or name another with --elf")]
+    #[error(
+        "the image contains no log texts{0}: build it with `cargo xtask firmware`, or name another image with --elf"
+    )]
     NoTable(String),
 }
 
@@ -59,7 +61,7 @@ pub struct LogLine {
 
 impl LogLine {
     fn damaged() -> Self {
-        let message = "(a damaged log line: bytes were lost, or the image is not the one that the board runs)".into();
+        let message = "(a damaged log line: bytes were lost, or the board runs another image)".into();
         Self { uptime_s: None, level: None, message, place: None }
     }
 }

@@ -124,7 +124,7 @@ impl Recording {
             recording.left_out += line.left_out_before;
             let missing = |key: &str| wrong(format!("{} without {key}", line.kind));
             if (number == 1) != (line.kind == "begin") {
-                return Err(wrong("the first line of a recording, and no other, begins it".into()));
+                return Err(wrong("only the first line of a recording may be its header".into()));
             }
             let what = match line.kind.as_str() {
                 "begin" if line.format == Some(1) => {
@@ -133,7 +133,7 @@ impl Recording {
                 }
                 "begin" => {
                     let said = line.format.map_or_else(|| "no format".to_owned(), |format| format!("format {format}"));
-                    return Err(wrong(format!("{said}, but must be format 1, which this program reads")));
+                    return Err(wrong(format!("{said}, but this program reads format 1 only")));
                 }
                 "touch" => {
                     What::Touch(line.id.ok_or_else(|| missing("id"))?, line.body.ok_or_else(|| missing("body"))?)
@@ -160,7 +160,7 @@ impl Recording {
             recording.asked.push(Asked { at, what });
         }
         if bytes.is_empty() {
-            return Err(ReplayError { line: 1, reason: "there is nothing in it".into() });
+            return Err(ReplayError { line: 1, reason: "the file is empty".into() });
         }
         Ok(recording)
     }
@@ -234,7 +234,7 @@ mod tests {
             (String::new(), 1, "nothing"),
             ("x".into(), 1, "not a line"),
             (r#"{"at_ms": 1, "kind": "stop"}"#.into(), 1, "first line"),
-            (begin.replace("format\": 1", "format\": 2"), 1, "format 2, but must be format 1"),
+            (begin.replace("format\": 1", "format\": 2"), 1, "format 2, but this program reads format 1"),
             (format!("{begin}\n{begin}"), 2, "first line"),
             (format!("{begin}\n{{\"at_ms\": -1, \"kind\": \"stop\"}}"), 2, "0 and above"),
             (format!("{begin}\n{{\"at_ms\": 1, \"kind\": \"touch\", \"id\": 1}}"), 2, "without body"),

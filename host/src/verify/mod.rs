@@ -62,10 +62,10 @@ pub enum VerifyError {
     #[error("there is no steady motion to compare with: {0}")]
     NotSafe(#[from] NotSafe),
     /// What a plan leaves when it ends cannot be told.
-    #[error("what the plan leaves cannot be told: it meets the resonance of an undamped mode")]
+    #[error("the remaining motion of the plan cannot be computed: a drive is at the resonance of an undamped mode")]
     Unknown,
     /// No force moves the place.
-    #[error("the plan drives nothing: no actuator moves the panel there")]
+    #[error("the plan drives nothing: no actuator moves this place of the panel")]
     Nothing,
     /// The simulated device did not do as told.
     #[error("the simulated device answered {0}")]

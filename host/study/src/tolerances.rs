@@ -208,11 +208,12 @@ impl Spread {
             What::Places => format!("{places_mm} mm"),
         };
         let ends = |range: &Range| {
-            format!("{:+.1} to {:+.1} dB, {:+.1} in the middle", range.least_db, range.most_db, range.median_db)
+            format!("{:+.1} to {:+.1} dB, median {:+.1} dB", range.least_db, range.most_db, range.median_db)
         };
         let (all, samples) = (ends(&self.range), self.samples);
-        let mut text =
-            format!("if the panel is off, the same drives do {all} ({samples} panels; others may be further off)");
+        let mut text = format!(
+            "if the panel differs from the scene, the same drives give {all} ({samples} panels; others may differ more)"
+        );
         for Own { what, range } in &self.of {
             let _ = write!(text, "\n  {} by up to {} alone: {}", what.name(), by(*what), ends(range));
         }

@@ -114,15 +114,15 @@ fn a_proxy_that_refuses_is_told() {
     for (answer, words) in [
         ("HTTP/1.1 403 Forbidden\r\n\r\n", "403"),
         ("HTTP/1.1 407 Proxy Authentication Required\r\nProxy-Authenticate: Basic\r\n\r\n", "407"),
-        ("SSH-2.0-OpenSSH_9.2\r\n\r\n", "no answer of a proxy"),
-        ("", "no answer of a proxy"),
+        ("SSH-2.0-OpenSSH_9.2\r\n\r\n", "did not answer like a proxy"),
+        ("", "did not answer like a proxy"),
     ] {
         let proxy = Server::answering(answer);
         let said = run_era(&["stop", "--url", "https://panel.example:7878", "--proxy", &proxy.url()]);
         let names = format!("the proxy {}", proxy.address);
         assert!(said.code == Some(1) && said.error.contains(&names), "{answer:?}: {}", said.error);
         assert!(
-            said.error.contains(words) && !said.error.contains("Does the daemon run"),
+            said.error.contains(words) && !said.error.contains("Check that the daemon runs"),
             "{answer:?}: {}",
             said.error
         );

@@ -23,7 +23,7 @@ fn no_command_follows_a_redirect() {
             let received = front.received();
             assert_eq!(elsewhere.received(), Vec::<String>::new(), "{status} {arguments:?} went elsewhere");
             assert!(told.contains(&format!("{}/era", elsewhere.url())), "{status} {arguments:?}: {told}");
-            assert!(told.contains(&status.to_string()) && !told.contains("Does the daemon run"), "{told}");
+            assert!(told.contains(&status.to_string()) && !told.contains("Check that the daemon runs"), "{told}");
             // The doctor warns of what it finds.
             let wanted = if arguments[0] == "doctor" { 0 } else { 1 };
             assert_eq!(said.code, Some(wanted), "{status} {arguments:?}: {told}");

@@ -98,7 +98,11 @@ fn what_can_be_no_token_is_told_and_not_sent() {
             for ((said, received), place) in all {
                 assert_eq!(said.code, Some(2), "{bytes:?} {arguments:?}: {}", said.error);
                 assert!(said.error.contains(words) && said.error.contains(place), "{bytes:?}: {}", said.error);
-                assert!(!said.error.contains("TTTT") && !said.error.contains("Does the daemon run"), "{}", said.error);
+                assert!(
+                    !said.error.contains("TTTT") && !said.error.contains("Check that the daemon runs"),
+                    "{}",
+                    said.error
+                );
                 assert!(received.is_empty(), "{bytes:?} {arguments:?}: {received:?}");
             }
         }

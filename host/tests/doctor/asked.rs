@@ -127,7 +127,7 @@ fn a_daemon_is_asked_in_place_of_its_board() {
     let all: Value = serde_json::from_slice(&output.stdout).unwrap();
     let findings = all["findings"].as_array().unwrap();
     assert_eq!(output.status.code(), Some(0), "{findings:?}");
-    assert!(of(findings, "port")["found"].as_str().unwrap().contains("running daemon's"), "{findings:?}");
+    assert!(of(findings, "port")["found"].as_str().unwrap().contains("running daemon has"), "{findings:?}");
     assert_eq!(of(findings, "interlock")["verdict"], "ok");
     // Whoever else wants the port is told who has it.
     let mut command = Command::new(env!("CARGO_BIN_EXE_era"));

@@ -125,12 +125,12 @@ fn a_board_that_is_not_there_is_told() {
         gone(facts);
         facts.wanted = Wanted::Any;
     };
-    is(&after("board", any), Warning, &["simulated device needs none"]);
+    is(&after("board", any), Warning, &["simulated device needs no board"]);
     let bootloader = |facts: &mut Facts| {
         gone(facts);
         facts.bootloader = Some(true);
     };
-    is(&after("board", bootloader), Problem, &["waits in its bootloader", "era flash"]);
+    is(&after("board", bootloader), Problem, &["is in its bootloader", "era flash"]);
     let probe = |facts: &mut Facts| {
         gone(facts);
         let usb = Usb { vendor: 0x0483, product: 0x374e, name: Some("STM32 STLink".into()) };
@@ -158,7 +158,11 @@ fn troubles_of_the_port_are_told() {
         answer(facts, Answer::Denied);
         facts.chosen.as_mut().unwrap().access = Access { group: Some("dialout".into()), is_member: false };
     };
-    is(&after("permission", denied), Problem, &["group dialout", "so that the udev rule acts", "usermod -aG dialout"]);
+    is(
+        &after("permission", denied),
+        Problem,
+        &["group dialout", "so that the udev rule takes effect", "usermod -aG dialout"],
+    );
     let no_rule = |facts: &mut Facts| {
         denied(facts);
         facts.rules = Some(Vec::new());
@@ -210,7 +214,7 @@ fn troubles_of_the_board_are_told() {
     is(&after("fault", heard(latched)), Problem, &["6 (over-current)", "Disconnect the supply"]);
     is(&after("fault", heard(|it| it.failure = Some("panicked at".into()))), Warning, &["panicked at"]);
     is(&after("fault", heard(|it| it.was_watchdog = true)), Warning, &["watchdog"]);
-    is(&after("armed", heard(|it| it.waits_to_be_armed = true)), Warning, &["was away", "`era arm`"]);
+    is(&after("armed", heard(|it| it.waits_to_be_armed = true)), Warning, &["had an outage", "`era arm`"]);
     let supply = |change: fn(&mut Supply)| heard(move |it| change(it.supply.as_mut().unwrap()));
     is(&after("interlock", supply(|it| it.interlock_closed = false)), Problem, &["enclosure is open"]);
     is(&after("interlock", supply(|it| it.stop_released = false)), Problem, &["emergency stop"]);

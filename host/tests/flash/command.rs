@@ -72,7 +72,7 @@ fn what_cannot_be_flashed_is_bad_use() {
     let bench = Bench::new(&[]);
     std::fs::write(bench.folder.path().join("text.elf"), "text").unwrap();
     for (arguments, expected) in [
-        (&["text.elf"][..], "no 32-bit ELF file"),
+        (&["text.elf"][..], "not a 32-bit ELF file"),
         (&["missing.elf"], "cargo xtask firmware"),
         (&["image.elf", "--port", "sim"], "only a board can be flashed"),
         (&["image.elf", "--port", "emulated"], "only a board can be flashed"),

@@ -110,9 +110,9 @@ fn what_serve_refuses_check_and_doctor_refuse() {
         ("tls_dir = \"alone\"\n".into(), 3, "is missing, and"),
         ("tls_cert = \"none.pem\"\ntls_key = \"good\"\n".into(), 3, "none.pem"),
         // Plain HTTP, where somebody wanted TLS.
-        ("tls_cert = \"none.pem\"\n".into(), 3, "wants tls_key as well"),
-        ("tls_key = \"good\"\n".into(), 3, "wants tls_cert as well"),
-        ("record = \"good\"\n".into(), 3, "is not written over"),
+        ("tls_cert = \"none.pem\"\n".into(), 3, "needs tls_key as well"),
+        ("tls_key = \"good\"\n".into(), 3, "needs tls_cert as well"),
+        ("record = \"good\"\n".into(), 3, "never replaces a file"),
         ("record = \"nowhere/run.jsonl\"\n".into(), 3, "there is no folder"),
         ("socket = \"good\"\n".into(), 2, "cannot listen on the socket"),
         (format!("socket = \"{}\"\n", "s".repeat(200)), 2, "cannot listen on the socket"),

@@ -41,7 +41,7 @@ pub fn run(options: &Replay) -> Outcome {
     let scene = client::call(daemon, "GET", "/v1/scene", None)?;
     let now = scene["name"].as_str().unwrap_or_default();
     if now != recording.scene {
-        tracing::warn!("recorded on the scene {:?}, replayed on {now:?}", recording.scene);
+        tracing::warn!("recorded with the scene {:?}, replayed with the scene {now:?}", recording.scene);
     }
     // What it has asked for would be driven on.
     let driven = daemon.clone();

@@ -48,7 +48,7 @@ pub enum PortError {
         users: Users,
     },
     /// A file of another kind.
-    #[error("{path} is no serial port: name the board's, or auto")]
+    #[error("{path} is not a serial port: name the board's serial port, or auto")]
     NoPort {
         /// The file.
         path: String,

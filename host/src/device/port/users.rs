@@ -45,8 +45,8 @@ impl Users {
     /// The end of a sentence that says that the port is in use.
     pub(super) fn as_advice(&self) -> String {
         match self.names() {
-            Some(names) => format!(" by {names}: end it{}", self.of_modem_manager()),
-            None => format!(" by another program{}: end it", self.of_hidden()),
+            Some(names) => format!(" by {names}: end this program{}", self.of_modem_manager()),
+            None => format!(" by another program{}: end that program", self.of_hidden()),
         }
     }
 
@@ -55,12 +55,12 @@ impl Users {
     pub fn as_cause(&self) -> String {
         match self.names() {
             Some(names) => format!(
-                ". {names} has this port open as well, and two programs at one port take each other's bytes: end it{}",
+                ". {names} has this port open as well and takes bytes from this program: end {names}{}",
                 self.of_modem_manager()
             ),
             None if self.are_some_hidden => {
-                ". Another program may have this port open, which this process may not see: \
-                 `sudo era doctor` names it (`sudo era install --only rule` keeps ModemManager away from boards)"
+                ". Another program may have this port open, and this process may not see it: `sudo era doctor` \
+                 names that program (`sudo era install --only rule` makes ModemManager ignore boards)"
                     .into()
             }
             None => String::new(),
@@ -69,7 +69,7 @@ impl Users {
 
     fn of_modem_manager(&self) -> &'static str {
         if self.holders.iter().any(|holder| holder.name == "ModemManager") {
-            " (`sudo era install --only rule` keeps ModemManager away from boards)"
+            " (`sudo era install --only rule` makes ModemManager ignore boards)"
         } else {
             ""
         }
@@ -178,18 +178,19 @@ impl Permission {
 
     pub(super) fn as_advice(&self, path: &str) -> String {
         let user = self.user.as_deref().unwrap_or("$USER");
-        let rule = "`sudo era install --only rule`, and plug the board in again";
+        let rule = "run `sudo era install --only rule` and connect the board again";
         match &self.access {
             Access { group: Some(group), is_member: false } => format!(
-                "the user {user} may not open the port {path}, as it is not in the group {group}: `sudo usermod -aG {group} {user}`, \
-                 then sign in again (or restart the service); or {rule}"
+                "the user {user} may not open the port {path}, because {user} is not in the group {group}: run \
+                 `sudo usermod -aG {group} {user}`, then sign in again (or restart the service); or {rule}"
             ),
             Access { group: Some(group), is_member: true } => format!(
-                "the user {user} may not open the port {path}, though it is in its group {group}: see the port's mode with `ls -l {path}` \
-                 (in a container, whether it was given the device); or {rule}"
+                "the user {user} may not open the port {path}, although {user} is in its group {group}: check \
+                 the port's mode with `ls -l {path}` (in a container, check that the container has the device); \
+                 or {rule}"
             ),
             Access { group: None, .. } => {
-                format!("the user {user} may not open the port {path}, and no group's members may: {rule}")
+                format!("the user {user} may not open the port {path}, and no group may: {rule}")
             }
         }
     }
@@ -212,7 +213,7 @@ mod tests {
         let alone = Permission { access: Access::default(), user: Some("kai".into()) }.as_advice("/dev/ttyACM0");
         assert!(!alone.contains("usermod") && alone.contains("era install"), "{alone}");
         let told = permission(true).as_advice("/dev/ttyACM0");
-        assert!(told.contains("though it is in its group dialout") && !told.contains("usermod"), "{told}");
+        assert!(told.contains("although kai is in its group dialout") && !told.contains("usermod"), "{told}");
     }
 
     #[test]
@@ -221,12 +222,15 @@ mod tests {
             holders: (7..).zip(names).map(|(pid, name)| Holder { pid, name: (*name).into() }).collect(),
             are_some_hidden,
         };
-        assert!(users(&["cat"], false).as_advice().contains("by cat (process 7): end it"));
+        assert!(users(&["cat"], false).as_advice().contains("by cat (process 7): end this program"));
         assert!(users(&["ModemManager"], true).as_cause().contains("era install --only rule"));
         assert!(users(&[], true).as_advice().contains("of another user"));
         assert_eq!(users(&[], false).as_cause(), "");
         let told = users(&[], true).as_cause();
-        assert!(told.contains("`sudo era doctor` names it") && told.contains("era install --only rule"), "{told}");
+        assert!(
+            told.contains("`sudo era doctor` names that program") && told.contains("era install --only rule"),
+            "{told}"
+        );
         assert!(!users(&["cat"], true).as_cause().contains("era doctor"));
     }
 

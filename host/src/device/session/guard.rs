@@ -68,7 +68,7 @@ impl Worker {
         let oldest = self.device.timing().arming.saturating_add(ORDER);
         if self.again_since.is_some_and(|since| asked < since) || asked.elapsed() > oldest {
             let reason = format!(
-                "it did not answer, or this program did not run, until just now, and this was asked for {:.0?} ago",
+                "it did not answer, or this program did not run, until just now, and this request is from {:.0?} before",
                 asked.elapsed()
             );
             return Err(SessionError::Late { path: self.device.path().to_owned(), reason });
@@ -88,11 +88,11 @@ impl Worker {
         self.client.as_ref()?;
         tracing::warn!(
             paused_s = paused.as_secs_f64(),
-            "this program did not run (the computer slept, or the process was held): the board is told to stop, and what was asked for \
-             before is not done"
+            "this program did not run (the computer slept, or the process was suspended): the board is told to \
+             stop, and earlier requests are refused"
         );
         self.again_since = Some(Instant::now() + SETTLE);
-        self.was_away(&format!("this computer slept, or the daemon was held, for {:.0} s", paused.as_secs_f64()));
+        self.was_away(&format!("this computer slept, or the daemon was suspended, for {:.0} s", paused.as_secs_f64()));
         self.broke();
         if let Err(error) = self.halt() {
             self.note_trouble(&error);
@@ -193,7 +193,7 @@ impl Worker {
         if !self.policy.clears_silence || fault.is_none_or(|fault| fault.code != FaultCode::HostSilent) {
             return Ok(());
         }
-        tracing::warn!("clearing the latched silence of this host, as is the policy");
+        tracing::warn!("clearing the latched silence of this host (--clear-silence)");
         self.ask(&Request::ClearFaults)?;
         self.publish.send_modify(|snapshot| snapshot.cleared += 1);
         Ok(self.look()?)
@@ -239,13 +239,17 @@ impl Worker {
         if !publish.borrow().connected {
             return;
         }
-        tracing::warn!(request, waited_ms = waited.as_secs_f64() * 1e3, "the device does not answer; it is asked on");
+        tracing::warn!(
+            request,
+            waited_ms = waited.as_secs_f64() * 1e3,
+            "the device does not answer; the daemon continues to ask"
+        );
         publish.send_modify(|snapshot| {
             (snapshot.connected, snapshot.in_doubt) = (false, true);
             snapshot.doubts += 1;
             snapshot.problem = Some(format!(
-                "nothing was heard of it for {:.0} ms, and it is asked again. If it is armed and stays silent it is told to stop. An armed board that hears \
-                 nothing for 250 ms goes off by itself",
+                "it did not answer for {:.0} ms, and the daemon asks again. If an armed board stays silent, the \
+                 daemon tells it to stop. An armed board that receives nothing for 250 ms goes off by itself",
                 waited.as_secs_f64() * 1e3
             ));
         });

@@ -70,7 +70,7 @@ pub enum SessionError {
         state: &'static str,
     },
     /// The device was away, and is not armed again by itself.
-    #[error("the device was away ({reason}) and waits to be armed by a person")]
+    #[error("the device had an outage ({reason}) and waits until a person arms it")]
     Away {
         /// What had happened.
         reason: String,
@@ -84,23 +84,19 @@ pub enum SessionError {
         reason: String,
     },
     /// Everything was stopped after this drive had been asked for.
-    #[error("everything was stopped while this was being planned")]
+    #[error("everything was stopped while this request was being planned")]
     Stopped,
     /// The device went off, faulted or was away after this drive had been asked for.
-    #[error("the device has gone off, faulted or been away since this was asked for")]
+    #[error("the device has gone off, faulted or had an outage since this request")]
     Broken,
     /// The session has ended.
     #[error("the daemon is shutting down")]
     Closed,
     /// Its thread has ended without being told to: by a mistake in this program.
-    #[error(
-        "{ENDED}: nothing is driven any more, and the board has gone off by itself; the daemon has to be started again"
-    )]
+    #[error("{ENDED}: the board has gone off by itself, and nothing is driven until the daemon is restarted")]
     Ended,
     /// Its thread hangs, by a mistake in this program or of the system's driver.
-    #[error(
-        "{HANGS}: nothing is driven any more, and the board has gone off by itself; the daemon has to be started again"
-    )]
+    #[error("{HANGS}: the board has gone off by itself, and nothing is driven until the daemon is restarted")]
     Hangs,
 }
 
@@ -471,7 +467,7 @@ impl Drop for Session {
         if thread.is_finished() {
             let _ = thread.join();
         } else {
-            tracing::error!("{HANGS}; it is left behind");
+            tracing::error!("{HANGS}; the daemon ends without it");
         }
     }
 }

@@ -26,7 +26,7 @@ impl Worker {
         let mut result = self.try_play(order.clone());
         // A frame that was lost and repeated comes later than its start: nothing has begun, and the next start is later, too.
         if let Err(SessionError::Link(LinkError::Refused(Refusal::Start { .. }))) = &result {
-            tracing::info!(plan = order.id, "the effect's start had passed: once more");
+            tracing::info!(plan = order.id, "the start of the effect had passed: sending the effect again");
             result = self.try_play(order);
         }
         if let Err(SessionError::Link(error)) = &result {

@@ -72,12 +72,14 @@ impl Needs {
     pub fn fit(&self, board: &Identity) -> Fit {
         let (wanted, there) = (self.max_voltages_v.len(), board.channels.len());
         if there < wanted {
-            return Fit::Unfit(format!("the scene has {wanted} actuators, and the board has {there} channels"));
+            return Fit::Unfit(format!("the scene has {wanted} actuators, but the board has {there} channels"));
         }
         let less = self.max_voltages_v.iter().zip(&board.channels).zip(1..).find_map(|((volts, channel), number)| {
             let most_v = f64::from(channel.max_voltage_millivolts) / 1e3;
             (most_v < *volts).then(|| {
-                format!("actuator {number} may have {volts} V by the scene, and the board gives its channel {most_v} V")
+                format!(
+                    "the scene allows {volts} V for actuator {number}, but the board gives its channel {most_v} V at most"
+                )
             })
         });
         less.map_or(Fit::Good, Fit::Weaker)

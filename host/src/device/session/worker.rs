@@ -169,7 +169,7 @@ impl Worker {
                     if self.client.is_some()
                         && let Err(error) = self.stop(u64::MAX)
                     {
-                        tracing::warn!(%error, "could not stop the device on leaving; its dead-man timer does it");
+                        tracing::warn!(%error, "could not stop the device at the end of the session; its dead-man timer stops it");
                     }
                     return;
                 }

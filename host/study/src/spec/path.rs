@@ -29,7 +29,8 @@ enum Segment {
 pub enum PathError {
     /// Not of a path's form.
     #[error(
-        "{path:?} is no place of a scene: write surface.thickness_mm, support[1].x_mm, support.*.x_mm, actuator.left.x_mm or edge.top.kind"
+        "{path:?} is not a place in a scene: write surface.thickness_mm, support[1].x_mm, support.*.x_mm, \
+         actuator.left.x_mm or edge.top.kind"
     )]
     Form {
         /// As written.

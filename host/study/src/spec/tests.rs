@@ -23,7 +23,7 @@ fn every_mistake_is_told_with_key_value_allowed_and_line() {
     let expected = [
         (1, "version is 2, but must be 1"),
         (4, "unknown key speed"),
-        (6, "\"support[0].x_mm\" is no place of a scene"),
+        (6, "\"support[0].x_mm\" is not a place in a scene"),
         (7, "variable[1].from is 3, but must be at most `to`, 1"),
         (11, "variable[2].within_mm is [0, 0, 1], but must be a list of 4 numbers"),
         (14, "variable[3].from is 0, but must be above 0, as the scale is \"log\""),
