@@ -70,8 +70,9 @@ pub fn table(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: us
             format!("{} %", three(100.0 * (by_operations + by_bytes) / sweep_s)),
         ]);
         remarks.push(format!(
-            "{name}: a product of two matrices of order {ORDER} runs at {} GFLOP/s; writing goes at {}/s into memory as the \
-             allocator gives it (in pieces above 32 MB fresh from the system), {}/s into memory written before.",
+            "{name}: a product of two matrices of order {ORDER} runs at {} GFLOP/s. Writing runs at {}/s into new \
+             memory (the allocator takes pieces above 32 MB directly from the operating system), and at {}/s into \
+             memory that was written before.",
             three(machine.flops / 1e9),
             bytes(machine.fresh),
             bytes(machine.again)
@@ -81,10 +82,11 @@ pub fn table(problem: &Problem, accuracy: Accuracy, reference: &Curves, runs: us
     row("f32", &single, apart, 4.0, machine::<f32>(runs));
     table.below = remarks;
     table.above.push(format!(
-        "The problem of (c), {} unknowns, {} coordinates. The sweep computes the shapes at the points and all responses, \
-         with one thread. The operations are those of the products, after symmetry. The limit by operations is their time \
-         at the rate of a large product. The limit by bytes is the time for writing the result into separate memory. \
-         \"From f64\" is the largest difference from double precision, relative to the peak of a curve.",
+        "The problem of (c), {} unknowns, {} coordinates. The sweep computes the shapes at the points and all \
+         responses, with one thread. The column \"operations\" counts those of the matrix products that remain after \
+         symmetry is used. The limit by operations is the time of these operations at the rate of a large product. \
+         The limit by bytes is the time for writing the result into separate memory. \"From f64\" is the largest \
+         difference from double precision, relative to the peak of a curve.",
         double.unknowns, double.coordinates
     ));
     Ok(table)

@@ -27,8 +27,9 @@ pub fn unknowns(environment: &Environment, problem: &Problem, most_s: f64) -> Re
     let columns = ["order", "unknowns", "mesh and factors", "modes", "coordinates", "total", "peak memory"];
     let mut table = Table::new("(b) Growth: unknowns", &columns);
     table.above.push(String::from(
-        "Example plate, loss factor 0.005, regular cells; modes and residual shapes for 50 to 1000 Hz. Each size in a process of \
-         its own. Exponent: between the two largest.",
+        "Example plate, loss factor 0.005, regular cells; modes and residual shapes for 50 to 1000 Hz. Each size \
+         runs in a process of its own. Below the table, the growth is given as a power of the number of unknowns, \
+         from the two largest sizes.",
     ));
     let scene = write_scene(environment, 2)?;
     let surface = &problem.scene.surface;

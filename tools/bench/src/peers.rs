@@ -148,8 +148,9 @@ pub fn ratios(report: &Report, own: &Own) -> Table {
     let mut table = Table::new(format!("(c) Side by side: at equal error, {}", own.name), &columns);
     let own_s = own.total_s();
     table.above.push(format!(
-        "{}: {} from scene to result{}, error {}. The others at 0.1 % and at that \
-         same error: mesh and time between or beyond the meshes above, along straight lines in logarithms.",
+        "{}: {} from scene to result{}, error {}. For the other methods, the table has the mesh and the time that an \
+         error of 0.1 % and this same error need. They are interpolated or extrapolated from the meshes above, along \
+         straight lines in logarithms.",
         own.name,
         seconds(own_s),
         own.sweep_s.map_or_else(String::new, |s| format!(" ({} after the modes are known)", seconds(s))),

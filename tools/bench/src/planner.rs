@@ -83,13 +83,17 @@ pub fn tables() -> Result<Vec<Table>, Error> {
             "of a touch's budget",
         ],
     );
-    checks.above.push("All combinations of frequencies (at least 20 Hz apart) and pulse widths, with the forces of each \
-         by the same convex problem. The difference is that of the cost, or of the reached peak if the wanted peak is not \
-         possible. It is given for a search with the budget of a study and with the budget of a touch. A difference above \
-         1e-9 with the budget of a study is an error.".into());
+    checks.above.push(
+        "The brute force computes the best forces for every combination of frequencies (at least 20 Hz \
+         apart) and pulse widths. The search should find a combination of the same cost or, if the wanted peak is \
+         not possible, of the same peak. The last two columns have the largest relative difference: for a search \
+         with the budget of a study (20000 steps), and with the budget of a touch. A difference above 1e-9 with the \
+         budget of a study is an error."
+            .into(),
+    );
     let mut phases =
         Table::new("With phases", &["actuators", "median", "p99", "contrast over distinct frequencies, median"]);
-    phases.above.push("One shared frequency of 1001, 0.1 g.".into());
+    phases.above.push("All actuators share one of 1001 frequencies. Touches ask for 0.1 g.".into());
     for actuators in 1..=4 {
         let scene = scene(actuators)?;
         let started = Instant::now();

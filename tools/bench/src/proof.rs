@@ -160,10 +160,10 @@ pub fn tightness(environment: &Environment) -> Result<Table, Error> {
         found.row(what, whose, &mut table);
     }
     table.above.push(format!(
-        "{scenes} scenes of `era verify --scenes` (seed {SEED}), up to {BAND_HZ} Hz, at tolerances 1e-2, 1e-3 and 1e-4 in \
-         turn. The error is the difference from this program's answer at a hundredth of the tolerance. A bound counts as below the \
-         error if it is smaller by more than the bound of that answer. Errors below {ROUNDING:e} are rounding errors and \
-         are left out."
+        "{scenes} scenes of `era verify --scenes` (seed {SEED}), up to {BAND_HZ} Hz, at tolerances 1e-2, 1e-3 and \
+         1e-4 in turn. The error is the difference from this program's answer at a hundredth of the tolerance. This \
+         answer has a small bound of its own. A bound counts as below the error only if it is smaller than the error \
+         by more than this small bound. Errors below {ROUNDING:e} are rounding errors and are left out."
     ));
     Ok(table)
 }

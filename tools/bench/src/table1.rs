@@ -144,10 +144,10 @@ pub fn table(environment: &Environment) -> Result<Table, Error> {
         ]);
     }
     table.below.push(String::from(
-        "These times do not agree with the times of the thesis. The cost of an explicit solver follows from its stable \
-         step: the largest |lambda| times the duration. This cost does not grow exponentially with the number of \
-         unknowns. The error is the largest deviation, relative to the largest displacement. RK45 has the default \
-         tolerances of ode45 (1e-3 relative, 1e-6 absolute).",
+        "These times do not agree with the times of the thesis. The number of steps of an explicit solver is about \
+         the duration times the largest |lambda|, because longer steps are not stable. This number does not grow \
+         exponentially with the number of unknowns. The error is the largest deviation, relative to the largest \
+         displacement. RK45 has the default tolerances of ode45 (1e-3 relative, 1e-6 absolute).",
     ));
     Ok(table)
 }
