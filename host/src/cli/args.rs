@@ -434,18 +434,6 @@ pub struct Verify {
     /// Largest relative difference that counts as agreement
     #[arg(long, value_name = "REL", default_value_t = 0.05)]
     pub limit: f64,
-    /// Compare prediction and simulation on this number of random scenes, with the known causes of each difference
-    #[arg(long, value_name = "N", conflicts_with_all = ["scene", "points", "intensity_g", "limit"])]
-    pub scenes: Option<u64>,
-    /// Touches on each random scene, at random places and intensities
-    #[arg(long, value_name = "N", default_value_t = 10, requires = "scenes")]
-    pub touches: u32,
-    /// Another seed gives other scenes
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "scenes")]
-    pub seed: u64,
-    /// Scenes at a time [default: the number of processors]
-    #[arg(long, value_name = "N", requires = "scenes")]
-    pub jobs: Option<u16>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,

@@ -43,7 +43,6 @@ mod sweep;
 mod token;
 mod told;
 mod transient;
-mod trials;
 mod values;
 mod verify;
 mod wishes;

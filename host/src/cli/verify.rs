@@ -13,9 +13,6 @@ use std::fmt::Write;
 const MOST_POINTS: u32 = 100_000;
 
 pub fn run(options: &Verify) -> Outcome {
-    if let Some(scenes) = options.scenes {
-        return super::trials::run(options, scenes);
-    }
     if !(1..=MOST_POINTS).contains(&options.points) {
         return Err(Failure::Usage(format!(
             "--points {} is not in the allowed range 1 to {MOST_POINTS}",

@@ -21,7 +21,6 @@ use serde::Serialize;
 
 mod bench;
 pub mod succession;
-pub mod trials;
 mod waveform;
 
 pub use waveform::{HIGHEST_LINE, Waveform, fundamentals};

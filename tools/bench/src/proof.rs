@@ -160,7 +160,7 @@ pub fn tightness(environment: &Environment) -> Result<Table, Error> {
         found.row(what, whose, &mut table);
     }
     table.above.push(format!(
-        "{scenes} scenes of `era verify --scenes` (seed {SEED}), up to {BAND_HZ} Hz, at tolerances 1e-2, 1e-3 and \
+        "{scenes} random scenes (`host/model/src/scene/random.rs`, seed {SEED}), up to {BAND_HZ} Hz, at tolerances 1e-2, 1e-3 and \
          1e-4 in turn. The error is the difference from this program's answer at a hundredth of the tolerance. This \
          answer has a small bound of its own. A bound counts as below the error only if it is smaller than the error \
          by more than this small bound. Errors below {ROUNDING:e} are rounding errors and are left out."
