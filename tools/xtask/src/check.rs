@@ -53,7 +53,7 @@ pub fn ci() -> Result<(), Error> {
         run(cargo(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
         image::cargo("clippy", &["--", "-D", "warnings"])
     })?;
-    step("circles of imports", || house::command(house::Options::default()))?;
+    step("circles of imports", house::run_survey)?;
     step("documentation", || {
         run(cargo(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
     })?;

@@ -61,8 +61,8 @@ enum Command {
     Python,
     /// Make all that a release has in `target/dist`: Debian's package, wheel, firmware, manual, checksums; try the package in a Debian system
     Dist(dist::Options),
-    /// Print how each crate is divided, and fail if files import each other in circles
-    House(house::Options),
+    /// Fail if files import each other in circles; list files that are too long
+    House,
     /// Look for known vulnerabilities in the crates that this depends on, in a copy of the RustSec advisory database
     Advisories(dependencies::Options),
     /// Run the tests of the shared crate under Miri, which needs a nightly compiler with that component.
@@ -83,7 +83,7 @@ fn main() -> ExitCode {
         Command::Crosscheck(options) => crosscheck::command(&options),
         Command::Python => python::command(),
         Command::Dist(options) => dist::make_release(&options),
-        Command::House(options) => house::command(options),
+        Command::House => house::run_survey(),
         Command::Advisories(options) => dependencies::command(&options),
         Command::Miri => miri::command(),
         Command::Emulate(options) => emulate::command(&options),

@@ -21,10 +21,6 @@ pub struct Code {
     pub named: BTreeSet<Segments>,
     /// Its modules.
     pub children: Vec<Child>,
-    /// Names of its `const` items; a file's module has those of the modules that are written out inside it, too.
-    pub consts: Vec<String>,
-    /// Lines of the test modules that are written out inside it; of a file's module as above.
-    pub test_lines: usize,
 }
 
 /// A module that another one declares.
@@ -61,18 +57,8 @@ impl Code {
     fn declare(&mut self, module: &ItemMod) {
         let is_test = is_test(&module.attrs);
         let body = match &module.content {
-            Some((brace, _)) if is_test => {
-                let first =
-                    module.attrs.first().map_or(module.mod_token.span, |attribute| attribute.pound_token.spans[0]);
-                self.test_lines += brace.span.close().end().line + 1 - first.start().line;
-                return;
-            }
-            Some((_, items)) => {
-                let mut body = Self::of(items);
-                self.consts.append(&mut body.consts);
-                self.test_lines += std::mem::take(&mut body.test_lines);
-                Some(body)
-            }
+            Some(_) if is_test => return,
+            Some((_, items)) => Some(Self::of(items)),
             None => None,
         };
         self.children.push(Child {
@@ -120,9 +106,6 @@ impl<'ast> Visit<'ast> for Code {
             return;
         }
         self.items.extend(name.map(ToString::to_string));
-        if let Item::Const(item) = item {
-            self.consts.push(item.ident.to_string());
-        }
         visit::visit_item(self, item);
     }
 

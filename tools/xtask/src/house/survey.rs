@@ -1,55 +1,30 @@
-//! What is in a crate: rooms, constants, long files, circles of imports.
+//! What is found in a crate: circles of imports, long files, files that no `mod` leads to.
 
-use super::circles::{Graph, circles};
+use super::circles::{Graph, find_circles};
 use super::source::Code;
 use super::tree::{Sources, Tree};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// Lines of a file from which on it is told.
+/// Lines from which on a file is listed as too long.
 const LONG: usize = 500;
-/// The room of files that are in no folder of `src`.
-const ROOT: &str = "(root)";
 /// The folder of sources.
 const SOURCES: &str = "src";
 
-/// What is in a room.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Room {
-    /// Files, those of tests too.
-    pub files: usize,
-    /// Lines outside tests.
-    pub code: usize,
-    /// Lines of tests.
-    pub tests: usize,
-    /// `const` items outside tests.
-    pub consts: usize,
-    /// Those of them whose name another file of the crate has as well.
-    pub shared: usize,
-    /// Files above 500 lines.
-    pub long: usize,
-}
-
-/// What is in a crate.
+/// What is found in a crate.
 #[derive(Debug)]
 pub struct Survey {
-    /// Its rooms.
-    pub rooms: BTreeMap<String, Room>,
-    /// Names of constants in several files, with these.
-    pub shared: BTreeMap<String, BTreeSet<String>>,
+    /// Circles of files.
+    pub circles: Vec<Graph<String>>,
     /// Files above 500 lines, and how many they have.
     pub long: BTreeMap<String, usize>,
     /// Files of `src` that no `mod` leads to.
     pub lost: Vec<String>,
-    /// Circles of files.
-    pub circles: Vec<Graph<String>>,
-    /// Circles of rooms; a file in no room stands for itself.
-    pub room_circles: Vec<Graph<String>>,
 }
 
 impl Survey {
-    /// Of a crate's files, by their paths in its folder, and the roots of its targets among these.
+    /// Surveys a crate's files, by their paths in its folder, from the roots of its targets on.
     ///
     /// # Errors
     /// The file that is not Rust, and why.
@@ -62,54 +37,20 @@ impl Survey {
         let reached: BTreeSet<&Path> = trees.iter().flat_map(|tree| tree.modules.iter().map(|m| m.file)).collect();
         let in_tests: BTreeSet<&Path> = trees.iter().flat_map(|tree| tree.test_files.iter().copied()).collect();
         let is_test = |file: &Path| is_named_as_test(file) || in_tests.contains(file) && !reached.contains(file);
-
-        let mut files_of: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
-        for (file, code) in sources.iter().filter(|(file, _)| !is_test(file)) {
-            for name in code.consts.iter().filter(|name| *name != "_") {
-                files_of.entry(name).or_default().insert(shown(file));
-            }
+        let is_lost = |file: &Path| file.starts_with(SOURCES) && !reached.contains(file) && !in_tests.contains(file);
+        let lost = sources.keys().filter(|file| is_lost(file)).map(|file| show_path(file)).collect();
+        let lengths = texts.iter().map(|(file, text)| (show_path(file), text.lines().count()));
+        let long = lengths.filter(|(_, lines)| *lines > LONG).collect();
+        let mut graph = Graph::new();
+        for (from, to) in find_imports(&trees, is_test) {
+            graph.entry(show_path(from)).or_insert_with(BTreeSet::new).insert(show_path(to));
         }
-        files_of.retain(|_, files| files.len() > 1);
-
-        let mut tally: BTreeMap<String, Room> = BTreeMap::new();
-        let (mut long, mut lost) = (BTreeMap::new(), Vec::new());
-        for ((file, text), code) in texts.iter().zip(sources.values()) {
-            let lines = text.lines().count();
-            let room = tally.entry(room_of(file, texts).unwrap_or_else(|| ROOT.to_owned())).or_default();
-            room.files += 1;
-            if is_test(file) {
-                room.tests += lines;
-            } else {
-                room.code += lines - code.test_lines;
-                room.tests += code.test_lines;
-                room.consts += code.consts.len();
-                room.shared += code.consts.iter().filter(|name| files_of.contains_key(name.as_str())).count();
-            }
-            if lines > LONG {
-                room.long += 1;
-                long.insert(shown(file), lines);
-            }
-            if file.starts_with(SOURCES) && !reached.contains(file.as_path()) && !in_tests.contains(file.as_path()) {
-                lost.push(shown(file));
-            }
-        }
-
-        let imports = imports(&trees, is_test);
-        let (mut of_files, mut of_rooms) = (Graph::new(), Graph::new());
-        for (from, to) in imports {
-            of_files.entry(shown(from)).or_insert_with(BTreeSet::new).insert(shown(to));
-            let of = |file| room_of(file, texts).unwrap_or_else(|| shown(file));
-            if of(from) != of(to) {
-                of_rooms.entry(of(from)).or_insert_with(BTreeSet::new).insert(of(to));
-            }
-        }
-        let shared = files_of.into_iter().map(|(name, files)| (name.to_owned(), files)).collect();
-        Ok(Self { rooms: tally, shared, long, lost, circles: circles(&of_files), room_circles: circles(&of_rooms) })
+        Ok(Self { circles: find_circles(&graph), long, lost })
     }
 }
 
 /// Which file imports which, but for modules above or below each other.
-fn imports<'a>(trees: &[Tree<'a>], is_test: impl Fn(&Path) -> bool) -> BTreeSet<(&'a Path, &'a Path)> {
+fn find_imports<'a>(trees: &[Tree<'a>], is_test: impl Fn(&Path) -> bool) -> BTreeSet<(&'a Path, &'a Path)> {
     let mut imports = BTreeSet::new();
     for tree in trees {
         for (from, module) in tree.modules.iter().enumerate().filter(|(_, module)| !is_test(module.file)) {
@@ -129,23 +70,7 @@ fn is_named_as_test(file: &Path) -> bool {
     file.starts_with("tests") || name == "tests" || name.ends_with("_tests")
 }
 
-/// The folder directly under `src`, with the file of its name beside it, or another folder of the crate; `None` for files
-/// in none.
-fn room_of(file: &Path, all: &BTreeMap<PathBuf, String>) -> Option<String> {
-    let (inside, base) = match file.strip_prefix(SOURCES) {
-        Ok(inside) => (inside, Path::new(SOURCES)),
-        Err(_) => (file, Path::new("")),
-    };
-    let first = inside.iter().next()?.to_str()?;
-    if inside.iter().count() > 1 {
-        return Some(first.to_owned());
-    }
-    let folder = base.join(inside.file_stem()?);
-    let is_beside = all.keys().any(|other| other.starts_with(&folder));
-    is_beside.then(|| inside.file_stem()?.to_str().map(str::to_owned)).flatten()
-}
-
-/// A file's path as it is told: in `src` where it is there.
-fn shown(file: &Path) -> String {
+/// A file's path for people: in `src` where it is there.
+fn show_path(file: &Path) -> String {
     file.strip_prefix(SOURCES).unwrap_or(file).display().to_string()
 }

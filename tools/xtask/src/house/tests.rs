@@ -1,8 +1,7 @@
 //! Crates made up in memory, and the checkout itself.
 
-use super::survey::{Room, Survey};
-use super::{Options, crates, judge, text};
-use crate::error::Error;
+use super::survey::Survey;
+use super::{describe_survey, survey_crates};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -107,10 +106,6 @@ fn a_front_is_not_imported_and_a_neighbour_that_hands_on_is() {
         ("user.rs", "use crate::room::Thing; pub struct User;"),
     ];
     assert_eq!(circles(&front), [""; 0]);
-    // But the rooms do import each other.
-    let rooms: Vec<Vec<String>> =
-        survey(&front).room_circles.iter().map(|circle| circle.keys().cloned().collect()).collect();
-    assert_eq!(rooms, [["room", "user.rs"]]);
     let neighbour = [
         ("lib.rs", "mod maker; mod shop; mod user;"),
         ("maker.rs", "pub struct Thing;"),
@@ -149,39 +144,28 @@ fn imports_of_tests_are_not_reported() {
 }
 
 #[test]
-fn rooms_are_counted_with_tests_apart() {
-    let long = "\n".repeat(501);
+fn long_and_lost_files_and_circles_are_printed() {
     let found = survey(&[
-        ("lib.rs", "mod room;\nmod loose;\n"),
-        ("loose.rs", "const SAME: u8 = 1;\nconst _: () = ();\nfn f() { const INNER: u8 = 2; }\n"),
-        ("room.rs", "mod long;\n\n#[cfg(test)]\nmod tests {\n    const SAME: u8 = 1;\n}\n"),
-        ("room/long.rs", &format!("mod inner {{ const SAME: u8 = 1; }} const _: () = ();{long}")),
-        ("room/other_tests.rs", "const SAME: u8 = 3;\nconst OTHER: u8 = 3;\n"),
+        ("lib.rs", "mod a; mod c;"),
+        ("a.rs", "use super::c::C; pub struct A;"),
+        ("c.rs", &format!("use crate::a::A; pub struct C;{}", "\n".repeat(501))),
+        ("lost.rs", ""),
     ]);
-    let top = Room { files: 2, code: 5, tests: 0, consts: 3, shared: 1, long: 0 };
-    let room = Room { files: 3, code: 2 + 501, tests: 4 + 2, consts: 2, shared: 1, long: 1 };
-    assert_eq!(found.rooms, BTreeMap::from([("(root)".to_owned(), top), ("room".to_owned(), room)]));
-    assert_eq!(found.shared.keys().collect::<Vec<_>>(), ["SAME"]);
-    assert_eq!(found.long, BTreeMap::from([("room/long.rs".to_owned(), 501)]));
-    assert_eq!(found.lost, ["room/other_tests.rs"]);
-    let told = text("made-up", &found);
-    assert!(
-        told.contains("const SAME in 2 files: loose.rs, room/long.rs") && told.contains("no circle of files"),
-        "{told}"
-    );
-}
-
-#[test]
-fn a_circle_is_an_error_unless_it_is_allowed() {
-    assert!(judge(0, Options::default()).is_ok());
-    assert!(matches!(judge(2, Options::default()), Err(Error::Circles(2))));
-    assert!(judge(2, Options { allow_circles: true }).is_ok());
+    let lines = [
+        "made-up: c.rs has 501 lines, more than 500",
+        "made-up: no `mod` leads to lost.rs",
+        "made-up: a circle of 2 files, each with those of it that it imports:",
+        "  a.rs -> c.rs",
+        "  c.rs -> a.rs",
+    ];
+    assert_eq!(describe_survey("made-up", &found), lines.map(|line| format!("{line}\n")).concat());
+    assert_eq!(describe_survey("made-up", &survey(&[("lib.rs", "mod a;"), ("a.rs", "")])), "");
 }
 
 /// Every crate is read, and every file of a `src` is led to: otherwise its imports would be missing.
 #[test]
 fn this_repository_is_read_whole() {
-    let all = crates(&crate::root().unwrap()).unwrap();
+    let all = survey_crates(&crate::root().unwrap()).unwrap();
     let names: Vec<&str> = all.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(
         names,
@@ -204,10 +188,4 @@ fn this_repository_is_read_whole() {
     for (name, survey) in &all {
         assert_eq!(survey.lost, [""; 0], "{name}");
     }
-    // A folder with a manifest of its own is another crate's.
-    let large: [&[&str]; 3] = [&["cli", "daemon", "device"], &["model", "scene"], &["table", "effects"]];
-    for (rooms, (name, survey)) in large.iter().zip(&all) {
-        assert!(rooms.iter().all(|room| survey.rooms[*room].code > 1000), "{name}: {:?}", survey.rooms);
-    }
-    assert!(!all[0].1.rooms.contains_key("model"), "{:?}", all[0].1.rooms);
 }
