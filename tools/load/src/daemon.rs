@@ -201,6 +201,23 @@ fn worked_s(stat: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Read;
+
+    #[test]
+    fn what_a_process_takes_is_read() {
+        // Three descriptors of its own, and three that are opened; its line is printed when they are.
+        let mut shell = Command::new("sh");
+        shell.args(["-c", "exec 3</dev/null 4</dev/null 5</dev/null; echo; read line"]);
+        let mut shell = shell.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        shell.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
+        let found = takes(shell.id());
+        shell.kill().unwrap();
+        shell.wait().unwrap();
+        assert_eq!((found.threads, found.handles), (1, 6));
+        assert!((100..100_000).contains(&found.memory_kb), "{found:?}");
+        let own = takes(std::process::id());
+        assert!(own.threads > 1 && own.memory_kb > found.memory_kb, "{own:?}");
+    }
 
     #[test]
     fn the_time_of_processors_is_read_whatever_the_name_is() {
