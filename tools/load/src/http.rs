@@ -1,4 +1,9 @@
 //! HTTP by hand over one connection that is kept, so that what was sent, when, and over which connection is known.
+//!
+//! Why no client from a crate: `ureq`, which the program uses, keeps its connections in a pool and does not say when it opens one,
+//! but here each connection and each lost answer is counted and timed. It knows no sockets in the file system either: a transport
+//! for it takes 92 lines (`host/src/connection/transport.rs`), and all of `Http` with `read_answer` 115, documentation included.
+//! `hyper` needs a runtime, whose scheduling would be part of each measured time.
 
 use serde_json::Value;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
@@ -94,7 +99,7 @@ impl Http {
             let head =
                 format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\n{name}Content-Type: application/json\r\n");
             stream.get_mut().write_all(format!("{head}Content-Length: {length}\r\n\r\n{body}").as_bytes())?;
-            answer(stream)
+            read_answer(stream)
         });
         if result.as_ref().map_or(true, |answer| answer.closes) {
             self.stream = None;
@@ -131,7 +136,7 @@ pub fn tcp(address: SocketAddr) -> io::Result<TcpStream> {
     Ok(stream)
 }
 
-fn answer(stream: &mut impl BufRead) -> io::Result<Answer> {
+fn read_answer(stream: &mut impl BufRead) -> io::Result<Answer> {
     let bad = |what: &str| io::Error::new(ErrorKind::InvalidData, what.to_owned());
     let mut line = String::new();
     if stream.read_line(&mut line)? == 0 {
@@ -172,10 +177,10 @@ mod tests {
     fn an_answer_is_read_to_its_last_byte_and_no_further() {
         let mut text: &[u8] =
             b"HTTP/1.1 409 Conflict\r\nContent-Length: 4\r\nx-request-id: a\r\n\r\n{\"a\"HTTP/1.1 200 OK\r\n\r\n";
-        let first = answer(&mut text).unwrap();
+        let first = read_answer(&mut text).unwrap();
         assert_eq!((first.status, first.body.as_slice()), (409, b"{\"a\"".as_slice()));
-        assert_eq!(answer(&mut text).unwrap().status, 200);
-        assert_eq!(answer(&mut text).unwrap_err().kind(), ErrorKind::UnexpectedEof);
+        assert_eq!(read_answer(&mut text).unwrap().status, 200);
+        assert_eq!(read_answer(&mut text).unwrap_err().kind(), ErrorKind::UnexpectedEof);
     }
 
     #[test]
