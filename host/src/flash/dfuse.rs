@@ -1,4 +1,8 @@
 //! The protocol of the ROM bootloader over USB: DFU 1.1 with ST's extensions (AN3156).
+//!
+//! Why not the crate dfu-core (0.11): it only downloads. It has no request to read the flash, with which `era flash` looks at the image on
+//! the board before and at every byte after. It erases and writes an image in one sweep, so that a board could start half an image after an update
+//! that was cut off ([`super::program`] writes the first double word last). Its errors name neither address nor remedy. Erasing and writing, which it could do, are 40 of these lines; it would add 2 crates.
 
 use std::time::Duration;
 
