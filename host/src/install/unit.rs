@@ -1,4 +1,10 @@
 //! The systemd unit: how the daemon is started, watched and fenced in.
+//!
+//! Why a writer beside the unit of Debian's package: there is one unit, and this is it; `cargo xtask dist` packages what it writes. Its lines
+//! depend on the machine: the program's path (built here, or packaged), the group (Debian's `plugdev` is not everywhere), the
+//! service manager, and the paths of tokens and key, which the configuration names, which root alone may read and which a user without
+//! an account gets by `LoadCredential`. Whoever sets `token_file` on a machine with the package runs `era install --only service`. The lines
+//! that depend on none of these are four fifths of the text, in plain sight below.
 
 use super::files::MARK;
 use std::fmt::Write;
