@@ -1,8 +1,8 @@
 //! `cargo xtask bench planner --against REV`: the planner of another commit beside this one's, on the same machine in one run.
 
 use crate::error::Error;
-use crate::process::{output, run};
-use crate::root;
+use crate::process::{capture_output, run_command};
+use crate::repository_root;
 use std::path::Path;
 use std::process::Command;
 
@@ -17,10 +17,10 @@ const FIGURES: [&str; 2] = ["median", "p99"];
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`]: there is no such commit, or it has no such measurement.
-pub fn command(revision: &str) -> Result<(), Error> {
-    let root = root()?;
+pub fn compare_revisions(revision: &str) -> Result<(), Error> {
+    let root = repository_root()?;
     let other = root.join("target/against/checkout");
-    let git = |arguments: &[&str]| run(Command::new("git").current_dir(&root).args(arguments));
+    let git = |arguments: &[&str]| run_command(Command::new("git").current_dir(&root).args(arguments));
     let path = other.display().to_string();
     // One that an interrupted run has left.
     git(&["worktree", "prune"])?;
@@ -28,18 +28,19 @@ pub fn command(revision: &str) -> Result<(), Error> {
         git(&["worktree", "remove", "--force", &path])?;
     }
     git(&["worktree", "add", "--detach", "--quiet", &path, revision])?;
-    let (before, after) = (measured(&other)?, measured(&root)?);
+    let (before, after) = (measure_checkout(&other)?, measure_checkout(&root)?);
     git(&["worktree", "remove", "--force", &path])?;
-    print!("{}", beside(revision, &rows(&before), &rows(&after)));
+    print!("{}", format_comparison(revision, &parse_rows(&before), &parse_rows(&after)));
     Ok(())
 }
 
 /// What the measuring program of a checkout prints. The build is kept in `target/against` of this one.
-fn measured(checkout: &Path) -> Result<String, Error> {
-    let target = root()?.join("target").join(if checkout == root()? { "." } else { "against/target" });
+fn measure_checkout(checkout: &Path) -> Result<String, Error> {
+    let target =
+        repository_root()?.join("target").join(if checkout == repository_root()? { "." } else { "against/target" });
     let build = ["build", "--release", "--quiet", "-p", "era-bench"];
-    run(Command::new("cargo").current_dir(checkout).env("CARGO_TARGET_DIR", &target).args(build))?;
-    output(Command::new(target.join("release/era-bench")).current_dir(checkout).arg("planner"))
+    run_command(Command::new("cargo").current_dir(checkout).env("CARGO_TARGET_DIR", &target).args(build))?;
+    capture_output(Command::new(target.join("release/era-bench")).current_dir(checkout).arg("planner"))
 }
 
 /// A row of the table: what it is about, and its figures in s.
@@ -50,7 +51,7 @@ struct Row {
 }
 
 /// The rows of the table in a measurement's text, where columns are two spaces apart at least.
-fn rows(text: &str) -> Vec<Row> {
+fn parse_rows(text: &str) -> Vec<Row> {
     let cells = |line: &str| -> Vec<String> {
         line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).map(str::to_owned).collect()
     };
@@ -61,13 +62,13 @@ fn rows(text: &str) -> Vec<Row> {
     let row = |cells: Vec<String>| {
         let cell = |name: &str| place(name).and_then(|at| cells.get(at));
         let name = NAMES.iter().filter_map(|name| cell(name)).cloned().collect::<Vec<_>>().join(", ");
-        Row { name, seconds: FIGURES.iter().map(|figure| seconds(cell(figure)?)).collect() }
+        Row { name, seconds: FIGURES.iter().map(|figure| parse_seconds(cell(figure)?)).collect() }
     };
     lines.map(row).collect()
 }
 
 /// A time as the measuring program prints it.
-fn seconds(cell: &str) -> Option<f64> {
+fn parse_seconds(cell: &str) -> Option<f64> {
     let (number, unit) = cell.split_once(' ')?;
     let scale = match unit {
         "s" => 1.0,
@@ -79,7 +80,7 @@ fn seconds(cell: &str) -> Option<f64> {
 }
 
 /// Both, row by row.
-fn beside(revision: &str, before: &[Row], after: &[Row]) -> String {
+fn format_comparison(revision: &str, before: &[Row], after: &[Row]) -> String {
     let mut text = format!("Time per plan in us: {revision}, this checkout, and their ratio\n");
     for row in after {
         let old = before.iter().find(|old| old.name == row.name);
@@ -107,7 +108,7 @@ mod tests {
 
     #[test]
     fn rows_are_read_with_their_units() {
-        let read = rows(TEXT);
+        let read = parse_rows(TEXT);
         assert_eq!(read.len(), 2);
         assert_eq!(read[0].name, "1, 0.05 to 0.5 g");
         let near = |value: Option<f64>, wanted: f64| (value.unwrap() / wanted - 1.0).abs() < 1e-12;
@@ -116,9 +117,9 @@ mod tests {
 
     #[test]
     fn ratios_are_new_over_old_and_rows_that_only_one_has_stay() {
-        let mut after = rows(TEXT);
+        let mut after = parse_rows(TEXT);
         after[0].seconds[0] = Some(74e-6);
-        let text = beside("v0", &rows(TEXT)[..1], &after);
+        let text = format_comparison("v0", &parse_rows(TEXT)[..1], &after);
         assert!(text.contains("median    148     74  0.50"), "{text}");
         assert!(text.lines().last().unwrap().contains("median      -   5120     -"), "{text}");
     }

@@ -2,8 +2,8 @@
 //! itself, and `planner --against REV` another commit's planner as well.
 
 use crate::error::Error;
-use crate::process::run;
-use crate::root;
+use crate::process::run_command;
+use crate::repository_root;
 use clap::Args;
 use std::ffi::OsString;
 use std::process::Command;
@@ -26,20 +26,20 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`].
-pub fn command(options: &Options) -> Result<(), Error> {
+pub fn run_benchmark(options: &Options) -> Result<(), Error> {
     if options.arguments.first().is_some_and(|what| what == "start") {
-        return crate::start::command(&options.arguments);
+        return crate::start::measure_starts(&options.arguments);
     }
     if options.arguments.first().is_some_and(|what| what == "daemon" || what == "costs") {
-        return crate::load::put_on(&options.arguments);
+        return crate::load::run_load(&options.arguments);
     }
     if let [what, option, revision] = options.arguments.as_slice()
         && what == "planner"
         && option == "--against"
     {
-        return crate::against::command(&revision.to_string_lossy());
+        return crate::against::compare_revisions(&revision.to_string_lossy());
     }
-    let root = root()?;
-    run(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet", "-p", "era-bench"]))?;
-    run(Command::new(root.join("target/release/era-bench")).args(&options.arguments))
+    let root = repository_root()?;
+    run_command(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet", "-p", "era-bench"]))?;
+    run_command(Command::new(root.join("target/release/era-bench")).args(&options.arguments))
 }

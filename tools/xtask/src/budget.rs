@@ -120,7 +120,7 @@ impl fmt::Display for Row {
 ///
 /// # Errors
 /// [`Error::OverBudget`] with the names of those over it.
-pub fn judge(rows: &[Row]) -> Result<(), Error> {
+pub fn judge_rows(rows: &[Row]) -> Result<(), Error> {
     for row in rows {
         println!("{row}");
     }
@@ -136,15 +136,15 @@ mod tests {
     fn what_is_over_its_budget_fails_by_name() {
         let within = Row::bytes("flash", 100, 100);
         let over = Row::bytes("stack", 101, 100);
-        assert!(judge(std::slice::from_ref(&within)).is_ok());
-        let error = judge(&[within, over]).expect_err("one is over").to_string();
+        assert!(judge_rows(std::slice::from_ref(&within)).is_ok());
+        let error = judge_rows(&[within, over]).expect_err("one is over").to_string();
         assert!(error.contains("stack") && !error.contains("flash"), "{error}");
         assert!(!Row { used: f64::NAN, ..Row::bytes("CPU", 0, 1) }.holds());
     }
 
     #[test]
     fn the_budget_file_is_read_and_every_number_has_a_reason() {
-        let budget = Budget::read(&crate::root().expect("a checkout")).expect("a budget");
+        let budget = Budget::read(&crate::repository_root().expect("a checkout")).expect("a budget");
         for why in [&budget.flash.why, &budget.ram.why, &budget.stack.why, &budget.cpu.why] {
             assert!(why.len() > 20, "{why}");
         }

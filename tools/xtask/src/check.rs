@@ -1,8 +1,10 @@
 //! `cargo xtask test` and `cargo xtask ci`: everything that can be checked, set-up included.
 
 use crate::error::Error;
-use crate::process::run;
-use crate::{crosscheck, dependencies, emulate, firmware, fuzz, house, image, miri, python, root, setup, waveforms};
+use crate::process::run_command;
+use crate::{
+    crosscheck, dependencies, emulate, firmware, fuzz, house, image, miri, python, repository_root, setup, waveforms,
+};
 use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
@@ -15,64 +17,64 @@ const FUZZ_S: u64 = 40;
 ///
 /// # Errors
 /// [`Error::Missing`] before anything is run, or the first step that failed.
-pub fn test() -> Result<(), Error> {
+pub fn run_tests() -> Result<(), Error> {
     setup::ensure("cargo xtask test", setup::TEST)?;
-    tests()
+    run_test_steps()
 }
 
-fn tests() -> Result<(), Error> {
-    let root = root()?;
-    step("firmware image", || firmware::command(&firmware::Options::default()))?;
-    step("emulator", || {
-        run(Command::new("python3").arg("tools/emulator/launch.py").arg("--setup-only").current_dir(&root))
+fn run_test_steps() -> Result<(), Error> {
+    let root = repository_root()?;
+    run_step("firmware image", || firmware::build_and_report(&firmware::Options::default()))?;
+    run_step("emulator", || {
+        run_command(Command::new("python3").arg("tools/emulator/launch.py").arg("--setup-only").current_dir(&root))
     })?;
-    step("waveforms", || waveforms::command(&waveforms::Options::default()))?;
-    step("report from the emulated board", emulate::test)?;
+    run_step("waveforms", || waveforms::check_waveforms(&waveforms::Options::default()))?;
+    run_step("report from the emulated board", emulate::test_emulator)?;
     // What is shipped, optimised as it is shipped, and one build for all that follows.
-    step("tests", || run(cargo(&root).args(["test", "--workspace", "--release"])))?;
-    step("Python package", python::tests)?;
-    step("advisories", dependencies::some_advisories)?;
-    step("independent reference: its own tests", crosscheck::own_tests)?;
-    step("independent reference: random scenes", crosscheck::some_scenes)
+    run_step("tests", || run_command(cargo_command(&root).args(["test", "--workspace", "--release"])))?;
+    run_step("Python package", python::run_tests)?;
+    run_step("advisories", dependencies::check_advisories_if_present)?;
+    run_step("independent reference: its own tests", crosscheck::run_reference_tests)?;
+    run_step("independent reference: random scenes", crosscheck::compare_some_scenes)
 }
 
 /// Formatting, lints, documentation and dependencies of both workspaces, then [`test()`].
 ///
 /// # Errors
 /// As [`test()`].
-pub fn ci() -> Result<(), Error> {
+pub fn run_ci() -> Result<(), Error> {
     setup::ensure("cargo xtask ci", setup::CI)?;
-    let root = root()?;
+    let root = repository_root()?;
     let firmware = root.join("firmware");
-    step("formatting", || {
-        run(cargo(&root).args(["fmt", "--all", "--check"]))?;
-        run(cargo(&firmware).args(["fmt", "--check"]))
+    run_step("formatting", || {
+        run_command(cargo_command(&root).args(["fmt", "--all", "--check"]))?;
+        run_command(cargo_command(&firmware).args(["fmt", "--check"]))
     })?;
-    step("firmware image, budgets", || firmware::command(&firmware::Options::with_budget()))?;
-    step("lints", || {
-        run(cargo(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
-        image::cargo("clippy", &["--", "-D", "warnings"])
+    run_step("firmware image, budgets", || firmware::build_and_report(&firmware::Options::with_budget()))?;
+    run_step("lints", || {
+        run_command(cargo_command(&root).args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))?;
+        image::run_firmware_cargo("clippy", &["--", "-D", "warnings"])
     })?;
-    step("circles of imports", house::run_survey)?;
-    step("documentation", || {
-        run(cargo(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
+    run_step("circles of imports", house::run_survey)?;
+    run_step("documentation", || {
+        run_command(cargo_command(&root).args(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-D warnings"))
     })?;
-    step("dependencies", dependencies::licences)?;
+    run_step("dependencies", dependencies::check_licences)?;
     let planted = ["test", "-p", "xtask", "--test", "advisories", "--", "--ignored"];
-    step("advisories: planted ones are found", || run(cargo(&root).args(planted)))?;
-    tests()?;
-    step("miri", miri::short)?;
-    step("fuzzing", || fuzz::command(&fuzz::Options::bounded(FUZZ_S)))
+    run_step("advisories: planted ones are found", || run_command(cargo_command(&root).args(planted)))?;
+    run_test_steps()?;
+    run_step("miri", miri::run_miri_if_installed)?;
+    run_step("fuzzing", || fuzz::run_fuzzing(&fuzz::Options::bounded(FUZZ_S)))
 }
 
-fn cargo(folder: &Path) -> Command {
+fn cargo_command(folder: &Path) -> Command {
     let mut command = Command::new("cargo");
     command.current_dir(folder);
     command
 }
 
 /// Runs one step and says how long it took, and how long all steps so far: of a run that is cut short, what took the time.
-fn step(name: &str, work: impl FnOnce() -> Result<(), Error>) -> Result<(), Error> {
+fn run_step(name: &str, work: impl FnOnce() -> Result<(), Error>) -> Result<(), Error> {
     static FIRST: OnceLock<Instant> = OnceLock::new();
     println!("== {name}");
     let started = Instant::now();

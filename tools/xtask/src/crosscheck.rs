@@ -1,8 +1,8 @@
 //! `cargo xtask crosscheck`: the program, built in release mode, against the independent reference of `tools/crosscheck/`.
 
 use crate::error::Error;
-use crate::process::run;
-use crate::{root, setup};
+use crate::process::run_command;
+use crate::{repository_root, setup};
 use clap::Args;
 use std::process::Command;
 
@@ -45,7 +45,7 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::Missing`], [`Error::Python`], [`Error::Start`], [`Error::Failed`] where something differs.
-pub fn command(options: &Options) -> Result<(), Error> {
+pub fn run_crosscheck(options: &Options) -> Result<(), Error> {
     setup::ensure("cargo xtask crosscheck", setup::CROSSCHECK)?;
     let numbers =
         [("--scenes", u64::from(options.scenes)), ("--first", options.first.into()), ("--seed", options.seed)];
@@ -62,35 +62,37 @@ pub fn command(options: &Options) -> Result<(), Error> {
     let flags = [("--prove", options.prove), ("--verbose", options.verbose)];
     arguments.extend(flags.iter().filter(|(_, set)| *set).map(|(name, _)| (*name).to_owned()));
     let build = ["build", "--release", "--quiet", "-p", "era-host", "--bin", "era"];
-    run(Command::new("cargo").current_dir(root()?).args(build))?;
-    compare(&arguments)
+    run_command(Command::new("cargo").current_dir(repository_root()?).args(build))?;
+    run_comparison(&arguments)
 }
 
 /// The reference's own tests, for `cargo xtask test`.
 ///
 /// # Errors
-/// As [`command`].
-pub fn own_tests() -> Result<(), Error> {
-    run(python()?.args(OWN_TESTS))
+/// As [`run_crosscheck`].
+pub fn run_reference_tests() -> Result<(), Error> {
+    run_command(python_command()?.args(OWN_TESTS))
 }
 
 /// The first random scenes, all comparisons, for `cargo xtask test`: with the program that its tests have built. To build it for itself would take
 /// minutes, as a few libraries have other features there.
 ///
 /// # Errors
-/// As [`command`].
-pub fn some_scenes() -> Result<(), Error> {
-    compare(&["--scenes".to_owned(), SCENES_AMONG_TESTS.to_string()])
+/// As [`run_crosscheck`].
+pub fn compare_some_scenes() -> Result<(), Error> {
+    run_comparison(&["--scenes".to_owned(), SCENES_AMONG_TESTS.to_string()])
 }
 
-fn compare(arguments: &[String]) -> Result<(), Error> {
-    let root = root()?;
-    run(python()?.args(["-m", "crosscheck", "--era"]).arg(root.join("target/release/era")).args(arguments))
+fn run_comparison(arguments: &[String]) -> Result<(), Error> {
+    let root = repository_root()?;
+    run_command(
+        python_command()?.args(["-m", "crosscheck", "--era"]).arg(root.join("target/release/era")).args(arguments),
+    )
 }
 
 /// The environment's interpreter, in the repository's root, with one thread per process.
-fn python() -> Result<Command, Error> {
-    let root = root()?;
+fn python_command() -> Result<Command, Error> {
+    let root = repository_root()?;
     let requirements = root.join("tools/crosscheck/requirements.txt");
     let python =
         python_environment::ensure(&requirements, &root.join("target/crosscheck-venv")).map_err(Error::Python)?;

@@ -5,8 +5,8 @@
 //! clones it and names the clone.
 
 use crate::error::{Error, file_error};
-use crate::process::{output, run};
-use crate::root;
+use crate::process::{capture_output, run_command};
+use crate::repository_root;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -32,24 +32,24 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::NoAdvisories`] if there is none, [`Error::Failed`] if a crate is in it.
-pub fn command(options: &Options) -> Result<(), Error> {
-    let root = root()?;
-    match options.db.clone().or_else(|| at_hand(&root)) {
-        Some(database) => advisories(&root, &database),
-        None => Err(Error::NoAdvisories(how())),
+pub fn check_advisories(options: &Options) -> Result<(), Error> {
+    let root = repository_root()?;
+    match options.db.clone().or_else(|| find_database(&root)) {
+        Some(database) => check_against_database(&root, &database),
+        None => Err(Error::NoAdvisories(explain_missing_database())),
     }
 }
 
 /// The same where a database is at hand; otherwise says what is not checked.
 ///
 /// # Errors
-/// As [`command`], but for a database that is not there.
-pub fn some_advisories() -> Result<(), Error> {
-    let root = root()?;
-    if let Some(database) = at_hand(&root) {
-        return advisories(&root, &database);
+/// As [`check_advisories`], but for a database that is not there.
+pub fn check_advisories_if_present() -> Result<(), Error> {
+    let root = repository_root()?;
+    if let Some(database) = find_database(&root) {
+        return check_against_database(&root, &database);
     }
-    println!("{}", how());
+    println!("{}", explain_missing_database());
     Ok(())
 }
 
@@ -57,47 +57,48 @@ pub fn some_advisories() -> Result<(), Error> {
 ///
 /// # Errors
 /// [`Error::Failed`] with the first that is not as `deny.toml` wants it.
-pub fn licences() -> Result<(), Error> {
-    let root = root()?;
+pub fn check_licences() -> Result<(), Error> {
+    let root = repository_root()?;
     ensure_subcommand(&root, "cargo-deny", &["cargo", "deny", "--version"])?;
-    for folder in workspaces(&root) {
-        let mut deny = deny(&folder, &root.join("deny.toml"));
-        run(deny.args(["check", "licenses", "bans", "sources"]))?;
+    for folder in list_workspaces(&root) {
+        let mut deny = deny_command(&folder, &root.join("deny.toml"));
+        run_command(deny.args(["check", "licenses", "bans", "sources"]))?;
     }
     Ok(())
 }
 
-fn how() -> String {
+fn explain_missing_database() -> String {
     format!(
         "no database of advisories is at hand, so known vulnerabilities are not looked for; `git clone {ORIGIN} {DATABASE} \
          && cargo xtask advisories` does (--db and {VARIABLE} name a clone elsewhere)"
     )
 }
 
-fn at_hand(root: &Path) -> Option<PathBuf> {
+fn find_database(root: &Path) -> Option<PathBuf> {
     let named = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
     named.or_else(|| Some(root.join(DATABASE)).filter(|path| path.exists()))
 }
 
-fn advisories(root: &Path, database: &Path) -> Result<(), Error> {
+fn check_against_database(root: &Path, database: &Path) -> Result<(), Error> {
     let database = database.canonicalize().map_err(file_error("cannot find", database))?;
     let crates = database.join("crates");
     std::fs::read_dir(&crates).map_err(file_error("no database of advisories: cannot read", &crates))?;
     // Its own date, not that of cloning it: what was found since then is not in it.
-    let date = output(Command::new("git").arg("-C").arg(&database).args(["show", "-s", "--format=%cs", "HEAD"]))?;
+    let date =
+        capture_output(Command::new("git").arg("-C").arg(&database).args(["show", "-s", "--format=%cs", "HEAD"]))?;
     println!("advisories as of {date}, from {}", database.display());
     ensure_subcommand(root, "cargo-deny", &["cargo", "deny", "--version"])?;
-    let config = configure(root, &database)?;
-    for folder in workspaces(root) {
+    let config = write_deny_config(root, &database)?;
+    for folder in list_workspaces(root) {
         // cargo-deny asks cargo for crates of all platforms, which no build has got.
-        run(Command::new("cargo").current_dir(&folder).args(["fetch", "--locked", "--quiet"]))?;
-        run(deny(&folder, &config).args(["--offline", "check", "advisories"]))?;
+        run_command(Command::new("cargo").current_dir(&folder).args(["fetch", "--locked", "--quiet"]))?;
+        run_command(deny_command(&folder, &config).args(["--offline", "check", "advisories"]))?;
     }
     Ok(())
 }
 
 /// Makes cargo-deny take a database for the clone that it would have fetched, and gives the configuration that says so.
-fn configure(root: &Path, database: &Path) -> Result<PathBuf, Error> {
+fn write_deny_config(root: &Path, database: &Path) -> Result<PathBuf, Error> {
     let folder = root.join("target/advisories");
     std::fs::create_dir_all(&folder).map_err(file_error("cannot make", &folder))?;
     let link = folder.join(CLONE);
@@ -122,11 +123,11 @@ fn symlink(_: &Path, _: &Path) -> std::io::Result<()> {
     Err(std::io::Error::new(std::io::ErrorKind::Unsupported, "advisories are checked on Unix"))
 }
 
-fn workspaces(root: &Path) -> [PathBuf; 2] {
+fn list_workspaces(root: &Path) -> [PathBuf; 2] {
     [root.to_path_buf(), root.join("firmware")]
 }
 
-fn deny(folder: &Path, config: &Path) -> Command {
+fn deny_command(folder: &Path, config: &Path) -> Command {
     let mut command = Command::new("cargo");
     command.current_dir(folder).args(["deny", "--config"]).arg(config);
     command
@@ -143,5 +144,5 @@ pub fn ensure_subcommand(root: &Path, name: &str, asked: &[&str]) -> Result<(), 
     if version.status().is_ok_and(|status| status.success()) {
         return Ok(());
     }
-    run(Command::new("cargo").current_dir(root).args(["install", name, "--locked", "--quiet"]))
+    run_command(Command::new("cargo").current_dir(root).args(["install", name, "--locked", "--quiet"]))
 }

@@ -29,7 +29,7 @@ pub struct Usage {
 ///
 /// # Errors
 /// [`Error::File`], or [`Error::Image`] if it is no 32-bit ELF file with something to load into flash.
-pub fn usage(path: &Path) -> Result<Usage, Error> {
+pub fn read_usage(path: &Path) -> Result<Usage, Error> {
     let data =
         fs::read(path).map_err(|source| Error::File { what: "cannot read", path: path.to_path_buf(), source })?;
     let not_an_image = |reason: String| Error::Image { path: path.to_path_buf(), reason };

@@ -2,10 +2,10 @@
 
 use crate::budget::{self, Budget, Row};
 use crate::error::Error;
-use crate::image::build;
+use crate::image::build_image;
 use crate::process::has_python;
 use crate::target::TARGET;
-use crate::{elf, root, stack};
+use crate::{elf, repository_root, stack};
 use std::fs;
 use std::path::Path;
 
@@ -37,13 +37,13 @@ impl Options {
 ///
 /// # Errors
 /// What went wrong in getting the target, building, or reading the image.
-pub fn command(options: &Options) -> Result<(), Error> {
-    let (image, way) = build(options.build_std)?;
+pub fn build_and_report(options: &Options) -> Result<(), Error> {
+    let (image, way) = build_image(options.build_std)?;
     if options.print_path {
         println!("{}", image.display());
         return Ok(());
     }
-    let usage = elf::usage(&image)?;
+    let usage = elf::read_usage(&image)?;
     println!("target  {TARGET} ({})", way.describe());
     println!(
         "flash   {:>7} of {:>7} bytes ({:.1} %)",
@@ -58,12 +58,12 @@ pub fn command(options: &Options) -> Result<(), Error> {
         percent(usage.ram, usage.ram_total)
     );
     println!("image   {}", image.display());
-    if options.budget { against_budget(&image, &usage, options.chains) } else { Ok(()) }
+    if options.budget { compare_with_budget(&image, &usage, options.chains) } else { Ok(()) }
 }
 
 /// Prints the image's use of the chip against its budget.
-fn against_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result<(), Error> {
-    let budget = Budget::read(&root()?)?;
+fn compare_with_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result<(), Error> {
+    let budget = Budget::read(&repository_root()?)?;
     let data =
         fs::read(image).map_err(|source| Error::File { what: "cannot read", path: image.to_path_buf(), source })?;
     let rules = stack::Rules {
@@ -73,7 +73,7 @@ fn against_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result<(), 
     };
     let unbounded = |source| Error::Stack { path: image.to_path_buf(), source };
     let program = stack::Program::read(&data).map_err(unbounded)?;
-    let levels = stack::worst_case(&program, &rules).map_err(unbounded)?;
+    let levels = stack::find_worst_case(&program, &rules).map_err(unbounded)?;
     println!("stack, at most, each level on top of the one before:");
     for level in &levels {
         println!("  {:>7} bytes  {}", level.bytes, level.name);
@@ -83,7 +83,7 @@ fn against_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result<(), 
     }
     let stack: u32 = levels.iter().map(|level| level.bytes).sum();
     if has_python() {
-        let seen = stack::seen(image, &program, &budget.stack.priorities)?;
+        let seen = stack::measure_stack_bytes(image, &program, &budget.stack.priorities)?;
         println!("stack, seen in use on the emulated board: {seen} bytes");
         if seen > stack {
             return Err(unbounded(stack::StackError::BeyondBound { seen, bound: stack }));
@@ -91,7 +91,7 @@ fn against_budget(image: &Path, usage: &elf::Usage, chains: bool) -> Result<(), 
     } else {
         println!("skipped: stack in use on the emulated board (python3 with venv is not installed)");
     }
-    budget::judge(&[
+    budget::judge_rows(&[
         Row::bytes("flash", usage.flash, budget.flash.bytes),
         Row::bytes("RAM", usage.ram, budget.ram.bytes),
         Row::bytes("stack", stack, budget.stack.bytes),

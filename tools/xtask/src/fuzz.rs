@@ -5,8 +5,8 @@
 //! command builds the same targets with the flags of `cargo fuzz --sanitizer none`, and every machine has one engine.
 
 use crate::error::Error;
-use crate::process::{output, run, shown};
-use crate::root;
+use crate::process::{capture_output, format_command, run_command};
+use crate::repository_root;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -57,11 +57,11 @@ impl Options {
 ///
 /// # Errors
 /// [`Error::Found`] if there is one; what went wrong in building or starting.
-pub fn command(options: &Options) -> Result<(), Error> {
-    let root = root()?;
-    let programs = build(&root)?;
+pub fn run_fuzzing(options: &Options) -> Result<(), Error> {
+    let root = repository_root()?;
+    let programs = build_targets(&root)?;
     if let (Some(target), Some(input)) = (&options.target, &options.input) {
-        return run(Command::new(programs.join(target)).arg(input).env("RUST_BACKTRACE", "0"));
+        return run_command(Command::new(programs.join(target)).arg(input).env("RUST_BACKTRACE", "0"));
     }
     let wanted = |name: &str| options.target.as_ref().is_none_or(|target| target == name);
     let started = Instant::now();
@@ -70,7 +70,7 @@ pub fn command(options: &Options) -> Result<(), Error> {
         .filter(|(name, _)| wanted(name))
         .map(|(name, longest)| Run::start(&root, &programs, name, longest, options.seconds))
         .collect::<Result<Vec<_>, _>>()?;
-    println!("fuzz: libFuzzer guided by coverage, {} s, logs in {}", options.seconds, scratch(&root).display());
+    println!("fuzz: libFuzzer guided by coverage, {} s, logs in {}", options.seconds, scratch_folder(&root).display());
     // All are waited for before any is judged, so that none is left running.
     let ended = runs.into_iter().map(Run::finish).collect::<Result<Vec<_>, _>>()?;
     for end in &ended {
@@ -84,22 +84,24 @@ pub fn command(options: &Options) -> Result<(), Error> {
 }
 
 /// Where builds, logs and found-along-the-way inputs go.
-fn scratch(root: &Path) -> PathBuf {
+fn scratch_folder(root: &Path) -> PathBuf {
     root.join("target/fuzz")
 }
 
 /// Builds all targets and returns the folder that they are in.
-fn build(root: &Path) -> Result<PathBuf, Error> {
-    let verbose = output(Command::new("rustc").arg("-vV").current_dir(root))?;
+fn build_targets(root: &Path) -> Result<PathBuf, Error> {
+    let verbose = capture_output(Command::new("rustc").arg("-vV").current_dir(root))?;
     let host = verbose.lines().find_map(|line| line.strip_prefix("host: ")).unwrap_or_default().to_owned();
-    let folder = scratch(root);
-    run(Command::new("cargo")
-        .current_dir(root)
-        // With a target named, the flags are not those of build scripts.
-        .args(["build", "--quiet", "--release", "--locked", "-p", "era-fuzz", "--features", "libfuzzer", "--bins"])
-        .args(["--target", &host])
-        .env("RUSTFLAGS", FLAGS)
-        .env("CARGO_TARGET_DIR", &folder))?;
+    let folder = scratch_folder(root);
+    run_command(
+        Command::new("cargo")
+            .current_dir(root)
+            // With a target named, the flags are not those of build scripts.
+            .args(["build", "--quiet", "--release", "--locked", "-p", "era-fuzz", "--features", "libfuzzer", "--bins"])
+            .args(["--target", &host])
+            .env("RUSTFLAGS", FLAGS)
+            .env("CARGO_TARGET_DIR", &folder),
+    )?;
     Ok(folder.join(host).join("release"))
 }
 
@@ -123,10 +125,10 @@ struct End {
 
 impl Run {
     fn start(root: &Path, programs: &Path, name: &'static str, longest: usize, seconds: u64) -> Result<Self, Error> {
-        let grown = scratch(root).join("corpus").join(name);
+        let grown = scratch_folder(root).join("corpus").join(name);
         let kept = root.join("tools/fuzz/corpus").join(name);
         let found = root.join("tools/fuzz/artifacts").join(name);
-        let log = scratch(root).join(format!("{name}.log"));
+        let log = scratch_folder(root).join(format!("{name}.log"));
         for path in [&grown, &found] {
             fs::create_dir_all(path).map_err(|source| Error::File {
                 what: "cannot make",
@@ -149,7 +151,7 @@ impl Run {
             .env("RUST_BACKTRACE", "0")
             .stdout(Stdio::null())
             .stderr(file);
-        let child = engine.spawn().map_err(|source| Error::Start { command: shown(&engine), source })?;
+        let child = engine.spawn().map_err(|source| Error::Start { command: format_command(&engine), source })?;
         Ok(Self { name, child, log })
     }
 

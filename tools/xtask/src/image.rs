@@ -1,8 +1,8 @@
 //! Building the firmware's image, as it is for flashing.
 
 use crate::error::Error;
-use crate::process::{run, shown};
-use crate::root;
+use crate::process::{format_command, run_command};
+use crate::repository_root;
 use crate::target::{self, TARGET, Way};
 use serde::Deserialize;
 use std::io::{BufRead, BufReader};
@@ -16,10 +16,10 @@ const IMAGE: &str = "era-firmware";
 ///
 /// # Errors
 /// What went wrong in getting the target or building.
-pub fn build(build_std: bool) -> Result<(PathBuf, Way), Error> {
-    let (mut cargo, way) = firmware_cargo("build", build_std)?;
+pub fn build_image(build_std: bool) -> Result<(PathBuf, Way), Error> {
+    let (mut cargo, way) = firmware_cargo_command("build", build_std)?;
     cargo.args(["--message-format", "json-render-diagnostics"]).stdout(Stdio::piped());
-    let mut child = cargo.spawn().map_err(|source| Error::Start { command: shown(&cargo), source })?;
+    let mut child = cargo.spawn().map_err(|source| Error::Start { command: format_command(&cargo), source })?;
     let mut image = None;
     for line in child.stdout.take().map(BufReader::new).into_iter().flat_map(BufRead::lines).map_while(Result::ok) {
         if let Ok(Message { executable: Some(path), target: Some(target) }) = serde_json::from_str(&line)
@@ -28,9 +28,9 @@ pub fn build(build_std: bool) -> Result<(PathBuf, Way), Error> {
             image = Some(path);
         }
     }
-    let status = child.wait().map_err(|source| Error::Start { command: shown(&cargo), source })?;
+    let status = child.wait().map_err(|source| Error::Start { command: format_command(&cargo), source })?;
     if !status.success() {
-        return Err(Error::Failed { command: shown(&cargo), status });
+        return Err(Error::Failed { command: format_command(&cargo), status });
     }
     Ok((image.ok_or(Error::NoImage(IMAGE))?, way))
 }
@@ -39,14 +39,14 @@ pub fn build(build_std: bool) -> Result<(PathBuf, Way), Error> {
 ///
 /// # Errors
 /// What went wrong in getting the target or running.
-pub fn cargo(subcommand: &str, arguments: &[&str]) -> Result<(), Error> {
-    let (mut cargo, _) = firmware_cargo(subcommand, false)?;
-    run(cargo.args(arguments))
+pub fn run_firmware_cargo(subcommand: &str, arguments: &[&str]) -> Result<(), Error> {
+    let (mut cargo, _) = firmware_cargo_command(subcommand, false)?;
+    run_command(cargo.args(arguments))
 }
 
-fn firmware_cargo(subcommand: &str, build_std: bool) -> Result<(Command, Way), Error> {
-    let root = root()?;
-    let way = target::ensure(&root.join("target/rust-src"), build_std)?;
+fn firmware_cargo_command(subcommand: &str, build_std: bool) -> Result<(Command, Way), Error> {
+    let root = repository_root()?;
+    let way = target::ensure_target(&root.join("target/rust-src"), build_std)?;
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
         // From its own folder, so that its own .cargo/config.toml applies.

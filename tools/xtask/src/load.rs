@@ -1,8 +1,8 @@
 //! `cargo xtask soak` and `cargo xtask bench daemon`: builds the program and the load in release mode and puts it on.
 
 use crate::error::Error;
-use crate::process::run;
-use crate::root;
+use crate::process::run_command;
+use crate::repository_root;
 use clap::Args;
 use std::ffi::OsString;
 use std::process::Command;
@@ -25,21 +25,21 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`]: something was lost, not noticed or told in time, not recovered from, ever growing, or unsafe.
-pub fn soak(options: &Options) -> Result<(), Error> {
+pub fn run_soak(options: &Options) -> Result<(), Error> {
     let (minutes, seed) = (options.minutes.to_string(), options.seed.to_string());
     let mut arguments: Vec<OsString> =
         ["soak", "--minutes", &minutes, "--seed", &seed].into_iter().map(Into::into).collect();
     arguments.extend(options.faults.then(|| "--faults".into()));
-    put_on(&arguments)
+    run_load(&arguments)
 }
 
 /// Builds both programs and runs the load.
 ///
 /// # Errors
-/// As [`soak`].
-pub fn put_on(arguments: &[OsString]) -> Result<(), Error> {
-    let root = root()?;
+/// As [`run_soak`].
+pub fn run_load(arguments: &[OsString]) -> Result<(), Error> {
+    let root = repository_root()?;
     let build = ["build", "--release", "--quiet", "-p", "era-host", "-p", "era-load"];
-    run(Command::new("cargo").current_dir(&root).args(build))?;
-    run(Command::new(root.join("target/release/era-load")).current_dir(&root).args(arguments))
+    run_command(Command::new("cargo").current_dir(&root).args(build))?;
+    run_command(Command::new(root.join("target/release/era-load")).current_dir(&root).args(arguments))
 }

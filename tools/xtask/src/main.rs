@@ -73,20 +73,20 @@ enum Command {
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Test => check::test(),
-        Command::Ci => check::ci(),
-        Command::Firmware(options) => firmware::command(&options),
-        Command::Bench(options) => bench::command(&options),
-        Command::Soak(options) => load::soak(&options),
-        Command::Fuzz(options) => fuzz::command(&options),
-        Command::Waveforms(options) => waveforms::command(&options),
-        Command::Crosscheck(options) => crosscheck::command(&options),
-        Command::Python => python::command(),
+        Command::Test => check::run_tests(),
+        Command::Ci => check::run_ci(),
+        Command::Firmware(options) => firmware::build_and_report(&options),
+        Command::Bench(options) => bench::run_benchmark(&options),
+        Command::Soak(options) => load::run_soak(&options),
+        Command::Fuzz(options) => fuzz::run_fuzzing(&options),
+        Command::Waveforms(options) => waveforms::check_waveforms(&options),
+        Command::Crosscheck(options) => crosscheck::run_crosscheck(&options),
+        Command::Python => python::check_python_package(),
         Command::Dist(options) => dist::make_release(&options),
         Command::House => house::run_survey(),
-        Command::Advisories(options) => dependencies::command(&options),
-        Command::Miri => miri::command(),
-        Command::Emulate(options) => emulate::command(&options),
+        Command::Advisories(options) => dependencies::check_advisories(&options),
+        Command::Miri => miri::run_miri(),
+        Command::Emulate(options) => emulate::run_emulator(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -103,7 +103,7 @@ fn main() -> ExitCode {
 }
 
 /// The repository's root.
-fn root() -> Result<PathBuf, Error> {
+fn repository_root() -> Result<PathBuf, Error> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     here.ancestors().nth(2).map(Path::to_path_buf).ok_or_else(|| Error::NoRepository(here.to_path_buf()))
 }

@@ -1,8 +1,8 @@
 //! `cargo xtask miri`: the tests of `shared` under Miri, which finds undefined behaviour, also that of dependencies.
 
 use crate::error::Error;
-use crate::process::run;
-use crate::root;
+use crate::process::run_command;
+use crate::repository_root;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -20,37 +20,39 @@ const SHORT: [&[&str]; 2] = [
 ///
 /// # Errors
 /// [`Error::NoMiri`] if there is none, and what the tests end with.
-pub fn command() -> Result<(), Error> {
-    if is_here() { tests(&[]) } else { Err(Error::NoMiri(HINT)) }
+pub fn run_miri() -> Result<(), Error> {
+    if is_installed() { run_tests(&[]) } else { Err(Error::NoMiri(HINT)) }
 }
 
 /// Runs a few tests, or says that there is no Miri and goes on.
 ///
 /// # Errors
 /// What the tests end with.
-pub fn short() -> Result<(), Error> {
-    if is_here() {
-        return SHORT.into_iter().try_for_each(tests);
+pub fn run_miri_if_installed() -> Result<(), Error> {
+    if is_installed() {
+        return SHORT.into_iter().try_for_each(run_tests);
     }
     println!("skipped: miri (not installed; {HINT})");
     Ok(())
 }
 
-fn tests(which: &[&str]) -> Result<(), Error> {
-    let root = root()?;
-    run(Command::new("cargo")
-        .args(["+nightly", "miri", "test", "-p", "era-shared"])
-        .args(which)
-        .current_dir(&root)
-        .env("CARGO_TARGET_DIR", root.join("target/miri"))
-        // Property tests look for files with failures of before, which Miri would keep from them.
-        .env("MIRIFLAGS", "-Zmiri-disable-isolation")
-        // Miri is a thousand times slower; tests that set their own number of cases know that.
-        .env("PROPTEST_CASES", "10"))
+fn run_tests(which: &[&str]) -> Result<(), Error> {
+    let root = repository_root()?;
+    run_command(
+        Command::new("cargo")
+            .args(["+nightly", "miri", "test", "-p", "era-shared"])
+            .args(which)
+            .current_dir(&root)
+            .env("CARGO_TARGET_DIR", root.join("target/miri"))
+            // Property tests look for files with failures of before, which Miri would keep from them.
+            .env("MIRIFLAGS", "-Zmiri-disable-isolation")
+            // Miri is a thousand times slower; tests that set their own number of cases know that.
+            .env("PROPTEST_CASES", "10"),
+    )
 }
 
 /// Whether both components are there: without the sources, Miri would fetch them.
-fn is_here() -> bool {
+fn is_installed() -> bool {
     let sysroot = Command::new("rustc").args(["+nightly", "--print", "sysroot"]).stderr(Stdio::null()).output();
     let sources = sysroot.is_ok_and(|output| {
         let sysroot = String::from_utf8_lossy(&output.stdout).trim().to_owned();

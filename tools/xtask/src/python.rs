@@ -3,8 +3,8 @@
 //! The wheel is built in release mode, as the tests are.
 
 use crate::error::{Error, file_error};
-use crate::process::run;
-use crate::{root, setup};
+use crate::process::run_command;
+use crate::{repository_root, setup};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -15,33 +15,33 @@ const PACKAGE: &str = "host/python";
 ///
 /// # Errors
 /// [`Error::Missing`], [`Error::Python`], [`Error::File`], [`Error::Start`], or [`Error::Failed`] with what failed.
-pub fn command() -> Result<(), Error> {
+pub fn check_python_package() -> Result<(), Error> {
     setup::ensure("cargo xtask python", setup::PYTHON)?;
-    let root = root()?;
+    let root = repository_root()?;
     // Both packages, so that what the wheel needs is compiled with the same features.
     let packages = ["-p", "era-host", "-p", "era-python", "--bin", "era"];
-    run(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet"]).args(packages))?;
-    tests()
+    run_command(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet"]).args(packages))?;
+    run_tests()
 }
 
 /// The same beside the program of the workspace's tests.
 ///
 /// # Errors
-/// As [`command`].
-pub fn tests() -> Result<(), Error> {
-    let root = root()?;
+/// As [`check_python_package`].
+pub fn run_tests() -> Result<(), Error> {
+    let root = repository_root()?;
     let folder = root.join(PACKAGE);
     let python = ensure_environment(&root)?;
     let wheel = build_wheel(&root)?;
     let install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--force-reinstall"];
-    run(Command::new(&python).args(install).arg(&wheel))?;
+    run_command(Command::new(&python).args(install).arg(&wheel))?;
     let ask = |arguments: &[&str]| {
         let mut command = Command::new(&python);
         command.current_dir(&folder).args(arguments);
         command.env("ERA_PROGRAM", root.join("target/release/era")).env("MPLBACKEND", "Agg");
         // Whatever a wheel lacks must not be found beside it.
         command.env("PYTHONSAFEPATH", "1").env("PYTHONDONTWRITEBYTECODE", "1");
-        run(&mut command)
+        run_command(&mut command)
     };
     let cache = format!("cache_dir={}", root.join("target/python-pytest").display());
     ask(&["-m", "pytest", "--quiet", "-o", &cache])?;
@@ -77,7 +77,7 @@ pub fn build_wheel(root: &Path) -> Result<PathBuf, Error> {
         "--compatibility",
         "linux",
     ]);
-    run(maturin.arg("--interpreter").arg(&python).arg("--out").arg(&out))?;
+    run_command(maturin.arg("--interpreter").arg(&python).arg("--out").arg(&out))?;
     let entries = std::fs::read_dir(&out).map_err(file_error("cannot read", &out))?;
     let is_wheel = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "whl");
     let wheel = entries.filter_map(Result::ok).map(|entry| entry.path()).find(is_wheel);

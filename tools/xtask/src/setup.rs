@@ -5,8 +5,8 @@
 //! toolchain's components come from rustup, which needs no rights. This is the only list of packages.
 
 use crate::error::Error;
-use crate::process::{has_python, said};
-use crate::root;
+use crate::process::{has_python, run_silently};
+use crate::repository_root;
 use crate::target::{self, TARGET};
 use std::fmt::Write;
 use std::process::{Command, Stdio};
@@ -227,7 +227,7 @@ impl Machine for This {
             Need::Debootstrap => Self::runs("debootstrap", &["--version"]),
             Need::Dpkg => Self::runs("dpkg-deb", &["--version"]) && Self::runs("dpkg-shlibdeps", &["--version"]),
             Need::Lints => Self::runs("cargo", &["fmt", "--version"]) && Self::runs("cargo", &["clippy", "--version"]),
-            Need::Target => target::is_here(),
+            Need::Target => target::is_available(),
         }
     }
 
@@ -257,7 +257,7 @@ impl Machine for This {
                 }
             };
             command.args(["DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq"]).args(arguments).stdin(Stdio::null());
-            said(&mut command)
+            run_silently(&mut command)
         };
         apt(&["update"])?;
         apt(&[&["install", "--yes", "--no-install-recommends"], packages].concat())
@@ -266,10 +266,10 @@ impl Machine for This {
     fn get(&self, need: Need) -> Result<(), String> {
         match (need, need.rustup()) {
             (Need::Target, _) => {
-                let scratch = root().map_err(|error| error.to_string())?.join("target/rust-src");
-                target::ensure(&scratch, false).map(|_| ()).map_err(|error| error.to_string())
+                let scratch = repository_root().map_err(|error| error.to_string())?.join("target/rust-src");
+                target::ensure_target(&scratch, false).map(|_| ()).map_err(|error| error.to_string())
             }
-            (_, Some(arguments)) => said(Command::new("rustup").args(arguments)),
+            (_, Some(arguments)) => run_silently(Command::new("rustup").args(arguments)),
             (_, None) => Ok(()),
         }
     }
@@ -392,11 +392,13 @@ mod tests {
     #[test]
     fn why_a_program_failed_is_kept() {
         // The message begins with the command, so that the texts are put together by the shell.
-        let told = said(Command::new("sh").args(["-c", "echo fir''st >&2; echo the la''st >&2; exit 3"])).unwrap_err();
+        let told =
+            run_silently(Command::new("sh").args(["-c", "echo fir''st >&2; echo the la''st >&2; exit 3"])).unwrap_err();
         assert!(told.contains("the last") && !told.contains("first") && told.contains('3'), "{told}");
-        let told = said(Command::new("sh").args(["-c", "echo error: the cau''se >&2; echo a hi''nt >&2; exit 1"]))
-            .unwrap_err();
+        let told =
+            run_silently(Command::new("sh").args(["-c", "echo error: the cau''se >&2; echo a hi''nt >&2; exit 1"]))
+                .unwrap_err();
         assert!(told.contains("the cause") && !told.contains("hint"), "{told}");
-        assert!(said(Command::new("/no/such/program").arg("x")).unwrap_err().contains("/no/such/program x"));
+        assert!(run_silently(Command::new("/no/such/program").arg("x")).unwrap_err().contains("/no/such/program x"));
     }
 }

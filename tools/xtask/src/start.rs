@@ -1,8 +1,8 @@
 //! `cargo xtask bench start`: how long `era serve` takes to its first plan, with an empty cache and with a warm one.
 
 use crate::error::Error;
-use crate::process::{run, shown};
-use crate::root;
+use crate::process::{format_command, run_command};
+use crate::repository_root;
 use clap::Parser;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -43,10 +43,10 @@ struct Start {
 ///
 /// # Errors
 /// [`Error::Start`], [`Error::Failed`], [`Error::File`], [`Error::NoFirstPlan`].
-pub fn command(arguments: &[std::ffi::OsString]) -> Result<(), Error> {
+pub fn measure_starts(arguments: &[std::ffi::OsString]) -> Result<(), Error> {
     let options = Options::parse_from(arguments);
-    let root = root()?;
-    run(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet", "-p", "era-host"]))?;
+    let root = repository_root()?;
+    run_command(Command::new("cargo").current_dir(&root).args(["build", "--release", "--quiet", "-p", "era-host"]))?;
     let scenes = if options.scenes.is_empty() { examples(&root)? } else { options.scenes };
     let cache = root.join("target/bench-start");
     println!(
@@ -109,7 +109,7 @@ fn start(root: &Path, scene: &Path, accuracy: &str, cache: &Path) -> Result<Star
     command.args(["serve", "--listen", "127.0.0.1:0", "--accuracy", accuracy, "--scene"]).arg(scene);
     command.env("ERA_CACHE_DIR", cache).env("ERA_LOG", "warn,era=info").env("NO_COLOR", "1").stderr(Stdio::piped());
     let started = Instant::now();
-    let mut child = command.spawn().map_err(|source| Error::Start { command: shown(&command), source })?;
+    let mut child = command.spawn().map_err(|source| Error::Start { command: format_command(&command), source })?;
     let mut sizes = String::new();
     let mut planned = None;
     let mut said = Vec::new();
@@ -127,8 +127,8 @@ fn start(root: &Path, scene: &Path, accuracy: &str, cache: &Path) -> Result<Star
     }
     // It may have ended by itself, which `wait` then says.
     let _ = child.kill();
-    child.wait().map_err(|source| Error::Start { command: shown(&command), source })?;
+    child.wait().map_err(|source| Error::Start { command: format_command(&command), source })?;
     let (own_ms, outside) =
-        planned.ok_or_else(|| Error::NoFirstPlan { command: shown(&command), said: said.join("\n") })?;
+        planned.ok_or_else(|| Error::NoFirstPlan { command: format_command(&command), said: said.join("\n") })?;
     Ok(Start { own_ms, outside_ms: outside.as_secs_f64() * 1e3, sizes })
 }

@@ -5,7 +5,7 @@
 //! like a nightly one (`RUSTC_BOOTSTRAP`).
 
 use crate::error::{Error, file_error};
-use crate::process::{output, run, said};
+use crate::process::{capture_output, run_command, run_silently};
 pub use crate::triple::TARGET;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -42,7 +42,7 @@ impl Way {
 ///
 /// # Errors
 /// [`Error::NoTarget`] if both ways fail.
-pub fn ensure(scratch: &Path, build_std: bool) -> Result<Way, Error> {
+pub fn ensure_target(scratch: &Path, build_std: bool) -> Result<Way, Error> {
     if !build_std && is_installed()? {
         return Ok(Way::Installed);
     }
@@ -50,7 +50,7 @@ pub fn ensure(scratch: &Path, build_std: bool) -> Result<Way, Error> {
         return ensure_sources(scratch).map(|()| Way::BuildStd);
     }
     eprintln!("firmware: adding the target {TARGET} with rustup");
-    let rustup = match said(Command::new("rustup").args(["target", "add", TARGET])) {
+    let rustup = match run_silently(Command::new("rustup").args(["target", "add", TARGET])) {
         Ok(()) if is_installed()? => return Ok(Way::Rustup),
         Ok(()) => "it was added to another toolchain than the one in use".to_owned(),
         Err(reason) => reason,
@@ -62,37 +62,37 @@ pub fn ensure(scratch: &Path, build_std: bool) -> Result<Way, Error> {
 }
 
 /// Whether the target is installed, or can be built from sources that are there.
-pub fn is_here() -> bool {
-    is_installed().unwrap_or(false) || library().is_ok_and(|(_, library)| has_core(&library))
+pub fn is_available() -> bool {
+    is_installed().unwrap_or(false) || find_library().is_ok_and(|(_, library)| has_core_sources(&library))
 }
 
-fn rustc() -> Command {
+fn rustc_command() -> Command {
     Command::new(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()))
 }
 
 fn is_installed() -> Result<bool, Error> {
-    let directory = output(rustc().args(["--print", "target-libdir", "--target", TARGET]))?;
+    let directory = capture_output(rustc_command().args(["--print", "target-libdir", "--target", TARGET]))?;
     Ok(fs::read_dir(directory).is_ok_and(|entries| {
         entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libcore-"))
     }))
 }
 
 /// The compiler's version, and where cargo looks for the sources of its standard library.
-fn library() -> Result<(String, PathBuf), Error> {
-    let verbose = output(rustc().arg("-vV"))?;
+fn find_library() -> Result<(String, PathBuf), Error> {
+    let verbose = capture_output(rustc_command().arg("-vV"))?;
     let compiler = verbose.lines().find_map(|line| line.strip_prefix("release: ")).unwrap_or("unknown").to_owned();
-    let sysroot = PathBuf::from(output(rustc().args(["--print", "sysroot"]))?);
+    let sysroot = PathBuf::from(capture_output(rustc_command().args(["--print", "sysroot"]))?);
     Ok((compiler, sysroot.join("lib/rustlib/src/rust/library")))
 }
 
-fn has_core(library: &Path) -> bool {
+fn has_core_sources(library: &Path) -> bool {
     library.join("core/src/lib.rs").exists()
 }
 
 /// Puts the standard library's sources where cargo looks for them.
 fn ensure_sources(scratch: &Path) -> Result<(), Error> {
-    let (compiler, library) = library()?;
-    if has_core(&library) {
+    let (compiler, library) = find_library()?;
+    if has_core_sources(&library) {
         return Ok(());
     }
     // Before anything is downloaded: it may not be this user's to write to.
@@ -102,9 +102,9 @@ fn ensure_sources(scratch: &Path) -> Result<(), Error> {
         reason: format!("cannot make {}: {source}", parent.display()),
     })?;
     eprintln!("firmware: fetching the sources of the standard library from Debian's {SUITE}");
-    let package = download(scratch, &compiler)?;
+    let package = download_sources(scratch, &compiler)?;
     let unpacked = scratch.join("unpacked");
-    run(Command::new("dpkg-deb").arg("-x").args([&package, &unpacked]))?;
+    run_command(Command::new("dpkg-deb").arg("-x").args([&package, &unpacked]))?;
     let sources = unpacked.join(format!("usr/src/rustc-{compiler}/library"));
     if !sources.exists() {
         let reason = format!("{} does not hold usr/src/rustc-{compiler}/library", package.display());
@@ -112,20 +112,20 @@ fn ensure_sources(scratch: &Path) -> Result<(), Error> {
     }
     // Copied under another name and renamed last, so that a copy that was broken off is not taken for a whole one.
     let partial = parent.join("library.partial");
-    run(Command::new("rm").arg("-rf").arg(&partial))?;
-    run(Command::new("cp").arg("-r").args([&sources, &partial]))?;
+    run_command(Command::new("rm").arg("-rf").arg(&partial))?;
+    run_command(Command::new("cp").arg("-r").args([&sources, &partial]))?;
     fs::rename(&partial, &library).map_err(|source| Error::File { what: "cannot rename to", path: library, source })
 }
 
 /// Downloads Debian's `rust-src` with an apt configuration of its own, which needs no rights and leaves the machine's
 /// package lists alone.
-fn download(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
+fn download_sources(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
     for directory in ["state/lists/partial", "cache/archives/partial", "package"] {
         let path = scratch.join(directory);
         fs::create_dir_all(&path).map_err(file_error("cannot make", &path))?;
     }
     let sources = scratch.join("sources.list");
-    let mirror = mirror().ok_or_else(|| Error::NoSources {
+    let mirror = find_mirror().ok_or_else(|| Error::NoSources {
         compiler: compiler.to_owned(),
         reason: "this machine's apt configuration names no Debian mirror".to_owned(),
     })?;
@@ -152,15 +152,15 @@ fn download(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
         command
     };
     let failed = |reason| Error::NoSources { compiler: compiler.to_owned(), reason };
-    said(&mut apt("apt-get", &["update"])).map_err(failed)?;
+    run_silently(&mut apt("apt-get", &["update"])).map_err(failed)?;
     // The suite keeps the packages of several compilers; the newest is not the one wanted.
-    let listed = output(apt("apt-cache", &["madison", "rust-src"]).stdout(Stdio::piped()))?;
+    let listed = capture_output(apt("apt-cache", &["madison", "rust-src"]).stdout(Stdio::piped()))?;
     let versions: Vec<&str> = listed.lines().filter_map(|line| line.split('|').nth(1)).map(str::trim).collect();
     let Some(version) = versions.iter().find(|version| version.starts_with(&format!("{compiler}+"))) else {
         let reason = format!("{SUITE} has {}", versions.join(", "));
         return Err(Error::NoSources { compiler: compiler.to_owned(), reason });
     };
-    said(&mut apt("apt-get", &["download", &format!("rust-src={version}")])).map_err(failed)?;
+    run_silently(&mut apt("apt-get", &["download", &format!("rust-src={version}")])).map_err(failed)?;
     let directory = scratch.join("package");
     let entries = fs::read_dir(&directory).map_err(file_error("cannot read", &directory))?;
     entries
@@ -174,9 +174,13 @@ fn download(scratch: &Path, compiler: &str) -> Result<PathBuf, Error> {
 }
 
 /// The Debian mirror that this machine uses already.
-fn mirror() -> Option<String> {
-    let listed =
-        output(Command::new("apt-get").args(["indextargets", "--format", "$(REPO_URI)", "Created-By: Packages"]));
+fn find_mirror() -> Option<String> {
+    let listed = capture_output(Command::new("apt-get").args([
+        "indextargets",
+        "--format",
+        "$(REPO_URI)",
+        "Created-By: Packages",
+    ]));
     let text = listed.ok()?;
     text.lines().map(|line| line.trim_end_matches('/')).find(|line| line.ends_with("/debian")).map(str::to_owned)
 }

@@ -1,7 +1,7 @@
 //! The package in a Debian system that has nothing else: installed, started, and asked for its page.
 
 use crate::error::Error;
-use crate::process::{output, run, shown};
+use crate::process::{capture_output, format_command, run_command};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
@@ -31,34 +31,34 @@ pub fn try_package(root: &Path, package: &Path) -> Result<(), Error> {
     let system = root.join("target/dist-chroot");
     // Of a run that was cut short: nothing is mounted in it outside the process that does.
     if system.exists() {
-        run(Command::new("rm").args(["--recursive", "--force", "--one-file-system"]).arg(&system))?;
+        run_command(Command::new("rm").args(["--recursive", "--force", "--one-file-system"]).arg(&system))?;
     }
     let (mirror, release) = find_mirror_and_release()?;
     println!("making a Debian system ({release}) in {}", system.display());
     let mut debootstrap = Command::new("debootstrap");
     debootstrap.args(["--variant=minbase", &release]).arg(&system).arg(mirror).stdout(Stdio::null());
-    run(&mut debootstrap)?;
+    run_command(&mut debootstrap)?;
     super::copy_file(package, &system.join("tmp/era.deb"))?;
-    run(command_in_system(&system, "dpkg --install /tmp/era.deb").stdout(Stdio::null()))?;
+    run_command(command_in_system(&system, "dpkg --install /tmp/era.deb").stdout(Stdio::null()))?;
     for file in FILES {
         if !system.join(file.trim_start_matches('/')).is_file() {
             return Err(Error::Package(format!("{file} is not installed")));
         }
     }
-    println!("installed: {}", output(&mut command_in_system(&system, "era --version"))?);
+    println!("installed: {}", capture_output(&mut command_in_system(&system, "era --version"))?);
     serve_page(&system)?;
-    run(command_in_system(&system, "dpkg --purge era-haptics").stdout(Stdio::null()))?;
+    run_command(command_in_system(&system, "dpkg --purge era-haptics").stdout(Stdio::null()))?;
     match FILES.iter().find(|file| system.join(file.trim_start_matches('/')).exists()) {
         Some(file) => Err(Error::Package(format!("{file} is left after the package was removed"))),
-        None => run(Command::new("rm").args(["--recursive", "--force", "--one-file-system"]).arg(&system)),
+        None => run_command(Command::new("rm").args(["--recursive", "--force", "--one-file-system"]).arg(&system)),
     }
 }
 
 /// The first mirror of this machine's own release, as apt knows it, and the release's name.
 fn find_mirror_and_release() -> Result<(String, String), Error> {
     let format = "$(REPO_URI) $(CODENAME) $(CREATED_BY)";
-    let known = output(Command::new("apt-get").args(["indextargets", "--format", format]))?;
-    let release = output(Command::new("sh").args(["-c", ". /etc/os-release && echo \"$VERSION_CODENAME\""]))?;
+    let known = capture_output(Command::new("apt-get").args(["indextargets", "--format", format]))?;
+    let release = capture_output(Command::new("sh").args(["-c", ". /etc/os-release && echo \"$VERSION_CODENAME\""]))?;
     let of_release = known.lines().find_map(|line| {
         let mut words = line.split(' ');
         let (mirror, codename) = (words.next()?, words.next()?);
@@ -84,7 +84,7 @@ fn serve_page(system: &Path) -> Result<(), Error> {
     let address = free.map_err(|error| Error::Package(format!("no free port: {error}")))?;
     let mut serve = command_in_system(system, &format!("era serve --listen {address} --socket none --device sim"));
     let started = serve.stdout(Stdio::null()).spawn();
-    let mut daemon = Daemon(started.map_err(|source| Error::Start { command: shown(&serve), source })?);
+    let mut daemon = Daemon(started.map_err(|source| Error::Start { command: format_command(&serve), source })?);
     let until = Instant::now() + PATIENCE;
     loop {
         match get_page(address) {

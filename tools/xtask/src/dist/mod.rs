@@ -5,8 +5,8 @@ mod chroot;
 mod package;
 
 use crate::error::{Error, file_error};
-use crate::process::{output, run};
-use crate::{dependencies, image, python, root, setup};
+use crate::process::{capture_output, run_command};
+use crate::{dependencies, image, python, repository_root, setup};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -25,10 +25,10 @@ pub struct Options {
 /// What could not be built, written or installed; [`Error::Package`] where the installed program does not do what it should.
 pub fn make_release(options: &Options) -> Result<(), Error> {
     setup::ensure("cargo xtask dist", if options.no_chroot { setup::DIST } else { setup::DIST_IN_CHROOT })?;
-    let root = root()?;
+    let root = repository_root()?;
     let out = root.join("target/dist");
     clear_folder(&out)?;
-    run(Command::new("cargo").current_dir(&root).args([
+    run_command(Command::new("cargo").current_dir(&root).args([
         "build",
         "--release",
         "--quiet",
@@ -40,7 +40,7 @@ pub fn make_release(options: &Options) -> Result<(), Error> {
     let manual = build_manual(&root, &out)?;
     let package = package::build_package(&root, &out, &manual)?;
     copy_to_folder(&python::build_wheel(&root)?, &out)?;
-    let (firmware, _) = image::build(false)?;
+    let (firmware, _) = image::build_image(false)?;
     // All parts have one version.
     copy_file(&firmware, &out.join(concat!("era-firmware-", env!("CARGO_PKG_VERSION"), ".elf")))?;
     write_checksums(&out)?;
@@ -52,7 +52,7 @@ pub fn make_release(options: &Options) -> Result<(), Error> {
     println!(
         "in {}:\n{}",
         out.display(),
-        output(Command::new("sha256sum").current_dir(&out).args(["--check", "SHA256SUMS"]))?
+        capture_output(Command::new("sha256sum").current_dir(&out).args(["--check", "SHA256SUMS"]))?
     );
     Ok(())
 }
@@ -61,8 +61,14 @@ pub fn make_release(options: &Options) -> Result<(), Error> {
 fn build_manual(root: &Path, out: &Path) -> Result<PathBuf, Error> {
     dependencies::ensure_subcommand(root, "mdbook", &["mdbook", "--version"])?;
     let manual = out.join("manual");
-    run(Command::new("mdbook").current_dir(root).args(["build", "docs", "--dest-dir"]).arg(&manual))?;
-    run(Command::new("tar").current_dir(out).args(["--create", "--gzip", "--file", "era-manual.tar.gz", "manual"]))?;
+    run_command(Command::new("mdbook").current_dir(root).args(["build", "docs", "--dest-dir"]).arg(&manual))?;
+    run_command(Command::new("tar").current_dir(out).args([
+        "--create",
+        "--gzip",
+        "--file",
+        "era-manual.tar.gz",
+        "manual",
+    ]))?;
     Ok(manual)
 }
 
@@ -71,7 +77,7 @@ fn write_checksums(out: &Path) -> Result<(), Error> {
     let mut names: Vec<PathBuf> =
         list_files(out)?.iter().filter_map(|path| path.file_name().map(PathBuf::from)).collect();
     names.sort();
-    let sums = output(Command::new("sha256sum").current_dir(out).args(&names))?;
+    let sums = capture_output(Command::new("sha256sum").current_dir(out).args(&names))?;
     write_file(&out.join("SHA256SUMS"), &format!("{sums}\n"))
 }
 

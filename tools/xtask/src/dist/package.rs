@@ -3,7 +3,7 @@
 use super::{clear_folder, make_folder, write_file};
 use crate::dependencies;
 use crate::error::{Error, file_error};
-use crate::process::{output, run};
+use crate::process::{capture_output, run_command};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -24,7 +24,7 @@ pub fn build_package(root: &Path, out: &Path, manual: &Path) -> Result<PathBuf, 
     deb.current_dir(root)
         .args(["deb", "--quiet", "--no-build", "--locked", "--strip", "-p", "era-host", "--output"])
         .arg(out);
-    run(&mut deb)?;
+    run_command(&mut deb)?;
     let packages = super::list_files(out)?;
     let is_package = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "deb");
     packages.into_iter().find(is_package).ok_or_else(|| Error::Package("cargo deb made no package".into()))
@@ -43,12 +43,12 @@ fn make_packaged_files(root: &Path, manual: &Path) -> Result<(), Error> {
     for (shell, file) in COMPLETIONS {
         write_file(
             &stage.join("completions").join(file),
-            &format!("{}\n", output(&mut era(&["completions", shell]))?),
+            &format!("{}\n", capture_output(&mut era(&["completions", shell]))?),
         )?;
     }
-    run(&mut era(&["man", "--dir", "man"]))?;
-    write_file(&stage.join("era.toml"), &format!("{}\n", output(&mut era(&["config", "example"]))?))?;
-    output(&mut era(&["install", "--root", "installed", "--program", "/usr/bin/era"]))?;
+    run_command(&mut era(&["man", "--dir", "man"]))?;
+    write_file(&stage.join("era.toml"), &format!("{}\n", capture_output(&mut era(&["config", "example"]))?))?;
+    capture_output(&mut era(&["install", "--root", "installed", "--program", "/usr/bin/era"]))?;
     for file in ["udev/rules.d/70-era.rules", "systemd/system/era.service"] {
         let path = stage.join("installed/etc").join(file);
         let text = fs::read_to_string(&path).map_err(file_error("cannot read", &path))?;
@@ -56,5 +56,5 @@ fn make_packaged_files(root: &Path, manual: &Path) -> Result<(), Error> {
             text.lines().filter(|line| !line.starts_with(WRITTEN_BY)).flat_map(|line| [line, "\n"]).collect();
         write_file(&stage.join(path.file_name().unwrap_or_default()), &kept)?;
     }
-    run(Command::new("cp").arg("--recursive").arg(manual).arg(stage.join("html")))
+    run_command(Command::new("cp").arg("--recursive").arg(manual).arg(stage.join("html")))
 }

@@ -1,8 +1,8 @@
 //! The emulator bridge as a child process: started, asked, ended.
 
 use crate::error::Error;
-use crate::process::shown;
-use crate::root;
+use crate::process::format_command;
+use crate::repository_root;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::io::{self, BufRead, BufReader, Write};
@@ -45,12 +45,12 @@ impl Bridge {
     /// [`Error::Start`] or [`Error::Bridge`].
     pub fn start(image: &Path, pace: Pace) -> Result<Self, Error> {
         let mut python = Command::new("python3");
-        python.arg(root()?.join("tools/emulator/launch.py")).arg("--elf").arg(image);
+        python.arg(repository_root()?.join("tools/emulator/launch.py")).arg("--elf").arg(image);
         if pace == Pace::Paused {
             python.arg("--paused");
         }
         python.stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut child = python.spawn().map_err(|source| Error::Start { command: shown(&python), source })?;
+        let mut child = python.spawn().map_err(|source| Error::Start { command: format_command(&python), source })?;
         let (Some(commands), Some(answers)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(Error::Bridge("has no standard input and output".to_owned()));
         };

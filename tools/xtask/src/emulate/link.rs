@@ -31,8 +31,8 @@ impl Link {
     /// As [`Self::request`].
     pub fn request_as(&mut self, bridge: &mut Bridge, version: u8, request: &Request) -> Result<Reply, Error> {
         self.sequence = self.sequence.wrapping_add(1);
-        let answer = exchange(bridge, &encoded(version, self.sequence, request)?, ANSWER_LIMIT_S)?;
-        decode(&answer, self.sequence).ok_or_else(|| Error::NoReply(format!("{request:?}")))
+        let answer = exchange_bytes(bridge, &encode_frame(version, self.sequence, request)?, ANSWER_LIMIT_S)?;
+        decode_reply(&answer, self.sequence).ok_or_else(|| Error::NoReply(format!("{request:?}")))
     }
 }
 
@@ -40,14 +40,14 @@ impl Link {
 ///
 /// # Errors
 /// [`Error::Encode`].
-pub fn encoded(version: u8, sequence: u16, request: &Request) -> Result<Vec<u8>, Error> {
+pub fn encode_frame(version: u8, sequence: u16, request: &Request) -> Result<Vec<u8>, Error> {
     let mut frame = [0; MAX_ENCODED];
     let length = encode(version, Kind::Request, sequence, request, &mut frame).map_err(Error::Encode)?;
     Ok(frame.iter().take(length).copied().collect())
 }
 
 /// The reply with this number among the frames in `bytes`.
-pub fn decode(bytes: &[u8], sequence: u16) -> Option<Reply> {
+pub fn decode_reply(bytes: &[u8], sequence: u16) -> Option<Reply> {
     let mut reply = None;
     Decoder::new().feed(bytes, |frame| {
         if let Ok(frame) = frame
@@ -64,7 +64,7 @@ pub fn decode(bytes: &[u8], sequence: u16) -> Option<Reply> {
 ///
 /// # Errors
 /// [`Error::Bridge`].
-pub fn exchange(bridge: &mut Bridge, bytes: &[u8], seconds: f64) -> Result<Vec<u8>, Error> {
+pub fn exchange_bytes(bridge: &mut Bridge, bytes: &[u8], seconds: f64) -> Result<Vec<u8>, Error> {
     let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     let answer = bridge.ask(&json!({"op": "exchange", "hex": hex, "seconds": seconds}))?;
     let text = answer["hex"].as_str().unwrap_or_default();

@@ -6,8 +6,8 @@ mod report;
 mod terminal;
 
 use crate::error::Error;
-use crate::process::run;
-use crate::{elf, image, root};
+use crate::process::run_command;
+use crate::{elf, image, repository_root};
 use bridge::{Bridge, Pace};
 use std::path::PathBuf;
 use std::process::Command;
@@ -33,22 +33,22 @@ pub struct Options {
 ///
 /// # Errors
 /// What went wrong on the way; [`Error::Report`] if the report found a difference.
-pub fn command(options: &Options) -> Result<(), Error> {
+pub fn run_emulator(options: &Options) -> Result<(), Error> {
     let image = match &options.image {
         Some(image) => image.clone(),
-        None => image::build(false)?.0,
+        None => image::build_image(false)?.0,
     };
-    let usage = elf::usage(&image)?;
+    let usage = elf::read_usage(&image)?;
     eprintln!("emulate: image of {} bytes, {}", usage.flash, image.display());
     if options.report {
-        return report::run(&image);
+        return report::run_report(&image);
     }
     let mut bridge = Bridge::start(&image, Pace::Wall)?;
     println!("{}", bridge.terminal().display());
     let mut terminal = Terminal::open(bridge.terminal())?;
-    hello(&mut terminal)?;
+    say_hello(&mut terminal)?;
     if let Some(times) = options.measure {
-        return measure(&mut bridge, &mut terminal, times);
+        return measure_hello(&mut bridge, &mut terminal, times);
     }
     drop(terminal);
     eprintln!("emulate: commands of the bridge can be typed here, one JSON object a line; Ctrl-D ends it");
@@ -58,17 +58,19 @@ pub fn command(options: &Options) -> Result<(), Error> {
 /// The tests of the emulated board itself, then the report.
 ///
 /// # Errors
-/// As [`command`].
-pub fn test() -> Result<(), Error> {
-    let image = image::build(false)?.0;
-    run(Command::new("python3")
-        .arg(root()?.join("tools/emulator/launch.py"))
-        .args(["--self-test", "--elf"])
-        .arg(&image))?;
-    report::run(&image)
+/// As [`run_emulator`].
+pub fn test_emulator() -> Result<(), Error> {
+    let image = image::build_image(false)?.0;
+    run_command(
+        Command::new("python3")
+            .arg(repository_root()?.join("tools/emulator/launch.py"))
+            .args(["--self-test", "--elf"])
+            .arg(&image),
+    )?;
+    report::run_report(&image)
 }
 
-fn hello(terminal: &mut Terminal) -> Result<(), Error> {
+fn say_hello(terminal: &mut Terminal) -> Result<(), Error> {
     let started = Instant::now();
     let hello = terminal.hello()?;
     let version = hello.firmware;
@@ -86,7 +88,7 @@ fn hello(terminal: &mut Terminal) -> Result<(), Error> {
     Ok(())
 }
 
-fn measure(bridge: &mut Bridge, terminal: &mut Terminal, times: usize) -> Result<(), Error> {
+fn measure_hello(bridge: &mut Bridge, terminal: &mut Terminal, times: usize) -> Result<(), Error> {
     let mut milliseconds = Vec::with_capacity(times);
     let before = bridge.time()?;
     for _ in 0..times {

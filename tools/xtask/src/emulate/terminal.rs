@@ -1,6 +1,6 @@
 //! The serial link to the board as a host has it: through the pseudo-terminal, in time with the clock on the wall.
 
-use super::link::{decode, encoded};
+use super::link::{decode_reply, encode_frame};
 use crate::error::Error;
 use era_shared::link::MAX_ENCODED;
 use era_shared::protocol::{CURRENT_VERSION, MIN_VERSION, Reply, Request, Welcome};
@@ -50,14 +50,14 @@ impl Terminal {
     pub fn hello(&mut self) -> Result<Welcome, Error> {
         self.sequence = self.sequence.wrapping_add(1);
         let request = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
-        let frame = encoded(CURRENT_VERSION, self.sequence, &request)?;
+        let frame = encode_frame(CURRENT_VERSION, self.sequence, &request)?;
         self.port.write_all(&frame).map_err(|error| Error::Bridge(error.to_string()))?;
         let end = Instant::now() + ANSWER_LIMIT;
         let mut answer = Vec::new();
         loop {
             let left = end.saturating_duration_since(Instant::now());
             answer.extend(self.bytes.recv_timeout(left).map_err(|_| Error::Silent(ANSWER_LIMIT))?);
-            if let Some(Reply::Welcome(welcome)) = decode(&answer, self.sequence) {
+            if let Some(Reply::Welcome(welcome)) = decode_reply(&answer, self.sequence) {
                 return Ok(welcome);
             }
         }

@@ -21,7 +21,7 @@ mod tests;
 mod tree;
 
 use crate::error::Error;
-use crate::root;
+use crate::repository_root;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;
@@ -65,7 +65,7 @@ struct Target {
 /// [`Error::Circles`] if there is one; what cannot be read.
 pub fn run_survey() -> Result<(), Error> {
     let mut circles = 0;
-    for (name, survey) in survey_crates(&root()?)? {
+    for (name, survey) in survey_crates(&repository_root()?)? {
         print!("{}", describe_survey(&name, &survey));
         circles += survey.circles.len();
     }

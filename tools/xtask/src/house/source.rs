@@ -63,7 +63,7 @@ impl Code {
         };
         self.children.push(Child {
             name: module.ident.to_string(),
-            path: path_attribute(&module.attrs),
+            path: find_path_attribute(&module.attrs),
             is_test,
             body,
         });
@@ -98,7 +98,7 @@ impl Code {
 
 impl<'ast> Visit<'ast> for Code {
     fn visit_item(&mut self, item: &'ast Item) {
-        let (attributes, name) = head(item);
+        let (attributes, name) = find_attributes_and_name(item);
         if let Item::Mod(module) = item {
             return self.declare(module);
         }
@@ -180,7 +180,7 @@ impl<'ast> Visit<'ast> for Code {
 }
 
 /// An item's attributes, and its name if it has one that paths may lead to.
-fn head(item: &Item) -> (&[Attribute], Option<&Ident>) {
+fn find_attributes_and_name(item: &Item) -> (&[Attribute], Option<&Ident>) {
     match item {
         Item::Const(item) => (&item.attrs, Some(&item.ident)),
         Item::Enum(item) => (&item.attrs, Some(&item.ident)),
@@ -201,26 +201,26 @@ fn head(item: &Item) -> (&[Attribute], Option<&Ident>) {
 /// Whether something is there in tests only.
 fn is_test(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
-        Meta::List(list) => list.path.is_ident("cfg") && asks_for_test(list.tokens.clone()),
+        Meta::List(list) => list.path.is_ident("cfg") && requires_test(list.tokens.clone()),
         _ => false,
     })
 }
 
 /// Whether a condition is `test`, or `all` of several with it among them.
-fn asks_for_test(condition: TokenStream) -> bool {
+fn requires_test(condition: TokenStream) -> bool {
     let mut is_all = false;
     condition.into_iter().any(|token| match token {
         TokenTree::Ident(word) => {
             is_all = word == "all";
             word == "test"
         }
-        TokenTree::Group(group) => is_all && asks_for_test(group.stream()),
+        TokenTree::Group(group) => is_all && requires_test(group.stream()),
         TokenTree::Punct(_) | TokenTree::Literal(_) => false,
     })
 }
 
 /// The file of `#[path = "file"]`.
-fn path_attribute(attributes: &[Attribute]) -> Option<String> {
+fn find_path_attribute(attributes: &[Attribute]) -> Option<String> {
     attributes.iter().find_map(|attribute| match &attribute.meta {
         Meta::NameValue(pair) if pair.path.is_ident("path") => match &pair.value {
             Expr::Lit(literal) => match &literal.lit {

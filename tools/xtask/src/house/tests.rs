@@ -69,7 +69,7 @@ fn what_leads_elsewhere_closes_no_circle() {
 fn parent_and_child_may_import_each_other() {
     let files = [
         ("lib.rs", "mod room; pub const HERE: u8 = room::low::deep::DEPTH; pub fn root() {}"),
-        ("room/mod.rs", "pub mod low; use low::deep::DEPTH; use crate::root; pub struct R;"),
+        ("room/mod.rs", "pub mod low; use low::deep::DEPTH; use crate::repository_root; pub struct R;"),
         ("room/low.rs", "pub mod deep; use super::R;"),
         ("room/low/deep.rs", "use super::super::R; fn f() { crate::root() } pub const DEPTH: u8 = crate::HERE;"),
     ];
@@ -165,7 +165,7 @@ fn long_and_lost_files_and_circles_are_printed() {
 /// Every crate is read, and every file of a `src` is led to: otherwise its imports would be missing.
 #[test]
 fn this_repository_is_read_whole() {
-    let all = survey_crates(&crate::root().unwrap()).unwrap();
+    let all = survey_crates(&crate::repository_root().unwrap()).unwrap();
     let names: Vec<&str> = all.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(
         names,

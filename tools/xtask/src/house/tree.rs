@@ -61,7 +61,7 @@ impl<'a> Tree<'a> {
         let home = home.unwrap_or(own);
         self.modules.push(Module { file, code, home, parent, children: BTreeMap::new() });
         for child in &code.children {
-            let added = match (&child.body, file_of(sources, child, file, folder)) {
+            let added = match (&child.body, find_module_file(sources, child, file, folder)) {
                 (Some(body), _) => self.add(sources, (file, body), Some(home), Some(own), &folder.join(&child.name)),
                 (None, Some((file, code, folder))) if !child.is_test => {
                     self.add(sources, (file, code), None, Some(own), &folder)
@@ -80,7 +80,7 @@ impl<'a> Tree<'a> {
     fn add_tests(&mut self, sources: &'a Sources, (file, code): (&'a Path, &'a Code), folder: &Path) {
         self.test_files.insert(file);
         for child in &code.children {
-            if let Some((file, code, folder)) = file_of(sources, child, file, folder) {
+            if let Some((file, code, folder)) = find_module_file(sources, child, file, folder) {
                 self.add_tests(sources, (file, code), &folder);
             }
         }
@@ -112,7 +112,7 @@ impl<'a> Tree<'a> {
 }
 
 /// The file of a module, its code, and the folder of the modules in it.
-fn file_of<'a>(
+fn find_module_file<'a>(
     sources: &'a Sources,
     child: &Child,
     parent: &Path,

@@ -48,7 +48,7 @@ enum Class {
 ///
 /// # Errors
 /// [`StackError::NoFunction`] if the rules name what the image does not have.
-pub fn worst_case(program: &Program, rules: &Rules<'_>) -> Result<Vec<Level>, StackError> {
+pub fn find_worst_case(program: &Program, rules: &Rules<'_>) -> Result<Vec<Level>, StackError> {
     let find = |name: &str| program.functions.iter().position(|function| function.names.iter().any(|own| own == name));
     let known = |name: &String| find(name).ok_or_else(|| StackError::NoFunction(name.clone()));
     let executors = rules.executors.iter().map(known).collect::<Result<BTreeSet<_>, _>>()?;
@@ -60,7 +60,7 @@ pub fn worst_case(program: &Program, rules: &Rules<'_>) -> Result<Vec<Level>, St
 
     let panic = find(PANIC_HANDLER).ok_or_else(|| StackError::NoFunction(PANIC_HANDLER.to_owned()))?;
 
-    let mut calls = resolved(program, &executors);
+    let mut calls = resolve_calls(program, &executors);
     for callees in &mut calls {
         callees.remove(&panic);
     }
@@ -95,7 +95,7 @@ pub fn worst_case(program: &Program, rules: &Rules<'_>) -> Result<Vec<Level>, St
     Ok(levels)
 }
 
-fn class(names: &[String], is_executor: bool) -> Class {
+fn classify_function(names: &[String], is_executor: bool) -> Class {
     let any = |test: fn(&str) -> bool| names.iter().any(|name| test(name));
     if is_executor {
         Class::Executor
@@ -111,12 +111,12 @@ fn class(names: &[String], is_executor: bool) -> Class {
 }
 
 /// Direct calls, and what calls through pointers may reach.
-fn resolved(program: &Program, executors: &BTreeSet<usize>) -> Vec<BTreeSet<usize>> {
+fn resolve_calls(program: &Program, executors: &BTreeSet<usize>) -> Vec<BTreeSet<usize>> {
     let classes: Vec<Class> = program
         .functions
         .iter()
         .enumerate()
-        .map(|(position, function)| class(&function.names, executors.contains(&position)))
+        .map(|(position, function)| classify_function(&function.names, executors.contains(&position)))
         .collect();
     let of = |position: usize| classes.get(position).copied().unwrap_or(Class::Other);
     let calls = program.functions.iter().enumerate().map(|(position, function)| {
@@ -147,7 +147,7 @@ struct Depths<'a> {
 impl<'a> Depths<'a> {
     fn new(program: &'a Program, calls: &'a [BTreeSet<usize>], recursion: u32) -> Self {
         // With a few hundred functions, who reaches whom is found by plain search.
-        let reached: Vec<BTreeSet<usize>> = (0..calls.len()).map(|start| reach(calls, start)).collect();
+        let reached: Vec<BTreeSet<usize>> = (0..calls.len()).map(|start| find_reachable(calls, start)).collect();
         let reaches = |from: usize, to: usize| reached.get(from).is_some_and(|set| set.contains(&to));
         let circle = |position: usize| {
             let mut members: Vec<usize> =
@@ -189,7 +189,7 @@ impl<'a> Depths<'a> {
 }
 
 /// What can be reached from `start` by at least one call.
-fn reach(calls: &[BTreeSet<usize>], start: usize) -> BTreeSet<usize> {
+fn find_reachable(calls: &[BTreeSet<usize>], start: usize) -> BTreeSet<usize> {
     let mut reached = BTreeSet::new();
     let mut open = vec![start];
     while let Some(position) = open.pop() {
@@ -236,7 +236,7 @@ mod tests {
     fn the_longest_chain_of_each_level_is_found() {
         let executors = ["run".to_owned()];
         let rules = Rules { executors: &executors, recursion: 3, priorities: &BTreeMap::new() };
-        let levels = worst_case(&program(), &rules).expect("a bound");
+        let levels = find_worst_case(&program(), &rules).expect("a bound");
         let bytes: Vec<u32> = levels.iter().map(|level| level.bytes).collect();
         // The executor calls the task, which formats: write and fmt call each other, counted three times each. Nobody
         // but the executor calls tasks, so the interrupt reaches formatting at most, and is less deep than the slow one.
@@ -248,11 +248,11 @@ mod tests {
     #[test]
     fn each_priority_is_a_level_of_its_own() {
         let priorities = [("Slow".to_owned(), 5)].into();
-        let levels = worst_case(&program(), &Rules { executors: &[], recursion: 1, priorities: &priorities });
+        let levels = find_worst_case(&program(), &Rules { executors: &[], recursion: 1, priorities: &priorities });
         let names: Vec<String> = levels.expect("a bound").into_iter().map(|level| level.name).collect();
         assert_eq!(names, ["thread mode", "priority 5: Slow", "priority 0: Tick", "a panic", "a HardFault"]);
         let unknown = ["gone".to_owned()];
         let rules = Rules { executors: &unknown, recursion: 1, priorities: &BTreeMap::new() };
-        assert!(matches!(worst_case(&program(), &rules), Err(StackError::NoFunction(name)) if name == "gone"));
+        assert!(matches!(find_worst_case(&program(), &rules), Err(StackError::NoFunction(name)) if name == "gone"));
     }
 }

@@ -1,7 +1,7 @@
 //! What an image's functions take of the stack, and what they call, read from the code that would be flashed.
 
 use super::StackError;
-use super::thumb::{Effect, effect, length};
+use super::thumb::{Effect, decode_effect, instruction_bytes};
 use object::read::elf::ElfFile32;
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 use std::collections::{BTreeMap, BTreeSet};
@@ -115,7 +115,7 @@ impl Program {
             }
             let first = image.half(address).ok_or_else(|| unclear(address))?;
             let second = image.half(address + 2).unwrap_or(0);
-            match effect(address, first, second) {
+            match decode_effect(address, first, second) {
                 Effect::None => {}
                 Effect::Grow(bytes) => function.frame += bytes,
                 Effect::ClearLowBits(bits) => cleared = Some(bits),
@@ -139,7 +139,7 @@ impl Program {
                 }
                 Effect::Unclear => return Err(unclear(address)),
             }
-            address += length(first);
+            address += instruction_bytes(first);
         }
         function.names = names;
         self.functions.push(function);

@@ -3,7 +3,7 @@
 
 use super::{Program, StackError};
 use crate::emulate::bridge::{Bridge, Pace};
-use crate::emulate::link::{Link, encoded, exchange};
+use crate::emulate::link::{Link, encode_frame, exchange_bytes};
 use crate::error::Error;
 use era_shared::protocol::{CURRENT_VERSION, ChannelDrive, Reply, Request};
 use era_shared::waveform::Effect;
@@ -36,9 +36,9 @@ struct Word {
 ///
 /// # Errors
 /// What the bridge says, or [`StackError::Priority`].
-pub fn seen(image: &Path, program: &Program, priorities: &BTreeMap<String, u8>) -> Result<u32, Error> {
+pub fn measure_stack_bytes(image: &Path, program: &Program, priorities: &BTreeMap<String, u8>) -> Result<u32, Error> {
     let mut bridge = Bridge::start(image, Pace::Paused)?;
-    let asked = session(&mut bridge)?;
+    let asked = run_session(&mut bridge)?;
     let missing: Vec<&str> = REQUESTS.iter().copied().filter(|name| !asked.contains(name)).collect();
     if !missing.is_empty() {
         let source = StackError::NotAsked(missing.join(", "));
@@ -52,12 +52,12 @@ pub fn seen(image: &Path, program: &Program, priorities: &BTreeMap<String, u8>) 
 
 /// Every request, four channels at the highest frequency and with effects, noise while they run, silence, and a fault cleared. The names
 /// of the requests.
-fn session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
+fn run_session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
     let mut link = Link::default();
     let mut asked = BTreeSet::new();
-    let prepared = (0..4).map(|channel| drive(channel, 1_000_000)).collect();
+    let prepared = (0..4).map(|channel| make_drive(channel, 1_000_000)).collect();
     let drives = |frequency_millihertz| Request::SetDrives {
-        drives: (0..4).map(|channel| drive(channel, frequency_millihertz)).collect(),
+        drives: (0..4).map(|channel| make_drive(channel, frequency_millihertz)).collect(),
     };
     let play = |channel| Request::Play { channel, start_us: 0, effect: Effect::swell(20, 20, 20) };
     let questions = [
@@ -96,8 +96,8 @@ fn session(bridge: &mut Bridge) -> Result<BTreeSet<&'static str>, Error> {
     for question in &questions {
         ask(bridge, question)?;
     }
-    exchange(bridge, &[0xA5; 600], 0.05)?;
-    exchange(bridge, &encoded(u8::MAX, 1, &Request::Status)?, 0.05)?;
+    exchange_bytes(bridge, &[0xA5; 600], 0.05)?;
+    exchange_bytes(bridge, &encode_frame(u8::MAX, 1, &Request::Status)?, 0.05)?;
     run_for(bridge, 0.1)?;
     ask(bridge, &Request::Prepare { drives: prepared })?;
     for channel in 0..4 {
@@ -149,7 +149,7 @@ requests!(
 );
 
 /// Half of the half period wide, as 1 kHz with its guards allows.
-const fn drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
+const fn make_drive(channel: u8, frequency_millihertz: u32) -> ChannelDrive {
     ChannelDrive {
         channel,
         frequency_millihertz,

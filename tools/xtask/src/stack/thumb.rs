@@ -44,17 +44,21 @@ const LR: u32 = 14;
 const PC: u32 = 15;
 
 /// Length in bytes of the instruction that begins with this half-word.
-pub const fn length(first: u16) -> u32 {
+pub const fn instruction_bytes(first: u16) -> u32 {
     if first >> 11 >= 0b11101 { 4 } else { 2 }
 }
 
 /// What the instruction at `address` does; `second` counts only if it is a long one.
-pub fn effect(address: u32, first: u16, second: u16) -> Effect {
+pub fn decode_effect(address: u32, first: u16, second: u16) -> Effect {
     let (first, second) = (u32::from(first), u32::from(second));
-    if length(first as u16) == 2 { short(address, first) } else { long(address, first, second) }
+    if instruction_bytes(first as u16) == 2 {
+        decode_short(address, first)
+    } else {
+        decode_long(address, first, second)
+    }
 }
 
-fn short(address: u32, code: u32) -> Effect {
+fn decode_short(address: u32, code: u32) -> Effect {
     let register = code >> 3 & 0xF;
     match code {
         // PUSH: a bit for each of r0 to r7, and one for lr.
@@ -70,13 +74,13 @@ fn short(address: u32, code: u32) -> Effect {
         // MOV pc, Rm
         _ if code & 0xFF87 == 0x4687 => Effect::GoIndirect,
         // B<c> and B; conditions 14 and 15 are other instructions.
-        0xD000..=0xDDFF => Effect::Go(relative(address, sign_extend(code & 0xFF, 8) << 1)),
-        0xE000..=0xE7FF => Effect::Go(relative(address, sign_extend(code & 0x7FF, 11) << 1)),
+        0xD000..=0xDDFF => Effect::Go(relative_address(address, sign_extend(code & 0xFF, 8) << 1)),
+        0xE000..=0xE7FF => Effect::Go(relative_address(address, sign_extend(code & 0x7FF, 11) << 1)),
         _ => Effect::None,
     }
 }
 
-fn long(address: u32, first: u32, second: u32) -> Effect {
+fn decode_long(address: u32, first: u32, second: u32) -> Effect {
     let (rn, rt, rd) = (first & 0xF, second >> 12, second >> 8 & 0xF);
     // The immediate of data processing: i, imm3, imm8.
     let imm12 = (first >> 10 & 1) << 11 | (second >> 12 & 7) << 8 | second & 0xFF;
@@ -91,7 +95,7 @@ fn long(address: u32, first: u32, second: u32) -> Effect {
         // VPUSH: imm8 counts words, for single and for double registers.
         _ if first & 0xFFBF == 0xED2D => Effect::Grow(4 * (second & 0xFF)),
         // SUB.W sp, sp, #const and SUBW sp, sp, #imm12
-        _ if first & 0xFBEF == 0xF1AD && rd == SP => Effect::Grow(expand(imm12)),
+        _ if first & 0xFBEF == 0xF1AD && rd == SP => Effect::Grow(expand_immediate(imm12)),
         _ if first & 0xFBFF == 0xF2AD && rd == SP => Effect::Grow(imm12),
         // SUB.W and ADD.W sp, sp, Rm
         _ if matches!(first & 0xFFEF, 0xEBAD | 0xEB0D) && rd == SP => Effect::Unclear,
@@ -105,30 +109,30 @@ fn long(address: u32, first: u32, second: u32) -> Effect {
         _ if first & 0xFF70 == 0xF850 && rt == PC && rn != SP => Effect::GoIndirect,
         // MSR MSP, Rn
         _ if first & 0xFFF0 == 0xF380 && second & 0xFF == 8 => Effect::NewStack,
-        _ if first & 0xF800 == 0xF000 && second & 0x8000 != 0 => branch(address, first, second),
+        _ if first & 0xF800 == 0xF000 && second & 0x8000 != 0 => decode_branch(address, first, second),
         _ => Effect::None,
     }
 }
 
 /// `B.W`, `B<c>.W` and `BL`.
-fn branch(address: u32, first: u32, second: u32) -> Effect {
+fn decode_branch(address: u32, first: u32, second: u32) -> Effect {
     let (sign, j1, j2) = (first >> 10 & 1, second >> 13 & 1, second >> 11 & 1);
     if second & 0x1000 != 0 {
         // B.W and BL: S, I1, I2, imm10, imm11 with I = not (J xor S).
         let (i1, i2) = (!(j1 ^ sign) & 1, !(j2 ^ sign) & 1);
         let bits = sign << 23 | i1 << 22 | i2 << 21 | (first & 0x3FF) << 11 | second & 0x7FF;
-        return Effect::Go(relative(address, sign_extend(bits, 24) << 1));
+        return Effect::Go(relative_address(address, sign_extend(bits, 24) << 1));
     }
     if second & 0xD000 == 0x8000 && first >> 6 & 0xF < 14 {
         let bits = sign << 19 | j2 << 18 | j1 << 17 | (first & 0x3F) << 11 | second & 0x7FF;
-        return Effect::Go(relative(address, sign_extend(bits, 20) << 1));
+        return Effect::Go(relative_address(address, sign_extend(bits, 20) << 1));
     }
     // Barriers, hints and other special registers share the rest.
     Effect::None
 }
 
 /// ThumbExpandImm (A5.3.2): a byte, a byte repeated, or a byte with its top bit set rotated to the right.
-const fn expand(imm12: u32) -> u32 {
+const fn expand_immediate(imm12: u32) -> u32 {
     let byte = imm12 & 0xFF;
     match imm12 >> 8 {
         0 => byte,
@@ -145,7 +149,7 @@ const fn sign_extend(value: u32, bits: u32) -> u32 {
 }
 
 /// The program counter reads as the address of the instruction plus 4.
-const fn relative(address: u32, offset: u32) -> u32 {
+const fn relative_address(address: u32, offset: u32) -> u32 {
     address.wrapping_add(4).wrapping_add(offset)
 }
 
@@ -191,7 +195,7 @@ mod tests {
             (0xF381, 0x8808, NewStack, "msr msp, r1"),
             (0xF381, 0x8810, None, "msr primask, r1"),
         ] {
-            assert_eq!(effect(at, first, second), expected, "{text}");
+            assert_eq!(decode_effect(at, first, second), expected, "{text}");
         }
     }
 }

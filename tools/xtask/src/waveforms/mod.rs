@@ -38,7 +38,7 @@ impl Default for Options {
 ///
 /// # Errors
 /// [`Error::Waveforms`] if anything is not as it must be.
-pub fn command(options: &Options) -> Result<(), Error> {
+pub fn check_waveforms(options: &Options) -> Result<(), Error> {
     let limits = ChannelLimits::BOARD;
     let threads = thread::available_parallelism().map_or(1, usize::from).min(8);
     let share = |total: u64, index: usize| {

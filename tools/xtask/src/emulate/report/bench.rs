@@ -1,7 +1,7 @@
 //! The board under test: asked through its serial link, looked at and disturbed through the bridge.
 
 use super::super::bridge::{Bridge, Pace};
-use super::super::link::{Link, exchange};
+use super::super::link::{Link, exchange_bytes};
 use super::channels::CHANNELS;
 use super::edges::{Edges, Record};
 use crate::error::Error;
@@ -104,7 +104,7 @@ impl Bench {
     /// # Errors
     /// [`Error::Bridge`].
     pub fn raw(&mut self, bytes: &[u8], seconds: f64) -> Result<Vec<u8>, Error> {
-        exchange(&mut self.bridge, bytes, seconds)
+        exchange_bytes(&mut self.bridge, bytes, seconds)
     }
 
     /// State and fault.

@@ -6,7 +6,7 @@ use super::table::Table;
 use super::trips::bring_up;
 use crate::budget::{Budget, Row};
 use crate::error::Error;
-use crate::root;
+use crate::repository_root;
 use era_shared::protocol::{ChannelDrive, Reply, Request};
 use era_shared::waveform::{Effect, Segment};
 
@@ -41,7 +41,7 @@ pub fn steps(bench: &mut Bench, table: &mut Table) {
         bench.keep_alive(0.1)?;
         let busy = share(bench)?;
         table.figure("processor, the same while four envelopes play", percent(busy));
-        let budget = Budget::read(&root()?)?;
+        let budget = Budget::read(&repository_root()?)?;
         let row = Row::cpu(100.0 * busy.max(steady), &budget);
         table.row("load: budget", &format!("within {} %", row.budget), &percent(busy.max(steady)), row.holds());
         Ok(())

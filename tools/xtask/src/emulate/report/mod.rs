@@ -25,7 +25,7 @@ use table::Table;
 ///
 /// # Errors
 /// [`Error::Report`] with the number of rows that are not as expected, or what kept the report from being made.
-pub fn run(image: &Path) -> Result<(), Error> {
+pub fn run_report(image: &Path) -> Result<(), Error> {
     let mut bench = Bench::start(image)?;
     let mut table = Table::new();
     session::steps(&mut bench, &mut table);
