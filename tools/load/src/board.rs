@@ -17,9 +17,9 @@ const LOOK: Duration = Duration::from_millis(2);
 /// What ends a frame.
 const END: u8 = 0;
 
-/// Which way bytes go.
+/// In which direction bytes go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Direction {
     /// From the daemon.
     ToBoard,
     /// To the daemon.
@@ -30,7 +30,7 @@ pub enum Way {
 #[derive(Clone, Debug)]
 pub struct Rubbish {
     /// Into which frames.
-    pub way: Way,
+    pub direction: Direction,
     /// Before which byte, counted from 0.
     pub at: usize,
     /// Bytes other than the one that ends a frame, so that this frame is ruined for sure.
@@ -38,10 +38,10 @@ pub struct Rubbish {
 }
 
 #[derive(Debug, Default)]
-struct Trouble {
+struct Disturbance {
     rubbish: Option<Rubbish>,
-    /// Ways on which nothing gets through.
-    cut: Vec<Way>,
+    /// Directions in which nothing gets through.
+    cut: Vec<Direction>,
     pulled: bool,
 }
 
@@ -59,8 +59,8 @@ impl Bench {
     /// # Errors
     /// [`Error::Scene`], [`Error::Line`], [`Error::System`].
     pub fn new(link: PathBuf) -> Result<Self, Error> {
-        let mut bench = Self { device: device()?, link, cable: None };
-        bench.plug()?;
+        let mut bench = Self { device: start_device()?, link, cable: None };
+        bench.plug_in()?;
         Ok(bench)
     }
 
@@ -68,13 +68,13 @@ impl Bench {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn direct(link: PathBuf) -> Result<Self, Error> {
-        let bench = Self { device: device()?, link, cable: None };
-        bench.lead_to(bench.device.path())?;
+    pub fn without_cable(link: PathBuf) -> Result<Self, Error> {
+        let bench = Self { device: start_device()?, link, cable: None };
+        bench.create_link_to(bench.device.path())?;
         Ok(bench)
     }
 
-    fn lead_to(&self, path: &str) -> Result<(), Error> {
+    fn create_link_to(&self, path: &str) -> Result<(), Error> {
         std::os::unix::fs::symlink(path, &self.link).map_err(Error::file(&self.link))
     }
 
@@ -88,9 +88,9 @@ impl Bench {
     ///
     /// # Errors
     /// [`Error::Line`], [`Error::System`].
-    pub fn plug(&mut self) -> Result<(), Error> {
+    pub fn plug_in(&mut self) -> Result<(), Error> {
         let cable = Cable::new(self.device.path())?;
-        self.lead_to(&cable.path)?;
+        self.create_link_to(&cable.path)?;
         self.cable = Some(cable);
         Ok(())
     }
@@ -104,35 +104,35 @@ impl Bench {
         std::fs::remove_file(&self.link).map_err(Error::file(&self.link))
     }
 
-    /// Lets nothing through on these ways, and everything on the others.
-    pub fn cut(&self, ways: &[Way]) {
+    /// Lets nothing through in these directions, and everything in the others.
+    pub fn block(&self, directions: &[Direction]) {
         if let Some(cable) = &self.cable {
-            cable.trouble().cut = ways.to_vec();
+            cable.lock_disturbance().cut = directions.to_vec();
         }
     }
 
     /// Puts rubbish on the line.
-    pub fn disturb(&self, rubbish: Rubbish) {
+    pub fn insert_rubbish(&self, rubbish: Rubbish) {
         if let Some(cable) = &self.cable {
-            cable.trouble().rubbish = Some(rubbish);
+            cable.lock_disturbance().rubbish = Some(rubbish);
         }
     }
 
     /// Whether no rubbish waits for its frame.
     #[must_use]
-    pub fn is_calm(&self) -> bool {
-        self.cable.as_ref().is_none_or(|cable| cable.trouble().rubbish.is_none())
+    pub fn has_no_pending_rubbish(&self) -> bool {
+        self.cable.as_ref().is_none_or(|cable| cable.lock_disturbance().rubbish.is_none())
     }
 
     /// Takes rubbish back that no frame was long enough for; says whether there was any.
     #[must_use]
-    pub fn calm(&self) -> bool {
-        self.cable.as_ref().is_some_and(|cable| cable.trouble().rubbish.take().is_some())
+    pub fn withdraw_rubbish(&self) -> bool {
+        self.cable.as_ref().is_some_and(|cable| cable.lock_disturbance().rubbish.take().is_some())
     }
 }
 
-fn device() -> Result<SimDevice, Error> {
-    let table = table()?;
+fn start_device() -> Result<SimDevice, Error> {
+    let table = build_plan_table()?;
     let volts = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     SimDevice::start_named(Panel::of(&table), volts, SimBoard::ID).map_err(Error::system("no pseudo-terminal"))
 }
@@ -141,7 +141,7 @@ fn device() -> Result<SimDevice, Error> {
 ///
 /// # Errors
 /// [`Error::Scene`].
-pub fn table() -> Result<PlanTable, Error> {
+pub fn build_plan_table() -> Result<PlanTable, Error> {
     let wrong = |error: &dyn std::fmt::Display| Error::Scene(error.to_string());
     let scene = Scene::parse("example plate", EXAMPLE_PLATE).map_err(|error| wrong(&error))?;
     let options = TableOptions::default();
@@ -155,7 +155,7 @@ pub fn table() -> Result<PlanTable, Error> {
 #[derive(Debug)]
 struct Cable {
     path: String,
-    trouble: Arc<Mutex<Trouble>>,
+    disturbance: Arc<Mutex<Disturbance>>,
     threads: Vec<JoinHandle<()>>,
 }
 
@@ -168,26 +168,26 @@ impl Cable {
         let mut board = serialport::new(board, 115_200).open_native()?;
         host.set_timeout(LOOK)?;
         board.set_timeout(LOOK)?;
-        let trouble = Arc::new(Mutex::new(Trouble::default()));
+        let disturbance = Arc::new(Mutex::new(Disturbance::default()));
         let (host_too, board_too) = (host.try_clone_native()?, board.try_clone_native()?);
-        let carry = |way: Way, from: TTYPort, to: TTYPort| {
-            let trouble = Arc::clone(&trouble);
-            let carrier = Carrier { way, at: 0, from, to, trouble };
-            std::thread::Builder::new().name("cable".into()).spawn(move || carrier.run())
+        let carry = |direction: Direction, from: TTYPort, to: TTYPort| {
+            let disturbance = Arc::clone(&disturbance);
+            let carrier = Carrier { direction, at: 0, from, to, disturbance };
+            std::thread::Builder::new().name("cable".into()).spawn(move || carrier.carry_bytes())
         };
-        let down = carry(Way::ToBoard, host, board).map_err(Error::system("no thread"))?;
-        let up = carry(Way::ToHost, board_too, host_too).map_err(Error::system("no thread"))?;
-        Ok(Self { path, trouble, threads: vec![down, up] })
+        let down = carry(Direction::ToBoard, host, board).map_err(Error::system("no thread"))?;
+        let up = carry(Direction::ToHost, board_too, host_too).map_err(Error::system("no thread"))?;
+        Ok(Self { path, disturbance, threads: vec![down, up] })
     }
 
-    fn trouble(&self) -> MutexGuard<'_, Trouble> {
-        self.trouble.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock_disturbance(&self) -> MutexGuard<'_, Disturbance> {
+        self.disturbance.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Drop for Cable {
     fn drop(&mut self) {
-        self.trouble().pulled = true;
+        self.lock_disturbance().pulled = true;
         for thread in self.threads.drain(..) {
             let _ = thread.join();
         }
@@ -195,21 +195,21 @@ impl Drop for Cable {
 }
 
 struct Carrier {
-    way: Way,
+    direction: Direction,
     /// Bytes of the present frame that have gone by.
     at: usize,
     from: TTYPort,
     to: TTYPort,
-    trouble: Arc<Mutex<Trouble>>,
+    disturbance: Arc<Mutex<Disturbance>>,
 }
 
 impl Carrier {
-    fn run(mut self) {
+    fn carry_bytes(mut self) {
         let mut buffer = [0_u8; 512];
         loop {
             let read = self.from.read(&mut buffer);
-            let mut trouble = self.trouble.lock().unwrap_or_else(PoisonError::into_inner);
-            if trouble.pulled {
+            let mut disturbance = self.disturbance.lock().unwrap_or_else(PoisonError::into_inner);
+            if disturbance.pulled {
                 return;
             }
             let length = match read {
@@ -217,17 +217,22 @@ impl Carrier {
                 Err(error) if error.kind() == ErrorKind::TimedOut => continue,
                 // Nobody has the other end open.
                 Err(_) => {
-                    drop(trouble);
+                    drop(disturbance);
                     std::thread::sleep(LOOK);
                     continue;
                 }
             };
-            if trouble.cut.contains(&self.way) {
+            if disturbance.cut.contains(&self.direction) {
                 self.at = 0;
                 continue;
             }
-            let bytes = spoilt(buffer.get(..length).unwrap_or_default(), &mut self.at, self.way, &mut trouble.rubbish);
-            drop(trouble);
+            let bytes = insert_due_rubbish(
+                buffer.get(..length).unwrap_or_default(),
+                &mut self.at,
+                self.direction,
+                &mut disturbance.rubbish,
+            );
+            drop(disturbance);
             // What cannot be written is lost, as on a cable.
             let _ = self.to.write_all(&bytes);
         }
@@ -235,10 +240,10 @@ impl Carrier {
 }
 
 /// The bytes with the rubbish in its place, if that is among them; `at` counts the bytes of the frame that have gone by.
-fn spoilt(bytes: &[u8], at: &mut usize, way: Way, rubbish: &mut Option<Rubbish>) -> Vec<u8> {
+fn insert_due_rubbish(bytes: &[u8], at: &mut usize, direction: Direction, rubbish: &mut Option<Rubbish>) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len() + 16);
     for byte in bytes {
-        if rubbish.as_ref().is_some_and(|rubbish| rubbish.way == way && rubbish.at == *at && *byte != END) {
+        if rubbish.as_ref().is_some_and(|rubbish| rubbish.direction == direction && rubbish.at == *at && *byte != END) {
             out.extend(rubbish.take().into_iter().flat_map(|rubbish| rubbish.bytes));
         }
         out.push(*byte);
@@ -253,11 +258,18 @@ mod tests {
 
     #[test]
     fn rubbish_goes_before_its_byte_of_the_next_frame_that_has_one() {
-        let mut rubbish = Some(Rubbish { way: Way::ToHost, at: 2, bytes: vec![9, 9] });
+        let mut rubbish = Some(Rubbish { direction: Direction::ToHost, at: 2, bytes: vec![9, 9] });
         let mut at = 0;
-        assert_eq!(spoilt(&[1, 2, 3, 0], &mut at, Way::ToBoard, &mut rubbish), [1, 2, 3, 0]);
-        assert_eq!(spoilt(&[1, 2, 0, 1], &mut at, Way::ToHost, &mut rubbish), [1, 2, 0, 1], "too short");
-        assert_eq!(spoilt(&[2, 3, 0, 1, 2, 3], &mut at, Way::ToHost, &mut rubbish), [2, 9, 9, 3, 0, 1, 2, 3]);
+        assert_eq!(insert_due_rubbish(&[1, 2, 3, 0], &mut at, Direction::ToBoard, &mut rubbish), [1, 2, 3, 0]);
+        assert_eq!(
+            insert_due_rubbish(&[1, 2, 0, 1], &mut at, Direction::ToHost, &mut rubbish),
+            [1, 2, 0, 1],
+            "too short"
+        );
+        assert_eq!(
+            insert_due_rubbish(&[2, 3, 0, 1, 2, 3], &mut at, Direction::ToHost, &mut rubbish),
+            [2, 9, 9, 3, 0, 1, 2, 3]
+        );
         assert!(rubbish.is_none() && at == 3);
     }
 }

@@ -4,11 +4,11 @@ mod requests;
 
 use crate::daemon::{Daemon, Plan};
 use crate::error::Error;
-use crate::http::{Http, Place};
+use crate::http::{Endpoint, Http};
 use crate::live::Live;
-use crate::times::{Times, number};
+use crate::times::{Times, format_ms};
 use clap::Args;
-use requests::{Case, Way, cases};
+use requests::{Case, Sending, list_cases};
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
@@ -27,7 +27,7 @@ const LONGEST_STOP_MS: f64 = 10.0;
 #[derive(Args, Clone, Debug)]
 pub struct Options {
     /// Time for each route, in s
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = crate::positive)]
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = crate::parse_positive)]
     seconds: f64,
     /// The program to start
     #[arg(long, value_name = "FILE", default_value = "target/release/era")]
@@ -46,7 +46,7 @@ struct Measured {
 ///
 /// # Errors
 /// [`Error::Missed`] if a stop took too long.
-pub fn run(options: &Options) -> Result<(), Error> {
+pub fn measure_routes(options: &Options) -> Result<(), Error> {
     let folder = tempfile::tempdir().map_err(Error::system("no folder"))?;
     let plan = Plan {
         program: options.program.clone(),
@@ -64,18 +64,18 @@ pub fn run(options: &Options) -> Result<(), Error> {
     println!("| route | bound | answers | longest answer, ms | stops: median / p99 / longest | memory so far, MB |");
     println!("|---|---|---|---|---|---|");
     let mut missed = Vec::new();
-    for case in cases() {
-        let measured = measured(&daemon, &case, Duration::from_secs_f64(options.seconds))?;
-        let longest = measured.answers.longest().map_or_else(|| "-".into(), number);
+    for case in list_cases() {
+        let measured = measure_case(&daemon, &case, Duration::from_secs_f64(options.seconds))?;
+        let longest = measured.answers.longest_ms().map_or_else(|| "-".into(), format_ms);
         println!(
             "| {} | {} | {} | {longest} | {} | {} |",
             case.route,
             case.bound,
             measured.statuses,
-            measured.stops.told(),
-            peak_mb(&daemon)
+            measured.stops.describe(),
+            read_peak_memory_mb(&daemon)
         );
-        if measured.stops.longest().is_none_or(|longest| longest > LONGEST_STOP_MS) {
+        if measured.stops.longest_ms().is_none_or(|longest| longest > LONGEST_STOP_MS) {
             missed.push(case.route);
         }
     }
@@ -85,17 +85,17 @@ pub fn run(options: &Options) -> Result<(), Error> {
     Err(Error::Missed(format!("a stop within {LONGEST_STOP_MS} ms beside {}", missed.join(", "))))
 }
 
-fn measured(daemon: &Daemon, case: &Case, time: Duration) -> Result<Measured, Error> {
+fn measure_case(daemon: &Daemon, case: &Case, time: Duration) -> Result<Measured, Error> {
     let until = Instant::now() + time;
     let mut stops = Times::default();
     let asked = std::thread::scope(|threads| {
         let asking: Vec<_> = (0..CONNECTIONS).map(|_| threads.spawn(|| measure_answers(daemon, case, until))).collect();
-        let mut http = Http::new(Place::Tcp(daemon.address));
+        let mut http = Http::new(Endpoint::Tcp(daemon.address));
         while Instant::now() < until {
             let begun = Instant::now();
             match http.post("/v1/stop", "") {
                 Ok(answer) if answer.status == 200 => stops.add(begun.elapsed()),
-                _ => stops.never(),
+                _ => stops.add_missing(),
             }
             std::thread::sleep(BETWEEN_STOPS);
         }
@@ -104,7 +104,7 @@ fn measured(daemon: &Daemon, case: &Case, time: Duration) -> Result<Measured, Er
     let (mut answers, mut counts) = (Times::default(), std::collections::BTreeMap::<u16, usize>::new());
     for one in asked {
         let (times, own) = one.map_err(Error::Answer)?;
-        answers.join(times);
+        answers.merge(times);
         own.into_iter().for_each(|status| *counts.entry(status).or_default() += 1);
     }
     let statuses: Vec<String> = counts
@@ -117,9 +117,9 @@ fn measured(daemon: &Daemon, case: &Case, time: Duration) -> Result<Measured, Er
 /// Times of answers, and their statuses; 0 where nobody waited for one.
 fn measure_answers(daemon: &Daemon, case: &Case, until: Instant) -> Result<(Times, Vec<u16>), String> {
     let (mut times, mut statuses) = (Times::default(), Vec::new());
-    let mut http = Http::new(Place::Tcp(daemon.address));
+    let mut http = Http::new(Endpoint::Tcp(daemon.address));
     let mut live = None;
-    if matches!(case.way, Way::Live) {
+    if matches!(case.sending, Sending::Live) {
         live = Some(Live::open(daemon.address, "state")?);
     }
     let mut turn = 0;
@@ -127,22 +127,22 @@ fn measure_answers(daemon: &Daemon, case: &Case, until: Instant) -> Result<(Time
         let (method, path, body) = &case.requests[turn % case.requests.len()];
         turn += 1;
         let begun = Instant::now();
-        match (case.way, &mut live) {
-            (Way::Live, Some(live)) => {
+        match (case.sending, &mut live) {
+            (Sending::Live, Some(live)) => {
                 live.send(&serde_json::from_str(body).unwrap_or_else(|_| json!(body)))?;
                 // What is told meanwhile is read, so that the socket is not let go.
                 while live.read_until(Instant::now() + Duration::from_micros(100))?.is_some() {}
                 statuses.push(101);
             }
-            (Way::HangUp, _) => {
-                let mut stream = crate::http::tcp(daemon.address).map_err(|error| error.to_string())?;
+            (Sending::HangUp, _) => {
+                let mut stream = crate::http::connect_tcp(daemon.address).map_err(|error| error.to_string())?;
                 let length = body.len();
                 let head = format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n");
                 stream.write_all(format!("{head}{body}").as_bytes()).map_err(|error| error.to_string())?;
                 statuses.push(0);
                 std::thread::sleep(BETWEEN_HANG_UPS);
             }
-            _ => match http.request(method, path, None, body) {
+            _ => match http.send_request(method, path, None, body) {
                 Ok(answer) => {
                     times.add(begun.elapsed());
                     statuses.push(answer.status);
@@ -155,8 +155,8 @@ fn measure_answers(daemon: &Daemon, case: &Case, until: Instant) -> Result<(Time
 }
 
 /// Most memory that the daemon has had so far, in MB.
-fn peak_mb(daemon: &Daemon) -> u64 {
-    let status = std::fs::read_to_string(format!("/proc/{}/status", daemon.id())).unwrap_or_default();
+fn read_peak_memory_mb(daemon: &Daemon) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", daemon.process_id())).unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) / 1000
 }

@@ -1,7 +1,7 @@
 //! `era serve` as a process of its own: started, stopped for a while, killed, and what it takes of the machine.
 
 use crate::error::Error;
-use crate::http::{Http, Place};
+use crate::http::{Endpoint, Http};
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -40,7 +40,7 @@ pub struct Daemon {
 
 /// What a process takes.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Takes {
+pub struct Usage {
     /// Resident memory in kB.
     pub memory_kb: u64,
     /// Threads.
@@ -77,7 +77,7 @@ impl Daemon {
             let log = Arc::clone(&log);
             std::thread::spawn(move || {
                 for line in BufReader::new(stderr).lines().map_while(Result::ok) {
-                    if let Some(address) = address_in(&line) {
+                    if let Some(address) = parse_address(&line) {
                         let _ = found.send(address);
                     }
                     let mut log = log.lock().unwrap_or_else(PoisonError::into_inner);
@@ -101,7 +101,7 @@ impl Daemon {
 
     /// Its process.
     #[must_use]
-    pub fn id(&self) -> u32 {
+    pub fn process_id(&self) -> u32 {
         self.child.id()
     }
 
@@ -112,7 +112,7 @@ impl Daemon {
 
     /// The end of its log.
     #[must_use]
-    pub fn log(&self) -> String {
+    pub fn recent_log(&self) -> String {
         self.log.lock().unwrap_or_else(PoisonError::into_inner).join("\n")
     }
 
@@ -126,9 +126,9 @@ impl Daemon {
     ///
     /// # Errors
     /// [`Error::System`].
-    pub fn hold(&self, held: bool) -> Result<(), Error> {
+    pub fn set_paused(&self, held: bool) -> Result<(), Error> {
         let signal = if held { "-STOP" } else { "-CONT" };
-        let status = Command::new("kill").args([signal, &self.id().to_string()]).status();
+        let status = Command::new("kill").args([signal, &self.process_id().to_string()]).status();
         let failed = "cannot send a signal to the daemon";
         match status.map_err(Error::system(failed))?.success() {
             true => Ok(()),
@@ -138,14 +138,14 @@ impl Daemon {
 
     /// How long processors have worked for it so far, in s; `None` where the system does not tell.
     #[must_use]
-    pub fn worked_s(&self) -> Option<f64> {
-        worked_s(&std::fs::read_to_string(format!("/proc/{}/stat", self.id())).ok()?)
+    pub fn processor_time_s(&self) -> Option<f64> {
+        parse_processor_time_s(&std::fs::read_to_string(format!("/proc/{}/stat", self.process_id())).ok()?)
     }
 
     /// What it takes now.
     #[must_use]
-    pub fn takes(&self) -> Takes {
-        takes(self.id())
+    pub fn read_usage(&self) -> Usage {
+        read_usage_of(self.process_id())
     }
 
     /// Waits until it has its device.
@@ -153,14 +153,14 @@ impl Daemon {
     /// # Errors
     /// [`Error::Answer`].
     pub fn await_device(&self) -> Result<(), Error> {
-        let (mut http, begun) = (Http::new(Place::Tcp(self.address)), Instant::now());
+        let (mut http, begun) = (Http::new(Endpoint::Tcp(self.address)), Instant::now());
         while begun.elapsed() < START {
-            if http.get("/v1/state").is_ok_and(|answer| answer.json()["device"]["connected"] == true) {
+            if http.get("/v1/state").is_ok_and(|answer| answer.parse_json()["device"]["connected"] == true) {
                 return Ok(());
             }
             std::thread::sleep(Duration::from_millis(50));
         }
-        Err(Error::Answer(format!("the daemon finds no device; it said:\n{}", self.log())))
+        Err(Error::Answer(format!("the daemon finds no device; it said:\n{}", self.recent_log())))
     }
 }
 
@@ -171,27 +171,27 @@ impl Drop for Daemon {
 }
 
 /// The address in the line of the log that says that it serves.
-fn address_in(line: &str) -> Option<SocketAddr> {
+fn parse_address(line: &str) -> Option<SocketAddr> {
     let (_, rest) = line.split_once("ready after ")?;
     let (_, rest) = rest.split_once("http://")?;
     rest.split([',', ' ']).next()?.parse().ok()
 }
 
-fn takes(id: u32) -> Takes {
+fn read_usage_of(id: u32) -> Usage {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
     let number = |name: &str| {
         let line = status.lines().find_map(|line| line.strip_prefix(name));
         line.and_then(|rest| rest.split_whitespace().next()).and_then(|word| word.parse().ok()).unwrap_or(0)
     };
     let handles = std::fs::read_dir(Path::new(&format!("/proc/{id}/fd"))).map_or(0, Iterator::count);
-    Takes { memory_kb: number("VmRSS:"), threads: number("Threads:"), handles: handles as u64 }
+    Usage { memory_kb: number("VmRSS:"), threads: number("Threads:"), handles: handles as u64 }
 }
 
 /// Ticks of `/proc` in a second: USER_HZ, 100 wherever Linux runs.
 const TICKS_PER_S: f64 = 100.0;
 
 /// Time in s in user and in kernel mode, fields 14 and 15 of proc_pid_stat(5); the second, a name in brackets, may have blanks in it.
-fn worked_s(stat: &str) -> Option<f64> {
+fn parse_processor_time_s(stat: &str) -> Option<f64> {
     let (_, rest) = stat.rsplit_once(')')?;
     let mut fields = rest.split_whitespace().skip(11);
     let mut ticks = || fields.next()?.parse::<f64>().ok();
@@ -210,27 +210,27 @@ mod tests {
         shell.args(["-c", "exec 3</dev/null 4</dev/null 5</dev/null; echo; read line"]);
         let mut shell = shell.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         shell.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
-        let found = takes(shell.id());
+        let found = read_usage_of(shell.id());
         shell.kill().unwrap();
         shell.wait().unwrap();
         assert_eq!((found.threads, found.handles), (1, 6));
         assert!((100..100_000).contains(&found.memory_kb), "{found:?}");
-        let own = takes(std::process::id());
+        let own = read_usage_of(std::process::id());
         assert!(own.threads > 1 && own.memory_kb > found.memory_kb, "{own:?}");
     }
 
     #[test]
     fn the_time_of_processors_is_read_whatever_the_name_is() {
         let stat = "71 (a ) b) S 1 2 3 4 5 6 7 8 9 10 250 50 0 0 20 0 9";
-        assert_eq!(worked_s(stat), Some(3.0));
-        assert_eq!(worked_s("71 (era) S 1"), None);
+        assert_eq!(parse_processor_time_s(stat), Some(3.0));
+        assert_eq!(parse_processor_time_s("71 (era) S 1"), None);
     }
 
     #[test]
     fn the_address_is_read_from_the_log() {
         let line =
             "INFO era::cli::serve: ready after 0.1 s: open http://127.0.0.1:4711, unix:/tmp/a (scene x, device sim)";
-        assert_eq!(address_in(line), "127.0.0.1:4711".parse().ok());
-        assert_eq!(address_in("open http://127.0.0.1:4711"), None);
+        assert_eq!(parse_address(line), "127.0.0.1:4711".parse().ok());
+        assert_eq!(parse_address("open http://127.0.0.1:4711"), None);
     }
 }

@@ -19,7 +19,7 @@ const MOST_BYTES: usize = 4 << 20;
 
 /// Where a daemon listens.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Endpoint {
     /// Loopback.
     Tcp(SocketAddr),
     /// A socket in the file system.
@@ -43,14 +43,14 @@ pub struct Answer {
 impl Answer {
     /// The body as JSON; `null` if it is none.
     #[must_use]
-    pub fn json(&self) -> Value {
+    pub fn parse_json(&self) -> Value {
         serde_json::from_slice(&self.body).unwrap_or(Value::Null)
     }
 }
 
 /// A connection that is opened when it is asked for or first needed, and again after it has broken.
 pub struct Http {
-    place: Place,
+    place: Endpoint,
     stream: Option<BufReader<Box<dyn Stream>>>,
     /// How often it was opened.
     pub opened: u64,
@@ -59,15 +59,15 @@ pub struct Http {
 impl Http {
     /// Nothing is opened yet.
     #[must_use]
-    pub fn new(place: Place) -> Self {
+    pub fn new(place: Endpoint) -> Self {
         Self { place, stream: None, opened: 0 }
     }
 
-    fn connected(&mut self) -> io::Result<&mut BufReader<Box<dyn Stream>>> {
+    fn ensure_connected(&mut self) -> io::Result<&mut BufReader<Box<dyn Stream>>> {
         if self.stream.is_none() {
             let stream: Box<dyn Stream> = match &self.place {
-                Place::Tcp(address) => Box::new(tcp(*address)?),
-                Place::Unix(path) => {
+                Endpoint::Tcp(address) => Box::new(connect_tcp(*address)?),
+                Endpoint::Unix(path) => {
                     let stream = UnixStream::connect(path)?;
                     stream.set_read_timeout(Some(PATIENCE))?;
                     stream.set_write_timeout(Some(PATIENCE))?;
@@ -85,15 +85,15 @@ impl Http {
     /// # Errors
     /// As the system has it.
     pub fn open(&mut self) -> io::Result<()> {
-        self.connected().map(|_| ())
+        self.ensure_connected().map(|_| ())
     }
 
     /// One request and its answer; the connection is closed if there is none.
     ///
     /// # Errors
     /// As the system has it, or [`ErrorKind::InvalidData`]; whether the daemon has heard of the request is not known.
-    pub fn request(&mut self, method: &str, path: &str, name: Option<&str>, body: &str) -> io::Result<Answer> {
-        let result = self.connected().and_then(|stream| {
+    pub fn send_request(&mut self, method: &str, path: &str, name: Option<&str>, body: &str) -> io::Result<Answer> {
+        let result = self.ensure_connected().and_then(|stream| {
             let name = name.map(|name| format!("X-Request-Id: {name}\r\n")).unwrap_or_default();
             let length = body.len();
             let head =
@@ -110,17 +110,17 @@ impl Http {
     /// A request without a body.
     ///
     /// # Errors
-    /// As [`Self::request`].
+    /// As [`Self::send_request`].
     pub fn get(&mut self, path: &str) -> io::Result<Answer> {
-        self.request("GET", path, None, "")
+        self.send_request("GET", path, None, "")
     }
 
     /// A request with a body.
     ///
     /// # Errors
-    /// As [`Self::request`].
+    /// As [`Self::send_request`].
     pub fn post(&mut self, path: &str, body: &str) -> io::Result<Answer> {
-        self.request("POST", path, None, body)
+        self.send_request("POST", path, None, body)
     }
 }
 
@@ -128,7 +128,7 @@ impl Http {
 ///
 /// # Errors
 /// As the system has it.
-pub fn tcp(address: SocketAddr) -> io::Result<TcpStream> {
+pub fn connect_tcp(address: SocketAddr) -> io::Result<TcpStream> {
     let stream = TcpStream::connect_timeout(&address, PATIENCE)?;
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(PATIENCE))?;
@@ -165,7 +165,7 @@ fn read_answer(stream: &mut impl BufRead) -> io::Result<Answer> {
 
 /// The value of a metric in Prometheus text.
 #[must_use]
-pub fn metric(text: &str, name: &str) -> Option<f64> {
+pub fn find_metric(text: &str, name: &str) -> Option<f64> {
     text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' ')?.trim().parse().ok())
 }
 
@@ -186,6 +186,6 @@ mod tests {
     #[test]
     fn a_metric_is_found_by_its_whole_name() {
         let text = "# HELP era_a x\nera_a_total 3\nera_a 1.5\n";
-        assert_eq!((metric(text, "era_a"), metric(text, "era_b")), (Some(1.5), None));
+        assert_eq!((find_metric(text, "era_a"), find_metric(text, "era_b")), (Some(1.5), None));
     }
 }

@@ -1,6 +1,6 @@
 //! The live socket's other end.
 
-use crate::http::tcp;
+use crate::http::connect_tcp;
 use serde_json::Value;
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
@@ -17,7 +17,7 @@ impl Live {
     /// # Errors
     /// What went wrong, for people.
     pub fn open(address: SocketAddr, send: &str) -> Result<Self, String> {
-        let stream = tcp(address).map_err(|error| error.to_string())?;
+        let stream = connect_tcp(address).map_err(|error| error.to_string())?;
         let (socket, _) = tungstenite::client(format!("ws://{address}/v1/live?send={send}"), stream)
             .map_err(|error| error.to_string())?;
         Ok(Self(socket))
@@ -27,7 +27,7 @@ impl Live {
     ///
     /// # Errors
     /// What went wrong, for people.
-    pub fn writer(&self) -> Result<Self, String> {
+    pub fn clone_writer(&self) -> Result<Self, String> {
         let stream = self.0.get_ref().try_clone().map_err(|error| error.to_string())?;
         Ok(Self(WebSocket::from_raw_socket(stream, Role::Client, None)))
     }

@@ -35,16 +35,16 @@ enum Command {
 }
 
 /// A number of times, or of touches a second, that can be waited for.
-fn positive(text: &str) -> Result<f64, String> {
+fn parse_positive(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
     if (1e-3..=1e5).contains(&number) { Ok(number) } else { Err("must be 0.001 to 100000".into()) }
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Soak(options) => soak::run(&options),
-        Command::Daemon(options) => pace::run(&options),
-        Command::Costs(options) => costs::run(&options),
+        Command::Soak(options) => soak::run_soak(&options),
+        Command::Daemon(options) => pace::measure_pace(&options),
+        Command::Costs(options) => costs::measure_routes(&options),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

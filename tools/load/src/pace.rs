@@ -1,4 +1,4 @@
-//! How long a daemon takes at one, a hundred and a thousand touches a second, over every way in, from when each touch was due.
+//! How long a daemon takes at one, a hundred and a thousand touches a second, over every connection, from when each touch was due.
 
 mod aims;
 mod echo;
@@ -11,25 +11,25 @@ mod touches;
 use crate::board::Bench;
 use crate::daemon::{Daemon, Plan};
 use crate::error::Error;
-use crate::http::{Http, Place, metric};
+use crate::http::{Endpoint, Http, find_metric};
 use crate::times::Times;
 use aims::Row;
 use clap::Args;
 use echo::Echo;
 use era::device::sim::SimControl;
-use measured::{Measured, round_trips};
+use measured::{Measured, measure_round_trips};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use touches::Touch;
 
-/// Fewest touches that are measured: a p99 of a hundred or fewer is the longest of them ([`Times::quantile`]), of 200 the second longest, and of
+/// Fewest touches that are measured: a p99 of a hundred or fewer is the longest of them ([`Times::quantile_ms`]), of 200 the second longest, and of
 /// so many the third, so that two touches that meet one short disturbance do not decide.
 const FEWEST: f64 = 300.0;
 /// Touches a second up to which the echo has its load at the same time, half way between two touches, so that both meet the same
 /// disturbances of the machine; of more the daemon's load would be another one.
 const BESIDE: f64 = 10.0;
-/// How often a load is put on at most where the machine was disturbed ([`Row::disturbed`]). The last try counts, disturbed or not.
+/// How often a load is put on at most where the machine was disturbed ([`Row::describe_disturbance`]). The last try counts, disturbed or not.
 const TRIES: usize = 3;
 /// Stops under each load, ...
 const STOPS: u32 = 10;
@@ -64,10 +64,10 @@ const PLACES: u32 = 1920 * 8;
 pub struct Options {
     /// Touches a second
     #[arg(long, value_name = "N", value_delimiter = ',', default_values_t = [1.0, 100.0, 1000.0],
-        value_parser = crate::positive)]
+        value_parser = crate::parse_positive)]
     rates: Vec<f64>,
     /// Time for each, in s
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = crate::positive)]
+    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = crate::parse_positive)]
     seconds: f64,
     /// The program to start
     #[arg(long, value_name = "FILE", default_value = "target/release/era")]
@@ -111,7 +111,7 @@ impl Pace {
     }
 
     /// Sleeps until a touch is due.
-    fn wait(&self, due: Instant) {
+    fn sleep_until_due(&self, due: Instant) {
         let awake = if self.every < SELDOM { Duration::ZERO } else { AWAKE };
         std::thread::sleep(due.saturating_duration_since(Instant::now()).saturating_sub(awake));
         while Instant::now() < due {
@@ -120,7 +120,7 @@ impl Pace {
     }
 
     /// When the `k`th is due; `None` if that is beyond the end.
-    fn due(&self, k: u32) -> Option<Instant> {
+    fn due_time(&self, k: u32) -> Option<Instant> {
         Some(self.from + self.every * k).filter(|due| *due < self.until)
     }
 }
@@ -131,13 +131,13 @@ fn x_px(k: u32) -> f64 {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Way {
+enum Entry {
     Tcp,
     Live,
     Unix,
 }
 
-impl Way {
+impl Entry {
     const ALL: [Self; 3] = [Self::Tcp, Self::Live, Self::Unix];
 
     const fn name(self) -> &'static str {
@@ -160,10 +160,10 @@ struct Measurement {
 ///
 /// # Errors
 /// [`Error::Missed`] if the daemon does not do what is asked of it, and what keeps that from being measured.
-pub fn run(options: &Options) -> Result<(), Error> {
+pub fn measure_pace(options: &Options) -> Result<(), Error> {
     let folder = tempfile::tempdir().map_err(Error::system("no folder for sockets"))?;
     let link = folder.path().join("board");
-    let bench = Bench::direct(link.clone())?;
+    let bench = Bench::without_cable(link.clone())?;
     let socket = folder.path().join("era.sock");
     let plan = Plan {
         program: options.program.clone(),
@@ -178,7 +178,7 @@ pub fn run(options: &Options) -> Result<(), Error> {
     let measurement = Measurement { daemon, socket, control: bench.control(), echo };
     println!(
         "Times are p50 / p99 / longest from when a touch was due, on {} processors, the simulated board among them",
-        processors()
+        count_processors()
     );
     println!(
         "{:<18} {:>6} {:>6} {:>6} {:>9} {:>7} {:>27} {:>27} {:>27} {:>27} {:>27}",
@@ -195,122 +195,125 @@ pub fn run(options: &Options) -> Result<(), Error> {
         "stop to the board"
     );
     let mut rows = Vec::new();
-    for way in Way::ALL {
+    for entry in Entry::ALL {
         for rate in &options.rates {
-            rows.push(undisturbed(|| measurement.row(way, *rate, options.seconds.max(FEWEST / rate)))?);
+            rows.push(measure_undisturbed(|| {
+                measurement.measure_row(entry, *rate, options.seconds.max(FEWEST / rate))
+            })?);
         }
-        measurement.fresh(way)?;
+        measurement.measure_fresh_connections(entry)?;
     }
-    let text = measurement.metrics()?;
-    let ms = |name: &str| metric(&text, name).map_or_else(|| "-".into(), |s| format!("{:.1} ms", s * 1e3));
+    let text = measurement.fetch_metrics()?;
+    let ms = |name: &str| find_metric(&text, name).map_or_else(|| "-".into(), |s| format!("{:.1} ms", s * 1e3));
     println!(
         "by the daemon, longest between two signs of life to the armed board: {}",
         ms("era_link_longest_gap_seconds")
     );
-    let count = |name: &str| metric(&text, name).unwrap_or(f64::NAN);
+    let count = |name: &str| find_metric(&text, name).unwrap_or(f64::NAN);
     println!(
         "doubts {}, outages {}, faults {}",
         count("era_device_doubts_total"),
         count("era_device_outages_total"),
         count("era_device_faults_total")
     );
-    let (table, missed) = aims::table(&rows, measurement.control.watch().silence);
+    let (table, missed) = aims::judge_rows(&rows, measurement.control.watch().silence);
     println!("\n{table}");
     if missed.is_empty() { Ok(()) } else { Err(Error::Missed(missed.join("; "))) }
 }
 
-fn processors() -> usize {
+fn count_processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 impl Measurement {
-    fn load(&self, way: Way, rate: f64, pace: Pace) -> Result<Vec<Touch>, Error> {
-        match way {
-            Way::Tcp => Ok(over_http::run(&Place::Tcp(self.daemon.address), pace, rate)),
-            Way::Unix => Ok(over_http::run(&Place::Unix(self.socket.clone()), pace, rate)),
-            Way::Live => over_live::run(self.daemon.address, pace).map_err(Error::Answer),
+    fn send_touches(&self, entry: Entry, rate: f64, pace: Pace) -> Result<Vec<Touch>, Error> {
+        match entry {
+            Entry::Tcp => Ok(over_http::send_touches(&Endpoint::Tcp(self.daemon.address), pace, rate)),
+            Entry::Unix => Ok(over_http::send_touches(&Endpoint::Unix(self.socket.clone()), pace, rate)),
+            Entry::Live => over_live::send_touches(self.daemon.address, pace).map_err(Error::Answer),
         }
     }
 
     /// The same load on a server that does nothing.
-    fn echoed(&self, way: Way, rate: f64, pace: Pace) -> Result<Times, Error> {
-        let touches = match way {
-            Way::Tcp => over_http::run(&self.echo.tcp, pace, rate),
-            Way::Unix => over_http::run(&self.echo.unix, pace, rate),
-            Way::Live => over_live::run(self.echo.live, pace).map_err(Error::Answer)?,
+    fn measure_echo(&self, entry: Entry, rate: f64, pace: Pace) -> Result<Times, Error> {
+        let touches = match entry {
+            Entry::Tcp => over_http::send_touches(&self.echo.tcp, pace, rate),
+            Entry::Unix => over_http::send_touches(&self.echo.unix, pace, rate),
+            Entry::Live => over_live::send_touches(self.echo.live, pace).map_err(Error::Answer)?,
         };
-        Ok(round_trips(&touches))
+        Ok(measure_round_trips(&touches))
     }
 
     /// A load, and the same on the echo: beside it where touches are seldom, before it where they are not.
-    fn touches_and_echo(&self, way: Way, rate: f64, seconds: f64) -> Result<(Vec<Touch>, Times), Error> {
+    fn measure_with_echo(&self, entry: Entry, rate: f64, seconds: f64) -> Result<(Vec<Touch>, Times), Error> {
         if rate > BESIDE {
-            let echo = self.echoed(way, rate, Pace::new(rate, seconds))?;
-            return Ok((self.load(way, rate, Pace::new(rate, seconds))?, echo));
+            let echo = self.measure_echo(entry, rate, Pace::new(rate, seconds))?;
+            return Ok((self.send_touches(entry, rate, Pace::new(rate, seconds))?, echo));
         }
         let pace = Pace::new(rate, seconds);
         let between = Pace::from(pace.from + pace.every / 2, rate, seconds);
         std::thread::scope(|threads| {
-            let echo = threads.spawn(move || self.echoed(way, rate, between));
-            let touches = self.load(way, rate, pace)?;
+            let echo = threads.spawn(move || self.measure_echo(entry, rate, between));
+            let touches = self.send_touches(entry, rate, pace)?;
             let echo = echo.join().map_err(|_| Error::Answer("the load on the echo did not end".into()))?;
             Ok((touches, echo?))
         })
     }
 
-    fn row(&self, way: Way, rate: f64, seconds: f64) -> Result<Row, Error> {
+    fn measure_row(&self, entry: Entry, rate: f64, seconds: f64) -> Result<Row, Error> {
         std::thread::sleep(REST);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
         let most = (rate * seconds).ceil() as usize * FRAMES_PER_TOUCH;
         self.control.keep_frames(most);
-        let (begun, worked_s) = (Instant::now(), self.daemon.worked_s());
-        let (touches, echo) = self.touches_and_echo(way, rate, seconds)?;
-        let worked_s = worked_s.zip(self.daemon.worked_s()).map(|(before, after)| after - before);
+        let (begun, worked_s) = (Instant::now(), self.daemon.processor_time_s());
+        let (touches, echo) = self.measure_with_echo(entry, rate, seconds)?;
+        let worked_s = worked_s.zip(self.daemon.processor_time_s()).map(|(before, after)| after - before);
         let worked = worked_s.map(|worked_s| worked_s / begun.elapsed().as_secs_f64());
-        let measured = Measured::of(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
+        let measured = Measured::from_touches(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
         std::thread::sleep(REST);
         let stops = std::thread::scope(|threads| {
             let seconds = (BETWEEN_STOPS * (STOPS + 1)).as_secs_f64();
             let pace = Pace::new(rate, seconds);
-            let load = threads.spawn(move || self.load(way, rate, pace).map(|_| ()));
-            let stops = self.stops(way, pace.from);
+            let load = threads.spawn(move || self.send_touches(entry, rate, pace).map(|_| ()));
+            let stops = self.measure_stops(entry, pace.from);
             load.join().unwrap_or(Ok(())).and(stops)
         })?;
         println!(
             "{:<18} {rate:>6} {:>6} {:>6} {:>9} {:>7} {:>27} {:>27} {:>27} {:>27} {:>27}",
-            way.name(),
+            entry.name(),
             measured.sent,
-            measured.driven(),
+            measured.count_driven(),
             measured.overtaken.len(),
             measured.refused.values().sum::<usize>(),
-            measured.frame.told(),
-            echo.told(),
-            measured.answer.told(),
-            measured.overtaken.told(),
-            stops.told()
+            measured.frame.describe(),
+            echo.describe(),
+            measured.answer.describe(),
+            measured.overtaken.describe(),
+            stops.describe()
         );
         let busy = worked.map(|worked| format!("the daemon took {:.1} % of a processor", worked * 1e2));
-        for what in measured.missing().into_iter().chain(busy).chain(measured.late(LATE_MS)) {
+        for what in measured.describe_missing().into_iter().chain(busy).chain(measured.describe_late(LATE_MS)) {
             println!("  {what}");
         }
-        Ok(Row { way, rate, measured, stops, echo, tries: 1 })
+        Ok(Row { entry, rate, measured, stops, echo, tries: 1 })
     }
 
     /// Measures touches over connections that are opened when they are due, to the frame's last byte, and prints that.
-    fn fresh(&self, way: Way) -> Result<(), Error> {
+    fn measure_fresh_connections(&self, entry: Entry) -> Result<(), Error> {
         let rate = BETWEEN_FRESH.as_secs_f64().recip();
         let mut times = Times::default();
         for first in 0..FRESH {
             std::thread::sleep(BETWEEN_FRESH);
             self.control.keep_frames(FRAMES_PER_TOUCH);
-            let touches = self.load(way, rate, Pace { first, ..Pace::from(Instant::now(), rate, 0.9 / rate) })?;
-            let measured = Measured::of(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
-            for what in measured.missing() {
+            let touches =
+                self.send_touches(entry, rate, Pace { first, ..Pace::from(Instant::now(), rate, 0.9 / rate) })?;
+            let measured = Measured::from_touches(&touches, &self.control.take_frames()).map_err(Error::Answer)?;
+            for what in measured.describe_missing() {
                 println!("  {what}");
             }
-            times.join(measured.frame);
+            times.merge(measured.frame);
         }
-        let (count, told) = (times.len(), times.told());
+        let (count, told) = (times.len(), times.describe());
         println!(
             "  {count} touches, each over a connection of its own, from before it is opened to the frame's last byte: {told}"
         );
@@ -318,10 +321,10 @@ impl Measurement {
     }
 
     /// Stops the device again and again, over a connection of its own, from when the load does; from when each was due.
-    fn stops(&self, way: Way, begun: Instant) -> Result<Times, Error> {
-        let place = match way {
-            Way::Unix => Place::Unix(self.socket.clone()),
-            _ => Place::Tcp(self.daemon.address),
+    fn measure_stops(&self, entry: Entry, begun: Instant) -> Result<Times, Error> {
+        let place = match entry {
+            Entry::Unix => Endpoint::Unix(self.socket.clone()),
+            _ => Endpoint::Tcp(self.daemon.address),
         };
         let (mut times, mut http) = (Times::default(), Http::new(place));
         for number in 1..=STOPS {
@@ -343,32 +346,32 @@ impl Measurement {
         Ok(times)
     }
 
-    fn metrics(&self) -> Result<String, Error> {
-        let answer = Http::new(Place::Tcp(self.daemon.address)).get("/metrics");
+    fn fetch_metrics(&self) -> Result<String, Error> {
+        let answer = Http::new(Endpoint::Tcp(self.daemon.address)).get("/metrics");
         let answer = answer.map_err(Error::system("no metrics"))?;
         Ok(String::from_utf8_lossy(&answer.body).into_owned())
     }
 }
 
 /// A row from a time in which the machine did nothing else, if there is one; each try is printed, and stops count of all of them.
-fn undisturbed(mut measure: impl FnMut() -> Result<Row, Error>) -> Result<Row, Error> {
+fn measure_undisturbed(mut measure: impl FnMut() -> Result<Row, Error>) -> Result<Row, Error> {
     let mut row = measure()?;
-    while let Some(why) = row.disturbed() {
+    while let Some(why) = row.describe_disturbance() {
         println!("  {why}");
         if row.tries >= TRIES || !row.is_whole() {
             break;
         }
         let (stops, tries) = (row.stops, row.tries + 1);
         row = Row { tries, ..measure()? };
-        row.stops.join(stops);
+        row.stops.merge(stops);
     }
     Ok(row)
 }
 
 /// The next touch among those of all connections.
-fn next(counter: &AtomicU32, pace: Pace) -> Option<(u32, Instant)> {
+fn take_next_touch(counter: &AtomicU32, pace: Pace) -> Option<(u32, Instant)> {
     let k = counter.fetch_add(1, Ordering::Relaxed);
-    pace.due(k).map(|due| (k, due))
+    pace.due_time(k).map(|due| (k, due))
 }
 
 #[cfg(test)]
@@ -379,7 +382,7 @@ mod tests {
     fn touches_are_due_evenly_until_the_end() {
         let pace = Pace::new(100.0, 0.045);
         let counter = AtomicU32::new(0);
-        let due: Vec<_> = std::iter::from_fn(|| next(&counter, pace)).collect();
+        let due: Vec<_> = std::iter::from_fn(|| take_next_touch(&counter, pace)).collect();
         assert_eq!(due.len(), 5);
         assert_eq!(due[3].1 - pace.from, Duration::from_millis(30));
     }

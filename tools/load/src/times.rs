@@ -13,12 +13,12 @@ impl Times {
     }
 
     /// Adds one of something that never came.
-    pub fn never(&mut self) {
+    pub fn add_missing(&mut self) {
         self.0.push(f64::INFINITY);
     }
 
     /// Adds those of another.
-    pub fn join(&mut self, other: Self) {
+    pub fn merge(&mut self, other: Self) {
         self.0.extend(other.0);
     }
 
@@ -30,19 +30,19 @@ impl Times {
 
     /// How many are longer than so many ms.
     #[must_use]
-    pub fn beyond(&self, ms: f64) -> usize {
+    pub fn count_longer(&self, ms: f64) -> usize {
         self.0.iter().filter(|time| **time > ms).count()
     }
 
     /// The longest in ms.
     #[must_use]
-    pub fn longest(&self) -> Option<f64> {
+    pub fn longest_ms(&self) -> Option<f64> {
         self.0.iter().copied().max_by(f64::total_cmp)
     }
 
     /// The time in ms that so many percent are no longer than; of few, the longest.
     #[must_use]
-    pub fn quantile(&self, percent: usize) -> Option<f64> {
+    pub fn quantile_ms(&self, percent: usize) -> Option<f64> {
         let mut sorted = self.0.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() * percent / 100).or(sorted.last()).copied()
@@ -50,16 +50,16 @@ impl Times {
 
     /// Median, p99 and the longest in ms, for people.
     #[must_use]
-    pub fn told(&self) -> String {
-        let all = [self.quantile(50), self.quantile(99), self.longest()];
+    pub fn describe(&self) -> String {
+        let all = [self.quantile_ms(50), self.quantile_ms(99), self.longest_ms()];
         let [Some(median), Some(p99), Some(longest)] = all else { return "-".into() };
-        format!("{} / {} / {} ms", number(median), number(p99), number(longest))
+        format!("{} / {} / {} ms", format_ms(median), format_ms(p99), format_ms(longest))
     }
 }
 
 /// A time in ms, for people.
 #[must_use]
-pub fn number(ms: f64) -> String {
+pub fn format_ms(ms: f64) -> String {
     if ms.is_finite() { format!("{ms:.2}") } else { "never".into() }
 }
 
@@ -70,23 +70,23 @@ mod tests {
     #[test]
     fn quantiles_are_of_the_sorted_times() {
         let mut times = Times::default();
-        assert_eq!(times.told(), "-");
+        assert_eq!(times.describe(), "-");
         for ms in (0..200).rev() {
             times.add(Duration::from_millis(ms));
         }
-        assert_eq!(times.told(), "100.00 / 198.00 / 199.00 ms");
-        assert_eq!((times.beyond(197.5), times.longest()), (2, Some(199.0)));
+        assert_eq!(times.describe(), "100.00 / 198.00 / 199.00 ms");
+        assert_eq!((times.count_longer(197.5), times.longest_ms()), (2, Some(199.0)));
     }
 
     /// Two of a hundred that never came are more than one percent.
     #[test]
     fn what_never_came_is_later_than_anything() {
         let mut times = Times::default();
-        times.never();
-        times.never();
+        times.add_missing();
+        times.add_missing();
         for _ in 0..98 {
             times.add(Duration::from_millis(1));
         }
-        assert_eq!(times.told(), "1.00 / never / never ms");
+        assert_eq!(times.describe(), "1.00 / never / never ms");
     }
 }

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 /// How a request is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Sending {
     /// And its answer waited for.
     Answered,
     /// And its sender hangs up.
@@ -20,7 +20,7 @@ pub struct Case {
     pub route: &'static str,
     /// What bounds their cost.
     pub bound: &'static str,
-    pub way: Way,
+    pub sending: Sending,
     /// Method, path and body, sent in turn.
     pub requests: Vec<(&'static str, String, String)>,
 }
@@ -29,7 +29,7 @@ const STUDY: &str = "version = 1\nname = \"costs\"\nscene = \"plate.toml\"\n[[wi
 
 fn make_case(route: &'static str, bound: &'static str, method: &'static str, path: &str, bodies: Vec<String>) -> Case {
     let requests = bodies.into_iter().map(|body| (method, path.to_owned(), body)).collect();
-    Case { route, bound, way: Way::Answered, requests }
+    Case { route, bound, sending: Sending::Answered, requests }
 }
 
 fn make_read_case(route: &'static str, bound: &'static str, path: &str) -> Case {
@@ -37,7 +37,7 @@ fn make_read_case(route: &'static str, bound: &'static str, path: &str) -> Case 
 }
 
 /// With ten targets and eight quiet zones.
-fn large_touch(turn: u32, more: &Value) -> String {
+fn make_large_touch(turn: u32, more: &Value) -> String {
     let place = |k: u32| (f64::from((turn * 733 + k * 379) % 1920), f64::from((turn * 541 + k * 251) % 1280));
     let target = |k: u32| json!({"x_px": place(k).0, "y_px": place(k).1, "intensity_g": 0.1 * f64::from(k)});
     let quiet = |k: u32| json!({"x_px": place(k).0, "y_px": place(k).1, "radius_mm": 20, "at_most_g": 0.01});
@@ -50,7 +50,7 @@ fn large_touch(turn: u32, more: &Value) -> String {
     body.to_string()
 }
 
-fn masses(count: usize) -> String {
+fn scene_with_masses(count: usize) -> String {
     let one = |i: usize| {
         let (x, y) = (15 + 10 * (i % 27), 20 + (37 * i) % 160);
         format!("[[mass]]\nx_mm = {x}\ny_mm = {y}\nmass_g = 1\n")
@@ -58,7 +58,7 @@ fn masses(count: usize) -> String {
     format!("{EXAMPLE_PLATE}\n{}", (0..count).map(one).collect::<String>())
 }
 
-fn patches(count: usize) -> String {
+fn scene_with_patches(count: usize) -> String {
     let one = |i: usize| {
         let (x, y) = (i % 20 * 14, i / 20 * 9);
         format!("[[patch]]\nx_mm = {x}\ny_mm = {y}\nlength_mm = 8\nwidth_mm = 5\nthickness_mm = 2.5\n")
@@ -66,28 +66,28 @@ fn patches(count: usize) -> String {
     format!("{EXAMPLE_PLATE}\n{}", (0..count).map(one).collect::<String>())
 }
 
-fn long(length_mm: u32) -> String {
+fn scene_of_length(length_mm: u32) -> String {
     EXAMPLE_PLATE.replacen("length_mm = 300", &format!("length_mm = {length_mm}"), 1)
 }
 
-fn preview(scene: &str) -> String {
+fn make_preview(scene: &str) -> String {
     json!({"x_px": 960, "y_px": 640, "scene": scene}).to_string()
 }
 
-fn study(text: &str) -> String {
+fn make_study(text: &str) -> String {
     json!({ "study": text }).to_string()
 }
 
-fn wrong_variables(count: usize) -> String {
+fn make_wrong_study(count: usize) -> String {
     let one = |i: usize| format!("[[variable]]\nname = \"v{i}\"\nkey = \"support[1].x_mm\"\nfrom = 1000\nto = 2000\n");
-    study(&format!("{STUDY}{}", (0..count).map(one).collect::<String>()))
+    make_study(&format!("{STUDY}{}", (0..count).map(one).collect::<String>()))
 }
 
 /// All of them; the stop itself is measured beside each.
-pub fn cases() -> Vec<Case> {
+pub fn list_cases() -> Vec<Case> {
     let text = |length: usize| json!({"x_px": 1, "y_px": 2, "also": "x".repeat(length)}).to_string();
     let live = |route, bound, bodies: Vec<String>| Case {
-        way: Way::Live,
+        sending: Sending::Live,
         ..make_case(route, bound, "GET", "/v1/live", bodies)
     };
     let finger = |k: u32| json!({"id": k, "x_px": 100 * k, "y_px": 100 * k, "intensity_g": 0.1});
@@ -101,7 +101,7 @@ pub fn cases() -> Vec<Case> {
             "/v1/touch",
             (0..8)
                 .map(|turn| {
-                    large_touch(turn, &json!({"objective": (if turn % 2 == 0 { "power" } else { "contrast" })}))
+                    make_large_touch(turn, &json!({"objective": (if turn % 2 == 0 { "power" } else { "contrast" })}))
                 })
                 .collect(),
         ),
@@ -110,7 +110,7 @@ pub fn cases() -> Vec<Case> {
             "one at a time, 4 wait, 5 s, ends with its sender",
             "POST",
             "/v1/touch",
-            (0..4).map(|turn| large_touch(turn, &json!({"trade": true}))).collect(),
+            (0..4).map(|turn| make_large_touch(turn, &json!({"trade": true}))).collect(),
         ),
         make_case("the same, 16 kB that are no touch", "16 KiB", "POST", "/v1/touch", vec![text(16_000)]),
         make_read_case("`GET /v1/requests/{id}`", "the last 256", "/v1/requests/none"),
@@ -126,25 +126,37 @@ pub fn cases() -> Vec<Case> {
             "32 attachments, 80 000 unknowns times attachments",
             "POST",
             "/v1/preview",
-            vec![preview(&masses(26))],
+            vec![make_preview(&scene_with_masses(26))],
         ),
-        make_case("the same, 100 modes", "100 modes, 6000 unknowns", "POST", "/v1/preview", vec![preview(&long(3000))]),
-        make_case("the same, 10 m long", "100 modes", "POST", "/v1/preview", vec![preview(&long(10_000))]),
+        make_case(
+            "the same, 100 modes",
+            "100 modes, 6000 unknowns",
+            "POST",
+            "/v1/preview",
+            vec![make_preview(&scene_of_length(3000))],
+        ),
+        make_case(
+            "the same, 10 m long",
+            "100 modes",
+            "POST",
+            "/v1/preview",
+            vec![make_preview(&scene_of_length(10_000))],
+        ),
         make_case(
             "the same, 200 patches",
             "24 patches and cut-outs",
             "POST",
             "/v1/preview",
-            vec![preview(&patches(200))],
+            vec![make_preview(&scene_with_patches(200))],
         ),
         Case {
-            way: Way::HangUp,
+            sending: Sending::HangUp,
             ..make_case(
                 "the same, 32 attachments, hung up",
                 "ends with its sender",
                 "POST",
                 "/v1/preview",
-                vec![preview(&masses(26))],
+                vec![make_preview(&scene_with_masses(26))],
             )
         },
         make_case(
@@ -152,25 +164,25 @@ pub fn cases() -> Vec<Case> {
             "one at a time; 64 entries, 4 MB of scenes read",
             "POST",
             "/v1/study",
-            vec![wrong_variables(60)],
+            vec![make_wrong_study(60)],
         ),
         Case {
-            way: Way::HangUp,
-            ..make_case("the same, 50 kB, hung up", "64 entries", "POST", "/v1/study", vec![wrong_variables(600)])
+            sending: Sending::HangUp,
+            ..make_case("the same, 50 kB, hung up", "64 entries", "POST", "/v1/study", vec![make_wrong_study(600)])
         },
         make_case(
             "the same, a Latin hypercube of 10^7",
             "2000 looks, before any is listed",
             "POST",
             "/v1/study",
-            vec![study(&format!("{thickness}[method]\nway = \"latin_hypercube\"\ndesigns = 10000000\n"))],
+            vec![make_study(&format!("{thickness}[method]\nway = \"latin_hypercube\"\ndesigns = 10000000\n"))],
         ),
         make_case(
             "the same, 2000 designs",
             "one at a time, 300 s, `POST /v1/study/stop`",
             "POST",
             "/v1/study",
-            vec![study(&format!("{thickness}[method]\ndesigns = 1999\n"))],
+            vec![make_study(&format!("{thickness}[method]\ndesigns = 1999\n"))],
         ),
         make_read_case("`GET /v1/study`", "what is known is kept", "/v1/study"),
         make_case("`POST /v1/study/stop`", "a flag", "POST", "/v1/study/stop", vec![String::new()]),
@@ -179,7 +191,7 @@ pub fn cases() -> Vec<Case> {
             "as previews; one at a time, 128 panels, 300 s",
             "POST",
             "/v1/tolerances",
-            vec![preview(&masses(8))],
+            vec![make_preview(&scene_with_masses(8))],
         ),
         make_read_case("`GET /v1/tolerances`", "what is known is kept", "/v1/tolerances"),
         make_case("`POST /v1/tolerances/stop`", "a flag", "POST", "/v1/tolerances/stop", vec![String::new()]),

@@ -1,8 +1,8 @@
 //! What is asked of the daemon, beside what was measured.
 
 use super::measured::Measured;
-use super::{BESIDE, Way};
-use crate::times::{Times, number};
+use super::{BESIDE, Entry};
+use crate::times::{Times, format_ms};
 use std::time::Duration;
 
 /// Touches a second at which a daemon counts as idle, and the p99 in ms from a touch's being due to its frame's last byte.
@@ -18,10 +18,10 @@ const STOP_MS: f64 = 10.0;
 /// in doubt and touches are refused. The board itself goes off after 250 ms.
 const SILENCE_MS: f64 = 80.0;
 
-/// A way in, a rate, and what was measured there.
+/// An entry, a rate, and what was measured there.
 pub struct Row {
-    /// The way in.
-    pub way: Way,
+    /// The entry.
+    pub entry: Entry,
     /// Touches a second.
     pub rate: f64,
     /// What touches came to.
@@ -38,14 +38,14 @@ impl Row {
     /// Whether every touch was driven or overtaken: one that was refused or not seen is never measured away.
     #[must_use]
     pub fn is_whole(&self) -> bool {
-        self.measured.missing().is_empty()
+        self.measured.describe_missing().is_empty()
     }
 
     /// That the machine was disturbed, where the echo was beside the touches; for people. The touches themselves have no part in that.
     #[must_use]
-    pub fn disturbed(&self) -> Option<String> {
-        let p99 = self.echo.quantile(99).filter(|p99| self.rate <= BESIDE && *p99 > DISTURBED_MS)?;
-        Some(format!("disturbed: the echo's p99 in these seconds is {} ms, above {DISTURBED_MS} ms", number(p99)))
+    pub fn describe_disturbance(&self) -> Option<String> {
+        let p99 = self.echo.quantile_ms(99).filter(|p99| self.rate <= BESIDE && *p99 > DISTURBED_MS)?;
+        Some(format!("disturbed: the echo's p99 in these seconds is {} ms, above {DISTURBED_MS} ms", format_ms(p99)))
     }
 }
 
@@ -68,7 +68,7 @@ impl Aim {
         self.measured_ms.map(|ms| ms < self.below_ms)
     }
 
-    fn line(&self) -> String {
+    fn format_line(&self) -> String {
         let verdict = match self.is_met() {
             Some(true) => "met",
             Some(false) => "not met",
@@ -78,10 +78,10 @@ impl Aim {
             || "-".into(),
             |ms| {
                 let tries = if self.tries > 1 { format!(", try {}", self.tries) } else { String::new() };
-                format!("{} ms of {}{tries}", number(ms), self.of)
+                format!("{} ms of {}{tries}", format_ms(ms), self.of)
             },
         );
-        let echo = self.echo_ms.map_or_else(|| "-".into(), |ms| format!("{} ms", number(ms)));
+        let echo = self.echo_ms.map_or_else(|| "-".into(), |ms| format!("{} ms", format_ms(ms)));
         let ratio =
             self.measured_ms.zip(self.echo_ms).map_or_else(|| "-".into(), |(ms, echo)| format!("{:.1}", ms / echo));
         let below = format!("below {} ms", self.below_ms);
@@ -89,30 +89,30 @@ impl Aim {
     }
 }
 
-/// Everything that is asked. What a way in came to at a rate that was not tried is not measured.
-fn aims(rows: &[Row], silence: Duration) -> Vec<Aim> {
+/// Everything that is asked. What an entry came to at a rate that was not tried is not measured.
+fn list_aims(rows: &[Row], silence: Duration) -> Vec<Aim> {
     let mut all = Vec::new();
     for (rate, below_ms) in [IDLE, BUSY] {
-        for way in Way::ALL {
-            let row = rows.iter().find(|row| row.way == way && row.rate == rate);
+        for entry in Entry::ALL {
+            let row = rows.iter().find(|row| row.entry == entry && row.rate == rate);
             all.push(Aim {
-                what: format!("touch to the frame's last byte, p99, {}, {rate}/s", way.name()),
+                what: format!("touch to the frame's last byte, p99, {}, {rate}/s", entry.name()),
                 below_ms,
-                measured_ms: row.and_then(|row| row.measured.frame.quantile(99)),
+                measured_ms: row.and_then(|row| row.measured.frame.quantile_ms(99)),
                 of: row.map_or(0, |row| row.measured.frame.len()),
                 tries: row.map_or(1, |row| row.tries),
-                echo_ms: row.and_then(|row| row.echo.quantile(99)),
+                echo_ms: row.and_then(|row| row.echo.quantile_ms(99)),
             });
         }
     }
     let mut stops = Times::default();
     for row in rows {
-        stops.join(row.stops.clone());
+        stops.merge(row.stops.clone());
     }
     let mut add = |what: &str, below_ms, measured_ms, of| {
         all.push(Aim { what: what.into(), below_ms, measured_ms, of, tries: 1, echo_ms: None });
     };
-    add("stop to the board, longest, at any of these loads", STOP_MS, stops.longest(), stops.len());
+    add("stop to the board, longest, at any of these loads", STOP_MS, stops.longest_ms(), stops.len());
     // A board that was never on has heard nothing that counts.
     let silence_ms = Some(silence.as_secs_f64() * 1e3).filter(|ms| *ms > 0.0);
     add("no sign of life at a board that is on, longest", SILENCE_MS, silence_ms, 1);
@@ -120,12 +120,12 @@ fn aims(rows: &[Row], silence: Duration) -> Vec<Aim> {
 }
 
 /// The table, and those that are not met.
-pub fn table(rows: &[Row], silence: Duration) -> (String, Vec<String>) {
-    let aims = aims(rows, silence);
+pub fn judge_rows(rows: &[Row], silence: Duration) -> (String, Vec<String>) {
+    let aims = list_aims(rows, silence);
     let heads = ["aim", "asked", "measured", "echo, p99", "ratio"];
     let [aim, asked, measured, echo, ratio] = heads;
     let mut text = format!("{aim:<64} {asked:>13} {measured:>26} {echo:>12} {ratio:>8}\n");
-    text.extend(aims.iter().map(Aim::line));
+    text.extend(aims.iter().map(Aim::format_line));
     let missed = aims.iter().filter(|aim| aim.is_met() == Some(false)).map(|aim| aim.what.clone()).collect();
     (text, missed)
 }
@@ -143,28 +143,28 @@ mod tests {
     }
 
     fn rows(idle_ms: f64, busy_ms: f64, stop_ms: f64) -> Vec<Row> {
-        let row = |way, rate, ms| {
+        let row = |entry, rate, ms| {
             let measured = Measured { frame: times(ms, 100), ..Measured::default() };
-            Row { way, rate, measured, stops: times(stop_ms, 10), echo: times(0.5, 100), tries: 1 }
+            Row { entry, rate, measured, stops: times(stop_ms, 10), echo: times(0.5, 100), tries: 1 }
         };
-        Way::ALL.into_iter().flat_map(|way| [row(way, 1.0, idle_ms), row(way, 1000.0, busy_ms)]).collect()
+        Entry::ALL.into_iter().flat_map(|entry| [row(entry, 1.0, idle_ms), row(entry, 1000.0, busy_ms)]).collect()
     }
 
     const SILENCE: Duration = Duration::from_millis(50);
 
     #[test]
     fn each_aim_is_missed_by_itself() {
-        assert_eq!(table(&rows(1.9, 4.9, 9.9), SILENCE).1, Vec::<String>::new());
-        assert_eq!(table(&rows(2.1, 4.9, 9.9), SILENCE).1.len(), 3);
-        assert_eq!(table(&rows(1.9, 5.1, 9.9), SILENCE).1.len(), 3);
-        assert_eq!(table(&rows(1.9, 4.9, 10.1), SILENCE).1, ["stop to the board, longest, at any of these loads"]);
-        let late = table(&rows(1.9, 4.9, 9.9), Duration::from_millis(81)).1;
+        assert_eq!(judge_rows(&rows(1.9, 4.9, 9.9), SILENCE).1, Vec::<String>::new());
+        assert_eq!(judge_rows(&rows(2.1, 4.9, 9.9), SILENCE).1.len(), 3);
+        assert_eq!(judge_rows(&rows(1.9, 5.1, 9.9), SILENCE).1.len(), 3);
+        assert_eq!(judge_rows(&rows(1.9, 4.9, 10.1), SILENCE).1, ["stop to the board, longest, at any of these loads"]);
+        let late = judge_rows(&rows(1.9, 4.9, 9.9), Duration::from_millis(81)).1;
         assert_eq!(late, ["no sign of life at a board that is on, longest"]);
     }
 
     fn beside_an_echo(rate: f64, touch_ms: f64, echo_ms: f64) -> Row {
         let measured = Measured { frame: times(touch_ms, 200), ..Measured::default() };
-        Row { way: Way::Tcp, rate, measured, stops: times(1.0, 10), echo: times(echo_ms, 200), tries: 1 }
+        Row { entry: Entry::Tcp, rate, measured, stops: times(1.0, 10), echo: times(echo_ms, 200), tries: 1 }
     }
 
     /// By the echo alone, whatever the touches came to, and only where it was beside them.
@@ -172,10 +172,10 @@ mod tests {
     fn a_disturbed_machine_is_told_by_the_echo() {
         for touch_ms in [0.1, 9.0] {
             let row = |rate, echo_ms| beside_an_echo(rate, touch_ms, echo_ms);
-            assert_eq!(row(1.0, 0.49).disturbed(), None);
-            assert!(row(1.0, 0.51).disturbed().is_some_and(|text| text.contains("0.51 ms")));
-            assert!(row(10.0, 0.51).disturbed().is_some());
-            assert_eq!(row(11.0, 3.0).disturbed(), None);
+            assert_eq!(row(1.0, 0.49).describe_disturbance(), None);
+            assert!(row(1.0, 0.51).describe_disturbance().is_some_and(|text| text.contains("0.51 ms")));
+            assert!(row(10.0, 0.51).describe_disturbance().is_some());
+            assert_eq!(row(11.0, 3.0).describe_disturbance(), None);
         }
     }
 
@@ -184,13 +184,13 @@ mod tests {
     fn a_disturbed_load_is_put_on_again() {
         let tried = |echoes: &[f64], refused: bool| {
             let mut left = echoes.iter();
-            let row = super::super::undisturbed(|| {
+            let row = super::super::measure_undisturbed(|| {
                 let mut row = beside_an_echo(1.0, 9.0, *left.next().unwrap());
                 row.measured.refused.extend(refused.then(|| ("queue-full".into(), 1)));
                 Ok(row)
             });
             let row = row.unwrap();
-            (row.tries, row.stops.len(), row.echo.quantile(99).unwrap(), left.len())
+            (row.tries, row.stops.len(), row.echo.quantile_ms(99).unwrap(), left.len())
         };
         assert_eq!(tried(&[0.4, 0.3], false), (1, 10, 0.4, 1));
         assert_eq!(tried(&[0.6, 0.3], false), (2, 20, 0.3, 0));
@@ -202,16 +202,16 @@ mod tests {
     #[test]
     fn touches_that_never_came_miss_the_aim() {
         let mut rows = rows(1.9, 4.9, 9.9);
-        rows[0].measured.frame.never();
-        rows[0].measured.frame.never();
-        let (text, missed) = table(&rows, SILENCE);
+        rows[0].measured.frame.add_missing();
+        rows[0].measured.frame.add_missing();
+        let (text, missed) = judge_rows(&rows, SILENCE);
         assert_eq!(missed.len(), 1);
         assert!(text.contains("never ms of 102"), "{text}");
     }
 
     #[test]
     fn what_was_not_tried_is_neither_met_nor_missed() {
-        let (text, missed) = table(&[], Duration::ZERO);
+        let (text, missed) = judge_rows(&[], Duration::ZERO);
         assert_eq!((missed.len(), text.matches("not measured").count()), (0, 8), "{text}");
     }
 }

@@ -2,7 +2,7 @@
 //! than this.
 
 use crate::error::Error;
-use crate::http::Place;
+use crate::http::Endpoint;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener};
 use std::os::unix::net::UnixListener;
@@ -14,9 +14,9 @@ const ANSWER_BYTES: usize = 2000;
 /// Where the echo listens; its threads end with the process.
 pub struct Echo {
     /// HTTP over loopback.
-    pub tcp: Place,
+    pub tcp: Endpoint,
     /// HTTP over a socket in the file system.
-    pub unix: Place,
+    pub unix: Endpoint,
     /// A live socket that says everything again.
     pub live: SocketAddr,
 }
@@ -28,40 +28,40 @@ impl Echo {
     /// [`Error::System`].
     pub fn start(socket: PathBuf) -> Result<Self, Error> {
         let failed = || Error::system("no echo");
-        let (tcp, live) = (loopback()?, loopback()?);
+        let (tcp, live) = (bind_loopback()?, bind_loopback()?);
         let unix = UnixListener::bind(&socket).map_err(failed())?;
         let addresses = (tcp.local_addr().map_err(failed())?, live.local_addr().map_err(failed())?);
         std::thread::spawn(move || {
             for stream in tcp.incoming().map_while(Result::ok) {
                 let _ = stream.set_nodelay(true);
-                std::thread::spawn(move || http(stream));
+                std::thread::spawn(move || serve_http(stream));
             }
         });
         std::thread::spawn(move || {
             for stream in unix.incoming().map_while(Result::ok) {
-                std::thread::spawn(move || http(stream));
+                std::thread::spawn(move || serve_http(stream));
             }
         });
         std::thread::spawn(move || {
             for stream in live.incoming().map_while(Result::ok) {
                 let _ = stream.set_nodelay(true);
-                std::thread::spawn(move || again(stream));
+                std::thread::spawn(move || serve_live(stream));
             }
         });
-        Ok(Self { tcp: Place::Tcp(addresses.0), unix: Place::Unix(socket), live: addresses.1 })
+        Ok(Self { tcp: Endpoint::Tcp(addresses.0), unix: Endpoint::Unix(socket), live: addresses.1 })
     }
 }
 
-fn loopback() -> Result<TcpListener, Error> {
+fn bind_loopback() -> Result<TcpListener, Error> {
     TcpListener::bind("127.0.0.1:0").map_err(Error::system("no echo"))
 }
 
 /// Answers every request with a body that says nothing, until the other end closes.
-fn http(stream: impl Read + Write) {
+fn serve_http(stream: impl Read + Write) {
     let mut stream = BufReader::new(stream);
     let body = format!("{{\"drives\": [], \"rest\": \"{}\"}}", " ".repeat(ANSWER_BYTES));
     let answer = format!("HTTP/1.1 200 OK\r\nContent-Length: {}\r\n\r\n{body}", body.len());
-    while let Some(length) = length_of_body(&mut stream) {
+    while let Some(length) = read_body_length(&mut stream) {
         let mut taken = vec![0; length];
         if stream.read_exact(&mut taken).is_err() || stream.get_mut().write_all(answer.as_bytes()).is_err() {
             return;
@@ -70,7 +70,7 @@ fn http(stream: impl Read + Write) {
 }
 
 /// Reads a request's lines.
-fn length_of_body(stream: &mut impl BufRead) -> Option<usize> {
+fn read_body_length(stream: &mut impl BufRead) -> Option<usize> {
     let (mut line, mut length) = (String::new(), 0);
     loop {
         line.clear();
@@ -87,7 +87,7 @@ fn length_of_body(stream: &mut impl BufRead) -> Option<usize> {
 }
 
 /// Says everything again.
-fn again(stream: std::net::TcpStream) {
+fn serve_live(stream: std::net::TcpStream) {
     let Ok(mut socket) = tungstenite::accept(stream) else { return };
     while let Ok(message) = socket.read() {
         if message.is_text() && socket.send(message).is_err() {
@@ -99,7 +99,7 @@ fn again(stream: std::net::TcpStream) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pace::measured::round_trips;
+    use crate::pace::measured::measure_round_trips;
     use crate::pace::{Pace, over_http, over_live};
 
     #[test]
@@ -108,12 +108,12 @@ mod tests {
         let echo = Echo::start(folder.path().join("echo.sock")).unwrap();
         let pace = || Pace::new(200.0, 0.1);
         for touches in [
-            over_http::run(&echo.tcp, pace(), 200.0),
-            over_http::run(&echo.unix, pace(), 200.0),
-            over_live::run(echo.live, pace()).unwrap(),
+            over_http::send_touches(&echo.tcp, pace(), 200.0),
+            over_http::send_touches(&echo.unix, pace(), 200.0),
+            over_live::send_touches(echo.live, pace()).unwrap(),
         ] {
-            let times = round_trips(&touches);
-            assert_eq!((times.len(), times.beyond(1e9)), (20, 0), "{touches:?}");
+            let times = measure_round_trips(&touches);
+            assert_eq!((times.len(), times.count_longer(1e9)), (20, 0), "{touches:?}");
         }
     }
 }

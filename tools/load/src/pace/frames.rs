@@ -14,7 +14,7 @@ const NARROWEST: f64 = 50e-6;
 ///
 /// # Errors
 /// For people: one frame is as two touches want it, so that nobody knows whose it is.
-pub fn arrivals(touches: &[Touch], frames: &[SetFrame]) -> Result<Vec<Option<Instant>>, String> {
+pub fn find_arrivals(touches: &[Touch], frames: &[SetFrame]) -> Result<Vec<Option<Instant>>, String> {
     let mut owners = BTreeMap::new();
     let mut all = Vec::with_capacity(touches.len());
     for (number, touch) in touches.iter().enumerate() {
@@ -26,7 +26,7 @@ pub fn arrivals(touches: &[Touch], frames: &[SetFrame]) -> Result<Vec<Option<Ins
             (frames.partition_point(|f| f.at < touch.due), frames.partition_point(|f| f.at <= touch.ended));
         let mut between = frames.iter().enumerate().take(to).skip(from);
         // The last: what a board refuses at first is sent again.
-        let found = between.rfind(|(_, frame)| is_of(frame, drives));
+        let found = between.rfind(|(_, frame)| carries_drives(frame, drives));
         if let Some((place, _)) = found
             && let Some(other) = owners.insert(place, number)
         {
@@ -40,7 +40,7 @@ pub fn arrivals(touches: &[Touch], frames: &[SetFrame]) -> Result<Vec<Option<Ins
 }
 
 /// Whether a frame asks for these drives, which are those of channels 0, 1, 2 and so on.
-fn is_of(frame: &SetFrame, drives: &[Drive]) -> bool {
+fn carries_drives(frame: &SetFrame, drives: &[Drive]) -> bool {
     frame.drives.len() == drives.len()
         && frame.drives.iter().zip(drives).zip(0_u8..).all(|((asked, drive), channel)| {
             let near = |wire: u32, said: f64| (f64::from(wire) - said).abs() <= UNIT;
@@ -85,21 +85,24 @@ mod tests {
         let ms = |ms| zero() + Duration::from_millis(ms);
         let frames = [frame(ms(3), 210_000), frame(ms(5), 200_000)];
         let touches = [touch(ms(0), ms(9), 200.0), touch(ms(1), ms(6), 210.0)];
-        assert_eq!(arrivals(&touches, &frames), Ok(vec![Some(ms(5)), Some(ms(3))]));
+        assert_eq!(find_arrivals(&touches, &frames), Ok(vec![Some(ms(5)), Some(ms(3))]));
         // Its own never came: another's, however near in time, is none.
-        assert_eq!(arrivals(&[touch(ms(0), ms(9), 220.0)], &frames), Ok(vec![None]));
+        assert_eq!(find_arrivals(&[touch(ms(0), ms(9), 220.0)], &frames), Ok(vec![None]));
         // Nor is one of the same drives from before it was due, or after its answer.
-        assert_eq!(arrivals(&[touch(ms(6), ms(9), 200.0), touch(ms(0), ms(2), 210.0)], &frames), Ok(vec![None, None]));
+        assert_eq!(
+            find_arrivals(&[touch(ms(6), ms(9), 200.0), touch(ms(0), ms(2), 210.0)], &frames),
+            Ok(vec![None, None])
+        );
         // Once more, as it was refused.
         let again = [frame(ms(5), 200_000), frame(ms(7), 200_000)];
-        assert_eq!(arrivals(&[touch(ms(0), ms(9), 200.0)], &again), Ok(vec![Some(ms(7))]));
+        assert_eq!(find_arrivals(&[touch(ms(0), ms(9), 200.0)], &again), Ok(vec![Some(ms(7))]));
     }
 
     #[test]
     fn touches_that_drive_the_same_are_no_measurement() {
         let ms = |ms| zero() + Duration::from_millis(ms);
         let touches = [touch(ms(0), ms(9), 200.0), touch(ms(1), ms(8), 200.0)];
-        assert!(arrivals(&touches, &[frame(ms(4), 200_000)]).is_err());
+        assert!(find_arrivals(&touches, &[frame(ms(4), 200_000)]).is_err());
     }
 
     #[test]
@@ -107,16 +110,16 @@ mod tests {
         let now = zero();
         let sent = frame(now, 200_000);
         let drive = Drive { frequency_hz: 200.0, voltage_v: 900.0, pulse_width: 0.4, phase_rad: 0.0 };
-        assert!(is_of(&sent, &[drive]));
+        assert!(carries_drives(&sent, &[drive]));
         for other in [
             Drive { frequency_hz: 200.01, ..drive },
             Drive { voltage_v: 900.01, ..drive },
             Drive { pulse_width: 0.40001, ..drive },
             Drive { phase_rad: 1e-3, ..drive },
         ] {
-            assert!(!is_of(&sent, &[other]), "{other:?}");
+            assert!(!carries_drives(&sent, &[other]), "{other:?}");
         }
-        assert!(!is_of(&sent, &[]) && !is_of(&sent, &[drive, drive]));
+        assert!(!carries_drives(&sent, &[]) && !carries_drives(&sent, &[drive, drive]));
     }
 
     fn zero() -> Instant {

@@ -1,6 +1,6 @@
 //! What one load came to.
 
-use super::frames::arrivals;
+use super::frames::find_arrivals;
 use super::touches::{End, Touch};
 use crate::times::Times;
 use era::device::sim::SetFrame;
@@ -29,15 +29,15 @@ impl Measured {
     /// Of these touches, with the frames that were on the board's line meanwhile.
     ///
     /// # Errors
-    /// As [`arrivals`].
-    pub fn of(touches: &[Touch], frames: &[SetFrame]) -> Result<Self, String> {
+    /// As [`find_arrivals`].
+    pub fn from_touches(touches: &[Touch], frames: &[SetFrame]) -> Result<Self, String> {
         let mut all = Self { sent: touches.len(), ..Self::default() };
-        for (number, (touch, arrived)) in touches.iter().zip(arrivals(touches, frames)?).enumerate() {
+        for (number, (touch, arrived)) in touches.iter().zip(find_arrivals(touches, frames)?).enumerate() {
             let ended = touch.ended.saturating_duration_since(touch.due);
             match &touch.end {
                 End::Overtaken => all.overtaken.add(ended),
                 End::Refused(why) => {
-                    all.frame.never();
+                    all.frame.add_missing();
                     *all.refused.entry(why.clone()).or_default() += 1;
                 }
                 End::Driven(_) => {
@@ -49,7 +49,7 @@ impl Measured {
                             all.latest.push((number + 1, took.as_secs_f64() * 1e3));
                         }
                         None => {
-                            all.frame.never();
+                            all.frame.add_missing();
                             all.unseen += 1;
                         }
                     }
@@ -62,7 +62,7 @@ impl Measured {
 
     /// Which touches took more than so many ms to their frame, in words: up to three, and nothing if there was none.
     #[must_use]
-    pub fn late(&self, ms: f64) -> Option<String> {
+    pub fn describe_late(&self, ms: f64) -> Option<String> {
         let late: Vec<String> = (self.latest.iter().take(3).filter(|(_, took)| *took > ms))
             .map(|(number, took)| format!("touch {number} {took:.2} ms"))
             .collect();
@@ -71,13 +71,13 @@ impl Measured {
 
     /// Touches that were driven: the others were overtaken or refused.
     #[must_use]
-    pub const fn driven(&self) -> usize {
+    pub const fn count_driven(&self) -> usize {
         self.answer.len()
     }
 
     /// What was refused and what was not seen, in words; nothing if there was none.
     #[must_use]
-    pub fn missing(&self) -> Vec<String> {
+    pub fn describe_missing(&self) -> Vec<String> {
         let mut all: Vec<String> = self.refused.iter().map(|(why, count)| format!("{count} refused: {why}")).collect();
         all.extend(
             (self.unseen > 0).then(|| format!("{} answered as driven without a frame on the line", self.unseen)),
@@ -88,11 +88,11 @@ impl Measured {
 
 /// From when each touch was due to its end, whatever that was.
 #[must_use]
-pub fn round_trips(touches: &[Touch]) -> Times {
+pub fn measure_round_trips(touches: &[Touch]) -> Times {
     let mut times = Times::default();
     for touch in touches {
         match touch.end {
-            End::Refused(_) => times.never(),
+            End::Refused(_) => times.add_missing(),
             _ => times.add(touch.ended.saturating_duration_since(touch.due)),
         }
     }
@@ -111,11 +111,11 @@ mod tests {
         let ended = due + Duration::from_millis(7);
         let of = |end| Touch { due, ended, end };
         let touches = [of(End::Driven(Vec::new())), of(End::Overtaken), of(End::Refused("queue-full".into()))];
-        let measured = Measured::of(&touches, &[]).unwrap();
-        assert_eq!((measured.sent, measured.driven(), measured.unseen), (3, 1, 1));
-        assert_eq!((measured.frame.len(), measured.frame.quantile(0)), (2, Some(f64::INFINITY)));
-        assert_eq!(measured.overtaken.longest(), Some(7.0));
-        assert_eq!(measured.missing().len(), 2);
+        let measured = Measured::from_touches(&touches, &[]).unwrap();
+        assert_eq!((measured.sent, measured.count_driven(), measured.unseen), (3, 1, 1));
+        assert_eq!((measured.frame.len(), measured.frame.quantile_ms(0)), (2, Some(f64::INFINITY)));
+        assert_eq!(measured.overtaken.longest_ms(), Some(7.0));
+        assert_eq!(measured.describe_missing().len(), 2);
     }
 
     /// A touch that was sent late, as all connections were busy, has waited since it was due.
@@ -125,7 +125,7 @@ mod tests {
         let at = due + Duration::from_millis(40);
         let touch = Touch { due, ended: due + Duration::from_millis(41), end: End::Driven(Vec::new()) };
         let frame = SetFrame { at, drives: Vec::new() };
-        let measured = Measured::of(&[touch], &[frame]).unwrap();
-        assert_eq!((measured.frame.longest(), measured.answer.longest()), (Some(40.0), Some(41.0)));
+        let measured = Measured::from_touches(&[touch], &[frame]).unwrap();
+        assert_eq!((measured.frame.longest_ms(), measured.answer.longest_ms()), (Some(40.0), Some(41.0)));
     }
 }

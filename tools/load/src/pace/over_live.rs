@@ -15,19 +15,19 @@ const LAST: Duration = Duration::from_millis(300);
 ///
 /// # Errors
 /// What is wrong with the socket.
-pub fn run(address: SocketAddr, pace: Pace) -> Result<Vec<Touch>, String> {
+pub fn send_touches(address: SocketAddr, pace: Pace) -> Result<Vec<Touch>, String> {
     let mut reader = Live::open(address, "plan")?;
-    let mut writer = reader.writer()?;
+    let mut writer = reader.clone_writer()?;
     let until = pace.until + LAST;
     let (sent, messages) = std::thread::scope(|threads| {
-        let reads = threads.spawn(move || read(&mut reader, until));
-        let sent = send(&mut writer, pace);
+        let reads = threads.spawn(move || read_messages(&mut reader, until));
+        let sent = send_places(&mut writer, pace);
         let messages = reads.join().unwrap_or_else(|_| Err("the reader has panicked".into()));
         // Lifted when all is read: what the daemon says of that is nobody's place.
         let lifted = writer.send(&json!({"type": "touch", "touches": []}));
         Ok::<_, String>((sent.and_then(|sent| lifted.map(|()| sent))?, messages?))
     })?;
-    Ok(touches(pace.first, &sent, &messages))
+    Ok(match_touches(pace.first, &sent, &messages))
 }
 
 /// How long a finger that taps is down: as long as a touch of the other ways in.
@@ -37,11 +37,11 @@ const TAP: Duration = Duration::from_millis(100);
 const TAPS: Duration = Duration::from_millis(500);
 
 /// When each place was due.
-fn send(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
+fn send_places(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
     let mut sent = Vec::new();
     for k in 0.. {
-        let Some(due) = pace.due(k) else { break };
-        pace.wait(due);
+        let Some(due) = pace.due_time(k) else { break };
+        pace.sleep_until_due(due);
         let finger = json!({"id": 1, "x_px": pace.x_px(k), "y_px": 640, "intensity_g": 0.3});
         writer.send(&json!({"type": "touch", "touches": [finger]}))?;
         sent.push(due);
@@ -53,7 +53,7 @@ fn send(writer: &mut Live, pace: Pace) -> Result<Vec<Instant>, String> {
     Ok(sent)
 }
 
-fn read(reader: &mut Live, until: Instant) -> Result<Vec<(Instant, Value)>, String> {
+fn read_messages(reader: &mut Live, until: Instant) -> Result<Vec<(Instant, Value)>, String> {
     let mut all = Vec::new();
     while Instant::now() < until {
         if let Some(message) = reader.read_until(until)? {
@@ -64,13 +64,13 @@ fn read(reader: &mut Live, until: Instant) -> Result<Vec<(Instant, Value)>, Stri
 }
 
 /// What became of each place, of which the first has the number `first`. The daemon takes them in their order: a plan for one says that those before it are driven no more.
-fn touches(first: u32, due: &[Instant], messages: &[(Instant, Value)]) -> Vec<Touch> {
+fn match_touches(first: u32, due: &[Instant], messages: &[(Instant, Value)]) -> Vec<Touch> {
     let mut all: Vec<Touch> = Vec::with_capacity(due.len());
     for (at, message) in messages {
         if message["type"] == "error" {
             // It does not say for which: the oldest that may have been meant.
             if let Some(due) = due.get(all.len()).filter(|due| **due <= *at) {
-                all.push(Touch { due: *due, ended: *at, end: End::problem(&message["problem"]) });
+                all.push(Touch { due: *due, ended: *at, end: End::from_problem(&message["problem"]) });
             }
             continue;
         }
@@ -80,7 +80,7 @@ fn touches(first: u32, due: &[Instant], messages: &[(Instant, Value)]) -> Vec<To
         while let Some((due, k)) = due.get(all.len()).zip(u32::try_from(all.len()).ok())
             && k <= found
         {
-            let end = if k < found { End::Overtaken } else { End::driven(&message["plan"]) };
+            let end = if k < found { End::Overtaken } else { End::from_plan(&message["plan"]) };
             all.push(Touch { due: *due, ended: *at, end });
         }
     }
@@ -107,7 +107,7 @@ mod tests {
         let plan = |k: u32| json!({"type": "plan", "touches": [{"x_px": x_px(k)}], "plan": {"drives": []}});
         let error = json!({"type": "error", "problem": {"type": "urn:era:problem:device-refused"}});
         let messages = [(ms(3), plan(0)), (ms(4), plan(2)), (ms(5), error), (ms(6), plan(2)), (ms(7), plan(4))];
-        let ends: Vec<(u128, End)> = touches(0, &due, &messages)
+        let ends: Vec<(u128, End)> = match_touches(0, &due, &messages)
             .into_iter()
             .map(|touch| ((touch.ended - touch.due).as_millis(), touch.end))
             .collect();
@@ -131,7 +131,7 @@ mod tests {
         let zero = Instant::now();
         let due = [zero, zero + Duration::from_millis(5)];
         let early = json!({"type": "plan", "touches": [{"x_px": x_px(1)}], "plan": {"drives": []}});
-        let ends = touches(0, &due, &[(zero + Duration::from_millis(1), early)]);
+        let ends = match_touches(0, &due, &[(zero + Duration::from_millis(1), early)]);
         assert!(ends.iter().all(|touch| matches!(touch.end, End::Refused(_))), "{ends:?}");
     }
 }

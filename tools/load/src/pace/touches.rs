@@ -42,15 +42,15 @@ pub struct Drive {
 impl End {
     /// By a plan.
     #[must_use]
-    pub fn driven(plan: &Value) -> Self {
-        let drives = plan["drives"].as_array().map_or(&[][..], Vec::as_slice).iter().map(Drive::of).collect();
+    pub fn from_plan(plan: &Value) -> Self {
+        let drives = plan["drives"].as_array().map_or(&[][..], Vec::as_slice).iter().map(Drive::parse).collect();
         let unreadable = || Self::Refused("drives that cannot be read".into());
         Option::<Vec<Drive>>::map_or_else(drives, unreadable, Self::Driven)
     }
 
     /// By a problem.
     #[must_use]
-    pub fn problem(problem: &Value) -> Self {
+    pub fn from_problem(problem: &Value) -> Self {
         match problem["type"].as_str().and_then(|kind| kind.rsplit(':').next()) {
             Some("superseded") => Self::Overtaken,
             Some(other) => Self::Refused(other.into()),
@@ -60,7 +60,7 @@ impl End {
 }
 
 impl Drive {
-    fn of(drive: &Value) -> Option<Self> {
+    fn parse(drive: &Value) -> Option<Self> {
         let number = |name: &str| drive[name].as_f64();
         Some(Self {
             frequency_hz: number("frequency_hz")?,
@@ -80,9 +80,12 @@ mod tests {
     fn an_end_is_read_from_what_the_daemon_says() {
         let drive = json!({"frequency_hz": 200.0, "voltage_v": 900.0, "pulse_width": 0.5, "phase_rad": 0.25});
         let read = Drive { frequency_hz: 200.0, voltage_v: 900.0, pulse_width: 0.5, phase_rad: 0.25 };
-        assert_eq!(End::driven(&json!({"drives": [drive]})), End::Driven(vec![read]));
-        assert!(matches!(End::driven(&json!({"drives": [{"frequency_hz": 200.0}]})), End::Refused(_)));
-        assert_eq!(End::problem(&json!({"type": "urn:era:problem:superseded"})), End::Overtaken);
-        assert_eq!(End::problem(&json!({"type": "urn:era:problem:queue-full"})), End::Refused("queue-full".into()));
+        assert_eq!(End::from_plan(&json!({"drives": [drive]})), End::Driven(vec![read]));
+        assert!(matches!(End::from_plan(&json!({"drives": [{"frequency_hz": 200.0}]})), End::Refused(_)));
+        assert_eq!(End::from_problem(&json!({"type": "urn:era:problem:superseded"})), End::Overtaken);
+        assert_eq!(
+            End::from_problem(&json!({"type": "urn:era:problem:queue-full"})),
+            End::Refused("queue-full".into())
+        );
     }
 }

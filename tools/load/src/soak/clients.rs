@@ -2,7 +2,7 @@
 
 use super::tally::{Answered, Tally};
 use super::world::{Serving, World};
-use crate::http::{Answer, Http, PATIENCE, Place};
+use crate::http::{Answer, Endpoint, Http, PATIENCE};
 use crate::live::Live;
 use fastrand::Rng;
 use serde_json::{Value, json};
@@ -27,26 +27,26 @@ const STILL: Duration = Duration::from_secs(1);
 /// The example plate's screen in pixels.
 const SCREEN_PX: [u32; 2] = [1920, 1280];
 
-fn pause(random: &mut Rng) {
+fn pause_randomly(random: &mut Rng) {
     std::thread::sleep(Duration::from_millis(random.u64(0..PAUSE_MS)));
 }
 
 /// In eighths of a pixel, which every reader of numbers gets right to the last bit.
-fn place(random: &mut Rng) -> (f64, f64) {
+fn choose_place_px(random: &mut Rng) -> (f64, f64) {
     let [x, y] = SCREEN_PX.map(|side| f64::from(random.u32(0..side * 8)) / 8.0);
     (x, y)
 }
 
 /// The body of a touch of any kind; one in fifty is wrong.
-fn touch(random: &mut Rng) -> Value {
-    let (x_px, y_px) = place(random);
+fn make_touch(random: &mut Rng) -> Value {
+    let (x_px, y_px) = choose_place_px(random);
     let mut touch = json!({"x_px": x_px, "y_px": y_px, "intensity_g": random.f64()});
     match random.u32(0..50) {
         0 => touch["x_px"] = json!(-1),
         1..10 => touch["effect"] = json!(random.choice(["click", "double_click", "buzz", "swell"])),
         10..14 => touch["trade"] = json!(true),
         14..20 => {
-            let (x_px, y_px) = place(random);
+            let (x_px, y_px) = choose_place_px(random);
             touch["also"] = json!([{"x_px": x_px, "y_px": y_px}]);
             touch["duration_ms"] = json!(random.u32(20..500));
         }
@@ -58,7 +58,7 @@ fn touch(random: &mut Rng) -> Value {
             if random.bool() {
                 touch["objective"] = json!("reach");
             } else {
-                let others = (0..random.usize(0..4)).map(|_| place(random));
+                let others = (0..random.usize(0..4)).map(|_| choose_place_px(random));
                 touch["also"] = others.map(|(x_px, y_px)| json!({"x_px": x_px, "y_px": y_px})).collect();
             }
         }
@@ -68,14 +68,14 @@ fn touch(random: &mut Rng) -> Value {
 }
 
 /// Sends touches, one after the other, over TCP or the socket in the file system.
-pub fn http(world: &World, socket: Option<&Path>, client: usize, mut random: Rng) -> Tally {
+pub fn run_http_client(world: &World, socket: Option<&Path>, client: usize, mut random: Rng) -> Tally {
     let (mut tally, mut known): (Tally, Option<(Serving, Http)>) = Default::default();
     while !world.is_over() {
-        let Some(serving) = world.serving() else {
+        let Some(serving) = world.current_daemon() else {
             std::thread::sleep(LOOK);
             continue;
         };
-        let at = socket.map_or(Place::Tcp(serving.address), |path| Place::Unix(path.to_owned()));
+        let at = socket.map_or(Endpoint::Tcp(serving.address), |path| Endpoint::Unix(path.to_owned()));
         let mut http = match known.take() {
             Some((known, http)) if known == serving => http,
             _ => Http::new(at.clone()),
@@ -83,59 +83,59 @@ pub fn http(world: &World, socket: Option<&Path>, client: usize, mut random: Rng
         let opened = http.opened;
         match random.u64(0..STOPS) {
             0 => {
-                other(&mut tally, http.post("/v1/stop", ""));
+                count_other(&mut tally, http.post("/v1/stop", ""));
                 // Rails that come up while nothing is driven, and then a touch that finds them up.
                 if random.bool() {
-                    arm(&mut tally, &http.post("/v1/arm", ""));
+                    count_arming(&mut tally, &http.post("/v1/arm", ""));
                 }
             }
-            1 => other(&mut tally, http.get("/v1/state")),
-            2 => arm(&mut tally, &http.post("/v1/arm", "")),
+            1 => count_other(&mut tally, http.get("/v1/state")),
+            2 => count_arming(&mut tally, &http.post("/v1/arm", "")),
             _ => {
                 tally.sent += 1;
                 let name = format!("client{client}.{}", tally.sent);
-                let (body, begun) = (touch(&mut random).to_string(), Instant::now());
-                match http.request("POST", "/v1/touch", Some(&name), &body) {
+                let (body, begun) = (make_touch(&mut random).to_string(), Instant::now());
+                match http.send_request("POST", "/v1/touch", Some(&name), &body) {
                     Ok(answer) => {
                         tally.times.add(begun.elapsed());
-                        tally.answered(Answered::of(answer.status, &answer.json()));
+                        tally.count_answer(Answered::from_status(answer.status, &answer.parse_json()));
                     }
-                    Err(error) => unanswered(world, (serving, at), &name, &error, &mut tally),
+                    Err(error) => ask_outcome(world, (serving, at), &name, &error, &mut tally),
                 }
             }
         }
         // The first connection to a daemon is not a second one.
         tally.reconnects += http.opened - opened.max(1).min(http.opened);
         known = Some((serving, http));
-        pause(&mut random);
+        pause_randomly(&mut random);
     }
     tally
 }
 
-fn other(tally: &mut Tally, answer: io::Result<Answer>) {
+fn count_other(tally: &mut Tally, answer: io::Result<Answer>) {
     tally.others += u64::from(answer.is_ok());
 }
 
 /// An answer to `POST /v1/arm`. One that did not come is no loss: arming again does no harm.
-fn arm(tally: &mut Tally, answer: &io::Result<Answer>) {
+fn count_arming(tally: &mut Tally, answer: &io::Result<Answer>) {
     if let Ok(answer) = answer {
-        tally.armed(&Answered::of(answer.status, &answer.json()));
+        tally.count_arming(&Answered::from_status(answer.status, &answer.parse_json()));
     }
 }
 
 /// Asks what became of a touch that was not answered, in the way in which it was sent: names are their clients' own.
-fn unanswered(world: &World, (serving, at): (Serving, Place), name: &str, error: &io::Error, tally: &mut Tally) {
+fn ask_outcome(world: &World, (serving, at): (Serving, Endpoint), name: &str, error: &io::Error, tally: &mut Tally) {
     let begun = Instant::now();
     let mut http = Http::new(at);
     let mut last = String::from("nothing");
     while begun.elapsed() < ASK {
-        if !world.is(serving) {
+        if !world.is_current(serving) {
             tally.killed += 1;
             return;
         }
         match http.get(&format!("/v1/requests/{name}")) {
             Ok(answer) => {
-                let told = answer.json();
+                let told = answer.parse_json();
                 if answer.status == 200 && told["state"] != "waiting" {
                     tally.told += 1;
                     return;
@@ -146,15 +146,15 @@ fn unanswered(world: &World, (serving, at): (Serving, Place), name: &str, error:
         }
         std::thread::sleep(LOOK);
     }
-    tally.lost(format!("{name}: {error} ({:?}); asked afterwards: {last}", error.kind()));
+    tally.record_loss(format!("{name}: {error} ({:?}); asked afterwards: {last}", error.kind()));
 }
 
 /// Taps and drags on the live socket, one after the other: the last place of each must be driven and shown, or refused.
-pub fn live(world: &World, client: usize, mut random: Rng) -> Tally {
+pub fn run_live_client(world: &World, client: usize, mut random: Rng) -> Tally {
     let (mut tally, mut known): (Tally, Option<(Serving, Live)>) = Default::default();
     let mut seen = 0;
     while !world.is_over() {
-        let Some(serving) = world.serving() else {
+        let Some(serving) = world.current_daemon() else {
             std::thread::sleep(LOOK);
             continue;
         };
@@ -174,37 +174,37 @@ pub fn live(world: &World, client: usize, mut random: Rng) -> Tally {
         };
         tally.sent += 1;
         let begun = Instant::now();
-        match gesture(&mut live, client, &mut random) {
+        match perform_gesture(&mut live, client, &mut random) {
             Ok(answer) => {
                 // A drag of which a place was refused is waited for.
                 if answer.is_driven() {
                     tally.live_times.add(begun.elapsed());
                 }
-                tally.answered(answer);
+                tally.count_answer(answer);
                 known = Some((serving, live));
             }
             Err(error) => {
                 // What has been said of a kill is said before it.
-                if world.is(serving) {
-                    tally.lost(format!("live{client}.{}: {error}", tally.sent));
+                if world.is_current(serving) {
+                    tally.record_loss(format!("live{client}.{}: {error}", tally.sent));
                 } else {
                     tally.killed += 1;
                 }
             }
         }
-        pause(&mut random);
+        pause_randomly(&mut random);
     }
     tally
 }
 
 /// Puts a finger down, moves it, and lifts it.
-fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered, String> {
+fn perform_gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered, String> {
     let (moves, intensity_g) = (random.u64(0..MOST_MOVES), random.f64());
-    let (mut x_px, mut y_px) = place(random);
+    let (mut x_px, mut y_px) = choose_place_px(random);
     for step in 0..=moves {
         if step > 0 {
             std::thread::sleep(Duration::from_millis(random.u64(2..20)));
-            (x_px, y_px) = place(random);
+            (x_px, y_px) = choose_place_px(random);
         }
         let finger = json!({"id": client, "x_px": x_px, "y_px": y_px, "intensity_g": intensity_g});
         live.send(&json!({"type": "touch", "touches": [finger]}))?;
@@ -220,13 +220,13 @@ fn gesture(live: &mut Live, client: usize, random: &mut Rng) -> Result<Answered,
             Err(error) => return refused.ok_or(error),
         };
         if message["type"] == "plan" && message["touches"][0]["x_px"] == json!(x_px) {
-            return Ok(Answered::shown());
+            return Ok(Answered::from_plan());
         }
         others += u64::from(message["type"] == "plan");
         if message["type"] == "error" {
             let problem = &message["problem"];
             let status = problem["status"].as_u64().and_then(|status| u16::try_from(status).ok());
-            refused = Some(Answered::of(status.unwrap_or(0), problem));
+            refused = Some(Answered::from_status(status.unwrap_or(0), problem));
             if moves == 0 {
                 break;
             }

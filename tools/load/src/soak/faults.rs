@@ -3,10 +3,10 @@
 use super::ledger::{Kind, Ledger};
 use super::slow::{self, End, Slow};
 use super::world::{Serving, World};
-use crate::board::{Bench, Rubbish, Way};
-use crate::daemon::{Daemon, Plan, Takes};
+use crate::board::{Bench, Direction, Rubbish};
+use crate::daemon::{Daemon, Plan, Usage};
 use crate::error::Error;
-use crate::http::{Http, Place, metric};
+use crate::http::{Endpoint, Http, find_metric};
 use era::device::sim::SimControl;
 use fastrand::Rng;
 use std::sync::mpsc;
@@ -24,7 +24,7 @@ const FRAME: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_millis(10);
 /// Between two looks for the loss of the board.
 const LOOK_FOR_LOSS: Duration = Duration::from_millis(1);
-/// Lines that are cut both ways in a round: so that there are some times of their being told; ...
+/// Lines that are cut in both directions in a round: so that there are some times of their being told; ...
 const CUTS: usize = 4;
 /// ... and one way, for each way.
 const CUTS_ONE_WAY: usize = 2;
@@ -58,7 +58,7 @@ pub struct Faults<'a> {
     /// Faults latched by the board that these have counted.
     pub faults: u64,
     /// What the last of them took before it was killed.
-    pub before_kill: Option<Takes>,
+    pub before_kill: Option<Usage>,
 }
 
 /// After how long something was seen; otherwise what was.
@@ -69,12 +69,12 @@ impl Faults<'_> {
     ///
     /// # Errors
     /// What keeps the run from going on.
-    pub fn round(&mut self) -> Result<(), Error> {
-        let serving = self.serving()?;
+    pub fn inject_round(&mut self) -> Result<(), Error> {
+        let serving = self.find_daemon()?;
         let world = self.world;
         std::thread::scope(|threads| -> Result<(), Error> {
             let slow: Vec<_> = (Slow::ALL.iter().cycle().take(SLOW_EACH * Slow::ALL.len()))
-                .map(|slow| (*slow, threads.spawn(move || slow::run(world, serving, *slow))))
+                .map(|slow| (*slow, threads.spawn(move || slow::run_slow_client(world, serving, *slow))))
                 .collect();
             let mut order = [
                 Kind::Unplugged,
@@ -89,46 +89,46 @@ impl Faults<'_> {
             for kind in order {
                 eprintln!("fault: {kind}");
                 match kind {
-                    Kind::Unplugged => self.unplug()?,
-                    Kind::DeadLine => self.cuts(CUTS, kind, &[Way::ToBoard, Way::ToHost])?,
-                    Kind::AnswersLost => self.cuts(CUTS_ONE_WAY, kind, &[Way::ToHost])?,
-                    Kind::RequestsLost => self.cuts(CUTS_ONE_WAY, kind, &[Way::ToBoard])?,
-                    Kind::RubbishToBoard => self.rubbish(Way::ToBoard, kind),
-                    Kind::RubbishToHost => self.rubbish(Way::ToHost, kind),
-                    _ => self.hold()?,
+                    Kind::Unplugged => self.inject_unplugging()?,
+                    Kind::DeadLine => self.inject_cuts(CUTS, kind, &[Direction::ToBoard, Direction::ToHost])?,
+                    Kind::AnswersLost => self.inject_cuts(CUTS_ONE_WAY, kind, &[Direction::ToHost])?,
+                    Kind::RequestsLost => self.inject_cuts(CUTS_ONE_WAY, kind, &[Direction::ToBoard])?,
+                    Kind::RubbishToBoard => self.inject_rubbish(Direction::ToBoard, kind),
+                    Kind::RubbishToHost => self.inject_rubbish(Direction::ToHost, kind),
+                    _ => self.inject_pause()?,
                 }
             }
             eprintln!("fault: waiting for the end of {} slow clients", slow.len());
-            for (way, thread) in slow {
+            for (slow, thread) in slow {
                 let end = thread.join().unwrap_or(End::Unknown);
-                self.slow(way, end);
+                self.record_slow_client(slow, end);
             }
             Ok(())
         })?;
         eprintln!("fault: {}", Kind::Killed);
-        self.kill()
+        self.inject_kill()
     }
 
-    fn serving(&self) -> Result<Serving, Error> {
-        self.world.serving().ok_or_else(|| Error::Answer("no daemon serves".into()))
+    fn find_daemon(&self) -> Result<Serving, Error> {
+        self.world.current_daemon().ok_or_else(|| Error::Answer("no daemon serves".into()))
     }
 
     pub(super) fn control(&self) -> SimControl {
         self.bench.control()
     }
 
-    pub(super) fn http(&self) -> Http {
-        Http::new(Place::Tcp(self.daemon.address))
+    pub(super) fn open_http(&self) -> Http {
+        Http::new(Endpoint::Tcp(self.daemon.address))
     }
 
     /// Drives something, so that there is high voltage to be lost.
-    pub(super) fn drive(&self) -> Result<(), String> {
-        let mut http = self.http();
+    pub(super) fn drive_touch(&self) -> Result<(), String> {
+        let mut http = self.open_http();
         let mut last = String::new();
         for _ in 0..TRIES {
             match http.post("/v1/touch", LONG_TOUCH) {
                 Ok(answer) if answer.status == 200 && self.control().watch().energised => return Ok(()),
-                Ok(answer) => last = format!("{} {}", answer.status, answer.json()["detail"]),
+                Ok(answer) => last = format!("{} {}", answer.status, answer.parse_json()["detail"]),
                 Err(error) => last = error.to_string(),
             }
             std::thread::sleep(LOOK);
@@ -137,13 +137,13 @@ impl Faults<'_> {
     }
 
     /// Waits until a touch is driven.
-    fn driven_again(&self) -> Seen {
-        let (begun, mut http) = (Instant::now(), self.http());
+    fn await_driven_touch(&self) -> Seen {
+        let (begun, mut http) = (Instant::now(), self.open_http());
         let mut last = String::new();
         while begun.elapsed() < AGAIN {
             match http.post("/v1/touch", LONG_TOUCH) {
                 Ok(answer) if answer.status == 200 => return Ok(begun.elapsed()),
-                Ok(answer) => last = format!("{} {}", answer.status, answer.json()["detail"]),
+                Ok(answer) => last = format!("{} {}", answer.status, answer.parse_json()["detail"]),
                 Err(error) => last = error.to_string(),
             }
             std::thread::sleep(LOOK);
@@ -152,138 +152,144 @@ impl Faults<'_> {
     }
 
     /// Waits until the board has switched high voltage off.
-    fn goes_off(&self) -> Seen {
-        until(OFF, || !self.control().watch().energised)
+    fn await_high_voltage_off(&self) -> Seen {
+        wait_until(OFF, || !self.control().watch().energised)
             .ok_or_else(|| format!("the board's high voltage was still on after {} ms", OFF.as_millis()))
     }
 
     /// Waits until a metric is as wanted.
-    fn noticed(&self, what: &str, is_seen: impl Fn(&str) -> bool) -> Seen {
-        let mut http = self.http();
+    fn await_metric(&self, what: &str, is_seen: impl Fn(&str) -> bool) -> Seen {
+        let mut http = self.open_http();
         let mut text = || http.get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned());
-        until(NOTICED, || text().is_ok_and(|text| is_seen(&text)))
+        wait_until(NOTICED, || text().is_ok_and(|text| is_seen(&text)))
             .ok_or_else(|| format!("{what} in {} s", NOTICED.as_secs()))
     }
 
-    fn metrics(&self) -> String {
-        self.http().get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned()).unwrap_or_default()
+    fn fetch_metrics(&self) -> String {
+        self.open_http()
+            .get("/metrics")
+            .map(|answer| String::from_utf8_lossy(&answer.body).into_owned())
+            .unwrap_or_default()
     }
 
     /// Doubts, outages and faults that the daemon has counted so far.
-    fn troubles(text: &str) -> f64 {
+    fn count_troubles(text: &str) -> f64 {
         let names = ["era_device_doubts_total", "era_device_outages_total", "era_device_faults_total"];
-        names.iter().filter_map(|name| metric(text, name)).sum()
+        names.iter().filter_map(|name| find_metric(text, name)).sum()
     }
 
     /// Takes the board away by `lose`; says after how long that was told.
-    pub(super) fn lose(&mut self, lose: impl FnOnce(&mut Bench) -> Result<(), Error>) -> Result<Seen, Error> {
+    pub(super) fn lose_board(&mut self, lose: impl FnOnce(&mut Bench) -> Result<(), Error>) -> Result<Seen, Error> {
         let (address, watched) = (self.daemon.address, mpsc::channel());
         let watcher = std::thread::spawn(move || {
-            let mut http = Http::new(Place::Tcp(address));
+            let mut http = Http::new(Endpoint::Tcp(address));
             let mut is_told = || {
                 let text = http.get("/metrics").map(|answer| String::from_utf8_lossy(&answer.body).into_owned());
-                text.is_ok_and(|text| metric(&text, "era_device_connected") == Some(0.0))
+                text.is_ok_and(|text| find_metric(&text, "era_device_connected") == Some(0.0))
             };
             // The board is there before it is lost, and this connection open.
-            until(NOTICED, || !is_told())?;
+            wait_until(NOTICED, || !is_told())?;
             let _ = watched.0.send(());
-            until_every(LOOK_FOR_LOSS, NOTICED, is_told).map(|_| Instant::now())
+            poll_until(LOOK_FOR_LOSS, NOTICED, is_told).map(|_| Instant::now())
         });
         let _ = watched.1.recv_timeout(NOTICED);
         let begun = Instant::now();
         let lost = lose(&mut self.bench);
-        let off = self.goes_off();
+        let off = self.await_high_voltage_off();
         let told = watcher.join().ok().flatten().map(|told| told.saturating_duration_since(begun));
         lost?;
         if let Some(after) = told {
             self.ledger.losses.add(after);
         }
         let told = told.ok_or_else(|| format!("the loss was not told in {} s", NOTICED.as_secs()));
-        Ok(both(off, told))
+        Ok(later_of(off, told))
     }
 
-    fn unplug(&mut self) -> Result<(), Error> {
-        let driven = self.drive();
-        let before = metric(&self.metrics(), "era_device_outages_total");
-        let seen = self.lose(Bench::unplug)?;
+    fn inject_unplugging(&mut self) -> Result<(), Error> {
+        let driven = self.drive_touch();
+        let before = find_metric(&self.fetch_metrics(), "era_device_outages_total");
+        let seen = self.lose_board(Bench::unplug)?;
         let off = driven.and(seen);
-        let noticed = self.noticed("the outage was not counted", |text| {
-            metric(text, "era_device_outages_total") > before && metric(text, "era_device_connected") == Some(0.0)
+        let noticed = self.await_metric("the outage was not counted", |text| {
+            find_metric(text, "era_device_outages_total") > before
+                && find_metric(text, "era_device_connected") == Some(0.0)
         });
         std::thread::sleep(Duration::from_millis(self.random.u64(0..2000)));
-        self.bench.plug()?;
-        self.ledger.enter(Kind::Unplugged, both(off, noticed), self.driven_again());
+        self.bench.plug_in()?;
+        self.ledger.record(Kind::Unplugged, later_of(off, noticed), self.await_driven_touch());
         Ok(())
     }
 
-    fn cuts(&mut self, count: usize, kind: Kind, ways: &[Way]) -> Result<(), Error> {
-        (0..count).try_for_each(|_| self.cut(kind, ways))
+    fn inject_cuts(&mut self, count: usize, kind: Kind, directions: &[Direction]) -> Result<(), Error> {
+        (0..count).try_for_each(|_| self.inject_cut(kind, directions))
     }
 
-    pub(super) fn cut(&mut self, kind: Kind, ways: &[Way]) -> Result<(), Error> {
-        let driven = self.drive();
-        let before = Self::troubles(&self.metrics());
-        let seen = self.lose(|bench| {
-            bench.cut(ways);
+    pub(super) fn inject_cut(&mut self, kind: Kind, directions: &[Direction]) -> Result<(), Error> {
+        let driven = self.drive_touch();
+        let before = Self::count_troubles(&self.fetch_metrics());
+        let seen = self.lose_board(|bench| {
+            bench.block(directions);
             Ok(())
         })?;
         let lasts = Duration::from_millis(self.random.u64(0..CUT_MS));
-        let stays_off = stays_off(lasts, || self.control().watch().energised);
+        let stays_off = check_stays_off(lasts, || self.control().watch().energised);
         // One that did not go off is named for that.
         let stays_off = if seen.is_ok() { stays_off } else { Ok(Duration::ZERO) };
-        let off = driven.and(both(seen, stays_off));
-        self.bench.cut(&[]);
-        let noticed = self.noticed("neither doubt, outage nor fault was counted", |text| Self::troubles(text) > before);
-        self.ledger.enter(kind, both(off, noticed), self.driven_again());
+        let off = driven.and(later_of(seen, stays_off));
+        self.bench.block(&[]);
+        let noticed = self
+            .await_metric("neither doubt, outage nor fault was counted", |text| Self::count_troubles(text) > before);
+        self.ledger.record(kind, later_of(off, noticed), self.await_driven_touch());
         Ok(())
     }
 
-    fn rubbish(&mut self, way: Way, kind: Kind) {
+    fn inject_rubbish(&mut self, direction: Direction, kind: Kind) {
         for at in 0..BYTES {
-            let Some(mut noticed) = self.spoil(way, at) else { continue };
+            let Some(mut noticed) = self.spoil_frame(direction, at) else { continue };
             if noticed.is_err() {
                 // On a busy machine it may have been a frame that was sent again while its answer was on the way: nobody misses that.
-                noticed = self.spoil(way, at).unwrap_or(noticed);
+                noticed = self.spoil_frame(direction, at).unwrap_or(noticed);
             }
-            let again = self.driven_again();
-            self.ledger.enter(kind, noticed, again);
+            let again = self.await_driven_touch();
+            self.ledger.record(kind, noticed, again);
         }
     }
 
     /// Puts rubbish into a frame, before this byte; `None` if no frame was long enough.
-    fn spoil(&mut self, way: Way, at: usize) -> Option<Seen> {
+    fn spoil_frame(&mut self, direction: Direction, at: usize) -> Option<Seen> {
         let links = |text: &str| {
             let names = ["era_link_repeats_total", "era_link_bad_frames_total", "era_device_outages_total"];
-            names.map(|name| metric(text, name))
+            names.map(|name| find_metric(text, name))
         };
-        let before = links(&self.metrics());
+        let before = links(&self.fetch_metrics());
         let length = self.random.usize(1..16);
         let bytes = (0..length).map(|_| self.random.u8(1..)).collect();
-        self.bench.disturb(Rubbish { way, at, bytes });
-        let taken = until(FRAME, || self.bench.is_calm()).is_some();
-        if !taken && self.bench.calm() {
+        self.bench.insert_rubbish(Rubbish { direction, at, bytes });
+        let taken = wait_until(FRAME, || self.bench.has_no_pending_rubbish()).is_some();
+        if !taken && self.bench.withdraw_rubbish() {
             return None;
         }
-        Some(self.noticed(&format!("neither repeat nor bad frame for byte {at}"), |text| {
+        Some(self.await_metric(&format!("neither repeat nor bad frame for byte {at}"), |text| {
             let now = links(text);
             now.iter().all(Option::is_some) && now != before
         }))
     }
 
-    fn hold(&mut self) -> Result<(), Error> {
-        let driven = self.drive();
-        let before = Self::troubles(&self.metrics());
-        self.daemon.hold(true)?;
-        let off = driven.and_then(|()| self.goes_off());
+    fn inject_pause(&mut self) -> Result<(), Error> {
+        let driven = self.drive_touch();
+        let before = Self::count_troubles(&self.fetch_metrics());
+        self.daemon.set_paused(true)?;
+        let off = driven.and_then(|()| self.await_high_voltage_off());
         std::thread::sleep(Duration::from_millis(self.random.u64(0..3000)));
-        self.daemon.hold(false)?;
-        let noticed = self.noticed("neither outage nor fault was counted", |text| Self::troubles(text) > before);
-        self.ledger.enter(Kind::Held, both(off, noticed), self.driven_again());
+        self.daemon.set_paused(false)?;
+        let noticed =
+            self.await_metric("neither outage nor fault was counted", |text| Self::count_troubles(text) > before);
+        self.ledger.record(Kind::Held, later_of(off, noticed), self.await_driven_touch());
         Ok(())
     }
 
-    fn slow(&mut self, way: Slow, end: End) {
-        let kind = match way {
+    fn record_slow_client(&mut self, slow: Slow, end: End) {
+        let kind = match slow {
             Slow::Nothing => Kind::SlowNothing,
             Slow::HalfHeader => Kind::SlowHeader,
             Slow::HalfBody => Kind::SlowBody,
@@ -294,34 +300,34 @@ impl Faults<'_> {
             End::Borne => Err("the daemon still serves it".into()),
             End::Unknown => return,
         };
-        let again = self.driven_again();
-        self.ledger.enter(kind, detected, again);
+        let again = self.await_driven_touch();
+        self.ledger.record(kind, detected, again);
     }
 
-    fn kill(&mut self) -> Result<(), Error> {
-        let driven = self.drive();
-        self.outages += self.counted("era_device_outages_total");
-        self.faults += self.counted("era_device_faults_total");
-        self.before_kill = Some(self.daemon.takes());
-        self.world.ends();
+    fn inject_kill(&mut self) -> Result<(), Error> {
+        let driven = self.drive_touch();
+        self.outages += self.read_count("era_device_outages_total");
+        self.faults += self.read_count("era_device_faults_total");
+        self.before_kill = Some(self.daemon.read_usage());
+        self.world.clear_daemon();
         self.daemon.kill();
-        let off = driven.and_then(|()| self.goes_off());
+        let off = driven.and_then(|()| self.await_high_voltage_off());
         self.daemon = Daemon::start(&self.plan)?;
-        self.world.begins(self.daemon.address);
-        self.ledger.enter(Kind::Killed, off, self.driven_again());
+        self.world.set_daemon(self.daemon.address);
+        self.ledger.record(Kind::Killed, off, self.await_driven_touch());
         Ok(())
     }
 
     /// What the present daemon has counted of something.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-    pub fn counted(&self, name: &str) -> u64 {
-        metric(&self.metrics(), name).unwrap_or(0.0) as u64
+    pub fn read_count(&self, name: &str) -> u64 {
+        find_metric(&self.fetch_metrics(), name).unwrap_or(0.0) as u64
     }
 }
 
 /// The later of two, both of which have to be seen.
-fn both(one: Seen, other: Seen) -> Seen {
+fn later_of(one: Seen, other: Seen) -> Seen {
     match (one, other) {
         (Ok(one), Ok(other)) => Ok(one.max(other)),
         (Err(one), Err(other)) => Err(format!("{one}; {other}")),
@@ -330,20 +336,20 @@ fn both(one: Seen, other: Seen) -> Seen {
 }
 
 /// Looks for as long as that whether high voltage is on again: a board that hears, and that nobody hears, must not be armed.
-pub(super) fn stays_off(lasts: Duration, is_on: impl FnMut() -> bool) -> Seen {
-    match until(lasts, is_on) {
+pub(super) fn check_stays_off(lasts: Duration, is_on: impl FnMut() -> bool) -> Seen {
+    match wait_until(lasts, is_on) {
         Some(after) => Err(format!("the board's high voltage was on again {} ms later", after.as_millis())),
         None => Ok(Duration::ZERO),
     }
 }
 
 /// After how long something is so, if that comes in time.
-pub(super) fn until(longest: Duration, is_so: impl FnMut() -> bool) -> Option<Duration> {
-    until_every(LOOK, longest, is_so)
+pub(super) fn wait_until(longest: Duration, is_so: impl FnMut() -> bool) -> Option<Duration> {
+    poll_until(LOOK, longest, is_so)
 }
 
 /// The same with another time between two looks.
-fn until_every(look: Duration, longest: Duration, mut is_so: impl FnMut() -> bool) -> Option<Duration> {
+fn poll_until(look: Duration, longest: Duration, mut is_so: impl FnMut() -> bool) -> Option<Duration> {
     let begun = Instant::now();
     loop {
         if is_so() {

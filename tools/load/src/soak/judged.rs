@@ -4,13 +4,13 @@
 //! shows that. Each test plants one mistake and goes the whole way from the board or the daemon to the words of the verdict; all
 //! tests of this crate take 8 s. Thresholds alone are tested beside them (`growth.rs`, `report.rs`).
 
-use super::faults::{Faults, stays_off, until};
+use super::faults::{Faults, check_stays_off, wait_until};
 use super::ledger::{Kind, Ledger};
 use super::tally::Tally;
 use super::world::World;
-use super::{Options, clients, load, report};
-use crate::board::{Bench, Way, table};
-use crate::daemon::{Daemon, Plan, Takes};
+use super::{Options, clients, make_report, run_load};
+use crate::board::{Bench, Direction, build_plan_table};
+use crate::daemon::{Daemon, Plan, Usage};
 use era::daemon::{Access, App, Background};
 use era::device::session::policy::Policy;
 use era::device::sim::{Knobs, Mistakes};
@@ -33,7 +33,7 @@ static OPTIONS: LazyLock<Options> =
     LazyLock::new(|| Options { minutes: 1.0, faults: false, seed: 1, program: PathBuf::new() });
 
 /// A program that says it serves at `address`, and then does `then`.
-fn program(folder: &Path, address: SocketAddr, then: &str) -> PathBuf {
+fn write_program(folder: &Path, address: SocketAddr, then: &str) -> PathBuf {
     let path = folder.join("era");
     let script = format!("#!/bin/sh\necho 'ready after 0 s: open http://{address}, nothing else' >&2\n{then}\n");
     std::fs::write(&path, script).unwrap();
@@ -41,21 +41,21 @@ fn program(folder: &Path, address: SocketAddr, then: &str) -> PathBuf {
     path
 }
 
-fn plan(folder: &Path, program: PathBuf) -> Plan {
+fn make_plan(folder: &Path, program: PathBuf) -> Plan {
     let [device, socket, cache] = ["board", "era.sock", "cache"].map(|name| folder.join(name));
     Plan { program, device, socket, cache, clears_silence: true }
 }
 
 /// The verdict on a board with `mistakes` after `act`, behind a daemon in this process. What is started as the daemon only sleeps.
-fn verdict(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Option<String> {
+fn verdict_on_board(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Option<String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("board");
     let bench = Bench::new(path.clone()).unwrap();
     let device = OpenDevice::absent(&Target::Serial(path.to_str().unwrap().into())).unwrap();
     let policy = Policy { clears_silence: true, arms_after_outage: true, ..Policy::default() };
-    let app = App::with(table().unwrap(), device, EXAMPLE_PLATE.into(), policy, Access::default()).unwrap();
+    let app = App::with(build_plan_table().unwrap(), device, EXAMPLE_PLATE.into(), policy, Access::default()).unwrap();
     let background = Background::start(app).unwrap();
-    judged(folder.path(), bench, background.address(), |faults| {
+    judge(folder.path(), bench, background.address(), |faults| {
         faults.daemon.await_device().unwrap();
         faults.control().set_knobs(Knobs { mistakes, ..Knobs::default() });
         act(faults);
@@ -63,35 +63,35 @@ fn verdict(mistakes: Mistakes, act: impl FnOnce(&mut Faults<'_>)) -> Option<Stri
 }
 
 /// The verdict on what serves at `address` after `act`, with a board that it does not know.
-fn verdict_on(address: SocketAddr, act: impl FnOnce(&mut Faults<'_>)) -> Option<String> {
+fn verdict_on_address(address: SocketAddr, act: impl FnOnce(&mut Faults<'_>)) -> Option<String> {
     let folder = tempfile::tempdir().unwrap();
     let bench = Bench::new(folder.path().join("board")).unwrap();
-    judged(folder.path(), bench, address, act)
+    judge(folder.path(), bench, address, act)
 }
 
-fn judged(folder: &Path, bench: Bench, address: SocketAddr, act: impl FnOnce(&mut Faults<'_>)) -> Option<String> {
-    let plan = plan(folder, program(folder, address, "exec sleep 600"));
+fn judge(folder: &Path, bench: Bench, address: SocketAddr, act: impl FnOnce(&mut Faults<'_>)) -> Option<String> {
+    let plan = make_plan(folder, write_program(folder, address, "exec sleep 600"));
     let daemon = Daemon::start(&plan).unwrap();
-    let (world, at_start) = (World::default(), daemon.takes());
-    world.begins(daemon.address);
+    let (world, at_start) = (World::default(), daemon.read_usage());
+    world.set_daemon(daemon.address);
     let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
     let mut faults =
         Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, faults: 0, before_kill: None };
     act(&mut faults);
-    let report = report(&OPTIONS, Instant::now(), at_start, Tally::one_driven(), faults);
-    println!("{}", report.text());
-    report.verdict()
+    let report = make_report(&OPTIONS, Instant::now(), at_start, Tally::one_driven(), faults);
+    println!("{}", report.format_table());
+    report.find_failures()
 }
 
-fn strong(faults: &mut Faults<'_>) {
-    let answer = faults.http().post("/v1/touch", STRONG).unwrap();
-    assert_eq!(answer.status, 200, "{}", answer.json());
+fn drive_strongly(faults: &mut Faults<'_>) {
+    let answer = faults.open_http().post("/v1/touch", STRONG).unwrap();
+    assert_eq!(answer.status, 200, "{}", answer.parse_json());
 }
 
 #[test]
 fn a_sound_board_at_full_strength_is_no_reason_for_a_verdict() {
-    let sound = verdict(Mistakes::default(), |faults| {
-        strong(faults);
+    let sound = verdict_on_board(Mistakes::default(), |faults| {
+        drive_strongly(faults);
         std::thread::sleep(Duration::from_secs(1));
         let travel = faults.control().watch().travel_part;
         assert!(travel > 0.02, "it was not driven: {travel}");
@@ -102,9 +102,9 @@ fn a_sound_board_at_full_strength_is_no_reason_for_a_verdict() {
 #[test]
 fn both_electrodes_on_together_are_named() {
     let mistakes = Mistakes { both_electrodes: true, ..Mistakes::default() };
-    let found = verdict(mistakes, |faults| {
-        faults.drive().unwrap();
-        until(WAIT, || faults.control().watch().overlaps > 0).expect("they are on together");
+    let found = verdict_on_board(mistakes, |faults| {
+        faults.drive_touch().unwrap();
+        wait_until(WAIT, || faults.control().watch().overlaps > 0).expect("they are on together");
     });
     assert!(found.as_ref().is_some_and(|found| found.contains("both electrodes of an ERA were on")), "{found:?}");
 }
@@ -112,9 +112,9 @@ fn both_electrodes_on_together_are_named() {
 #[test]
 fn travel_beyond_the_limit_is_named() {
     let mistakes = Mistakes { rails_percent: Some(300), ..Mistakes::default() };
-    let found = verdict(mistakes, |faults| {
-        strong(faults);
-        until(WAIT, || faults.control().watch().travel_part > 0.5).expect("it is pulled in");
+    let found = verdict_on_board(mistakes, |faults| {
+        drive_strongly(faults);
+        wait_until(WAIT, || faults.control().watch().travel_part > 0.5).expect("it is pulled in");
     });
     assert!(found.as_ref().is_some_and(|found| found.contains("a mass travelled")), "{found:?}");
 }
@@ -123,8 +123,9 @@ fn travel_beyond_the_limit_is_named() {
 #[test]
 fn high_voltage_that_stays_on_is_named() {
     let mistakes = Mistakes { deaf_to_silence: true, ..Mistakes::default() };
-    let both_ways = [Way::ToBoard, Way::ToHost];
-    let found = verdict(mistakes, |faults| faults.cut(Kind::DeadLine, &both_ways).unwrap()).expect("a verdict");
+    let both_directions = [Direction::ToBoard, Direction::ToHost];
+    let found = verdict_on_board(mistakes, |faults| faults.inject_cut(Kind::DeadLine, &both_directions).unwrap())
+        .expect("a verdict");
     assert!(found.contains("looks after the dead-man time"), "{found}");
     assert!(
         found.contains("line dead for a while: not detected: the board's high voltage was still on after"),
@@ -137,7 +138,9 @@ fn high_voltage_that_stays_on_is_named() {
 #[test]
 fn a_board_that_goes_on_while_its_answers_are_lost_is_named() {
     let mistakes = Mistakes { deaf_to_stops: true, ..Mistakes::default() };
-    let found = verdict(mistakes, |faults| faults.cut(Kind::AnswersLost, &[Way::ToHost]).unwrap()).expect("a verdict");
+    let found =
+        verdict_on_board(mistakes, |faults| faults.inject_cut(Kind::AnswersLost, &[Direction::ToHost]).unwrap())
+            .expect("a verdict");
     let named = "answers lost, requests heard: not detected: the board's high voltage was still on after";
     assert!(found.contains(named), "{found}");
 }
@@ -145,7 +148,8 @@ fn a_board_that_goes_on_while_its_answers_are_lost_is_named() {
 #[test]
 fn a_board_that_goes_on_while_requests_are_lost_is_named() {
     let mistakes = Mistakes { deaf_to_silence: true, ..Mistakes::default() };
-    let found = verdict(mistakes, |faults| faults.cut(Kind::RequestsLost, &[Way::ToBoard]).unwrap());
+    let found =
+        verdict_on_board(mistakes, |faults| faults.inject_cut(Kind::RequestsLost, &[Direction::ToBoard]).unwrap());
     let named = "requests lost, answers heard: not detected: the board's high voltage was still on after";
     assert!(found.as_ref().is_some_and(|found| found.contains(named)), "{found:?}");
 }
@@ -157,13 +161,13 @@ fn high_voltage_that_comes_again_is_named() {
         looks += 1;
         looks == 3
     };
-    let found = stays_off(WAIT, third).unwrap_err();
+    let found = check_stays_off(WAIT, third).unwrap_err();
     assert!(found.contains("the board's high voltage was on again"), "{found}");
-    assert!(stays_off(Duration::ZERO, || false).is_ok());
+    assert!(check_stays_off(Duration::ZERO, || false).is_ok());
 }
 
 /// Says at `/metrics` that the board is there until some time after `lost` is set.
-fn slow_to_tell(lost: Arc<OnceLock<Instant>>, after: Duration) -> SocketAddr {
+fn serve_late_loss(lost: Arc<OnceLock<Instant>>, after: Duration) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     std::thread::spawn(move || {
@@ -187,10 +191,10 @@ fn slow_to_tell(lost: Arc<OnceLock<Instant>>, after: Duration) -> SocketAddr {
 #[test]
 fn a_loss_that_is_told_late_is_named() {
     let lost = Arc::new(OnceLock::new());
-    let address = slow_to_tell(Arc::clone(&lost), Duration::from_millis(150));
-    let found = verdict_on(address, |faults| {
+    let address = serve_late_loss(Arc::clone(&lost), Duration::from_millis(150));
+    let found = verdict_on_address(address, |faults| {
         let told = faults
-            .lose(|_| {
+            .lose_board(|_| {
                 let _ = lost.set(Instant::now());
                 Ok(())
             })
@@ -202,7 +206,7 @@ fn a_loss_that_is_told_late_is_named() {
 }
 
 /// Has a board that has latched a fault, and refuses every touch; ends the world after some.
-fn refusing(world: Arc<World>) -> SocketAddr {
+fn serve_refusals(world: Arc<World>) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     std::thread::spawn(move || {
@@ -226,7 +230,7 @@ fn refusing(world: Arc<World>) -> SocketAddr {
             let head = format!("HTTP/1.1 {status}\r\nConnection: close\r\nContent-Length: {}\r\n\r\n", text.len());
             let _ = stream.write_all(format!("{head}{text}").as_bytes());
             if asked >= 20 {
-                world.finish();
+                world.end_clients();
             }
         }
     });
@@ -236,13 +240,13 @@ fn refusing(world: Arc<World>) -> SocketAddr {
 #[test]
 fn a_daemon_that_refuses_every_touch_is_named() {
     let world = Arc::new(World::default());
-    let address = refusing(Arc::clone(&world));
-    world.begins(address);
-    let tally = clients::http(&world, None, 0, Rng::with_seed(1));
-    let found = super::report::tests::of(tally).verdict().unwrap();
+    let address = serve_refusals(Arc::clone(&world));
+    world.set_daemon(address);
+    let tally = clients::run_http_client(&world, None, 0, Rng::with_seed(1));
+    let found = super::report::tests::report_of(tally).find_failures().unwrap();
     assert!(found.contains("no touch was driven") && found.contains("with 409 device-fault"), "{found}");
     // Its board's fault is counted whatever became of touches.
-    let found = verdict_on(address, |_| {}).unwrap();
+    let found = verdict_on_address(address, |_| {}).unwrap();
     assert!(found.contains("the board has latched 1 faults, and 0 were injected"), "{found}");
 }
 
@@ -257,16 +261,16 @@ fn verdict_after_opening(files: &[u32]) -> Option<String> {
         asked.display(),
         opened.display()
     );
-    let plan = plan(folder.path(), program(folder.path(), "127.0.0.1:9".parse().unwrap(), &then));
+    let plan = make_plan(folder.path(), write_program(folder.path(), "127.0.0.1:9".parse().unwrap(), &then));
     let daemon = Daemon::start(&plan).unwrap();
-    let warm = daemon.takes();
+    let warm = daemon.read_usage();
     let (world, bench) = (World::default(), Bench::new(path("board")).unwrap());
     let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
     let faults =
         Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, faults: 0, before_kill: None };
     std::fs::write(asked, "").unwrap();
-    until(WAIT, || opened.exists()).expect("it has opened them");
-    report(&OPTIONS, Instant::now(), warm, Tally::one_driven(), faults).verdict()
+    wait_until(WAIT, || opened.exists()).expect("it has opened them");
+    make_report(&OPTIONS, Instant::now(), warm, Tally::one_driven(), faults).find_failures()
 }
 
 #[test]
@@ -277,7 +281,7 @@ fn a_daemon_that_opens_more_and_more_is_named() {
 }
 
 /// Closes connections on which a touch came, and knows nothing of any; ends the world at the first.
-fn forgetful(world: Arc<World>) -> SocketAddr {
+fn serve_forgetfully(world: Arc<World>) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     std::thread::spawn(move || {
@@ -286,7 +290,7 @@ fn forgetful(world: Arc<World>) -> SocketAddr {
             let _ = BufReader::new(&stream).read_line(&mut first);
             match first.starts_with("GET /v1/requests/") {
                 true => {
-                    world.finish();
+                    world.end_clients();
                     let _ = (&stream).write_all(b"HTTP/1.1 404 Not Found\r\nContent-Length: 2\r\n\r\n{}");
                 }
                 false => drop(stream),
@@ -299,45 +303,47 @@ fn forgetful(world: Arc<World>) -> SocketAddr {
 #[test]
 fn a_touch_without_an_answer_is_named() {
     let world = Arc::new(World::default());
-    world.begins(forgetful(Arc::clone(&world)));
-    let tally = clients::http(&world, None, 0, Rng::with_seed(1));
+    world.set_daemon(serve_forgetfully(Arc::clone(&world)));
+    let tally = clients::run_http_client(&world, None, 0, Rng::with_seed(1));
     assert!(tally.lost > 0 && tally.losses.iter().all(|loss| loss.contains("client0.")), "{:?}", tally.losses);
-    assert!(super::report::tests::of(tally).verdict().unwrap().contains("touches were lost"));
+    assert!(super::report::tests::report_of(tally).find_failures().unwrap().contains("touches were lost"));
 }
 
 #[test]
 fn a_gesture_without_an_answer_is_named() {
     let world = Arc::new(World::default());
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    world.begins(listener.local_addr().unwrap());
+    world.set_daemon(listener.local_addr().unwrap());
     let over = Arc::clone(&world);
     let server = std::thread::spawn(move || {
         let (stream, _) = listener.accept().unwrap();
         let mut socket = tungstenite::accept(stream).unwrap();
         // One word of it, and the page is left alone.
         let _ = socket.read();
-        over.finish();
+        over.end_clients();
     });
-    let tally = clients::live(&world, 0, Rng::with_seed(1));
+    let tally = clients::run_live_client(&world, 0, Rng::with_seed(1));
     server.join().unwrap();
     assert_eq!((tally.sent, tally.lost), (1, 1), "{:?}", tally.losses);
-    assert!(super::report::tests::of(tally).verdict().unwrap().contains("touches were lost"));
+    assert!(super::report::tests::report_of(tally).find_failures().unwrap().contains("touches were lost"));
 }
 
 #[test]
 fn a_daemon_that_ends_by_itself_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let address = "127.0.0.1:9".parse().unwrap();
-    let plan = plan(folder.path(), program(folder.path(), address, "echo 'out of everything' >&2; exit 1"));
+    let plan = make_plan(folder.path(), write_program(folder.path(), address, "echo 'out of everything' >&2; exit 1"));
     let bench = Bench::new(folder.path().join("board")).unwrap();
     let daemon = Daemon::start(&plan).unwrap();
     let world = World::default();
     let (ledger, random) = (Ledger::default(), Rng::with_seed(1));
     let mut faults =
         Faults { world: &world, bench, plan, daemon, ledger, random, outages: 0, faults: 0, before_kill: None };
-    until(WAIT, || faults.daemon.has_ended() && faults.daemon.log().contains("out of")).expect("its last words");
-    let error = load(&OPTIONS, Instant::now(), &mut faults).unwrap_err().to_string();
+    wait_until(WAIT, || faults.daemon.has_ended() && faults.daemon.recent_log().contains("out of"))
+        .expect("its last words");
+    let error = run_load(&OPTIONS, Instant::now(), &mut faults).unwrap_err().to_string();
     assert!(error.contains("the daemon has ended by itself") && error.contains("out of everything"), "{error}");
-    let found = report(&OPTIONS, Instant::now(), Takes::default(), Tally::one_driven(), faults).verdict().unwrap();
+    let found =
+        make_report(&OPTIONS, Instant::now(), Usage::default(), Tally::one_driven(), faults).find_failures().unwrap();
     assert!(found.contains("the daemon has ended by itself") && found.contains("out of everything"), "{found}");
 }

@@ -80,8 +80,8 @@ pub struct Ledger {
 }
 
 impl Ledger {
-    /// Enters a fault: after how long it was detected and recovered from, or what was seen instead.
-    pub fn enter(&mut self, kind: Kind, detected: Result<Duration, String>, recovered: Result<Duration, String>) {
+    /// Records a fault: after how long it was detected and recovered from, or what was seen instead.
+    pub fn record(&mut self, kind: Kind, detected: Result<Duration, String>, recovered: Result<Duration, String>) {
         let count = self.counts.entry(kind).or_default();
         count.injected += 1;
         let mut misses = Vec::new();
@@ -101,7 +101,7 @@ impl Ledger {
 
     /// Faults that the board may have latched for what was injected: one for each time that it, or the daemon, may have heard nothing.
     #[must_use]
-    pub fn may_have_latched(&self) -> u64 {
+    pub fn count_possible_latches(&self) -> u64 {
         let is_of_clients =
             |kind: &Kind| matches!(kind, Kind::SlowNothing | Kind::SlowHeader | Kind::SlowBody | Kind::SlowReader);
         self.counts.iter().filter(|(kind, _)| !is_of_clients(kind)).map(|(_, count)| count.injected).sum()
@@ -109,7 +109,7 @@ impl Ledger {
 
     /// All kinds together.
     #[must_use]
-    pub fn total(&self) -> Count {
+    pub fn sum_counts(&self) -> Count {
         self.counts.values().fold(Count::default(), |sum, count| Count {
             injected: sum.injected + count.injected,
             detected: sum.detected + count.detected,
@@ -127,9 +127,9 @@ mod tests {
     #[test]
     fn what_is_not_seen_is_a_miss() {
         let mut ledger = Ledger::default();
-        ledger.enter(Kind::Held, Ok(Duration::from_millis(3)), Ok(Duration::ZERO));
-        ledger.enter(Kind::Held, Ok(Duration::from_millis(2)), Err("no answer".into()));
-        let total = ledger.total();
+        ledger.record(Kind::Held, Ok(Duration::from_millis(3)), Ok(Duration::ZERO));
+        ledger.record(Kind::Held, Ok(Duration::from_millis(2)), Err("no answer".into()));
+        let total = ledger.sum_counts();
         assert_eq!((total.injected, total.detected, total.recovered), (2, 2, 1));
         assert_eq!((total.detection, ledger.misses.len()), (Duration::from_millis(3), 1));
     }

@@ -12,7 +12,7 @@ mod tally;
 mod world;
 
 use crate::board::Bench;
-use crate::daemon::{Daemon, Plan, Takes};
+use crate::daemon::{Daemon, Plan, Usage};
 use crate::error::Error;
 use clap::Args;
 use fastrand::Rng;
@@ -42,7 +42,7 @@ const TELL: Duration = Duration::from_secs(10);
 #[derive(Args, Clone, Debug)]
 pub struct Options {
     /// How long, in minutes; with faults, the last round of them is ended
-    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = crate::positive)]
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = crate::parse_positive)]
     minutes: f64,
     /// Inject faults
     #[arg(long)]
@@ -59,7 +59,7 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::NotStood`] if something was lost, missed, told late, ever growing or unsafe, and what keeps the run from going on.
-pub fn run(options: &Options) -> Result<(), Error> {
+pub fn run_soak(options: &Options) -> Result<(), Error> {
     let folder = tempfile::tempdir().map_err(Error::system("no folder for sockets"))?;
     let bench = Bench::new(folder.path().join("board"))?;
     let plan = Plan {
@@ -72,7 +72,7 @@ pub fn run(options: &Options) -> Result<(), Error> {
     let daemon = Daemon::start(&plan)?;
     daemon.await_device()?;
     let world = Arc::new(World::default());
-    world.begins(daemon.address);
+    world.set_daemon(daemon.address);
     let mut random = Rng::with_seed(options.seed);
     let socket = plan.socket.clone();
     let mut faults = Faults {
@@ -92,37 +92,37 @@ pub fn run(options: &Options) -> Result<(), Error> {
     for client in 0..TCP_CLIENTS + SOCKET_CLIENTS {
         let (world, random) = (Arc::clone(&world), random.fork());
         let socket = (client >= TCP_CLIENTS).then(|| socket.clone());
-        threads.push(std::thread::spawn(move || clients::http(&world, socket.as_deref(), client, random)));
+        threads.push(std::thread::spawn(move || clients::run_http_client(&world, socket.as_deref(), client, random)));
     }
     for client in 0..LIVE_CLIENTS {
         let (world, random) = (Arc::clone(&world), random.fork());
-        threads.push(std::thread::spawn(move || clients::live(&world, client, random)));
+        threads.push(std::thread::spawn(move || clients::run_live_client(&world, client, random)));
     }
     std::thread::sleep(WARM);
-    let at_start = faults.daemon.takes();
-    let result = load(options, begun, &mut faults);
-    world.finish();
+    let at_start = faults.daemon.read_usage();
+    let result = run_load(options, begun, &mut faults);
+    world.end_clients();
     let mut tally = Tally::default();
     for thread in threads {
         match thread.join() {
-            Ok(one) => tally.join(one),
-            Err(_) => tally.lost("a client has panicked".into()),
+            Ok(one) => tally.merge(one),
+            Err(_) => tally.record_loss("a client has panicked".into()),
         }
     }
     result?;
     std::thread::sleep(REST);
-    let report = report(options, begun, at_start, tally, faults);
-    println!("{}", report.text());
-    match report.verdict() {
+    let report = make_report(options, begun, at_start, tally, faults);
+    println!("{}", report.format_table());
+    match report.find_failures() {
         None => Ok(()),
         Some(what) => Err(Error::NotStood(what)),
     }
 }
 
 /// What has become of all.
-fn report(options: &Options, begun: Instant, at_start: Takes, tally: Tally, faults: Faults<'_>) -> Report {
-    let outages = faults.outages + faults.counted("era_device_outages_total");
-    let latched = faults.faults + faults.counted("era_device_faults_total");
+fn make_report(options: &Options, begun: Instant, at_start: Usage, tally: Tally, faults: Faults<'_>) -> Report {
+    let outages = faults.outages + faults.read_count("era_device_outages_total");
+    let latched = faults.faults + faults.read_count("era_device_faults_total");
     let Faults { bench, mut daemon, ledger, before_kill, .. } = faults;
     Report {
         seed: options.seed,
@@ -134,23 +134,26 @@ fn report(options: &Options, begun: Instant, at_start: Takes, tally: Tally, faul
         latched,
         at_start,
         before_kill,
-        at_end: daemon.takes(),
+        at_end: daemon.read_usage(),
         watch: bench.control().watch(),
-        ended: daemon.has_ended().then(|| daemon.log()),
+        ended: daemon.has_ended().then(|| daemon.recent_log()),
     }
 }
 
 /// Lets clients and faults go on until the time is over.
-fn load(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Result<(), Error> {
+fn run_load(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Result<(), Error> {
     let lasts = Duration::from_secs_f64(options.minutes * 60.0);
     let mut told = Instant::now();
     while begun.elapsed() < lasts {
         if faults.daemon.has_ended() {
-            return Err(Error::Answer(format!("the daemon has ended by itself; it said:\n{}", faults.daemon.log())));
+            return Err(Error::Answer(format!(
+                "the daemon has ended by itself; it said:\n{}",
+                faults.daemon.recent_log()
+            )));
         }
         if options.faults {
-            faults.round()?;
-            let total = faults.ledger.total();
+            faults.inject_round()?;
+            let total = faults.ledger.sum_counts();
             eprintln!(
                 "{:.0} s: {} faults, {} recovered",
                 begun.elapsed().as_secs_f64(),
@@ -162,7 +165,7 @@ fn load(options: &Options, begun: Instant, faults: &mut Faults<'_>) -> Result<()
         std::thread::sleep(Duration::from_millis(200).min(lasts.saturating_sub(begun.elapsed())));
         if told.elapsed() >= TELL {
             told = Instant::now();
-            let takes = faults.daemon.takes();
+            let takes = faults.daemon.read_usage();
             eprintln!("{:.0} s: {} kB, {} handles", begun.elapsed().as_secs_f64(), takes.memory_kb, takes.handles);
         }
     }

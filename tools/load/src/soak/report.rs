@@ -1,9 +1,9 @@
 //! The table at the end.
 
-use super::growth::growth;
+use super::growth::describe_growth;
 use super::ledger::Ledger;
 use super::tally::Tally;
-use crate::daemon::Takes;
+use crate::daemon::Usage;
 use era::device::sim::Watch;
 use std::fmt::Write;
 use std::time::Duration;
@@ -33,11 +33,11 @@ pub struct Report {
     /// Faults that the board has latched, as the daemons have counted them.
     pub latched: u64,
     /// What the first daemon took when it was warm.
-    pub at_start: Takes,
+    pub at_start: Usage,
     /// What the last one that was killed took before that, after a round of faults.
-    pub before_kill: Option<Takes>,
+    pub before_kill: Option<Usage>,
     /// What the last one took after its last client.
-    pub at_end: Takes,
+    pub at_end: Usage,
     /// What the board has seen.
     pub watch: Watch,
     /// The log of a daemon that has ended by itself.
@@ -46,7 +46,7 @@ pub struct Report {
 
 impl Report {
     /// Unsafe states that the board was in, in words.
-    fn unsafe_states(&self) -> Vec<String> {
+    fn describe_unsafe_states(&self) -> Vec<String> {
         let Watch { travel_part, overlaps, late, .. } = self.watch;
         let mut found = Vec::new();
         if travel_part > PULL_IN {
@@ -62,10 +62,10 @@ impl Report {
     }
 
     /// Losses of the board that were told too late, in words.
-    fn late_losses(&self) -> Option<String> {
+    fn describe_late_losses(&self) -> Option<String> {
         let losses = &self.ledger.losses;
-        let late = losses.beyond(LOSS_TOLD_MS);
-        let longest = losses.longest().filter(|_| late > 0)?;
+        let late = losses.count_longer(LOSS_TOLD_MS);
+        let longest = losses.longest_ms().filter(|_| late > 0)?;
         let of = losses.len();
         Some(format!(
             "{late} of {of} losses of the board were told after more than {LOSS_TOLD_MS} ms, the last after {longest:.0} ms"
@@ -73,72 +73,72 @@ impl Report {
     }
 
     /// Touches that were not driven though they should have been, in words.
-    fn refusals(&self) -> Vec<String> {
+    fn describe_refusals(&self) -> Vec<String> {
         let (tally, mut found) = (&self.tally, Vec::new());
-        if tally.sent > 0 && tally.driven() == 0 {
+        if tally.sent > 0 && tally.count_driven() == 0 {
             found.push("no touch was driven".into());
         }
         if !tally.arming.is_empty() && !tally.arming.contains_key("200") {
             found.push("nothing armed the board by hand".into());
         }
-        let (count, kinds) = tally.unexpected(self.injects);
-        if count * UNEXPECTED > tally.all_answered() + tally.arming.values().sum::<u64>() {
+        let (count, kinds) = tally.find_unexpected(self.injects);
+        if count * UNEXPECTED > tally.count_answered() + tally.arming.values().sum::<u64>() {
             found.push(format!("{count} requests were refused for what nothing here asks for: {}", kinds.join(", ")));
         }
         found
     }
 
     /// Faults that nobody has injected, in words.
-    fn faults(&self) -> Option<String> {
-        let injected = self.ledger.may_have_latched();
+    fn describe_faults(&self) -> Option<String> {
+        let injected = self.ledger.count_possible_latches();
         let Self { latched, .. } = self;
         (*latched > injected).then(|| format!("the board has latched {latched} faults, and {injected} were injected"))
     }
 
     /// What the daemon takes more and more of, in words. One that has ended by itself takes nothing.
-    fn growth(&self) -> Vec<String> {
+    fn describe_growth(&self) -> Vec<String> {
         let mut grown = Vec::new();
         if let Some(takes) = self.before_kill {
-            grown.extend(growth(self.at_start, takes, "before a kill"));
+            grown.extend(describe_growth(self.at_start, takes, "before a kill"));
         }
         if self.ended.is_none() {
-            grown.extend(growth(self.at_start, self.at_end, "at the end"));
+            grown.extend(describe_growth(self.at_start, self.at_end, "at the end"));
         }
         grown
     }
 
     /// What the daemon did not stand, if anything.
     #[must_use]
-    pub fn verdict(&self) -> Option<String> {
-        let mut wrong = self.unsafe_states();
+    pub fn find_failures(&self) -> Option<String> {
+        let mut wrong = self.describe_unsafe_states();
         if self.tally.lost > 0 {
             wrong.push(format!("{} touches were lost", self.tally.lost));
         }
         if self.tally.sent == 0 {
             wrong.push("no touch was sent".into());
         }
-        wrong.extend(self.refusals());
-        wrong.extend(self.faults());
+        wrong.extend(self.describe_refusals());
+        wrong.extend(self.describe_faults());
         wrong.extend(self.ledger.misses.iter().cloned());
-        wrong.extend(self.late_losses());
-        wrong.extend(self.growth());
+        wrong.extend(self.describe_late_losses());
+        wrong.extend(self.describe_growth());
         wrong.extend(self.ended.as_ref().map(|log| format!("the daemon has ended by itself; it said:\n{log}")));
         (!wrong.is_empty()).then(|| wrong.join("; "))
     }
 
     /// The table, as text.
     #[must_use]
-    pub fn text(&self) -> String {
+    pub fn format_table(&self) -> String {
         let mut out = String::new();
         let mut row = |name: &str, value: String| {
             // Writing to a String cannot fail.
             let _ = writeln!(out, "{name:<34} {value}");
         };
-        let (tally, total) = (&self.tally, self.ledger.total());
-        let unsafe_states = self.unsafe_states();
+        let (tally, total) = (&self.tally, self.ledger.sum_counts());
+        let unsafe_states = self.describe_unsafe_states();
         row("seed, time", format!("{}, {:.1} s", self.seed, self.lasted.as_secs_f64()));
         row("touches sent", tally.sent.to_string());
-        row("  answered", tally.all_answered().to_string());
+        row("  answered", tally.count_answered().to_string());
         for (with, count) in &tally.answered {
             let detail = tally.details.get(with).map(|detail| format!(", at first: {detail}")).unwrap_or_default();
             row(&format!("    {with}"), format!("{count}{detail}"));
@@ -146,8 +146,8 @@ impl Report {
         row("  outcome told afterwards", tally.told.to_string());
         row("  with a daemon that was killed", tally.killed.to_string());
         row("  lost", tally.lost.to_string());
-        row("HTTP, answer p50 / p99 / max", tally.times.told());
-        row("live, shown p50 / p99 / max", tally.live_times.told());
+        row("HTTP, answer p50 / p99 / max", tally.times.describe());
+        row("live, shown p50 / p99 / max", tally.live_times.describe());
         for (with, count) in &tally.arming {
             row(&format!("arming by hand: {with}"), count.to_string());
         }
@@ -156,7 +156,7 @@ impl Report {
         row("outages of the link to the board", self.outages.to_string());
         row("faults latched by the board", self.latched.to_string());
         let (start, end) = (self.at_start, self.at_end);
-        let mut takes = |name: &str, unit: &str, of: fn(Takes) -> u64| {
+        let mut takes = |name: &str, unit: &str, of: fn(Usage) -> u64| {
             let killed =
                 self.before_kill.map(|takes| format!("{}{unit} before a kill, ", of(takes))).unwrap_or_default();
             row(name, format!("{}{unit} at the start, {killed}{}{unit} at the end", of(start), of(end)));
@@ -179,7 +179,7 @@ impl Report {
             );
             row(&format!("    {kind}"), value);
         }
-        row("loss told, p50 / p99 / max", self.ledger.losses.told());
+        row("loss told, p50 / p99 / max", self.ledger.losses.describe());
         let travel = self.watch.travel_part;
         row("greatest travel, part of the gap", format!("{travel:.4}, {:.0} % of a third", 100.0 * travel / PULL_IN));
         row("unsafe states seen", unsafe_states.len().to_string());
@@ -195,11 +195,11 @@ pub mod tests {
     use super::*;
 
     /// Of what clients counted, with nothing else to tell.
-    pub fn of(tally: Tally) -> Report {
+    pub fn report_of(tally: Tally) -> Report {
         Report { tally, ..report() }
     }
 
-    const TAKES: Takes = Takes { memory_kb: 40_000, threads: 16, handles: 24 };
+    const TAKES: Usage = Usage { memory_kb: 40_000, threads: 16, handles: 24 };
 
     fn report() -> Report {
         Report {
@@ -222,34 +222,34 @@ pub mod tests {
     fn a_loss_that_is_told_in_time_is_none() {
         let mut told = report();
         told.ledger.losses.add(Duration::from_millis(100));
-        assert_eq!(told.verdict(), None);
+        assert_eq!(told.find_failures(), None);
     }
 
     #[test]
     fn anything_lost_missed_or_unsafe_is_a_failure() {
-        assert_eq!(report().verdict(), None);
+        assert_eq!(report().find_failures(), None);
         let mut lost = report();
-        lost.tally.lost("one".into());
+        lost.tally.record_loss("one".into());
         let mut missed = report();
         missed.ledger.misses.push("one".into());
         let far = Report { watch: Watch { travel_part: 0.34, ..Watch::default() }, ..report() };
         let both = Report { watch: Watch { overlaps: 1, ..Watch::default() }, ..report() };
         let late = Report { watch: Watch { late: 1, ..Watch::default() }, ..report() };
-        let leaking = Report { at_end: Takes { handles: 90, ..TAKES }, ..report() };
-        let leaked = Report { before_kill: Some(Takes { memory_kb: 90_000, ..TAKES }), ..report() };
+        let leaking = Report { at_end: Usage { handles: 90, ..TAKES }, ..report() };
+        let leaked = Report { before_kill: Some(Usage { memory_kb: 90_000, ..TAKES }), ..report() };
         let mut untold = report();
         untold.ledger.losses.add(Duration::from_millis(101));
         let faulted = Report { latched: 1, ..report() };
-        let undriven = of(Tally { sent: 1, ..Tally::default() });
+        let undriven = report_of(Tally { sent: 1, ..Tally::default() });
         let mut refused = report();
         refused.tally.answered.insert("503 device-late".into(), 1);
         let mut unarmed = report();
         unarmed.tally.arming.insert("429 busy".into(), 1);
         let with_faults = Report { injects: true, tally: refused.tally, ..report() };
-        assert_eq!(with_faults.verdict(), None);
+        assert_eq!(with_faults.find_failures(), None);
         let refused = Report { injects: false, ..with_faults };
         for report in [lost, missed, far, both, late, leaking, leaked, untold, faulted, undriven, refused, unarmed] {
-            assert!(report.verdict().is_some() && !report.text().is_empty());
+            assert!(report.find_failures().is_some() && !report.format_table().is_empty());
         }
     }
 }

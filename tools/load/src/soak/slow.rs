@@ -1,7 +1,7 @@
 //! Clients that keep a connection and do not get on with it; the daemon must end each, and serve everybody else meanwhile.
 
 use super::world::{Serving, World};
-use crate::http::tcp;
+use crate::http::connect_tcp;
 use crate::live::Live;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -33,7 +33,7 @@ impl Slow {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Nothing, Self::HalfHeader, Self::HalfBody, Self::Unread];
 
-    const fn words(self) -> &'static str {
+    const fn request_text(self) -> &'static str {
         match self {
             Self::HalfHeader => "POST /v1/touch HTTP/1.1\r\nHost: loc",
             Self::HalfBody => {
@@ -56,24 +56,24 @@ pub enum End {
 }
 
 /// Is slow in this way until the daemon has had enough.
-pub fn run(world: &World, serving: Serving, slow: Slow) -> End {
+pub fn run_slow_client(world: &World, serving: Serving, slow: Slow) -> End {
     let begun = Instant::now();
     let ended = match slow {
-        Slow::Unread => unread(serving.address),
-        _ => half(serving.address, slow),
+        Slow::Unread => is_unread_socket_ended(serving.address),
+        _ => is_half_request_ended(serving.address, slow),
     };
     match ended {
-        _ if !world.is(serving) => End::Unknown,
+        _ if !world.is_current(serving) => End::Unknown,
         true => End::Ended(begun.elapsed()),
         false => End::Borne,
     }
 }
 
-fn half(address: SocketAddr, slow: Slow) -> bool {
+fn is_half_request_ended(address: SocketAddr, slow: Slow) -> bool {
     let connected = || -> std::io::Result<TcpStream> {
-        let mut stream = tcp(address)?;
+        let mut stream = connect_tcp(address)?;
         stream.set_read_timeout(Some(LONGEST))?;
-        stream.write_all(slow.words().as_bytes())?;
+        stream.write_all(slow.request_text().as_bytes())?;
         Ok(stream)
     };
     // Nobody is slow who does not get in.
@@ -90,7 +90,7 @@ fn half(address: SocketAddr, slow: Slow) -> bool {
     }
 }
 
-fn unread(address: SocketAddr) -> bool {
+fn is_unread_socket_ended(address: SocketAddr) -> bool {
     let Ok(mut live) = Live::open(address, "scene,state,plan,field") else { return false };
     std::thread::sleep(UNREAD);
     live.is_ended(QUIET, MOST_LEFT)

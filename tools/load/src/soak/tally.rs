@@ -19,7 +19,7 @@ pub struct Answered {
 impl Answered {
     /// By a status and perhaps a problem.
     #[must_use]
-    pub fn of(status: u16, problem: &Value) -> Self {
+    pub fn from_status(status: u16, problem: &Value) -> Self {
         let name = problem["type"].as_str().and_then(|kind| kind.rsplit(':').next()).filter(|_| status != 200);
         let kind = name.map_or_else(|| status.to_string(), |name| format!("{status} {name}"));
         Self { kind, detail: name.and_then(|_| problem["detail"].as_str()).map(str::to_owned) }
@@ -27,7 +27,7 @@ impl Answered {
 
     /// By a plan on a live socket.
     #[must_use]
-    pub fn shown() -> Self {
+    pub fn from_plan() -> Self {
         Self { kind: "shown".into(), detail: None }
     }
 
@@ -74,7 +74,7 @@ pub struct Tally {
 
 impl Tally {
     /// A touch was answered with this status and, where it was refused, this problem.
-    pub fn answered(&mut self, with: Answered) {
+    pub fn count_answer(&mut self, with: Answered) {
         let Answered { kind, detail } = with;
         if let Some(detail) = detail
             && !self.details.contains_key(&kind)
@@ -85,12 +85,12 @@ impl Tally {
     }
 
     /// A request to arm was answered.
-    pub fn armed(&mut self, with: &Answered) {
+    pub fn count_arming(&mut self, with: &Answered) {
         *self.arming.entry(with.kind.clone()).or_default() += 1;
     }
 
     /// A touch was lost.
-    pub fn lost(&mut self, what: String) {
+    pub fn record_loss(&mut self, what: String) {
         eprintln!("lost: {what}");
         self.lost += 1;
         if self.losses.len() < TOLD {
@@ -99,7 +99,7 @@ impl Tally {
     }
 
     /// Adds those of another client.
-    pub fn join(&mut self, other: Self) {
+    pub fn merge(&mut self, other: Self) {
         self.sent += other.sent;
         for (with, count) in other.answered {
             *self.answered.entry(with).or_default() += count;
@@ -115,21 +115,21 @@ impl Tally {
         self.lost += other.lost;
         self.losses.extend(other.losses);
         self.losses.truncate(TOLD);
-        self.times.join(other.times);
-        self.live_times.join(other.live_times);
+        self.times.merge(other.times);
+        self.live_times.merge(other.live_times);
         self.reconnects += other.reconnects;
         self.others += other.others;
     }
 
     /// Touches that were driven.
     #[must_use]
-    pub fn driven(&self) -> u64 {
+    pub fn count_driven(&self) -> u64 {
         ["200", "shown"].iter().filter_map(|kind| self.answered.get(*kind)).sum()
     }
 
     /// Refusals of touches and of arming of kinds that nothing in the run asks for, in words, and how many they are.
     #[must_use]
-    pub fn unexpected(&self, has_faults: bool) -> (u64, Vec<String>) {
+    pub fn find_unexpected(&self, has_faults: bool) -> (u64, Vec<String>) {
         let is_expected = |kind: &str| {
             ["200", "shown"].contains(&kind) || EXPECTED.contains(&kind) || (has_faults && OF_FAULTS.contains(&kind))
         };
@@ -140,7 +140,7 @@ impl Tally {
 
     /// Touches that were answered.
     #[must_use]
-    pub fn all_answered(&self) -> u64 {
+    pub fn count_answered(&self) -> u64 {
         self.answered.values().sum()
     }
 }

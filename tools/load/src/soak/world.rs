@@ -23,20 +23,20 @@ pub struct World {
 
 impl World {
     /// A daemon serves.
-    pub fn begins(&self, address: SocketAddr) {
+    pub fn set_daemon(&self, address: SocketAddr) {
         let mut serving = self.serving.write().unwrap_or_else(PoisonError::into_inner);
         self.generation.fetch_add(1, Ordering::SeqCst);
         *serving = Some(address);
     }
 
     /// It is about to be killed: from here on nobody can know what becomes of what it was sent.
-    pub fn ends(&self) {
+    pub fn clear_daemon(&self) {
         *self.serving.write().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
     /// The daemon that serves now, if any does.
     #[must_use]
-    pub fn serving(&self) -> Option<Serving> {
+    pub fn current_daemon(&self) -> Option<Serving> {
         // Under the lock, so that a number goes with its address.
         let serving = self.serving.read().unwrap_or_else(PoisonError::into_inner);
         serving.map(|address| Serving { generation: self.generation.load(Ordering::SeqCst), address })
@@ -44,12 +44,12 @@ impl World {
 
     /// Whether this daemon still serves.
     #[must_use]
-    pub fn is(&self, serving: Serving) -> bool {
-        self.serving() == Some(serving)
+    pub fn is_current(&self, serving: Serving) -> bool {
+        self.current_daemon() == Some(serving)
     }
 
     /// Clients shall end.
-    pub fn finish(&self) {
+    pub fn end_clients(&self) {
         self.over.store(true, Ordering::SeqCst);
     }
 
