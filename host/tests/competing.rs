@@ -9,7 +9,7 @@ use era::planner::{
     Grouping, Objective, Plan, PlanError, PlanTable, Quiet, Request, STANDARD_GRAVITY, Target, Weigh, Work,
 };
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
-use era::verify::spread;
+use era::verify::spread_points;
 
 fn trade_of(table: &PlanTable, targets: &[(f64, f64, f64)], quiet: &[Quiet]) -> (Request, Trade) {
     let targets: Vec<Target> =
@@ -244,7 +244,7 @@ fn what_limits_phases_and_even_plans_has_a_name() {
 fn accelerations_may_count_as_they_are_felt() {
     let table = support::table(EXAMPLE_PLATE);
     let mut differ = 0;
-    for (x_m, y_m) in spread(12, 0.3, 0.2) {
+    for (x_m, y_m) in spread_points(12, 0.3, 0.2) {
         let target = Target { x_m, y_m, intensity_g: Some(0.2) };
         let plan =
             |weigh| table.plan_request(&Request { weigh, work: Work::Study, ..Request::touch(&[target]) }).unwrap();

@@ -6,7 +6,7 @@ use era::device::sim::Panel;
 use era::planner::limits::breakdown_v;
 use era::planner::{Grouping, PlanError, PlanTable, Request, STANDARD_GRAVITY, Target};
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE};
-use era::verify::{VerifyError, compare, compare_request, spread};
+use era::verify::{VerifyError, compare, compare_request, spread_points};
 use std::fmt::Write;
 
 #[test]
@@ -15,7 +15,7 @@ fn plans_meet_the_request_or_say_what_limits_them() {
         let table = support::table(text);
         let surface = &table.scene.surface;
         let mut limited = 0;
-        for (x_m, y_m) in spread(40, surface.length_m, surface.width_m) {
+        for (x_m, y_m) in spread_points(40, surface.length_m, surface.width_m) {
             for wanted_g in [0.05, 0.5, 3.0, 20.0] {
                 let plan = table.plan(&[Target { x_m, y_m, intensity_g: Some(wanted_g) }]).unwrap();
                 let reached = plan.predicted.target_peak_g;
@@ -97,7 +97,7 @@ fn simulation_and_prediction_agree() {
         let table = support::table(text);
         let panel = Panel::of(&table);
         let surface = &table.scene.surface;
-        for (x_m, y_m) in spread(10, surface.length_m, surface.width_m) {
+        for (x_m, y_m) in spread_points(10, surface.length_m, surface.width_m) {
             let found = compare(&table, &panel, Target { x_m, y_m, intensity_g: Some(0.5) }).unwrap();
             assert!(found.difference.abs() < 0.01, "fundamentals: {found:?}");
             assert!(found.band_difference.abs() < 0.05, "whole waveform: {found:?}");
@@ -142,7 +142,7 @@ fn worst_difference(table: &PlanTable, points_m: &[(f64, f64)]) -> f64 {
 fn the_waveform_of_several_drives_is_predicted_with_their_phases() {
     let actuators = [50.0, 100.0, 150.0, 200.0].map(|x| (x, 90.0, "inertial"));
     let table = support::table(&scene("plate", [300.0, 200.0, 2.0], LOSSY, &actuators));
-    let worst = worst_difference(&table, &spread(4, 0.3, 0.2));
+    let worst = worst_difference(&table, &spread_points(4, 0.3, 0.2));
     assert!(worst < 0.02, "{worst}");
 }
 
@@ -237,7 +237,7 @@ fn random_panels_keep_the_contract() {
             .collect();
         let kind = if round % 3 == 0 { "bar" } else { "plate" };
         let table = support::table(&scene(kind, [length, width, 1.0 + 2.0 * part()], LOSSY, &actuators));
-        for (x_m, y_m) in spread(3, length / 1e3, width / 1e3) {
+        for (x_m, y_m) in spread_points(3, length / 1e3, width / 1e3) {
             let target = Target { x_m, y_m, intensity_g: None };
             if actuators.is_empty() {
                 assert_eq!(table.plan(&[target]), Err(PlanError::NoActuators));
@@ -271,7 +271,7 @@ fn a_shared_frequency_is_driven_with_its_phases() {
     let table = support::table(EXAMPLE_PLATE);
     let panel = Panel::of(&table);
     let mut turned = 0;
-    for (x_m, y_m) in spread(4, 0.3, 0.2) {
+    for (x_m, y_m) in spread_points(4, 0.3, 0.2) {
         let target = Target { x_m, y_m, intensity_g: Some(0.5) };
         let request = Request { grouping: Grouping::Shared, ..Request::touch(&[target]) };
         let found = compare_request(&table, &panel, &request).unwrap();

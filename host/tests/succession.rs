@@ -11,7 +11,7 @@ use era::planner::{Plan, PlanTable, TableOptions, Target};
 use era::scene::random::scene_text;
 use era::scene::{EXAMPLE_BAR, EXAMPLE_PLATE, Scene};
 use era::verify::VerifyError;
-use era::verify::succession::{Order, Turn, Turned, follow};
+use era::verify::succession::{Order, Turn, Turned, follow_turns};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
@@ -55,8 +55,8 @@ fn plans_at_the_limit_stay_within_it_one_after_the_other() {
         let panel = Panel::of(&table);
         let plans = targets.map(|(x, y)| plan_at(&table, x, y, AT_THE_LIMIT_G));
         let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.6, pause_s: 0.02 }).collect();
-        let plainly = follow(&table, &panel, &turns, Order::Plainly).unwrap();
-        let fitting = follow(&table, &panel, &turns, Order::AsItFits).unwrap();
+        let plainly = follow_turns(&table, &panel, &turns, Order::Plainly).unwrap();
+        let fitting = follow_turns(&table, &panel, &turns, Order::AsItFits).unwrap();
         println!(
             "{number}: {:.3} plainly, {:.3} with {:.2?} of the force",
             most(&plainly),
@@ -98,7 +98,7 @@ fn random_successions_stay_within_the_limit() {
                 pause_s: [0.0, 0.02, 0.005, 0.1][(2 * start + 3 * i) as usize % 4],
             };
             let turns: Vec<Turn<'_>> = plans.iter().zip(0..).map(turn).collect();
-            let turned = match follow(&table, &panel, &turns, Order::AsItFits) {
+            let turned = match follow_turns(&table, &panel, &turns, Order::AsItFits) {
                 Err(VerifyError::Unknown) => continue,
                 turned => turned.unwrap(),
             };
@@ -120,8 +120,8 @@ fn a_drawn_finger_stays_within_the_limit() {
         let plans: Vec<Plan> =
             (0..40).map(|i| plan_at(&table, 0.2 + 0.015 * f64::from(i), 0.4, AT_THE_LIMIT_G)).collect();
         let turns: Vec<Turn<'_>> = plans.iter().map(|plan| Turn { plan, hold_s: 0.016, pause_s: 0.0 }).collect();
-        let fitting = follow(&table, &Panel::of(&table), &turns, Order::AsItFits).unwrap();
-        let plainly = follow(&table, &Panel::of(&table), &turns, Order::Plainly).unwrap();
+        let fitting = follow_turns(&table, &Panel::of(&table), &turns, Order::AsItFits).unwrap();
+        let plainly = follow_turns(&table, &Panel::of(&table), &turns, Order::Plainly).unwrap();
         println!("{number}: {:.3} plainly, {:.3}", most(&plainly), most(&fitting));
         assert!(most(&fitting) <= MOST, "scene {number}");
         // It is felt all the same: 0.28 and more of what the limit allows.

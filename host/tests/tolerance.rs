@@ -7,7 +7,7 @@ use era::model::{Accuracy, bounded_modes};
 use era::planner::{PlanTable, TableOptions, Target};
 use era::response::{bounded_curves, bounded_sweep};
 use era::scene::{EXAMPLE_PLATE, Scene};
-use era::verify::spread;
+use era::verify::spread_points;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRng, TestRunner};
 use std::path::Path;
@@ -103,7 +103,7 @@ fn plans_meet_the_default_tolerance() {
         let levels = Levels::build(&scene, Accuracy::BALANCED, options.to_hz).unwrap();
         let table = PlanTable::with_levels(&scene, levels, options).unwrap();
         let surface = &scene.surface;
-        for (x_m, y_m) in spread(12, surface.length_m, surface.width_m) {
+        for (x_m, y_m) in spread_points(12, surface.length_m, surface.width_m) {
             let Ok(plan) = table.plan(&[Target { x_m, y_m, intensity_g: Some(0.1) }]) else { continue };
             let bound = plan.error_bound.unwrap();
             assert!(bound <= 1e-3, "{name} at {x_m}, {y_m}: {bound:e}");

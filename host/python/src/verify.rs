@@ -6,7 +6,7 @@ use crate::pickles::{Reduced, pickled, reduce};
 use crate::results::{array, read_json, shaped, write_json};
 use crate::scene::PyScene;
 use crate::tables::with_table;
-use era::verify::{Comparison, compare_all, spread_over};
+use era::verify::{Comparison, compare_all, spread_points_over};
 use era_planner::{DEFAULT_INTENSITY_G, Target};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -143,7 +143,7 @@ pub fn verify(
     let scene = scene.scene();
     let accuracy = asked(tolerance, None)?;
     let places = match points {
-        Points::Count(count) if (1..=MOST_POINTS).contains(&count) => spread_over(&scene, count),
+        Points::Count(count) if (1..=MOST_POINTS).contains(&count) => spread_points_over(&scene, count),
         Points::Count(count) => {
             return Err(Raised::argument("points", f64::from(count), format!("1 to {MOST_POINTS}")).into());
         }

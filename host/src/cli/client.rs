@@ -15,16 +15,16 @@ use std::time::Duration;
 /// An emulated board may take some seconds to answer.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-pub fn touch(options: &Touch) -> Outcome {
-    let answer = call(&options.daemon, "POST", "/v1/touch", Some(touch_body(options)))?;
+pub fn send_touch(options: &Touch) -> Outcome {
+    let answer = request_body(&options.daemon, "POST", "/v1/touch", Some(make_touch_body(options)))?;
     if options.daemon.json {
         return print_json(&answer);
     }
-    print_text(&touch_text(&answer))
+    print_text(&format_touch(&answer))
 }
 
 /// The request; what was not given is left out, so that the daemon's defaults hold.
-fn touch_body(options: &Touch) -> Value {
+fn make_touch_body(options: &Touch) -> Value {
     let wishes = &options.wishes;
     let mut body = json!({"x_px": options.x_px, "y_px": options.y_px});
     let mut add = |name: &str, value: Option<Value>| body[name] = value.unwrap_or_default();
@@ -60,11 +60,11 @@ fn touch_body(options: &Touch) -> Value {
 }
 
 /// What is driven, and what it should do; of an effect its own drives, which are not those of the steady plan.
-fn touch_text(answer: &Value) -> String {
+fn format_touch(answer: &Value) -> String {
     let mut text = String::new();
     let effect = &answer["device"]["effect"];
     let drives = if effect.is_object() { &effect["drives"] } else { &answer["drives"] };
-    drives_text(&mut text, drives);
+    write_drives(&mut text, drives);
     let predicted = &answer["predicted"];
     let text_of = |value: &Value| value.as_str().map(str::to_owned);
     match text_of(&effect["name"]) {
@@ -73,10 +73,10 @@ fn touch_text(answer: &Value) -> String {
             let _ = write!(
                 text,
                 "{name} of {:.0} ms, peak {:.3} g ({:.3} to {:.3} g as the drives' cycles fall together)",
-                number(&effect["duration_ms"]),
-                number(&played["peak_g"]),
-                number(&played["peak_least_g"]),
-                number(&played["peak_most_g"]),
+                read_number(&effect["duration_ms"]),
+                read_number(&played["peak_g"]),
+                read_number(&played["peak_least_g"]),
+                read_number(&played["peak_most_g"]),
             );
             if let Some(limit) = text_of(&effect["limited_by"]) {
                 let _ = write!(text, "; limited by {limit}");
@@ -86,8 +86,8 @@ fn touch_text(answer: &Value) -> String {
             let _ = write!(
                 text,
                 "predicted {:.3} g at the target, contrast {:.1} dB",
-                number(&predicted["target_peak_g"]),
-                number(&predicted["contrast_db"]),
+                read_number(&predicted["target_peak_g"]),
+                read_number(&predicted["contrast_db"]),
             );
             if let Some(limit) = text_of(&answer["limited_by"]) {
                 let _ = write!(text, "; limited by {limit}");
@@ -96,16 +96,17 @@ fn touch_text(answer: &Value) -> String {
     }
     let targets = answer["targets"].as_array().map(Vec::as_slice).unwrap_or_default();
     for target in targets.iter().filter(|_| targets.len() > 1) {
-        let of = |name: &str| number(&target[name]);
+        let of = |name: &str| read_number(&target[name]);
         let (x, y, peak, wanted) = (of("x_mm"), of("y_mm"), of("peak_g"), of("wanted_g"));
         let _ = write!(text, "\n  {x:.1} mm, {y:.1} mm: {peak:.3} g of {wanted:.3} g wanted");
     }
     for stretch in answer["stretches"].as_array().into_iter().flatten() {
-        let _ = write!(text, "\n{:.0} to {:.0} ms:", number(&stretch["from_ms"]), number(&stretch["to_ms"]));
+        let _ = write!(text, "\n{:.0} to {:.0} ms:", read_number(&stretch["from_ms"]), read_number(&stretch["to_ms"]));
         match stretch["plan"]["targets"].as_array() {
             None => text.push_str(" nothing"),
             Some(targets) => {
-                let peaks: Vec<String> = targets.iter().map(|t| format!("{:.3} g", number(&t["peak_g"]))).collect();
+                let peaks: Vec<String> =
+                    targets.iter().map(|t| format!("{:.3} g", read_number(&t["peak_g"]))).collect();
                 let _ = write!(text, " {}", peaks.join(", "));
             }
         }
@@ -116,35 +117,35 @@ fn touch_text(answer: &Value) -> String {
     text
 }
 
-fn drives_text(text: &mut String, drives: &Value) {
+fn write_drives(text: &mut String, drives: &Value) {
     for drive in drives.as_array().into_iter().flatten() {
         let _ = writeln!(
             text,
             "{:12} {:7.2} Hz  {:7.1} V",
             drive["actuator"].as_str().unwrap_or("?"),
-            number(&drive["frequency_hz"]),
-            number(&drive["voltage_v"]),
+            read_number(&drive["frequency_hz"]),
+            read_number(&drive["voltage_v"]),
         );
     }
 }
 
-pub fn stop(options: &Daemon) -> Outcome {
-    let answer = call(options, "POST", "/v1/stop", None)?;
+pub fn send_stop(options: &Daemon) -> Outcome {
+    let answer = request_body(options, "POST", "/v1/stop", None)?;
     show_state(options, &answer)
 }
 
-pub fn clear(options: &Daemon) -> Outcome {
-    let answer = call(options, "POST", "/v1/faults/clear", None)?;
+pub fn clear_faults(options: &Daemon) -> Outcome {
+    let answer = request_body(options, "POST", "/v1/faults/clear", None)?;
     show_state(options, &answer)
 }
 
-pub fn arm(options: &Daemon) -> Outcome {
-    let answer = call(options, "POST", "/v1/arm", None)?;
+pub fn arm_device(options: &Daemon) -> Outcome {
+    let answer = request_body(options, "POST", "/v1/arm", None)?;
     show_state(options, &answer)
 }
 
-pub fn state(options: &Daemon) -> Outcome {
-    let answer = call(options, "GET", "/v1/state", None)?;
+pub fn show_device_state(options: &Daemon) -> Outcome {
+    let answer = request_body(options, "GET", "/v1/state", None)?;
     show_state(options, &answer)
 }
 
@@ -152,11 +153,11 @@ fn show_state(options: &Daemon, answer: &Value) -> Outcome {
     if options.json {
         return print_json(answer);
     }
-    print_text(&state_text(answer))
+    print_text(&format_state(answer))
 }
 
 /// The device, its fault, its clock and its channels.
-fn state_text(answer: &Value) -> String {
+fn format_state(answer: &Value) -> String {
     let device = &answer["device"];
     let text_of = |value: &Value| value.as_str().unwrap_or("unknown").to_owned();
     let mut text =
@@ -182,9 +183,9 @@ fn state_text(answer: &Value) -> String {
         let _ = write!(
             text,
             "\nclock of the board: {:+.1} ppm, known to {:.0} us rms ({:.0} us at worst)",
-            number(&clock["rate_ppm"]),
-            number(&clock["residual_rms_us"]),
-            number(&clock["residual_worst_us"]),
+            read_number(&clock["rate_ppm"]),
+            read_number(&clock["residual_rms_us"]),
+            read_number(&clock["residual_worst_us"]),
         );
     }
     for (i, channel) in (1..).zip(answer["telemetry"]["channels"].as_array().into_iter().flatten()) {
@@ -194,8 +195,8 @@ fn state_text(answer: &Value) -> String {
             let _ = write!(
                 text,
                 "\n  {name:12} {:7.2} Hz  {:7.1} V",
-                number(&channel["frequency_hz"]),
-                number(&channel["voltage_v"])
+                read_number(&channel["frequency_hz"]),
+                read_number(&channel["voltage_v"])
             );
         } else {
             let _ = write!(text, "\n  {name:12} off");
@@ -207,7 +208,7 @@ fn state_text(answer: &Value) -> String {
     text
 }
 
-fn number(value: &Value) -> f64 {
+fn read_number(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::NAN)
 }
 
@@ -252,7 +253,7 @@ impl Contact {
     }
 }
 
-fn with_token<B>(request: ureq::RequestBuilder<B>, bearer: Option<String>) -> ureq::RequestBuilder<B> {
+fn add_token<B>(request: ureq::RequestBuilder<B>, bearer: Option<String>) -> ureq::RequestBuilder<B> {
     match bearer {
         Some(bearer) => request.header("Authorization", bearer),
         None => request,
@@ -272,14 +273,14 @@ pub struct Answer {
 ///
 /// # Errors
 /// That there was no answer, or none of a daemon's.
-pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Answer, Failure> {
+pub fn request_answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Answer, Failure> {
     let Contact { way, bearer } = Contact::of(daemon)?;
     let agent = way.make_agent(PATIENCE);
     let url = format!("{}{path}", daemon.url);
     let sent = match (method, body) {
-        ("GET", _) => with_token(agent.get(&url), bearer).call(),
-        (_, Some(body)) => with_token(agent.post(&url), bearer).send_json(body),
-        (_, None) => with_token(agent.post(&url), bearer).send_empty(),
+        ("GET", _) => add_token(agent.get(&url), bearer).call(),
+        (_, Some(body)) => add_token(agent.post(&url), bearer).send_json(body),
+        (_, None) => add_token(agent.post(&url), bearer).send_empty(),
     };
     let mut answer =
         sent.map_err(|error| match Trouble::of(&error, &daemon.url).told(&daemon.url, daemon.ca.is_some()) {
@@ -305,9 +306,9 @@ pub fn answer(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) ->
 /// Calls the daemon; a problem it reports becomes the command's error.
 ///
 /// # Errors
-/// As [`answer`], and the problem.
-pub fn call(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Value, Failure> {
-    let Answer { status, body } = answer(daemon, method, path, body)?;
+/// As [`request_answer`], and the problem.
+pub fn request_body(daemon: &Daemon, method: &str, path: &str, body: Option<Value>) -> Result<Value, Failure> {
+    let Answer { status, body } = request_answer(daemon, method, path, body)?;
     if (200..300).contains(&status) {
         return Ok(body);
     }
@@ -347,7 +348,7 @@ mod tests {
         let body = |rest: &str| {
             let arguments = format!("era touch 960 640 {rest}");
             match Arguments::parse_from(arguments.split_whitespace()).command {
-                Some(Command::Touch(touch)) => touch_body(&touch),
+                Some(Command::Touch(touch)) => make_touch_body(&touch),
                 other => panic!("{other:?}"),
             }
         };
@@ -374,7 +375,7 @@ mod tests {
             },
             "telemetry": {"channels": [channel(Some("left")), channel(None)]},
         });
-        let text = state_text(&state);
+        let text = format_state(&state);
         assert!(text.contains("\n  left         off\n  (channel 2)  off; the scene has no actuator"), "{text}");
         assert!(text.contains("fault 0 (host-silent): Check the cable. `era clear` clears it\n"), "{text}");
         assert!(text.contains("\nit had an outage, and nothing is driven until `era arm`"), "{text}");
@@ -384,7 +385,7 @@ mod tests {
     fn of_a_board_that_is_gone_nothing_is_told_as_if_it_were_there() {
         let device =
             json!({"kind": "serial", "port": "/dev/ttyACM0", "state": null, "connected": false, "problem": "silent"});
-        let text = state_text(&json!({"device": device, "telemetry": null}));
+        let text = format_state(&json!({"device": device, "telemetry": null}));
         assert_eq!(text, "device serial at /dev/ttyACM0: unknown (not connected: silent)");
     }
 
@@ -394,13 +395,13 @@ mod tests {
         let mut answer = json!({
             "drives": drive(911.9), "predicted": {"target_peak_g": 0.5, "contrast_db": 2.5}, "device": {},
         });
-        assert!(touch_text(&answer).contains("911.9 V\npredicted 0.500 g"));
+        assert!(format_touch(&answer).contains("911.9 V\npredicted 0.500 g"));
         let predicted = json!({"peak_g": 0.45, "peak_least_g": 0.4, "peak_most_g": 0.5});
         answer["device"]["effect"] = json!({
             "name": "click", "duration_ms": 30.0, "drives": drive(1600.0), "predicted": predicted,
             "limited_by": "voltage of left",
         });
-        let text = touch_text(&answer);
+        let text = format_touch(&answer);
         assert!(text.contains("1600.0 V\nclick of 30 ms, peak 0.450 g") && !text.contains("911.9"), "{text}");
         assert!(text.ends_with("limited by voltage of left"), "{text}");
     }

@@ -22,7 +22,7 @@ pub struct Man {
 }
 
 /// Prints a completion script for the whole command line.
-pub fn completions(options: &Completions, mut command: Command) -> Outcome {
+pub fn print_completions(options: &Completions, mut command: Command) -> Outcome {
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(options.shell, &mut command, name, &mut script);
@@ -30,7 +30,7 @@ pub fn completions(options: &Completions, mut command: Command) -> Outcome {
 }
 
 /// Prints or writes man pages of the whole command line.
-pub fn man(options: &Man, command: Command) -> Outcome {
+pub fn write_man_pages(options: &Man, command: Command) -> Outcome {
     let Some(folder) = &options.dir else {
         let mut page = Vec::new();
         clap_mangen::Man::new(command).render(&mut page).map_err(Failure::failed)?;
@@ -40,7 +40,7 @@ pub fn man(options: &Man, command: Command) -> Outcome {
         std::fs::create_dir_all(folder)?;
         let mut command = command.disable_help_subcommand(true);
         command.build();
-        write_pages(&command, folder)
+        write_pages_below(&command, folder)
     };
     write().map_err(|error| Failure::failed(format!("cannot write man pages to {}: {error}", folder.display())))?;
     tell!("man pages are in {}: man -l {}/era.1", folder.display(), folder.display());
@@ -48,9 +48,9 @@ pub fn man(options: &Man, command: Command) -> Outcome {
 }
 
 /// Writes the pages of a command and of those below it, each whole or not at all.
-fn write_pages(command: &Command, folder: &Path) -> std::io::Result<()> {
+fn write_pages_below(command: &Command, folder: &Path) -> std::io::Result<()> {
     for own in command.get_subcommands().filter(|own| !own.is_hide_set()) {
-        write_pages(own, folder)?;
+        write_pages_below(own, folder)?;
     }
     let page = clap_mangen::Man::new(command.clone());
     replace_file_by(&folder.join(page.get_filename()), Readers::ByUmask, |mut file| page.render(&mut file))

@@ -185,7 +185,7 @@ impl ConfigFile {
     pub fn under(&self, options: &Serve) -> Serve {
         let mut joined = options.clone();
         for setting in &self.settings {
-            if !is_said(setting.key, options) {
+            if !is_decided_on_command_line(setting.key, options) {
                 // The value has been tried when the file was read.
                 let _ = (setting.key.take)(&mut joined, &setting.given, &self.base);
             }
@@ -202,7 +202,7 @@ impl ConfigFile {
         };
         let options = self.under(&Serve::default());
         // What the start only warns of is a mistake of the file all the same.
-        serve::mistakes(&options).into_iter().chain(serve::warnings(&options)).map(of).collect()
+        serve::find_start_mistakes(&options).into_iter().chain(serve::find_warnings(&options)).map(of).collect()
     }
 
     /// That the file leads to the simulated device, if it does.
@@ -216,7 +216,7 @@ impl ConfigFile {
         let used = |key: &'static Key| {
             let setting = self.settings.iter().find(|setting| setting.key.name == key.name);
             match setting {
-                _ if is_said(key, options) => Used { key, value: None, line: None },
+                _ if is_decided_on_command_line(key, options) => Used { key, value: None, line: None },
                 Some(setting) => Used { key, value: Some(setting.text.clone()), line: Some(setting.line) },
                 None => Used { key, value: Some(key.default.into()), line: None },
             }
@@ -226,7 +226,7 @@ impl ConfigFile {
 }
 
 /// Whether the command line has decided what a key decides.
-fn is_said(key: &Key, options: &Serve) -> bool {
+fn is_decided_on_command_line(key: &Key, options: &Serve) -> bool {
     (key.is_given)(options) || KEYS.iter().any(|other| key.rival == Some(other.name) && (other.is_given)(options))
 }
 
@@ -275,9 +275,9 @@ fn read_value(value: &DeValue<'_>) -> (Given, String) {
     match value {
         DeValue::String(text) => (Given::Text(text.to_string()), format!("{text:?}")),
         DeValue::Boolean(flag) => (Given::Flag(*flag), flag.to_string()),
-        DeValue::Integer(number) if number.radix() == 10 => (of_number(number.as_str()), number.as_str().into()),
+        DeValue::Integer(number) if number.radix() == 10 => (parse_number(number.as_str()), number.as_str().into()),
         DeValue::Integer(number) => (Given::Other, number.as_str().into()),
-        DeValue::Float(number) => (of_number(number.as_str()), number.as_str().into()),
+        DeValue::Float(number) => (parse_number(number.as_str()), number.as_str().into()),
         DeValue::Datetime(time) => (Given::Other, time.to_string()),
         DeValue::Array(list) => {
             let texts = |entry: &toml::Spanned<DeValue<'_>>| match entry.get_ref() {
@@ -296,12 +296,12 @@ fn read_value(value: &DeValue<'_>) -> (Given, String) {
     }
 }
 
-fn of_number(text: &str) -> Given {
+fn parse_number(text: &str) -> Given {
     text.parse().map_or(Given::Other, Given::Number)
 }
 
 /// The options of `era serve`, with those of its configuration file if it names one.
-pub fn joined(options: &Serve) -> Result<Serve, Failure> {
+pub fn merge_configuration(options: &Serve) -> Result<Serve, Failure> {
     let Some(path) = &options.config else { return Ok(options.clone()) };
     let file = ConfigFile::read(path).map_err(Failure::usage)?;
     for Used { key, value, line } in file.account(options) {
@@ -315,14 +315,14 @@ pub fn joined(options: &Serve) -> Result<Serve, Failure> {
 }
 
 /// `era config`.
-pub fn run(options: &Config) -> Outcome {
+pub fn run_config(options: &Config) -> Outcome {
     match &options.command {
-        ConfigCommand::Check(options) => check(options),
-        ConfigCommand::Example => print_text(&example()),
+        ConfigCommand::Check(options) => check_file(options),
+        ConfigCommand::Example => print_text(&format_example()),
     }
 }
 
-fn check(options: &ConfigCheck) -> Outcome {
+fn check_file(options: &ConfigCheck) -> Outcome {
     let found = ConfigFile::examine(&options.file).and_then(|mut found| {
         // The scene is tried as well; what is wrong in it has its own lines.
         let file = &found.file;
@@ -368,7 +368,7 @@ fn check(options: &ConfigCheck) -> Outcome {
 }
 
 /// A file with every key.
-fn example() -> String {
+fn format_example() -> String {
     let mut text = format!(
         "# Configuration of `era serve`: era serve --config FILE. Options on the command line come before these.\n\
          # Relative paths count from this file's folder. To drive your panel set scene, and device to \"auto\": without device\n\
@@ -436,7 +436,7 @@ mod tests {
 
     #[test]
     fn the_example_can_be_read_with_and_without_its_comments() {
-        let text = example();
+        let text = format_example();
         assert!(parse(&text).unwrap().settings.is_empty());
         let all: Vec<&str> =
             text.lines().map(|line| line.strip_prefix("# ").filter(|it| it.contains(" = ")).unwrap_or(line)).collect();

@@ -71,7 +71,7 @@ impl Cost {
         if accuracy.time().is_some() {
             return Ok(None);
         }
-        let mut cost = Self::new(scene, accuracy, max_hz, beyond_reduced(scene, max_hz))?;
+        let mut cost = Self::new(scene, accuracy, max_hz, frequency_ratio_of_modes(scene, max_hz))?;
         cost.operations += LEVELS.len() as f64 * cost.sweep(scene, frequencies, points);
         Ok(Some(Self { responses: Some((frequencies, points)), ..cost }))
     }
@@ -81,7 +81,7 @@ impl Cost {
     /// # Errors
     /// As [`Cost::of_modes`].
     pub fn of_table(scene: &Scene, accuracy: Accuracy, options: TableOptions) -> Result<Option<Self>, ModelError> {
-        let mut cost = Self::new(scene, accuracy, options.to_hz, beyond_reduced(scene, options.to_hz))?;
+        let mut cost = Self::new(scene, accuracy, options.to_hz, frequency_ratio_of_modes(scene, options.to_hz))?;
         let (frequencies, points) = (options.frequencies_hz().len(), SurfaceGrid::points(scene, options.to_hz));
         let entries = (frequencies * scene.actuators.len()) as f64;
         cost.operations += cost.sweep(scene, frequencies, points) + PER_ENTRY * entries;
@@ -90,13 +90,13 @@ impl Cost {
 
     fn new(scene: &Scene, accuracy: Accuracy, max_hz: f64, beyond: f64) -> Result<Self, ModelError> {
         let unknowns = Levels::expected_unknowns(scene, accuracy, max_hz)?;
-        let vectors = VECTORS_PER_MODE * modes_below(scene, beyond * max_hz) + LEAST_VECTORS;
+        let vectors = VECTORS_PER_MODE * estimate_mode_count(scene, beyond * max_hz) + LEAST_VECTORS;
         let level = |part: f64| {
             let (n, s) = (part * unknowns, vectors.min(part * unknowns));
             8.0 * n * s * s + 25.0 * s.powi(3)
         };
         let operations = LEVELS.into_iter().map(level).sum();
-        Ok(Self { unknowns, modes: modes_below(scene, max_hz), responses: None, operations })
+        Ok(Self { unknowns, modes: estimate_mode_count(scene, max_hz), responses: None, operations })
     }
 
     /// Operations of responses by one level: coordinates at every frequency, and two real products over the points.
@@ -115,7 +115,7 @@ impl Cost {
     /// How long this machine takes for it; measures its speed first, which takes some milliseconds, unless it is little.
     #[must_use]
     pub fn time(&self) -> Duration {
-        let speed = if self.operations > SMALL { speed() } else { SMALL };
+        let speed = if self.operations > SMALL { measure_operations_per_s() } else { SMALL };
         // More than a year of seconds is no help to anybody.
         Duration::from_secs_f64((self.operations / speed).min(1e9))
     }
@@ -123,7 +123,12 @@ impl Cost {
 
 impl fmt::Display for Cost {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "some {:.0} unknowns, {:.0} modes", rounded(self.unknowns), rounded(self.modes))?;
+        write!(
+            out,
+            "some {:.0} unknowns, {:.0} modes",
+            round_to_two_digits(self.unknowns),
+            round_to_two_digits(self.modes)
+        )?;
         if let Some((frequencies, points)) = self.responses {
             write!(out, ", {frequencies} frequencies")?;
             if points > 1 {
@@ -136,23 +141,23 @@ impl fmt::Display for Cost {
 
 /// A time in words, to one digit.
 #[must_use]
-pub fn words(time: Duration) -> String {
+pub fn describe_duration(time: Duration) -> String {
     let seconds = time.as_secs_f64();
     match seconds {
         s if s < 1.5 => "a second".into(),
-        s if s < 95.0 => format!("{:.0} s", to_digits(s, 1)),
-        s if s < 5400.0 => format!("{:.0} min", to_digits(s / 60.0, 1)),
-        s => format!("{:.0} h", to_digits(s / 3600.0, 1)),
+        s if s < 95.0 => format!("{:.0} s", round_to_digits(s, 1)),
+        s if s < 5400.0 => format!("{:.0} min", round_to_digits(s / 60.0, 1)),
+        s => format!("{:.0} h", round_to_digits(s / 3600.0, 1)),
     }
 }
 
 /// Two digits.
-fn rounded(value: f64) -> f64 {
-    to_digits(value, 2)
+fn round_to_two_digits(value: f64) -> f64 {
+    round_to_digits(value, 2)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "a power of ten")]
-fn to_digits(value: f64, digits: i32) -> f64 {
+fn round_to_digits(value: f64, digits: i32) -> f64 {
     if value < 1.0 {
         return value.round();
     }
@@ -161,13 +166,13 @@ fn to_digits(value: f64, digits: i32) -> f64 {
 }
 
 /// How far a reduced model's modes go, as a multiple of the highest frequency.
-fn beyond_reduced(scene: &Scene, max_hz: f64) -> f64 {
+fn frequency_ratio_of_modes(scene: &Scene, max_hz: f64) -> f64 {
     BEYOND_REDUCED * if has_many_modes(scene, max_hz) { 0.5 } else { 1.0 }
 }
 
 /// About how many modes a panel has below a frequency, by Weyl's law with the term of free edges: a plate A k^2 / (4 pi) +
 /// (L + W) k / pi for the wavenumber k, a bar L k / pi. Counted: 86 of 83 and 153 of 155 on a strip of 2 x 0.02 m.
-fn modes_below(scene: &Scene, max_hz: f64) -> f64 {
+fn estimate_mode_count(scene: &Scene, max_hz: f64) -> f64 {
     let (length, width) = (scene.surface.length_m, scene.surface.width_m);
     let wavenumber = (TAU * max_hz).sqrt() / Waves::of(scene).mean.powf(0.25);
     match scene.surface.kind {
@@ -177,7 +182,7 @@ fn modes_below(scene: &Scene, max_hz: f64) -> f64 {
 }
 
 /// Operations per second in a product like those of Lanczos: some hundred vectors by a block of four.
-fn speed() -> f64 {
+fn measure_operations_per_s() -> f64 {
     const SIZE: (usize, usize, usize) = (1500, 64, 4);
     let space = DMatrix::from_fn(SIZE.0, SIZE.1, |i, j| (i + j) as f64);
     let block = DMatrix::from_fn(SIZE.0, SIZE.2, |i, j| (i * j) as f64);
@@ -199,7 +204,7 @@ mod tests {
 
     #[test]
     fn times_have_one_digit() {
-        let of = |seconds: f64| words(Duration::from_secs_f64(seconds));
+        let of = |seconds: f64| describe_duration(Duration::from_secs_f64(seconds));
         for (seconds, text) in [
             (0.2, "a second"),
             (3.4, "3 s"),

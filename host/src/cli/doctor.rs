@@ -3,7 +3,7 @@
 use super::args::Serve;
 use super::client::Contact;
 use super::config::ConfigFile;
-use super::serve::listen_place;
+use super::serve::choose_listen_place;
 use super::token::{TOKEN_VARIABLE, read_token};
 use super::values::{parse_proxy, parse_url};
 use super::{Failure, Outcome, print_json, print_text};
@@ -51,14 +51,14 @@ pub struct Doctor {
     pub json: bool,
 }
 
-pub fn run(options: &Doctor) -> Outcome {
-    let findings = judge(&facts(options)?);
+pub fn run_doctor(options: &Doctor) -> Outcome {
+    let findings = judge(&gather_facts(options)?);
     let count = |verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();
     let (problems, warnings) = (count(Verdict::Problem), count(Verdict::Warning));
     if options.json {
         print_json(&json!({"findings": findings, "problems": problems, "warnings": warnings}))?;
     } else {
-        print_text(&findings_text(&findings))?;
+        print_text(&format_findings(&findings))?;
     }
     match problems {
         0 => Ok(()),
@@ -67,7 +67,7 @@ pub fn run(options: &Doctor) -> Outcome {
     }
 }
 
-fn findings_text(findings: &[Finding]) -> String {
+fn format_findings(findings: &[Finding]) -> String {
     let mut text = String::new();
     for (i, Finding { check, verdict, found, advice }) in findings.iter().enumerate() {
         let verdict = match verdict {
@@ -84,9 +84,9 @@ fn findings_text(findings: &[Finding]) -> String {
 }
 
 /// Looks at everything. Only a port that is the board's or named is opened, and only if nobody else has it open.
-fn facts(options: &Doctor) -> Result<Facts, Failure> {
+fn gather_facts(options: &Doctor) -> Result<Facts, Failure> {
     let root = Path::new("/");
-    let (config, serve) = configuration(options);
+    let (config, serve) = read_configuration(options);
     let wanted = match options.device.as_ref().or(serve.device.as_ref()) {
         None => Wanted::Any,
         Some(Target::Auto) => Wanted::Board,
@@ -94,23 +94,23 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
         Some(Target::Sim) => Wanted::Simulated("sim"),
         Some(Target::Emulated) => Wanted::Simulated("emulated"),
     };
-    let ports = machine::ports();
+    let ports = machine::list_ports();
     let path = match &wanted {
         Wanted::Port(path) => Some(path.clone()),
         Wanted::Any | Wanted::Board => ports.iter().find(|port| port.is_board()).map(|port| port.path.clone()),
         Wanted::Simulated(_) => None,
     };
-    let (url, daemon) = ask(options, &serve)?;
+    let (url, daemon) = ask_daemon_at_options(options, &serve)?;
     let chosen = path.map(|path| {
         // The same port may have several names, as in /dev/serial/by-id.
         let path = match &daemon {
-            Daemon::Runs { port, .. } if is_same(port, &path) => port.clone(),
+            Daemon::Runs { port, .. } if is_same_file(port, &path) => port.clone(),
             _ => path,
         };
         let holders = machine::holders(root, &path);
         let is_daemons = matches!(&daemon, Daemon::Runs { port, .. } if *port == path);
         let is_free = holders.is_empty() && !is_daemons;
-        let answer = if is_free { board::ask(&path) } else { Answer::NotAsked };
+        let answer = if is_free { board::ask_board(&path) } else { Answer::NotAsked };
         Chosen { access: machine::access(root, &path), holders, answer, path }
     });
     let scene = options.scene.as_ref().or(serve.panel.scene.as_ref()).map(|path| {
@@ -124,10 +124,11 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
     Ok(Facts {
         wanted,
         ports,
-        bootloader: machine::bootloader(),
-        rules: machine::rules(root),
-        modem_manager: machine::modem_manager(root),
-        realtime: machine::realtime(root).map(|limit| if priority::can_be_raised() { limit.max(1) } else { 0 }),
+        bootloader: machine::has_bootloader(),
+        rules: machine::find_rules(root),
+        modem_manager: machine::find_modem_manager(root),
+        realtime: machine::read_realtime_limit(root)
+            .map(|limit| if priority::can_be_raised() { limit.max(1) } else { 0 }),
         chosen,
         address: url.split_once("://").map_or(url.as_str(), |(_, place)| place).to_owned(),
         is_address_named: options.url.is_some(),
@@ -138,10 +139,12 @@ fn facts(options: &Doctor) -> Result<Facts, Failure> {
 }
 
 /// Where a daemon is looked for, and what is there. The command line comes before the configuration.
-fn ask(options: &Doctor, serve: &Serve) -> Result<(String, Daemon), Failure> {
-    let listen = listen_place(serve)?;
+fn ask_daemon_at_options(options: &Doctor, serve: &Serve) -> Result<(String, Daemon), Failure> {
+    let listen = choose_listen_place(serve)?;
     // A name is asked as it stands there.
-    let place = listen.address().map_or_else(|| listen.to_string(), |address| daemon::reached(address).to_string());
+    let place = listen
+        .address()
+        .map_or_else(|| listen.to_string(), |address| daemon::find_reachable_address(address).to_string());
     let speaks_tls = serve.tls_dir.is_some() || serve.tls_cert.is_some();
     let url = options.url.clone().unwrap_or_else(|| format!("{}://{place}", if speaks_tls { "https" } else { "http" }));
     let made = serve.tls_dir.as_ref().map(|folder| folder.join(CERTIFICATE));
@@ -156,17 +159,18 @@ fn ask(options: &Doctor, serve: &Serve) -> Result<(String, Daemon), Failure> {
         (None, _) => read_token(None)?,
     };
     let contact = Contact::new(&url, ca.as_deref(), options.proxy.as_ref(), token)?;
-    let found = daemon::ask(&url, &contact.way.make_agent(daemon::ANSWER), contact.bearer.as_deref(), ca.is_some());
+    let found =
+        daemon::ask_daemon(&url, &contact.way.make_agent(daemon::ANSWER), contact.bearer.as_deref(), ca.is_some());
     Ok((url, found))
 }
 
-fn is_same(a: &str, b: &str) -> bool {
+fn is_same_file(a: &str, b: &str) -> bool {
     let file = |path: &str| std::fs::canonicalize(path).ok();
     a == b || file(a).is_some_and(|a| file(b) == Some(a))
 }
 
 /// The configuration file, and what it makes the daemon use.
-fn configuration(options: &Doctor) -> (Option<File>, Serve) {
+fn read_configuration(options: &Doctor) -> (Option<File>, Serve) {
     let Some(path) = &options.config else { return (None, Serve::default()) };
     let (mistake, serve) = match ConfigFile::read(path) {
         Ok(file) => {

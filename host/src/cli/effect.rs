@@ -41,7 +41,7 @@ pub struct EffectOptions {
     pub json: bool,
 }
 
-pub fn run(options: &EffectOptions) -> Outcome {
+pub fn run_effect(options: &EffectOptions) -> Outcome {
     let scene = options.panel.load()?;
     let effect = options.name.or(options.effect).ok_or_else(|| Failure::usage("no effect is named"))?;
     let request = EffectRequest {

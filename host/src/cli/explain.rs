@@ -6,7 +6,7 @@ use crate::scene::{EdgeKind, Mount, Scene, SurfaceDamping, SurfaceKind};
 use std::fmt::Write;
 
 /// The scene's part of it.
-fn modelled(scene: &Scene) -> String {
+fn describe_model(scene: &Scene) -> String {
     let surface = &scene.surface;
     let mm = |m: f64| m * 1e3;
     let mut text = match surface.kind {
@@ -66,8 +66,8 @@ fn modelled(scene: &Scene) -> String {
 
 /// The whole text.
 #[must_use]
-pub fn explain(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> String {
-    let mut text = modelled(scene);
+pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> String {
+    let mut text = describe_model(scene);
     text.push_str(
         "\nleft out: shear and rotary inertia, stretching in the plane, other air, the finger but where a place is touched, what the electrodes' field does to an ERA's \
          stiffness beyond its bias_voltage_v; modes above those kept are in the residual shapes of actuators, dashpots and the point asked for",
@@ -112,7 +112,7 @@ mod tests {
     fn every_step_and_every_part_is_told() {
         let scene = Scene::parse("bar", crate::scene::EXAMPLE_BAR).unwrap();
         let found = bounded_modes(&scene, Accuracy::BALANCED, 300.0).unwrap();
-        let text = explain(&scene, Accuracy::BALANCED, &found.steps);
+        let text = explain_accuracy(&scene, Accuracy::BALANCED, &found.steps);
         for piece in ["a beam", "2 grounded ERAs", "hysteretic", "left out: shear", "tolerance 1e-3 met"] {
             assert!(text.contains(piece), "{piece:?} is not in {text}");
         }
@@ -120,7 +120,7 @@ mod tests {
         let mut lossy = scene.clone();
         lossy.supports.extend(Scene::parse("plate", crate::scene::EXAMPLE_PLATE).unwrap().supports);
         lossy.supports[1].loss_factor = 0.3;
-        let text_of_lossy = explain(&lossy, Accuracy::BALANCED, &found.steps);
+        let text_of_lossy = explain_accuracy(&lossy, Accuracy::BALANCED, &found.steps);
         assert!(text_of_lossy.contains(", 1 supports and edges with a loss factor"), "{text_of_lossy}");
         assert!(!text.contains("loss factor"), "{text}");
         let last = found.steps.last().unwrap();

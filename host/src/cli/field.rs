@@ -13,10 +13,10 @@ use crate::study;
 use serde_json::json;
 
 /// Runs it.
-pub fn run(options: &Field) -> Outcome {
+pub fn run_field(options: &Field) -> Outcome {
     let at = match options.at {
-        _ if options.reach => return reach::maps(options),
-        _ if options.schemes => return reach::compare(options),
+        _ if options.reach => return reach::write_maps(options),
+        _ if options.schemes => return reach::compare_schemes(options),
         Some(at) => At { at, unit: options.unit, intensity_g: options.intensity_g },
         None => return Err(Failure::usage("--at X,Y, --reach or --schemes is needed")),
     };

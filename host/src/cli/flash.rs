@@ -5,11 +5,11 @@ use super::told::tell;
 use super::{Failure, Outcome, print_json};
 use crate::device::{Target, TargetError};
 use crate::flash::board::{Board, BoardError};
-use crate::flash::check::{OnBoard, Version, check};
+use crate::flash::check::{OnBoard, Version, check_image};
 use crate::flash::dfuse::Dfuse;
 use crate::flash::image::{Image, default_path};
 use crate::flash::probe::{ProbeError, ProbeRs};
-use crate::flash::program::{Stage, header_on_board, program};
+use crate::flash::program::{Stage, program_image, read_header_on_board};
 use crate::flash::usb;
 use era_shared::image::FLASH_START;
 use era_shared::protocol::FirmwareVersion;
@@ -29,7 +29,7 @@ enum Way {
     Dfu,
 }
 
-pub fn run(options: &Flash) -> Outcome {
+pub fn run_flash(options: &Flash) -> Outcome {
     if matches!(options.port, Some(Target::Sim | Target::Emulated)) {
         return Err(Failure::usage("only a board can be flashed: use --port with auto or the path of a serial port"));
     }
@@ -52,9 +52,9 @@ pub fn run(options: &Flash) -> Outcome {
     let runs = job.confirm_start()?;
     if options.json {
         return print_json(&json!({
-            "image": {"path": job.path, "name": job.image.header.name(), "firmware": version(job.image.header.firmware)},
+            "image": {"path": job.path, "name": job.image.header.name(), "firmware": version_json(job.image.header.firmware)},
             "way": if way == Way::Probe { "probe" } else { "dfu" },
-            "before": before.map(|it| version(it.firmware)),
+            "before": before.map(|it| version_json(it.firmware)),
             "first_stage_replaced": first_stage_replaced,
             "answers": runs,
         }));
@@ -88,7 +88,7 @@ impl Job<'_> {
     /// The board, if its firmware answers. Where its port is not named, none need answer: it may be in its bootloader, or
     /// without a firmware.
     fn board(&self, way: Way) -> Result<Option<Board>, Failure> {
-        let waiting = way == Way::Dfu && usb::find().map_err(Failure::failed)?.is_some();
+        let waiting = way == Way::Dfu && usb::find_bootloader().map_err(Failure::failed)?.is_some();
         match &self.options.port {
             Some(_) if waiting => Err(Failure::failed(
                 "a board is already in its bootloader: omit --port to flash that board, or disconnect it",
@@ -133,15 +133,15 @@ impl Job<'_> {
             Some(board) => {
                 self.allow(before, board.path())?;
                 board.enter_bootloader().map_err(Failure::failed)?;
-                (usb::wait_for(BOOTLOADER_START).map_err(Failure::failed)?, true)
+                (usb::await_bootloader(BOOTLOADER_START).map_err(Failure::failed)?, true)
             }
-            None => (usb::wait_for(Duration::ZERO).map_err(Failure::failed)?, false),
+            None => (usb::await_bootloader(Duration::ZERO).map_err(Failure::failed)?, false),
         };
-        let (pipe, layout) = usb::open(&device).map_err(Failure::failed)?;
+        let (pipe, layout) = usb::open_bootloader(&device).map_err(Failure::failed)?;
         let mut dfu = Dfuse::open(pipe).map_err(Failure::failed)?;
         let before = match before {
             Some(before) => Some(before),
-            None => header_on_board(&mut dfu).map_err(Failure::failed)?.as_ref().map(OnBoard::from),
+            None => read_header_on_board(&mut dfu).map_err(Failure::failed)?.as_ref().map(OnBoard::from),
         };
         if !allowed {
             self.allow(before, "USB, in its bootloader")?;
@@ -150,7 +150,7 @@ impl Job<'_> {
         if let Ok(style) = ProgressStyle::with_template("{msg:9} {bar:40} {bytes}/{total_bytes} ({elapsed})") {
             bar.set_style(style);
         }
-        let done = program(&mut dfu, &layout, &self.image, |stage, done, total| {
+        let done = program_image(&mut dfu, &layout, &self.image, |stage, done, total| {
             bar.set_message(match stage {
                 Stage::Erase => "erasing",
                 Stage::Write => "writing",
@@ -172,7 +172,7 @@ impl Job<'_> {
             Some(before) => tell!("board    {}, at {place} -> {after}", Version(before.firmware)),
             None => tell!("board    no ERA firmware on it, at {place} -> {after}"),
         }
-        check(&self.image.header, before.as_ref(), self.options.force).map_err(Failure::failed)?;
+        check_image(&self.image.header, before.as_ref(), self.options.force).map_err(Failure::failed)?;
         if self.options.yes {
             return Ok(());
         }
@@ -213,7 +213,7 @@ impl Job<'_> {
     }
 }
 
-fn version(firmware: FirmwareVersion) -> Value {
+fn version_json(firmware: FirmwareVersion) -> Value {
     let FirmwareVersion { major, minor, patch, commit } = firmware;
     json!({"version": format!("{major}.{minor}.{patch}"), "commit": String::from_utf8_lossy(&commit)})
 }

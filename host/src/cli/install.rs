@@ -70,7 +70,7 @@ struct Wanted {
     text: String,
 }
 
-pub fn run(options: &Install) -> Outcome {
+pub fn run_install(options: &Install) -> Outcome {
     // Paths of the configuration are absolute, and are cut by this one.
     let root = options.root.as_deref().map(std::path::absolute).transpose().map_err(Failure::failed)?;
     let options = &Install { root, ..options.clone() };
@@ -80,28 +80,28 @@ pub fn run(options: &Install) -> Outcome {
     if options.user && options.only == Some(Part::Rule) {
         return Err(Failure::usage("a udev rule applies to the whole machine: omit --user"));
     }
-    let config = config_path(options)?;
-    let wanted = wanted(options, &config)?;
+    let config = find_config_path(options)?;
+    let wanted = list_wanted_files(options, &config)?;
     if options.print {
         let files: Vec<String> =
             wanted.iter().map(|file| format!("# {}\n{}", file.path.display(), file.text)).collect();
-        warn_of(options, &config, &wanted);
+        warn_about_service(options, &config, &wanted);
         return print_text(files.join("\n").trim_end());
     }
     // All or nothing, as far as it can be known beforehand.
     for file in &wanted {
-        files::check(&file.path, options.force).map_err(Failure::failed)?;
+        files::check_writable(&file.path, options.force).map_err(Failure::failed)?;
     }
     let mut changed = Vec::new();
     for file in &wanted {
         let done = if options.remove {
-            files::remove(&file.path, options.force)
+            files::remove_marked(&file.path, options.force)
         } else {
-            files::write(&file.path, &file.text, options.force)
+            files::write_marked(&file.path, &file.text, options.force)
         };
         let done = done.map_err(Failure::failed)?;
         if options.remove && file.part == Part::Service {
-            unlink(&file.path);
+            remove_enable_link(&file.path);
         }
         print_text(&format!("{done} {}", file.path.display()))?;
         if !matches!(done, Done::Unchanged | Done::Absent) {
@@ -109,9 +109,9 @@ pub fn run(options: &Install) -> Outcome {
         }
     }
     if !options.remove {
-        warn_of(options, &config, &wanted);
+        warn_about_service(options, &config, &wanted);
     }
-    let steps = steps(options, &changed, &config);
+    let steps = list_next_steps(options, &changed, &config);
     // Whoever makes a package runs nothing now.
     if options.root.is_none() && !steps.is_empty() {
         print_text(&format!("now run:\n  {}", steps.join("\n  ")))?;
@@ -119,31 +119,31 @@ pub fn run(options: &Install) -> Outcome {
     Ok(())
 }
 
-fn wanted(options: &Install, config: &Path) -> Result<Vec<Wanted>, Failure> {
+fn list_wanted_files(options: &Install, config: &Path) -> Result<Vec<Wanted>, Failure> {
     let is_wanted = |part| options.only.is_none_or(|only| only == part);
     let mut wanted = Vec::new();
     if is_wanted(Part::Rule) && !options.user {
-        let path = root(options).join(rule::PATH);
+        let path = root_folder(options).join(rule::PATH);
         wanted.push(Wanted {
             part: Part::Rule,
             path,
-            text: rule::text(&options.group, options.flash_group.as_deref()),
+            text: rule::format_rule(&options.group, options.flash_group.as_deref()),
         });
     }
     if is_wanted(Part::Service) {
-        let program = program(options)?;
-        let secrets = &secrets(options, config);
+        let program = find_program(options)?;
+        let secrets = &find_secrets(options, config);
         let unit = unit::Unit { program: &program, config, group: &options.group, secrets, is_user: options.user };
         let text = unit.text().map_err(Failure::usage)?;
-        wanted.push(Wanted { part: Part::Service, path: unit_path(options)?, text });
+        wanted.push(Wanted { part: Part::Service, path: find_unit_path(options)?, text });
     }
     Ok(wanted)
 }
 
 /// What `era serve` would use of the configuration, as far as it can be read; paths as the service sees them.
-fn configured(options: &Install, config: &Path) -> Option<Serve> {
-    let (root, there) = (root(options), below_root(options, config));
-    let mut serve = config::joined(&Serve { config: Some(there), ..Serve::default() }).ok()?;
+fn read_service_options(options: &Install, config: &Path) -> Option<Serve> {
+    let (root, there) = (root_folder(options), path_below_root(options, config));
+    let mut serve = config::merge_configuration(&Serve { config: Some(there), ..Serve::default() }).ok()?;
     for path in [&mut serve.token_file, &mut serve.tls_cert, &mut serve.tls_key, &mut serve.tls_dir, &mut serve.record]
     {
         if let Some(path) = path.as_mut()
@@ -156,13 +156,15 @@ fn configured(options: &Install, config: &Path) -> Option<Serve> {
 }
 
 /// What of it the service, whose user is its own, can only have from root.
-fn secrets(options: &Install, config: &Path) -> unit::Secrets {
-    let Some(serve) = configured(options, config).filter(|_| !options.user) else { return unit::Secrets::default() };
+fn find_secrets(options: &Install, config: &Path) -> unit::Secrets {
+    let Some(serve) = read_service_options(options, config).filter(|_| !options.user) else {
+        return unit::Secrets::default();
+    };
     unit::Secrets { tokens: serve.token_file, tls: serve.tls_cert.zip(serve.tls_key) }
 }
 
 /// The program that the service runs.
-fn program(options: &Install) -> Result<PathBuf, Failure> {
+fn find_program(options: &Install) -> Result<PathBuf, Failure> {
     match &options.program {
         Some(program) => std::path::absolute(program).map_err(Failure::failed),
         None => std::env::current_exe().map_err(|error| {
@@ -172,7 +174,7 @@ fn program(options: &Install) -> Result<PathBuf, Failure> {
 }
 
 /// Takes away the link by which `systemctl enable` starts the unit: once the unit is gone, `disable` does not know it.
-fn unlink(unit: &Path) {
+fn remove_enable_link(unit: &Path) {
     for target in ["multi-user.target.wants", "default.target.wants"] {
         let link = unit.with_file_name(target).join(unit::NAME);
         if link.is_symlink() && !link.exists() {
@@ -182,32 +184,32 @@ fn unlink(unit: &Path) {
 }
 
 /// Where a path of the service is now.
-fn below_root(options: &Install, path: &Path) -> PathBuf {
-    root(options).join(path.strip_prefix("/").unwrap_or(path))
+fn path_below_root(options: &Install, path: &Path) -> PathBuf {
+    root_folder(options).join(path.strip_prefix("/").unwrap_or(path))
 }
 
-fn root(options: &Install) -> &Path {
+fn root_folder(options: &Install) -> &Path {
     options.root.as_deref().unwrap_or(Path::new("/"))
 }
 
-fn unit_path(options: &Install) -> Result<PathBuf, Failure> {
+fn find_unit_path(options: &Install) -> Result<PathBuf, Failure> {
     match (options.user, &options.root) {
-        (false, _) => Ok(root(options).join(unit::SYSTEM_PATH)),
+        (false, _) => Ok(root_folder(options).join(unit::SYSTEM_PATH)),
         (true, Some(root)) => Ok(root.join(unit::USERS_PATH)),
-        (true, None) => Ok(users_configuration()?.join("systemd/user").join(unit::NAME)),
+        (true, None) => Ok(find_user_config_folder()?.join("systemd/user").join(unit::NAME)),
     }
 }
 
-fn config_path(options: &Install) -> Result<PathBuf, Failure> {
+fn find_config_path(options: &Install) -> Result<PathBuf, Failure> {
     match &options.config {
         Some(path) => std::path::absolute(path).map_err(Failure::failed),
-        None if options.user && options.root.is_none() => Ok(users_configuration()?.join("era/era.toml")),
+        None if options.user && options.root.is_none() => Ok(find_user_config_folder()?.join("era/era.toml")),
         None => Ok("/etc/era/era.toml".into()),
     }
 }
 
 /// Where this user's configuration is.
-fn users_configuration() -> Result<PathBuf, Failure> {
+fn find_user_config_folder() -> Result<PathBuf, Failure> {
     let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     folder("XDG_CONFIG_HOME")
         .or_else(|| folder("HOME").map(|home| home.join(".config")))
@@ -215,9 +217,9 @@ fn users_configuration() -> Result<PathBuf, Failure> {
 }
 
 /// What will not work as it is.
-fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
+fn warn_about_service(options: &Install, config: &Path, wanted: &[Wanted]) {
     let Some(service) = wanted.iter().find(|file| file.part == Part::Service) else { return };
-    let there = below_root(options, config);
+    let there = path_below_root(options, config);
     if there.exists() {
         match ConfigFile::read(&there) {
             Err(error) => tell!("the service will not start with this configuration:\n{error}"),
@@ -230,9 +232,9 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
     } else if options.root.is_none() {
         tell!("{} is not there yet: without it the service does not start", config.display());
     }
-    if let Some(serve) = configured(options, config).filter(|_| !options.user) {
+    if let Some(serve) = read_service_options(options, config).filter(|_| !options.user) {
         for path in serve.token_file.iter().chain(&serve.tls_key) {
-            if let Err(error) = private_file::read(&below_root(options, path)) {
+            if let Err(error) = private_file::read(&path_below_root(options, path)) {
                 tell!("{}: {error}", path.display());
             }
         }
@@ -258,8 +260,8 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
         return;
     }
     let run = service.text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap_or_default();
-    if let Ok(program) = program(options)
-        && is_build(&program)
+    if let Ok(program) = find_program(options)
+        && is_in_build_folder(&program)
     {
         tell!(
             "{} is in the folder of a build: the next build replaces it, and `cargo clean` removes it. Better:\n \
@@ -277,7 +279,7 @@ fn warn_of(options: &Install, config: &Path, wanted: &[Wanted]) {
 }
 
 /// Whether a program lies where cargo builds.
-fn is_build(program: &Path) -> bool {
+fn is_in_build_folder(program: &Path) -> bool {
     let folder = |path: Option<&Path>| path.and_then(Path::file_name).and_then(|name| name.to_str()).map(str::to_owned);
     let (own, above) = (program.parent(), program.parent().and_then(Path::parent));
     let is_profile = matches!(folder(own).as_deref(), Some("release" | "debug"));
@@ -286,7 +288,7 @@ fn is_build(program: &Path) -> bool {
 }
 
 /// The commands that make the change known.
-fn steps(options: &Install, changed: &[Part], config: &Path) -> Vec<String> {
+fn list_next_steps(options: &Install, changed: &[Part], config: &Path) -> Vec<String> {
     let mut steps = Vec::new();
     let (manager, sudo) = if options.user { ("systemctl --user", "") } else { ("sudo systemctl", "sudo ") };
     if changed.contains(&Part::Rule) {

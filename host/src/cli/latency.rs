@@ -8,7 +8,7 @@ use super::serve::open_device;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::daemon::{App, Background};
 use crate::device::Target;
-use crate::verify::spread;
+use crate::verify::spread_points;
 use serde_json::json;
 use std::time::{Duration, Instant};
 
@@ -17,7 +17,7 @@ const MOST_REFUSED: usize = 10;
 /// Touches that are not counted, while caches and connections warm up.
 const WARM_UP: u32 = 20;
 
-pub fn run(options: &Latency) -> Outcome {
+pub fn run_latency(options: &Latency) -> Outcome {
     let (scene, text) = options.panel.load_text()?;
     let table = plan_table(&options.panel, options.keep, &scene)?;
     let device = open_device(&Target::Sim, &table)?;
@@ -33,13 +33,13 @@ pub fn run(options: &Latency) -> Outcome {
         .max_redirects(0)
         .build()
         .into();
-    wait_for_device(&agent, &base)?;
+    await_device(&agent, &base)?;
     if let Some(clicks) = options.first_clicks {
-        return first::run(options, clicks, &scene, &agent, &base);
+        return first::time_first_clicks(options, clicks, &scene, &agent, &base);
     }
 
     let screen = scene.screen;
-    let mut points = spread(WARM_UP + options.touches, f64::from(screen.width_px), f64::from(screen.height_px));
+    let mut points = spread_points(WARM_UP + options.touches, f64::from(screen.width_px), f64::from(screen.height_px));
     points.retain(|(x_px, y_px)| scene.place_px(*x_px, *y_px).is_ok());
     let mut to_device = Vec::new();
     let mut to_answer = Vec::new();
@@ -96,12 +96,17 @@ pub fn run(options: &Latency) -> Outcome {
     ))
 }
 
-fn wait_for_device(agent: &ureq::Agent, base: &str) -> Outcome {
-    wait_for(agent, base, "answer", |device| device["connected"] == true)
+fn await_device(agent: &ureq::Agent, base: &str) -> Outcome {
+    await_device_state(agent, base, "answer", |device| device["connected"] == true)
 }
 
 /// Waits until the simulated device is as wanted, by the state that the daemon tells.
-fn wait_for(agent: &ureq::Agent, base: &str, what: &str, is_so: impl Fn(&serde_json::Value) -> bool) -> Outcome {
+fn await_device_state(
+    agent: &ureq::Agent,
+    base: &str,
+    what: &str,
+    is_so: impl Fn(&serde_json::Value) -> bool,
+) -> Outcome {
     let deadline = Instant::now() + Duration::from_secs(10);
     while Instant::now() < deadline {
         let state: serde_json::Value = agent

@@ -116,7 +116,7 @@ pub fn main() -> ExitCode {
         told::tell_error(&format!("this is a defect of era itself{place}: {what}; please report it with the scene"));
     }));
     // A panic is a defect, but never a status that scripts do not know, nor a page of frames for the user.
-    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(arguments, started)));
+    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run_command(arguments, started)));
     let code = match outcome.unwrap_or(Err(Failure::Defect)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Usage(message)) => {
@@ -148,7 +148,7 @@ fn hide_secrets(error: &mut clap::Error) {
 
 /// Ends the program as its arguments cannot be read, or ask for help.
 fn refuse(error: &clap::Error, hint: &str) -> ! {
-    match told::format_asked_for(std::env::args_os()) {
+    match told::find_requested_format(std::env::args_os()) {
         told::LogFormat::Json if error.use_stderr() => {
             told::tell_refusal(told::LogFormat::Json, &format!("{error}{hint}"));
             std::process::exit(2)
@@ -169,36 +169,38 @@ fn refuse(error: &clap::Error, hint: &str) -> ! {
     }
 }
 
-fn run(arguments: command::Arguments, started: Instant) -> Outcome {
+fn run_command(arguments: command::Arguments, started: Instant) -> Outcome {
     use command::Command;
     match arguments.command {
         // Without a command the main job runs: daemon, example plate, simulated device, web page.
-        None => serve::run(&args::Serve::default(), started),
-        Some(Command::Serve(options)) => config::joined(&options).and_then(|options| serve::run(&options, started)),
-        Some(Command::Touch(options)) => client::touch(&options),
-        Some(Command::Stop(options)) => client::stop(&options),
-        Some(Command::Clear(options)) => client::clear(&options),
-        Some(Command::Arm(options)) => client::arm(&options),
-        Some(Command::State(options)) => client::state(&options),
-        Some(Command::Modes(options)) => modes::run(&options),
-        Some(Command::Press(options)) => press::run(&options),
+        None => serve::run_serve(&args::Serve::default(), started),
+        Some(Command::Serve(options)) => {
+            config::merge_configuration(&options).and_then(|options| serve::run_serve(&options, started))
+        }
+        Some(Command::Touch(options)) => client::send_touch(&options),
+        Some(Command::Stop(options)) => client::send_stop(&options),
+        Some(Command::Clear(options)) => client::clear_faults(&options),
+        Some(Command::Arm(options)) => client::arm_device(&options),
+        Some(Command::State(options)) => client::show_device_state(&options),
+        Some(Command::Modes(options)) => modes::run_modes(&options),
+        Some(Command::Press(options)) => press::run_press(&options),
         Some(Command::Response(options)) => panel::response(&options),
-        Some(Command::Sweep(options)) => sweep::run(&options),
-        Some(Command::Transient(options)) => transient::run(&options),
-        Some(Command::Plan(options)) => plan::run(&options),
-        Some(Command::Effect(options)) => effect::run(&options),
-        Some(Command::Field(options)) => field::run(&options),
-        Some(Command::Study(options)) => study::run(&options),
-        Some(Command::Verify(options)) => verify::run(&options),
-        Some(Command::Replay(options)) => replay::run(&options),
-        Some(Command::Latency(options)) => latency::run(&options),
-        Some(Command::Flash(options)) => flash::run(&options),
-        Some(Command::Monitor(options)) => monitor::run(&options),
-        Some(Command::Doctor(options)) => doctor::run(&options),
-        Some(Command::Install(options)) => install::run(&options),
-        Some(Command::Config(options)) => config::run(&options),
-        Some(Command::Completions(options)) => completions::completions(&options, command::Arguments::command()),
-        Some(Command::Man(options)) => completions::man(&options, command::Arguments::command()),
+        Some(Command::Sweep(options)) => sweep::run_sweep(&options),
+        Some(Command::Transient(options)) => transient::run_transient(&options),
+        Some(Command::Plan(options)) => plan::run_plan(&options),
+        Some(Command::Effect(options)) => effect::run_effect(&options),
+        Some(Command::Field(options)) => field::run_field(&options),
+        Some(Command::Study(options)) => study::run_study(&options),
+        Some(Command::Verify(options)) => verify::run_verify(&options),
+        Some(Command::Replay(options)) => replay::run_replay(&options),
+        Some(Command::Latency(options)) => latency::run_latency(&options),
+        Some(Command::Flash(options)) => flash::run_flash(&options),
+        Some(Command::Monitor(options)) => monitor::run_monitor(&options),
+        Some(Command::Doctor(options)) => doctor::run_doctor(&options),
+        Some(Command::Install(options)) => install::run_install(&options),
+        Some(Command::Config(options)) => config::run_config(&options),
+        Some(Command::Completions(options)) => completions::print_completions(&options, command::Arguments::command()),
+        Some(Command::Man(options)) => completions::write_man_pages(&options, command::Arguments::command()),
     }
 }
 

@@ -20,7 +20,7 @@ use std::time::Instant;
 /// Most values of shapes: 160 MB, some three times that while they are computed.
 const MOST_VALUES: f64 = 2e7;
 
-pub fn run(options: &Options) -> Outcome {
+pub fn run_modes(options: &Options) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
     let accuracy = options.panel.accuracy_within(options.time)?;
@@ -37,7 +37,7 @@ pub fn run(options: &Options) -> Outcome {
         let grid = scene.grid(options.grid);
         check_size(grid.0.len() * grid.1.len(), found.answer.len())?;
         let shapes = with_progress("computing the shapes", || ModeShapes::of(&scene, &found, options.max_hz, grid))?;
-        if write(options, &scene, &shapes)? {
+        if write_shapes(options, &scene, &shapes)? {
             return Ok(());
         }
     }
@@ -64,7 +64,7 @@ pub fn run(options: &Options) -> Outcome {
     }
     let layers = scene.surface.laminate().map_or_else(String::new, |laminate| layers_text(&scene, &laminate));
     let heading = format!("{}: {dofs} unknowns, {elapsed_ms:.0} ms{layers}", scene.name);
-    print_text(&table(&heading, modes()))
+    print_text(&format_modes(&heading, modes()))
 }
 
 /// What a scene's layers are together.
@@ -103,7 +103,7 @@ fn check_size(points: usize, modes: usize) -> Result<(), Failure> {
     )))
 }
 
-fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) -> String {
+fn format_modes<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) -> String {
     let mut text =
         format!("{heading}\n mode   frequency   error at most   damping ratio   pole at   its error at most");
     for (i, (mode, bound)) in modes.enumerate() {
@@ -135,7 +135,7 @@ fn table<'a>(heading: &str, modes: impl Iterator<Item = (&'a Mode, &'a Bound)>) 
 }
 
 /// Writes the shapes as asked for; whether they went to standard output.
-fn write(options: &Options, scene: &Scene, shapes: &ModeShapes) -> Result<bool, Failure> {
+fn write_shapes(options: &Options, scene: &Scene, shapes: &ModeShapes) -> Result<bool, Failure> {
     let failed =
         |path: &Path, error: std::io::Error| Failure::failed(format!("cannot write {}: {error}", path.display()));
     if let Some(path) = &options.npy {

@@ -15,10 +15,10 @@ use std::time::Duration;
 /// Between two looks at an empty log: short for a person, long for a link that also carries drives.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
-pub fn run(options: &Monitor) -> Outcome {
+pub fn run_monitor(options: &Monitor) -> Outcome {
     let target = options.port.clone().unwrap_or(Target::Auto);
     if !options.probe
-        && let Some(taken) = taken(&target)
+        && let Some(taken) = find_port_holder(&target)
     {
         return Err(Failure::Failed(taken));
     }
@@ -56,10 +56,10 @@ pub fn run(options: &Monitor) -> Outcome {
 }
 
 /// Who has the port, if somebody has: two programs at one port take each other's bytes.
-fn taken(target: &Target) -> Option<String> {
+fn find_port_holder(target: &Target) -> Option<String> {
     let port = match target {
         Target::Serial(path) => path.clone(),
-        Target::Auto => machine::ports().into_iter().find(crate::doctor::facts::Port::is_board)?.path,
+        Target::Auto => machine::list_ports().into_iter().find(crate::doctor::facts::Port::is_board)?.path,
         Target::Sim | Target::Emulated => return None,
     };
     let holders = machine::holders(Path::new("/"), &port);

@@ -8,20 +8,20 @@ use tokio::runtime::Handle;
 
 /// Tells that the daemon serves, and from then on, at half of the watchdog's time, that it is alive: while `runtime`
 /// still runs tasks and `is_alive` says so. What is not alive is not told, so that the service manager starts the daemon anew.
-pub fn ready(runtime: &Handle, status: &str, is_alive: impl Fn() -> bool + Send + 'static) {
-    send(&[NotifyState::Status(status), NotifyState::Ready]);
+pub fn notify_ready(runtime: &Handle, status: &str, is_alive: impl Fn() -> bool + Send + 'static) {
+    send_to_service_manager(&[NotifyState::Status(status), NotifyState::Ready]);
     if let Some(limit) = sd_notify::watchdog_enabled().filter(|limit| !limit.is_zero()) {
-        runtime.spawn(tick(limit / 2, is_alive, || send(&[NotifyState::Watchdog])));
+        runtime.spawn(notify_while_alive(limit / 2, is_alive, || send_to_service_manager(&[NotifyState::Watchdog])));
     }
 }
 
 /// Waits for `shutdown`, and tells that the daemon stops.
-pub async fn stopping_after(shutdown: impl Future<Output = ()>) {
+pub async fn notify_stopping_after(shutdown: impl Future<Output = ()>) {
     shutdown.await;
-    send(&[NotifyState::Stopping]);
+    send_to_service_manager(&[NotifyState::Stopping]);
 }
 
-async fn tick(period: Duration, is_alive: impl Fn() -> bool, tell: impl Fn()) {
+async fn notify_while_alive(period: Duration, is_alive: impl Fn() -> bool, tell: impl Fn()) {
     let mut interval = tokio::time::interval(period);
     interval.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let mut was_alive = true;
@@ -37,7 +37,7 @@ async fn tick(period: Duration, is_alive: impl Fn() -> bool, tell: impl Fn()) {
     }
 }
 
-fn send(state: &[NotifyState<'_>]) {
+fn send_to_service_manager(state: &[NotifyState<'_>]) {
     if let Err(error) = sd_notify::notify(state) {
         tracing::warn!(%error, "the service manager cannot be notified");
     }
@@ -58,7 +58,7 @@ mod tests {
         // Alive, dead for two ticks, alive again.
         let is_alive = move || !(1..3).contains(&asks.fetch_add(1, Ordering::Relaxed));
         runtime.block_on(async {
-            let ticking = tick(Duration::from_millis(5), is_alive, move || {
+            let ticking = notify_while_alive(Duration::from_millis(5), is_alive, move || {
                 tells.fetch_add(1, Ordering::Relaxed);
             });
             assert!(tokio::time::timeout(Duration::from_millis(100), ticking).await.is_err());

@@ -2,7 +2,7 @@
 
 use super::args::{At, Band, Keep, Panel, Response, Unit};
 use super::cost::Cost;
-use super::explain::explain;
+use super::explain::explain_accuracy;
 use super::progress::{with_cost, with_progress};
 use super::told::tell;
 use super::{Failure, Outcome, print_json, print_text};
@@ -91,7 +91,7 @@ pub fn need_actuators(scene: &Scene) -> Result<(), Failure> {
 /// `--explain`.
 pub fn tell_steps(panel: &Panel, scene: &Scene, accuracy: Accuracy, steps: &[Step]) {
     if panel.explain {
-        tell!("{}", explain(scene, accuracy, steps));
+        tell!("{}", explain_accuracy(scene, accuracy, steps));
     }
 }
 

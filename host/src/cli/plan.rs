@@ -5,7 +5,7 @@ use super::args_field::{Corners, parse_corners};
 use super::headings::{PLANNER, TOUCH};
 use super::panel::{bounds_of, plan_table, point_of, target, tell_plan, touched_table};
 use super::progress::with_progress;
-use super::reach::region;
+use super::reach::convert_zone;
 use super::told::tell;
 use super::values::parse_tolerances;
 use super::wishes::Wishes;
@@ -78,7 +78,7 @@ struct Answer {
     off: Option<Spread>,
 }
 
-pub fn run(options: &PlanOptions) -> Outcome {
+pub fn run_plan(options: &PlanOptions) -> Outcome {
     let scene = options.panel.load()?;
     let request = request(&scene, options)?;
     let windows = windows(options);
@@ -89,7 +89,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
     let mut answer = with_progress("planning", || answer(&table, options, request, spans, accuracy.value()))?;
     // In JSON they are part of the answer.
     for explanation in answer.explanations.iter().filter(|_| !options.json) {
-        tell!("{}", super::plan_explain::text(explanation));
+        tell!("{}", super::plan_explain::format_explanation(explanation));
     }
     let plans = plans(&answer);
     tell_plan(&plans, accuracy, options.panel.explain);
@@ -101,7 +101,7 @@ pub fn run(options: &PlanOptions) -> Outcome {
     if options.json {
         return print_json(&answer);
     }
-    print_text(&text(&answer))
+    print_text(&format_answer(&answer))
 }
 
 /// The table that the request is planned with: of the panel with its fingers on it.
@@ -220,7 +220,7 @@ fn request(scene: &Scene, options: &PlanOptions) -> Result<Request, Failure> {
     request.objective = options.wishes.objective;
     request.grouping = options.wishes.grouping;
     request.weigh = options.wishes.weigh;
-    request.zone = region(scene, options.zone)?;
+    request.zone = convert_zone(scene, options.zone)?;
     request.work = Work::Study;
     Ok(request)
 }
@@ -233,27 +233,27 @@ fn windows(options: &PlanOptions) -> Option<Vec<Window>> {
     Some(given.into_iter().map(|window| window.unwrap_or(Window { from_ms: 0.0, to_ms })).collect())
 }
 
-fn text(answer: &Answer) -> String {
+fn format_answer(answer: &Answer) -> String {
     let mut text = String::new();
     match &answer.stretches {
         None => {
-            plan_text(&mut text, &answer.plan);
+            write_plan(&mut text, &answer.plan);
             if let Some(details) = &answer.details {
-                details_text(&mut text, &answer.plan, details);
+                write_details(&mut text, &answer.plan, details);
             }
-            trade_text(&mut text, answer.trade.as_ref());
+            write_trade(&mut text, answer.trade.as_ref());
         }
         Some(all) => {
             for stretch in all {
                 let _ = write!(text, "{:.0} to {:.0} ms: ", stretch.span.from_ms, stretch.span.to_ms);
                 match &stretch.plan {
-                    Some(plan) => plan_text(&mut text, plan),
+                    Some(plan) => write_plan(&mut text, plan),
                     None => text.push_str("nothing"),
                 }
                 if let Some(times) = &stretch.times {
-                    times_text(&mut text, times);
+                    write_times(&mut text, times);
                 }
-                trade_text(&mut text, stretch.trade.as_ref());
+                write_trade(&mut text, stretch.trade.as_ref());
                 text.push('\n');
             }
         }
@@ -264,7 +264,7 @@ fn text(answer: &Answer) -> String {
     text.trim_end().to_owned()
 }
 
-fn plan_text(text: &mut String, plan: &Plan) {
+fn write_plan(text: &mut String, plan: &Plan) {
     let _ = write!(text, "target {:.1} mm, {:.1} mm", 1e3 * plan.target_m[0], 1e3 * plan.target_m[1]);
     for other in plan.targets.iter().skip(1) {
         let _ = write!(text, "; {:.1} mm, {:.1} mm", 1e3 * other.x_m, 1e3 * other.y_m);
@@ -318,7 +318,7 @@ fn plan_text(text: &mut String, plan: &Plan) {
 }
 
 /// A level in dB in words; below the threshold nothing is felt, and how far below says nothing to anybody where it is far.
-fn level(db: Option<f64>, threshold: &str) -> String {
+fn describe_level(db: Option<f64>, threshold: &str) -> String {
     match db {
         Some(db) if db >= 0.0 => format!("{db:.1} dB above {threshold}"),
         Some(db) if db >= LEAST_SHOWN_DB => format!("{:.1} dB below {threshold}: not felt", -db),
@@ -329,19 +329,23 @@ fn level(db: Option<f64>, threshold: &str) -> String {
 /// Harmonics are told from this part of the peak on.
 const HARMONICS_PART: f64 = 1e-9;
 
-fn details_text(text: &mut String, plan: &Plan, details: &Report) {
+fn write_details(text: &mut String, plan: &Plan, details: &Report) {
     let _ = write!(text, "\nwith moving masses: {:.3} g at the target", plan.predicted.softened_peak_g);
-    let _ = write!(text, ", {}", level(plan.predicted.above_threshold_db, "the threshold of feeling"));
+    let _ = write!(text, ", {}", describe_level(plan.predicted.above_threshold_db, "the threshold of feeling"));
     let _ = write!(text, "; with harmonics at most {:.3} g", details.waveform_peak_g);
     // Less is rounding.
     if details.harmonics_g > HARMONICS_PART * details.waveform_peak_g {
-        let _ = write!(text, " (the strongest harmonic is {}", level(details.strongest_harmonic_db, "its threshold"));
+        let _ = write!(
+            text,
+            " (the strongest harmonic is {}",
+            describe_level(details.strongest_harmonic_db, "its threshold")
+        );
         match details.harmonics_error_bound {
             Some(bound) => _ = write!(text, "; relative error of the harmonics at most {:.1e})", bound),
             None => text.push_str("; the error of the harmonics is not known)"),
         }
     }
-    times_text(text, &details.times);
+    write_times(text, &details.times);
     if plan.optimality_gap > 0.0 {
         let more = if plan.optimality_gap >= 1.0 {
             format!("{:.1} times as good", 1.0 + plan.optimality_gap)
@@ -359,7 +363,7 @@ fn details_text(text: &mut String, plan: &Plan, details: &Report) {
     }
 }
 
-fn times_text(text: &mut String, times: &Times) {
+fn write_times(text: &mut String, times: &Times) {
     let ms = |time: Option<f64>| time.map_or_else(|| String::from("never"), |ms| format!("after {ms:.0} ms"));
     let _ = write!(
         text,
@@ -369,7 +373,7 @@ fn times_text(text: &mut String, times: &Times) {
     );
 }
 
-fn trade_text(text: &mut String, trade: Option<&Trade>) {
+fn write_trade(text: &mut String, trade: Option<&Trade>) {
     let Some(trade) = trade else { return };
     let list = |values: &[f64]| values.iter().map(|g| format!("{g:.3}")).collect::<Vec<_>>().join("  ");
     let _ = write!(text, "\npeaks if each target is the only one: {} g", list(&trade.alone_g));
@@ -395,10 +399,10 @@ mod tests {
 
     #[test]
     fn levels_are_told_as_far_as_they_say_something() {
-        assert_eq!(level(Some(21.7), "its threshold"), "21.7 dB above its threshold");
-        assert_eq!(level(Some(-6.0), "its threshold"), "6.0 dB below its threshold: not felt");
+        assert_eq!(describe_level(Some(21.7), "its threshold"), "21.7 dB above its threshold");
+        assert_eq!(describe_level(Some(-6.0), "its threshold"), "6.0 dB below its threshold: not felt");
         for nothing in [Some(-120.0), None] {
-            assert_eq!(level(nothing, "its threshold"), "far below its threshold: not felt");
+            assert_eq!(describe_level(nothing, "its threshold"), "far below its threshold: not felt");
         }
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 /// The text.
 #[must_use]
-pub fn text(explanation: &Explanation) -> String {
+pub fn format_explanation(explanation: &Explanation) -> String {
     let mut text = String::from("candidates: each actuator's best frequencies, as if it vibrated alone");
     for candidates in &explanation.candidates {
         for frequency in &candidates.frequencies {
@@ -74,7 +74,7 @@ mod tests {
         let of = |name: &str| explanation.alternatives.iter().find(|other| other.change.contains(name)).unwrap();
         assert!(of("power").power_mw < own.power_mw && of("power").contrast_db < own.contrast_db + 1e-9);
         assert!(of("one more").target_peak_g > 0.299);
-        let text = text(&explanation);
+        let text = format_explanation(&explanation);
         for piece in [
             "candidates",
             "pulse widths",

@@ -8,21 +8,21 @@ use crate::planner::PlanTable;
 use crate::planner::press::{Pressed, Stop};
 use std::fmt::Write;
 
-pub fn run(options: &Options) -> Outcome {
+pub fn run_press(options: &Options) -> Outcome {
     let mut scene = options.panel.load()?;
     if let Some(force_n) = options.force_n {
         scene.press_n = force_n;
     }
     let table = plan_table(&options.panel, options.keep, &scene)?;
     if options.json {
-        missing(&table).iter().for_each(|line| tell!("{line}"));
+        describe_missing_bounds(&table).iter().for_each(|line| tell!("{line}"));
         return print_json(&crate::planner::press_report::report_press(&table));
     }
-    print_text(&text(&table))
+    print_text(&format_press(&table))
 }
 
 /// Why bounds are missing, and of whom.
-fn missing(table: &PlanTable) -> Vec<String> {
+fn describe_missing_bounds(table: &PlanTable) -> Vec<String> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for (i, actuator) in table.scene.actuators.iter().enumerate() {
         let Some(reason) = crate::planner::press_bounds::bound_press_travel_error(table, i).reason() else { continue };
@@ -37,7 +37,7 @@ fn missing(table: &PlanTable) -> Vec<String> {
     reasons.iter().map(line).collect()
 }
 
-fn text(table: &PlanTable) -> String {
+fn format_press(table: &PlanTable) -> String {
     let mut text = format!(
         "{}: a press of {} N where it moves each mass furthest\n \
          actuator            at mm      alone   error at most      sag   error at most   held by            gap left   holds\n",
@@ -66,7 +66,7 @@ fn text(table: &PlanTable) -> String {
             electrodes.holds_v(0.0).min(electrodes.max_voltage_v),
         );
     }
-    for line in missing(table) {
+    for line in describe_missing_bounds(table) {
         let _ = writeln!(text, "{line}");
     }
     text.push_str("Alone: without voltage and stop. Sag: with the electrodes' pull at the highest voltages. Holds: the voltage safe from breakdown there.");

@@ -3,7 +3,7 @@
 //! On a terminal a bar or a spinner, which is gone afterwards; otherwise plain lines, the more seldom the longer it takes.
 //! Everything goes to standard error.
 
-use super::cost::{Cost, words};
+use super::cost::{Cost, describe_duration};
 use super::told::{self, tell};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt;
@@ -27,7 +27,7 @@ static LEVEL: Mutex<Option<(u64, u64)>> = Mutex::new(None);
 
 /// Runs `work`; if it takes longer than a second, shows `what` with the time it has taken.
 pub fn with_progress<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
-    watched(what, None, work)
+    run_watched(what, None, work)
 }
 
 /// The same with what it is expected to take: said before it begins, if that is more than a second.
@@ -35,15 +35,16 @@ pub fn with_cost<T>(what: &'static str, cost: Option<Cost>, work: impl FnOnce() 
     let Some(cost) = cost else { return with_progress(what, work) };
     let time = cost.time();
     if time > SHORT {
-        tell!("{what}: about {} ({cost})", words(time));
+        tell!("{what}: about {} ({cost})", describe_duration(time));
     }
-    watched(what, Some(time), work)
+    run_watched(what, Some(time), work)
 }
 
-fn watched<T>(what: &'static str, expected: Option<Duration>, work: impl FnOnce() -> T) -> T {
+fn run_watched<T>(what: &'static str, expected: Option<Duration>, work: impl FnOnce() -> T) -> T {
     *LEVEL.lock().unwrap_or_else(PoisonError::into_inner) = None;
     let (done, waiting) = channel::<()>();
-    let watcher = std::thread::Builder::new().name("progress".into()).spawn(move || watch(what, expected, &waiting));
+    let watcher =
+        std::thread::Builder::new().name("progress".into()).spawn(move || show_progress(what, expected, &waiting));
     let result = work();
     drop(done);
     if let Ok(watcher) = watcher {
@@ -52,7 +53,7 @@ fn watched<T>(what: &'static str, expected: Option<Duration>, work: impl FnOnce(
     result
 }
 
-fn watch(what: &'static str, expected: Option<Duration>, done: &Receiver<()>) {
+fn show_progress(what: &'static str, expected: Option<Duration>, done: &Receiver<()>) {
     let started = Instant::now();
     let is_over = |time: Duration| done.recv_timeout(time) != Err(RecvTimeoutError::Timeout);
     if is_over(SHORT) {
@@ -61,7 +62,7 @@ fn watch(what: &'static str, expected: Option<Duration>, done: &Receiver<()>) {
     if told::is_json() || !std::io::stderr().is_terminal() {
         let mut line = FIRST_LINE;
         while !is_over(line.saturating_sub(started.elapsed())) {
-            tell!("{what}: {:.0} s so far{}", started.elapsed().as_secs_f64(), latest());
+            tell!("{what}: {:.0} s so far{}", started.elapsed().as_secs_f64(), describe_latest_level());
             line *= 2;
         }
         return;
@@ -75,9 +76,9 @@ fn watch(what: &'static str, expected: Option<Duration>, done: &Receiver<()>) {
         bar.set_style(style);
     }
     loop {
-        bar.set_message(format!("{what}{}", latest()));
+        bar.set_message(format!("{what}{}", describe_latest_level()));
         match expected {
-            Some(expected) => bar.set_position(part(started.elapsed(), expected)),
+            Some(expected) => bar.set_position(bar_position(started.elapsed(), expected)),
             None => bar.tick(),
         }
         if is_over(Duration::from_millis(120)) {
@@ -89,7 +90,7 @@ fn watch(what: &'static str, expected: Option<Duration>, done: &Receiver<()>) {
 
 /// How far a bar is: never at its end, as an estimate may be short.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss, reason = "0 to 1000")]
-fn part(elapsed: Duration, expected: Duration) -> u64 {
+fn bar_position(elapsed: Duration, expected: Duration) -> u64 {
     let ratio = elapsed.as_secs_f64() / expected.as_secs_f64();
     // Straight to 80 %, and from there on towards 100 %.
     let part = if ratio < 0.8 { ratio } else { 1.0 - 0.2 * (-(ratio - 0.8) / 0.2).exp() };
@@ -97,7 +98,7 @@ fn part(elapsed: Duration, expected: Duration) -> u64 {
 }
 
 /// The latest level in words.
-fn latest() -> String {
+fn describe_latest_level() -> String {
     let level = *LEVEL.lock().unwrap_or_else(PoisonError::into_inner);
     level.map_or_else(String::new, |(order, unknowns)| format!(", latest level of order {order}, {unknowns} unknowns"))
 }
@@ -161,16 +162,16 @@ mod tests {
             tracing::subscriber::with_default(subscriber, || bounded_modes(&scene, Accuracy::FAST, 300.0)).unwrap();
         let (order, dofs) = LEVEL.lock().unwrap().unwrap();
         assert!(found.steps.iter().any(|step| step.fineness.order as u64 == order && step.dofs as u64 == dofs));
-        assert!(latest().contains(&format!("order {order}")));
+        assert!(describe_latest_level().contains(&format!("order {order}")));
         // Of other work nothing is known yet.
-        let told = with_progress("asking", latest);
+        let told = with_progress("asking", describe_latest_level);
         assert_eq!(told, "");
     }
 
     #[test]
     fn a_bar_never_ends_early_and_never_goes_back() {
         let expected = Duration::from_secs(10);
-        let parts: Vec<u64> = (0..100).map(|second| part(Duration::from_secs(second), expected)).collect();
+        let parts: Vec<u64> = (0..100).map(|second| bar_position(Duration::from_secs(second), expected)).collect();
         assert!(parts.is_sorted() && parts[0] == 0 && parts[4] == 400 && parts[10] < 950 && parts[99] <= PARTS);
     }
 }

@@ -1,7 +1,7 @@
 //! How far a study is, with the time that is left, and stopping it.
 
-use super::cost::words;
-use super::serve::shutdown;
+use super::cost::describe_duration;
+use super::serve::await_end_signal;
 use super::signals::EndSignals;
 use super::standard_error;
 use super::told::{self, tell};
@@ -67,7 +67,10 @@ impl Shown {
         if rate <= 0.0 {
             return String::new();
         }
-        format!("{rate:.1} a second, about {} left", words(Duration::from_secs_f64((left as f64 / rate).min(1e9))))
+        format!(
+            "{rate:.1} a second, about {} left",
+            describe_duration(Duration::from_secs_f64((left as f64 / rate).min(1e9)))
+        )
     }
 }
 
@@ -116,10 +119,10 @@ pub fn stop_on_signals() -> Arc<AtomicBool> {
     let flag = Arc::clone(&stops);
     let wait = move || {
         let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_io().build() else { return };
-        runtime.block_on(async { shutdown(EndSignals::listen()).await });
+        runtime.block_on(async { await_end_signal(EndSignals::listen()).await });
         flag.store(true, Ordering::Relaxed);
         tell!("stopping after the chunks that have begun; a second Ctrl-C ends at once and loses these chunks only");
-        runtime.block_on(async { shutdown(EndSignals::listen()).await });
+        runtime.block_on(async { await_end_signal(EndSignals::listen()).await });
         standard_error::await_written();
         std::process::exit(1);
     };

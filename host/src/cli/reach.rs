@@ -27,11 +27,11 @@ const RIGID: f64 = 0.5;
 type Shown = fn(&SchemeReach) -> (&Spread, f64);
 
 /// Maps of the strongest and the most contrasted reachable at every point.
-pub fn maps(options: &Field) -> Outcome {
-    let (scene, table, region) = prepared(options)?;
+pub fn write_maps(options: &Field) -> Outcome {
+    let (scene, table, region) = prepare_table(options)?;
     let maps = match scene.finger {
         None => with_progress("computing what can be reached", || Maps::of(&table, region))?,
-        Some(_) => touched_maps(options, &scene, &table, region)?,
+        Some(_) => compute_touched_maps(options, &scene, &table, region)?,
     };
     if let Some(path) = &options.png {
         tell_written(path, pictures::write_maps(path, &scene, &maps).map_err(Failure::failed)?);
@@ -50,8 +50,8 @@ pub fn maps(options: &Field) -> Outcome {
     }
     let line = |name: &str, unit: &str, spread: &Spread, hz: &[Option<Vec<f64>>]| {
         let end = |value: f64, at_mm: [f64; 2]| {
-            let frequencies = nearest(&table, hz, at_mm).unwrap_or_default();
-            format!("{value:.2} {unit} at {} ({frequencies})", place(at_mm))
+            let frequencies = describe_frequencies_at(&table, hz, at_mm).unwrap_or_default();
+            format!("{value:.2} {unit} at {} ({frequencies})", format_place(at_mm))
         };
         format!(
             "{name}: least {}, median {:.2} {unit}, most {}",
@@ -60,7 +60,7 @@ pub fn maps(options: &Field) -> Outcome {
             end(spread.most, spread.most_at_mm)
         )
     };
-    let mut text = format!("{}, {}\n", scene.name, searched(&table, options));
+    let mut text = format!("{}, {}\n", scene.name, describe_search(&table, options));
     text.push_str(&line("strongest peak", "g", &strongest, &maps.strongest_hz));
     if let Some(bound) = maps.error_bound.iter().flatten().next().filter(|_| scene.finger.is_some()) {
         let _ = write!(
@@ -75,7 +75,12 @@ pub fn maps(options: &Field) -> Outcome {
 }
 
 /// The maps with the scene's finger on each point while it is looked at.
-fn touched_maps(options: &Field, scene: &Scene, table: &PlanTable, region: Option<Region>) -> Result<Maps, Failure> {
+fn compute_touched_maps(
+    options: &Field,
+    scene: &Scene,
+    table: &PlanTable,
+    region: Option<Region>,
+) -> Result<Maps, Failure> {
     tell!(
         "the scene's [finger] is on each point while it is looked at; contrasts, of which each would be a plan for a panel of its own, are left out"
     );
@@ -87,8 +92,8 @@ fn touched_maps(options: &Field, scene: &Scene, table: &PlanTable, region: Optio
 }
 
 /// The three ways to drive, side by side.
-pub fn compare(options: &Field) -> Outcome {
-    let (scene, table, region) = prepared(options)?;
+pub fn compare_schemes(options: &Field) -> Outcome {
+    let (scene, table, region) = prepare_table(options)?;
     if scene.finger.is_some() {
         tell!("the scene's [finger] is left out: ways to drive are compared on the panel that nothing touches");
     }
@@ -98,7 +103,7 @@ pub fn compare(options: &Field) -> Outcome {
         let written = pictures::write_schemes(path, &scene, &table.grid, measure, &schemes);
         tell_written(path, written.map_err(Failure::failed)?);
     }
-    if write_csv(options, &csv(&table, measure, &schemes))? {
+    if write_csv(options, &format_csv(&table, measure, &schemes))? {
         return Ok(());
     }
     let [ratios, phases] = schemes::tried(&table);
@@ -115,7 +120,7 @@ pub fn compare(options: &Field) -> Outcome {
          (one frequency: best found of {ratios} amplitude ratios in phase and {phases} with phases at each frequency, then \
          refined; distinct frequencies: proven optimum for masses at rest)\n",
         scene.name,
-        searched(&table, options)
+        describe_search(&table, options)
     );
     let spreads: [(&str, Shown); 2] = [
         ("one setting for the whole surface", |scheme| (&scheme.one_setting, scheme.one_setting_weaker)),
@@ -130,26 +135,26 @@ pub fn compare(options: &Field) -> Outcome {
         for scheme in &schemes {
             let (spread, weaker) = of(scheme);
             let first = schemes.first().map_or(spread.least, |first| of(first).0.least);
-            let _ = writeln!(text, "{}", row(scheme.scheme, measure, spread, weaker, first));
+            let _ = writeln!(text, "{}", format_row(scheme.scheme, measure, spread, weaker, first));
         }
     }
     text.push_str(
         "\n(dead: part of the surface with less than a tenth of the largest peak; weaker: with less than distinct \
          frequencies give at their weakest place)\n",
     );
-    text.push_str(&settings(&schemes, measure));
-    text.push_str(&reasons(&schemes, first_bending_hz));
+    text.push_str(&format_settings(&schemes, measure));
+    text.push_str(&explain_weakest_place(&schemes, first_bending_hz));
     print_text(text.trim_end())
 }
 
 /// What is commanded for the whole surface.
-fn settings(schemes: &[SchemeReach], measure: Measure) -> String {
+fn format_settings(schemes: &[SchemeReach], measure: Measure) -> String {
     let mut text = String::from(
         "\nthe one settings\n\n| scheme | actuator | frequency | force | voltage | pulse width | phase | rigid motion |\n\
          |---|---|---|---|---|---|---|---|\n",
     );
     for scheme in schemes {
-        let rigid = scheme.rigid.map_or_else(String::new, percent);
+        let rigid = scheme.rigid.map_or_else(String::new, format_percent);
         for part in &scheme.setting {
             let _ = writeln!(
                 text,
@@ -166,13 +171,13 @@ fn settings(schemes: &[SchemeReach], measure: Measure) -> String {
     }
     for scheme in schemes {
         if scheme.scale < 1.0 {
-            let left = percent(scheme.scale);
+            let left = format_percent(scheme.scale);
             let _ =
                 writeln!(text, "({}: motion in the closing gaps leaves {left} of the forces)", scheme.scheme.name());
         }
         let at_most = scheme.one_setting_at_most.filter(|most| *most > scheme.one_setting.least * (1.0 + 1e-6));
         if let Some(at_most) = at_most {
-            let at_most = shown(measure, at_most);
+            let at_most = format_peak(measure, at_most);
             let _ = writeln!(text, "({}: up to {at_most} may be possible, which is not proven)", scheme.scheme.name());
         }
     }
@@ -180,7 +185,7 @@ fn settings(schemes: &[SchemeReach], measure: Measure) -> String {
 }
 
 /// Why the weakest place is as strong as it is.
-fn reasons(schemes: &[SchemeReach], first_bending_hz: Option<f64>) -> String {
+fn explain_weakest_place(schemes: &[SchemeReach], first_bending_hz: Option<f64>) -> String {
     let mut text = String::new();
     if let Some(hz) = first_bending_hz {
         let _ = write!(text, "\nFirst mode that bends the panel: {hz:.1} Hz.");
@@ -197,37 +202,37 @@ fn reasons(schemes: &[SchemeReach], first_bending_hz: Option<f64>) -> String {
             "\nOne frequency has the strongest weakest place here: at {hz} Hz {} of the motion (mean square) is that of a rigid \
              body, which has no nodes to be filled. All actuators add there in phase; of distinct frequencies, \
              {MIN_SPACING_HZ} Hz apart, only one can be near. `--from {:.0}` leaves that motion out.",
-            percent(scheme.rigid.unwrap_or_default()),
+            format_percent(scheme.rigid.unwrap_or_default()),
             first_bending_hz.unwrap_or(hz).ceil()
         );
     }
     text
 }
 
-fn percent(part: f64) -> String {
+fn format_percent(part: f64) -> String {
     format!("{:.1} %", 100.0 * part)
 }
 
 /// A peak as it is printed: in g, or in dB above the threshold.
-fn shown(measure: Measure, peak: f64) -> String {
+fn format_peak(measure: Measure, peak: f64) -> String {
     match measure {
         Measure::G => format!("{peak:.3}"),
         Measure::Thresholds => level_db(peak).map_or_else(|| String::from("nothing"), |db| format!("{db:.1}")),
     }
 }
 
-fn row(scheme: Scheme, measure: Measure, spread: &Spread, weaker: f64, first: f64) -> String {
+fn format_row(scheme: Scheme, measure: Measure, spread: &Spread, weaker: f64, first: f64) -> String {
     let ratio = spread.least / first;
     format!(
         "| {} | {} | {} | {} | {} | {} | {} | {} | {} |",
         scheme.name(),
-        shown(measure, spread.least),
-        place(spread.least_at_mm),
-        shown(measure, spread.tenth),
-        shown(measure, spread.median),
-        shown(measure, spread.most),
-        percent(spread.dead),
-        percent(weaker),
+        format_peak(measure, spread.least),
+        format_place(spread.least_at_mm),
+        format_peak(measure, spread.tenth),
+        format_peak(measure, spread.median),
+        format_peak(measure, spread.most),
+        format_percent(spread.dead),
+        format_percent(weaker),
         match measure {
             Measure::G => format!("{ratio:.2}"),
             Measure::Thresholds => format!("{:+.1} dB", 20.0 * ratio.log10()),
@@ -235,12 +240,12 @@ fn row(scheme: Scheme, measure: Measure, spread: &Spread, weaker: f64, first: f6
     )
 }
 
-fn place([x_mm, y_mm]: [f64; 2]) -> String {
+fn format_place([x_mm, y_mm]: [f64; 2]) -> String {
     format!("{x_mm:.0} mm, {y_mm:.0} mm")
 }
 
 /// The frequencies at a point of the grid, in words.
-fn nearest(table: &PlanTable, hz: &[Option<Vec<f64>>], [x_mm, y_mm]: [f64; 2]) -> Option<String> {
+fn describe_frequencies_at(table: &PlanTable, hz: &[Option<Vec<f64>>], [x_mm, y_mm]: [f64; 2]) -> Option<String> {
     let line = |lines: &[f64], at_mm: f64| lines.iter().position(|line| (line * 1e3 - at_mm).abs() < 1e-6);
     let point = line(&table.grid.y_m, y_mm)? * table.grid.x_m.len() + line(&table.grid.x_m, x_mm)?;
     let frequencies = hz.get(point)?.as_ref()?;
@@ -248,17 +253,17 @@ fn nearest(table: &PlanTable, hz: &[Option<Vec<f64>>], [x_mm, y_mm]: [f64; 2]) -
 }
 
 /// The scene, its table in the band that is asked for, and the region.
-fn prepared(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failure> {
+fn prepare_table(options: &Field) -> Result<(Scene, PlanTable, Option<Region>), Failure> {
     let scene = options.panel.load()?;
     need_actuators(&scene)?;
-    let region = region(&scene, options.zone)?;
-    let table = restricted(plan_table(&options.panel, options.keep, &scene)?, options)?;
+    let region = convert_zone(&scene, options.zone)?;
+    let table = restrict_to_band(plan_table(&options.panel, options.keep, &scene)?, options)?;
     View::checked(&table, region).map_err(|error| Failure::usage(format!("--zone: {error}")))?;
     Ok((scene, table, region))
 }
 
 /// What `--zone` says, on this scene.
-pub(super) fn region(scene: &Scene, zone: Option<Corners>) -> Result<Option<Region>, Failure> {
+pub(super) fn convert_zone(scene: &Scene, zone: Option<Corners>) -> Result<Option<Region>, Failure> {
     let Some(zone) = zone else { return Ok(None) };
     let metres = |[from, to]: [f64; 2]| [from / 1e3, to / 1e3];
     let region = Region::on(scene, metres(zone.x), metres(zone.y));
@@ -266,14 +271,14 @@ pub(super) fn region(scene: &Scene, zone: Option<Corners>) -> Result<Option<Regi
 }
 
 /// The table without the frequencies that `--from` and `--to` leave out.
-fn restricted(table: PlanTable, options: &Field) -> Result<PlanTable, Failure> {
+fn restrict_to_band(table: PlanTable, options: &Field) -> Result<PlanTable, Failure> {
     table
         .in_band(options.from, options.to)
         .map_err(|error| Failure::usage(format!("--from {} --to {}: {error}", error.from_hz, error.to_hz)))
 }
 
 /// The grids that were searched.
-fn searched(table: &PlanTable, options: &Field) -> String {
+fn describe_search(table: &PlanTable, options: &Field) -> String {
     let within = options.zone.map_or_else(String::new, |zone| {
         format!("{} to {} mm by {} to {} mm, ", zone.x[0], zone.x[1], zone.y[0], zone.y[1])
     });
@@ -304,7 +309,7 @@ pub fn tell_written(path: &Path, (width, height): (u32, u32)) {
 
 /// Lines of `x_mm,y_mm` and for each scheme the peak with one setting and with the best for the touch, in g or dB above the
 /// threshold (empty where nothing moves).
-fn csv(table: &PlanTable, measure: Measure, schemes: &[SchemeReach]) -> String {
+fn format_csv(table: &PlanTable, measure: Measure, schemes: &[SchemeReach]) -> String {
     let unit = match measure {
         Measure::G => "g",
         Measure::Thresholds => "db",

@@ -30,33 +30,35 @@ const DIAGONAL: [f64; 6] = [1.0, 0.8, 1.2, 0.6, 1.4, 0.4];
 pub const SIMULATED: &str = "drives the simulated device: set device = \"auto\" to drive a board";
 
 /// Serves, with what a configuration file says among the options; `started` is when the program was.
-pub fn run(options: &Serve, started: Instant) -> Outcome {
+pub fn run_serve(options: &Serve, started: Instant) -> Outcome {
     let (scene, text) = options.panel.load_text()?;
     // Before anything is written.
-    if let Some((_, mistake)) = mistakes(options).into_iter().next() {
+    if let Some((_, mistake)) = find_start_mistakes(options).into_iter().next() {
         return Err(Failure::Usage(mistake));
     }
-    let access = access(options)?;
+    let access = read_access(options)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::failed)?;
     // A port in use is told before the panel is computed, or a certificate made.
     let has_tokens = !access.tokens.is_empty();
-    let place = listen_place(options)?;
-    let ports = runtime.block_on(Listener::ports(&place, has_tls(options), has_tokens)).map_err(refused)?;
-    for warning in warnings(options) {
+    let place = choose_listen_place(options)?;
+    let ports =
+        runtime.block_on(Listener::ports(&place, has_tls(options), has_tokens)).map_err(convert_listen_error)?;
+    for warning in find_warnings(options) {
         tracing::warn!("{}", warning.1);
     }
     // In the runtime, in which sockets are opened.
-    let listeners = runtime.block_on(async { listeners(options, &place, ports) })?;
+    let listeners = runtime.block_on(async { open_listeners(options, &place, ports) })?;
     // After all that may keep the daemon from starting: a file that was begun is in the next start's way.
     let recorder = match &options.record {
         None => None,
-        Some(path) => Some(Recorder::start_with(path, &scene.name, kept(options)).map_err(|error| {
-            Failure::Usage(format!("--record {}: {error}{}", path.display(), record_advice(&error)))
+        Some(path) => Some(Recorder::start_with(path, &scene.name, recording_limits(options)).map_err(|error| {
+            Failure::Usage(format!("--record {}: {error}{}", path.display(), advise_on_record(&error)))
         })?),
     };
-    let urls: Vec<String> = listeners.iter().map(|listener| usable(&listener.url(), &options.allow_host)).collect();
+    let urls: Vec<String> =
+        listeners.iter().map(|listener| describe_usable_addresses(&listener.url(), &options.allow_host)).collect();
     let prepared = prepared_table(&options.panel, options.keep, &scene)?;
-    tracing::info!("{}", account(&prepared));
+    tracing::info!("{}", describe_preparation(&prepared));
     let table = prepared.table;
     if table.scene.finger.is_some() {
         tracing::warn!(
@@ -75,10 +77,10 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
         Some(device) => device,
         None => open_device(&target, &table)?,
     };
-    let mut app = App::with(table, device, text, policy(options), access).map_err(Failure::failed)?;
+    let mut app = App::with(table, device, text, choose_policy(options), access).map_err(Failure::failed)?;
     app.record = recorder;
     let app = Arc::new(app);
-    let first = first_plan(&app.table);
+    let first = plan_screen_middle(&app.table);
     let planned = started.elapsed();
     tracing::info!(
         "ready after {:.3} s: open {} (scene {}, device {target})",
@@ -97,14 +99,18 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
     }
     if let Some(plan) = first {
         let own_us = plan.elapsed_us;
-        tracing::info!("first plan {:.0} ms after the start, {own_us:.0} us of which it took itself", ms(planned));
+        tracing::info!(
+            "first plan {:.0} ms after the start, {own_us:.0} us of which it took itself",
+            duration_ms(planned)
+        );
     }
-    warm_up(&app);
+    prepare_reach_in_background(&app);
     let watched = Arc::clone(&app);
-    notify::ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || watched.is_alive());
+    notify::notify_ready(runtime.handle(), &format!("serving on {}", urls.join(", ")), move || watched.is_alive());
     let stopped = Arc::downgrade(&app);
-    runtime.spawn(suspend_after(move || stop(Weak::clone(&stopped))));
-    match runtime.block_on(serve_while_alive(app, listeners, notify::stopping_after(shutdown(signals)))) {
+    runtime.spawn(suspend_after(move || stop_device(Weak::clone(&stopped))));
+    match runtime.block_on(serve_while_alive(app, listeners, notify::notify_stopping_after(await_end_signal(signals))))
+    {
         Ended::Asked => Ok(()),
         // A failure, so that the service manager starts it anew.
         Ended::Session => Err(Failure::failed(SessionError::Ended)),
@@ -113,7 +119,7 @@ pub fn run(options: &Serve, started: Instant) -> Outcome {
 
 /// How much of a recording is kept.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within a range of positive numbers")]
-fn kept(options: &Serve) -> Kept {
+fn recording_limits(options: &Serve) -> Kept {
     let bytes = |megabytes: Option<f64>, usual: u64| megabytes.map_or(usual, |number| (number * 1e6) as u64);
     let usual = Kept::default();
     Kept {
@@ -123,7 +129,7 @@ fn kept(options: &Serve) -> Kept {
 }
 
 /// What is done without being asked.
-fn policy(options: &Serve) -> Policy {
+fn choose_policy(options: &Serve) -> Policy {
     Policy {
         idle: options.idle_s.map_or(Policy::IDLE, Duration::from_secs_f64),
         clears_silence: options.clear_silence,
@@ -133,7 +139,7 @@ fn policy(options: &Serve) -> Policy {
 
 /// An address as it can be opened: 0.0.0.0 and [::] are all of this machine's, and no name of it. TLS has a certificate for
 /// localhost and the names that were allowed.
-fn usable(url: &str, names: &[String]) -> String {
+fn describe_usable_addresses(url: &str, names: &[String]) -> String {
     let Some((scheme, place)) = url.split_once("://") else { return url.to_owned() };
     let Some(port) = place.strip_prefix("0.0.0.0:").or_else(|| place.strip_prefix("[::]:")) else {
         return url.to_owned();
@@ -146,7 +152,7 @@ fn usable(url: &str, names: &[String]) -> String {
 }
 
 /// Who may do what.
-fn access(options: &Serve) -> Result<Access, Failure> {
+fn read_access(options: &Serve) -> Result<Access, Failure> {
     let tokens = match &options.token_file {
         None => Vec::new(),
         Some(path) => {
@@ -157,11 +163,11 @@ fn access(options: &Serve) -> Result<Access, Failure> {
     };
     let (origins, mut hosts) = (options.allow_origin.clone(), options.allow_host.clone());
     // Who listens at a name is called by it.
-    hosts.extend(listen_place(options)?.name().map(str::to_ascii_lowercase));
+    hosts.extend(choose_listen_place(options)?.name().map(str::to_ascii_lowercase));
     Ok(Access { origins, hosts, tokens, ..Access::default() })
 }
 
-fn refused(error: ListenError) -> Failure {
+fn convert_listen_error(error: ListenError) -> Failure {
     match error {
         ListenError::Open { .. } | ListenError::Tls { .. } => Failure::Usage(error.to_string()),
         _ => Failure::failed(error),
@@ -169,12 +175,12 @@ fn refused(error: ListenError) -> Failure {
 }
 
 /// Where the daemon listens with these options.
-pub fn listen_place(options: &Serve) -> Result<HostPort, Failure> {
+pub fn choose_listen_place(options: &Serve) -> Result<HostPort, Failure> {
     options.listen.clone().map_or_else(|| DEFAULT_LISTEN.parse().map_err(Failure::Failed), Ok)
 }
 
 /// The files of certificate and key that are there.
-fn tls_files(options: &Serve) -> Result<Option<TlsFiles>, ListenError> {
+fn find_tls_files(options: &Serve) -> Result<Option<TlsFiles>, ListenError> {
     match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => Ok(Some(TlsFiles { certificate: certificate.clone(), key: key.clone() })),
         (.., Some(folder)) => TlsFiles::found_in(folder),
@@ -183,16 +189,16 @@ fn tls_files(options: &Serve) -> Result<Option<TlsFiles>, ListenError> {
 }
 
 /// The key that names the certificate.
-const fn tls_key_name(options: &Serve) -> &'static str {
+const fn certificate_key_name(options: &Serve) -> &'static str {
     if options.tls_dir.is_some() { "tls_dir" } else { "tls_cert" }
 }
 
 /// What does not keep the daemon from starting, but clients from talking to it, each with its key: dates of its certificate, which are wrong
 /// for as long as the clock is, too.
-pub fn warnings(options: &Serve) -> Vec<(&'static str, String)> {
-    let files = tls_files(options).ok().flatten();
+pub fn find_warnings(options: &Serve) -> Vec<(&'static str, String)> {
+    let files = find_tls_files(options).ok().flatten();
     let faults = files.map(|files| files.find_date_faults()).unwrap_or_default();
-    faults.into_iter().map(|fault| (tls_key_name(options), fault)).collect()
+    faults.into_iter().map(|fault| (certificate_key_name(options), fault)).collect()
 }
 
 const fn has_tls(options: &Serve) -> bool {
@@ -201,12 +207,12 @@ const fn has_tls(options: &Serve) -> bool {
 
 /// What keeps the daemon from starting with these options, each with its key: all that can be told without listening or writing anything.
 /// Of files that are not for this user nothing is said: a service may be given them by its manager.
-pub fn mistakes(options: &Serve) -> Vec<(&'static str, String)> {
+pub fn find_start_mistakes(options: &Serve) -> Vec<(&'static str, String)> {
     let mut all = Vec::new();
     let is_anothers =
         |path: &Path| std::fs::File::open(path).is_err_and(|error| error.kind() == ErrorKind::PermissionDenied);
     if options.token_file.as_ref().is_some_and(|path| !is_anothers(path))
-        && let Err(Failure::Usage(text) | Failure::Failed(text)) = access(options)
+        && let Err(Failure::Usage(text) | Failure::Failed(text)) = read_access(options)
     {
         all.push(("token_file", text));
     }
@@ -227,7 +233,7 @@ pub fn mistakes(options: &Serve) -> Vec<(&'static str, String)> {
         _ => {}
     }
     if let Some(path) = &options.record
-        && let Some(text) = unrecordable(path)
+        && let Some(text) = find_record_mistake(path)
     {
         all.push(("record", text));
     }
@@ -237,23 +243,23 @@ pub fn mistakes(options: &Serve) -> Vec<(&'static str, String)> {
     {
         all.push(("socket", error.to_string()));
     }
-    let usable = tls_files(options).and_then(|files| match files {
+    let usable = find_tls_files(options).and_then(|files| match files {
         Some(files) if ![&files.certificate, &files.key].into_iter().any(|path| is_anothers(path)) => files.check(),
         _ => Ok(()),
     });
     if let Err(error) = usable {
         let is_of_key = options.tls_key.as_ref().is_some_and(|key| error.is_of(key));
-        all.push((if is_of_key { "tls_key" } else { tls_key_name(options) }, error.to_string()));
+        all.push((if is_of_key { "tls_key" } else { certificate_key_name(options) }, error.to_string()));
     }
     // A name that has no address now may have one when the daemon starts.
-    let addresses = listen_place(options).ok().and_then(|place| place.find_addresses().ok()).unwrap_or_default();
+    let addresses = choose_listen_place(options).ok().and_then(|place| place.find_addresses().ok()).unwrap_or_default();
     let is_open = |address| Listener::check(address, has_tls(options), options.token_file.is_some()).err();
     all.extend(addresses.into_iter().find_map(is_open).map(|error| ("listen", error.to_string())));
     all
 }
 
 /// What to do about a recording that cannot be begun, where another place is the answer.
-fn record_advice(error: &std::io::Error) -> String {
+fn advise_on_record(error: &std::io::Error) -> String {
     use std::io::ErrorKind::{AlreadyExists, IsADirectory, NotADirectory, NotFound};
     match error.kind() {
         AlreadyExists | IsADirectory | NotADirectory | NotFound => format!("; {NEW_RECORD}"),
@@ -262,7 +268,7 @@ fn record_advice(error: &std::io::Error) -> String {
 }
 
 /// What keeps a recording from being begun there. A file that was begun is not written over: a service that records to one is started once.
-fn unrecordable(path: &Path) -> Option<String> {
+fn find_record_mistake(path: &Path) -> Option<String> {
     if Recorder::is_folder(path) {
         return None;
     }
@@ -278,11 +284,11 @@ fn unrecordable(path: &Path) -> Option<String> {
 }
 
 /// Where to listen: the ports that there are, with TLS where that is wanted, and the socket in the file system.
-fn listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) -> Result<Vec<Listener>, Failure> {
+fn open_listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) -> Result<Vec<Listener>, Failure> {
     let tls = match (&options.tls_cert, &options.tls_key, &options.tls_dir) {
         (Some(certificate), Some(key), _) => {
             let files = TlsFiles { certificate: certificate.clone(), key: key.clone() };
-            tell_lacking(&files, &options.allow_host, "clients that use this name need a certificate with it");
+            warn_of_lacking_names(&files, &options.allow_host, "clients that use this name need a certificate with it");
             if files.is_nameless() {
                 tracing::warn!(
                     "{} names no host (subjectAltName): `era --ca` takes it, but browsers and other clients refuse it",
@@ -295,23 +301,23 @@ fn listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) -> Resu
             let mut names = options.allow_host.clone();
             let is_every = place.address().is_some_and(|address| address.ip().is_unspecified());
             names.extend((!is_every).then(|| place.host().to_owned()));
-            let files = first_certificate(folder, &names).map_err(refused)?;
+            let files = first_certificate(folder, &names).map_err(convert_listen_error)?;
             let advice = format!(
                 "it is kept, because clients trust it; for another certificate, move era-cert.pem and \
                  era-key.pem out of {}, restart, and give the new era-cert.pem to every client",
                 folder.display()
             );
-            tell_lacking(&files, &names, &advice);
+            warn_of_lacking_names(&files, &names, &advice);
             Some(files)
         }
         _ => None,
     };
-    let over = |port| Listener::over(port, tls.as_ref()).map_err(refused);
+    let over = |port| Listener::over(port, tls.as_ref()).map_err(convert_listen_error);
     let mut all = ports.into_iter().map(over).collect::<Result<Vec<_>, _>>()?;
     #[cfg(unix)]
     match &options.socket {
         Some(path) if path.as_os_str() == "none" => {}
-        Some(path) => all.push(Listener::unix(path).map_err(refused)?),
+        Some(path) => all.push(Listener::unix(path).map_err(convert_listen_error)?),
         None => {
             let folder = std::env::var_os("XDG_RUNTIME_DIR").filter(|folder| !folder.is_empty());
             // Nobody has asked for it: a second daemon does without.
@@ -326,7 +332,7 @@ fn listeners(options: &Serve, place: &HostPort, ports: Vec<TcpListener>) -> Resu
 }
 
 /// Warns of names that are allowed and that clients will not find in the certificate.
-fn tell_lacking(files: &TlsFiles, names: &[String], advice: &str) {
+fn warn_of_lacking_names(files: &TlsFiles, names: &[String], advice: &str) {
     let lacking = lacking(files, names);
     if !lacking.is_empty() {
         tracing::warn!("{} does not contain {}: {advice}", files.certificate.display(), lacking.join(", "));
@@ -334,39 +340,43 @@ fn tell_lacking(files: &TlsFiles, names: &[String], advice: &str) {
 }
 
 /// What it took to have a table, and what it takes.
-fn account(prepared: &Prepared) -> String {
+fn describe_preparation(prepared: &Prepared) -> String {
     let Prepared { table, origin, kept, .. } = prepared;
     let origin = match origin {
         Origin::Kept { read, restore } => {
-            format!("from the cache: read in {:.0} ms, restored and checked in {:.0} ms", ms(*read), ms(*restore))
+            format!(
+                "from the cache: read in {:.0} ms, restored and checked in {:.0} ms",
+                duration_ms(*read),
+                duration_ms(*restore)
+            )
         }
         Origin::Computed { levels, table, write } => {
             format!(
                 "computed: model {:.0} ms, table {:.0} ms, written in {:.0} ms",
-                ms(*levels),
-                ms(*table),
-                ms(*write)
+                duration_ms(*levels),
+                duration_ms(*table),
+                duration_ms(*write)
             )
         }
     };
     let file = kept.as_ref().map_or_else(
         || String::from("not on disk"),
-        |(path, bytes)| format!("{:.1} MB in {}", megabytes(*bytes), path.display()),
+        |(path, bytes)| format!("{:.1} MB in {}", bytes_to_megabytes(*bytes), path.display()),
     );
-    format!("plan table {origin}; {:.1} MB in memory, {file}", megabytes(table.bytes() as u64))
+    format!("plan table {origin}; {:.1} MB in memory, {file}", bytes_to_megabytes(table.bytes() as u64))
 }
 
-fn ms(time: Duration) -> f64 {
+fn duration_ms(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
 }
 
 #[expect(clippy::cast_precision_loss, reason = "to one decimal place")]
-fn megabytes(bytes: u64) -> f64 {
+fn bytes_to_megabytes(bytes: u64) -> f64 {
     bytes as f64 / 1e6
 }
 
 /// A plan for the screen's middle, or the nearest place to it on its diagonal that has not been cut out. Nothing is driven.
-fn first_plan(table: &PlanTable) -> Option<Plan> {
+fn plan_screen_middle(table: &PlanTable) -> Option<Plan> {
     let screen = &table.scene.screen;
     let middle = [f64::from(screen.width_px), f64::from(screen.height_px)].map(|side| side / 2.0);
     DIAGONAL.iter().find_map(|part| {
@@ -376,12 +386,12 @@ fn first_plan(table: &PlanTable) -> Option<Plan> {
 }
 
 /// Makes ready what the first request for the objective `reach` needs, while nobody waits for it.
-fn warm_up(app: &Arc<App>) {
+fn prepare_reach_in_background(app: &Arc<App>) {
     let app = Arc::clone(app);
     let started = std::thread::Builder::new().name("warm-up".into()).spawn(move || {
         let started = Instant::now();
         crate::planner::reach::prepare_whole_surface_setting(&app.table);
-        tracing::debug!("reach prepared in {:.0} ms", ms(started.elapsed()));
+        tracing::debug!("reach prepared in {:.0} ms", duration_ms(started.elapsed()));
     });
     if let Err(error) = started {
         tracing::debug!(%error, "the first request for reach will prepare it");
@@ -398,13 +408,13 @@ pub fn open_device(target: &Target, table: &PlanTable) -> Result<OpenDevice, Fai
 }
 
 /// Resolves on the first signal that asks the program to end, or would end it.
-pub(super) async fn shutdown(signals: EndSignals) {
+pub(super) async fn await_end_signal(signals: EndSignals) {
     let name = signals.first().await;
     tracing::info!("stopping: {name}");
 }
 
 /// Everything off, as far as that can be reached.
-async fn stop(app: Weak<App>) {
+async fn stop_device(app: Weak<App>) {
     if let Some(app) = app.upgrade()
         && let Err(error) = app.stop().await
     {
@@ -425,7 +435,7 @@ mod tests {
             let Some(Command::Serve(serve)) = Arguments::parse_from(arguments.split_whitespace()).command else {
                 panic!("{arguments}");
             };
-            assert_eq!(policy(&serve).arms_after_outage, arms, "{arguments}");
+            assert_eq!(choose_policy(&serve).arms_after_outage, arms, "{arguments}");
         }
     }
 }

@@ -22,15 +22,15 @@ static QUEUE: OnceLock<Option<SyncSender<Text>>> = OnceLock::new();
 static LOST: AtomicU64 = AtomicU64::new(0);
 
 /// Nothing where the system gives no thread.
-fn queue() -> Option<&'static SyncSender<Text>> {
+fn start_queue() -> Option<&'static SyncSender<Text>> {
     let start = || {
         let (texts, waiting) = sync_channel(MOST);
-        std::thread::Builder::new().name("log".into()).spawn(move || write_all(&waiting)).ok().map(|_| texts)
+        std::thread::Builder::new().name("log".into()).spawn(move || write_queued_texts(&waiting)).ok().map(|_| texts)
     };
     QUEUE.get_or_init(start).as_ref()
 }
 
-fn write_all(waiting: &Receiver<Text>) {
+fn write_queued_texts(waiting: &Receiver<Text>) {
     for text in waiting {
         match text {
             Text::Bytes(bytes) => {
@@ -51,7 +51,7 @@ fn write_all(waiting: &Receiver<Text>) {
 
 /// Has the bytes written after all that were given before, and does not wait for it.
 pub fn write_later(bytes: &[u8]) {
-    match queue() {
+    match start_queue() {
         Some(queue) => {
             if let Err(TrySendError::Full(_)) = queue.try_send(Text::Bytes(bytes.to_vec())) {
                 LOST.fetch_add(1, Ordering::Relaxed);

@@ -48,11 +48,11 @@ impl From<WriteError> for Failure {
 }
 
 /// Runs it.
-pub fn run(options: &Options) -> Outcome {
+pub fn run_study(options: &Options) -> Outcome {
     let study = Study::load(&options.study)?;
-    let path = options.out.clone().unwrap_or_else(|| usual_folder(&options.study));
+    let path = options.out.clone().unwrap_or_else(|| default_results_folder(&options.study));
     let folder = Folder::open(&path, study.key())?;
-    warn_of_press(&study);
+    warn_about_press(&study);
     let stops = stop_on_signals();
     let shard = options.shard.unwrap_or(Shard::ALL);
     if !options.gather {
@@ -107,7 +107,7 @@ pub fn run(options: &Options) -> Outcome {
 
 /// Says of the study's scene what other commands say when they load it: which actuators do not bear its press. Not of each design, as there
 /// are many, which lack the same stops.
-fn warn_of_press(study: &Study) {
+fn warn_about_press(study: &Study) {
     // A table takes a second or two, and with all stops there is nothing to say.
     if let Some(scene) = study.space.without_stops() {
         // Where there is none, the scene's own row of the results says why.
@@ -116,7 +116,7 @@ fn warn_of_press(study: &Study) {
 }
 
 /// The study's name with `-results`, in the current directory.
-fn usual_folder(study: &Path) -> PathBuf {
+fn default_results_folder(study: &Path) -> PathBuf {
     let stem = study.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy());
     PathBuf::from(format!("{stem}-results"))
 }

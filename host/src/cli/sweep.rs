@@ -36,15 +36,15 @@ impl Stored for f64 {
     }
 }
 
-pub fn run(options: &Options) -> Outcome {
+pub fn run_sweep(options: &Options) -> Outcome {
     if options.panel.accuracy_within(options.time)?.value() >= SINGLE_DOES {
-        run_in::<f32>(options)
+        compute_sweep::<f32>(options)
     } else {
-        run_in::<f64>(options)
+        compute_sweep::<f64>(options)
     }
 }
 
-fn run_in<T: Stored>(options: &Options) -> Outcome {
+fn compute_sweep<T: Stored>(options: &Options) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
     let frequencies_hz = frequencies(&options.band)?;
@@ -82,7 +82,7 @@ fn run_in<T: Stored>(options: &Options) -> Outcome {
         .collect();
     let place = |point: usize| (x_m[point % x_m.len()] * 1e3, y_m[point / x_m.len()] * 1e3);
     if options.json {
-        let mut answer = summary(&scene, &found, &extremes, &frequencies_hz, place, elapsed_ms);
+        let mut answer = summarize_sweep(&scene, &found, &extremes, &frequencies_hz, place, elapsed_ms);
         answer["tolerance"] = json!(accuracy.asked());
         answer["tolerance_met"] = json!(Bound::are_met(&found.bounds, accuracy));
         return print_json(&answer);
@@ -146,7 +146,7 @@ impl Extremes {
     }
 }
 
-fn summary<T: Stored>(
+fn summarize_sweep<T: Stored>(
     scene: &Scene,
     found: &Bounded<Sweep<T>>,
     extremes: &[Extremes],

@@ -13,7 +13,7 @@ pub const TOKEN_VARIABLE: &str = "ERA_TOKEN";
 /// # Errors
 /// A file without a token, or text that is no token; what it says is not told.
 pub fn read_token(file: Option<&Path>) -> Result<Option<String>, Failure> {
-    let Some(path) = file else { return token_of_variable() };
+    let Some(path) = file else { return read_token_variable() };
     let wrong = |what: String| Failure::Usage(format!("{}: {what}", path.display()));
     let text = private_file::read(path).map_err(wrong)?;
     let token = find_token(&text).map_err(wrong)?;
@@ -21,7 +21,7 @@ pub fn read_token(file: Option<&Path>) -> Result<Option<String>, Failure> {
 }
 
 /// That of the variable; one that is set to nothing is none.
-fn token_of_variable() -> Result<Option<String>, Failure> {
+fn read_token_variable() -> Result<Option<String>, Failure> {
     let Some(value) = std::env::var_os(TOKEN_VARIABLE) else { return Ok(None) };
     let wrong = |what: &str| Failure::Usage(format!("the variable {TOKEN_VARIABLE}: {what}"));
     let text = value.into_string().map_err(|_| wrong("it is not UTF-8 text"))?;

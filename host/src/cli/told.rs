@@ -26,7 +26,7 @@ pub fn set_format(format: LogFormat) {
 }
 
 /// The format that a command line asks for which could not be read.
-pub fn format_asked_for(arguments: impl Iterator<Item = OsString>) -> LogFormat {
+pub fn find_requested_format(arguments: impl Iterator<Item = OsString>) -> LogFormat {
     let words: Vec<OsString> = arguments.collect();
     let is_json = words.iter().any(|word| word == "--log-format=json")
         || words.windows(2).any(|pair| pair[0] == "--log-format" && pair[1] == "json");
@@ -46,27 +46,27 @@ pub(super) use tell;
 
 /// Tells a text that is no part of the log.
 pub fn tell_text(text: &str) {
-    write(FORMAT.get().copied().unwrap_or_default(), None, text);
+    write_line(FORMAT.get().copied().unwrap_or_default(), None, text);
 }
 
 /// Tells why a command ended.
 pub fn tell_error(text: &str) {
-    write(FORMAT.get().copied().unwrap_or_default(), Some("error: "), text);
+    write_line(FORMAT.get().copied().unwrap_or_default(), Some("error: "), text);
 }
 
 /// Tells why a command did not begin: nothing has been set yet.
 pub fn tell_refusal(format: LogFormat, text: &str) {
-    write(format, Some(""), text);
+    write_line(format, Some(""), text);
 }
 
 /// A line; `error` is what goes before an error where people read it. Where standard error is closed (`2>&1 | head`),
 /// nobody is told.
-fn write(format: LogFormat, error: Option<&str>, text: &str) {
+fn write_line(format: LogFormat, error: Option<&str>, text: &str) {
     let line = match format {
         LogFormat::Text => format!("{}{text}\n", error.unwrap_or_default()),
         LogFormat::Json => {
             let level = if error.is_some() { "ERROR" } else { "INFO" };
-            format!("{}\n", json!({"timestamp": timestamp(), "level": level, "message": text}))
+            format!("{}\n", json!({"timestamp": format_timestamp(), "level": level, "message": text}))
         }
     };
     // After what has been logged, and before whatever writes there by itself.
@@ -75,7 +75,7 @@ fn write(format: LogFormat, error: Option<&str>, text: &str) {
 }
 
 /// Now, as the log writes it.
-fn timestamp() -> String {
+fn format_timestamp() -> String {
     let mut text = String::new();
     if Clock.format_time(&mut tracing_subscriber::fmt::format::Writer::new(&mut text)).is_err() {
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();

@@ -12,12 +12,12 @@ use serde_json::json;
 use std::fmt::Write;
 use std::time::Instant;
 
-pub fn run(options: &Transient) -> Outcome {
+pub fn run_transient(options: &Transient) -> Outcome {
     let started = Instant::now();
     let scene = options.panel.load()?;
     let accuracy = options.panel.accuracy()?;
     let at = surface_point(&scene, options.at.x, options.at.y, options.unit)?;
-    let drives = options.drive.iter().map(|text| drive(&scene, text)).collect::<Result<Vec<_>, _>>()?;
+    let drives = options.drive.iter().map(|text| convert_drive(&scene, text)).collect::<Result<Vec<_>, _>>()?;
     let grid = times(options.duration, options.step).map_err(|error| Failure::usage(format!("--{error}")))?;
     warn_if_thick(&scene, highest_hz(&drives));
     let motion = with_progress("computing the motion", || switched_on(&scene, accuracy, at, &drives, grid))?;
@@ -25,7 +25,7 @@ pub fn run(options: &Transient) -> Outcome {
     tell!("no bound is known (error_bound is null) because {NO_BOUND}");
     let settled_s = motion.settled_s(&drives);
     if let Some(path) = &options.csv {
-        let text = csv(&motion);
+        let text = format_csv(&motion);
         if path.as_os_str() == "-" {
             return print_text(text.trim_end());
         }
@@ -61,7 +61,7 @@ impl From<MotionError> for Failure {
     }
 }
 
-fn drive(scene: &Scene, text: &DriveText) -> Result<Drive, Failure> {
+fn convert_drive(scene: &Scene, text: &DriveText) -> Result<Drive, Failure> {
     let known = || scene.actuators.iter().map(|actuator| actuator.id.as_str()).collect::<Vec<_>>().join(", ");
     let actuator = scene.actuators.iter().position(|actuator| actuator.id == text.actuator).ok_or_else(|| {
         Failure::usage(format!("--drive: {:?} is not an actuator of the scene ({})", text.actuator, known()))
@@ -72,7 +72,7 @@ fn drive(scene: &Scene, text: &DriveText) -> Result<Drive, Failure> {
     Ok(drive)
 }
 
-fn csv(motion: &Motion) -> String {
+fn format_csv(motion: &Motion) -> String {
     let mut text = String::from("time_s,displacement_m,acceleration_m_per_s2\n");
     for ((time, displacement), acceleration) in
         motion.time_s.iter().zip(&motion.displacement_m).zip(&motion.acceleration_m_per_s2)

@@ -50,15 +50,15 @@ pub fn parse_finite(text: &str) -> Result<f64, String> {
 
 /// Names of files are refused before anything is computed.
 pub fn parse_npy(text: &str) -> Result<PathBuf, String> {
-    named(text, "npy", "arrays are NumPy files: the name must end in .npy")
+    check_extension(text, "npy", "arrays are NumPy files: the name must end in .npy")
 }
 
 /// The extension says of what type a picture is.
 pub fn parse_png(text: &str) -> Result<PathBuf, String> {
-    named(text, "png", "pictures are PNG files: the name must end in .png")
+    check_extension(text, "png", "pictures are PNG files: the name must end in .png")
 }
 
-fn named(text: &str, extension: &str, otherwise: &str) -> Result<PathBuf, String> {
+fn check_extension(text: &str, extension: &str, otherwise: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let fits = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension));
     if fits { Ok(path) } else { Err(otherwise.to_owned()) }

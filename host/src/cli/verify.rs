@@ -5,14 +5,14 @@ use super::panel::plan_table;
 use super::progress::with_progress;
 use super::{Failure, Outcome, print_json, print_text};
 use crate::planner::Target;
-use crate::verify::{Comparison, VerifyError, compare_all, spread_over};
+use crate::verify::{Comparison, VerifyError, compare_all, spread_points_over};
 use serde_json::json;
 use std::fmt::Write;
 
 /// Most points: a day of simulation.
 const MOST_POINTS: u32 = 100_000;
 
-pub fn run(options: &Verify) -> Outcome {
+pub fn run_verify(options: &Verify) -> Outcome {
     if !(1..=MOST_POINTS).contains(&options.points) {
         return Err(Failure::Usage(format!(
             "--points {} is not in the allowed range 1 to {MOST_POINTS}",
@@ -32,7 +32,7 @@ pub fn run(options: &Verify) -> Outcome {
     let scene = options.panel.load()?;
     let table = plan_table(&options.panel, options.keep, &scene)?;
     let target = |(x_m, y_m)| Target { x_m, y_m, intensity_g: Some(options.intensity_g) };
-    let targets: Vec<Target> = spread_over(&scene, options.points).into_iter().map(target).collect();
+    let targets: Vec<Target> = spread_points_over(&scene, options.points).into_iter().map(target).collect();
     let results = with_progress("simulating", || compare_all(&table, &targets)).map_err(|error| match error {
         VerifyError::Plan(error) => error.into(),
         error => Failure::failed(error),
@@ -41,7 +41,7 @@ pub fn run(options: &Verify) -> Outcome {
     if options.json {
         print_json(&json!({"scene": scene.name, "points": results, "largest_difference": worst}))?;
     } else {
-        print_text(&table_text(&scene.name, &results, worst))?;
+        print_text(&format_comparisons(&scene.name, &results, worst))?;
     }
     if worst <= options.limit {
         return Ok(());
@@ -53,7 +53,7 @@ pub fn run(options: &Verify) -> Outcome {
     )))
 }
 
-fn table_text(name: &str, results: &[Comparison], worst: f64) -> String {
+fn format_comparisons(name: &str, results: &[Comparison], worst: f64) -> String {
     let mut text = format!(
         "{name}: peak acceleration at the target in g, predicted (frequency domain) and simulated (time domain)\n\
          \x20             drives                     fundamentals (eq. 23)     from linear  whole waveform to 1 kHz\n\

@@ -46,13 +46,13 @@ pub struct Spared {
     pub at_most_g: f64,
 }
 
-fn number(text: &str) -> Result<f64, String> {
+fn parse_number(text: &str) -> Result<f64, String> {
     text.trim().parse().ok().filter(|value: &f64| value.is_finite()).ok_or(format!("{text:?} is not a number"))
 }
 
 fn parse_window(text: &str) -> Result<Window, String> {
     let (from, to) = text.split_once('-').ok_or(format!("{text:?} is not of the form FROM-TO"))?;
-    let window = Window { from_ms: number(from)?, to_ms: number(to)? };
+    let window = Window { from_ms: parse_number(from)?, to_ms: parse_number(to)? };
     window.check().map_err(|error| error.to_string())?;
     Ok(window)
 }
@@ -69,7 +69,7 @@ fn parse_also(text: &str) -> Result<Also, String> {
         Ok(Also {
             at: parse_point(at)?,
             // Left empty for a window alone.
-            intensity_g: intensity.filter(|text| !text.is_empty()).map(|text| number(text)).transpose()?,
+            intensity_g: intensity.filter(|text| !text.is_empty()).map(|text| parse_number(text)).transpose()?,
             window: window.map(|text| parse_window(text)).transpose()?,
         })
     };
@@ -78,7 +78,9 @@ fn parse_also(text: &str) -> Result<Also, String> {
 
 fn parse_quiet(text: &str) -> Result<Spared, String> {
     match text.split(':').collect::<Vec<_>>().as_slice() {
-        [at, radius, most] => Ok(Spared { at: parse_point(at)?, radius_mm: number(radius)?, at_most_g: number(most)? }),
+        [at, radius, most] => {
+            Ok(Spared { at: parse_point(at)?, radius_mm: parse_number(radius)?, at_most_g: parse_number(most)? })
+        }
         _ => Err(format!("{text:?} is not of the form X,Y:MM:G")),
     }
 }

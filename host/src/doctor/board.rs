@@ -18,13 +18,13 @@ const ASK_LIMIT: Duration = Duration::from_secs(15);
 /// Opens a port and asks who is there. The port must be a board's by its USB identity or named by the user, and nobody
 /// else may have it open.
 #[must_use]
-pub fn ask(path: &str) -> Answer {
+pub fn ask_board(path: &str) -> Answer {
     let transport = match Port::open(path) {
         Ok(transport) => transport,
-        Err(error) => return not_opened(&error),
+        Err(error) => return classify_open_error(&error),
     };
     let asked = call_within(path, ASK_LIMIT, move |step| {
-        step.call("read or write", || heard(&mut Client::patient(Box::new(transport), REAL_TIME.patience)))
+        step.call("read or write", || read_board(&mut Client::patient(Box::new(transport), REAL_TIME.patience)))
     });
     match asked {
         Ok(Ok(heard)) => Answer::Heard(heard),
@@ -34,7 +34,7 @@ pub fn ask(path: &str) -> Answer {
     }
 }
 
-fn not_opened(error: &PortError) -> Answer {
+fn classify_open_error(error: &PortError) -> Answer {
     match error {
         PortError::Missing { .. } | PortError::NotConnected { .. } => Answer::Missing,
         PortError::Denied { .. } => Answer::Denied,
@@ -49,10 +49,10 @@ fn not_opened(error: &PortError) -> Answer {
 ///
 /// # Errors
 /// [`LinkError`] if the board does not say who it is, or falls silent.
-pub fn heard(client: &mut Client) -> Result<Heard, LinkError> {
+pub fn read_board(client: &mut Client) -> Result<Heard, LinkError> {
     let hello = Request::Hello { host_min: MIN_VERSION, host_current: CURRENT_VERSION };
     let reply = client.request(&hello)?;
-    let identity = Identity::from_reply(reply).ok_or_else(|| unexpected("hello"))?;
+    let identity = Identity::from_reply(reply).ok_or_else(|| unexpected_reply_error("hello"))?;
     let mut heard = Heard {
         firmware: identity.firmware_text(),
         protocol: Some(client.version()),
@@ -60,22 +60,24 @@ pub fn heard(client: &mut Client) -> Result<Heard, LinkError> {
         was_watchdog: identity.reset_cause == ResetCause::Watchdog,
         ..Heard::default()
     };
-    let Reply::Status(status) = client.request(&Request::Status)? else { return Err(unexpected("status")) };
+    let Reply::Status(status) = client.request(&Request::Status)? else { return Err(unexpected_reply_error("status")) };
     heard.state = Some(status.state.name().into());
     heard.fault = status.fault.map(|fault| fault.code.into());
     // A board that is armed hears its host in every question: its dead-man timer is not to be held up by ours.
     let is_idle = matches!(status.state, State::Boot | State::Safe | State::Fault | State::Discharging);
     if is_idle && client.version() >= Request::Details.since() {
-        let Reply::Details(details) = client.request(&Request::Details)? else { return Err(unexpected("details")) };
-        heard.supply = Some(supply(&details));
-        heard.clock = clock(client)?;
+        let Reply::Details(details) = client.request(&Request::Details)? else {
+            return Err(unexpected_reply_error("details"));
+        };
+        heard.supply = Some(convert_supply(&details));
+        heard.clock = measure_clock(client)?;
     }
     let statistics = client.statistics();
     heard.frames = (statistics.frames_sent, statistics.repeats);
     Ok(heard)
 }
 
-fn supply(details: &Details) -> Supply {
+fn convert_supply(details: &Details) -> Supply {
     Supply {
         rail_v: details.rail_millivolts.iter().map(|millivolts| f64::from(*millivolts) / 1e3).collect(),
         interlock_closed: details.interlock_closed,
@@ -85,10 +87,12 @@ fn supply(details: &Details) -> Supply {
 }
 
 /// Reads the board's clock for a while.
-fn clock(client: &mut Client) -> Result<Option<Clock>, LinkError> {
+fn measure_clock(client: &mut Client) -> Result<Option<Clock>, LinkError> {
     let mut sync = ClockSync::new(Instant::now());
     for _ in 0..CLOCK_READINGS {
-        let Reply::Clock { now_us } = client.request(&Request::Clock)? else { return Err(unexpected("clock")) };
+        let Reply::Clock { now_us } = client.request(&Request::Clock)? else {
+            return Err(unexpected_reply_error("clock"));
+        };
         if let Some((sent, received)) = client.last_frame_written().zip(client.last_reply_read()) {
             sync.sample(sent, received, now_us);
         }
@@ -101,6 +105,6 @@ fn clock(client: &mut Client) -> Result<Option<Clock>, LinkError> {
     }))
 }
 
-fn unexpected(request: &'static str) -> LinkError {
+fn unexpected_reply_error(request: &'static str) -> LinkError {
     LinkError::Unexpected { request, reply: "another kind of answer".into() }
 }

@@ -14,7 +14,7 @@ const STATE: &str = "/v1/state";
 
 /// Where a daemon that listens at `address` is reached from this machine.
 #[must_use]
-pub fn reached(address: SocketAddr) -> SocketAddr {
+pub fn find_reachable_address(address: SocketAddr) -> SocketAddr {
     let ip = match address.ip() {
         IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
         IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
@@ -26,7 +26,7 @@ pub fn reached(address: SocketAddr) -> SocketAddr {
 /// Asks whoever listens at `url`, over `agent`, which takes no status for an error and follows no redirect; `bearer` is what the header
 /// `Authorization` says, `has_ca` whether a certificate of the user's is trusted.
 #[must_use]
-pub fn ask(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: bool) -> Daemon {
+pub fn ask_daemon(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: bool) -> Daemon {
     let mut request = agent.get(format!("{url}{STATE}"));
     if let Some(bearer) = bearer {
         request = request.header("Authorization", bearer);
@@ -58,12 +58,12 @@ pub fn ask(url: &str, agent: &ureq::Agent, bearer: Option<&str>, has_ca: bool) -
         return Daemon::Stranger(format!("it answers {status}, but not with JSON"));
     };
     if matches!(status.as_u16(), 401 | 403) {
-        return Daemon::Guarded(text(&state["detail"]).unwrap_or_else(|| status.to_string()));
+        return Daemon::Guarded(parse_text(&state["detail"]).unwrap_or_else(|| status.to_string()));
     }
     if !status.is_success() {
         return Daemon::Stranger(format!("it answers {status}"));
     }
-    read(&state)
+    parse_state(&state)
 }
 
 /// Whether nobody took the connection.
@@ -78,33 +78,33 @@ fn is_absent(error: &std::io::Error) -> bool {
 
 /// Reads the answer to `GET /v1/state`.
 #[must_use]
-pub fn read(state: &Value) -> Daemon {
+pub fn parse_state(state: &Value) -> Daemon {
     let (device, daemon) = (&state["device"], &state["daemon"]);
     let (Some(version), Some(kind), Some(port)) =
-        (text(&daemon["version"]), text(&device["kind"]), text(&device["port"]))
+        (parse_text(&daemon["version"]), parse_text(&device["kind"]), parse_text(&device["port"]))
     else {
         return Daemon::Stranger("it answers with other JSON than a daemon's".into());
     };
-    let problem =
-        (device["connected"] == false).then(|| text(&device["problem"]).unwrap_or_else(|| "no reason given".into()));
-    let heard = text(&device["firmware"]).map(|firmware| Box::new(heard(firmware, state)));
+    let problem = (device["connected"] == false)
+        .then(|| parse_text(&device["problem"]).unwrap_or_else(|| "no reason given".into()));
+    let heard = parse_text(&device["firmware"]).map(|firmware| Box::new(parse_board(firmware, state)));
     Daemon::Runs { version, port, kind, problem, heard }
 }
 
-fn heard(firmware: String, state: &Value) -> Heard {
+fn parse_board(firmware: String, state: &Value) -> Heard {
     let (device, link) = (&state["device"], &state["link"]);
     let (supply, clock) = (&device["supply"], &device["clock"]);
     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
     Heard {
         firmware,
         protocol: device["protocol"].as_u64().and_then(|version| version.try_into().ok()),
-        state: text(&device["state"]),
+        state: parse_text(&device["state"]),
         fault: device["fault"]["code"].as_u64().map(|code| Fault {
             code,
-            name: text(&device["fault"]["name"]).unwrap_or_default(),
-            advice: text(&device["fault"]["message"]).unwrap_or_default(),
+            name: parse_text(&device["fault"]["name"]).unwrap_or_default(),
+            advice: parse_text(&device["fault"]["message"]).unwrap_or_default(),
         }),
-        failure: text(&device["failure"]),
+        failure: parse_text(&device["failure"]),
         waits_to_be_armed: device["waits_to_be_armed"] == true,
         was_watchdog: device["reset_cause"] == "Watchdog",
         supply: supply.is_object().then(|| Supply {
@@ -122,6 +122,6 @@ fn heard(firmware: String, state: &Value) -> Heard {
     }
 }
 
-fn text(value: &Value) -> Option<String> {
+fn parse_text(value: &Value) -> Option<String> {
     value.as_str().map(str::to_owned)
 }

@@ -4,7 +4,7 @@ use super::facts::{Port, Rule, Usb};
 use crate::device::port;
 pub use crate::device::port::users::{access, holders};
 use crate::device::port::users::{name_of, processes};
-use crate::flash::usb::{UsbError, find};
+use crate::flash::usb::{UsbError, find_bootloader};
 use crate::install::rule::{ignores_modem_manager, is_for_board};
 use serialport::SerialPortType;
 use std::collections::BTreeSet;
@@ -16,7 +16,7 @@ const RULES: [&str; 4] = ["etc/udev/rules.d", "run/udev/rules.d", "usr/lib/udev/
 
 /// The serial ports, by path.
 #[must_use]
-pub fn ports() -> Vec<Port> {
+pub fn list_ports() -> Vec<Port> {
     let mut ports: Vec<Port> = port::ports()
         .into_iter()
         .map(|port| Port {
@@ -33,8 +33,8 @@ pub fn ports() -> Vec<Port> {
 
 /// Whether a chip waits in its bootloader; `None` if the bus cannot be looked at.
 #[must_use]
-pub fn bootloader() -> Option<bool> {
-    match find() {
+pub fn has_bootloader() -> Option<bool> {
+    match find_bootloader() {
         Ok(found) => Some(found.is_some()),
         Err(UsbError::Several(_)) => Some(true),
         Err(_) => None,
@@ -43,7 +43,7 @@ pub fn bootloader() -> Option<bool> {
 
 /// The udev rules that name the board; `None` where there is no folder of rules.
 #[must_use]
-pub fn rules(root: &Path) -> Option<Vec<Rule>> {
+pub fn find_rules(root: &Path) -> Option<Vec<Rule>> {
     let folders: Vec<_> = RULES.iter().filter_map(|folder| fs::read_dir(root.join(folder)).ok()).collect();
     if folders.is_empty() {
         return None;
@@ -68,13 +68,13 @@ pub fn rules(root: &Path) -> Option<Vec<Rule>> {
 
 /// ModemManager's process, if it runs.
 #[must_use]
-pub fn modem_manager(root: &Path) -> Option<u32> {
+pub fn find_modem_manager(root: &Path) -> Option<u32> {
     processes(root).into_iter().find(|(_, folder)| name_of(folder) == "ModemManager").map(|(pid, _)| pid)
 }
 
 /// The highest real-time priority that this process may ask for.
 #[must_use]
-pub fn realtime(root: &Path) -> Option<u64> {
+pub fn read_realtime_limit(root: &Path) -> Option<u64> {
     let limits = fs::read_to_string(root.join("proc/self/limits")).ok()?;
     let line = limits.lines().find_map(|line| line.strip_prefix("Max realtime priority"))?;
     match line.split_whitespace().next()? {

@@ -33,7 +33,7 @@ impl Trouble {
     /// Why asking `url` failed. Where something unreadable came back, it is looked at once more for TLS.
     #[must_use]
     pub fn of(error: &ureq::Error, url: &str) -> Self {
-        match tls_error(error) {
+        match find_tls_error(error) {
             Some(rustls::Error::InvalidCertificate(
                 CertificateError::NotValidForName | CertificateError::NotValidForNameContext { .. },
             )) => return Self::OtherName(error.to_string()),
@@ -106,7 +106,7 @@ impl Trouble {
 }
 
 /// What TLS has against the other end.
-fn tls_error(error: &ureq::Error) -> Option<&rustls::Error> {
+fn find_tls_error(error: &ureq::Error) -> Option<&rustls::Error> {
     match error {
         ureq::Error::Rustls(error) => Some(error),
         ureq::Error::Io(error) => error.get_ref()?.downcast_ref::<rustls::Error>(),

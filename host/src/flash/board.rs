@@ -58,7 +58,7 @@ impl Board {
         let (client, reply) = ask_within_limit(device.client()?, &device, &hello)?;
         match Identity::from_reply(reply.clone()) {
             Some(identity) => Ok(Self { identity, client: Some(client), device }),
-            None => Err(unexpected(&hello, &reply)),
+            None => Err(unexpected_reply_error(&hello, &reply)),
         }
     }
 
@@ -96,7 +96,7 @@ impl Board {
     pub fn check_idle(&mut self) -> Result<(), BoardError> {
         match self.send_request(&Request::Status)? {
             Reply::Status(status) => Ok(check_idle(status.state)?),
-            other => Err(unexpected(&Request::Status, &other)),
+            other => Err(unexpected_reply_error(&Request::Status, &other)),
         }
     }
 
@@ -118,7 +118,7 @@ impl Board {
         }
         match self.send_request(&request)? {
             Reply::Bootloader => Ok(()),
-            other => Err(unexpected(&request, &other)),
+            other => Err(unexpected_reply_error(&request, &other)),
         }
     }
 
@@ -129,7 +129,7 @@ impl Board {
     pub fn log(&mut self) -> Result<Vec<u8>, BoardError> {
         match self.send_request(&Request::Log)? {
             Reply::Log { bytes } => Ok(bytes.to_vec()),
-            other => Err(unexpected(&Request::Log, &other)),
+            other => Err(unexpected_reply_error(&Request::Log, &other)),
         }
     }
 }
@@ -149,6 +149,6 @@ fn ask_within_limit(mut client: Client, device: &OpenDevice, request: &Request) 
     }
 }
 
-fn unexpected(request: &Request, reply: &Reply) -> BoardError {
+fn unexpected_reply_error(request: &Request, reply: &Reply) -> BoardError {
     BoardError::Link(LinkError::Unexpected { request: name(request), reply: format!("{reply:?}") }.to_string())
 }

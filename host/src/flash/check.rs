@@ -68,7 +68,7 @@ pub enum CheckError {
 ///
 /// # Errors
 /// [`CheckError`].
-pub fn check(image: &ImageHeader, board: Option<&OnBoard>, force: bool) -> Result<(), CheckError> {
+pub fn check_image(image: &ImageHeader, board: Option<&OnBoard>, force: bool) -> Result<(), CheckError> {
     if image.board != Some(BoardKind::Stm32G474) {
         return Err(CheckError::Board { image: image.board, board: board.and_then(|it| it.board) });
     }

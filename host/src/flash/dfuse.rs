@@ -103,7 +103,7 @@ pub enum DfuError {
         source: PipeError,
     },
     /// The device reports an error.
-    #[error("{step} at {address:#010x}: the bootloader reports status {status}, {}", status_text(*.status))]
+    #[error("{step} at {address:#010x}: the bootloader reports status {status}, {}", describe_status(*.status))]
     Status {
         /// What was done.
         step: &'static str,
@@ -127,7 +127,7 @@ pub enum DfuError {
     },
 }
 
-const fn status_text(status: u8) -> &'static str {
+const fn describe_status(status: u8) -> &'static str {
     match status {
         1 => "the address is not in its flash (errTARGET)",
         3 => "it could not write (errWRITE)",

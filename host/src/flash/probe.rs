@@ -136,7 +136,7 @@ impl ProbeRs {
             return Ok(String::from_utf8_lossy(&stdout).into_owned());
         }
         let said = String::from_utf8_lossy(&stderr).trim().to_owned();
-        Err(ProbeError::Failed { command: shown(command), status, said })
+        Err(ProbeError::Failed { command: format_command(command), status, said })
     }
 
     fn show(&self, command: &mut Command) -> Result<(), ProbeError> {
@@ -144,11 +144,11 @@ impl ProbeRs {
         if status.success() {
             return Ok(());
         }
-        Err(ProbeError::Failed { command: shown(command), status, said: String::new() })
+        Err(ProbeError::Failed { command: format_command(command), status, said: String::new() })
     }
 }
 
-fn shown(command: &Command) -> String {
+fn format_command(command: &Command) -> String {
     let words = std::iter::once(command.get_program()).chain(command.get_args());
     words.map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
 }

@@ -56,7 +56,7 @@ pub struct Programmed {
 ///
 /// # Errors
 /// [`DfuError`].
-pub fn header_on_board<P: ControlPipe>(dfu: &mut Dfuse<P>) -> Result<Option<ImageHeader>, DfuError> {
+pub fn read_header_on_board<P: ControlPipe>(dfu: &mut Dfuse<P>) -> Result<Option<ImageHeader>, DfuError> {
     let bytes = dfu.read(IMAGE_START + HEADER_OFFSET, HEADER_LENGTH)?;
     Ok(ImageHeader::parse(&bytes).ok())
 }
@@ -65,7 +65,7 @@ pub fn header_on_board<P: ControlPipe>(dfu: &mut Dfuse<P>) -> Result<Option<Imag
 ///
 /// # Errors
 /// [`ProgramError`]; running it again brings the board to order.
-pub fn program<P: ControlPipe>(
+pub fn program_image<P: ControlPipe>(
     dfu: &mut Dfuse<P>,
     layout: &Layout,
     image: &Image,
@@ -122,8 +122,8 @@ impl<P: ControlPipe> Job<'_, P> {
     }
 
     fn write(&mut self, range: &Range<u32>) -> Result<(), ProgramError> {
-        for piece in pieces(range) {
-            let wanted = wanted(self.image, &piece);
+        for piece in split_into_transfers(range) {
+            let wanted = expected_bytes(self.image, &piece);
             self.dfu.write(piece.start, &wanted)?;
             self.report(Stage::Write, piece.end - piece.start);
         }
@@ -139,8 +139,8 @@ impl<P: ControlPipe> Job<'_, P> {
 
     /// Reads back; the first difference, if there is one.
     fn compare(&mut self, range: &Range<u32>) -> Result<Option<ProgramError>, ProgramError> {
-        for piece in pieces(range) {
-            let wanted = wanted(self.image, &piece);
+        for piece in split_into_transfers(range) {
+            let wanted = expected_bytes(self.image, &piece);
             let found = self.dfu.read(piece.start, wanted.len())?;
             self.report(Stage::Verify, piece.end - piece.start);
             // A shorter answer differs in its first missing byte.
@@ -162,13 +162,13 @@ impl<P: ControlPipe> Job<'_, P> {
 }
 
 /// Pieces of a transfer's length.
-fn pieces(range: &Range<u32>) -> impl Iterator<Item = Range<u32>> + use<> {
+fn split_into_transfers(range: &Range<u32>) -> impl Iterator<Item = Range<u32>> + use<> {
     let end = range.end;
     range.clone().step_by(TRANSFER_SIZE).map(move |start| start..end.min(start + TRANSFER_SIZE as u32))
 }
 
 /// What should be in a piece of the flash: the image, and around it what is erased.
-fn wanted(image: &Image, piece: &Range<u32>) -> Vec<u8> {
+fn expected_bytes(image: &Image, piece: &Range<u32>) -> Vec<u8> {
     let place = |address: u32| (address - FLASH_START) as usize;
     let bytes = image.bytes();
     (piece.start..piece.end).map(|address| bytes.get(place(address)).copied().unwrap_or(super::image::ERASED)).collect()

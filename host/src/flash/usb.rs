@@ -72,7 +72,7 @@ impl UsbError {
 ///
 /// # Errors
 /// [`UsbError::Bus`], [`UsbError::Several`].
-pub fn find() -> Result<Option<DeviceInfo>, UsbError> {
+pub fn find_bootloader() -> Result<Option<DeviceInfo>, UsbError> {
     let devices = nusb::list_devices().wait().map_err(UsbError::Bus)?;
     let mut found: Vec<_> =
         devices.filter(|device| device.vendor_id() == VENDOR && device.product_id() == PRODUCT).collect();
@@ -86,10 +86,10 @@ pub fn find() -> Result<Option<DeviceInfo>, UsbError> {
 ///
 /// # Errors
 /// [`UsbError`]; [`UsbError::None`] when `patience` is over.
-pub fn wait_for(patience: Duration) -> Result<DeviceInfo, UsbError> {
+pub fn await_bootloader(patience: Duration) -> Result<DeviceInfo, UsbError> {
     let until = Instant::now() + patience;
     loop {
-        match find()? {
+        match find_bootloader()? {
             Some(device) => return Ok(device),
             None if Instant::now() >= until => return Err(UsbError::None),
             None => std::thread::sleep(LOOK_AGAIN),
@@ -101,9 +101,9 @@ pub fn wait_for(patience: Duration) -> Result<DeviceInfo, UsbError> {
 ///
 /// # Errors
 /// [`UsbError`].
-pub fn open(info: &DeviceInfo) -> Result<(UsbPipe, Layout), UsbError> {
+pub fn open_bootloader(info: &DeviceInfo) -> Result<(UsbPipe, Layout), UsbError> {
     let device = info.open().wait().map_err(UsbError::open("opening"))?;
-    let (interface, alternate, layout) = flash_interface(&device)?;
+    let (interface, alternate, layout) = find_flash_interface(&device)?;
     let interface = device.detach_and_claim_interface(interface).wait().map_err(UsbError::open("claiming"))?;
     interface.set_alt_setting(alternate).wait().map_err(UsbError::open("selecting the flash of"))?;
     Ok((UsbPipe { interface }, layout))
@@ -111,7 +111,7 @@ pub fn open(info: &DeviceInfo) -> Result<(UsbPipe, Layout), UsbError> {
 
 /// Interface, alternate setting and layout of the internal flash. Other alternate settings are the option bytes and the
 /// like.
-fn flash_interface(device: &Device) -> Result<(u8, u8, Layout), UsbError> {
+fn find_flash_interface(device: &Device) -> Result<(u8, u8, Layout), UsbError> {
     let broken = |reason: String| UsbError::Open { step: "reading the description of", reason, permission: false };
     let configuration = device.active_configuration().map_err(|error| broken(error.to_string()))?;
     let mut unfit = broken("it has no interface for the flash".into());
@@ -151,14 +151,14 @@ impl ControlPipe for UsbPipe {
         let index = u16::from(self.interface.interface_number());
         let (control_type, recipient) = (ControlType::Class, Recipient::Interface);
         let transfer = ControlIn { control_type, recipient, request, value, index, length };
-        self.interface.control_in(transfer, TIMEOUT).wait().map_err(pipe_error)
+        self.interface.control_in(transfer, TIMEOUT).wait().map_err(convert_transfer_error)
     }
 
     fn control_out(&mut self, request: u8, value: u16, data: &[u8]) -> Result<(), PipeError> {
         let index = u16::from(self.interface.interface_number());
         let (control_type, recipient) = (ControlType::Class, Recipient::Interface);
         let transfer = ControlOut { control_type, recipient, request, value, index, data };
-        self.interface.control_out(transfer, TIMEOUT).wait().map_err(pipe_error)
+        self.interface.control_out(transfer, TIMEOUT).wait().map_err(convert_transfer_error)
     }
 
     fn pause(&mut self, time: Duration) {
@@ -166,7 +166,7 @@ impl ControlPipe for UsbPipe {
     }
 }
 
-fn pipe_error(error: TransferError) -> PipeError {
+fn convert_transfer_error(error: TransferError) -> PipeError {
     match error {
         TransferError::Stall => PipeError::Stall,
         TransferError::Disconnected => PipeError::Gone,

@@ -57,9 +57,9 @@ pub enum FileError {
 ///
 /// # Errors
 /// [`FileError::Foreign`] if it is somebody else's, and those of reading it.
-pub fn check(path: &Path, is_forced: bool) -> Result<(), FileError> {
-    match present(path)? {
-        Some(text) if !is_forced && !is_own(&text) => Err(FileError::Foreign(path.to_path_buf())),
+pub fn check_writable(path: &Path, is_forced: bool) -> Result<(), FileError> {
+    match read_present(path)? {
+        Some(text) if !is_forced && !has_mark(&text) => Err(FileError::Foreign(path.to_path_buf())),
         _ => Ok(()),
     }
 }
@@ -68,9 +68,9 @@ pub fn check(path: &Path, is_forced: bool) -> Result<(), FileError> {
 ///
 /// # Errors
 /// [`FileError`].
-pub fn write(path: &Path, text: &str, is_forced: bool) -> Result<Done, FileError> {
-    check(path, is_forced)?;
-    let before = present(path)?;
+pub fn write_marked(path: &Path, text: &str, is_forced: bool) -> Result<Done, FileError> {
+    check_writable(path, is_forced)?;
+    let before = read_present(path)?;
     if before.as_deref() == Some(text.as_bytes()) {
         return Ok(Done::Unchanged);
     }
@@ -86,8 +86,8 @@ pub fn write(path: &Path, text: &str, is_forced: bool) -> Result<Done, FileError
 ///
 /// # Errors
 /// [`FileError`].
-pub fn remove(path: &Path, is_forced: bool) -> Result<Done, FileError> {
-    check(path, is_forced)?;
+pub fn remove_marked(path: &Path, is_forced: bool) -> Result<Done, FileError> {
+    check_writable(path, is_forced)?;
     match std::fs::remove_file(path) {
         Ok(()) => Ok(Done::Removed),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(Done::Absent),
@@ -95,7 +95,7 @@ pub fn remove(path: &Path, is_forced: bool) -> Result<Done, FileError> {
     }
 }
 
-fn present(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
+fn read_present(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
     match std::fs::read(path) {
         Ok(text) => Ok(Some(text)),
         // A link to nowhere is something all the same.
@@ -104,6 +104,6 @@ fn present(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
     }
 }
 
-fn is_own(text: &[u8]) -> bool {
+fn has_mark(text: &[u8]) -> bool {
     text.split(|byte| *byte == b'\n').next() == Some(MARK.as_bytes())
 }

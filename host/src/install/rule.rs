@@ -15,7 +15,7 @@ pub const GROUP: &str = "plugdev";
 /// Whoever may open the running board's USB device itself can reach around its serial port, and whoever may open the bootloader's can write any firmware, which need not keep any limit. So
 /// nobody is given the first, and nobody the second for sitting at the machine.
 #[must_use]
-pub fn text(group: &str, flash_group: Option<&str>) -> String {
+pub fn format_rule(group: &str, flash_group: Option<&str>) -> String {
     let rights = format!("GROUP=\"{group}\", MODE=\"0660\", TAG+=\"uaccess\"");
     let flashers = flash_group.map_or_else(|| "root alone".into(), |group| format!("root and the group {group}"));
     let flash_rights = flash_group.map_or_else(String::new, |group| format!(", GROUP=\"{group}\", MODE=\"0660\""));
@@ -57,7 +57,7 @@ mod tests {
 
     #[test]
     fn the_rule_names_board_and_bootloader() {
-        let text = text("plugdev", None);
+        let text = format_rule("plugdev", None);
         assert!(is_for_board(&text) && ignores_modem_manager(&text));
         for words in ["ATTR{idProduct}==\"df11\"", "ATTRS{idVendor}==\"1209\"", "TAG+=\"uaccess\"", "GROUP=\"plugdev\""]
         {
@@ -80,9 +80,9 @@ mod tests {
             lines.iter().map(|line| (line.starts_with("SUBSYSTEM==\"tty\""), given(line))).collect()
         };
         let tty = vec!["MODE", "GROUP", "uaccess", "0660"];
-        let alone = text("plugdev", None);
+        let alone = format_rule("plugdev", None);
         assert_eq!(of(&alone), [(false, vec![]), (true, tty.clone()), (false, vec![])]);
-        let named = text("plugdev", Some("builders"));
+        let named = format_rule("plugdev", Some("builders"));
         assert_eq!(of(&named), [(false, vec![]), (true, tty), (false, vec!["MODE", "GROUP", "0660"])]);
         assert!(named.lines().any(|line| line.contains("df11") && line.contains("GROUP=\"builders\"")));
     }

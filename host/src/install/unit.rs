@@ -62,12 +62,12 @@ impl Unit<'_> {
     /// If a path cannot be written in a unit: it is not UTF-8, or has a control character.
     pub fn text(&self) -> Result<String, String> {
         // Variables are replaced in arguments, but not in the program's path.
-        let (program, config) = (word(self.program)?, word(self.config)?.replace('$', "$$"));
+        let (program, config) = (quote_word(self.program)?, quote_word(self.config)?.replace('$', "$$"));
         let (own, options) = if self.is_user {
             Default::default()
         } else {
-            let (credentials, options) = credentials(self.secrets)?;
-            (system_part(self.group) + &credentials, options)
+            let (credentials, options) = format_credentials(self.secrets)?;
+            (format_system_section(self.group) + &credentials, options)
         };
         let wanted = if self.is_user { "default.target" } else { "multi-user.target" };
         let manager = if self.is_user { "systemctl --user" } else { "systemctl" };
@@ -112,7 +112,7 @@ impl Unit<'_> {
 }
 
 /// What only the machine's own service manager can do. `RestrictRealtime` is left out on purpose.
-fn system_part(group: &str) -> String {
+fn format_system_section(group: &str) -> String {
     format!(
         "# Where it may write: plan tables in /var/cache/era, certificates and recordings in {STATE}, its socket in /run/era.\n\
          CacheDirectory=era\n\
@@ -147,10 +147,10 @@ fn system_part(group: &str) -> String {
 }
 
 /// The lines that hand over what only root may read, and the options by which the program finds it.
-fn credentials(secrets: &Secrets) -> Result<(String, String), String> {
+fn format_credentials(secrets: &Secrets) -> Result<(String, String), String> {
     let (mut lines, mut options) = (String::new(), String::new());
     let mut load = |id: &str, path: &Path, option: &str| -> Result<(), String> {
-        let _ = writeln!(lines, "LoadCredential={id}:{}", rest(path)?);
+        let _ = writeln!(lines, "LoadCredential={id}:{}", escape_specifiers(path)?);
         let _ = write!(options, " {option} ${{CREDENTIALS_DIRECTORY}}/{id}");
         Ok(())
     };
@@ -159,7 +159,7 @@ fn credentials(secrets: &Secrets) -> Result<(String, String), String> {
     }
     if let Some((certificate, key)) = &secrets.tls {
         load("key", key, "--tls-key")?;
-        let _ = write!(options, " --tls-cert {}", word(certificate)?.replace('$', "$$"));
+        let _ = write!(options, " --tls-cert {}", quote_word(certificate)?.replace('$', "$$"));
     }
     if !lines.is_empty() {
         lines.insert_str(
@@ -171,12 +171,12 @@ fn credentials(secrets: &Secrets) -> Result<(String, String), String> {
 }
 
 /// A path as the rest of a line.
-fn rest(path: &Path) -> Result<String, String> {
-    Ok(fit(path)?.replace('%', "%%"))
+fn escape_specifiers(path: &Path) -> Result<String, String> {
+    Ok(check_path_text(path)?.replace('%', "%%"))
 }
 
 /// A path's text.
-fn fit(path: &Path) -> Result<&str, String> {
+fn check_path_text(path: &Path) -> Result<&str, String> {
     let text =
         path.to_str().ok_or_else(|| format!("{} is not UTF-8, and cannot be written in a unit", path.display()))?;
     if text.chars().any(char::is_control) {
@@ -186,8 +186,8 @@ fn fit(path: &Path) -> Result<&str, String> {
 }
 
 /// A path as one word of `ExecStart` (systemd.service(5), "Command lines"; systemd.unit(5), "Specifiers").
-fn word(path: &Path) -> Result<String, String> {
-    let escaped = rest(path)?;
+fn quote_word(path: &Path) -> Result<String, String> {
+    let escaped = escape_specifiers(path)?;
     if escaped.chars().any(|c| c.is_whitespace() || matches!(c, '"' | '\'' | '\\' | ';')) {
         return Ok(format!("\"{}\"", escaped.replace('\\', "\\\\").replace('"', "\\\"")));
     }
@@ -269,9 +269,9 @@ mod tests {
 
     #[test]
     fn paths_are_one_word_each() {
-        assert_eq!(word(Path::new("/opt/era/bin/era")).unwrap(), "/opt/era/bin/era");
-        assert_eq!(word(Path::new("/my panel/100%.toml")).unwrap(), "\"/my panel/100%%.toml\"");
-        assert_eq!(word(Path::new("/a\"b\\c$d")).unwrap(), "\"/a\\\"b\\\\c$d\"");
-        assert!(word(Path::new("/a\nExecStart=/bin/x")).unwrap_err().contains("control character"));
+        assert_eq!(quote_word(Path::new("/opt/era/bin/era")).unwrap(), "/opt/era/bin/era");
+        assert_eq!(quote_word(Path::new("/my panel/100%.toml")).unwrap(), "\"/my panel/100%%.toml\"");
+        assert_eq!(quote_word(Path::new("/a\"b\\c$d")).unwrap(), "\"/a\\\"b\\\\c$d\"");
+        assert!(quote_word(Path::new("/a\nExecStart=/bin/x")).unwrap_err().contains("control character"));
     }
 }

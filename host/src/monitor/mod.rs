@@ -89,7 +89,7 @@ impl LogDecoder<'_> {
         self.stream.received(bytes);
         loop {
             match self.stream.decode() {
-                Ok(frame) => line(text(&frame, self.places)),
+                Ok(frame) => line(format_frame(&frame, self.places)),
                 Err(DecodeError::Malformed) => line(LogLine::damaged()),
                 Err(DecodeError::UnexpectedEof) => return,
             }
@@ -97,7 +97,7 @@ impl LogDecoder<'_> {
     }
 }
 
-fn text(frame: &Frame<'_>, places: &BTreeMap<u64, Location>) -> LogLine {
+fn format_frame(frame: &Frame<'_>, places: &BTreeMap<u64, Location>) -> LogLine {
     let place = places.get(&frame.index()).map(|place| {
         // From the crate's folder on: what is above it differs from machine to machine.
         let path = place.file.to_string_lossy().replace('\\', "/");

@@ -110,7 +110,7 @@ const WINDOW: [f64; 4] = [0.358_75, -0.488_29, 0.141_28, -0.011_68];
 /// may be ten thousand times stronger where a panel hardly moves, do not either. The low-pass has made each smaller by a
 /// known factor, which is taken out again.
 #[expect(clippy::cast_precision_loss, reason = "sample numbers")]
-pub(super) fn amplitudes(record: &[f64], step_s: f64, wanted_hz: &[f64], beside_hz: &[f64]) -> Vec<f64> {
+pub(super) fn fit_amplitudes(record: &[f64], step_s: f64, wanted_hz: &[f64], beside_hz: &[f64]) -> Vec<f64> {
     let frequencies_hz: Vec<f64> = wanted_hz.iter().chain(beside_hz).copied().collect();
     let columns = 2 * frequencies_hz.len();
     let mut normal = DMatrix::<f64>::zeros(columns, columns);
@@ -134,7 +134,7 @@ pub(super) fn amplitudes(record: &[f64], step_s: f64, wanted_hz: &[f64], beside_
 
 /// The drives as they are once channels share rails: a rail stands at the highest voltage of its channels, and the others
 /// get windows of the same fundamental force, (V / V_rail)^2 sin(pi w / 2) = sin(pi w' / 2).
-pub(super) fn on_rails(drives: Vec<SiDrive>) -> Vec<SiDrive> {
+pub(super) fn convert_to_shared_rails(drives: Vec<SiDrive>) -> Vec<SiDrive> {
     let mut rails_v = [0.0_f64; RAILS];
     for drive in &drives {
         if let Some(rail_v) = rails_v.get_mut(rail_of(usize::from(drive.channel))) {
@@ -165,7 +165,7 @@ mod tests {
             lines.iter().map(|(hz, a)| a * attenuation(*hz) * (TAU * hz * time_s + hz).cos()).sum::<f64>()
         };
         let record: Vec<f64> = (0..40_000).map(at).collect();
-        let found = amplitudes(&record, STEP_S, &[101.3, 160.0], &[102.1]);
+        let found = fit_amplitudes(&record, STEP_S, &[101.3, 160.0], &[102.1]);
         assert!((found[0] / 1e-3 - 1.0).abs() < 5e-3 && (found[1] / 0.5 - 1.0).abs() < 1e-6, "{found:?}");
     }
 }

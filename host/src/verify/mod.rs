@@ -10,7 +10,7 @@ use crate::planner::{self, Plan, PlanError, PlanTable, STANDARD_GRAVITY, Target}
 use crate::response;
 use crate::scene::Scene;
 use crate::transient::reduced::{causal, kept};
-use bench::{Bench, amplitudes, on_rails};
+use bench::{Bench, convert_to_shared_rails, fit_amplitudes};
 use era_model::stop::Stop;
 use era_shared::MAX_CHANNELS;
 use era_shared::limits::BURST_MAX_MS;
@@ -182,7 +182,7 @@ pub fn compare_request(
     let mut panel = panel.clone();
     panel.set_probe(&shape);
     let Record { waveform, fundamentals, samples, step_s, predicted_peak, unsettled, extremes } =
-        run(table, panel, &shape, &plan)?;
+        record_plan(table, panel, &shape, &plan)?;
     let masses = table.scene.actuators.iter().zip(&waveform.motion.largest_m).zip(&extremes);
     let travel = masses
         .map(|((actuator, predicted_m), extreme)| Travel {
@@ -194,7 +194,8 @@ pub fn compare_request(
         .collect();
     let in_g = |acceleration: f64| acceleration / STANDARD_GRAVITY;
     let (coinciding, beside_hz) = waveform.neighbours();
-    let simulated_g = in_g(amplitudes(&samples, step_s, &waveform.frequencies_hz(), &beside_hz).iter().sum::<f64>());
+    let simulated_g =
+        in_g(fit_amplitudes(&samples, step_s, &waveform.frequencies_hz(), &beside_hz).iter().sum::<f64>());
     let simulated_band_g = in_g(samples.iter().fold(0.0_f64, |most, a| most.max(a.abs())));
     let (linear_g, predicted_g) = (plan.predicted.target_peak_g, plan.predicted.softened_peak_g);
     let [rounded_g, causal_g, kept_g] = fundamentals.map(in_g);
@@ -242,15 +243,15 @@ pub fn compare_all(table: &PlanTable, targets: &[Target]) -> Result<Vec<Comparis
 
 /// `count` points spread over a scene's surface, fewer where there are cut-outs, in m.
 #[must_use]
-pub fn spread_over(scene: &Scene, count: u32) -> Vec<(f64, f64)> {
-    let mut points = spread(count, scene.surface.length_m, scene.surface.width_m);
+pub fn spread_points_over(scene: &Scene, count: u32) -> Vec<(f64, f64)> {
+    let mut points = spread_points(count, scene.surface.length_m, scene.surface.width_m);
     points.retain(|(x_m, y_m)| scene.place(*x_m, *y_m).is_ok());
     points
 }
 
 /// Points spread over the surface by a low-discrepancy sequence (Roberts' R2, the plastic number), none on an edge.
 #[must_use]
-pub fn spread(count: u32, length_m: f64, width_m: f64) -> Vec<(f64, f64)> {
+pub fn spread_points(count: u32, length_m: f64, width_m: f64) -> Vec<(f64, f64)> {
     const PLASTIC: f64 = 1.324_717_957_244_746;
     (0..count)
         .map(|i| {
@@ -278,7 +279,7 @@ struct Record {
 }
 
 /// The accelerometer's record after the panel has settled.
-fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Result<Record, VerifyError> {
+fn record_plan(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Result<Record, VerifyError> {
     let step_s = panel.step_s();
     let actuators = &table.scene.actuators;
     let volts: Vec<f64> = actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
@@ -291,7 +292,7 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
     };
     // The device holds the drives until its self-test has passed, and brings the rails up.
     bench.run_for(SOFT_START_S)?;
-    let achieved = bench.in_time(&on_rails(achieved.iter().map(from_wire).collect()))?;
+    let achieved = bench.in_time(&convert_to_shared_rails(achieved.iter().map(from_wire).collect()))?;
     let waveform = Waveform::new(&table.model, &transducers, shape, &achieved)?;
     let of = |model: &ReducedModel, highest| fundamentals(model, &transducers, shape, &achieved, highest);
     let in_time =
@@ -299,7 +300,7 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
     let causal_sum = in_time(causal(&table.model), waveform.fundamentals())?;
     let fundamentals = [of(&table.model, 1)?, causal_sum, in_time(kept(&table.model), causal_sum)?];
     // From rest, the motion is the steady one and a free one that cancels it at first.
-    let peak = waveform.peak(0.0, step_s, samples_of(RECORD_S, step_s));
+    let peak = waveform.peak(0.0, step_s, count_samples(RECORD_S, step_s));
     let (settling_s, left) =
         bench.board.panel_mut().settling(&waveform.displacement, &waveform.velocity, SETTLED * peak, LONGEST_SETTLE_S);
     if left > NEARLY_SETTLED * peak {
@@ -325,6 +326,6 @@ fn run(table: &PlanTable, panel: Panel, shape: &DVector<f64>, plan: &Plan) -> Re
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a second or so")]
-fn samples_of(seconds: f64, step_s: f64) -> usize {
+fn count_samples(seconds: f64, step_s: f64) -> usize {
     (seconds / step_s) as usize
 }

@@ -50,7 +50,12 @@ pub struct Turned {
 ///
 /// # Errors
 /// [`VerifyError::Device`], [`VerifyError::Unknown`].
-pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order) -> Result<Vec<Turned>, VerifyError> {
+pub fn follow_turns(
+    table: &PlanTable,
+    panel: &Panel,
+    turns: &[Turn<'_>],
+    order: Order,
+) -> Result<Vec<Turned>, VerifyError> {
     let volts: Vec<f64> = table.scene.actuators.iter().map(|actuator| actuator.max_voltage_v).collect();
     let mut bench = Bench::new(SimBoard::new(panel.clone(), &volts, Clock::Manual(0)));
     let mut residual = ResidualVibration::new(table.decaying_modes());
@@ -70,7 +75,7 @@ pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order
         if room.goes_on {
             // The next one comes before, and takes its place.
             bench.run_for(hold_s + pause_s)?;
-            let travel = travel(&mut bench, table);
+            let travel = take_travel_fractions(&mut bench, table);
             turned.push(Turned { travel, travel_after: Vec::new(), room, parts: Vec::new() });
             continue;
         }
@@ -105,20 +110,20 @@ pub fn follow(table: &PlanTable, panel: &Panel, turns: &[Turn<'_>], order: Order
             bench.run_for(step_s)?;
             left_s -= step_s;
         }
-        let driven_to = travel(&mut bench, table);
+        let driven_to = take_travel_fractions(&mut bench, table);
         if *pause_s > 0.0 {
             bench.ask(&Request::SetDrives { drives: heapless::Vec::new() })?;
             bench.run_for(*pause_s)?;
             board = Board::Up;
         }
-        let travel_after = travel(&mut bench, table);
+        let travel_after = take_travel_fractions(&mut bench, table);
         turned.push(Turned { travel: driven_to, travel_after, room, parts });
     }
     Ok(turned)
 }
 
 /// Most travel of every mass since it was last asked, as a part of its gap.
-fn travel(bench: &mut Bench, table: &PlanTable) -> Vec<f64> {
+fn take_travel_fractions(bench: &mut Bench, table: &PlanTable) -> Vec<f64> {
     bench.board.advance();
     let extremes: [_; MAX_CHANNELS] = bench.board.panel_mut().take_extremes();
     extremes.iter().zip(&table.electrodes).map(|(extreme, electrodes)| extreme.travel_m / electrodes.gap_m).collect()

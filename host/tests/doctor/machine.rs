@@ -1,7 +1,7 @@
 //! What is read of a machine: one of a few files, planted.
 #![cfg(target_os = "linux")]
 
-use era::doctor::machine::{access, holders, modem_manager, realtime, rules};
+use era::doctor::machine::{access, find_modem_manager, find_rules, holders, read_realtime_limit};
 use std::os::unix::fs::symlink;
 use std::path::Path;
 
@@ -15,11 +15,11 @@ fn plant(root: &Path, path: &str, text: &str) {
 fn rules_about_the_board_are_found_wherever_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    assert_eq!(rules(root), None);
+    assert_eq!(find_rules(root), None);
     plant(root, "etc/udev/rules.d/10-other.rules", "ATTRS{idVendor}==\"0483\", ATTRS{idProduct}==\"df11\"\n");
-    plant(root, "etc/udev/rules.d/70-era.txt", &era::install::rule::text("plugdev", None));
-    assert_eq!(rules(root), Some(Vec::new()));
-    plant(root, "usr/lib/udev/rules.d/70-era.rules", &era::install::rule::text("plugdev", None));
+    plant(root, "etc/udev/rules.d/70-era.txt", &era::install::rule::format_rule("plugdev", None));
+    assert_eq!(find_rules(root), Some(Vec::new()));
+    plant(root, "usr/lib/udev/rules.d/70-era.rules", &era::install::rule::format_rule("plugdev", None));
     // The same folder by another name, as on most machines.
     symlink("usr/lib", root.join("lib")).unwrap();
     plant(
@@ -27,7 +27,7 @@ fn rules_about_the_board_are_found_wherever_they_are() {
         "etc/udev/rules.d/60-own.rules",
         "ATTRS{idVendor}==\"1209\", ATTRS{idProduct}==\"0001\", MODE=\"0666\"\n",
     );
-    let found = rules(root).unwrap();
+    let found = find_rules(root).unwrap();
     assert_eq!(found.len(), 2, "{found:?}");
     assert!(found[0].ignores_modem_manager && found[0].path.ends_with("lib/udev/rules.d/70-era.rules"), "{found:?}");
     assert!(!found[1].ignores_modem_manager && found[1].path.ends_with("60-own.rules"), "{found:?}");
@@ -37,7 +37,7 @@ fn rules_about_the_board_are_found_wherever_they_are() {
 fn processes_are_found_by_name_and_by_what_they_have_open() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    assert_eq!((modem_manager(root), holders(root, "/dev/null")), (None, Vec::new()));
+    assert_eq!((find_modem_manager(root), holders(root, "/dev/null")), (None, Vec::new()));
     let port = root.join("ttyACM0");
     std::fs::write(&port, "").unwrap();
     for (pid, name, open) in [(12, "ModemManager", "/dev/null"), (345, "minicom", port.to_str().unwrap())] {
@@ -46,7 +46,7 @@ fn processes_are_found_by_name_and_by_what_they_have_open() {
         symlink(open, root.join(format!("proc/{pid}/fd/3"))).unwrap();
     }
     plant(root, "proc/version", "no process");
-    assert_eq!(modem_manager(root), Some(12));
+    assert_eq!(find_modem_manager(root), Some(12));
     // By another name of the same port, as in /dev/serial/by-id.
     let other = root.join("by-id");
     symlink(&port, &other).unwrap();
@@ -70,7 +70,7 @@ fn limits_and_groups_are_read() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();
-    assert_eq!(realtime(root), None);
+    assert_eq!(read_realtime_limit(root), None);
     let line = |soft: &str| {
         format!(
             "Limit                     Soft Limit           Hard Limit           Units     \nMax realtime priority     {soft}                    99                   \n"
@@ -78,7 +78,7 @@ fn limits_and_groups_are_read() {
     };
     for (soft, limit) in [("0", Some(0)), ("20", Some(20)), ("unlimited", Some(99)), ("?", None)] {
         plant(root, "proc/self/limits", &line(soft));
-        assert_eq!(realtime(root), limit);
+        assert_eq!(read_realtime_limit(root), limit);
     }
     let port = root.join("port");
     std::fs::write(&port, "").unwrap();

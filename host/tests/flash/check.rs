@@ -1,7 +1,7 @@
 //! Which image may go to which board.
 
 use crate::elf::{flash_contents, version};
-use era::flash::check::{CheckError, OnBoard, check, check_idle};
+use era::flash::check::{CheckError, OnBoard, check_idle, check_image};
 use era::flash::image::Image;
 use era_shared::protocol::{BoardKind, CURRENT_VERSION};
 use era_shared::safety::State;
@@ -17,17 +17,17 @@ fn board(board: Option<BoardKind>, protocol_current: u8) -> OnBoard {
 #[test]
 fn only_this_board_gets_it() {
     let header = image((1, CURRENT_VERSION)).header;
-    assert_eq!(check(&header, None, false), Ok(()));
+    assert_eq!(check_image(&header, None, false), Ok(()));
     // An older version of the firmware is no reason to refuse.
-    assert_eq!(check(&header, Some(&board(Some(BoardKind::Stm32G474), CURRENT_VERSION)), false), Ok(()));
+    assert_eq!(check_image(&header, Some(&board(Some(BoardKind::Stm32G474), CURRENT_VERSION)), false), Ok(()));
     for force in [false, true] {
         let simulated = board(Some(BoardKind::Simulated), CURRENT_VERSION);
-        assert_eq!(check(&header, Some(&simulated), force), Err(CheckError::Simulated));
-        let unknown = check(&header, Some(&board(None, CURRENT_VERSION)), force);
+        assert_eq!(check_image(&header, Some(&simulated), force), Err(CheckError::Simulated));
+        let unknown = check_image(&header, Some(&board(None, CURRENT_VERSION)), force);
         assert!(matches!(unknown, Err(CheckError::Board { board: None, .. })));
         let mut foreign = header;
         foreign.board = None;
-        assert!(matches!(check(&foreign, None, force), Err(CheckError::Board { .. })));
+        assert!(matches!(check_image(&foreign, None, force), Err(CheckError::Board { .. })));
     }
 }
 
@@ -35,14 +35,14 @@ fn only_this_board_gets_it() {
 fn a_step_back_in_the_protocol_needs_force() {
     let header = image((1, CURRENT_VERSION)).header;
     let newer = board(Some(BoardKind::Stm32G474), CURRENT_VERSION + 1);
-    let refused = check(&header, Some(&newer), false);
+    let refused = check_image(&header, Some(&newer), false);
     assert_eq!(refused, Err(CheckError::Downgrade { image: CURRENT_VERSION, board: CURRENT_VERSION + 1 }));
-    assert_eq!(check(&header, Some(&newer), true), Ok(()));
+    assert_eq!(check_image(&header, Some(&newer), true), Ok(()));
 
     let future = image((CURRENT_VERSION + 1, CURRENT_VERSION + 2)).header;
-    let error = check(&future, None, false).unwrap_err();
+    let error = check_image(&future, None, false).unwrap_err();
     assert!(matches!(error, CheckError::Unspoken { .. }) && error.to_string().contains("update this program"));
-    assert_eq!(check(&future, None, true), Ok(()));
+    assert_eq!(check_image(&future, None, true), Ok(()));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use crate::rom::{Rom, Start};
 use era::flash::dfuse::{DfuError, Dfuse};
 use era::flash::image::Image;
 use era::flash::layout::Layout;
-use era::flash::program::{ProgramError, Programmed, Stage, header_on_board, program};
+use era::flash::program::{ProgramError, Programmed, Stage, program_image, read_header_on_board};
 use era_shared::image::FLASH_START;
 
 /// Not a whole number of transfers nor of pages.
@@ -22,7 +22,7 @@ fn new() -> Image {
 fn update(rom: &mut Rom, image: &Image) -> Result<Programmed, ProgramError> {
     let layout = Layout::parse(&rom.description()).unwrap();
     let mut dfu = Dfuse::open(&mut *rom)?;
-    let done = program(&mut dfu, &layout, image, |_, _, _| {})?;
+    let done = program_image(&mut dfu, &layout, image, |_, _, _| {})?;
     dfu.leave(FLASH_START)?;
     Ok(done)
 }
@@ -38,16 +38,16 @@ fn an_update_is_written_and_started() {
         let mut stages = Vec::new();
         let layout = Layout::parse(&rom.description()).unwrap();
         let mut dfu = Dfuse::open(&mut rom).unwrap();
-        let before = header_on_board(&mut dfu).unwrap().unwrap();
+        let before = read_header_on_board(&mut dfu).unwrap().unwrap();
         assert_eq!(before.firmware, version(1, b"01d01d01"));
-        let done = program(&mut dfu, &layout, &image, |stage, done, total| {
+        let done = program_image(&mut dfu, &layout, &image, |stage, done, total| {
             assert!(done <= total);
             if stages.last() != Some(&stage) {
                 stages.push(stage);
             }
         });
         assert_eq!(done, Ok(Programmed { first_stage_replaced: false }));
-        assert_eq!(header_on_board(&mut dfu).unwrap(), Some(image.header));
+        assert_eq!(read_header_on_board(&mut dfu).unwrap(), Some(image.header));
         dfu.leave(FLASH_START).unwrap();
         assert!(holds(&rom, image.bytes()));
         assert_eq!(rom.left_for, Some(FLASH_START));

@@ -46,7 +46,7 @@ fn the_doctor_and_the_flasher_end_and_name_the_program() {
     let mut reader = Reader::with_open(board.path());
     reader.reads();
     let begun = Instant::now();
-    let Answer::Silent(told) = era::doctor::board::ask(board.path()) else { panic!("it answers") };
+    let Answer::Silent(told) = era::doctor::board::ask_board(board.path()) else { panic!("it answers") };
     assert!(told.contains(&reader.name()), "{told}");
     let Err(error) = Board::open(&Target::Serial(board.path().into())) else { panic!("it answers") };
     assert!(error.to_string().contains(&reader.name()), "{error}");
@@ -62,7 +62,7 @@ fn a_line_that_takes_nothing_is_told() {
     assert!(Command::new("python3").args(["-c", stop]).stdin(port).status().unwrap().success());
     let keeps = Reader::with_open(board.path());
     let begun = Instant::now();
-    let Answer::Silent(told) = era::doctor::board::ask(board.path()) else { panic!("it answers") };
+    let Answer::Silent(told) = era::doctor::board::ask_board(board.path()) else { panic!("it answers") };
     assert!(told.contains("took no bytes") && told.contains("sh (process"), "{told}");
     assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", begun.elapsed());
     drop(keeps);

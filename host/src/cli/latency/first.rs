@@ -1,10 +1,10 @@
 //! First clicks of an idle board: how long until one is answered, with its rails down and after it was armed ahead.
 
-use super::{Figures, wait_for};
+use super::{Figures, await_device_state};
 use crate::cli::args::Latency;
 use crate::cli::{Failure, Outcome, print_json, print_text};
 use crate::scene::Scene;
-use crate::verify::spread;
+use crate::verify::spread_points;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
@@ -14,8 +14,8 @@ const DOWN_V: f64 = 60.0;
 const AHEAD: Duration = Duration::from_millis(200);
 
 /// Times `clicks` of them in both ways, by turns, so that a busy moment of the machine meets both.
-pub fn run(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, base: &str) -> Outcome {
-    let mut points = spread(clicks, f64::from(scene.screen.width_px), f64::from(scene.screen.height_px));
+pub fn time_first_clicks(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, base: &str) -> Outcome {
+    let mut points = spread_points(clicks, f64::from(scene.screen.width_px), f64::from(scene.screen.height_px));
     points.retain(|(x_px, y_px)| scene.place_px(*x_px, *y_px).is_ok());
     let Some(first) = points.first().copied() else {
         return Err(Failure::failed("no place that was looked at is on the surface"));
@@ -24,14 +24,14 @@ pub fn run(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, b
     // The first round is not counted, while caches and connections warm up.
     for (round, (x_px, y_px)) in std::iter::once(first).chain(points).enumerate() {
         for (arms, times) in [(true, &mut armed), (false, &mut unarmed)] {
-            post(agent, &format!("{base}/v1/stop"), &Value::Null)?;
-            wait_for(agent, base, "come to rest", |device| {
+            post_json(agent, &format!("{base}/v1/stop"), &Value::Null)?;
+            await_device_state(agent, base, "come to rest", |device| {
                 let rails = device["supply"]["rail_v"].as_array();
                 device["state"] == "safe"
                     && rails.is_some_and(|rails| rails.iter().all(|rail| rail.as_f64().is_some_and(|v| v < DOWN_V)))
             })?;
             if arms {
-                post(agent, &format!("{base}/v1/arm"), &Value::Null)?;
+                post_json(agent, &format!("{base}/v1/arm"), &Value::Null)?;
                 std::thread::sleep(AHEAD);
             }
             let mut click = json!({"x_px": x_px, "y_px": y_px, "effect": "click"});
@@ -39,7 +39,7 @@ pub fn run(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, b
                 click["intensity_g"] = intensity_g.into();
             }
             let begun = Instant::now();
-            post(agent, &format!("{base}/v1/touch"), &click)?;
+            post_json(agent, &format!("{base}/v1/touch"), &click)?;
             if round > 0 {
                 times.push(begun.elapsed());
             }
@@ -60,7 +60,7 @@ pub fn run(options: &Latency, clicks: u32, scene: &Scene, agent: &ureq::Agent, b
     ))
 }
 
-fn post(agent: &ureq::Agent, url: &str, body: &Value) -> Outcome {
+fn post_json(agent: &ureq::Agent, url: &str, body: &Value) -> Outcome {
     let request = agent.post(url);
     let answer = if body.is_null() { request.send_empty() } else { request.send_json(body) };
     let mut answer = answer.map_err(Failure::failed)?;

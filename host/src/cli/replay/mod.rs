@@ -32,13 +32,13 @@ struct Done {
     result: Result<Answer, Failure>,
 }
 
-pub fn run(options: &Replay) -> Outcome {
+pub fn run_replay(options: &Replay) -> Outcome {
     let named = |error: &dyn std::fmt::Display| Failure::Usage(format!("{}: {error}", options.file.display()));
     let bytes = std::fs::read(&options.file).map_err(|error| named(&error))?;
     refuse_utf16(&bytes).map_err(|error| named(&error))?;
     let recording = Recording::parse(&bytes).map_err(|error| named(&error))?;
     let daemon = &options.daemon;
-    let scene = client::call(daemon, "GET", "/v1/scene", None)?;
+    let scene = client::request_body(daemon, "GET", "/v1/scene", None)?;
     let now = scene["name"].as_str().unwrap_or_default();
     if now != recording.scene {
         tracing::warn!("recorded with the scene {:?}, replayed with the scene {now:?}", recording.scene);
@@ -50,7 +50,7 @@ pub fn run(options: &Replay) -> Outcome {
     do_on_end(move |signal| {
         // Nothing is asked for after the stop.
         ended.store(true, Ordering::SeqCst);
-        let stopped = client::call(&driven, "POST", "/v1/stop", None);
+        let stopped = client::request_body(&driven, "POST", "/v1/stop", None);
         let told = stopped.map_or_else(|failure| failure.text(), |_| "everything was stopped".into());
         tell_error(&format!("ended by {signal}: {told}"));
         std::process::exit(1);
@@ -91,7 +91,7 @@ fn wait_for_end_if(is_ended: &AtomicBool) {
 fn ask(daemon: &Daemon, path: &'static str, place: usize, body: Option<Value>, done: &Sender<Done>) {
     let (daemon, done) = (daemon.clone(), done.clone());
     std::thread::spawn(move || {
-        let result = client::answer(&daemon, "POST", path, body);
+        let result = client::request_answer(&daemon, "POST", path, body);
         // Nobody waits for it any more if the command has failed.
         let _ = done.send(Done { place, result });
     });
