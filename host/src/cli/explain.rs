@@ -69,8 +69,9 @@ fn describe_model(scene: &Scene) -> String {
 pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> String {
     let mut text = describe_model(scene);
     text.push_str(
-        "\nleft out: shear and rotary inertia, stretching in the plane, other air, the finger but where a place is touched, what the electrodes' field does to an ERA's \
-         stiffness beyond its bias_voltage_v; modes above those kept are in the residual shapes of actuators, dashpots and the point asked for",
+        "\nleft out: shear and rotary inertia, stretching in the plane, other air, the finger except at a touched place, the effect of the \
+         electrodes on an ERA's stiffness beyond its bias_voltage_v; residual shapes of actuators, dashpots and the point stand for \
+         the modes above the computed ones",
     );
     let _ =
         write!(text, "\n order  cells    unknowns  point forces  stiff points  known modes      time   error at most");
@@ -93,12 +94,12 @@ pub fn explain_accuracy(scene: &Scene, accuracy: Accuracy, steps: &[Step]) -> St
     let best = steps.iter().map(|step| step.bound).reduce(f64::min);
     let _ = match best {
         Some(bound) if accuracy.time().is_some() && bound.is_finite() => {
-            write!(text, "\n{bound:.0e} is what fits in the time, {total:.1} ms in all")
+            write!(text, "\nbound {bound:.0e} reached within the time, {total:.1} ms in all")
         }
         Some(bound) if bound <= tolerance => write!(text, "\ntolerance {tolerance:.0e} met, {total:.1} ms in all"),
         // A table of plans: each plan has its own.
-        Some(f64::INFINITY) => write!(text, "\n{total:.1} ms in all; the bound is each answer's own"),
-        _ => write!(text, "\ntolerance {tolerance:.0e} not met by the finest that was tried, {total:.1} ms in all"),
+        Some(f64::INFINITY) => write!(text, "\n{total:.1} ms in all; each answer has its own bound"),
+        _ => write!(text, "\ntolerance {tolerance:.0e} not met by the finest mesh, {total:.1} ms in all"),
     };
     text
 }

@@ -42,7 +42,7 @@ pub fn run_field(options: &Field) -> Outcome {
     }
     let off = options.spread.map(|off| {
         let looked = || tolerances::spread(&scene, &touched, &plan, off);
-        with_progress("looking at panels that are off", looked).map_err(Failure::failed)
+        with_progress("computing panels within the tolerances", looked).map_err(Failure::failed)
     });
     let off = off.transpose()?;
     if options.json {

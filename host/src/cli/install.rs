@@ -167,9 +167,8 @@ fn find_secrets(options: &Install, config: &Path) -> unit::Secrets {
 fn find_program(options: &Install) -> Result<PathBuf, Failure> {
     match &options.program {
         Some(program) => std::path::absolute(program).map_err(Failure::failed),
-        None => std::env::current_exe().map_err(|error| {
-            Failure::failed(format!("this program's own path is not known: {error}; --program names one"))
-        }),
+        None => std::env::current_exe()
+            .map_err(|error| Failure::failed(format!("this program's own path is not known: {error}; use --program"))),
     }
 }
 

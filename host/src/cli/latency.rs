@@ -89,7 +89,7 @@ pub fn run_latency(options: &Latency) -> Outcome {
          from POST /v1/touch            median      p99      max\n\
          to the frame's last byte     {device}\n\
          to the answer                {answer}\n\
-         held back for what was left of touches before: {delayed}, {longest_ms:.1} ms at most; refused: {}",
+         delayed because of remaining motion: {delayed}, {longest_ms:.1} ms at most; refused: {}",
         options.touches,
         scene.name,
         refused.len()

@@ -96,7 +96,7 @@ pub fn run_plan(options: &PlanOptions) -> Outcome {
     answer.tolerance_met = Bound::are_met(&bounds_of(&plans), accuracy);
     if let Some(tolerances) = options.spread {
         let off = || tolerances::spread(&scene, &fingers, &answer.plan, tolerances);
-        answer.off = Some(with_progress("looking at panels that are off", off).map_err(Failure::failed)?);
+        answer.off = Some(with_progress("computing panels within the tolerances", off).map_err(Failure::failed)?);
     }
     if options.json {
         return print_json(&answer);
@@ -112,7 +112,9 @@ fn table(scene: &Scene, options: &PlanOptions, request: &Request, is_in_stretche
         return Err(Failure::usage(format!("{advice}: omit one of the two")));
     }
     if scene.finger.is_some() && request.objective == Objective::Reach {
-        tell!("the scene's [finger] is left out: the objective reach is one setting for touches of any place");
+        tell!(
+            "the scene's [finger] is not used, because the objective reach is one setting for touches of every place"
+        );
         return plan_table(panel, *keep, scene);
     }
     touched_table(panel, *keep, scene, &fingers(request))

@@ -63,10 +63,8 @@ pub fn write_maps(options: &Field) -> Outcome {
     let mut text = format!("{}, {}\n", scene.name, describe_search(&table, options));
     text.push_str(&line("strongest peak", "g", &strongest, &maps.strongest_hz));
     if let Some(bound) = maps.error_bound.iter().flatten().next().filter(|_| scene.finger.is_some()) {
-        let _ = write!(
-            text,
-            " (the least within {bound:.1e}; no bound is known for others, because it is worked out for the weakest place only)"
-        );
+        let _ =
+            write!(text, " (error of the least at most {bound:.1e}; the bound is computed for the weakest place only)");
     }
     if let Some(contrast) = contrast {
         let _ = write!(text, "\n{}", line("contrast of the quietest drive", "dB", &contrast, &maps.contrast_hz));
@@ -82,7 +80,7 @@ fn compute_touched_maps(
     region: Option<Region>,
 ) -> Result<Maps, Failure> {
     tell!(
-        "the scene's [finger] is on each point while it is looked at; contrasts, of which each would be a plan for a panel of its own, are left out"
+        "the scene's [finger] is on each examined point; contrasts are not computed, because each would need the plan of another panel"
     );
     let (accuracy, grid) = (options.panel.accuracy()?, TableOptions::default());
     with_progress("computing what can be reached with a finger on each point", || -> Result<Maps, Failure> {
@@ -95,10 +93,10 @@ fn compute_touched_maps(
 pub fn compare_schemes(options: &Field) -> Outcome {
     let (scene, table, region) = prepare_table(options)?;
     if scene.finger.is_some() {
-        tell!("the scene's [finger] is left out: ways to drive are compared on the panel that nothing touches");
+        tell!("the scene's [finger] is not used: drive schemes are compared on the panel without a finger");
     }
     let measure = if options.felt { Measure::Thresholds } else { Measure::G };
-    let schemes = with_progress("comparing the ways to drive", || schemes::compare(&table, region, measure))?;
+    let schemes = with_progress("comparing drive schemes", || schemes::compare(&table, region, measure))?;
     if let Some(path) = &options.png {
         let written = pictures::write_schemes(path, &scene, &table.grid, measure, &schemes);
         tell_written(path, written.map_err(Failure::failed)?);

@@ -72,7 +72,7 @@ fn a_recording_is_replayed_with_the_same_answers() {
     let said = replay(&[]);
     let line =
         said.lines().find(|line| line.contains("409 superseded then, 200 now")).unwrap_or_else(|| panic!("{said}"));
-    assert!(said.contains("answered otherwise than recorded: 1") && line.contains("\"x_px\":300"), "{said}");
+    assert!(said.contains("with other answers than recorded: 1") && line.contains("\"x_px\":300"), "{said}");
     let told: Value = serde_json::from_str(&replay(&["--json"])).unwrap();
     let otherwise = &told["otherwise"][0];
     assert_eq!((&otherwise["id"], &otherwise["body"]["x_px"]), (&json!(1), &json!(300)), "{told}");

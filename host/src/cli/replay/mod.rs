@@ -173,10 +173,10 @@ fn summary(options: &Replay, recording: &Recording, mut done: Vec<Done>, pages: 
     let told = told.iter().fold(String::new(), |text, line| text + "\n" + line);
     print_text(&format!(
         "{} requests ({}), {unanswered} without an answer, and {} messages of pages{lost}\n\
-         errors that pages were sent: {refused}; what their fingers are driven with is not compared\n\
-         touches answered otherwise than recorded: {}{told}\n\
+         errors sent to pages: {refused}; the drives of their fingers are not compared\n\
+         touches with other answers than recorded: {}{told}\n\
          drives compared: {compared}, which differ by {largest:.1e} at most in frequency and voltage\n\
-         lines that the recorder left out: {}",
+         lines that are missing in the recording: {}",
         done.len(),
         if list.is_empty() { "no answer".into() } else { list.join(", ") },
         pages.said,
@@ -192,6 +192,6 @@ fn all_answered(unanswered: u64, lost: u64) -> Outcome {
         return Ok(());
     }
     Err(Failure::failed(format!(
-        "{unanswered} requests had no answer, and {lost} messages of pages were taken by nobody"
+        "{unanswered} requests had no answer, and {lost} messages of pages were not delivered"
     )))
 }
