@@ -69,7 +69,7 @@ fn what_leads_elsewhere_closes_no_circle() {
 fn parent_and_child_may_import_each_other() {
     let files = [
         ("lib.rs", "mod room; pub const HERE: u8 = room::low::deep::DEPTH; pub fn root() {}"),
-        ("room/mod.rs", "pub mod low; use low::deep::DEPTH; use crate::repository_root; pub struct R;"),
+        ("room/mod.rs", "pub mod low; use low::deep::DEPTH; use crate::root; pub struct R;"),
         ("room/low.rs", "pub mod deep; use super::R;"),
         ("room/low/deep.rs", "use super::super::R; fn f() { crate::root() } pub const DEPTH: u8 = crate::HERE;"),
     ];
